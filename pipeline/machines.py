@@ -1,0 +1,84 @@
+"""Machines as TOML files: travels, speeds, accelerations, and what the control can take."""
+
+import tomllib
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from cuspline.cutters import Model, first_complaint
+from cuspline.errors import InputError
+
+
+class LinearAxis(Model):
+    """One linear axis in machine coordinates."""
+
+    min_mm: float
+    max_mm: float
+    rapid_mm_per_min: float = Field(gt=0, description="largest axis speed")
+    acceleration_mm_per_s2: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _travel_is_positive(self):
+        if self.max_mm <= self.min_mm:
+            raise ValueError(f"max_mm {self.max_mm} must exceed min_mm {self.min_mm}")
+        return self
+
+
+class Spindle(Model):
+    min_rpm: float = Field(gt=0)
+    max_rpm: float = Field(gt=0)
+
+
+class Control(Model):
+    """What the controller accepts."""
+
+    post: str = Field(description="name of the post in posts/")
+    units: Literal["mm", "inch"] = "mm"
+    decimals_mm: int = Field(4, ge=1, le=6)
+    decimals_inch: int = Field(5, ge=1, le=7)
+    decimals_feed: int = Field(1, ge=0, le=3)
+    line_length: int = Field(252, ge=40, description="longest block the control takes, characters")
+    program_store_bytes: int = Field(gt=0)
+    path_tolerance_mm: float = Field(gt=0, description="blending tolerance programmed with G64 P")
+    arc_max_radius_mm: float = Field(1e4, gt=0, description="flatter arcs go out as lines")
+    arc_min_length_mm: float = Field(1e-3, gt=0, description="shorter arcs go out as lines")
+
+
+class Machine(Model):
+    """A three-axis mill, spindle along Z."""
+
+    name: str
+    description: str
+    x: LinearAxis
+    y: LinearAxis
+    z: LinearAxis
+    spindle: Spindle
+    time_constant_s: float = Field(gt=0, description="first-order lag of the axis drives")
+    max_feed_mm_per_min: float = Field(gt=0)
+    tool_change_s: float = Field(ge=0)
+    table_z_mm: float = Field(description="table top, machine coordinates")
+    wcs_origin_mm: tuple[float, float, float] = Field(
+        description="where G54 is expected to lie, machine coordinates of the spindle nose")
+    control: Control
+
+    @property
+    def axes(self):
+        return (self.x, self.y, self.z)
+
+
+def machine_from_toml(path):
+    """Read a machine file.
+
+    Raises:
+        InputError: missing, broken TOML, or a value out of range; names the key.
+    """
+    path = Path(path)
+    try:
+        return Machine.model_validate(tomllib.loads(path.read_text()))
+    except FileNotFoundError:
+        raise InputError(f"machine file {path} does not exist") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"machine file {path} is not valid TOML: {error}") from None
+    except ValidationError as error:
+        raise InputError(f"machine file {path}: {first_complaint(error)}") from None

@@ -1,0 +1,1 @@
+"""What to cut with what: cutter choice, stepover, operations, feeds."""

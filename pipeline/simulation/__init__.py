@@ -1,0 +1,1 @@
+"""The stock that the posted program leaves: swept cutters answered by query."""

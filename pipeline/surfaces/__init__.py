@@ -1,0 +1,1 @@
+"""Exact surfaces of the B-rep: faces, curvature, sections."""

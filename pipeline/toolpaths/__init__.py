@@ -1,0 +1,1 @@
+"""Cutter contact, offset, gouge-free tips, links: the geometry of the passes."""

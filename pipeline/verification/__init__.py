@@ -1,0 +1,1 @@
+"""The verdict: simulated stock against the designed part, by two verifiers."""

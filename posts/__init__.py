@@ -1,0 +1,1 @@
+"""Controllers and machines: one file a controller, one TOML a machine, the reader."""
