@@ -1,0 +1,99 @@
+"""A Design: the B-rep with what must be known to cut it. The truth is the B-rep."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from cuspline.cutters import Model
+from cuspline.errors import DesignError
+from cuspline.frames import Frame
+
+
+class Parameters(Model):
+    """Base of every design's parameter model: frozen, ranges checked, units in the names."""
+
+
+class FacePredicate(Model):
+    """Chooses faces of a B-rep by what they are, never by index.  All given conditions must hold.
+
+    A face's normal is taken at the middle of its parameter range, out of the material.
+    """
+
+    name: str = Field(description="what the chosen faces are called")
+    count: int = Field(ge=1, description="how many faces it must match, no more, no fewer")
+    kinds: tuple[Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion",
+                         "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
+    normal: tuple[float, float, float] | None = Field(None, description="direction the normal lies close to")
+    normal_within_deg: float = Field(1.0, ge=0, le=180)
+    center_min_mm: tuple[float, float, float] | None = Field(None, description="corner of a box round the face's middle")
+    center_max_mm: tuple[float, float, float] | None = None
+    area_min_mm2: float | None = Field(None, ge=0)
+    area_max_mm2: float | None = Field(None, gt=0)
+
+    @model_validator(mode="after")
+    def _says_something(self):
+        if not any(v is not None for v in (self.kinds, self.normal, self.center_min_mm, self.center_max_mm,
+                                           self.area_min_mm2, self.area_max_mm2)):
+            raise ValueError(f"predicate {self.name!r} has no condition: it would match every face")
+        return self
+
+
+class Finish(Model):
+    """How well the part must be cut."""
+
+    scallop_mm: float = Field(gt=0, description="largest cusp left between passes")
+    profile_tolerance_mm: float = Field(gt=0, description="largest deviation of a path from the true curve")
+    gouge_mm: float = Field(gt=0, description="deepest cut below the surface that is accepted")
+
+
+class StockBox(Model):
+    """A rectangular billet, part coordinates."""
+
+    min_mm: tuple[float, float, float]
+    max_mm: tuple[float, float, float]
+
+    @model_validator(mode="after")
+    def _has_volume(self):
+        if any(b <= a for a, b in zip(self.min_mm, self.max_mm)):
+            raise ValueError(f"stock box has no volume: {self.min_mm} .. {self.max_mm}")
+        return self
+
+
+class Setup(Model):
+    """One clamping: where the work coordinate system sits on the part, and which faces are cut."""
+
+    name: str
+    wcs: Literal["G54", "G55", "G56", "G57", "G58", "G59"] = "G54"
+    wcs_in_words: str
+    wcs_origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)     # in part coordinates
+    section_plane: Literal["ZX", "YZ"] = Field("ZX", description="plane in which the finishing passes run")
+    faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
+
+    @property
+    def frame(self):
+        """WCS seen from the part."""
+        return Frame.shift(self.wcs_origin_mm)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Design:
+    """A part ready to be planned."""
+
+    name: str
+    description: str
+    parameters: Parameters
+    solid: object                           # OCP TopoDS_Solid, millimetres
+    predicates: tuple[FacePredicate, ...]
+    material: str                           # a name in planning/materials
+    stock: StockBox
+    finish: Finish
+    setups: tuple[Setup, ...]
+
+    def __post_init__(self):
+        known = {p.name for p in self.predicates}
+        for setup in self.setups:
+            missing = [f for f in setup.faces if f not in known]
+            if missing:
+                raise DesignError(f"design {self.name}, {setup.name}: faces {missing} are named by no predicate; "
+                                  f"there are {sorted(known)}")

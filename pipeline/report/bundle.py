@@ -1,0 +1,83 @@
+"""Everything the report shows, gathered once; the report computes nothing about the cut itself."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FaceMesh:
+    """Tessellation for pictures: vertices are not shared between faces, normals are the surface's."""
+
+    vertices_mm: np.ndarray         # (n, 3) part coordinates
+    normals: np.ndarray             # (n, 3) unit, out of the material
+    triangles: np.ndarray           # (m, 3) indices
+    deviation_mm: np.ndarray        # (n,) simulated stock against design along the normal; NaN: not judged
+    edges_mm: tuple[np.ndarray, ...]    # B-rep edges as polylines (k, 3)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PathPoints:
+    """The posted tip path as a polyline (arcs already broken down for drawing), part coordinates."""
+
+    points_mm: np.ndarray           # (n, 3)
+    is_rapid: np.ndarray            # (n,) bool: the segment that ends here
+    feed_mm_per_min: np.ndarray     # (n,)
+    operation: np.ndarray           # (n,) index into operations, -1: none
+    time_s: np.ndarray              # (n,) since program start, from the feed model
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StockReplay:
+    """The verifier's own z-map of the stock and every change of it, in order of time.
+
+    Cell (i, j) is the node x = origin_mm[0] + i*pitch_mm, y = origin_mm[1] + j*pitch_mm;
+    cells are numbered j*nx + i.
+    """
+
+    origin_mm: tuple[float, float]
+    pitch_mm: float
+    nx: int
+    ny: int
+    bottom_mm: float
+    top_mm: float                   # before the first cut
+    design_top_mm: np.ndarray       # (ny, nx) height of the design under each node, NaN beside it
+    event_move: np.ndarray          # (e,) point row of PathPoints that had been reached
+    event_cell: np.ndarray          # (e,)
+    event_z_mm: np.ndarray          # (e,) new height, always below the one before
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SetupBundle:
+    name: str                       # "setup-1"
+    program_file: str               # "setup-1.ngc"
+    program_sha256: str
+    program_lines: int
+    program_bytes: int
+    machine: str
+    control: str
+    units: str
+    wcs: str
+    wcs_in_words: str
+    stock_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]   # WCS min, max
+    extents_mm: tuple[tuple[float, float, float], tuple[float, float, float]]     # tip extents, WCS
+    path: PathPoints
+    replay: StockReplay
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReportBundle:
+    design: str
+    description: str
+    parameters: dict                # name -> value, units in the names
+    material: str
+    inputs_sha256: str
+    step_file: str
+    step_sha256: str
+    part_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]
+    plan: dict                      # plan.json as written (see pipeline/build.py)
+    verify: dict                    # verify.json as written (DESIGN.md's contract)
+    mesh: FaceMesh
+    deviation_samples_mm: np.ndarray    # (n,) all judged residuals, for the histogram
+    curvature_per_mm: np.ndarray        # (n,) largest concave curvature at sample points (>0 hollow)
+    setups: tuple[SetupBundle, ...]
