@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline.design import Finish
+from cuspline.frames import Frame
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FaceMesh:
@@ -32,7 +35,8 @@ class StockReplay:
     """The verifier's own z-map of the stock and every change of it, in order of time.
 
     Cell (i, j) is the node x = origin_mm[0] + i*pitch_mm, y = origin_mm[1] + j*pitch_mm;
-    cells are numbered j*nx + i.
+    cells are numbered j*nx + i.  Part coordinates, turned by the setup's frame.rotation where
+    the part lies on another side (x_part = rotation @ x_replay): z is always the tool axis.
     """
 
     origin_mm: tuple[float, float]
@@ -49,6 +53,8 @@ class StockReplay:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SetupBundle:
+    """One setup: its program, where its zero is, its posted path and its simulated stock."""
+
     name: str                       # "setup-1"
     program_file: str               # "setup-1.ngc"
     program_sha256: str
@@ -59,6 +65,8 @@ class SetupBundle:
     units: str
     wcs: str
     wcs_in_words: str
+    frame: Frame                    # WCS seen from the part
+    operation_first_lines: tuple[int, ...]  # program line where each operation begins; 0 unknown
     stock_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]   # WCS min, max
     extents_mm: tuple[tuple[float, float, float], tuple[float, float, float]]     # tip extents, WCS
     path: PathPoints
@@ -67,10 +75,13 @@ class SetupBundle:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReportBundle:
+    """One design, all its setups, what was planned and what the verifiers found."""
+
     design: str
     description: str
     parameters: dict                # name -> value, units in the names
     material: str
+    finish: Finish                  # what the design asks for
     inputs_sha256: str
     step_file: str
     step_sha256: str
