@@ -1,0 +1,302 @@
+"""The door to OCCT: faces and edges of a solid, predicates, STEP, tessellation for planning.
+
+Shapes come in as CadQuery or build123d objects or bare TopoDS shapes and are used as TopoDS inside.
+"""
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools
+from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+from OCP.Bnd import Bnd_Box
+from OCP.BRepBndLib import BRepBndLib
+from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.GeomConvert import GeomConvert
+from OCP.GProp import GProp_GProps
+from OCP.IFSelect import IFSelect_RetDone
+from OCP.Interface import Interface_Static
+from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ON, TopAbs_IN, TopAbs_REVERSED, TopAbs_SOLID
+from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS
+from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
+from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec
+
+from cuspline.arrays import frozen
+from cuspline.errors import DesignError, InputError
+from cuspline.surfaces.nurbs import NurbsSurface, local_shape
+
+KINDS = {
+    GeomAbs_SurfaceType.GeomAbs_Plane: "plane", GeomAbs_SurfaceType.GeomAbs_Cylinder: "cylinder",
+    GeomAbs_SurfaceType.GeomAbs_Cone: "cone", GeomAbs_SurfaceType.GeomAbs_Sphere: "sphere",
+    GeomAbs_SurfaceType.GeomAbs_Torus: "torus", GeomAbs_SurfaceType.GeomAbs_BezierSurface: "bezier",
+    GeomAbs_SurfaceType.GeomAbs_BSplineSurface: "bspline",
+    GeomAbs_SurfaceType.GeomAbs_SurfaceOfRevolution: "revolution",
+    GeomAbs_SurfaceType.GeomAbs_SurfaceOfExtrusion: "extrusion",
+    GeomAbs_SurfaceType.GeomAbs_OffsetSurface: "offset",
+}
+STEP_DATE = "2000-01-01T00:00:00"     # same inputs, same bytes: STEP files carry no clock
+LARGEST_TOLERANCE_MM = 1e-3           # a valid solid may hide edges that are open by far more
+
+
+def wrapped(shape):
+    """The TopoDS shape inside a CadQuery or build123d object, or the shape itself."""
+    inner = shape.val() if hasattr(shape, "val") else shape
+    return getattr(inner, "wrapped", inner)
+
+
+def explore(shape, kind):
+    """Distinct sub-shapes of one kind, in the kernel's stable order."""
+    found, explorer = [], TopExp_Explorer(shape, kind)
+    while explorer.More():
+        current = explorer.Current()
+        if not any(current.IsSame(f) for f in found):
+            found.append(current)
+        explorer.Next()
+    return found
+
+
+def the_solid(shape, name="the part"):
+    """The one solid of a shape.
+
+    Raises:
+        DesignError: none, several, or one that the kernel calls invalid.
+    """
+    solids = explore(wrapped(shape), TopAbs_SOLID)
+    if len(solids) != 1:
+        raise DesignError(f"{name} holds {len(solids)} solids, it must be exactly one: "
+                          + ("close its shell" if not solids else "fuse them, or build them one by one"))
+    solid = TopoDS.Solid_s(solids[0])
+    if not BRepCheck_Analyzer(solid).IsValid():
+        raise DesignError(f"{name} is not a valid solid (BRepCheck): check for self-intersections and open edges")
+    if volume_mm3(solid) <= 0:
+        raise DesignError(f"{name} has no positive volume: its shell is inside out")
+    return solid
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """One face with what planning and verification ask of it."""
+
+    shape: object       # TopoDS_Face
+
+    @cached_property
+    def adaptor(self):
+        return BRepAdaptor_Surface(self.shape, True)
+
+    @cached_property
+    def kind(self):
+        return KINDS.get(self.adaptor.GetType(), "other")
+
+    @cached_property
+    def is_reversed(self):
+        return self.shape.Orientation() == TopAbs_REVERSED
+
+    @cached_property
+    def uv_bounds(self):
+        """(u low, u high, v low, v high) of the trimmed region."""
+        return BRepTools.UVBounds_s(self.shape)
+
+    @cached_property
+    def nurbs(self):
+        """The face's surface as a rational B-spline (its own parameters, see `nurbs_face`)."""
+        return _nurbs_of(self.nurbs_face)
+
+    @cached_property
+    def nurbs_face(self):
+        """The same face on a B-spline surface; trim tests for `nurbs` parameters use this one."""
+        shape = BRepBuilderAPI_NurbsConvert(self.shape, True).Shape()
+        return TopoDS.Face_s(explore(shape, TopAbs_FACE)[0])
+
+    @cached_property
+    def _classifier(self):
+        return BRepTopAdaptor_FClass2d(self.nurbs_face, 1e-9)
+
+    def is_inside(self, u, v):
+        """(n,) bool: parameters of `nurbs` inside the trim, its border included."""
+        classify = self._classifier.Perform
+        keep = (TopAbs_IN, TopAbs_ON)
+        return np.array([classify(gp_Pnt2d(a, b), True) in keep for a, b in zip(u.tolist(), v.tolist())], bool)
+
+    def shape_at(self, u, v):
+        """LocalShape at parameters of `nurbs`, normal out of the material."""
+        return local_shape(self.nurbs.derivatives(np.atleast_1d(u), np.atleast_1d(v)), self.is_reversed)
+
+    @cached_property
+    def middle(self):
+        """LocalShape at the middle of the trimmed parameter range."""
+        u0, u1, v0, v1 = BRepTools.UVBounds_s(self.nurbs_face)
+        return self.shape_at((u0 + u1) / 2, (v0 + v1) / 2)
+
+    @cached_property
+    def area_mm2(self):
+        properties = GProp_GProps()
+        BRepGProp.SurfaceProperties_s(self.shape, properties, 1e-6)
+        return properties.Mass()
+
+
+def faces_of(solid):
+    """All faces of a solid."""
+    return [Face(TopoDS.Face_s(f)) for f in explore(solid, TopAbs_FACE)]
+
+
+def edges_with_faces(solid):
+    """[(TopoDS_Edge, [TopoDS_Face, ...])] of all edges that are not degenerate."""
+    ancestors = TopTools_IndexedDataMapOfShapeListOfShape()
+    TopExp.MapShapesAndAncestors_s(solid, TopAbs_EDGE, TopAbs_FACE, ancestors)
+    rows = []
+    for i in range(1, ancestors.Extent() + 1):
+        edge = TopoDS.Edge_s(ancestors.FindKey(i))
+        if not BRep_Tool.Degenerated_s(edge):
+            rows.append((edge, [TopoDS.Face_s(f) for f in ancestors.FindFromIndex(i)]))
+    return rows
+
+
+def edge_points(edge, count):
+    """Points and unit tangents along an edge at equal parameter steps: (count, 3) each."""
+    curve = BRepAdaptor_Curve(edge)
+    points, tangents = np.empty((count, 3)), np.empty((count, 3))
+    p, d = gp_Pnt(), gp_Vec()
+    for i, t in enumerate(np.linspace(curve.FirstParameter(), curve.LastParameter(), count).tolist()):
+        curve.D1(t, p, d)
+        points[i], tangents[i] = (p.X(), p.Y(), p.Z()), (d.X(), d.Y(), d.Z())
+    return points, tangents / np.linalg.norm(tangents, axis=1)[:, None]
+
+
+def _nurbs_of(face):
+    surface = GeomConvert.SurfaceToBSplineSurface_s(BRep_Tool.Surface_s(face))
+    for direction in "UV":
+        if getattr(surface, f"Is{direction}Periodic")():
+            getattr(surface, f"Set{direction}NotPeriodic")()
+    nu, nv = surface.NbUPoles(), surface.NbVPoles()
+    poles = np.empty((nu, nv, 4))
+    for i in range(nu):
+        for j in range(nv):
+            p, w = surface.Pole(i + 1, j + 1), surface.Weight(i + 1, j + 1)
+            poles[i, j] = p.X() * w, p.Y() * w, p.Z() * w, w
+    flat = lambda d, n: np.repeat(
+        [getattr(surface, f"{d}Knot")(k) for k in range(1, n + 1)],
+        [getattr(surface, f"{d}Multiplicity")(k) for k in range(1, n + 1)])
+    return NurbsSurface(degree_u=surface.UDegree(), degree_v=surface.VDegree(),
+                        knots_u=flat("U", surface.NbUKnots()), knots_v=flat("V", surface.NbVKnots()), poles=poles)
+
+
+def select_faces(faces, predicate):
+    """The faces that a FacePredicate describes.
+
+    Raises:
+        DesignError: it matches another number of faces than it says.
+    """
+    found = [f for f in faces if _matches(f, predicate)]
+    if len(found) != predicate.count:
+        raise DesignError(
+            f"face predicate {predicate.name!r} matches {len(found)} of {len(faces)} faces, it says {predicate.count}: "
+            f"change its conditions or its count ({', '.join(sorted({f.kind for f in found})) or 'no'} faces matched)")
+    return found
+
+
+def _matches(face, predicate):
+    middle = face.middle
+    center, normal = middle.point_mm[0], middle.normal[0]
+    if predicate.kinds is not None and face.kind not in predicate.kinds:
+        return False
+    if predicate.normal is not None:
+        wanted = np.asarray(predicate.normal) / np.linalg.norm(predicate.normal)
+        if np.degrees(np.arccos(np.clip(normal @ wanted, -1, 1))) > predicate.normal_within_deg:
+            return False
+    if predicate.center_min_mm is not None and (center < predicate.center_min_mm).any():
+        return False
+    if predicate.center_max_mm is not None and (center > predicate.center_max_mm).any():
+        return False
+    if predicate.area_min_mm2 is not None and face.area_mm2 < predicate.area_min_mm2:
+        return False
+    return predicate.area_max_mm2 is None or face.area_mm2 <= predicate.area_max_mm2
+
+
+def volume_mm3(solid):
+    """Volume by adaptive integration (the kernel's default is wrong by per cents on wavy faces)."""
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(solid, properties, 1e-6)
+    return properties.Mass()
+
+
+def bounding_box_mm(shape):
+    """(min (3,), max (3,)), tight to the geometry."""
+    box = Bnd_Box()
+    BRepBndLib.AddOptimal_s(shape, box, False, False)
+    box.SetGap(0.0)
+    low, high = box.CornerMin(), box.CornerMax()
+    return np.array([low.X(), low.Y(), low.Z()]), np.array([high.X(), high.Y(), high.Z()])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlanningMesh:
+    """Triangles good enough to plan roughing and clearance on; finishing never rests on them."""
+
+    vertices_mm: np.ndarray     # (n, 3)
+    triangles: np.ndarray       # (m, 3)
+
+
+def planning_mesh(solid, deflection_mm):
+    """Tessellate a copy of the solid (OCCT may exceed the asked deflection up to threefold)."""
+    BRepTools.Clean_s(solid)
+    BRepMesh_IncrementalMesh(solid, deflection_mm, False, 0.35, True)
+    vertices, triangles, base = [], [], 0
+    for face in explore(solid, TopAbs_FACE):
+        location = TopLoc_Location()
+        mesh = BRep_Tool.Triangulation_s(TopoDS.Face_s(face), location)
+        move = location.Transformation()
+        points = [mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1)]
+        vertices += [(p.X(), p.Y(), p.Z()) for p in points]
+        triangles += [[base + k - 1 for k in mesh.Triangle(i).Get()] for i in range(1, mesh.NbTriangles() + 1)]
+        base = len(vertices)
+    BRepTools.Clean_s(solid)
+    return PlanningMesh(vertices_mm=frozen(vertices, (None, 3), "vertices_mm"),
+                        triangles=frozen(triangles, (None, 3), "triangles", np.int64))
+
+
+def write_step(solid, path, name):
+    """STEP (AP214, millimetres) with fixed header and product name: same solid, same bytes."""
+    path = Path(path)
+    Interface_Static.SetCVal_s("write.step.schema", "AP214IS")
+    Interface_Static.SetCVal_s("write.step.unit", "MM")
+    Interface_Static.SetCVal_s("write.step.product.name", name)
+    writer = STEPControl_Writer()
+    writer.Transfer(solid, STEPControl_AsIs)
+    scratch = path.with_suffix(".step.part")
+    if writer.Write(str(scratch)) != IFSelect_RetDone:
+        raise DesignError(f"the kernel could not write {path.name}")
+    text = scratch.read_text(encoding="latin-1")
+    text = re.sub(r"FILE_NAME\(.*?\);", f"FILE_NAME('{name}','{STEP_DATE}',(''),(''),'cuspline','cuspline','');",
+                  text, count=1, flags=re.S)
+    text = re.sub(r"PRODUCT\('[^']*',\s*'[^']*'", f"PRODUCT('{name}','{name}'", text)
+    scratch.write_text(text, encoding="latin-1")
+    scratch.replace(path)
+
+
+def read_step(path):
+    """The shape in a STEP file.
+
+    Raises:
+        InputError: missing, unreadable, or without a solid.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"STEP file {path} does not exist")
+    reader = STEPControl_Reader()
+    if reader.ReadFile(str(path)) != IFSelect_RetDone or reader.TransferRoots() < 1:
+        raise InputError(f"{path} is not a readable STEP file")
+    shape = reader.OneShape()
+    if not explore(shape, TopAbs_SOLID):
+        raise InputError(f"{path} holds no solid: export a closed solid, not surfaces or a shell")
+    return shape
