@@ -1,0 +1,330 @@
+"""What the report says: verdict, facts and tables, out of plan.json, verify.json and the bundle.
+
+Nothing is judged here: a fact is marked bad because verification found something, never because
+the report compared two numbers.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.report.wording import (DASH, box_size, decimal, duration, file_size, grouped, number, percent,
+                                     place, short, tool_name)
+
+VERIFIED, ACCEPTED, REFUSED = "verified", "accepted", "refused"     # states of a verdict, and CSS classes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """The one thing that must not be misread."""
+
+    state: str              # VERIFIED, ACCEPTED or REFUSED
+    headline: str
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fact:
+    """One tile of the minute's reading."""
+
+    label: str
+    value: str
+    details: tuple[str, ...]
+    state: str              # "good", "bad" or "": plain
+
+
+@dataclass(frozen=True, kw_only=True)
+class FindingRow:
+    """One finding, ready for a table."""
+
+    kind: str
+    amount: str
+    place: str
+    place_mm: tuple | None
+    where: str              # setup, operation, line
+    advice: str
+    is_accepted: bool
+    reason: str             # why it was accepted, "" otherwise
+
+
+def findings(verify):
+    """All findings as rows, those not accepted first.
+
+    A finding is accepted when it says so itself ("accepted": true or a reason), or when its kind
+    stands in verify["accepted"], a list of kinds or a dict kind -> reason.
+    """
+    accepted = verify.get("accepted") or {}
+    rows = [_finding_row(f, accepted) for f in verify.get("findings") or ()]
+    return sorted(rows, key=lambda row: row.is_accepted)
+
+
+def _finding_row(finding, accepted):
+    kind = str(finding.get("kind", "finding"))
+    own = finding.get("accepted", False)
+    reason = own if isinstance(own, str) else accepted.get(kind, "") if isinstance(accepted, dict) else ""
+    amount = number(finding.get("amount_mm"))
+    line = number(finding.get("line"))
+    where = [str(finding[key]) for key in ("setup", "operation") if finding.get(key)]
+    where += [f"line {line:.0f}"] if line else []
+    point = finding.get("place_mm", finding.get("place"))
+    return FindingRow(
+        kind=kind.replace("_", " "), amount=decimal(amount, 4, "mm") if amount else DASH, place=place(point),
+        place_mm=None if place(point) == DASH else tuple(map(float, point)), where=", ".join(where) or DASH,
+        advice=str(finding.get("advice") or DASH), is_accepted=bool(own) or kind in accepted, reason=str(reason))
+
+
+def verdict(verify):
+    """Green only when verification says ok and nothing unaccepted stands beside it."""
+    rows = findings(verify)
+    open_rows = [row for row in rows if not row.is_accepted]
+    if verify.get("ok") is True and not open_rows:
+        if not rows:
+            return Verdict(state=VERIFIED, headline="VERIFIED",
+                           sentence="The posted program cuts the designed part; no finding.")
+        return Verdict(state=ACCEPTED, headline=f"VERIFIED, {_count(rows, 'accepted finding')}",
+                       sentence="The posted program was released with findings accepted by name; read them below.")
+    if open_rows:
+        kinds = ", ".join(dict.fromkeys(row.kind for row in open_rows))
+        sentence = f"Do not cut: {kinds}. What to do stands beside each finding."
+        return Verdict(state=REFUSED, headline=f"NOT VERIFIED, {_count(open_rows, 'finding')}", sentence=sentence)
+    sentence = ("Do not cut: verification did not say ok, and names no finding; build again and keep its messages."
+                if "ok" in verify else "Do not cut: there is no verdict; run the verification first.")
+    return Verdict(state=REFUSED, headline="NOT VERIFIED", sentence=sentence)
+
+
+def _count(rows, noun):
+    return f"{len(rows)} {noun}" + ("" if len(rows) == 1 else "s")
+
+
+def operations(bundle):
+    """(setup bundle, index in the setup, operation dict) for every operation of the plan, in order."""
+    plans = {p.get("name"): p for p in bundle.plan.get("setups") or ()}
+    return [(setup, k, op) for setup in bundle.setups
+            for k, op in enumerate(plans.get(setup.name, {}).get("operations") or ())]
+
+
+def tools_used(bundle):
+    """[(tool dict, operation names)] without repeats, in order of first use."""
+    used = {}
+    for _, _, op in operations(bundle):
+        tool = op.get("tool") or {}
+        used.setdefault(tool_name(tool), (tool, []))[1].append(str(op.get("name", DASH)))
+    return list(used.values())
+
+
+def one_minute(bundle):
+    """The tiles under the verdict: part, cutters, step and cusp, gouge, area, time, machine, program."""
+    return (_part_fact(bundle), _cutter_fact(bundle), _cusp_fact(bundle), _gouge_fact(bundle),
+            _area_fact(bundle), _time_fact(bundle), _machine_fact(bundle), _program_fact(bundle))
+
+
+def _state(verify, value, *kinds):
+    """"bad" when an unaccepted finding is of one of these kinds, plain when nothing was measured."""
+    if any(row.kind.replace(" ", "_") in kinds and not row.is_accepted for row in findings(verify)):
+        return "bad"
+    return "" if number(value) is None else "good"
+
+
+def _part_fact(bundle):
+    return Fact(label="Part", value=bundle.design, state="",
+                details=(box_size(bundle.part_box_mm), bundle.material, bundle.description))
+
+
+def _cutter_fact(bundle):
+    names = [tool_name(tool) for tool, _ in tools_used(bundle)]
+    hollow = number(bundle.plan.get("min_concave_radius_mm"))
+    tightest = (f"tightest hollow R {short(hollow)} mm at {place(concave_place(bundle.plan))}"
+                if hollow is not None else "no hollow found, or not said")
+    return Fact(label="Cutters", value=", ".join(names) or DASH, details=(tightest,), state="")
+
+
+def concave_place(plan):
+    """Where the tightest hollow is; the key's name is not fixed by the contract."""
+    for key in ("min_concave_radius_place_mm", "min_concave_place_mm", "place_mm", "place"):
+        if plan.get(key) is not None:
+            return plan[key]
+    return None
+
+
+def finishing_steps(bundle):
+    """Steps of the operations that leave the final surface (no allowance, a cusp asked for)."""
+    return [(op.get("name"), op.get("stepover_mm")) for _, _, op in operations(bundle)
+            if number(op.get("scallop_mm")) is not None and not number(op.get("allowance_mm"))]
+
+
+def _cusp_fact(bundle):
+    verify = bundle.verify
+    steps = sorted({short(step, "mm") for _, step in finishing_steps(bundle)})
+    measured = verify.get("cusp_max_mm")
+    return Fact(label="Cusp, largest", value=decimal(measured, 4, "mm"),
+                details=(f"asked {decimal(bundle.finish.scallop_mm, 4, 'mm')}, "
+                         f"99 % below {decimal(verify.get('cusp_p99_mm'), 4, 'mm')}",
+                         f"step {' / '.join(steps) or DASH}"),
+                state=_state(verify, measured, "excess"))
+
+
+def _gouge_fact(bundle):
+    verify = bundle.verify
+    return Fact(label="Gouge, deepest", value=decimal(verify.get("gouge_max_mm"), 4, "mm"),
+                details=(f"accepted to {decimal(bundle.finish.gouge_mm, 4, 'mm')}",
+                         f"volume {decimal(verify.get('gouge_volume_mm3'), 3, 'mm³')}",
+                         f"known to ±{decimal(verify.get('error_bound_mm'), 4, 'mm')}"),
+                state=_state(verify, verify.get("gouge_max_mm"), "gouge"))
+
+
+def _area_fact(bundle):
+    verify = bundle.verify
+    required, reached = verify.get("area_required_mm2"), verify.get("area_reached_mm2")
+    left = number(verify.get("area_unreachable_mm2"))
+    if left is None and number(required) is not None and number(reached) is not None:
+        left = max(0.0, number(required) - number(reached))
+    return Fact(label="Area reached", value=percent(reached, required, 2),
+                details=(f"{grouped(reached)} of {grouped(required, 'mm²')}",
+                         f"unreachable {decimal(left, 1, 'mm²')}"
+                         + (f" in {len(unreachable(bundle))} places, listed below" if unreachable(bundle) else "")),
+                state=_state(verify, reached, "missing_area"))
+
+
+def _time_fact(bundle):
+    setups = bundle.plan.get("setups") or ()
+    times = [number(s.get("time_s")) for s in setups]
+    total = sum(times) if times and None not in times else None
+    assumed = dict.fromkeys(_sentence(s.get("time_assumptions")) for s in setups)
+    each = [f"{s.get('name', DASH)}: {duration(s.get('time_s'))}" for s in setups] if len(setups) > 1 else []
+    return Fact(label="Machine time", value=duration(total), details=(*each, *(a for a in assumed if a)), state="")
+
+
+def _sentence(words):
+    """Assumptions may come as one string, a list or a dict."""
+    if isinstance(words, dict):
+        return "; ".join(f"{key} {value}" for key, value in words.items())
+    return "; ".join(map(str, words)) if isinstance(words, (list, tuple)) else str(words or "")
+
+
+def _machine_fact(bundle):
+    controls = ", ".join(dict.fromkeys(s.control for s in bundle.setups))
+    return Fact(label="Machine", value=", ".join(dict.fromkeys(s.machine for s in bundle.setups)) or DASH,
+                details=(controls, f"units {', '.join(dict.fromkeys(s.units for s in bundle.setups))}"), state="")
+
+
+def _program_fact(bundle):
+    lines = tuple(f"{s.program_file}: {grouped(s.program_lines)} lines, {file_size(s.program_bytes)}, "
+                  f"SHA-256 {s.program_sha256[:12]}…" for s in bundle.setups)
+    value = bundle.setups[0].program_file if len(bundle.setups) == 1 else f"{len(bundle.setups)} programs"
+    return Fact(label="Program", value=value, details=lines, state="")
+
+
+def unreachable(bundle):
+    """[(what, area, place text, place_mm)] of surface no cutter of the plan reaches.
+
+    Read from "unreachable" lists (items with area_mm2, place_mm, reason) in verify.json, its
+    setups, and the operations of plan.json.
+    """
+    holders = [bundle.verify, *(bundle.verify.get("setups") or ()), bundle.plan]
+    items = [("", item) for h in holders for item in _listed(h)]
+    items += [(str(op.get("name", "")), item) for _, _, op in operations(bundle) for item in _listed(op)]
+    rows = []
+    for operation, item in items:
+        point = item.get("place_mm", item.get("place"))
+        what = str(item.get("reason") or item.get("why") or item.get("face") or item.get("faces") or "no cutter fits")
+        spot = None if place(point) == DASH else tuple(map(float, point))
+        row = (f"{operation}: {what}" if operation else what, decimal(item.get("area_mm2"), 1, "mm²"), place(point), spot)
+        if row not in rows:
+            rows.append(row)
+    return rows
+
+
+def _listed(holder):
+    found = holder.get("unreachable") if isinstance(holder, dict) else None
+    return [item for item in found if isinstance(item, dict)] if isinstance(found, (list, tuple)) else []
+
+
+def operation_rows(bundle):
+    """One dict of texts per operation, for the operations table and the setup sheet."""
+    total = sum(number(op.get("time_s")) or 0.0 for _, _, op in operations(bundle))
+    return [_operation_row(setup, k, op, total) for setup, k, op in operations(bundle)]
+
+
+def _operation_row(setup, index, op, total_s):
+    tool = op.get("tool") or {}
+    return {
+        "setup": setup.name, "name": str(op.get("name", DASH)), "tool": tool_name(tool),
+        "spindle": decimal(op.get("spindle_rpm"), 0), "feed": feed_text(op.get("feed_mm_per_min")),
+        "stepover": decimal(op.get("stepover_mm")), "scallop": decimal(op.get("scallop_mm"), 4),
+        "tolerance": decimal(op.get("segment_tolerance_mm"), 4), "allowance": decimal(op.get("allowance_mm")),
+        "length": decimal((number(op.get("length_mm")) or 0) / 1000 if op.get("length_mm") else None, 2, "m"),
+        "time": duration(op.get("time_s")), "share": percent(op.get("time_s"), total_s, 0),
+        "blocks": grouped(op.get("blocks")), "minimum_z": decimal(minimum_z_mm(setup, index)),
+        "first_line": first_line(setup, index), "hollow": decimal(op.get("min_concave_radius_mm")),
+        "hollow_place": place(concave_place(op)),
+    }
+
+
+def feed_text(feed):
+    """A feed, a range of feeds, or feeds by name."""
+    if isinstance(feed, dict):
+        return ", ".join(f"{str(name).replace('_', ' ')} {decimal(value, 0)}" for name, value in feed.items()) or DASH
+    if isinstance(feed, (list, tuple)) and feed:
+        low, high = decimal(min(feed), 0), decimal(max(feed), 0)
+        return low if low == high else f"{low} … {high}"
+    return decimal(feed, 0)
+
+
+def minimum_z_mm(setup, operation):
+    """Lowest tip height of an operation's cutting moves, WCS; None when it has none."""
+    mine = (setup.path.operation == operation) & ~np.asarray(setup.path.is_rapid, dtype=bool)
+    height = setup.frame.into(np.asarray(setup.path.points_mm)[mine])[:, 2]
+    height = height[np.isfinite(height)]
+    return float(height.min()) if len(height) else None
+
+
+def first_line(setup, operation):
+    """Program line where an operation begins."""
+    lines = setup.operation_first_lines
+    return str(lines[operation]) if operation < len(lines) and lines[operation] else DASH
+
+
+def candidate_rows(bundle):
+    """One dict of texts per cutter that was looked at, the chosen one marked."""
+    rows = []
+    for setup, _, op in operations(bundle):
+        for candidate in op.get("candidates") or ():
+            tool = candidate.get("tool")
+            rows.append({"setup": setup.name, "operation": str(op.get("name", DASH)), "tool": tool_name(tool),
+                         "diameter": short(candidate.get("diameter_mm"), "mm"),
+                         "chosen": bool(candidate.get("chosen")), "reason": str(candidate.get("reason") or DASH)})
+    return rows
+
+
+def error_bound_rows(verify):
+    """[(contribution, size)], the sum last."""
+    parts = next((verify[k] for k in ("error_bounds_mm", "error_bounds", "bounds_mm", "bounds")
+                  if isinstance(verify.get(k), dict)), {})
+    total = verify.get("error_bound_mm")
+    if isinstance(total, dict):
+        parts, total = {**total, **parts}, None
+    rows = [(str(k).removesuffix("_mm").replace("_", " "), decimal(v, 5, "mm")) for k, v in parts.items()]
+    return rows + [("bound used for the verdict", decimal(total, 5, "mm"))] if number(total) is not None else rows
+
+
+def measure_rows(bundle):
+    """(header, rows): the verifiers' numbers, in total and per setup."""
+    named = [(str(s.get("name") or s.get("setup") or f"setup {k + 1}"), s)
+             for k, s in enumerate(bundle.verify.get("setups") or ()) if isinstance(s, dict)]
+    columns = [("total", bundle.verify), *(named if len(named) > 1 else [])]
+    spell = {"gouge_max_mm": ("deepest gouge", 4, "mm"), "excess_max_mm": ("most material left", 4, "mm"),
+             "cusp_max_mm": ("largest cusp", 4, "mm"), "cusp_p99_mm": ("99 % of cusps below", 4, "mm"),
+             "gouge_volume_mm3": ("gouge volume", 3, "mm³"), "excess_volume_mm3": ("excess volume", 3, "mm³"),
+             "area_required_mm2": ("area required", 1, "mm²"), "area_reached_mm2": ("area reached", 1, "mm²"),
+             "points_checked": ("points checked", None, "")}
+    rows = [(name, [grouped(c.get(key)) if digits is None else decimal(c.get(key), digits, unit) for _, c in columns])
+            for key, (name, digits, unit) in spell.items()]
+    rows.append(("collisions", [grouped(len(c["collisions"])) if isinstance(c.get("collisions"), list) else DASH
+                                for _, c in columns]))
+    return [name for name, _ in columns], rows
+
+
+def file_rows(bundle):
+    """[(file, full SHA-256)] that tie this paper to the files."""
+    return [(bundle.step_file, bundle.step_sha256), *((s.program_file, s.program_sha256) for s in bundle.setups),
+            ("inputs (parameters, machine, cutters)", bundle.inputs_sha256)]

@@ -1,0 +1,228 @@
+"""What viewer.js draws, packed: integers of a stated step, gzip with no date, base64.
+
+A block is a row of little-endian arrays, each padded to four bytes; the viewer takes them off in
+the same order.  "delta" arrays hold differences to the entry before, wrapping round in their own
+integer type: neighbours differ little, so gzip makes them small.
+"""
+
+import base64
+import gzip
+
+import numpy as np
+
+from cuspline.report.facts import findings, operation_rows, operations, unreachable
+from cuspline.report.wording import number, tool_name
+
+PATH_STEP_MM = 1e-4         # posted coordinates carry at most four decimals: nothing is lost
+FEED_STEP = 0.1             # mm/min
+DEVIATION_STEP_MM = 1e-4    # int16: judged up to ±3.27 mm, beyond that clipped
+NOT_JUDGED = -32768
+REPLAY_STEPS = 8000         # instants the replay can stop at; more of them cost file size
+OPERATION_COLOURS = ("#e8710a", "#1a73e8", "#12a05c", "#9334e6", "#00897b", "#c5221f", "#8d6e00", "#d01884")
+
+
+def scene(bundle):
+    """Everything viewer.js needs: (meta dict for JSON, {block name: base64 text})."""
+    mesh_meta, mesh_bytes = pack_mesh(bundle.mesh)
+    blocks, setups = {"mesh": text_block(mesh_bytes)}, []
+    for k, setup in enumerate(bundle.setups):
+        path_meta, path_bytes = pack_path(setup.path)
+        replay_meta, replay_bytes = pack_replay(setup.replay, setup)
+        blocks |= {f"path-{k}": text_block(path_bytes), f"replay-{k}": text_block(replay_bytes)}
+        setups.append({
+            "name": setup.name, "program": setup.program_file, "wcs": setup.wcs,
+            "origin": list(map(float, setup.frame.origin_mm)), "rotation": setup.frame.rotation.ravel().tolist(),
+            "stockBox": [list(map(float, corner)) for corner in setup.stock_box_mm],
+            "operations": operation_meta(bundle, setup), "path": path_meta, "replay": replay_meta})
+    return {"mesh": mesh_meta, "box": overall_box(bundle), "setups": setups, "pins": pins(bundle),
+            "limitsUm": {"gouge": bundle.finish.gouge_mm * 1000, "scallop": bundle.finish.scallop_mm * 1000}}, blocks
+
+
+def text_block(raw):
+    """bytes → gzip → base64; the same text for the same bytes."""
+    return base64.b64encode(gzip.compress(raw, 9, mtime=0)).decode("ascii")
+
+
+def joined(arrays):
+    """Arrays one after the other, each padded to four bytes."""
+    parts = [np.ascontiguousarray(a, dtype=a.dtype.newbyteorder("<")).tobytes() for a in arrays]
+    return b"".join(part + bytes(-len(part) % 4) for part in parts)
+
+
+def delta(values, dtype):
+    """Differences to the entry before, in dtype's own wrap-around; the first is kept."""
+    whole = np.asarray(values, dtype=np.int64)
+    return np.diff(whole, prepend=0).astype(dtype)
+
+
+def quantised(values, low, size):
+    """(n,) values in [low, low + size] as 0..65535."""
+    return np.round((values - low) / (size or 1.0) * 65535).clip(0, 65535)
+
+
+def octahedral(normals):
+    """(n, 3) unit vectors folded onto a square, (n, 2) int16."""
+    n = np.asarray(normals, dtype=float)
+    n = n / np.maximum(np.abs(n).sum(axis=1, keepdims=True), 1e-12)
+    sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
+    folded = np.where(n[:, 2:] < 0, (1 - np.abs(n[:, 1::-1])) * sign, n[:, :2])
+    return np.round(folded * 32767).astype(np.int16)
+
+
+def pack_mesh(mesh):
+    """(meta, bytes) of the design: vertices, normals, deviation, triangles, then its edges.
+
+    Edges come as one list of points and the number of points of each.
+    """
+    edge_points = np.vstack(mesh.edges_mm) if mesh.edges_mm else np.zeros((0, 3))
+    low, size = _range(np.vstack([mesh.vertices_mm, edge_points]))
+    columns = lambda points: [delta(quantised(points[:, k], low[k], size[k]), np.uint16) for k in range(3)]
+    normal = octahedral(mesh.normals)
+    deviation = np.asarray(mesh.deviation_mm, dtype=float)
+    steps = np.where(np.isnan(deviation), NOT_JUDGED,
+                     np.round(np.nan_to_num(deviation) / DEVIATION_STEP_MM).clip(-32767, 32767))
+    raw = joined([*columns(mesh.vertices_mm), delta(normal[:, 0], np.int16), delta(normal[:, 1], np.int16),
+                  steps.astype(np.int16), delta(np.ravel(mesh.triangles), np.int32), *columns(edge_points),
+                  np.array([len(edge) for edge in mesh.edges_mm], dtype=np.int32)])
+    return {"vertices": len(mesh.vertices_mm), "triangles": len(mesh.triangles), "edgePoints": len(edge_points),
+            "edges": len(mesh.edges_mm), "low": low.tolist(), "size": size.tolist(),
+            "deviationStepUm": DEVIATION_STEP_MM * 1000, "notJudged": NOT_JUDGED}, raw
+
+
+def _range(points):
+    low = points.min(axis=0)
+    return low, points.max(axis=0) - low
+
+
+def pack_path(path):
+    """(meta, bytes) of a posted path: x, y, z, feed, time as deltas, then operation and rapid flag."""
+    points = _known(np.asarray(path.points_mm, dtype=float))
+    seconds = np.asarray(path.time_s, dtype=float)
+    feed = np.nan_to_num(np.asarray(path.feed_mm_per_min, dtype=float))
+    raw = joined([*(delta(np.round(points[:, k] / PATH_STEP_MM), np.int32) for k in range(3)),
+                  delta(np.round(feed / FEED_STEP), np.int32), delta(np.round(seconds * 1000), np.int32),
+                  np.asarray(path.operation, dtype=np.int16), np.asarray(path.is_rapid, dtype=np.uint8)])
+    cutting = feed[~np.asarray(path.is_rapid, dtype=bool)]
+    return {"points": len(points), "stepMm": PATH_STEP_MM, "feedStep": FEED_STEP,
+            "feedMax": float(cutting.max()) if len(cutting) else 0.0}, raw
+
+
+def _known(points_mm):
+    """Unknown (NaN) coordinates filled with the next known one, at the end with the last, else 0."""
+    filled = points_mm.copy()
+    for column in filled.T:
+        known = np.flatnonzero(~np.isnan(column))
+        if len(known) < len(column):
+            after = np.searchsorted(known, np.arange(len(column))).clip(max=max(len(known) - 1, 0))
+            column[:] = column[known[after]] if len(known) else 0.0
+    return filled
+
+
+def pack_replay(replay, setup):
+    """(meta, bytes) of the stock's every change, in REPLAY_STEPS instants of the program's time.
+
+    An event belongs to a whole move; within the move it is shown when the cutter passes its cell.
+    Of several events of one cell in one instant the last remains: the height after it is the same.
+    """
+    instant = event_instants(replay, setup)
+    cell, z = np.asarray(replay.event_cell, dtype=np.int64), np.asarray(replay.event_z_mm, dtype=float)
+    order = np.lexsort((-z, cell, instant))
+    instant, cell, z = instant[order], cell[order], z[order]
+    last = np.ones(len(cell), dtype=bool)
+    last[:-1] = (instant[1:] != instant[:-1]) | (cell[1:] != cell[:-1])
+    instant, cell, z = instant[last], cell[last], z[last]
+    height = replay.top_mm - replay.bottom_mm
+    top = np.asarray(replay.design_top_mm, dtype=float).ravel()
+    design = quantised(np.nan_to_num(top, nan=replay.bottom_mm), replay.bottom_mm, height)
+    raw = joined([delta(instant, np.uint16), delta(cell, np.int32),
+                  quantised(z, replay.bottom_mm, height).astype(np.uint16),
+                  delta(design, np.uint16), np.isfinite(top).astype(np.uint8)])
+    return {"nx": int(replay.nx), "ny": int(replay.ny), "originMm": list(map(float, replay.origin_mm)),
+            "pitchMm": float(replay.pitch_mm), "bottomMm": float(replay.bottom_mm), "topMm": float(replay.top_mm),
+            "events": len(cell), "instants": REPLAY_STEPS}, raw
+
+
+def event_instants(replay, setup):
+    """(e,) instant 0..REPLAY_STEPS at which each event is shown: never before it was cut."""
+    seconds = np.asarray(setup.path.time_s, dtype=float)
+    reached = np.asarray(replay.event_move, dtype=np.int64)
+    if not len(reached) or seconds[-1] <= 0:
+        return np.zeros(len(reached), dtype=np.int64)
+    before = np.maximum(reached - 1, 0)
+    points = _known(np.asarray(setup.path.points_mm, dtype=float)) @ setup.frame.rotation   # x_replay = Rᵀ x_part
+    cell = np.asarray(replay.event_cell, dtype=np.int64)
+    node = np.column_stack([cell % replay.nx, cell // replay.nx]) * replay.pitch_mm + np.asarray(replay.origin_mm)
+    start, move = points[before, :2], points[reached, :2] - points[before, :2]
+    along = np.einsum("ij,ij->i", node - start, move) / np.maximum(np.einsum("ij,ij->i", move, move), 1e-12)
+    passed = seconds[before] + along.clip(0, 1) * (seconds[reached] - seconds[before])
+    return np.ceil(passed / seconds[-1] * REPLAY_STEPS).clip(0, REPLAY_STEPS).astype(np.int64)
+
+
+def operation_meta(bundle, setup):
+    """Per operation of a setup: name, colour, times, and the cutter as it is drawn."""
+    own = [op for s, _, op in operations(bundle) if s is setup]
+    rows = [row for (s, _, _), row in zip(operations(bundle), operation_rows(bundle)) if s is setup]
+    return [{"name": row["name"], "tool": row["tool"], "time": row["time"],
+             "colour": OPERATION_COLOURS[k % len(OPERATION_COLOURS)],
+             "startSeconds": operation_start_s(setup.path, k), "silhouette": tool_silhouette(op.get("tool"))}
+            for k, (op, row) in enumerate(zip(own, rows))]
+
+
+def operation_start_s(path, operation):
+    """When the first point of an operation is left for; -1 when it has none."""
+    rows = np.flatnonzero(np.asarray(path.operation) == operation)
+    return float(path.time_s[max(rows[0] - 1, 0)]) if len(rows) else -1.0
+
+
+def tool_silhouette(tool):
+    """Outlines to be turned about the axis: [{"part", "outline": [[radius, height], ...]}], from the tip up.
+
+    Only what plan.json says is drawn: without a diameter there is no cutter, without holder
+    segments no holder.
+    """
+    tool = tool if isinstance(tool, dict) else {}
+    radius = (number(tool.get("diameter_mm")) or 0.0) / 2
+    if not radius:
+        return []
+    flute = number(tool.get("flute_length_mm")) or 3 * radius
+    stick_out = max(number(tool.get("stick_out_mm")) or flute, flute)
+    shank = (number(tool.get("shank_diameter_mm")) or 2 * radius) / 2
+    corner = {"ball": radius, "flat": 0.0}.get(tool.get("type"), number(tool.get("corner_radius_mm")) or 0.0)
+    parts = [{"part": "flutes", "outline": _tip_outline(radius, corner) + [[radius, flute]]}]
+    if stick_out > flute:
+        parts.append({"part": "shank", "outline": [[radius, flute], [shank, flute], [shank, stick_out]]})
+    holder = tool.get("holder")
+    segments = holder.get("segments") or () if isinstance(holder, dict) else ()
+    outline, z = [[0.0, stick_out]], stick_out
+    for segment in segments:
+        outline += [[segment["lower_diameter_mm"] / 2, z], [segment["upper_diameter_mm"] / 2, z + segment["height_mm"]]]
+        z += segment["height_mm"]
+    return parts + ([{"part": "holder", "outline": outline + [[0.0, z]]}] if segments else [])
+
+
+def _tip_outline(radius, corner):
+    """From the axis along the bottom and round the corner, [[radius, height], ...]."""
+    turn = np.linspace(0, np.pi / 2, 13 if corner else 1)
+    arc = np.column_stack([radius - corner + corner * np.sin(turn), corner - corner * np.cos(turn)])
+    return ([] if radius == corner else [[0.0, 0.0]]) + arc.round(6).tolist()
+
+
+def pins(bundle):
+    """Numbered places: findings, then what is unreachable."""
+    found = [{"label": str(k + 1), "kind": "accepted" if row.is_accepted else "finding", "place": list(row.place_mm),
+              "title": f"{row.kind} {row.amount}"}
+             for k, row in enumerate(findings(bundle.verify)) if row.place_mm]
+    left = [{"label": f"U{k + 1}", "kind": "unreachable", "place": list(spot), "title": f"{what}, {area}"}
+            for k, (what, area, _, spot) in enumerate(unreachable(bundle)) if spot]
+    return found + left
+
+
+def overall_box(bundle):
+    """[[min], [max]] round part and stock, part coordinates: what the camera looks at."""
+    corners = [np.asarray(bundle.part_box_mm, dtype=float)]
+    for setup in bundle.setups:
+        low, high = np.asarray(setup.stock_box_mm, dtype=float)
+        grid = np.array([(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        corners.append(setup.frame.out(grid))
+    points = np.vstack(corners)
+    return [points.min(axis=0).tolist(), points.max(axis=0).tolist()]

@@ -1,0 +1,957 @@
+// The report's interactive view: plain WebGL2, no library, nothing fetched from anywhere.
+//
+// Reads the JSON in #scene and the packed blocks beside it (made by view_data.py, which says how
+// they are packed), draws design, stock, paths and cutter, and replays the simulated stock.
+// Lengths are millimetres in part coordinates; deviation is positive where material is left.
+"use strict";
+
+(() => {
+
+// ---------------------------------------------------------------- small vector algebra
+
+const subtract = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+const addScaled = (a, b, s) => [a[0] + b[0] * s, a[1] + b[1] * s, a[2] + b[2] * s];
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const mix = (a, b, s) => [0, 1, 2].map(k => a[k] + (b[k] - a[k]) * s);
+const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+
+const IDENTITY = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+
+// Column-major 4x4 of a row-major rotation (nine numbers) and an origin.
+function placement(rotation, origin) {
+  const r = rotation;
+  return new Float32Array([r[0], r[3], r[6], 0, r[1], r[4], r[7], 0, r[2], r[5], r[8], 0, ...origin, 1]);
+}
+
+// Row-major rotation times vector, and its inverse.
+const turnOut = (r, v) => [0, 1, 2].map(k => r[3 * k] * v[0] + r[3 * k + 1] * v[1] + r[3 * k + 2] * v[2]);
+const turnInto = (r, v) => [0, 1, 2].map(k => r[k] * v[0] + r[3 + k] * v[1] + r[6 + k] * v[2]);
+
+// WCS of a setup <-> part coordinates.
+const fromWcs = (setup, p) => addScaled(turnOut(setup.rotation, p), setup.origin, 1);
+const toWcs = (setup, p) => turnInto(setup.rotation, subtract(p, setup.origin));
+
+// ---------------------------------------------------------------- page elements and state
+
+const byId = id => document.getElementById(id);
+const scene = JSON.parse(byId("scene").textContent);
+const canvas = byId("canvas");
+
+const LOADED_SETUPS = new Map();      // setup number -> {path, replay, tools}, decoded when first shown
+
+const state = {
+  setup: 0,
+  fraction: 1,          // of the program's time
+  playing: false,
+  speed: 60,            // seconds of program per second of watching
+  surface: "stock",     // "stock", "rest" (stock by material left), "design", "deviation"
+  paths: "none",        // "all", "done", "none"
+  pathColour: "operation",
+  rapids: true, edges: true, stockBox: false, cutter: true, pins: true,
+  scaleUm: 10,
+  yaw: 0, pitch: 0, target: [0, 0, 0], halfHeight: 50,
+};
+
+let gl, programs, design, current, isDirty = true;
+
+// ---------------------------------------------------------------- packed blocks
+
+// base64 -> gunzip -> ArrayBuffer; the text leaves the page to free its memory.
+async function unpackBlock(name) {
+  const element = byId("block-" + name);
+  const text = element.textContent.trim();
+  element.remove();
+  const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new BlockReader(await new Response(stream).arrayBuffer());
+}
+
+class BlockReader {
+  constructor(buffer) { this.buffer = buffer; this.offset = 0; }
+
+  // The next `count` numbers; arrays are padded to four bytes.
+  take(Type, count) {
+    const array = new Type(this.buffer, this.offset, count);
+    this.offset += (array.byteLength + 3) & ~3;
+    return array;
+  }
+
+  // The same, stored as differences to the number before.
+  takeDelta(Type, count) {
+    const array = this.take(Type, count);
+    for (let i = 1; i < count; i++) array[i] += array[i - 1];
+    return array;
+  }
+}
+
+// Three columns of 0..65535 inside a box -> interleaved points.
+function takePoints(reader, count, low, size) {
+  const points = new Float32Array(3 * count);
+  for (let k = 0; k < 3; k++) {
+    const column = reader.takeDelta(Uint16Array, count);
+    for (let i = 0; i < count; i++) points[3 * i + k] = low[k] + column[i] / 65535 * size[k];
+  }
+  return points;
+}
+
+// Octahedral pairs -> interleaved unit vectors.
+function takeNormals(reader, count) {
+  const u = reader.takeDelta(Int16Array, count), v = reader.takeDelta(Int16Array, count);
+  const normals = new Float32Array(3 * count);
+  for (let i = 0; i < count; i++) {
+    let x = u[i] / 32767, y = v[i] / 32767;
+    const z = 1 - Math.abs(x) - Math.abs(y), fold = Math.max(-z, 0);
+    x += x >= 0 ? -fold : fold;
+    y += y >= 0 ? -fold : fold;
+    const length = Math.hypot(x, y, z) || 1;
+    normals.set([x / length, y / length, z / length], 3 * i);
+  }
+  return normals;
+}
+
+// ---------------------------------------------------------------- shaders
+
+const SHADER_HEAD = `#version 300 es
+precision highp float; precision highp int; precision highp sampler2D;
+`;
+
+// Two lights that stay with the eye, the same from both sides; blue - pale - red for deviation.
+const SHADER_COLOURS = `
+vec3 lit(vec3 normal, vec3 colour) {
+  vec3 n = normal.z < 0.0 ? -normal : normal;
+  vec3 key = normalize(vec3(0.35, 0.55, 0.75)), fill = normalize(vec3(-0.7, 0.1, 0.5));
+  float diffuse = 0.34 + 0.50 * max(dot(n, key), 0.0) + 0.18 * max(dot(n, fill), 0.0) + 0.12 * n.z;
+  float shine = pow(max(dot(n, normalize(key + vec3(0, 0, 1))), 0.0), 40.0);
+  return colour * diffuse + 0.14 * shine;
+}
+vec3 deviationColour(float share) {          // share of the scale, -1 gouge .. +1 material left
+  vec3 pale = vec3(0.91, 0.93, 0.89);
+  if (share <= -1.0) return vec3(0.07, 0.16, 0.42);
+  if (share >= 1.0) return vec3(0.40, 0.03, 0.05);
+  return share < 0.0 ? mix(pale, vec3(0.13, 0.40, 0.78), -share) : mix(pale, vec3(0.85, 0.16, 0.12), share);
+}
+`;
+
+const SHADERS = {
+  // Design and cutter: shaded triangles, plain or by deviation; what was not judged is grey.
+  surface: [`
+    in vec3 position; in vec3 normal; in float deviation; in float judged;
+    uniform mat4 clip, place; uniform mat3 eye;
+    out vec3 seenNormal; out float deviationUm, isJudged;
+    void main() {
+      seenNormal = eye * mat3(place) * normal;
+      deviationUm = deviation; isJudged = judged;
+      gl_Position = clip * place * vec4(position, 1.0);
+    }`, SHADER_COLOURS + `
+    in vec3 seenNormal; in float deviationUm, isJudged;
+    uniform vec3 colour; uniform float scaleUm; uniform bool byDeviation;
+    out vec4 pixel;
+    void main() {
+      vec3 base = colour;
+      if (byDeviation) base = isJudged < 0.999 ? vec3(0.62) : deviationColour(deviationUm / scaleUm);
+      pixel = vec4(lit(normalize(seenNormal), base), 1.0);
+    }`],
+
+  // Stock: no vertex data at all, every vertex finds its node of the z-map from its number.
+  // part 0: top, one strip a row; part 1: the four sides, one strip each; part 2: bottom.
+  stock: [`
+    uniform mat4 clip, place; uniform mat3 eye;
+    uniform sampler2D heights, designTop;
+    uniform ivec2 count; uniform vec2 origin; uniform float pitch, bottom, top; uniform int part;
+    out vec3 seenNormal; out float leftUm, isCut, isJudged;
+    float heightAt(ivec2 node) { return texelFetch(heights, clamp(node, ivec2(0), count - 1), 0).r; }
+    void main() {
+      int along = gl_VertexID >> 1, side = gl_VertexID & 1;
+      ivec2 node = ivec2(along, gl_InstanceID + side);
+      bool isLow = part == 2;
+      vec3 normal = vec3(0, 0, -1);
+      if (part == 1) {
+        isLow = side == 1;
+        bool isAlongX = gl_InstanceID < 2; int far = gl_InstanceID & 1;
+        node = isAlongX ? ivec2(along, far * (count.y - 1)) : ivec2(far * (count.x - 1), along);
+        normal = isAlongX ? vec3(0, 1, 0) : vec3(1, 0, 0);
+      }
+      if (part == 2) node = ivec2(along * (count.x - 1), side * (count.y - 1));
+      node = clamp(node, ivec2(0), count - 1);
+      float height = heightAt(node);
+      if (part == 0)
+        normal = normalize(vec3(heightAt(node - ivec2(1, 0)) - heightAt(node + ivec2(1, 0)),
+                                heightAt(node - ivec2(0, 1)) - heightAt(node + ivec2(0, 1)), 2.0 * pitch));
+      vec2 design = texelFetch(designTop, node, 0).rg;
+      leftUm = (height - design.r) * normal.z * 1000.0;
+      isJudged = part == 0 && normal.z > 0.35 ? design.g : 0.0;    // on walls a vertical distance says nothing
+      isCut = part == 0 && height < top - 0.001 ? 1.0 : 0.0;
+      seenNormal = eye * mat3(place) * normal;
+      gl_Position = clip * place * vec4(origin + vec2(node) * pitch, isLow ? bottom : height, 1.0);
+    }`, SHADER_COLOURS + `
+    in vec3 seenNormal; in float leftUm, isCut, isJudged;
+    uniform float scaleUm; uniform bool byDeviation;
+    out vec4 pixel;
+    void main() {
+      vec3 base = mix(vec3(0.62, 0.56, 0.47), vec3(0.76, 0.79, 0.84), isCut);
+      if (byDeviation) base = isJudged < 0.999 ? vec3(0.62) : deviationColour(leftUm / scaleUm);
+      pixel = vec4(lit(normalize(seenNormal), base), 1.0);
+    }`],
+
+  // Path: hairlines; a segment has the colour of the point it ends at (the last vertex provokes).
+  path: [`
+    in vec3 position; in vec4 colour; in float seconds;
+    uniform mat4 clip; uniform float now, futureOpacity;
+    flat out vec4 lineColour;
+    void main() {
+      lineColour = colour;
+      if (seconds > now) lineColour.a *= futureOpacity;
+      gl_Position = clip * vec4(position, 1.0);
+      gl_Position.z -= 0.0004;
+    }`, `
+    flat in vec4 lineColour; out vec4 pixel;
+    void main() { if (lineColour.a <= 0.0) discard; pixel = lineColour; }`],
+
+  // Wide lines: each an instanced quad of a given width in pixels.
+  line: [`
+    in vec3 start; in vec3 end;
+    uniform mat4 clip; uniform vec2 halfViewport; uniform float widthPixels;
+    void main() {
+      vec4 a = clip * vec4(start, 1.0), b = clip * vec4(end, 1.0);
+      vec2 along = (b.xy - a.xy) * halfViewport;
+      along = length(along) > 1e-6 ? normalize(along) : vec2(1, 0);
+      bool isStart = (gl_VertexID & 1) == 0;
+      vec2 across = vec2(-along.y, along.x) * ((gl_VertexID & 2) == 0 ? -0.5 : 0.5);
+      gl_Position = isStart ? a : b;
+      gl_Position.xy += (across + along * (isStart ? -0.5 : 0.5)) * widthPixels / halfViewport;
+      gl_Position.z -= 0.0006;
+    }`, `
+    uniform vec4 colour; out vec4 pixel;
+    void main() { pixel = colour; }`],
+};
+
+function compileProgram([vertexText, fragmentText]) {
+  const handle = gl.createProgram();
+  for (const [type, text] of [[gl.VERTEX_SHADER, vertexText], [gl.FRAGMENT_SHADER, fragmentText]]) {
+    const shader = gl.createShader(type);
+    gl.shaderSource(shader, SHADER_HEAD + text);
+    gl.compileShader(shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+    gl.attachShader(handle, shader);
+  }
+  gl.linkProgram(handle);
+  if (!gl.getProgramParameter(handle, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(handle));
+  const uniforms = {};
+  for (let i = 0; i < gl.getProgramParameter(handle, gl.ACTIVE_UNIFORMS); i++) {
+    const name = gl.getActiveUniform(handle, i).name;
+    uniforms[name] = gl.getUniformLocation(handle, name);
+  }
+  return { handle, uniforms };
+}
+
+// ---------------------------------------------------------------- buffers
+
+function makeBuffer(data, target = gl.ARRAY_BUFFER, usage = gl.STATIC_DRAW) {
+  const buffer = gl.createBuffer();
+  gl.bindBuffer(target, buffer);
+  gl.bufferData(target, data, usage);
+  return buffer;
+}
+
+// Binds a buffer to a named input of a program; `divisor` 1 means once per instance.
+function bindInput(program, name, buffer, size, { type = gl.FLOAT, normalized = false, stride = 0, offset = 0, divisor = 0 } = {}) {
+  const location = gl.getAttribLocation(program.handle, name);
+  if (location < 0) return;
+  gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+  gl.enableVertexAttribArray(location);
+  gl.vertexAttribPointer(location, size, type, normalized, stride, offset);
+  gl.vertexAttribDivisor(location, divisor);
+}
+
+function makeLayout(bind) {
+  const layout = gl.createVertexArray();
+  gl.bindVertexArray(layout);
+  bind();
+  gl.bindVertexArray(null);
+  return layout;
+}
+
+// Wide lines from pairs of points (six numbers a line).
+function makeLines(pairs) {
+  const buffer = makeBuffer(new Float32Array(pairs));
+  const layout = makeLayout(() => {
+    bindInput(programs.line, "start", buffer, 3, { stride: 24, divisor: 1 });
+    bindInput(programs.line, "end", buffer, 3, { stride: 24, offset: 12, divisor: 1 });
+  });
+  return { layout, count: pairs.length / 6 };
+}
+
+function makeTexture(format, components, width, height, data) {
+  const texture = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
+  gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, components, gl.FLOAT, data);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+  return texture;
+}
+
+// ---------------------------------------------------------------- the design
+
+async function loadDesign() {
+  const meta = scene.mesh, reader = await unpackBlock("mesh");
+  const positions = takePoints(reader, meta.vertices, meta.low, meta.size);
+  const normals = takeNormals(reader, meta.vertices);
+  const steps = reader.take(Int16Array, meta.vertices);
+  const triangles = Uint32Array.from(reader.takeDelta(Int32Array, 3 * meta.triangles));
+  // validity travels beside the value: a "not judged" number would be interpolated into false bands
+  const deviation = new Float32Array(2 * meta.vertices);
+  steps.forEach((step, i) => {
+    const isJudged = step !== meta.notJudged;
+    deviation[2 * i] = isJudged ? step * meta.deviationStepUm : 0;
+    deviation[2 * i + 1] = isJudged ? 1 : 0;
+  });
+  const layout = makeLayout(() => {
+    bindInput(programs.surface, "position", makeBuffer(positions), 3);
+    bindInput(programs.surface, "normal", makeBuffer(normals), 3);
+    const buffer = makeBuffer(deviation);
+    bindInput(programs.surface, "deviation", buffer, 1, { stride: 8 });
+    bindInput(programs.surface, "judged", buffer, 1, { stride: 8, offset: 4 });
+    makeBuffer(triangles, gl.ELEMENT_ARRAY_BUFFER);
+  });
+  return { layout, count: triangles.length, edges: makeLines(edgePairs(reader, meta)) };
+}
+
+// Polylines -> pairs of neighbouring points.
+function edgePairs(reader, meta) {
+  const points = takePoints(reader, meta.edgePoints, meta.low, meta.size);
+  const lengths = reader.take(Int32Array, meta.edges), pairs = [];
+  let first = 0;
+  for (const length of lengths) {
+    for (let i = first; i < first + length - 1; i++) pairs.push(...points.subarray(3 * i, 3 * i + 6));
+    first += length;
+  }
+  return pairs;
+}
+
+// ---------------------------------------------------------------- one setup: path, stock, cutters
+
+async function loadSetup(number) {
+  const meta = scene.setups[number];
+  const [pathReader, replayReader] = await Promise.all([unpackBlock("path-" + number), unpackBlock("replay-" + number)]);
+  return {
+    meta, place: placement(meta.rotation, [0, 0, 0]),
+    path: makePath(pathReader, meta.path),
+    replay: new StockReplay(replayReader, meta.replay),
+    tools: meta.operations.map(operation => operation.silhouette.map(makeTurnedPart)),
+    stockBox: makeLines(boxPairs(meta)), triad: makeTriad(meta),
+  };
+}
+
+function makePath(reader, meta) {
+  const positions = new Float32Array(3 * meta.points);
+  for (let k = 0; k < 3; k++) {
+    const column = reader.takeDelta(Int32Array, meta.points);
+    for (let i = 0; i < meta.points; i++) positions[3 * i + k] = column[i] * meta.stepMm;
+  }
+  const feed = Float32Array.from(reader.takeDelta(Int32Array, meta.points), steps => steps * meta.feedStep);
+  const seconds = Float32Array.from(reader.takeDelta(Int32Array, meta.points), ms => ms / 1000);
+  const operation = reader.take(Int16Array, meta.points), isRapid = reader.take(Uint8Array, meta.points);
+  const colours = makeBuffer(new Uint8Array(4 * meta.points), gl.ARRAY_BUFFER, gl.DYNAMIC_DRAW);
+  const layout = makeLayout(() => {
+    bindInput(programs.path, "position", makeBuffer(positions), 3);
+    bindInput(programs.path, "colour", colours, 4, { type: gl.UNSIGNED_BYTE, normalized: true });
+    bindInput(programs.path, "seconds", makeBuffer(seconds), 1);
+  });
+  const duration = meta.points ? seconds[meta.points - 1] : 0;
+  return { count: meta.points, positions, feed, seconds, operation, isRapid, colours, layout, duration };
+}
+
+// The verifier's z-map. Every event keeps the height before it, so that time runs both ways and
+// a seek costs only the events between the two instants.
+class StockReplay {
+  constructor(reader, meta) {
+    this.meta = meta;
+    this.instant = reader.takeDelta(Uint16Array, meta.events);
+    this.cell = reader.takeDelta(Int32Array, meta.events);
+    const toHeight = (meta.topMm - meta.bottomMm) / 65535;
+    this.after = Float32Array.from(reader.take(Uint16Array, meta.events), z => meta.bottomMm + z * toHeight);
+    const cells = meta.nx * meta.ny;
+    const designTop = reader.takeDelta(Uint16Array, cells), isDesign = reader.take(Uint8Array, cells);
+    this.heights = new Float32Array(cells).fill(meta.topMm);
+    this.before = new Float32Array(meta.events);
+    this.next = 0;                                  // the first event not yet applied
+    this.goTo(meta.instants, (event, cell) => { this.before[event] = this.heights[cell]; });
+    const design = new Float32Array(2 * cells);
+    for (let i = 0; i < cells; i++) { design[2 * i] = meta.bottomMm + designTop[i] * toHeight; design[2 * i + 1] = isDesign[i]; }
+    this.heightTexture = makeTexture(gl.R32F, gl.RED, meta.nx, meta.ny, this.heights);
+    this.designTexture = makeTexture(gl.RG32F, gl.RG, meta.nx, meta.ny, design);
+  }
+
+  // Applies or takes back events until exactly those up to `instant` are done; says if any was.
+  goTo(instant, visit = () => {}) {
+    const started = this.next;
+    while (this.next < this.cell.length && this.instant[this.next] <= instant) {
+      visit(this.next, this.cell[this.next]);
+      this.heights[this.cell[this.next]] = this.after[this.next];
+      this.next++;
+    }
+    while (this.next > 0 && this.instant[this.next - 1] > instant) {
+      this.next--;
+      this.heights[this.cell[this.next]] = this.before[this.next];
+    }
+    return this.next !== started;
+  }
+
+  upload() {
+    gl.bindTexture(gl.TEXTURE_2D, this.heightTexture);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, this.meta.nx, this.meta.ny, gl.RED, gl.FLOAT, this.heights);
+  }
+}
+
+const PART_COLOURS = { flutes: [0.93, 0.76, 0.25], shank: [0.72, 0.73, 0.76], holder: [0.36, 0.39, 0.45] };
+
+// An outline [[radius, height], ...] turned about the axis, shaded facet by facet along the height.
+function makeTurnedPart({ part, outline }) {
+  const positions = [], normals = [], SECTORS = 40;
+  const corner = ([radius, height], sector) => {
+    const angle = sector / SECTORS * 2 * Math.PI;
+    return [radius * Math.cos(angle), radius * Math.sin(angle), height];
+  };
+  for (let i = 0; i + 1 < outline.length; i++) {
+    const [lower, upper] = [outline[i], outline[i + 1]];
+    const rise = upper[1] - lower[1], widening = upper[0] - lower[0], length = Math.hypot(rise, widening) || 1;
+    const normalAt = sector => [...corner([rise / length, 0], sector).slice(0, 2), -widening / length];
+    for (let k = 0; k < SECTORS; k++) {
+      for (const [end, sector] of [[lower, k], [lower, k + 1], [upper, k + 1], [lower, k], [upper, k + 1], [upper, k]]) {
+        positions.push(...corner(end, sector));
+        normals.push(...normalAt(sector));
+      }
+    }
+  }
+  const layout = makeLayout(() => {
+    bindInput(programs.surface, "position", makeBuffer(new Float32Array(positions)), 3);
+    bindInput(programs.surface, "normal", makeBuffer(new Float32Array(normals)), 3);
+  });
+  return { layout, count: positions.length / 3, colour: PART_COLOURS[part] };
+}
+
+// The twelve edges of the stock box, WCS -> part coordinates.
+function boxPairs(setup) {
+  const [low, high] = setup.stockBox, pairs = [];
+  const corner = bits => fromWcs(setup, [0, 1, 2].map(k => (bits >> k & 1 ? high : low)[k]));
+  for (let bits = 0; bits < 8; bits++)
+    for (let k = 0; k < 3; k++)
+      if (!(bits >> k & 1)) pairs.push(...corner(bits), ...corner(bits | 1 << k));
+  return pairs;
+}
+
+const AXES = [["X", [0.85, 0.15, 0.12, 1]], ["Y", [0.10, 0.60, 0.20, 1]], ["Z", [0.15, 0.35, 0.90, 1]]];
+
+// The WCS: an arrow an axis, with the letter's place.
+function makeTriad(setup) {
+  const diagonal = Math.hypot(...subtract(scene.box[1], scene.box[0])), length = 0.14 * diagonal;
+  return AXES.map(([letter, colour], k) => {
+    const axis = [0, 0, 0], side = [0, 0, 0];
+    axis[k] = length; side[(k + 1) % 3] = 0.05 * length;
+    const barb = s => addScaled(addScaled([0, 0, 0], axis, 0.86), side, s);
+    const points = [[[0, 0, 0], axis], [axis, barb(1)], [axis, barb(-1)]].flat().map(p => fromWcs(setup, p));
+    return { letter, colour, lines: makeLines(points.flat()), tip: fromWcs(setup, axis.map(v => v * 1.08)) };
+  });
+}
+
+// ---------------------------------------------------------------- colours of the path
+
+const hexColour = text => [1, 3, 5].map(i => parseInt(text.slice(i, i + 2), 16));
+const RAPID_COLOUR = [214, 48, 49, 170];
+const NO_OPERATION_COLOUR = [128, 128, 128];
+
+// Slow blue, middle green, fast orange; the legend's CSS gradient has the same stops.
+const FEED_STOPS = [[46, 89, 217], [18, 160, 92], [240, 140, 20]];
+function feedColour(share) {
+  const s = clamp(share, 0, 1) * 2, first = Math.min(1, Math.floor(s));
+  return mix(FEED_STOPS[first], FEED_STOPS[first + 1], s - first);
+}
+
+function colourPath() {
+  const { path, meta } = current, colours = new Uint8Array(4 * path.count);
+  const byOperation = meta.operations.map(operation => hexColour(operation.colour));
+  for (let i = 0; i < path.count; i++) {
+    if (path.isRapid[i]) colours.set(state.rapids ? RAPID_COLOUR : [0, 0, 0, 0], 4 * i);
+    else {
+      const colour = state.pathColour === "feed" ? feedColour(path.feed[i] / (meta.path.feedMax || 1))
+        : byOperation[path.operation[i]] || NO_OPERATION_COLOUR;
+      colours.set([...colour, 255], 4 * i);
+    }
+  }
+  gl.bindBuffer(gl.ARRAY_BUFFER, path.colours);
+  gl.bufferSubData(gl.ARRAY_BUFFER, 0, colours);
+  isDirty = true;
+}
+
+// ---------------------------------------------------------------- camera (parallel projection)
+
+const VIEWS = {
+  iso: [-0.95, 0.62], top: [-Math.PI / 2, Math.PI / 2], front: [-Math.PI / 2, 0], right: [0, 0],
+  back: [Math.PI / 2, 0], left: [Math.PI, 0], bottom: [-Math.PI / 2, -Math.PI / 2],
+};
+
+// Unit vectors of the screen: to the right, up, and towards the eye.
+function eyeAxes() {
+  const cy = Math.cos(state.yaw), sy = Math.sin(state.yaw), cp = Math.cos(state.pitch), sp = Math.sin(state.pitch);
+  return { right: [-sy, cy, 0], up: [-cy * sp, -sy * sp, cp], back: [cy * cp, sy * cp, sp] };
+}
+
+function camera() {
+  const { right, up, back } = eyeAxes(), aspect = canvas.width / canvas.height;
+  const diagonal = Math.hypot(...subtract(scene.box[1], scene.box[0]));
+  const center = mix(scene.box[0], scene.box[1], 0.5);
+  const depth = 2 * diagonal + Math.hypot(...subtract(state.target, center));
+  const rows = [[right, 1 / (state.halfHeight * aspect)], [up, 1 / state.halfHeight], [back, -1 / depth]];
+  const clip = new Float32Array(16);
+  rows.forEach(([axis, scale], row) => {
+    for (let k = 0; k < 3; k++) clip[4 * k + row] = axis[k] * scale;
+    clip[12 + row] = -dot(axis, state.target) * scale;
+  });
+  clip[15] = 1;
+  const eye = new Float32Array([0, 1, 2].flatMap(k => [right[k], up[k], back[k]]));
+  return { clip, eye };
+}
+
+// Turns to a named view and fits part and stock into the window.
+function showView(name) {
+  [state.yaw, state.pitch] = VIEWS[name];
+  const { right, up } = eyeAxes(), half = subtract(scene.box[1], scene.box[0]).map(v => v / 2);
+  const reach = axis => half.reduce((sum, h, k) => sum + Math.abs(h * axis[k]), 0);
+  const aspect = (canvas.clientWidth || 1) / (canvas.clientHeight || 1);
+  state.target = mix(scene.box[0], scene.box[1], 0.5);
+  state.halfHeight = 1.18 * Math.max(reach(up), reach(right) / aspect);
+  isDirty = true;
+}
+
+// ---------------------------------------------------------------- time
+
+function duration() { return current.path.duration; }
+
+// Number of the last point reached at a time.
+function pointBefore(seconds) {
+  const times = current.path.seconds;
+  let low = 0, high = current.path.count - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= seconds) low = middle; else high = middle;
+  }
+  return low;
+}
+
+// Where the cutter stands at the shown time, and what it is doing.
+function cutterNow() {
+  const path = current.path, seconds = state.fraction * duration();
+  if (!path.count) return { tip: [0, 0, 0], operation: -1, feed: 0, isRapid: false, seconds };
+  const before = pointBefore(seconds), after = Math.min(before + 1, path.count - 1);
+  const span = path.seconds[after] - path.seconds[before];
+  const share = span > 0 ? clamp((seconds - path.seconds[before]) / span, 0, 1) : 1;
+  const point = i => [path.positions[3 * i], path.positions[3 * i + 1], path.positions[3 * i + 2]];
+  return { tip: mix(point(before), point(after), share), operation: path.operation[after],
+           feed: path.feed[after], isRapid: Boolean(path.isRapid[after]), seconds };
+}
+
+// Shows a moment of the program, 0 its start, 1 its end.
+function seek(fraction) {
+  state.fraction = clamp(fraction, 0, 1);
+  const { replay } = current;
+  if (replay.goTo(Math.floor(state.fraction * replay.meta.instants))) replay.upload();
+  showReadout();
+  isDirty = true;
+}
+
+// ---------------------------------------------------------------- drawing
+
+function useProgram(program, view) {
+  gl.useProgram(program.handle);
+  gl.uniformMatrix4fv(program.uniforms.clip, false, view.clip);
+  if (program.uniforms.eye) gl.uniformMatrix3fv(program.uniforms.eye, false, view.eye);
+  return program.uniforms;
+}
+
+function drawDesign(view) {
+  const uniforms = useProgram(programs.surface, view);
+  gl.uniformMatrix4fv(uniforms.place, false, IDENTITY);
+  gl.uniform3f(uniforms.colour, 0.70, 0.75, 0.82);
+  gl.uniform1f(uniforms.scaleUm, state.scaleUm);
+  gl.uniform1i(uniforms.byDeviation, state.surface === "deviation");
+  gl.bindVertexArray(design.layout);
+  gl.drawElements(gl.TRIANGLES, design.count, gl.UNSIGNED_INT, 0);
+}
+
+function drawStock(view) {
+  const uniforms = useProgram(programs.stock, view), { replay, place } = current, meta = replay.meta;
+  gl.activeTexture(gl.TEXTURE1);
+  gl.bindTexture(gl.TEXTURE_2D, replay.designTexture);
+  gl.activeTexture(gl.TEXTURE0);
+  gl.bindTexture(gl.TEXTURE_2D, replay.heightTexture);
+  gl.uniform1i(uniforms.heights, 0);
+  gl.uniform1i(uniforms.designTop, 1);
+  gl.uniformMatrix4fv(uniforms.place, false, place);
+  gl.uniform2i(uniforms.count, meta.nx, meta.ny);
+  gl.uniform2f(uniforms.origin, ...meta.originMm);
+  gl.uniform1f(uniforms.pitch, meta.pitchMm);
+  gl.uniform1f(uniforms.bottom, meta.bottomMm);
+  gl.uniform1f(uniforms.top, meta.topMm);
+  gl.uniform1f(uniforms.scaleUm, state.scaleUm);
+  gl.uniform1i(uniforms.byDeviation, state.surface === "rest");
+  gl.bindVertexArray(null);
+  const parts = [[2 * meta.nx, meta.ny - 1], [2 * Math.max(meta.nx, meta.ny), 4], [4, 1]];
+  parts.forEach(([vertices, strips], part) => {
+    gl.uniform1i(uniforms.part, part);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, vertices, strips);
+  });
+}
+
+function drawCutter(view) {
+  const now = cutterNow(), parts = current.tools[now.operation];
+  if (!parts || state.fraction >= 1) return;
+  const uniforms = useProgram(programs.surface, view);
+  gl.uniformMatrix4fv(uniforms.place, false, placement(current.meta.rotation, now.tip));
+  gl.uniform1i(uniforms.byDeviation, 0);
+  for (const part of parts) {
+    gl.uniform3f(uniforms.colour, ...part.colour);
+    gl.bindVertexArray(part.layout);
+    gl.drawArrays(gl.TRIANGLES, 0, part.count);
+  }
+}
+
+function drawPath(view) {
+  const uniforms = useProgram(programs.path, view), { path } = current;
+  gl.uniform1f(uniforms.now, state.paths === "all" && state.fraction >= 1 ? Infinity : state.fraction * path.duration);
+  gl.uniform1f(uniforms.futureOpacity, state.paths === "all" ? 0.15 : 0);
+  gl.bindVertexArray(path.layout);
+  gl.drawArrays(gl.LINE_STRIP, 0, path.count);
+}
+
+function drawLines(view, lines, colour, width) {
+  const uniforms = useProgram(programs.line, view);
+  gl.uniform2f(uniforms.halfViewport, canvas.width / 2, canvas.height / 2);
+  gl.uniform1f(uniforms.widthPixels, width * pixelRatio());
+  gl.uniform4f(uniforms.colour, ...colour);
+  gl.bindVertexArray(lines.layout);
+  gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, lines.count);
+}
+
+const pixelRatio = () => Math.min(2, window.devicePixelRatio || 1);
+
+// The canvas follows its place on the page; false while it has none.
+function fitCanvas() {
+  const width = Math.round(canvas.clientWidth * pixelRatio()), height = Math.round(canvas.clientHeight * pixelRatio());
+  if (!width || !height) return false;
+  if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; isDirty = true; }
+  return true;
+}
+
+function backgroundColour() {
+  const text = getComputedStyle(byId("view")).getPropertyValue("--view-background").trim();
+  return hexColour(text).map(v => v / 255);
+}
+
+function draw() {
+  isDirty = false;
+  const view = camera();
+  gl.viewport(0, 0, canvas.width, canvas.height);
+  gl.clearColor(...backgroundColour(), 1);
+  gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+  gl.enable(gl.DEPTH_TEST);
+
+  gl.enable(gl.POLYGON_OFFSET_FILL);          // solids step back so that lines on them stay whole
+  gl.polygonOffset(1, 1);
+  if (state.surface === "stock" || state.surface === "rest") drawStock(view); else drawDesign(view);
+  if (state.cutter) drawCutter(view);
+  gl.disable(gl.POLYGON_OFFSET_FILL);
+
+  gl.enable(gl.BLEND);
+  gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+  if (state.edges) drawLines(view, design.edges, [0.06, 0.08, 0.12, 1], 1.1);
+  if (state.stockBox) drawLines(view, current.stockBox, [0.75, 0.45, 0.10, 0.9], 1);
+  if (state.paths !== "none") drawPath(view);
+  for (const axis of current.triad) drawLines(view, axis.lines, axis.colour, 2.2);
+  gl.disable(gl.BLEND);
+  gl.bindVertexArray(null);
+  placePins(view.clip);
+}
+
+// ---------------------------------------------------------------- pins: HTML over the picture
+
+const pinElements = [];
+
+function makePins() {
+  const layer = byId("pins");
+  for (const pin of scene.pins) pinElements.push({ element: addPin(layer, pin.label, pin.kind, pin.title), place: () => pin.place, isPin: true });
+  AXES.forEach(([letter], k) => pinElements.push({ element: addPin(layer, letter, "axis", ""), place: () => current.triad[k].tip, isPin: false }));
+}
+
+function addPin(layer, text, kind, title) {
+  const element = document.createElement("span");
+  element.className = "pin " + kind;
+  element.textContent = text;
+  element.title = title;
+  layer.append(element);
+  return element;
+}
+
+function placePins(clip) {
+  for (const { element, place, isPin } of pinElements) {
+    const p = place();
+    const at = row => clip[row] * p[0] + clip[4 + row] * p[1] + clip[8 + row] * p[2] + clip[12 + row];
+    const x = at(0), y = at(1);
+    element.hidden = Math.abs(x) > 1 || Math.abs(y) > 1 || (isPin && !state.pins);
+    element.style.left = (x + 1) * 50 + "%";
+    element.style.top = (1 - y) * 50 + "%";
+  }
+}
+
+// ---------------------------------------------------------------- what is written beside the picture
+
+function clockText(seconds) {
+  const whole = Math.floor(seconds), pad = v => String(v).padStart(2, "0");
+  return `${Math.floor(whole / 3600)}:${pad(Math.floor(whole / 60) % 60)}:${pad(whole % 60)}`;
+}
+
+function showReadout() {
+  const now = cutterNow(), { meta } = current, operation = meta.operations[now.operation];
+  const [x, y, z] = toWcs(meta, now.tip).map(v => v.toFixed(3).padStart(9));
+  byId("read-time").textContent = `${clockText(now.seconds)} / ${clockText(duration())}`;
+  byId("read-tip").textContent = `${meta.wcs}  X${x}  Y${y}  Z${z}`;
+  byId("read-feed").textContent = now.isRapid ? "rapid" : `F ${now.feed.toFixed(0)}`;
+  byId("read-operation").textContent = operation ? `${operation.name}  ${operation.tool}` : "";
+  byId("seek").value = state.fraction;
+  byId("chapters").querySelectorAll("button").forEach((button, k) => button.classList.toggle("current", k === now.operation));
+}
+
+// Ticks on a scale from its quarter points, in micrometres.
+function showScale() {
+  const isFeed = state.paths !== "none" && state.pathColour === "feed";
+  byId("scale-text").textContent = `±${state.scaleUm} µm`;
+  byId("legend-low").textContent = `−${state.scaleUm} gouged`;
+  byId("legend-high").textContent = `+${state.scaleUm} left`;
+  byId("deviation-box").hidden = !(state.surface === "deviation" || state.surface === "rest");
+  byId("feed-box").hidden = !isFeed;
+  byId("feed-high").textContent = `${current.meta.path.feedMax.toFixed(0)} mm/min`;
+}
+
+// One button an operation, with its colour: the chapters of the program.
+function showChapters() {
+  const list = byId("chapters"), marks = byId("marks");
+  list.replaceChildren();
+  marks.replaceChildren();
+  current.meta.operations.forEach(operation => {
+    const start = duration() ? operation.startSeconds / duration() : 0;
+    const button = document.createElement("button"), swatch = document.createElement("i");
+    const name = document.createElement("b"), note = document.createElement("span");
+    swatch.style.background = operation.colour;
+    name.textContent = operation.name;
+    note.textContent = `${operation.tool}, ${operation.time}`;
+    button.append(swatch, name, note);
+    button.disabled = operation.startSeconds < 0;
+    button.onclick = () => { watchStock(); seek(start); };
+    list.append(button);
+    const mark = document.createElement("i");
+    mark.style.left = `${start * 100}%`;
+    mark.style.background = operation.colour;
+    if (!button.disabled) marks.append(mark);
+  });
+}
+
+// ---------------------------------------------------------------- controls
+
+async function chooseSetup(number) {
+  if (!LOADED_SETUPS.has(number)) LOADED_SETUPS.set(number, loadSetup(number));
+  current = await LOADED_SETUPS.get(number);
+  state.setup = number;
+  colourPath();
+  showChapters();
+  showScale();
+  seek(state.fraction);
+}
+
+function setPlaying(isPlaying) {
+  state.playing = isPlaying;
+  const button = byId("play");
+  button.textContent = isPlaying ? "❚❚" : "▶";
+  button.setAttribute("aria-label", isPlaying ? "pause" : "play");
+}
+
+// Whoever moves time wants to see the stock change.
+function watchStock() {
+  if (state.surface === "design" || state.surface === "deviation") setSurface("stock");
+}
+
+function setSurface(name) {
+  state.surface = name;
+  document.querySelectorAll("input[name=surface]").forEach(radio => { radio.checked = radio.value === name; });
+  showScale();
+  isDirty = true;
+}
+
+function setPaths(name) {
+  state.paths = name;
+  byId("paths").value = name;
+  showScale();
+  isDirty = true;
+}
+
+function togglePlay() {
+  watchStock();
+  if (!state.playing && state.fraction >= 1) seek(0);
+  setPlaying(!state.playing);
+}
+
+// The slider runs over a geometric row of scales: 1, 2, 5, 10 ... 1000 µm.
+const SCALES_UM = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+
+function firstScale() {
+  const wanted = 1.5 * Math.max(scene.limitsUm.gouge, scene.limitsUm.scallop);
+  const found = SCALES_UM.findIndex(scale => scale >= wanted);
+  return found < 0 ? SCALES_UM.length - 1 : found;
+}
+
+function setScale(index) {
+  state.scaleUm = SCALES_UM[index];
+  byId("scale").value = index;
+  showScale();
+  isDirty = true;
+}
+
+function bindControls() {
+  for (const [number, setup] of scene.setups.entries()) byId("setup").add(new Option(`${setup.name} (${setup.program})`, number));
+  byId("setup-box").hidden = scene.setups.length < 2;
+  byId("setup").onchange = event => chooseSetup(Number(event.target.value));
+  document.querySelectorAll("input[name=surface]").forEach(radio => { radio.onchange = () => setSurface(radio.value); });
+  byId("paths").onchange = event => setPaths(event.target.value);
+  byId("path-colour").onchange = event => { state.pathColour = event.target.value; showScale(); colourPath(); };
+  for (const name of ["rapids", "edges", "stockBox", "cutter", "pins"]) {
+    byId(name).checked = state[name];
+    byId(name).onchange = event => { state[name] = event.target.checked; if (name === "rapids") colourPath(); isDirty = true; };
+  }
+  byId("scale").max = SCALES_UM.length - 1;
+  byId("scale").oninput = event => setScale(Number(event.target.value));
+  byId("seek").oninput = event => { watchStock(); seek(Number(event.target.value)); };
+  byId("play").onclick = togglePlay;
+  byId("speed").onchange = event => { state.speed = Number(event.target.value); };
+  document.querySelectorAll("[data-view]").forEach(button => { button.onclick = () => showView(button.dataset.view); });
+  document.querySelectorAll("[data-place]").forEach(button => { button.onclick = () => lookAt(JSON.parse(button.dataset.place)); });
+  bindKeys();
+  bindPointer();
+  new ResizeObserver(() => { isDirty = true; }).observe(canvas);
+  matchMedia("(prefers-color-scheme: dark)").onchange = () => { isDirty = true; };
+}
+
+// Brings a place of a finding into the middle, close.
+function lookAt(place) {
+  state.target = place;
+  state.halfHeight = 0.12 * Math.hypot(...subtract(scene.box[1], scene.box[0]));
+  isDirty = true;
+  byId("view").scrollIntoView({ block: "nearest" });
+}
+
+const KEYS = {
+  " ": togglePlay,
+  ArrowRight: event => { watchStock(); seek(state.fraction + (event.shiftKey ? 0.02 : 0.001)); },
+  ArrowLeft: event => { watchStock(); seek(state.fraction - (event.shiftKey ? 0.02 : 0.001)); },
+  Home: () => { watchStock(); seek(0); },
+  End: () => seek(1),
+  1: () => showView("iso"), 2: () => showView("top"), 3: () => showView("front"), 4: () => showView("right"),
+  5: () => showView("back"), 6: () => showView("left"), 7: () => showView("bottom"),
+  s: () => setSurface("stock"), r: () => setSurface("rest"), d: () => setSurface("deviation"), b: () => setSurface("design"),
+  p: () => setPaths({ none: "all", all: "done", done: "none" }[state.paths]),
+};
+
+// Keys work while something inside the view has the focus; inputs keep their own keys.
+function bindKeys() {
+  byId("view").addEventListener("keydown", event => {
+    const isInput = event.target.matches("input, select"), isPressing = event.key === " " && event.target.matches("button");
+    if (isInput || isPressing || event.ctrlKey || event.metaKey || event.altKey || !KEYS[event.key]) return;
+    event.preventDefault();
+    KEYS[event.key](event);
+  });
+}
+
+// One pointer turns (with shift or another button: moves), two move and zoom, the wheel zooms.
+function bindPointer() {
+  const pointers = new Map();
+  canvas.onpointerdown = event => { canvas.setPointerCapture(event.pointerId); pointers.set(event.pointerId, event); };
+  canvas.onpointerup = canvas.onpointercancel = event => pointers.delete(event.pointerId);
+  canvas.oncontextmenu = event => event.preventDefault();
+  canvas.onpointermove = event => {
+    const old = pointers.get(event.pointerId);
+    if (!old) return;
+    const dx = event.clientX - old.clientX, dy = event.clientY - old.clientY;
+    if (pointers.size === 2) {
+      const other = [...pointers.values()].find(p => p.pointerId !== event.pointerId);
+      const apart = p => Math.hypot(p.clientX - other.clientX, p.clientY - other.clientY) || 1;
+      zoom(apart(old) / apart(event));
+      pan(dx / 2, dy / 2);
+    } else if (event.shiftKey || old.buttons > 1) pan(dx, dy);
+    else turn(dx, dy);
+    pointers.set(event.pointerId, event);
+  };
+  canvas.addEventListener("wheel", event => { event.preventDefault(); zoom(Math.exp(event.deltaY * 0.0012)); }, { passive: false });
+}
+
+function turn(dx, dy) {
+  state.yaw -= dx * 0.008;
+  state.pitch = clamp(state.pitch + dy * 0.008, -Math.PI / 2, Math.PI / 2);
+  isDirty = true;
+}
+
+function pan(dx, dy) {
+  const { right, up } = eyeAxes(), mmPerPixel = 2 * state.halfHeight / canvas.clientHeight;
+  state.target = addScaled(addScaled(state.target, right, -dx * mmPerPixel), up, dy * mmPerPixel);
+  isDirty = true;
+}
+
+function zoom(factor) {
+  state.halfHeight *= factor;
+  isDirty = true;
+}
+
+// ---------------------------------------------------------------- start
+
+let lastFrame = 0;
+
+function onFrame(timestamp) {
+  const elapsed = Math.min(0.1, (timestamp - lastFrame) / 1000);
+  lastFrame = timestamp;
+  if (state.playing) {
+    seek(state.fraction + elapsed * state.speed / (duration() || 1));
+    if (state.fraction >= 1) setPlaying(false);
+  }
+  if (fitCanvas() && isDirty) draw();
+  requestAnimationFrame(onFrame);
+}
+
+// For tests and for the browser's console.
+window.__view = {
+  state, showView,
+  seek: fraction => { seek(fraction); fitCanvas(); draw(); },
+  set: changes => { Object.assign(state, changes); setSurface(state.surface); setPaths(state.paths); colourPath(); fitCanvas(); draw(); },
+  chooseSetup,
+};
+
+async function start() {
+  gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+  if (!gl) throw new Error("this browser offers no WebGL2");
+  programs = Object.fromEntries(Object.entries(SHADERS).map(([name, texts]) => [name, compileProgram(texts)]));
+  document.body.classList.remove("no-view");
+  design = await loadDesign();
+  makePins();
+  bindControls();
+  await chooseSetup(0);
+  setScale(firstScale());
+  fitCanvas();
+  showView("iso");
+  draw();
+}
+
+// Without WebGL2 the page keeps its still pictures and says why.
+start().then(() => requestAnimationFrame(onFrame))
+  .catch(error => {
+    document.body.classList.add("no-view");
+    byId("view-message").textContent = `No interactive view: ${error.message}. Still pictures instead.`;
+  })
+  .finally(() => { window.__ready = true; });
+
+})();
