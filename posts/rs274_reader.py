@@ -1,0 +1,345 @@
+"""Reads RS-274 text (LinuxCNC's dialect) back into moves: what the controller will do.
+
+It knows nothing of any post.  What it does not know it refuses, with the line and the remedy.
+"""
+
+import re
+from math import hypot, isfinite, nan, tau
+
+import numpy as np
+
+from cuspline.posted import PostedMoves
+from cuspline.posts.rs274_arcs import (INCH_BOUNDS, MM_BOUNDS, MM_PER_INCH, center_from_radius, check_radii,
+                                       is_same_point, sweep_rad)
+from cuspline.posts.rs274_blocks import blocks_of, refusal
+from cuspline.posts.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, TAKEN_ALWAYS, TAKEN_BY_MOTION, code_of, in_order
+from cuspline.posts.rs274_expressions import Complaint
+from cuspline.posts.rs274_flow import executed, is_closed_by_percent, refuse_text_after
+from cuspline.program import Kind, Plane
+
+OPERATION = re.compile(r"\s*OPERATION\b[^:]*:([^,]*)", re.IGNORECASE)
+PLANES = {"G17": Plane.XY, "G18": Plane.ZX, "G19": Plane.YZ}
+KINDS = {"G0": Kind.RAPID, "G1": Kind.FEED, "G2": Kind.ARC_CW, "G3": Kind.ARC_CCW}
+UNKNOWN = (nan, nan, nan)
+SAME_LENGTH_MM = 1e-9       # rounding of an inch length
+
+
+def read_program(text, *, work_offsets, tool_lengths):
+    """The moves of an RS-274 program.
+
+    Args:
+        text: the whole program.
+        work_offsets: {"G54": (x, y, z)} machine coordinates of each WCS origin, mm; the machine
+            coordinates of a WCS that is not listed stay NaN.
+        tool_lengths: {number: length offset, mm}; a tool that is not listed is refused.
+    Returns:
+        PostedMoves.  The spindle speed is negative while M4 turns it backwards; a length offset
+        counts as on while it is that of the tool in the spindle.
+    Raises:
+        ReadError: the controller would refuse the text or might do something else; `.rows` holds the line.
+
+    >>> moves = read_program("G21 G54\\nG0 X1 Y2 Z3\\nG1 X9 F100\\nM2", work_offsets={}, tool_lengths={})
+    >>> moves.end_mm[-1].tolist(), moves.line.tolist()
+    ([9.0, 2.0, 3.0], [2, 3])
+    """
+    blocks = blocks_of(text)
+    controller = _Controller(work_offsets, tool_lengths)
+    for block, words in executed(blocks):
+        try:
+            controller.execute(block, words)
+        except Complaint as complaint:
+            raise refusal(complaint, block) from None
+        if controller.ended:
+            refuse_text_after(blocks, block)
+            break
+    if not (controller.ended or is_closed_by_percent(blocks)):
+        raise refusal(Complaint("the text stops without a program end", "end it with M2 or M30"), blocks[-1])
+    return controller.posted_moves()
+
+
+class _Controller:
+    """The modal state, block after block, and the moves made so far."""
+
+    def __init__(self, work_offsets, tool_lengths):
+        self.work_offsets, self.tool_lengths = work_offsets, tool_lengths
+        self.tip = UNKNOWN                  # in the active WCS
+        self.unit_mm = None                 # the text has to say it
+        self.bounds = MM_BOUNDS
+        self.motion = ""
+        self.plane = Plane.XY
+        self.is_absolute, self.is_center_absolute, self.is_inverse_time = True, False, False
+        self.wcs, self.offset = "G54", tuple(work_offsets.get("G54", UNKNOWN))
+        self.length_mm, self.is_length_on = 0.0, False
+        self.feed, self.speed, self.turning = 0.0, 0.0, 0
+        self.selected, self.tool = None, 0
+        self.names, self.operation = [], -1
+        self.line, self.is_machine_move = 0, False
+        self.ended = False
+        self.rows = []
+
+    # words ------------------------------------------------------------------------------------------
+
+    def execute(self, block, words):
+        """Do what one block says."""
+        self.line, self.is_machine_move = block.number, False
+        for comment in block.comments:
+            self._note_operation(comment)
+        codes, values = [], {}
+        for letter, value in words:
+            if letter in "gm":
+                codes.append(code_of(letter, value))
+                continue
+            if letter in values:
+                raise Complaint(f"two {letter.upper()} words", "leave one of them")
+            values[letter] = value
+            if letter in BY_LETTER:
+                codes.append(BY_LETTER[letter])
+        for code in self._steps(codes, values):
+            ACTIONS[code.group](self, code.name, values)
+
+    def _steps(self, codes, values):
+        """The block's codes in the order of execution, with the move where there is one."""
+        motion = next((code.name for code in codes if code.group == "motion"), "")
+        is_length_given = any(code.name == "G43.1" for code in codes)
+        is_move = motion in ("G2", "G3") or not (is_length_given or MOVING_LETTERS.isdisjoint(values))
+        if is_length_given and motion:
+            raise Complaint(f"G43.1 and {motion} share one Z", "write two blocks")
+        taken = TAKEN_BY_MOTION[motion or self.motion] if is_move else TAKEN_ALWAYS
+        if not values.keys() <= taken:
+            _refuse_unused(values.keys() - taken.union(*(code.takes for code in codes)))
+        if is_move:
+            codes.append(MOVE)
+        return in_order(codes) if len(codes) > 1 else codes
+
+    def _note_operation(self, comment):
+        named = OPERATION.match(comment)
+        if named:
+            name = named[1].strip().lower()
+            if name not in self.names:
+                self.names.append(name)
+            self.operation = self.names.index(name)
+
+    # modes ------------------------------------------------------------------------------------------
+
+    def set_feed_mode(self, name, values):
+        is_inverse_time = name == "G93"
+        if is_inverse_time != self.is_inverse_time:
+            self.feed = 0.0
+        self.is_inverse_time = is_inverse_time
+
+    def set_feed(self, name, values):
+        if values["f"] < 0:
+            raise Complaint("a feed below zero", "write a positive F")
+        # LinuxCNC takes F before G20 or G21 of the same block, so in the unit that was active until then
+        self.feed = values["f"] if self.is_inverse_time else values["f"] * self._unit()
+
+    def set_speed(self, name, values):
+        if values["s"] < 0:
+            raise Complaint("a spindle speed below zero", "write M4 for the other sense")
+        self.speed = values["s"]
+
+    def select_tool(self, name, values):
+        self.selected = self._known_tool(values["t"])
+
+    def change_tool(self, name, values):
+        """The tool selected last comes into the spindle, which stops; the length offset stays."""
+        if self.selected is not None:
+            self.tool = self.selected
+        self.turning = 0
+
+    def turn_spindle(self, name, values):
+        self.turning = {"M3": 1, "M4": -1, "M5": 0}[name]
+
+    def dwell(self, name, values):
+        if values.get("p", -1.0) < 0:
+            raise Complaint("a dwell without its time", "write G4 P seconds")
+
+    def set_plane(self, name, values):
+        self.plane = PLANES[name]
+
+    def set_units(self, name, values):
+        self.unit_mm, self.bounds = (MM_PER_INCH, INCH_BOUNDS) if name == "G20" else (1.0, MM_BOUNDS)
+
+    def set_length(self, name, values):
+        """G43, G43.1, G49: the machine stands still, the tip's coordinate changes."""
+        old_mm = self.length_mm
+        self.is_length_on = name != "G49"
+        self.length_mm = {"G43": self._tool_length, "G43.1": self._given_length,
+                          "G49": lambda values: 0.0}[name](values)
+        x, y, z = self.tip
+        self.tip = (x, y, z + (old_mm - self.length_mm))
+
+    def set_wcs(self, name, values):
+        """The machine stands still, the tip's coordinates change."""
+        if name != self.wcs:
+            new = tuple(self.work_offsets.get(name, UNKNOWN))
+            self.tip = tuple(t + (o - n) for t, o, n in zip(self.tip, self.offset, new))
+            self.wcs, self.offset = name, new
+
+    def set_path_control(self, name, values):
+        if name == "G64" and not values.get("p", 0.0) > 0:
+            raise Complaint("G64 without P lets the machine leave the path by any amount",
+                            "write the tolerance: G64 P0.01")
+
+    def set_distance(self, name, values):
+        self.is_absolute = name == "G90"
+
+    def set_arc_distance(self, name, values):
+        self.is_center_absolute = name == "G90.1"
+
+    def cancel_cycle(self, name, values):
+        self.motion = ""
+
+    def set_machine_coordinates(self, name, values):
+        if not self.is_absolute:
+            raise Complaint("G53 while G91 is active", "write G90 first")
+        self.is_machine_move = True
+
+    def set_motion(self, name, values):
+        self.motion = name
+
+    def stop(self, name, values):
+        self.ended = name in ("M2", "M30")
+
+    def pass_over(self, name, values):
+        """Nothing that concerns the path: coolant, G40 and G92.1 where nothing is to be cancelled."""
+
+    # moves ------------------------------------------------------------------------------------------
+
+    def move(self, name, values):
+        if not self.motion:
+            raise Complaint("axis words, but no G0 G1 G2 G3 is active", "write the motion code in this block")
+        kind, start = KINDS[self.motion], self.tip
+        end = self._machine_end(values) if self.is_machine_move else self._end(values)
+        if kind != Kind.RAPID:
+            self._require_known(start, end)
+        if kind <= Kind.FEED:
+            center, turns, length_mm = UNKNOWN, 0, hypot(*(e - s for s, e in zip(start, end)))
+        else:
+            end, center, turns, length_mm = self._arc(kind == Kind.ARC_CW, start, end, values)
+        feed = self._feed(length_mm, values) if kind != Kind.RAPID else 0.0
+        machine = [t + o for t, o in zip(end, self.offset)]
+        machine[2] += self.length_mm
+        self.rows.append((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
+                          self.turning * self.speed, self.tool, self._is_own_length_on(), *machine,
+                          self.line, self.operation))
+        self.tip = end
+
+    def _end(self, values):
+        unit_mm = self._unit()
+        if self.is_absolute:
+            return tuple([values[c] * unit_mm if c in values else t for c, t in zip("xyz", self.tip)])
+        return tuple([t + values.get(c, 0.0) * unit_mm for c, t in zip("xyz", self.tip)])
+
+    def _machine_end(self, values):
+        if KINDS[self.motion] > Kind.FEED:
+            raise Complaint("G53 with an arc", "G53 goes with G0 or G1")
+        unit_mm, shift = self._unit(), (*self.offset[:2], self.offset[2] + self.length_mm)
+        return tuple([values[c] * unit_mm - s if c in values else t for c, t, s in zip("xyz", self.tip, shift)])
+
+    def _arc(self, is_clockwise, start, end, values):
+        """(end, centre, extra turns, length in mm); an end rounding away from the start is put onto it."""
+        first, second, third = self.plane.axes
+        a, b = (start[first], start[second]), (end[first], end[second])
+        c = self._center(is_clockwise, a, b, values)
+        sweep = sweep_rad(a, b, c, is_clockwise)
+        turns = self._turns(values)
+        end, center = list(end), list(start)
+        if is_same_point(a, b):
+            end[first], end[second] = a
+        center[first], center[second] = c
+        around_mm = hypot(a[0] - c[0], a[1] - c[1]) * (sweep + tau * turns)
+        return tuple(end), center, turns, hypot(around_mm, end[third] - start[third])
+
+    def _center(self, is_clockwise, start, end, values):
+        axes, unit_mm = self.plane.axes, self._unit()
+        first, second, third = ("ijk"[axis] for axis in axes)
+        if "r" in values:
+            if values.keys() & {"i", "j", "k"}:
+                raise Complaint("R and I J K in one arc", "give the radius or the centre")
+            return center_from_radius(start, end, values["r"] * unit_mm, is_clockwise, self.bounds)
+        if third in values or not (first in values or second in values):
+            raise Complaint(f"an arc in the {self.plane.name} plane without its centre",
+                            f"give {first.upper()} and {second.upper()}, or R; no {third.upper()}")
+        if self.is_center_absolute and not (first in values and second in values):
+            raise Complaint("half a centre under G90.1", f"give both {first.upper()} and {second.upper()}")
+        base = (0.0, 0.0) if self.is_center_absolute else start
+        center = tuple(b + values.get(letter, 0.0) * unit_mm for b, letter in zip(base, (first, second)))
+        check_radii(start, end, center, self.bounds)
+        return center
+
+    def _turns(self, values):
+        turns = values.get("p", 1.0)
+        if turns < 1 or turns != int(turns):
+            raise Complaint(f"P{turns:g} turns", "P is 1 or another whole number above")
+        return int(turns) - 1
+
+    def _feed(self, length_mm, values):
+        if self.is_inverse_time and "f" not in values:
+            raise Complaint("a cutting block without F under G93", "G93 needs F in every G1 G2 G3 block")
+        if not self.feed > 0:
+            raise Complaint("a cutting move, but no feed is set", "write F")
+        return self.feed * length_mm if self.is_inverse_time else self.feed
+
+    def _require_known(self, start, end):
+        if not isfinite(sum(start) + sum(end)):
+            unknown = " ".join(n for n, s, e in zip("XYZ", start, end) if not isfinite(s + e))
+            raise Complaint(f"a cutting move while nobody knows where {unknown} stands",
+                            "go to a named place by G0 first")
+
+    # small facts ------------------------------------------------------------------------------------
+
+    def _unit(self):
+        if self.unit_mm is None:
+            raise Complaint("a length before G20 or G21 was said", "write G21 or G20 in a block above")
+        return self.unit_mm
+
+    def _known_tool(self, number):
+        if number and number not in self.tool_lengths:
+            raise Complaint(f"tool {number:g} is not in the tool table",
+                            f"it lists {', '.join(str(n) for n in sorted(self.tool_lengths)) or 'no tools'}")
+        return int(number)
+
+    def _tool_length(self, values):
+        tool = self._known_tool(values.get("h", 0.0)) or self.tool      # H0 is the tool in the spindle
+        return float(self.tool_lengths[tool]) if tool else 0.0
+
+    def _given_length(self, values):
+        if "z" not in values:
+            raise Complaint("G43.1 without Z", "write G43.1 Z length")
+        return values["z"] * self._unit()
+
+    def _is_own_length_on(self):
+        own_mm = self.tool_lengths.get(self.tool, self.length_mm)
+        return self.is_length_on and abs(own_mm - self.length_mm) <= SAME_LENGTH_MM
+
+    def posted_moves(self):
+        """All moves as one value."""
+        table = np.array(self.rows, dtype=float).reshape(len(self.rows), 21)
+        (kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line,
+         operation) = np.split(table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20), axis=1)
+        return PostedMoves(
+            kind=kind[:, 0], start_mm=start, end_mm=end, center_mm=center, plane=plane[:, 0], turns=turns[:, 0],
+            feed_mm_per_min=feed[:, 0], spindle_rpm=speed[:, 0], tool=tool[:, 0],
+            length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
+            operation=operation[:, 0], operations=tuple(self.names), ended=self.ended)
+
+
+def _refuse_unused(letters):
+    if letters:
+        raise Complaint(f"no code in this block uses {' '.join(sorted(letters)).upper()}",
+                        "remove it, or add the code it belongs to")
+
+
+ACTIONS = {
+    "feed mode": _Controller.set_feed_mode, "feed": _Controller.set_feed, "speed": _Controller.set_speed,
+    "select tool": _Controller.select_tool, "tool change": _Controller.change_tool,
+    "spindle": _Controller.turn_spindle, "coolant": _Controller.pass_over, "dwell": _Controller.dwell,
+    "plane": _Controller.set_plane, "units": _Controller.set_units,
+    "cutter compensation": _Controller.pass_over, "tool length": _Controller.set_length,
+    "work offset": _Controller.set_wcs, "path control": _Controller.set_path_control,
+    "distance": _Controller.set_distance, "arc distance": _Controller.set_arc_distance,
+    "axis offset": _Controller.pass_over, "canned cycle": _Controller.cancel_cycle,
+    "machine coordinates": _Controller.set_machine_coordinates, "motion": _Controller.set_motion,
+    "move": _Controller.move, "stopping": _Controller.stop,
+}
