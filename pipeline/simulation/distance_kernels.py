@@ -1,0 +1,172 @@
+"""Exact signed distance of a point to the volume swept by one piece of path.
+
+A cutter with corner radius rc and flat radius a = R - rc is a disk of radius a, lifted rc
+above the tip and extended upward without end, grown by a ball of radius rc:
+
+        │  a  │           the neck is never wider than the flutes, so what the cutter
+        ├─────┤ ← rc      removes is closed upward
+         ╲___╱  ← tip
+
+The distance is negative inside, 1-Lipschitz, and its sign is exact.  All lengths in mm.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+VERTICAL_MM = 1e-9        # a move shorter than this from above is a plunge
+CLOSE_MM = 1e-10          # how well the closest position along a sloping move is found
+
+
+@njit(cache=True)
+def corner_distance(beside, below):
+    """Signed distance to a quarter plane: `beside` its wall, `below` its floor (negative inside)."""
+    if beside > 0.0 and below > 0.0:
+        return math.sqrt(beside * beside + below * below)
+    return max(beside, below)
+
+
+@njit(cache=True)
+def _column(px, py, pz, hx, hy, g, t, a, rc):
+    """Distance (and its slope along t) of a rectangle at height pz to the disk column at position t.
+
+    The rectangle has half sides hx, hy round (px, py); a point has hx = hy = 0.
+    """
+    dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
+    x, y = g[0] + t * dx - px, g[1] + t * dy - py
+    x = math.copysign(max(abs(x) - hx, 0.0), x)
+    y = math.copysign(max(abs(y) - hy, 0.0), y)
+    rho = math.sqrt(x * x + y * y)
+    e, f = rho - a, g[2] + t * dz + rc - pz
+    slope = (x * dx + y * dy) / rho if rho > 0.0 else 0.0
+    if e > 0.0 and f > 0.0:
+        d = math.sqrt(e * e + f * f)
+        return d, (e * slope + f * dz) / d
+    if e > f:
+        return e, slope
+    return f, dz
+
+
+@njit(cache=True)
+def least_along_line(px, py, pz, hx, hy, g, a, rc):
+    """Least of `_column` over a line: convex in t, so tangents from both sides bound it from below."""
+    lo, hi = 0.0, 1.0
+    f_lo, s_lo = _column(px, py, pz, hx, hy, g, lo, a, rc)
+    f_hi, s_hi = _column(px, py, pz, hx, hy, g, hi, a, rc)
+    best = min(f_lo, f_hi)
+    if s_lo >= 0.0 or s_hi <= 0.0:
+        return best
+    for k in range(100):
+        t = (f_lo - f_hi + s_hi * hi - s_lo * lo) / (s_hi - s_lo)
+        bound = f_lo + s_lo * (t - lo)
+        if best - bound <= CLOSE_MM or hi - lo < 1e-16:
+            break
+        if k % 4 == 3:                       # a kink beside a flat stretch: halve now and then
+            t = 0.5 * (lo + hi)
+        t = min(max(t, lo), hi)
+        f, s = _column(px, py, pz, hx, hy, g, t, a, rc)
+        best = min(best, f)
+        if s < 0.0:
+            lo, f_lo, s_lo = t, f, s
+        elif s > 0.0:
+            hi, f_hi, s_hi = t, f, s
+        else:
+            break
+    return best
+
+
+@njit(cache=True)
+def _ball_on_line(px, py, pz, g, r):
+    """In the vertical plane of the line: distance to the region above it; then across the plane."""
+    dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
+    length = math.sqrt(dx * dx + dy * dy)
+    s = ((px - g[0]) * dx + (py - g[1]) * dy) / length
+    q = ((px - g[0]) * dy - (py - g[1]) * dx) / length
+    v = pz - g[2] - r
+    if 0.0 <= s <= length and v * length >= dz * s:
+        return abs(q) - r
+    v0, v1 = min(v, 0.0), min(v - dz, 0.0)
+    d2 = min(s * s + v0 * v0, (s - length) * (s - length) + v1 * v1)
+    square = length * length + dz * dz
+    t = s * length + v * dz
+    if 0.0 < t < square:
+        across = v * length - s * dz
+        d2 = min(d2, across * across / square)
+    return math.sqrt(q * q + d2) - r
+
+
+@njit(cache=True)
+def _ball_on_arc(px, py, pz, g, r):
+    """As `_ball_on_line`, with an arc of a quarter turn for the lower edge of the region."""
+    k = int(g[6])
+    u, q = (px, py - g[1]) if k == 0 else (py, px - g[0])
+    u0, u1 = g[k], g[3 + k]
+    v, du = pz - r - g[8], u - g[7]
+    if u0 <= u <= u1:
+        edge = g[10] * math.sqrt(max(g[9] * g[9] - du * du, 0.0))
+        if v >= edge:
+            return abs(q) - r
+    v0, v1 = min(pz - r - g[2], 0.0), min(pz - r - g[5], 0.0)
+    d2 = min((u - u0) * (u - u0) + v0 * v0, (u - u1) * (u - u1) + v1 * v1)
+    rho = math.sqrt(du * du + v * v)
+    if rho > 0.0 and v * g[10] >= 0.0:
+        foot = g[7] + du * g[9] / rho
+        if u0 <= foot <= u1:
+            d2 = min(d2, (rho - g[9]) * (rho - g[9]))
+    return math.sqrt(q * q + d2) - r
+
+
+@njit(cache=True)
+def piece_distance(px, py, pz, g, a, rc):
+    """Signed distance of a point to what the cutter (a, rc) sweeps along one piece, mm."""
+    if g[11] != 0.0:
+        return _ball_on_arc(px, py, pz, g, rc)
+    dx, dy = g[3] - g[0], g[4] - g[1]
+    square = dx * dx + dy * dy
+    if square < VERTICAL_MM * VERTICAL_MM:
+        rho = math.sqrt((px - g[0]) * (px - g[0]) + (py - g[1]) * (py - g[1]))
+        return corner_distance(rho - a, min(g[2], g[5]) + rc - pz) - rc
+    if a == 0.0:
+        return _ball_on_line(px, py, pz, g, rc)
+    if g[2] == g[5]:
+        t = min(max(((px - g[0]) * dx + (py - g[1]) * dy) / square, 0.0), 1.0)
+        x, y = g[0] + t * dx - px, g[1] + t * dy - py
+        return corner_distance(math.sqrt(x * x + y * y) - a, g[2] + rc - pz) - rc
+    return least_along_line(px, py, pz, 0.0, 0.0, g, a, rc) - rc
+
+
+@njit(cache=True)
+def node_distance(px, py, pz, node, a, rc):
+    """Lower bound of `piece_distance` over a tree node (see tree.py for its columns).
+
+    All tips lie in a rectangle, above a plane and above a height: a convex set.  For every unit
+    direction n, min n.(Q - P) over its points Q bounds the distance; n is taken towards the
+    point that a cutter would touch first.
+    """
+    xl, xh, yl, yh, low = node[0] - px, node[1] - px, node[2] - py, node[3] - py, node[4]
+    sx, sy = node[5], node[6]
+    ex, ey = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
+    box = corner_distance(math.sqrt(ex * ex + ey * ey) - a, low + rc - pz) - rc
+    if sx == 0.0 and sy == 0.0:
+        return box
+    gap = node[7] + sx * px + sy * py + rc - pz      # from the point straight up to the lifted plane
+    steep = sx * sx + sy * sy
+    reach = max(gap, 0.0) / (1.0 + steep) + a / math.sqrt(steep)
+    x = min(max(-sx * reach, xl), xh)
+    y = min(max(-sy * reach, yl), yh)
+    rho = math.sqrt(x * x + y * y)
+    e, f = rho - a, gap + sx * x + sy * y
+    if f <= 0.0 or rho == 0.0:
+        return max(box, gap - rc + _least(sx, xl, xh) + _least(sy, yl, yh)) if rho == 0.0 else box
+    e = max(e, 0.0)
+    d = math.sqrt(e * e + f * f)
+    nx, ny, nz = x / rho * e / d, y / rho * e / d, f / d
+    plane = (_least(nx + nz * sx, xl, xh) + _least(ny + nz * sy, yl, yh) + nz * gap - a * e / d - rc)
+    return max(box, plane)
+
+
+@njit(cache=True)
+def _least(slope, lo, hi):
+    """Least of slope * x on [lo, hi]."""
+    return slope * lo if slope > 0.0 else slope * hi
