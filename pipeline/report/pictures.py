@@ -1,0 +1,103 @@
+"""PNG pictures of the part: iso, top, paths, deviation.
+
+Rendered in a child process: without a GL driver VTK does not raise, it ends its process.  A build
+without pictures goes on, and says so.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cuspline.report.view_data import OPERATION_COLOURS
+
+CAPTIONS = {"iso": "The design", "top": "The design from above",
+            "paths": "Posted paths, coloured by operation; rapids red",
+            "deviation": "Simulated stock against the design"}
+INSTALL = "no pictures: install libegl1 libgl1 libgl1-mesa-dri"
+RAPID_COLOUR = (240, 170, 170)
+TIMEOUT_S = 300         # a software renderer needs about 10 s; only a hung driver needs more
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """What was rendered, and what was left out."""
+
+    files: dict             # name ("iso", "top", "paths", "deviation") -> Path of the PNG
+    left_out: str           # "" or one sentence for the build's log and the report
+
+
+def render_pictures(bundle, out_dir):
+    """PNG pictures of a bundle in out_dir, without a display.
+
+    Returns:
+        Pictures; never raises because of the renderer.
+    """
+    out_dir = Path(out_dir)
+    with tempfile.TemporaryDirectory(dir=out_dir, prefix=".pictures-") as scratch:
+        job = Path(scratch) / "scene.npz"
+        np.savez(job, **picture_scene(bundle))
+        failure = _run_child(job, Path(scratch))
+        if failure:
+            return Pictures(files={}, left_out=failure)
+        files = {}
+        for name in CAPTIONS:
+            rendered = Path(scratch) / f"{name}.png"
+            if rendered.exists():
+                files[name] = out_dir / rendered.name
+                os.replace(rendered, files[name])
+    missing = [name for name in CAPTIONS if name not in files]
+    return Pictures(files=files, left_out=f"no picture of: {', '.join(missing)}" if missing else "")
+
+
+def _run_child(job, out_dir):
+    """Runs the renderer; "" or the reason why there are no pictures."""
+    environment = dict(os.environ)
+    if not environment.get("DISPLAY"):
+        environment["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkEGLRenderWindow"
+    command = [sys.executable, "-m", "cuspline.report.render", str(job), str(out_dir)]
+    try:
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        return f"no pictures: the renderer did not finish within {TIMEOUT_S} s"
+    if done.returncode < 0 or "EGL" in done.stderr and done.returncode:
+        return INSTALL
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        return f"no pictures: the renderer stopped with: {last}"
+    return ""
+
+
+def picture_scene(bundle):
+    """Plain arrays for the renderer: mesh, edges, path of all setups, deviation scale."""
+    mesh = bundle.mesh
+    edges = mesh.edges_mm or (np.zeros((0, 3)),)
+    points, links, colours = [], [], []
+    for setup in bundle.setups:
+        first = sum(map(len, points))
+        path_points, link, colour = _path_segments(setup.path)
+        points.append(path_points)
+        links.append(link + first)
+        colours.append(colour)
+    limit = max(bundle.finish.scallop_mm, bundle.finish.gouge_mm)
+    return {"vertices": mesh.vertices_mm, "normals": mesh.normals, "triangles": mesh.triangles,
+            "deviation_um": np.asarray(mesh.deviation_mm) * 1000, "scale_um": 1500 * limit,
+            "edge_points": np.vstack(edges), "edge_lengths": np.array([len(e) for e in edges]),
+            "path_points": np.vstack(points), "path_links": np.vstack(links), "path_colours": np.vstack(colours)}
+
+
+def _path_segments(path):
+    """(points, (m, 2) rows joined by a segment, (m, 3) its colour); segments at unknown places left out."""
+    points = np.asarray(path.points_mm, dtype=float)
+    known = np.isfinite(points).all(axis=1)
+    links = np.column_stack([np.arange(len(points) - 1), np.arange(1, len(points))])
+    links = links[known[:-1] & known[1:]]
+    palette = np.array([[int(c[i:i + 2], 16) for i in (1, 3, 5)] for c in OPERATION_COLOURS], dtype=np.uint8)
+    ends = links[:, 1]
+    colours = palette[np.asarray(path.operation)[ends] % len(palette)]
+    colours[np.asarray(path.is_rapid, dtype=bool)[ends]] = RAPID_COLOUR
+    return np.nan_to_num(points), links, colours

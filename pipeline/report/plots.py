@@ -1,0 +1,187 @@
+"""Plots for report and setup sheet: SVG text, the same bytes for the same numbers."""
+
+import functools
+import io
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from cuspline.report.facts import candidate_rows, finishing_steps, operations, tools_used
+from cuspline.report.view_data import OPERATION_COLOURS
+from cuspline.report.wording import number, short, tool_name
+
+GOOD, BAD, INK, BARS = "#1b7f3b", "#c62828", "#1b2330", "#7d93ab"
+STYLE = {"svg.hashsalt": "cuspline", "svg.fonttype": "none", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3,
+         "axes.spines.top": False, "axes.spines.right": False, "axes.titlesize": 9, "axes.titlelocation": "left",
+         "axes.axisbelow": True, "legend.frameon": False, "legend.fontsize": 8}
+FEED_COLUMNS = 400          # instants drawn of the feed plot: about its pixels
+
+
+def in_our_style(plot):
+    """Runs a plot with our settings on matplotlib's defaults, whatever the user's matplotlibrc says."""
+    @functools.wraps(plot)
+    def styled(*args):
+        with matplotlib.rc_context():
+            matplotlib.rcdefaults()
+            matplotlib.rcParams.update(STYLE)
+            return plot(*args)
+    return styled
+
+
+def all_plots(bundle):
+    """[(name, caption, SVG text)] of every plot the bundle has numbers for."""
+    plots = [("deviation", "How far the simulated stock lies from the design",
+              deviation_histogram(bundle.deviation_samples_mm, bundle.finish.scallop_mm, bundle.finish.gouge_mm)),
+             ("curvature", "Which cutter radii fit the hollows of the part",
+              curvature_plot(bundle.curvature_per_mm, *cutter_radii_mm(bundle)))]
+    plots += [(f"feed-{s.name}", f"Feed over time, {s.name}", feed_plot(s.path, _names(bundle, s)))
+              for s in bundle.setups if len(s.path.time_s)]
+    return plots
+
+
+def _names(bundle, setup):
+    return [str(op.get("name", "")) for s, _, op in operations(bundle) if s is setup]
+
+
+@in_our_style
+def deviation_histogram(deviation_mm, scallop_mm, gouge_mm):
+    """Histogram of all judged residuals with the accepted band; both ends collect what lies beyond.
+
+    Args:
+        deviation_mm: (n,) residuals, positive where material is left; NaN: not judged.
+        scallop_mm: largest cusp asked for, scalar > 0.
+        gouge_mm: deepest gouge accepted, scalar > 0.
+    Returns:
+        SVG text.
+    """
+    found = np.asarray(deviation_mm, dtype=float)
+    microns = found[np.isfinite(found)] * 1000
+    if not len(microns):
+        return _nothing("no residual was judged")
+    low = -1000 * gouge_mm - max(0.5 * 1000 * gouge_mm, 0.25 * 1000 * scallop_mm)
+    low, high = min(low, np.percentile(microns, 0.1)), max(1500 * scallop_mm, np.percentile(microns, 99.9))
+    figure, axes = _figure()
+    axes.hist(microns.clip(low, high), np.linspace(low, high, 81), color=BARS, log=True)
+    axes.axvspan(-1000 * gouge_mm, 1000 * scallop_mm, color=GOOD, alpha=0.10, lw=0)
+    for limit, name in ((-1000 * gouge_mm, "gouge"), (1000 * scallop_mm, "cusp")):
+        axes.axvline(limit, color=GOOD, lw=1.2)
+        axes.text(limit, 1.01, f"{name} {limit:+.4g}".replace("-", "−"), color=GOOD, fontsize=8, ha="center",
+                  transform=axes.get_xaxis_transform())
+    beyond = int((microns < -1000 * gouge_mm).sum()), int((microns > 1000 * scallop_mm).sum())
+    axes.set_xlabel(f"deviation [µm], below 0 gouged   (n = {len(microns)}; below the band {beyond[0]}, above {beyond[1]})")
+    axes.set_ylabel("points")
+    return _svg(figure)
+
+
+@in_our_style
+def curvature_plot(curvature_per_mm, radii_mm, hollow_mm):
+    """Radii of the part's hollows against the cutters' radii: a cutter fits what lies right of its line.
+
+    Args:
+        curvature_per_mm: (n,) largest concave curvature, > 0 in a hollow.
+        radii_mm: [(name, radius_mm, is_chosen)] of the finishing cutters looked at.
+        hollow_mm: tightest hollow of what is cut, or None.
+    Returns:
+        SVG text.
+    """
+    curvature = np.asarray(curvature_per_mm, dtype=float)
+    curvature = curvature[np.isfinite(curvature)]
+    radius = 1 / curvature[curvature > 1e-4]          # flatter than R 10 m counts as flat
+    if not len(radius) and not radii_mm:
+        return _nothing("no hollow, and no cutter to compare with")
+    everything = np.concatenate([radius, [r for _, r, _ in radii_mm], [hollow_mm] if hollow_mm else []])
+    low, high = everything.min() / 1.4, min(max(everything.max() * 1.4, everything.min() * 4), 2000.0)
+    figure, axes = _figure()
+    axes.set_xscale("log")
+    axes.hist(radius.clip(low, high), np.geomspace(low, high, 61), color=BARS)
+    for row, (name, value, is_chosen) in enumerate(radii_mm):
+        axes.axvline(value, color=GOOD if is_chosen else INK, lw=1.8 if is_chosen else 0.8, ls="-" if is_chosen else ":")
+        axes.text(value, 0.97 - 0.085 * (row % 10), f" {name}", color=GOOD if is_chosen else INK, fontsize=8, va="top",
+                  fontweight="bold" if is_chosen else "normal", transform=axes.get_xaxis_transform())
+    if hollow_mm:
+        axes.axvline(hollow_mm, color=BAD, lw=1)
+        axes.text(hollow_mm, 1.01, f"tightest R {short(hollow_mm)}", color=BAD, fontsize=8, ha="center",
+                  transform=axes.get_xaxis_transform())
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.xaxis.set_minor_formatter(lambda value, _: "")
+    flat = 1 - len(radius) / len(curvature) if len(curvature) else 0.0
+    axes.set_xlabel(f"radius of the hollow [mm]   ({100 * flat:.0f} % of the points are flat or convex)")
+    axes.set_ylabel("points")
+    return _svg(figure)
+
+
+def cutter_radii_mm(bundle):
+    """([(name, radius_mm, is_chosen)] of finishing cutters, smallest first, tightest hollow in mm or None)."""
+    finishing = {name for name, _ in finishing_steps(bundle)}
+    radii = {}
+    for row in candidate_rows(bundle):
+        diameter = number(row["diameter"].removesuffix(" mm"))
+        if row["operation"] in finishing and diameter:
+            radii[row["tool"]] = (row["tool"], diameter / 2, row["chosen"] or radii.get(row["tool"], (0, 0, False))[2])
+    for tool, names in tools_used(bundle):
+        if finishing & set(names) and number(tool.get("diameter_mm")):
+            radii[tool_name(tool)] = (tool_name(tool), tool["diameter_mm"] / 2, True)
+    return sorted(radii.values(), key=lambda r: r[1]), number(bundle.plan.get("min_concave_radius_mm"))
+
+
+@in_our_style
+def feed_plot(path, names):
+    """Feed of every operation over the program's time; a band where it changes faster than is drawn.
+
+    Args:
+        path: PathPoints of one setup.
+        names: operation names, in the order of path.operation.
+    Returns:
+        SVG text.
+    """
+    minutes, feed = np.asarray(path.time_s, dtype=float) / 60, np.asarray(path.feed_mm_per_min, dtype=float)
+    cutting, operation = ~np.asarray(path.is_rapid, dtype=bool), np.asarray(path.operation)
+    if not cutting.any() or minutes[-1] <= 0:
+        return _nothing("no cutting move")
+    figure, axes = _figure()
+    for k in np.unique(operation[cutting & (operation >= 0)]):
+        middle, low, high = _feed_band(minutes, feed, cutting & (operation == k), minutes[-1])
+        colour = OPERATION_COLOURS[k % len(OPERATION_COLOURS)]
+        axes.fill_between(middle, low, high, color=colour, alpha=0.25, lw=0, step="mid")
+        axes.step(middle, high, where="mid", color=colour, lw=1.2, label=names[k] if k < len(names) else f"operation {k}")
+    axes.set_xlim(0, minutes[-1])
+    axes.set_ylim(0, feed[cutting].max() * 1.18)
+    axes.legend(loc="upper right", ncols=4)
+    axes.set_xlabel("time [min]")
+    axes.set_ylabel("feed [mm/min]")
+    return _svg(figure)
+
+
+def _feed_band(minutes, feed, is_mine, end):
+    """(time, lowest, highest) feed per column of the plot; NaN where the operation does not cut."""
+    first = np.floor(np.r_[minutes[0], minutes[:-1]][is_mine] / end * FEED_COLUMNS).clip(0, FEED_COLUMNS - 1).astype(int)
+    last = np.floor(minutes[is_mine] / end * FEED_COLUMNS).clip(0, FEED_COLUMNS - 1).astype(int)
+    low, high = np.full(FEED_COLUMNS, np.inf), np.full(FEED_COLUMNS, -np.inf)
+    for ends in (first, last):
+        np.minimum.at(low, ends, feed[is_mine])
+        np.maximum.at(high, ends, feed[is_mine])
+    for a, b, value in zip(first, last, feed[is_mine]):
+        if b - a > 1:                                    # a long move covers the columns between its ends
+            low[a:b], high[a:b] = np.minimum(low[a:b], value), np.maximum(high[a:b], value)
+    seen = np.isfinite(low)
+    middle = (np.arange(FEED_COLUMNS) + 0.5) / FEED_COLUMNS * end
+    return middle, np.where(seen, low, np.nan), np.where(seen, high, np.nan)
+
+
+def _figure():
+    figure = Figure(figsize=(6.4, 2.9), layout="constrained")
+    return figure, figure.subplots()
+
+
+def _nothing(sentence):
+    figure = Figure(figsize=(6.4, 1.0), layout="constrained")
+    figure.text(0.5, 0.5, sentence, ha="center", va="center")
+    return _svg(figure)
+
+
+def _svg(figure):
+    """SVG text with neither date nor version in it."""
+    out = io.StringIO()
+    figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+    return out.getvalue()
