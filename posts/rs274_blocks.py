@@ -7,7 +7,7 @@ from cuspline.errors import ReadError
 from cuspline.posts.rs274_expressions import Complaint, Scanner, value_at
 
 LONGEST_LINE = 252      # LinuxCNC refuses 253: "Command too long"
-WORD = re.compile(r"([a-mo-z])([+-]?(?:\d+\.?\d*|\.\d+))")
+WORD = re.compile(r"([a-mp-z])([+-]?(?:\d+\.?\d*|\.\d+))")
 PLAIN = re.compile(rf"(?:n[\d.]+)?((?:{WORD.pattern})*)")
 COMMENT = re.compile(r"\(([^()]*)\)|;(.*)")
 O_WORD = re.compile(r"(?:n[\d.]+)?o(\d+|<[^<>]+>)(sub|endsub|call|return|)(.*)")

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from cuspline.posts.rs274_expressions import Complaint
 
-ORDER = ("feed mode", "feed", "speed", "select tool", "tool change", "spindle", "coolant", "dwell", "plane",
+ORDER = ("feed mode", "feed", "speed", "select tool", "tool change", "spindle", "coolant", "plane",
          "units", "cutter compensation", "tool length", "work offset", "path control", "distance",
-         "arc distance", "axis offset", "canned cycle", "machine coordinates", "motion", "move", "stopping")
+         "arc distance", "canned cycle", "non-modal", "motion", "move", "stopping")
 
 
 class Code(NamedTuple):
@@ -32,21 +32,20 @@ ARC_LETTERS = "ijkrp"
 BY_NAME = {
     **_codes("motion", "G0", "G1"),
     **_codes("motion", "G2", "G3", takes=ARC_LETTERS),
-    **_codes("dwell", "G4", takes="p"),
+    **_codes("non-modal", "G4", takes="p"),
+    **_codes("non-modal", "G53", "G92.1"),
     **_codes("plane", "G17", "G18", "G19"),
     **_codes("units", "G20", "G21"),
     **_codes("cutter compensation", "G40"),
     **_codes("tool length", "G43", takes="h"),
     **_codes("tool length", "G43.1", takes="z"),
     **_codes("tool length", "G49"),
-    **_codes("machine coordinates", "G53"),
     **_codes("work offset", "G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"),
     **_codes("path control", "G61", "G61.1"),
     **_codes("path control", "G64", takes="pq"),
     **_codes("canned cycle", "G80"),
     **_codes("distance", "G90", "G91"),
     **_codes("arc distance", "G90.1", "G91.1"),
-    **_codes("axis offset", "G92.1"),
     **_codes("feed mode", "G93", "G94"),
     **_codes("stopping", "M0", "M1", "M2", "M30"),
     **_codes("spindle", "M3", "M4", "M5"),
@@ -92,6 +91,6 @@ def in_order(codes):
     ordered = sorted(codes, key=lambda code: code.order)
     for one, other in zip(ordered, ordered[1:]):
         if one.group == other.group:
-            raise Complaint(f"{one.name} and {other.name} in one block: both set the {one.group}",
+            raise Complaint(f"{one.name} and {other.name} in one block, both of the group {one.group}",
                             "leave one of them, or write two blocks")
     return ordered

@@ -94,14 +94,17 @@ class _Controller:
             values[letter] = value
             if letter in BY_LETTER:
                 codes.append(BY_LETTER[letter])
-        for code in self._steps(codes, values):
+        steps = self._steps(codes, values)
+        for code in steps:
             ACTIONS[code.group](self, code.name, values)
+        if self.is_machine_move and MOVE not in steps:
+            raise Complaint("G53 without a move", "G53 goes with G0 or G1 and axis words")
 
     def _steps(self, codes, values):
         """The block's codes in the order of execution, with the move where there is one."""
         motion = next((code.name for code in codes if code.group == "motion"), "")
         is_length_given = any(code.name == "G43.1" for code in codes)
-        is_move = motion in ("G2", "G3") or not (is_length_given or MOVING_LETTERS.isdisjoint(values))
+        is_move = motion or not (is_length_given or MOVING_LETTERS.isdisjoint(values))
         if is_length_given and motion:
             raise Complaint(f"G43.1 and {motion} share one Z", "write two blocks")
         taken = TAKEN_BY_MOTION[motion or self.motion] if is_move else TAKEN_ALWAYS
@@ -122,10 +125,8 @@ class _Controller:
     # modes ------------------------------------------------------------------------------------------
 
     def set_feed_mode(self, name, values):
-        is_inverse_time = name == "G93"
-        if is_inverse_time != self.is_inverse_time:
-            self.feed = 0.0
-        self.is_inverse_time = is_inverse_time
+        """G93, G94: either forgets the feed, even where it changes nothing."""
+        self.is_inverse_time, self.feed = name == "G93", 0.0
 
     def set_feed(self, name, values):
         if values["f"] < 0:
@@ -150,8 +151,12 @@ class _Controller:
     def turn_spindle(self, name, values):
         self.turning = {"M3": 1, "M4": -1, "M5": 0}[name]
 
-    def dwell(self, name, values):
-        if values.get("p", -1.0) < 0:
+    def do_once(self, name, values):
+        """G4, G53 and G92.1; the last has nothing to cancel, for G92 is refused."""
+        if name == "G53" and not self.is_absolute:
+            raise Complaint("G53 while G91 is active", "write G90 first")
+        self.is_machine_move = name == "G53"
+        if name == "G4" and values.get("p", -1.0) < 0:
             raise Complaint("a dwell without its time", "write G4 P seconds")
 
     def set_plane(self, name, values):
@@ -190,11 +195,6 @@ class _Controller:
     def cancel_cycle(self, name, values):
         self.motion = ""
 
-    def set_machine_coordinates(self, name, values):
-        if not self.is_absolute:
-            raise Complaint("G53 while G91 is active", "write G90 first")
-        self.is_machine_move = True
-
     def set_motion(self, name, values):
         self.motion = name
 
@@ -202,7 +202,7 @@ class _Controller:
         self.ended = name in ("M2", "M30")
 
     def pass_over(self, name, values):
-        """Nothing that concerns the path: coolant, G40 and G92.1 where nothing is to be cancelled."""
+        """Nothing that concerns the path: coolant, and G40, for G41 and G42 are refused."""
 
     # moves ------------------------------------------------------------------------------------------
 
@@ -334,12 +334,12 @@ def _refuse_unused(letters):
 ACTIONS = {
     "feed mode": _Controller.set_feed_mode, "feed": _Controller.set_feed, "speed": _Controller.set_speed,
     "select tool": _Controller.select_tool, "tool change": _Controller.change_tool,
-    "spindle": _Controller.turn_spindle, "coolant": _Controller.pass_over, "dwell": _Controller.dwell,
+    "spindle": _Controller.turn_spindle, "coolant": _Controller.pass_over,
     "plane": _Controller.set_plane, "units": _Controller.set_units,
     "cutter compensation": _Controller.pass_over, "tool length": _Controller.set_length,
     "work offset": _Controller.set_wcs, "path control": _Controller.set_path_control,
     "distance": _Controller.set_distance, "arc distance": _Controller.set_arc_distance,
-    "axis offset": _Controller.pass_over, "canned cycle": _Controller.cancel_cycle,
-    "machine coordinates": _Controller.set_machine_coordinates, "motion": _Controller.set_motion,
+    "canned cycle": _Controller.cancel_cycle,
+    "non-modal": _Controller.do_once, "motion": _Controller.set_motion,
     "move": _Controller.move, "stopping": _Controller.stop,
 }

@@ -1,0 +1,1 @@
+"""Answers of others: programs, books, standards."""
