@@ -1,0 +1,310 @@
+"""Where the ball's centre may run in a section plane: pieces over faces, edges and corners.
+
+Over a face the centre is S + r n; in the plane across = c the pieces are
+- exact offsets of the section's elements where the face is prismatic;
+- the contour across(S + r n) = c, followed by Newton on the exact surface, for every other face:
+  the ball then touches beside the plane, so an offset of the section alone would gouge;
+- the section of a pipe of radius r about an edge; a circle about a corner.
+"""
+
+from dataclasses import dataclass
+
+import contourpy
+import numpy as np
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.gp import gp_Pnt, gp_Vec
+
+from cuspline.brep import edges_with_faces, faces_of
+from cuspline.surfaces.sections import PrismaticFace, is_cap, is_prismatic
+from cuspline.toolpaths.pieces import NO_FACE, ArcPiece, LinePiece, curve_pieces, half_circle
+
+GRID = 140                  # parameter grid that finds the contours; Newton makes them exact
+EDGE_SPACING_MM = 0.5       # finds where the plane meets an edge's pipe; that range is sampled anew
+PIPE_SAMPLES = 400
+STEEP = 1e-3                # sampled pieces end where the contact normal comes this close to level
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Wall:
+    """A vertical contact: the centre may stand at `along` between two heights, touching the owner."""
+
+    along: float
+    low: float
+    high: float
+    owner: int
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _CenterSurface:
+    """The offset of one general face on a parameter grid."""
+
+    index: int
+    face: object
+    u: np.ndarray
+    v: np.ndarray
+    across: np.ndarray      # (GRID, GRID) across coordinate of S + r n
+
+
+class CenterSections:
+    """All centre pieces of one solid for one ball, plane by plane."""
+
+    def __init__(self, solid, plane, radius_mm):
+        """
+        Args:
+            solid: TopoDS solid.
+            plane: SectionPlane.
+            radius_mm: distance of the centre from the part: ball radius plus allowance.
+        """
+        self.plane, self.radius_mm = plane, radius_mm
+        self.faces = faces_of(solid)
+        self.prismatic = [PrismaticFace(f, i, plane) for i, f in enumerate(self.faces) if is_prismatic(f, plane)]
+        flat = {p.index for p in self.prismatic}
+        self.general = [self._center_surface(i, f) for i, f in enumerate(self.faces)
+                        if i not in flat and not is_cap(f, plane)]
+        self.edges = [_Edge(e, plane) for e, _ in edges_with_faces(solid)]
+
+    def pieces(self, across):
+        """(pieces, walls) in one section plane."""
+        pieces, walls = [], []
+        elements = [e for p in self.prismatic for e in p.elements(across)]
+        for element in elements:
+            self._add_element(element, pieces, walls)
+        for surface in self.general:
+            pieces += self._contour_pieces(surface, across)
+        if self.general or self._leaves_a_face(across):
+            for edge in self.edges:
+                if edge.low - self.radius_mm < across < edge.high + self.radius_mm:
+                    pieces += self._pipe_pieces(edge, across)
+        return pieces, walls
+
+    def _leaves_a_face(self, across):
+        """Some prismatic face that can hold the ball does not reach through this plane."""
+        reach = self.radius_mm + 1e-6
+        for p in self.prismatic:
+            low, high = p.across_range
+            if low - reach < across < high + reach and not low - 1e-7 <= across <= high + 1e-7:
+                return True
+        return False
+
+    # prismatic faces -------------------------------------------------------------------------
+
+    def _add_element(self, element, pieces, walls):
+        r = self.radius_mm
+        if element.kind == "line":
+            start, end = sorted(element.points + r * element.normals, key=lambda p: (p[0], p[1]))
+            if abs(element.normals[0, 1]) < 1e-9:
+                walls.append(Wall(along=start[0], low=start[1], high=end[1], owner=element.owner))
+            elif element.normals[0, 1] > 0:
+                pieces.append(LinePiece(start=start, end=end, owner=element.owner))
+        elif element.kind == "arc":
+            pieces += self._offset_arc(element)
+        else:
+            pieces += _steepless(element.points + r * element.normals, element.normals, element.owner)
+        for end in (element.points[0], element.points[-1]):
+            pieces.append(half_circle(end, r, NO_FACE))
+
+    def _offset_arc(self, element):
+        """Ridge: radius R + r over the top; hollow: R - r through the bottom, nothing if the ball is larger."""
+        radius = element.radius + (1 if element.is_ridge else -1) * self.radius_mm
+        if radius < 1e-6 or element.normals[:, 1].max() < 1e-9:
+            return []
+        ends = [self._arc_end(element, radius, p, n) for p, n in zip(element.points, element.normals)]
+        start, end = sorted(ends, key=lambda p: p[0])
+        return [ArcPiece(center=element.center, radius=radius, start=start, end=end,
+                         is_over=element.is_ridge, owner=element.owner)]
+
+    def _arc_end(self, element, radius, point, normal):
+        """The centre over an end of the arc; where the arc turns under, over its outermost point."""
+        if normal[1] > -1e-9:
+            return point + self.radius_mm * normal
+        side = np.sign(normal[0]) * (1 if element.is_ridge else -1)
+        return element.center + np.array([side * radius, 0.0])
+
+    # general faces ---------------------------------------------------------------------------
+
+    def _center_surface(self, index, face):
+        u0, u1, v0, v1 = face.nurbs.domain
+        u, v = np.linspace(u0, u1, GRID), np.linspace(v0, v1, GRID)
+        uu, vv = np.meshgrid(u, v, indexing="ij")
+        shape = face.shape_at(uu.ravel(), vv.ravel())
+        center = shape.point_mm + self.radius_mm * shape.normal
+        return _CenterSurface(index=index, face=face, u=u, v=v,
+                              across=center[:, self.plane.across].reshape(GRID, GRID))
+
+    def _contour_pieces(self, surface, across):
+        if not surface.across.min() <= across <= surface.across.max():
+            return []
+        pieces = []
+        lines = contourpy.contour_generator(surface.v, surface.u, surface.across, name="serial").lines(float(across))
+        for line in lines:
+            u, v = self._onto_contour(surface, line[:, 1].copy(), line[:, 0].copy(), across)
+            for first, last in _true_runs(self._carries(surface, u, v)):
+                run_u, run_v = self._to_the_border(surface, u, v, first, last, across)
+                pieces += self._curve_of(surface, run_u, run_v, across)
+        return pieces
+
+    def _carries(self, surface, u, v):
+        """(n,) bool: inside the trim, and not so steep that only a wall can hold the ball there."""
+        normals = self.plane.flat(surface.face.shape_at(u, v).normal)
+        rises = normals[:, 1] > STEEP * np.linalg.norm(normals, axis=1)
+        rises[rises] = surface.face.is_inside(u[rises], v[rises])
+        return rises
+
+    def _to_the_border(self, surface, u, v, first, last, across):
+        """Points first..last-1 with the contour's exact last carrying points added."""
+        run = [(u[first:last], v[first:last])]
+        if first > 0:
+            run.insert(0, self._border_point(surface, (u[first], v[first]), (u[first - 1], v[first - 1]), across))
+        if last < len(u):
+            run.append(self._border_point(surface, (u[last - 1], v[last - 1]), (u[last], v[last]), across))
+        return np.concatenate([r[0] for r in run]), np.concatenate([r[1] for r in run])
+
+    def _border_point(self, surface, inside, outside, across):
+        """The last carrying point of the contour between two of its points, to 1e-6 of their distance."""
+        inside, outside = np.array(inside), np.array(outside)
+        found = inside
+        for _ in range(20):
+            middle = (inside + outside) / 2
+            u, v = self._onto_contour(surface, middle[:1].copy(), middle[1:].copy(), across)
+            if self._carries(surface, u, v)[0]:
+                inside, found = middle, np.array([u[0], v[0]])
+            else:
+                outside = middle
+        return found[:1], found[1:]
+
+    def _onto_contour(self, surface, u, v, across, steps=6):
+        """Newton along the gradient of across(S + r n); borders of the domain are kept."""
+        u0, u1, v0, v1 = surface.face.nurbs.domain
+        fixed_u, fixed_v = (u <= u0) | (u >= u1), (v <= v0) | (v >= v1)
+        for _ in range(steps):
+            value, gu, gv = self._across_gradient(surface, u, v)
+            gu, gv = np.where(fixed_u, 0.0, gu), np.where(fixed_v, 0.0, gv)
+            size = np.maximum(gu * gu + gv * gv, 1e-30)
+            miss = value - across
+            if np.abs(miss).max() < 1e-11:
+                break
+            u, v = np.clip(u - miss * gu / size, u0, u1), np.clip(v - miss * gv / size, v0, v1)
+        return u, v
+
+    def _across_gradient(self, surface, u, v):
+        d = surface.face.nurbs.derivatives(u, v)
+        s, su, sv, suu, suv, svv = np.moveaxis(d, 1, 0)
+        cross = np.cross(su, sv)
+        length = np.maximum(np.linalg.norm(cross, axis=1), 1e-30)[:, None]
+        sign = -1.0 if surface.face.is_reversed else 1.0
+        n = cross / length
+        turn = lambda a: (a - n * (a * n).sum(axis=1)[:, None]) / length
+        nu = turn(np.cross(suu, sv) + np.cross(su, suv))
+        nv = turn(np.cross(suv, sv) + np.cross(su, svv))
+        k, r = self.plane.across, sign * self.radius_mm
+        return s[:, k] + r * n[:, k], su[:, k] + r * nu[:, k], sv[:, k] + r * nv[:, k]
+
+    def _curve_of(self, surface, u, v, across):
+        if len(u) < 2:
+            return []
+        shape = surface.face.shape_at(u, v)
+        normals = self.plane.flat(shape.normal)
+        centers = self.plane.flat(shape.point_mm) + self.radius_mm * normals
+        return curve_pieces(centers, normals, surface.index)
+
+    # edges and corners -----------------------------------------------------------------------
+
+    def _pipe_pieces(self, edge, across):
+        """Section of the pipe about an edge: centre = E + r w with w at right angles to the edge."""
+        pieces = [half_circle(self.plane.flat(point), np.sqrt(self.radius_mm ** 2 - offset ** 2), NO_FACE)
+                  for point, offset in zip(edge.ends, across - edge.ends[:, self.plane.across])
+                  if abs(offset) < self.radius_mm - 1e-9]
+        if edge.runs_across:
+            low, high = sorted(edge.ends[:, self.plane.across])
+            if low <= across <= high:
+                pieces.append(half_circle(self.plane.flat(edge.ends[0]), self.radius_mm, NO_FACE))
+            return pieces
+        for low, high in self._touching_ranges(edge, across):
+            middle, half = (low + high) / 2, (high - low) / 2
+            parameters = middle - half * np.cos(np.linspace(0, np.pi, PIPE_SAMPLES))
+            for points, w in self._pipe_sections(edge, parameters, across):
+                pieces += _steepless(self.plane.flat(points + self.radius_mm * w), self.plane.flat(w), NO_FACE, rank=3)
+        return pieces
+
+    def _share(self, edge, parameters, across):
+        """(n,) how far toward the pipe's side the plane lies: it meets the pipe where |share| <= 1."""
+        points, tangents = edge.at(parameters)
+        side = -tangents * tangents[:, [self.plane.across]]
+        side[:, self.plane.across] += 1.0
+        sine = np.maximum(np.linalg.norm(side, axis=1), 1e-12)
+        return ((across - points[:, self.plane.across]) / (self.radius_mm * sine),
+                points, tangents, side / sine[:, None])
+
+    def _touching_ranges(self, edge, across):
+        """Parameter ranges over which the plane meets the pipe: |share| <= 1."""
+        share = self._share(edge, edge.coarse, across)[0]
+        meets = (np.minimum(share[:-1], share[1:]) < 1.0) & (np.maximum(share[:-1], share[1:]) > -1.0)
+        ranges = []
+        for first, last in _true_runs(meets):
+            k = first + int(np.abs(share[first:last + 1]).argmin())
+            inside = edge.coarse[k]
+            if abs(share[k]) > 1.0:     # the range lies between two samples: start from share = 0
+                other = k + 1 if k < last and share[k] * share[k + 1] < 0 else k - 1
+                inside = self._bisect(edge, edge.coarse[k], edge.coarse[other], across,
+                                      lambda s: s * share[k] > 0)
+            ends = [edge.coarse[k] if abs(share[k]) <= 1.0
+                    else self._bisect(edge, inside, edge.coarse[k], across, lambda s: abs(s) <= 1.0)
+                    for k in (first, last)]
+            ranges.append(tuple(ends))
+        return ranges
+
+    def _bisect(self, edge, a, b, across, holds):
+        """Where a condition on the share, true at a and false at b, turns."""
+        for _ in range(50):
+            middle = (a + b) / 2
+            if holds(self._share(edge, np.array([middle]), across)[0][0]):
+                a = middle
+            else:
+                b = middle
+        return a
+
+    def _pipe_sections(self, edge, parameters, across):
+        """Edge points and unit vectors from them to the ball's centre, on both sides of the pipe."""
+        share, points, tangents, side = self._share(edge, parameters, across)
+        other = np.cross(tangents, side)
+        share = np.clip(share, -1.0, 1.0)[:, None]
+        flank = other * np.sqrt(1.0 - share ** 2)
+        return (points, side * share + flank), (points, side * share - flank)
+
+
+class _Edge:
+    """An edge as points and unit tangents at any parameters."""
+
+    def __init__(self, edge, plane):
+        self._curve = BRepAdaptor_Curve(edge)
+        first, last = self._curve.FirstParameter(), self._curve.LastParameter()
+        points, _ = self.at(np.linspace(first, last, 17))
+        length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+        self.coarse = np.linspace(first, last, int(np.clip(length / EDGE_SPACING_MM, 33, 4000)))
+        points, tangents = self.at(self.coarse)
+        self.ends = points[[0, -1]]
+        self.low, self.high = points[:, plane.across].min(), points[:, plane.across].max()
+        self.runs_across = bool((np.abs(tangents[:, plane.across]) > 1 - 1e-12).all())
+
+    def at(self, parameters):
+        """(n, 3) points and (n, 3) unit tangents."""
+        points, tangents = np.empty((len(parameters), 3)), np.empty((len(parameters), 3))
+        p, d = gp_Pnt(), gp_Vec()
+        for i, t in enumerate(parameters.tolist()):
+            self._curve.D1(t, p, d)
+            points[i], tangents[i] = (p.X(), p.Y(), p.Z()), (d.X(), d.Y(), d.Z())
+        return points, tangents / np.linalg.norm(tangents, axis=1)[:, None]
+
+
+def _steepless(centers, normals, owner, rank=2):
+    """Curve pieces of a sampled run, without what is so steep that only a wall can hold the ball there."""
+    pieces = []
+    for first, last in _true_runs(normals[:, 1] > STEEP * np.linalg.norm(normals, axis=1)):
+        pieces += curve_pieces(centers[first:last], normals[first:last], owner, rank)
+    return pieces
+
+
+def _true_runs(flags):
+    """(first, last) index ranges of consecutive true values."""
+    edges = np.flatnonzero(np.diff(np.r_[False, flags, False].astype(int)))
+    return list(zip(edges[::2], edges[1::2]))
