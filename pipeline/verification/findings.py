@@ -8,7 +8,7 @@ class Finding:
     """One thing wrong with a posted program.
 
     `kind` is one of: gouge, excess, missing_area, rapid_through_stock, holder_contact,
-    shank_contact, travel_exceeded, no_spindle, no_length_offset, unknown_start,
+    shank_contact, fixture_contact, travel_exceeded, no_spindle, no_length_offset, unknown_start,
     not_ended, program_too_long, verifiers_disagree.
     """
 

@@ -1,0 +1,129 @@
+"""Findings out of a replay: neighbouring moves are merged, each finding says what to do."""
+
+import numpy as np
+
+from cuspline.program import Kind, Plane
+from cuspline.simulation.pieces import pieces_of
+from cuspline.verification.findings import Finding
+
+NOISE_MM = 1e-6
+TRAVEL_MM = 1e-6
+CONTACTS = (
+    ("rapid_through_stock", "lift to the clearance height before this rapid, or make it a feed move"),
+    ("shank_contact", "use a longer flute or reach, or a thinner shank, or rough this region before"),
+    ("holder_contact", "raise the stick-out by at least this amount, or take a slimmer holder"),
+    ("fixture_contact", "move the fixture, or lift the path over it"),
+)
+
+
+class Reporter:
+    """Makes findings of one program; places in part coordinates."""
+
+    def __init__(self, posted, setup, frame):
+        self.posted, self.setup, self.frame = posted, setup, frame
+        self.is_rapid = posted.kind == Kind.RAPID
+
+    def place(self, point_mm):
+        """A WCS point in part coordinates, rounded to 1e-6 mm; None where it is not known."""
+        if not np.isfinite(point_mm).all():
+            return None
+        return tuple(float(v) for v in np.round(self.frame.out(np.asarray(point_mm)[None])[0], 6))
+
+    def finding(self, kind, row, amount_mm, place_mm, advice):
+        """One finding at one row of the program."""
+        return Finding(kind=kind, amount_mm=round(float(amount_mm), 6), place_mm=self.place(place_mm),
+                       operation=self.posted.operation_name(row), line=int(self.posted.line[row]),
+                       setup=self.setup, advice=advice)
+
+    def runs(self, flagged, relevant):
+        """Row groups: flagged rows of one operation without an unflagged relevant row between them."""
+        rows = np.flatnonzero(flagged | relevant)
+        groups, last = [], None
+        for row in rows:
+            key = int(self.posted.operation[row]) if flagged[row] else None
+            if key is not None and key == last:
+                groups[-1].append(int(row))
+            elif key is not None:
+                groups.append([int(row)])
+            last = key
+        return groups
+
+    def _merged(self, kind, amount, places, relevant, advice):
+        """One finding a run, at its worst row; amounts above 0 count."""
+        found = []
+        for group in self.runs(amount > 0, relevant):
+            row = max(group, key=lambda r: (amount[r], -r))
+            text = advice if len(group) == 1 else f"{advice} ({len(group)} moves from line {self.posted.line[group[0]]})"
+            found.append(self.finding(kind, row, amount[row], places[row], text))
+        return found
+
+    def contacts(self, worst):
+        """Findings of worst (4, rows, 4): rapid, shank, holder, fixture."""
+        everything = np.ones(len(self.posted), dtype=bool)
+        for (kind, advice), table in zip(CONTACTS, worst):
+            amount = np.where(table[:, 0] > NOISE_MM, table[:, 0], 0.0)
+            relevant = self.is_rapid if kind == "rapid_through_stock" else everything
+            yield from self._merged(kind, amount, table[:, 1:], relevant, advice)
+
+    def states(self, top_mm):
+        """Spindle and tool length offset: both on whenever the tool feeds, the offset below the stock top too."""
+        posted, feeds = self.posted, ~self.is_rapid
+        low = np.fmin(posted.start_mm[:, 2], posted.end_mm[:, 2]) < top_mm
+        for kind, wrong, relevant, advice in (
+                ("no_spindle", feeds & ~(posted.spindle_rpm > 0), feeds, "start the spindle (M3 S) before this move"),
+                ("no_length_offset", (feeds | low) & ~posted.length_offset_on, feeds | low,
+                 "switch the tool length offset on (G43 H) before this move")):
+            for group in self.runs(wrong, relevant):
+                yield self.finding(kind, group[0], 0.0, posted.end_mm[group[0]],
+                                   advice + (f" ({len(group)} moves)" if len(group) > 1 else ""))
+
+    def unknown_starts(self, highest_mm):
+        """Moves from or to an unknown place must stay above stock and fixtures all the way."""
+        posted = self.posted
+        known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
+        low = np.fmin(posted.start_mm[:, 2], posted.end_mm[:, 2])      # NaN only if both are unknown
+        unsafe = ~known & (posted.tool > 0) & ~(low >= highest_mm)
+        for group in self.runs(unsafe, ~known):
+            depth = highest_mm - low[group[0]]
+            yield self.finding("unknown_start", group[0], depth if np.isfinite(depth) else 0.0,
+                               posted.end_mm[group[0]],
+                               f"retract to Z {highest_mm:.3f} or higher before the tool moves from a place "
+                               "that the program has not stated")
+
+    def travel(self, machine):
+        """Machine coordinates against the axes' travels, between the ends of arcs too."""
+        if machine is None:
+            return
+        low, high = self._machine_extremes()
+        for k, (name, axis) in enumerate(zip("XYZ", machine.axes)):
+            over = np.maximum(axis.min_mm - low[:, k], high[:, k] - axis.max_mm)
+            amount = np.where(over > TRAVEL_MM, over, 0.0)
+            yield from self._merged(
+                "travel_exceeded", amount, self.posted.end_mm, np.ones(len(over), dtype=bool),
+                f"{name} leaves its travel {axis.min_mm:g} .. {axis.max_mm:g} mm: move the part on the table or "
+                "take another tool length")
+
+    def _machine_extremes(self):
+        """(n, 3) lowest and highest machine coordinates of each move."""
+        posted = self.posted
+        low, high = posted.machine_end_mm.copy(), posted.machine_end_mm.copy()
+        arcs = np.flatnonzero(~self.is_rapid & (posted.kind != Kind.FEED))
+        if not len(arcs):
+            return low, high
+        shift = posted.machine_end_mm - posted.end_mm
+        for is_flat, pick in ((False, posted.plane[arcs] != Plane.XY), (True, posted.plane[arcs] == Plane.XY)):
+            pieces = pieces_of(posted, arcs[pick], not is_flat)
+            for k in (0, 3):
+                points = pieces.geometry[:, k:k + 3] + shift[pieces.row]
+                np.minimum.at(low, pieces.row, points)
+                np.maximum.at(high, pieces.row, points)
+        return low, high
+
+    def end(self):
+        """The program must say that it ends."""
+        if not self.posted.ended and len(self.posted):
+            yield self.finding("not_ended", len(self.posted) - 1, 0.0, self.posted.end_mm[-1],
+                               "end the program with M2 or M30")
+        elif not self.posted.ended:
+            yield Finding(kind="not_ended", amount_mm=0.0, place_mm=None, operation="", line=0, setup=self.setup,
+                          advice="the program is empty; end it with M2 or M30")
