@@ -822,9 +822,10 @@ function bindControls() {
   document.querySelectorAll("input[name=surface]").forEach(radio => { radio.onchange = () => setSurface(radio.value); });
   byId("paths").onchange = event => setPaths(event.target.value);
   byId("path-colour").onchange = event => { state.pathColour = event.target.value; showScale(); colourPath(); };
-  for (const name of ["rapids", "edges", "stockBox", "cutter", "pins"]) {
-    byId(name).checked = state[name];
-    byId(name).onchange = event => { state[name] = event.target.checked; if (name === "rapids") colourPath(); isDirty = true; };
+  const boxes = { rapids: "rapids", edges: "edges", stockBox: "stockBox", cutter: "cutter", pins: "pins-shown" };
+  for (const [name, id] of Object.entries(boxes)) {
+    byId(id).checked = state[name];
+    byId(id).onchange = event => { state[name] = event.target.checked; if (name === "rapids") colourPath(); isDirty = true; };
   }
   byId("scale").max = SCALES_UM.length - 1;
   byId("scale").oninput = event => setScale(Number(event.target.value));
@@ -907,6 +908,13 @@ function zoom(factor) {
   state.halfHeight *= factor;
   isDirty = true;
 }
+
+// The sheet alone goes to the printer; Ctrl-P prints the whole report.
+byId("print-sheet").onclick = () => {
+  document.body.classList.add("printing-sheet");
+  window.print();
+  document.body.classList.remove("printing-sheet");
+};
 
 // ---------------------------------------------------------------- start
 

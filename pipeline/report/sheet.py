@@ -1,0 +1,177 @@
+"""The setup sheet: what a machinist takes to the machine, one page or two a setup."""
+
+import html
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.report.facts import (findings, measure_rows, minimum_z_mm, operation_rows, operations, verdict)
+from cuspline.report.wording import (DASH, box_size, decimal, duration, file_size, grouped, number, short, tool_name)
+
+NOTICE = ("Simulated only. The program was verified by simulation; nobody has run it on this machine. "
+          "Prove it out before you trust it: single block, reduced rapid, hand on feed hold.")
+DRAWING_WIDTH, DRAWING_HEIGHT = 460.0, 330.0    # of the WCS picture, SVG units
+EYE = np.array([-0.75, -1.3, 0.95])             # the operator's side: front, a little from the left, above
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetupSheet:
+    """One setup, ready for the template."""
+
+    name: str
+    job: list               # [(what, value)]
+    zero: list              # [(what, value)]: WCS, stock, extents
+    drawing: str            # SVG text: stock, part, WCS
+    tools: list             # [dict of texts]
+    operations: list        # [dict of texts]
+    checklist: list         # [text]
+    files: list             # [(file, SHA-256)]
+
+
+def setup_sheets(bundle):
+    """One SetupSheet a setup, in order."""
+    return [_sheet(bundle, setup) for setup in bundle.setups]
+
+
+def _sheet(bundle, setup):
+    rows = [row for row, (s, _, _) in zip(operation_rows(bundle), operations(bundle)) if s is setup]
+    return SetupSheet(
+        name=setup.name, job=job_rows(bundle, setup), zero=zero_rows(bundle, setup), drawing=wcs_drawing(bundle, setup),
+        tools=tool_rows(bundle, setup), operations=rows, checklist=checklist(bundle, setup),
+        files=[(setup.program_file, setup.program_sha256), (bundle.step_file, bundle.step_sha256),
+               ("inputs", bundle.inputs_sha256)])
+
+
+def job_rows(bundle, setup):
+    """Part, machine, program, time."""
+    plan = next((p for p in bundle.plan.get("setups") or () if p.get("name") == setup.name), {})
+    position = [s.name for s in bundle.setups].index(setup.name) + 1
+    return [("Part", bundle.design), ("Setup", f"{setup.name}, {position} of {len(bundle.setups)}"),
+            ("Material", bundle.material), ("Machine", setup.machine), ("Control", setup.control),
+            ("Program", f"{setup.program_file}, {grouped(setup.program_lines)} lines, {file_size(setup.program_bytes)}"),
+            ("Units", setup.units), ("Time", duration(plan.get("time_s")))]
+
+
+def zero_rows(bundle, setup):
+    """Where the zero is, how large the stock, how far the tool goes, all in WCS."""
+    axis = lambda box, k: f"{decimal(box[0][k])} … {decimal(box[1][k])}"
+    spans = lambda box: "   ".join(f"{name} {axis(box, k)}" for k, name in enumerate("XYZ"))
+    return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), ("Stock", box_size(setup.stock_box_mm)),
+            ("Stock in WCS", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
+            ("Finished part", box_size(bundle.part_box_mm))]
+
+
+def tool_rows(bundle, setup):
+    """One dict of texts per tool of a setup, in order of first use."""
+    used = {}
+    for s, k, op in operations(bundle):
+        if s is setup:
+            used.setdefault(tool_name(op.get("tool")), []).append((k, op))
+    return [_tool_row(setup, uses) for uses in used.values()]
+
+
+def _tool_row(setup, uses):
+    tool = uses[0][1].get("tool")
+    tool = tool if isinstance(tool, dict) else {"name": str(tool or DASH)}
+    holder = tool.get("holder")
+    depths = [z for z in (minimum_z_mm(setup, k) for k, _ in uses) if z is not None]
+    seconds = [number(op.get("time_s")) for _, op in uses]
+    return {"number": f"T{tool['number']}" if "number" in tool else DASH, "name": str(tool.get("name", DASH)),
+            "type": str(tool.get("type", DASH)).replace("_", " "), "diameter": short(tool.get("diameter_mm")),
+            "corner": short(tool.get("corner_radius_mm")), "flute": short(tool.get("flute_length_mm")),
+            "stick_out": short(tool.get("stick_out_mm")),
+            "holder": str(holder.get("name", DASH)) if isinstance(holder, dict) else str(holder or DASH),
+            "minimum_z": decimal(min(depths) if depths else None),
+            "operations": ", ".join(str(op.get("name", DASH)) for _, op in uses),
+            "time": duration(sum(seconds) if None not in seconds else None)}
+
+
+def checklist(bundle, setup):
+    """What to tick off before cycle start, with this job's own numbers."""
+    lines = [f"Stock is {bundle.material}, {box_size(setup.stock_box_mm)}, clamped below every cut "
+             f"(lowest tip Z {decimal(setup.extents_mm[0][2])})",
+             f"{setup.wcs} set: {setup.wcs_in_words}; compared with the picture"]
+    lines += [f"{row['number']} {row['name']} measured, length in the tool table, stick-out {row['stick_out']} mm, "
+              f"holder {row['holder']}" for row in tool_rows(bundle, setup)]
+    return lines + [
+        f"Control reads {setup.units} and the loaded program is {setup.program_file}, "
+        f"SHA-256 begins {setup.program_sha256[:16]}",
+        f"Nothing stands in the way up to Z {decimal(setup.extents_mm[1][2])}",
+        "First run: single block, rapids reduced, air cut above the stock"]
+
+
+def sheet_verdict(bundle):
+    """(Verdict, accepted finding rows, open finding rows, the numbers behind it)."""
+    rows = findings(bundle.verify)
+    return (verdict(bundle.verify), [r for r in rows if r.is_accepted], [r for r in rows if not r.is_accepted],
+            [(name, values[0]) for name, values in measure_rows(bundle)[1][:4]])
+
+
+def wcs_drawing(bundle, setup):
+    """SVG text: stock box, the part's edges in it, and the WCS where the operator must find it."""
+    look = _projector(bundle, setup)
+    low, high = np.asarray(setup.stock_box_mm, dtype=float)
+    corner = lambda bits: setup.frame.out(np.where([bits >> k & 1 for k in range(3)], high, low)[None])
+    hidden = int(np.argmin([(corner(bits) @ EYE).item() for bits in range(8)]))
+    lines = []
+    for edge in bundle.mesh.edges_mm:
+        lines.append(_polyline(look(edge), "part"))
+    for bits in range(8):
+        for k in range(3):
+            if not bits >> k & 1:
+                style = "hidden" if hidden in (bits, bits | 1 << k) else "stock"
+                lines.append(_polyline(look(np.vstack([corner(bits), corner(bits | 1 << k)])), style))
+    lines += _dimensions(look, setup, low, high) + _triad(look, setup, float(np.linalg.norm(high - low)))
+    style = (".part{stroke:#6b7785;stroke-width:.7}.stock{stroke:#a8620c;stroke-width:1.3}"
+             ".hidden{stroke:#a8620c;stroke-width:.8;stroke-dasharray:4 3}polyline{fill:none}"
+             "text{font:12px sans-serif;fill:#1b2330;paint-order:stroke;stroke:#fff;stroke-width:3px}")
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {DRAWING_WIDTH:g} {DRAWING_HEIGHT:g}" role="img">'
+            f"<style>{style}</style>{''.join(lines)}</svg>")
+
+
+def _projector(bundle, setup):
+    """A function (n, 3) part coordinates → (n, 2) places in the drawing, stock and part filling it."""
+    back = EYE / np.linalg.norm(EYE)
+    right = np.cross((0, 0, 1), back) / np.linalg.norm(np.cross((0, 0, 1), back))
+    axes = np.column_stack([right, -np.cross(back, right)])                # SVG's y runs down
+    grid = lambda box: np.array([[box[i][0], box[j][1], box[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    flat = np.vstack([setup.frame.out(grid(setup.stock_box_mm)), grid(bundle.part_box_mm)]) @ axes
+    low, size = flat.min(axis=0), np.ptp(flat, axis=0)
+    margin = np.array([62.0, 44.0])                                        # for the triad and the dimensions
+    scale = ((np.array([DRAWING_WIDTH, DRAWING_HEIGHT]) - 2 * margin) / np.maximum(size, 1e-9)).min()
+    shift = (np.array([DRAWING_WIDTH, DRAWING_HEIGHT]) - scale * size) / 2
+    return lambda points: (np.atleast_2d(points) @ axes - low) * scale + shift
+
+
+def _polyline(points, style):
+    return f'<polyline class="{style}" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in points)}"/>'
+
+
+def _text(point, words, attributes=""):
+    return f'<text x="{point[0]:.1f}" y="{point[1]:.1f}" {attributes}>{html.escape(words)}</text>'
+
+
+def _dimensions(look, setup, low, high):
+    """Stock sizes at the middle of its front and left edges, outside."""
+    at = lambda x, y, z: look(setup.frame.out(np.array([[x, y, z]])))[0]
+    middle = (low + high) / 2
+    return [_text(at(middle[0], low[1], low[2]) + (6, 18), f"X {short(high[0] - low[0])}"),
+            _text(at(low[0], middle[1], low[2]) + (-10, 16), f"Y {short(high[1] - low[1])}", 'text-anchor="end"'),
+            _text(at(high[0], low[1], middle[2]) + (8, 6), f"Z {short(high[2] - low[2])}")]
+
+
+def _triad(look, setup, diagonal):
+    """Three arrows at the WCS zero, and its name."""
+    parts, length = [], 0.20 * diagonal
+    zero = look(setup.frame.out(np.zeros((1, 3))))[0]
+    for name, colour, direction in zip("XYZ", ("#c62828", "#1b7f3b", "#1a56c4"), np.eye(3)):
+        tip = look(setup.frame.out(length * direction[None]))[0]
+        along = (tip - zero) / max(np.linalg.norm(tip - zero), 1e-9)
+        across = np.array([-along[1], along[0]])
+        barbs = np.array([tip, tip - 9 * along + 3.5 * across, tip - 9 * along - 3.5 * across])
+        parts.append(f'<line x1="{zero[0]:.1f}" y1="{zero[1]:.1f}" x2="{tip[0]:.1f}" y2="{tip[1]:.1f}" '
+                     f'stroke="{colour}" stroke-width="2.4"/>'
+                     f'<polygon points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in barbs)}" fill="{colour}"/>')
+        parts.append(_text(tip + 9 * along + (-4, 4), name, f'style="fill:{colour};font-weight:bold"'))
+    parts.append(f'<circle cx="{zero[0]:.1f}" cy="{zero[1]:.1f}" r="4" fill="#fff" stroke="#1b2330" stroke-width="1.5"/>')
+    return parts + [_text(zero + (-9, -7), setup.wcs, 'text-anchor="end" style="font-weight:bold"')]
