@@ -1,0 +1,180 @@
+"""Finishing and semi-finishing passes of the Z-profile kind: one section plane after the other.
+
+Each pass is the upper envelope of the ball's centre in its plane, cut to the faces wanted, fitted
+with arcs and lines and let down by the ball radius: the programmed point is the ball's south pole.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cuspline.errors import ToolpathError
+from cuspline.toolpaths.arcfit import FittedElement, fit_arcs, line_between
+from cuspline.toolpaths.centers import CenterSections
+from cuspline.toolpaths.envelope import upper_envelope
+from cuspline.toolpaths.pieces import NO_FACE, ArcPiece, CurvePiece, LinePiece
+
+EXTENT_MARGIN_MM = 1e-5     # the rolling circles about the outermost corners end level: stay just inside
+TANGENT_RAD = 2e-3          # curve pieces that meet at less are one smooth run
+MERGE_MM = 1e-5             # runs shorter than this are artefacts of a crossing
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SectionPass:
+    """One pass in one section plane, tip positions, in the direction of rising `along`."""
+
+    across_mm: float
+    elements: tuple[FittedElement, ...]     # (along, up) of the ball's south pole
+    owners: tuple[int, ...]                 # face index touched by each element; NO_FACE: edge or corner
+
+    @property
+    def start(self):
+        return self.elements[0].start
+
+    @property
+    def end(self):
+        return self.elements[-1].end
+
+
+class ProfilePlanner:
+    """Passes over chosen faces of one solid with one ball."""
+
+    def __init__(self, solid, plane, ball_radius_mm, allowance_mm, tolerance_mm, largest_radius_mm):
+        """
+        Args:
+            solid: TopoDS solid.
+            plane: surfaces.sections.SectionPlane.
+            ball_radius_mm: radius of the cutter.
+            allowance_mm: material to leave, 0 for finishing.
+            tolerance_mm: largest distance of fitted elements from the exact centre curve.
+            largest_radius_mm: flatter arcs become lines.
+        """
+        self.plane = plane
+        self.ball_radius_mm, self.allowance_mm = ball_radius_mm, allowance_mm
+        self.tolerance_mm, self.largest_radius_mm = tolerance_mm, largest_radius_mm
+        self.centers = CenterSections(solid, plane, ball_radius_mm + allowance_mm)
+        self._fits = {}
+
+    def extent(self, box_min, box_max):
+        """Along range in which something lies beneath the ball."""
+        r = self.ball_radius_mm + self.allowance_mm - EXTENT_MARGIN_MM
+        return box_min[self.plane.along] - r, box_max[self.plane.along] + r
+
+    def chain(self, across, low, high):
+        """The centre's envelope in one plane: (pieces, owners), walls named by the face they touch."""
+        pieces, walls = self.centers.pieces(across)
+        chain = [p for p in upper_envelope(pieces, low, high)
+                 if np.abs(p.end - p.start).max() > MERGE_MM]
+        return chain, [_owner(p, walls) for p in chain]
+
+    def section_pass(self, across, low, high, wanted):
+        """The pass over the wanted faces in one plane; None where the plane meets none of them."""
+        chain, owners = self.chain(across, low, high)
+        rows = [k for k, owner in enumerate(owners) if owner in wanted]
+        if not rows:
+            return None
+        chosen = slice(rows[0], rows[-1] + 1)
+        return self.fitted_pass(across, chain[chosen], owners[chosen])
+
+    def fitted_pass(self, across, chain, owners):
+        """Arcs and lines for a chain of centre pieces, let down to the tip."""
+        elements, element_owners = [], []
+        for run, owner in _smooth_runs(chain, owners):
+            fitted = self._fitted(run)
+            elements += fitted
+            element_owners += [owner] * len(fitted)
+        down = [_shifted(e, -self.ball_radius_mm) for e in _joined(elements)]
+        return SectionPass(across_mm=float(across), elements=tuple(down), owners=tuple(element_owners))
+
+    def _fitted(self, run):
+        first = run[0]
+        if isinstance(first, LinePiece):
+            return [line_between(first.start, first.end)]
+        if isinstance(first, ArcPiece):
+            return [self._arc(first)]
+        points, headings, breaks = _sampled_run(run)
+        key = np.round(points, 9).tobytes()
+        if key not in self._fits:
+            self._fits[key] = fit_arcs(points, headings, self.tolerance_mm, self.largest_radius_mm, breaks)
+        return self._fits[key]
+
+    def _arc(self, piece):
+        if piece.radius > self.largest_radius_mm:
+            return line_between(piece.start, piece.end)
+        return FittedElement(start=tuple(map(float, piece.start)), end=tuple(map(float, piece.end)),
+                             center=tuple(map(float, piece.center)), radius=float(piece.radius),
+                             is_left=not piece.is_over)
+
+
+def planes_across(low_mm, high_mm, step_at):
+    """Across coordinates of the section planes from low to high.
+
+    Args:
+        low_mm, high_mm: first and last plane, both cut.
+        step_at: function (across_low, across_high) -> widest plane step allowed in between.
+    Returns:
+        list of floats; steps are as wide as allowed, evened out where the allowance is constant.
+    """
+    planes = [low_mm]
+    while planes[-1] < high_mm - 1e-9:
+        here = planes[-1]
+        widest = step_at(here, min(high_mm, here + step_at(here, here)))
+        left = math.ceil((high_mm - here) / widest - 1e-9)
+        planes.append(high_mm if left <= 1 else here + min(widest, (high_mm - here) / left))
+        if len(planes) > 1_000_000:
+            raise ToolpathError(f"more than a million section planes from {low_mm} to {high_mm} mm: "
+                                "the wanted scallop is too small")
+    return planes
+
+
+def reversed_element(element):
+    """The same element run the other way."""
+    return replace(element, start=element.end, end=element.start, is_left=not element.is_left)
+
+
+def _owner(piece, walls):
+    """Face that a piece touches; a vertical line belongs to the wall it slides along."""
+    if piece.owner != NO_FACE or abs(piece.end[0] - piece.start[0]) > 1e-9:
+        return piece.owner
+    low, high = sorted((piece.start[1], piece.end[1]))
+    for wall in walls:
+        if abs(wall.along - piece.start[0]) < 1e-6 and wall.low < high and wall.high > low:
+            return wall.owner
+    return NO_FACE
+
+
+def _smooth_runs(chain, owners):
+    """Group consecutive curve pieces that join tangentially; lines and arcs stay alone."""
+    runs = []
+    for piece, owner in zip(chain, owners):
+        joins = (runs and isinstance(piece, CurvePiece) and isinstance(runs[-1][0][-1], CurvePiece)
+                 and abs(runs[-1][0][-1].headings()[1] - piece.headings()[0]) < TANGENT_RAD)
+        if joins:
+            runs[-1][0].append(piece)
+        else:
+            runs.append(([piece], owner))
+    return runs
+
+
+def _sampled_run(run):
+    """Exact points and heading angles of consecutive curve pieces, joints once, and the joints' rows."""
+    points = np.vstack([run[0].points] + [p.points[1:] for p in run[1:]])
+    headings = np.concatenate([np.arctan(run[0].slopes)] + [np.arctan(p.slopes[1:]) for p in run[1:]])
+    keep = np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 3e-6]
+    keep[-1] = True
+    joints = np.cumsum([len(p.points) - 1 for p in run[:-1]]).astype(int)
+    return points[keep], headings[keep], np.cumsum(keep)[joints] - 1
+
+
+def _joined(elements):
+    """Make each element begin exactly where the one before ends."""
+    out = list(elements[:1])
+    for e in elements[1:]:
+        out.append(replace(e, start=out[-1].end))
+    return out
+
+
+def _shifted(element, up):
+    move = lambda p: None if p is None else (p[0], p[1] + up)
+    return replace(element, start=move(element.start), end=move(element.end), center=move(element.center))
