@@ -1,0 +1,214 @@
+"""Post for LinuxCNC (RS-274/NGC), three axes.
+
+Blocks are built as lists of words first and joined to text second.  Facts of the controller that
+this post respects: units on a line of their own before anything else; every line below the
+machine's line length; a path tolerance always with G64 (a bare G64 cuts corners by millimetres);
+arc radii compared after rounding; M2 at the end.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.errors import PostError
+from cuspline.program import Kind, Plane
+
+EXTENSION = "ngc"
+INCH_MM = 25.4
+# LinuxCNC refuses an arc whose radii at start and end differ by more than 0.0283 mm and 0.1 %
+# (0.0014 in); a tenth of that leaves room for what other versions may ask
+ARC_RADIUS_MISMATCH_MM = 0.00283
+PLANE_WORD = {Plane.XY: "G17", Plane.ZX: "G18", Plane.YZ: "G19"}
+COOLANT_WORD = {"off": "M9", "mist": "M7", "flood": "M8"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Posted:
+    """A posted program and what the post had to do to it."""
+
+    text: str
+    arcs_as_lines: int          # arcs that went out as G1 because the rounded block would be refused
+    largest_rounding_mm: float  # largest distance of a rounded end point from the planned one
+
+
+def post(program, machine):
+    """Write a Program as text.
+
+    Args:
+        program: cuspline.program.Program.
+        machine: cuspline.machines.Machine.
+    Returns:
+        Posted.
+    Raises:
+        PostError: a line longer than the control takes, a spindle speed outside the machine's range.
+    """
+    writer = _Writer(machine)
+    _head(writer, program)
+    for number, operation in enumerate(program.operations, 1):
+        _operation(writer, program, operation, number)
+    writer.block("M5")
+    writer.block("M9")
+    writer.block("G53", "G0", "Z0")
+    writer.block("M2")
+    text = "\n".join(writer.lines) + "\n"
+    _check_lines(writer.lines, machine)
+    return Posted(text=text, arcs_as_lines=writer.arcs_as_lines, largest_rounding_mm=writer.largest_rounding_mm)
+
+
+def _head(writer, program):
+    """Comments, then a known state: units, plane, absolute, no compensation, path tolerance."""
+    control = writer.machine.control
+    for line in program.header:
+        writer.comment(line)
+    writer.block("G21" if control.units == "mm" else "G20")
+    writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80")
+    writer.block("G64", "P" + writer.length(control.path_tolerance_mm), "Q" + writer.length(0.0))
+    writer.block(program.wcs)
+
+
+def _operation(writer, program, operation, number):
+    """Tool change at the top of the machine, spindle and length offset before anything moves down."""
+    tool, spindle = operation.tool, writer.machine.spindle
+    if not spindle.min_rpm <= operation.spindle_rpm <= spindle.max_rpm:
+        raise PostError(f"operation {operation.name}: {operation.spindle_rpm:.0f} rpm, the spindle of "
+                        f"{writer.machine.name} runs {spindle.min_rpm:.0f} to {spindle.max_rpm:.0f} rpm")
+    writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
+    if writer.tool != tool.number:
+        writer.block("M5")
+        writer.block("M9")
+        writer.block("G53", "G0", "Z0")
+        writer.block(f"T{tool.number}", "M6")
+        writer.block("G43", f"H{tool.number}")
+        writer.tool = tool.number
+    writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
+    writer.block(COOLANT_WORD[operation.coolant])
+    writer.forget_position()
+    _moves(writer, program, operation.moves)
+
+
+def _moves(writer, program, moves):
+    """The start above the work, then every move; XY before Z, so that nothing is cut on the way."""
+    if moves.start_mm[2] < program.clearance_z_mm - 1e-6:
+        raise PostError(f"an operation starts at Z{moves.start_mm[2]:.3f}, below the clearance height "
+                        f"Z{program.clearance_z_mm:.3f}")
+    writer.block("G0", *writer.words(moves.start_mm, (0, 1)))
+    writer.block("G0", *writer.words(moves.start_mm, (2,)))
+    writer.here_mm = moves.start_mm
+    for k in range(len(moves)):
+        writer.move(moves.kind[k], moves.end_mm[k], moves.center_mm[k], moves.plane[k], moves.feed_mm_per_min[k])
+
+
+class _Writer:
+    """Lines so far and the modal state that the control is in."""
+
+    def __init__(self, machine):
+        self.machine = machine
+        control = machine.control
+        self.scale = 1.0 if control.units == "mm" else 1.0 / INCH_MM
+        self.decimals = control.decimals_mm if control.units == "mm" else control.decimals_inch
+        self.lines, self.tool = [], None
+        self.here_mm = np.zeros(3)
+        self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
+        self.plane, self.feed = Plane.XY, None
+        self.forget_position()
+
+    def forget_position(self):
+        """After a tool change every axis word is written again."""
+        self.motion, self.axis_words = None, [None] * 3
+
+    def block(self, *words):
+        self.lines.append(" ".join(words))
+
+    def comment(self, text):
+        """ASCII, no nested brackets, split to the line length."""
+        clean = text.translate({ord("("): "[", ord(")"): "]"}).encode("ascii", "replace").decode()
+        room = self.machine.control.line_length - 4
+        for k in range(0, max(len(clean), 1), room):
+            self.lines.append(f"({clean[k:k + room]})")
+
+    def length(self, value_mm):
+        """A length as the control reads it; never an exponent, never minus zero."""
+        text = f"{value_mm * self.scale:.{self.decimals}f}"
+        text = text.rstrip("0").rstrip(".") if "." in text else text
+        return "0" if text in ("-0", "") else text
+
+    def rounded_mm(self, value_mm):
+        """What the control will read, in mm."""
+        return round(value_mm * self.scale, self.decimals) / self.scale
+
+    def words(self, point_mm, axes=(0, 1, 2)):
+        """Axis words that differ from where the control stands."""
+        out = []
+        for k in axes:
+            text = self.length(point_mm[k])
+            if text != self.axis_words[k]:
+                out.append("XYZ"[k] + text)
+                self.axis_words[k] = text
+        return out
+
+    def move(self, kind, end_mm, center_mm, plane, feed):
+        self.largest_rounding_mm = max(self.largest_rounding_mm,
+                                       math.dist([self.rounded_mm(v) for v in end_mm], end_mm))
+        if kind >= Kind.ARC_CW and self._arc_is_accepted(end_mm, center_mm, Plane(plane)):
+            self._arc(kind, end_mm, center_mm, Plane(plane), feed)
+        else:
+            self.arcs_as_lines += int(kind >= Kind.ARC_CW)
+            words = self.words(end_mm)
+            if words:
+                motion = "G0" if kind == Kind.RAPID else "G1"
+                self.block(*self._motion(motion), *words, *(self._feed(feed) if motion == "G1" else ()))
+        self.here_mm = np.asarray(end_mm)
+
+    def _motion(self, word):
+        """The motion word where it changes."""
+        if word == self.motion:
+            return ()
+        self.motion = word
+        return (word,)
+
+    def _feed(self, feed_mm_per_min):
+        text = f"{feed_mm_per_min * self.scale:.{self.machine.control.decimals_feed}f}"
+        if text == self.feed:
+            return ()
+        self.feed = text
+        return ("F" + text,)
+
+    def _arc_words(self, end_mm, center_mm, plane):
+        """Rounded start, end and centre offsets of an arc in its plane, mm."""
+        a, b, _ = plane.axes
+        start = [self.rounded_mm(self.here_mm[k]) for k in (a, b)]
+        end = [self.rounded_mm(end_mm[k]) for k in (a, b)]
+        offset = [self.rounded_mm(center_mm[k] - s) for k, s in zip((a, b), start)]
+        return start, end, offset
+
+    def _arc_is_accepted(self, end_mm, center_mm, plane):
+        """The controller's own rule on the rounded words: both radii agree, the arc has a length."""
+        control = self.machine.control
+        start, end, offset = self._arc_words(end_mm, center_mm, plane)
+        r0 = math.hypot(*offset)
+        r1 = math.hypot(end[0] - start[0] - offset[0], end[1] - start[1] - offset[1])
+        chord = math.dist(start, end)
+        return (abs(r0 - r1) <= ARC_RADIUS_MISMATCH_MM and control.arc_min_length_mm < chord
+                and r0 <= control.arc_max_radius_mm)
+
+    def _arc(self, kind, end_mm, center_mm, plane, feed):
+        if plane != self.plane:
+            self.block(PLANE_WORD[plane])
+            self.plane = plane
+        a, b, third = plane.axes
+        _, _, offset = self._arc_words(end_mm, center_mm, plane)
+        names = {0: "I", 1: "J", 2: "K"}
+        # an arc names both its axes: some controls take a missing one for a full circle
+        for k in (a, b):
+            self.axis_words[k] = None
+        words = self.words(end_mm, sorted((a, b)) + ([third] if abs(end_mm[third] - self.here_mm[third]) > 1e-9 else []))
+        centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
+        self.block(*self._motion("G2" if kind == Kind.ARC_CW else "G3"), *words, *centre, *self._feed(feed))
+
+
+def _check_lines(lines, machine):
+    for number, line in enumerate(lines, 1):
+        if len(line) >= machine.control.line_length:
+            raise PostError(f"line {number} has {len(line)} characters, {machine.name} takes fewer than "
+                            f"{machine.control.line_length}")
