@@ -51,22 +51,24 @@ class ZMap:
         self.points, self.rows, self.events = [np.array([0.0, 0.0, CLEARANCE])], [(True, 0.0, -1)], []
 
     def move(self, end_mm, feed, operation, radius, is_ball):
-        """One straight move; the cut is sampled at a quarter of the pitch."""
+        """One straight move; the cut is sampled at half the pitch."""
         start, end = self.points[-1], np.array(end_mm, dtype=float)
         self.points.append(end)
         self.rows.append((feed is None, feed or 0.0, operation))
         if feed is not None:
             before = self.height.copy()
-            for share in np.linspace(0, 1, max(2, int(np.linalg.norm(end - start) / PITCH * 4))):
+            for share in np.linspace(0, 1, max(2, int(np.linalg.norm(end - start) / PITCH * 2))):
                 self._lower(start + (end - start) * share, radius, is_ball)
             cell = np.flatnonzero(self.height.ravel() < before.ravel() - 1e-9)
             self.events.append((np.full(len(cell), len(self.points) - 1), cell, self.height.ravel()[cell]))
 
     def _lower(self, tip, radius, is_ball):
-        across = (self.x[None, :] - tip[0]) ** 2 + (self.y[:, None] - tip[1]) ** 2
-        under = across <= radius**2
-        cut = tip[2] + (radius - np.sqrt(radius**2 - across[under]) if is_ball else 0.0)
-        self.height[under] = np.minimum(self.height[under], cut)
+        near = lambda nodes, at: slice(*np.searchsorted(nodes, (at - radius, at + radius)))
+        rows, columns = near(self.y, tip[1]), near(self.x, tip[0])
+        across = (self.x[None, columns] - tip[0]) ** 2 + (self.y[rows, None] - tip[1]) ** 2
+        cut = tip[2] + (radius - np.sqrt(np.maximum(radius**2 - across, 0)) if is_ball else 0.0)
+        window = self.height[rows, columns]
+        np.minimum(window, np.where(across <= radius**2, cut, np.inf), out=window)
 
 
 def cut_sample(zmap):
@@ -74,9 +76,9 @@ def cut_sample(zmap):
     fine = np.linspace(-10, LENGTH + 10, 2801)
     height = np.where((fine < 0) | (fine > LENGTH), 0.0, design_height_mm(fine))
     for y in np.arange(0, WIDTH + 1, 8.0):
-        _pass(zmap, y, np.linspace(-7, LENGTH + 7, 60), fine, height + ALLOWANCE, FLAT_R, False, 0, 1200.0)
+        _pass(zmap, y, np.linspace(-7, LENGTH + 7, 149), fine, height + ALLOWANCE, FLAT_R, False, 0, 1200.0)
     for y in np.arange(0, WIDTH + 1e-9, 0.8):
-        _pass(zmap, y, np.linspace(-5.5, LENGTH + 5.5, 143), fine, height + CHORD, BALL_R, True, 1, 900.0)
+        _pass(zmap, y, np.linspace(-5.5, LENGTH + 5.5, 285), fine, height + CHORD, BALL_R, True, 1, 900.0)
 
 
 def _pass(zmap, y, xs, fine, height, radius, is_ball, operation, feed):

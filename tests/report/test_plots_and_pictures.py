@@ -1,0 +1,87 @@
+"""Plots and pictures: same input, same bytes; a missing renderer is a sentence, not a crash."""
+
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cuspline.report import page, pictures, plots
+
+
+def test_plots_are_the_same_twice_and_carry_no_date(sample_bundle):
+    first = plots.all_plots(sample_bundle)
+    assert first == plots.all_plots(sample_bundle)
+    assert [name for name, _, _ in first] == ["deviation", "curvature", "feed-setup-1"]
+    for _, _, svg in first:
+        ElementTree.fromstring(svg)
+        assert "<dc:date>" not in svg and "matplotlib.org" not in svg.split("<dc:", 1)[-1][:0] + ""
+
+
+def test_a_user_s_matplotlibrc_changes_nothing(sample_bundle):
+    import matplotlib
+    wanted = plots.all_plots(sample_bundle)
+    with matplotlib.rc_context({"axes.facecolor": "black", "font.size": 20, "lines.linewidth": 9}):
+        assert plots.all_plots(sample_bundle) == wanted
+
+
+def test_plots_of_nothing_say_so():
+    assert "no residual was judged" in plots.deviation_histogram(np.array([np.nan]), 0.01, 0.003)
+    assert "no hollow" in plots.curvature_plot(np.zeros(5), [], None)
+
+
+def test_histogram_counts_what_lies_beyond_the_band():
+    svg = plots.deviation_histogram(np.array([-0.005, 0.0, 0.0, 0.02, 0.03]), 0.01, 0.003)
+    assert "n = 5; below the band 1, above 2" in svg
+
+
+def test_finishing_cutters_are_compared_with_the_hollows(sample_bundle):
+    radii, hollow = plots.cutter_radii_mm(sample_bundle)
+    assert radii == [("T4 ball ∅6", 3.0, False), ("T3 ball ∅10", 5.0, True), ("T5 ball ∅20", 10.0, False)] and hollow == 8.0
+
+
+@pytest.fixture(scope="module")
+def rendered(sample_bundle, tmp_path_factory):
+    found = pictures.render_pictures(sample_bundle, tmp_path_factory.mktemp("pictures"))
+    if found.left_out:
+        pytest.skip(found.left_out)
+    return found
+
+
+def test_four_pictures_that_show_something(rendered):
+    import matplotlib.image
+    assert list(rendered.files) == ["iso", "top", "paths", "deviation"]
+    for path in rendered.files.values():
+        pixels = matplotlib.image.imread(path)
+        assert pixels.shape == (900, 1400, 3) and pixels.std() > 0.05
+
+
+def test_pictures_are_the_same_twice(rendered, sample_bundle, tmp_path):
+    again = pictures.render_pictures(sample_bundle, tmp_path)
+    assert all(again.files[name].read_bytes() == path.read_bytes() for name, path in rendered.files.items())
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(f"{name}.png" for name in rendered.files)
+
+
+@pytest.mark.parametrize(("code", "said"), [
+    ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", pictures.INSTALL),
+    ("raise ValueError('broken scene')", "no pictures: the renderer stopped with: ValueError: broken scene")])
+def test_a_renderer_that_dies_is_a_sentence(sample_bundle, tmp_path, monkeypatch, code, said):
+    run = subprocess.run
+    monkeypatch.setattr(pictures.subprocess, "run", lambda command, **kw: run([sys.executable, "-c", code], **kw))
+    files, left_out = page.write_report(sample_bundle, tmp_path)
+    assert left_out == said and (tmp_path / "report.html").exists() and not list(tmp_path.glob("*.png"))
+    assert said in (tmp_path / "report.html").read_text()
+    assert all(Path(f).exists() for f in files)
+
+
+def test_reports_in_two_folders_are_the_same(sample_bundle, tmp_path):
+    trees = []
+    for name in ("a", "somewhere else/b"):
+        folder = tmp_path / name
+        folder.mkdir(parents=True)
+        page.write_report(sample_bundle, folder)
+        trees.append({p.name: p.read_bytes() for p in folder.iterdir()})
+    assert trees[0] == trees[1] and {"report.html", "setup-sheet.html", "plot-deviation.svg"} <= set(trees[0])
+    assert str(tmp_path).encode() not in trees[0]["report.html"]

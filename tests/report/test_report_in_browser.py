@@ -1,0 +1,106 @@
+"""The finished report in headless Chromium, over file://, asking nobody for anything."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+from cuspline.report.page import write_report
+
+_spec = importlib.util.spec_from_file_location("chromium", Path(__file__).with_name("chromium.py"))
+chromium = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(chromium)
+
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser"),
+              pytest.mark.skipif(chromium.find_chromium() is None, reason="Chromium is not installed: apt-get install chromium")]
+PICTURE = "document.getElementById('canvas').toDataURL()"
+DISTINCT_COLOURS = """(() => {
+  const gl = document.getElementById('canvas').getContext('webgl2'), w = gl.drawingBufferWidth, h = gl.drawingBufferHeight;
+  const pixels = new Uint8Array(4 * w * h); gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+  return new Set(new Uint32Array(pixels.buffer)).size; })()"""
+
+
+@pytest.fixture(scope="module")
+def report(two_setup_bundle, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    write_report(two_setup_bundle, folder)
+    return (folder / "report.html").as_uri()
+
+
+@pytest.fixture(scope="module")
+def browser(report, tmp_path_factory):
+    with chromium.Browser(tmp_path_factory.mktemp("profile")) as found:
+        found.open(report)
+        if "no-view" in found.evaluate("document.body.className"):
+            pytest.skip("this Chromium offers no WebGL2: " + found.evaluate("document.getElementById('view-message').textContent"))
+        yield found
+
+
+def shown(browser, script):
+    browser.evaluate(f"{script}; 1")
+    return browser.evaluate(PICTURE)
+
+
+def test_it_asks_nobody_and_complains_of_nothing(browser, report):
+    assert [r for r in browser.requests if not r.startswith("data:")] == [report]
+    assert browser.errors == []
+
+
+def test_the_view_shows_something(browser):
+    assert browser.evaluate("document.body.className") == ""
+    assert browser.evaluate(DISTINCT_COLOURS) > 100
+
+
+def test_seeking_there_and_back_gives_the_same_picture(browser):
+    direct = shown(browser, "__view.seek(0.5)")
+    start, end = shown(browser, "__view.seek(0)"), shown(browser, "__view.seek(1)")
+    shown(browser, "__view.seek(0)")
+    assert shown(browser, "__view.seek(0.5)") == direct
+    assert len({direct, start, end}) == 3
+
+
+@pytest.mark.parametrize("change", ["surface: 'deviation'", "surface: 'design'", "surface: 'rest'", "paths: 'all'",
+                                    "paths: 'all', pathColour: 'feed'", "paths: 'done', rapids: false", "stockBox: true",
+                                    "edges: false", "cutter: false", "yaw: 0.3"])
+def test_every_choice_changes_the_picture(browser, change):
+    plain = "__view.showView('iso'); __view.set({surface: 'stock', paths: 'none', pathColour: 'operation', rapids: true, " \
+            "stockBox: false, edges: true, cutter: true}); __view.seek(0.6)"
+    before = shown(browser, plain)
+    assert shown(browser, f"__view.set({{{change}}})") != before
+    assert shown(browser, plain) == before
+    assert browser.errors == []
+
+
+def test_the_read_out_is_in_the_wcs(browser):
+    browser.evaluate("__view.seek(0); 1")
+    assert browser.evaluate("document.getElementById('read-tip').textContent").split() == ["G54", "X", "0.000", "Y", "0.000", "Z", "8.000"]
+
+
+def test_keys_and_chapters_move_time(browser):
+    browser.evaluate("__view.seek(0); document.getElementById('view').focus(); 1")
+    for event in ("keyDown", "keyUp"):
+        browser.call("Input.dispatchKeyEvent", type=event, key="End", code="End", windowsVirtualKeyCode=35)
+    assert browser.evaluate("__view.state.fraction") == 1
+    browser.evaluate("document.querySelectorAll('#chapters button')[1].click(); 1")
+    assert 0 < browser.evaluate("__view.state.fraction") < 0.5
+
+
+def test_another_setup_can_be_chosen(browser):
+    browser.evaluate("__view.chooseSetup(1).then(() => 1)")
+    browser.evaluate("__view.seek(0); 1")
+    assert browser.evaluate("document.getElementById('read-tip').textContent").startswith("G55  X  -60.000")
+    browser.evaluate("__view.chooseSetup(0).then(() => 1)")
+    assert browser.errors == []
+
+
+def test_without_webgl_the_pictures_stand_in(report, tmp_path):
+    with chromium.Browser(tmp_path, flags=("--disable-3d-apis",)) as browser:
+        browser.open(report)
+        assert browser.errors == []
+        assert "no-view" in browser.evaluate("document.body.className")
+        assert "no WebGL2" in browser.evaluate("document.getElementById('view-message').innerText")
+        assert browser.evaluate("document.getElementById('view').offsetHeight") == 0
+        picture = "document.querySelector('#pictures img')"
+        if browser.evaluate(f"{picture} !== null"):
+            browser.wait_for(f"{picture}.complete")
+            assert browser.evaluate(f"{picture}.naturalWidth > 1000 && {picture}.offsetWidth > 600")

@@ -1,0 +1,129 @@
+"""report.html and setup-sheet.html as text: self-contained, repeatable, safe, complete."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+
+from cuspline.report import page, plots, sheet
+
+
+class Page(HTMLParser):
+    """Collects what a browser would fetch, what it would run, and the text a person reads."""
+
+    def __init__(self, html):
+        super().__init__(convert_charrefs=True)
+        self.addresses, self.tags, self.text, self._inside = [], [], [], []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self._inside.append(tag)
+        self.addresses += [value for name, value in attributes if name in ("src", "href", "srcset", "data", "poster", "action")]
+
+    def handle_endtag(self, tag):
+        self._inside.pop() if self._inside and self._inside[-1] == tag else None
+
+    def handle_data(self, data):
+        if not self._inside or self._inside[-1] not in ("script", "style"):
+            self.text.append(data)
+
+    @property
+    def words(self):
+        return " ".join(" ".join(self.text).split())
+
+
+def both_pages(bundle):
+    images = {"iso": page.image_url("image/png", b"picture")}
+    return page.report_html(bundle, images, plots.all_plots(bundle), ""), page.sheet_html(bundle, images)
+
+
+@pytest.fixture(scope="module")
+def pages(sample_bundle):
+    return both_pages(sample_bundle)
+
+
+def test_nothing_is_fetched_from_anywhere(pages):
+    for html in pages:
+        assert all(address.startswith("data:") for address in Page(html).addresses)
+        visible = re.sub(r"data:[a-z/+]+;base64,[A-Za-z0-9+/=]*", "", html)
+        assert not re.search(r"https?:|@import|url\(", visible)
+        assert "default-src 'none'" in html
+
+
+def test_same_bundle_same_bytes(sample_bundle, pages):
+    assert both_pages(sample_bundle) == pages
+
+
+def test_verdict_comes_first(pages, refused_bundle):
+    assert Page(pages[0]).words.startswith("groove_block: VERIFIED VERIFIED")
+    red = Page(both_pages(refused_bundle)[0]).words
+    assert red.index("NOT VERIFIED, 2 findings") < red.index("What to do") < red.index("let T1 stand out 42 mm") < red.index("Part")
+
+
+def test_a_red_sheet_says_do_not_cut(pages, refused_bundle):
+    assert "Do not cut" not in Page(pages[1]).words
+    assert "Do not cut" in Page(both_pages(refused_bundle)[1]).words
+    assert "Do not cut" in Page(both_pages(replace(refused_bundle, verify={}))[1]).words
+
+
+def test_an_accepted_finding_stands_on_the_sheet(refused_bundle):
+    verify = {**refused_bundle.verify, "ok": True, "accepted": {"gouge": "in the runout", "holder_contact": "by hand"}}
+    words = Page(both_pages(replace(refused_bundle, verify=verify))[1]).words
+    assert "Accepted by name" in words and "in the runout" in words
+
+
+def test_names_cannot_break_out(sample_bundle):
+    evil = "</script><img src=x onerror=alert(1)>&\"'<b>"
+    plan = {"setups": [{"name": "setup-1", "operations": [{"name": evil, "tool": {"name": evil, "type": evil, "diameter_mm": 5},
+                                                           "candidates": [{"tool": evil, "reason": evil}]}]}]}
+    verify = {"ok": False, "findings": [{"kind": evil, "advice": evil, "place_mm": [1, 2, 3], "operation": evil}]}
+    setup = replace(sample_bundle.setups[0], wcs=evil, wcs_in_words=evil, machine=evil, program_file=evil)
+    bundle = replace(sample_bundle, design=evil, description=evil, parameters={evil: evil}, plan=plan, verify=verify, setups=(setup,))
+    for html in both_pages(bundle):
+        found = Page(html)
+        assert "b" not in set(found.tags) - {"b"} and not any(a == "x" for a in found.addresses)
+        assert html.count("</script") == found.tags.count("script")
+        assert "onerror=alert(1)>" not in html
+        assert evil in "".join(found.text)
+
+
+def test_the_scene_is_one_script_of_json(pages):
+    import json
+    text = re.search(r'id="scene">(.*?)</script>', pages[0], re.S)[1]
+    meta = json.loads(text)
+    assert [s["name"] for s in meta["setups"]] == ["setup-1"] and meta["pins"][0]["label"] == "U1"
+
+
+def test_the_sheet_holds_what_a_machinist_needs(pages):
+    words = Page(pages[1]).words
+    for part in ("Simulated only", "G54: X0 Y0 at the front left corner of the stock", "60 × 40 × 22 mm", "T3", "ER20",
+                 "18000", "540 … 900", "980", "stick-out 35 mm", "Before cycle start", "3f" * 32, "9c" * 32, "−22.000 … 0.000"):
+        assert part in words, part
+
+
+def test_the_drawing_shows_stock_part_and_zero(sample_bundle):
+    drawing = sheet.wcs_drawing(sample_bundle, sample_bundle.setups[0])
+    assert drawing.count('class="hidden"') == 3 and drawing.count('class="stock"') == 9
+    assert drawing.count('class="part"') == len(sample_bundle.mesh.edges_mm) and ">G54<" in drawing
+    places = [float(v) for pair in re.findall(r'points="([^"]+)"', drawing) for v in re.split("[ ,]", pair)]
+    assert min(places) >= 0 and max(places) <= sheet.DRAWING_WIDTH
+
+
+def test_missing_keys_become_dashes(sample_bundle):
+    html, alone = both_pages(replace(sample_bundle, plan={}, verify={}))
+    assert "NOT VERIFIED" in Page(html).words and "–" in Page(html).words and "NOT VERIFIED" in Page(alone).words
+    bare = {"setups": [{"name": "setup-1", "operations": [{}, {"tool": None, "candidates": [{}]}]}]}
+    assert "NOT VERIFIED" in Page(both_pages(replace(sample_bundle, plan=bare, verify={"findings": [{}]}))[0]).words
+
+
+def test_two_setups_have_two_sheets_and_two_paths(two_setup_bundle):
+    html, alone = both_pages(two_setup_bundle)
+    assert alone.count('class="sheet"') == 2 and 'id="block-path-1"' in html and 'id="block-replay-1"' in html
+    assert "setup-2, 2 of 2" in Page(alone).words
+
+
+def test_left_out_pictures_are_named(sample_bundle):
+    html = page.report_html(sample_bundle, {}, [], "no pictures: install libegl1 libgl1 libgl1-mesa-dri")
+    assert "Left out of this build: no pictures: install libegl1" in Page(html).words

@@ -1,0 +1,83 @@
+"""What the report says, for good, bad and incomplete input."""
+
+from dataclasses import replace
+
+import pytest
+
+from cuspline.report import facts, wording
+
+
+def test_missing_numbers_become_dashes():
+    for spell in (wording.decimal, wording.grouped, wording.short, wording.duration, wording.file_size, wording.place):
+        assert spell(None) == wording.DASH
+    assert wording.decimal(float("nan")) == wording.percent(None, 3) == wording.DASH
+
+
+def test_a_share_below_all_is_never_rounded_up_to_all():
+    assert wording.percent(99.9999, 100, 2) == "99.99 %"
+    assert wording.percent(100, 100, 2) == "100.00 %"
+
+
+def test_minus_zero_is_zero():
+    assert wording.decimal(-0.00001) == "0.000"
+
+
+def test_a_clean_verdict_is_green(sample_bundle):
+    verdict = facts.verdict(sample_bundle.verify)
+    assert (verdict.state, verdict.headline) == (facts.VERIFIED, "VERIFIED")
+
+
+def test_findings_make_it_red_and_name_their_kinds(refused_bundle):
+    verdict = facts.verdict(refused_bundle.verify)
+    assert verdict.state == facts.REFUSED and verdict.headline == "NOT VERIFIED, 2 findings"
+    assert "gouge" in verdict.sentence and "holder contact" in verdict.sentence
+
+
+@pytest.mark.parametrize("verify", [{}, {"ok": None}, {"ok": False, "findings": []}, {"ok": "true"}])
+def test_no_clear_ok_is_red(verify):
+    assert facts.verdict(verify).state == facts.REFUSED
+
+
+def test_ok_beside_an_open_finding_is_red(refused_bundle):
+    assert facts.verdict({**refused_bundle.verify, "ok": True}).state == facts.REFUSED
+
+
+@pytest.mark.parametrize("accept", [
+    lambda v: {**v, "ok": True, "accepted": ["gouge", "holder_contact"]},
+    lambda v: {**v, "ok": True, "accepted": {"gouge": "in the runout", "holder_contact": "measured by hand"}},
+    lambda v: {**v, "ok": True, "findings": [{**f, "accepted": True} for f in v["findings"]]}])
+def test_accepted_findings_stay_in_sight(refused_bundle, accept):
+    verify = accept(refused_bundle.verify)
+    verdict = facts.verdict(verify)
+    assert verdict.state == facts.ACCEPTED and verdict.headline == "VERIFIED, 2 accepted findings"
+    assert all(row.is_accepted for row in facts.findings(verify))
+
+
+def test_a_fact_is_bad_because_of_its_finding(refused_bundle):
+    states = {fact.label: fact.state for fact in facts.one_minute(refused_bundle)}
+    assert states["Gouge, deepest"] == "bad" and states["Cusp, largest"] == "good"
+
+
+def test_the_minute_holds_cutter_cusp_area_time_and_program(sample_bundle):
+    text = "\n".join(f"{f.label}: {f.value} {' '.join(f.details)}" for f in facts.one_minute(sample_bundle))
+    for part in ("T3 ball ∅10", "tightest hollow R 8 mm", "asked 0.0200 mm", "step 0.8 mm", "0.0191 mm", "99.26 %",
+                 "21.3 mm²", "LinuxCNC", "setup-1.ngc", "60 × 40 × 20 mm"):
+        assert part in text
+
+
+def test_nothing_crashes_on_empty_plan_and_verdict(sample_bundle):
+    empty = replace(sample_bundle, plan={}, verify={})
+    assert facts.operation_rows(empty) == [] and facts.candidate_rows(empty) == []
+    assert all(f.value for f in facts.one_minute(empty))
+    bare = replace(sample_bundle, plan={"setups": [{"name": "setup-1", "operations": [{}]}]},
+                   verify={"findings": [{}], "setups": [{}]})
+    assert facts.operation_rows(bare)[0]["tool"] == wording.DASH
+    assert facts.findings(bare.verify)[0].advice == wording.DASH
+    assert facts.measure_rows(bare)
+
+
+def test_minimum_z_is_of_cutting_moves_in_the_wcs(sample_bundle):
+    setup = sample_bundle.setups[0]
+    mine = (setup.path.operation == 1) & ~setup.path.is_rapid
+    assert facts.minimum_z_mm(setup, 1) == pytest.approx(setup.path.points_mm[mine, 2].min() - 22.0)
+    assert facts.minimum_z_mm(setup, 7) is None
