@@ -98,14 +98,16 @@ def _words(letters, values_mm, axes, unit):
 
 
 REFUSED_BY_BOTH = [
-    "G12 X1", "M100", "G0 X1,5", "G0 X1e5", "G0 X", "G0 X1 X2", "G0 G1 X1", "G20 G21", "M3 M5", "M7 M8", "G0 X1 R5",
-    "F1 G0 X1 I5", "G0 X1 P5", "G2 I5\nP2", "G94\nG1 X1", "G1 X1 F0", "G94\nG1", "G93 G1 X1 F1\nX2", "F-1", "S-1", "T-1",
-    "G80 X1", "G80\nX1", "G4", "G4 P-1", "G80\nG4 P1 X1", "G0 A1", "T9", "G43 H9", "G43 Z5\nM2 L5", "G91\nG53 G0 X1", "G53 G2 X1 I0.5",
-    "G53", "G53 G4 P1 G0 X1", "G2 X1", "G2", "G18 G2 X1 I1 J1", "G90.1\nG2 X10 I5", "G2 X1 I1 R1", "G2 X10 R4.99",
-    "G2 X0 R5", "G2 Z1 R5", "G2 X5 R0", "G2 I0", "G2 X10 Y10 I3", "G2 I5 P1.5", "G2 I5 P0", "G0 X1 (a (b) c)", "G0 X1 (a",
-    "G0 X1 )", "G0 N5 X1", "N1 N2 G0 X1", "G0 X1\n%\nG0 X2", "G0 X1 %", "G0 / X1", "G0 X[1/0]", "G0 X[1+2", "G0 X1+2",
-    "o1 call", "o1 call [1]\no1 sub\no1 endsub", "o1 sub\nG0 X1", "o1 sub\no2 sub\no2 endsub\no1 endsub\no1 call",
-    "o1 call 5", "G0 X2 o1 call", "M3.2", "T1.5", "G1.01 X1", "G61 P1", "G0 X1 (" + "a" * 245 + ")",
+    "G12 X1", "M100", "G0 X1,5", "G0 X1e5", "G0 X", "G0 X1 X2", "G0 G1 X1", "G20 G21", "M3 M5", "M7 M8",
+    "G0 X1 R5", "F1 G0 X1 I5", "G0 X1 P5", "G2 I5\nP2", "G94\nG1 X1", "G1 X1 F0", "G94\nG1",
+    "G93 G1 X1 F1\nX2", "F-1", "S-1", "T-1", "G80 X1", "G80\nX1", "G4", "G4 P-1", "G80\nG4 P1 X1", "G0 A1",
+    "T9", "G43 H9", "G43 Z5\nM2 L5", "G91\nG53 G0 X1", "G53 G2 X1 I0.5", "G53", "G53 G4 P1 G0 X1", "G2 X1",
+    "G2", "G18 G2 X1 I1 J1", "G90.1\nG2 X10 I5", "G2 X1 I1 R1", "G2 X10 R4.99", "G2 X0 R5", "G2 Z1 R5",
+    "G2 X5 R0", "G2 I0", "G2 X10 Y10 I3", "G2 I5 P1.5", "G2 I5 P0", "G0 X1 (a (b) c)", "G0 X1 (a", "G0 X1 )",
+    "G0 N5 X1", "N1 N2 G0 X1", "G0 X1\n%\nG0 X2", "G0 X1 %", "G0 / X1", "G0 X[1/0]", "G0 X[1+2", "G0 X1+2",
+    "o1 call", "o1 call [1]\no1 sub\no1 endsub", "o1 sub\nG0 X1",
+    "o1 sub\no2 sub\no2 endsub\no1 endsub\no1 call", "o1 call 5", "G0 X2 o1 call", "M3.2", "T1.5", "G1.01 X1",
+    "G61 P1", "G0 X1 (" + "a" * 245 + ")",
 ]
 
 

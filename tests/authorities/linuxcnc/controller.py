@@ -78,7 +78,7 @@ def run_on_controller(program_path, tools, machine):
     moves = read_program(Path(program_path).read_text(), work_offsets=offsets, tool_lengths=tools)
     run = drive(program_path, tool_lengths=tools, work_offsets=offsets, machine=machine)
     path = path_of(moves, home_mm(machine))
-    distance_mm = deviation_mm(run.position_mm, run.line, path)
+    distance_mm = deviation_mm(run.position_mm, run.line, path, near_mm=machine.control.path_tolerance_mm)
     worst = int(np.argmax(distance_mm)) if len(distance_mm) else -1
     return DrivenPath(**run.__dict__, deviation_mm=float(distance_mm[worst]) if worst >= 0 else math.inf,
                       deviation_line=int(run.line[worst]) if worst >= 0 else 0,

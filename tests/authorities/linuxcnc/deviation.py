@@ -8,7 +8,6 @@ import numpy as np
 from cuspline.program import Kind, Plane
 
 WIDENING = (2, 20, 200)     # segments on either side of the reported one; wider only where still far
-NEAR_MM = 1e-6              # a sample this near its path needs no wider look
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,7 +41,7 @@ def path_of(moves, home_mm):
                        **{name: getattr(moves, name)[keep] for name in ("kind", "plane", "turns", "line")})
 
 
-def deviation_mm(position_mm, line, path):
+def deviation_mm(position_mm, line, path, near_mm=1e-6):
     """Distance of each sample to the programmed path.
 
     Looked for near the segment whose line the controller reports, so a neighbouring pass can stand in
@@ -51,8 +50,9 @@ def deviation_mm(position_mm, line, path):
         position_mm: (n, 3) samples, in the order they were taken.
         line: (n,) program line of each; lines that do not move count as the segment before.
         path: MachinePath.
+        near_mm: a sample this near needs no wider look, which could only bring it nearer.
     Returns:
-        (n,) distances.
+        (n,) distances, those below near_mm perhaps a little too large.
     """
     at = segments_of(line, path.line)
     best = np.full(len(position_mm), np.inf)
@@ -61,7 +61,7 @@ def deviation_mm(position_mm, line, path):
         for step in range(-reach, reach + 1):
             segment = np.clip(at[rows] + step, 0, len(path) - 1)
             best[rows] = np.minimum(best[rows], distance_mm(position_mm[rows], path, segment))
-        rows = np.flatnonzero(best > NEAR_MM)
+        rows = np.flatnonzero(best > near_mm)
     return best
 
 
