@@ -181,7 +181,7 @@ def _area_fact(bundle):
     return Fact(label="Area reached", value=percent(reached, required, 2),
                 details=(f"{grouped(reached)} of {grouped(required, 'mm²')}",
                          f"unreachable {decimal(left, 1, 'mm²')}"
-                         + (f" in {len(unreachable(bundle))} places, listed below" if unreachable(bundle) else "")),
+                         + (f" in {_count(unreachable(bundle), 'place')}, listed below" if unreachable(bundle) else "")),
                 state=_state(verify, reached, "missing_area"))
 
 

@@ -41,7 +41,7 @@ def all_plots(bundle):
 
 
 def _names(bundle, setup):
-    return [str(op.get("name", "")) for s, _, op in operations(bundle) if s is setup]
+    return [str(op.get("name") or f"operation {k + 1}") for s, k, op in operations(bundle) if s is setup]
 
 
 @in_our_style
@@ -140,11 +140,11 @@ def feed_plot(path, names):
     if not cutting.any() or minutes[-1] <= 0:
         return _nothing("no cutting move")
     figure, axes = _figure()
-    for k in np.unique(operation[cutting & (operation >= 0)]):
+    for k in np.unique(operation[cutting]):
         middle, low, high = _feed_band(minutes, feed, cutting & (operation == k), minutes[-1])
         colour = OPERATION_COLOURS[k % len(OPERATION_COLOURS)]
         axes.fill_between(middle, low, high, color=colour, alpha=0.25, lw=0, step="mid")
-        axes.step(middle, high, where="mid", color=colour, lw=1.2, label=names[k] if k < len(names) else f"operation {k}")
+        axes.step(middle, high, where="mid", color=colour, lw=1.2, label=names[k] if 0 <= k < len(names) else f"operation {k + 1}" if k >= 0 else "no operation")
     axes.set_xlim(0, minutes[-1])
     axes.set_ylim(0, feed[cutting].max() * 1.18)
     axes.legend(loc="upper right", ncols=4)

@@ -174,4 +174,4 @@ def _triad(look, setup, diagonal):
                      f'<polygon points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in barbs)}" fill="{colour}"/>')
         parts.append(_text(tip + 9 * along + (-4, 4), name, f'style="fill:{colour};font-weight:bold"'))
     parts.append(f'<circle cx="{zero[0]:.1f}" cy="{zero[1]:.1f}" r="4" fill="#fff" stroke="#1b2330" stroke-width="1.5"/>')
-    return parts + [_text(zero + (-9, -7), setup.wcs, 'text-anchor="end" style="font-weight:bold"')]
+    return parts + [_text(zero + (8, 17), setup.wcs, 'style="font-weight:bold"')]

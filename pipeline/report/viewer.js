@@ -120,7 +120,7 @@ const SHADER_COLOURS = `
 vec3 lit(vec3 normal, vec3 colour) {
   vec3 n = normal.z < 0.0 ? -normal : normal;
   vec3 key = normalize(vec3(0.35, 0.55, 0.75)), fill = normalize(vec3(-0.7, 0.1, 0.5));
-  float diffuse = 0.34 + 0.50 * max(dot(n, key), 0.0) + 0.18 * max(dot(n, fill), 0.0) + 0.12 * n.z;
+  float diffuse = 0.46 + 0.44 * max(dot(n, key), 0.0) + 0.18 * max(dot(n, fill), 0.0) + 0.12 * n.z;
   float shine = pow(max(dot(n, normalize(key + vec3(0, 0, 1))), 0.0), 40.0);
   return colour * diffuse + 0.14 * shine;
 }
@@ -188,7 +188,7 @@ const SHADERS = {
     uniform float scaleUm; uniform bool byDeviation;
     out vec4 pixel;
     void main() {
-      vec3 base = mix(vec3(0.62, 0.56, 0.47), vec3(0.76, 0.79, 0.84), isCut);
+      vec3 base = mix(vec3(0.74, 0.67, 0.56), vec3(0.76, 0.79, 0.84), isCut);
       if (byDeviation) base = isJudged < 0.999 ? vec3(0.62) : deviationColour(leftUm / scaleUm);
       pixel = vec4(lit(normalize(seenNormal), base), 1.0);
     }`],
@@ -404,7 +404,7 @@ class StockReplay {
   }
 }
 
-const PART_COLOURS = { flutes: [0.93, 0.76, 0.25], shank: [0.72, 0.73, 0.76], holder: [0.36, 0.39, 0.45] };
+const PART_COLOURS = { flutes: [0.98, 0.80, 0.30], shank: [0.72, 0.73, 0.76], holder: [0.36, 0.39, 0.45] };
 
 // An outline [[radius, height], ...] turned about the axis, shaded facet by facet along the height.
 function makeTurnedPart({ part, outline }) {
@@ -518,9 +518,11 @@ function showView(name) {
   [state.yaw, state.pitch] = VIEWS[name];
   const { right, up } = eyeAxes(), half = subtract(scene.box[1], scene.box[0]).map(v => v / 2);
   const reach = axis => half.reduce((sum, h, k) => sum + Math.abs(h * axis[k]), 0);
-  const aspect = (canvas.clientWidth || 1) / (canvas.clientHeight || 1);
-  state.target = mix(scene.box[0], scene.box[1], 0.5);
-  state.halfHeight = 1.18 * Math.max(reach(up), reach(right) / aspect);
+  const width = canvas.clientWidth || 1, height = canvas.clientHeight || 1;
+  const bar = byId("time").offsetHeight + 10, free = Math.max(0.4 * height, height - bar);
+  state.halfHeight = 1.15 * Math.max(reach(up) * height / free, reach(right) * height / width);
+  // the time bar covers the lower edge: the part moves up by half of it
+  state.target = addScaled(mix(scene.box[0], scene.box[1], 0.5), up, -state.halfHeight * Math.min(bar, height - free) / height);
   isDirty = true;
 }
 

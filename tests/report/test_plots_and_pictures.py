@@ -17,7 +17,7 @@ def test_plots_are_the_same_twice_and_carry_no_date(sample_bundle):
     assert [name for name, _, _ in first] == ["deviation", "curvature", "feed-setup-1"]
     for _, _, svg in first:
         ElementTree.fromstring(svg)
-        assert "<dc:date>" not in svg and "matplotlib.org" not in svg.split("<dc:", 1)[-1][:0] + ""
+        assert "dc:date" not in svg
 
 
 def test_a_user_s_matplotlibrc_changes_nothing(sample_bundle):

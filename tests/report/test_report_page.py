@@ -83,7 +83,7 @@ def test_names_cannot_break_out(sample_bundle):
     bundle = replace(sample_bundle, design=evil, description=evil, parameters={evil: evil}, plan=plan, verify=verify, setups=(setup,))
     for html in both_pages(bundle):
         found = Page(html)
-        assert "b" not in set(found.tags) - {"b"} and not any(a == "x" for a in found.addresses)
+        assert "x" not in found.addresses
         assert html.count("</script") == found.tags.count("script")
         assert "onerror=alert(1)>" not in html
         assert evil in "".join(found.text)
