@@ -1,4 +1,4 @@
-"""Cutters, holders and the shop's library: validated, every length with its unit.
+r"""Cutters, holders and the shop's library: validated, every length with its unit.
 
     z                    ┌──────┐
     │                    │holder│   holder segments, from the nose upward

@@ -11,7 +11,8 @@ from numba import njit, prange
 
 from cuspline.arrays import frozen
 
-MAX_DEGREE = 25      # OCCT's own limit
+CHUNK = 256              # points a thread takes at a time
+SERIAL_ROWS = 2000       # below this, starting threads costs more than it saves
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,7 +45,12 @@ class NurbsSurface:
         """
         u = np.clip(np.ascontiguousarray(u, float), *self.domain[:2])
         v = np.clip(np.ascontiguousarray(v, float), *self.domain[2:])
-        return _derivatives(self.degree_u, self.degree_v, self.knots_u, self.knots_v, self.poles, u, v)
+        arrays = (self.degree_u, self.degree_v, self.knots_u, self.knots_v, self.poles, u, v)
+        if len(u) > SERIAL_ROWS:
+            return _derivatives_in_parallel(*arrays)
+        out = np.empty((len(u), 6, 3))
+        _derive_rows(*arrays, 0, len(u), out)
+        return out
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -146,38 +152,43 @@ def _basis(knots, degree, span, t, out):
 
 
 @njit(cache=True, parallel=True)
-def _derivatives(pu, pv, U, V, poles, u, v):
+def _derivatives_in_parallel(pu, pv, U, V, poles, u, v):
     n = u.shape[0]
     out = np.empty((n, 6, 3))
-    chunk = 256
-    for block in prange((n + chunk - 1) // chunk):
-        bu, bv = np.empty((3, pu + 1)), np.empty((3, pv + 1))
-        h = np.empty((6, 4))
-        for q in range(block * chunk, min(n, block * chunk + chunk)):
-            iu, iv = _span(U, pu, poles.shape[0], u[q]), _span(V, pv, poles.shape[1], v[q])
-            _basis(U, pu, iu, u[q], bu)
-            _basis(V, pv, iv, v[q], bv)
-            h[:] = 0.0
-            for i in range(pu + 1):
-                for b in range(4):
-                    r0 = r1 = r2 = 0.0
-                    for j in range(pv + 1):
-                        p = poles[iu - pu + i, iv - pv + j, b]
-                        r0 += bv[0, j] * p
-                        r1 += bv[1, j] * p
-                        r2 += bv[2, j] * p
-                    h[0, b] += bu[0, i] * r0
-                    h[1, b] += bu[1, i] * r0
-                    h[2, b] += bu[0, i] * r1
-                    h[3, b] += bu[2, i] * r0
-                    h[4, b] += bu[1, i] * r1
-                    h[5, b] += bu[0, i] * r2
-            w, wu, wv, wuu, wuv, wvv = h[0, 3], h[1, 3], h[2, 3], h[3, 3], h[4, 3], h[5, 3]
-            for b in range(3):
-                s = h[0, b] / w
-                su, sv = (h[1, b] - wu * s) / w, (h[2, b] - wv * s) / w
-                out[q, 0, b], out[q, 1, b], out[q, 2, b] = s, su, sv
-                out[q, 3, b] = (h[3, b] - 2.0 * wu * su - wuu * s) / w
-                out[q, 4, b] = (h[4, b] - wu * sv - wv * su - wuv * s) / w
-                out[q, 5, b] = (h[5, b] - 2.0 * wv * sv - wvv * s) / w
+    for block in prange((n + CHUNK - 1) // CHUNK):
+        _derive_rows(pu, pv, U, V, poles, u, v, block * CHUNK, min(n, block * CHUNK + CHUNK), out)
     return out
+
+
+@njit(cache=True)
+def _derive_rows(pu, pv, U, V, poles, u, v, first, last, out):
+    """Rows first..last-1 of the derivatives."""
+    bu, bv = np.empty((3, pu + 1)), np.empty((3, pv + 1))
+    h = np.empty((6, 4))
+    for q in range(first, last):
+        iu, iv = _span(U, pu, poles.shape[0], u[q]), _span(V, pv, poles.shape[1], v[q])
+        _basis(U, pu, iu, u[q], bu)
+        _basis(V, pv, iv, v[q], bv)
+        h[:] = 0.0
+        for i in range(pu + 1):
+            for b in range(4):
+                r0 = r1 = r2 = 0.0
+                for j in range(pv + 1):
+                    p = poles[iu - pu + i, iv - pv + j, b]
+                    r0 += bv[0, j] * p
+                    r1 += bv[1, j] * p
+                    r2 += bv[2, j] * p
+                h[0, b] += bu[0, i] * r0
+                h[1, b] += bu[1, i] * r0
+                h[2, b] += bu[0, i] * r1
+                h[3, b] += bu[2, i] * r0
+                h[4, b] += bu[1, i] * r1
+                h[5, b] += bu[0, i] * r2
+        w, wu, wv, wuu, wuv, wvv = h[0, 3], h[1, 3], h[2, 3], h[3, 3], h[4, 3], h[5, 3]
+        for b in range(3):
+            s = h[0, b] / w
+            su, sv = (h[1, b] - wu * s) / w, (h[2, b] - wv * s) / w
+            out[q, 0, b], out[q, 1, b], out[q, 2, b] = s, su, sv
+            out[q, 3, b] = (h[3, b] - 2.0 * wu * su - wuu * s) / w
+            out[q, 4, b] = (h[4, b] - wu * sv - wv * su - wuv * s) / w
+            out[q, 5, b] = (h[5, b] - 2.0 * wv * sv - wvv * s) / w
