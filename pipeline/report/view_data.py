@@ -7,6 +7,7 @@ integer type: neighbours differ little, so gzip makes them small.
 
 import base64
 import gzip
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,9 @@ PATH_STEP_MM = 1e-4         # posted coordinates carry at most four decimals: no
 FEED_STEP = 0.1             # mm/min
 DEVIATION_STEP_MM = 1e-4    # int16: judged up to ±3.27 mm, beyond that clipped
 NOT_JUDGED = -32768
-REPLAY_STEPS = 8000         # instants the replay can stop at; more of them cost file size
+REPLAY_STEPS = (8000, 4000, 2000, 1000)     # instants the replay can stop at: the most that keeps MOST_EVENTS
+MOST_EVENTS = 1_500_000     # about 4 MB of html
+MOST_NODES = 400_000        # of the z-map; above, every 2nd, 3rd ... node is shown, each as simulated
 OPERATION_COLOURS = ("#e8710a", "#1a73e8", "#12a05c", "#9334e6", "#00897b", "#c5221f", "#8d6e00", "#d01884")
 
 
@@ -119,18 +122,17 @@ def _known(points_mm):
 
 
 def pack_replay(replay, setup):
-    """(meta, bytes) of the stock's every change, in REPLAY_STEPS instants of the program's time.
+    """(meta, bytes) of the stock's every change, in so many instants of the program's time.
 
-    An event belongs to a whole move; within the move it is shown when the cutter passes its cell.
-    Of several events of one cell in one instant the last remains: the height after it is the same.
+    An event belongs to a whole move; within the move it is shown when the cutter passes its node.
+    Of several events of one node in one instant the last remains: the height after it is the same.
     """
-    instant = event_instants(replay, setup)
-    cell, z = np.asarray(replay.event_cell, dtype=np.int64), np.asarray(replay.event_z_mm, dtype=float)
-    order = np.lexsort((-z, cell, instant))
-    instant, cell, z = instant[order], cell[order], z[order]
-    last = np.ones(len(cell), dtype=bool)
-    last[:-1] = (instant[1:] != instant[:-1]) | (cell[1:] != cell[:-1])
-    instant, cell, z = instant[last], cell[last], z[last]
+    replay, stride = thinned(replay)
+    share = event_times(replay, setup)
+    for steps in REPLAY_STEPS:
+        instant, cell, z = _last_in_each_instant(np.ceil(share * steps).astype(np.int64), replay)
+        if len(cell) <= MOST_EVENTS:
+            break
     height = replay.top_mm - replay.bottom_mm
     top = np.asarray(replay.design_top_mm, dtype=float).ravel()
     design = quantised(np.nan_to_num(top, nan=replay.bottom_mm), replay.bottom_mm, height)
@@ -139,15 +141,40 @@ def pack_replay(replay, setup):
                   delta(design, np.uint16), np.isfinite(top).astype(np.uint8)])
     return {"nx": int(replay.nx), "ny": int(replay.ny), "originMm": list(map(float, replay.origin_mm)),
             "pitchMm": float(replay.pitch_mm), "bottomMm": float(replay.bottom_mm), "topMm": float(replay.top_mm),
-            "events": len(cell), "instants": REPLAY_STEPS}, raw
+            "events": len(cell), "instants": steps, "stride": stride}, raw
 
 
-def event_instants(replay, setup):
-    """(e,) instant 0..REPLAY_STEPS at which each event is shown: never before it was cut."""
+def thinned(replay):
+    """(replay on every stride-th node each way, stride): the shown nodes keep their simulated heights."""
+    stride = int(np.ceil(np.sqrt(replay.nx * replay.ny / MOST_NODES)))
+    if stride <= 1:
+        return replay, 1
+    cell = np.asarray(replay.event_cell, dtype=np.int64)
+    i, j = cell % replay.nx, cell // replay.nx
+    kept = (i % stride == 0) & (j % stride == 0)
+    nx, ny = -(-replay.nx // stride), -(-replay.ny // stride)
+    return replace(replay, pitch_mm=replay.pitch_mm * stride, nx=nx, ny=ny,
+                   design_top_mm=np.asarray(replay.design_top_mm)[::stride, ::stride],
+                   event_move=np.asarray(replay.event_move)[kept], event_z_mm=np.asarray(replay.event_z_mm)[kept],
+                   event_cell=(j[kept] // stride) * nx + i[kept] // stride), stride
+
+
+def _last_in_each_instant(instant, replay):
+    """(instant, cell, height) in order of time, one row per cell and instant."""
+    cell, z = np.asarray(replay.event_cell, dtype=np.int64), np.asarray(replay.event_z_mm, dtype=float)
+    order = np.lexsort((-z, cell, instant))
+    instant, cell, z = instant[order], cell[order], z[order]
+    last = np.ones(len(cell), dtype=bool)
+    last[:-1] = (instant[1:] != instant[:-1]) | (cell[1:] != cell[:-1])
+    return instant[last], cell[last], z[last]
+
+
+def event_times(replay, setup):
+    """(e,) share 0..1 of the program's time at which the cutter passes each event's node."""
     seconds = np.asarray(setup.path.time_s, dtype=float)
     reached = np.asarray(replay.event_move, dtype=np.int64)
     if not len(reached) or seconds[-1] <= 0:
-        return np.zeros(len(reached), dtype=np.int64)
+        return np.zeros(len(reached))
     before = np.maximum(reached - 1, 0)
     points = _known(np.asarray(setup.path.points_mm, dtype=float)) @ setup.frame.rotation   # x_replay = Rᵀ x_part
     cell = np.asarray(replay.event_cell, dtype=np.int64)
@@ -155,7 +182,7 @@ def event_instants(replay, setup):
     start, move = points[before, :2], points[reached, :2] - points[before, :2]
     along = np.einsum("ij,ij->i", node - start, move) / np.maximum(np.einsum("ij,ij->i", move, move), 1e-12)
     passed = seconds[before] + along.clip(0, 1) * (seconds[reached] - seconds[before])
-    return np.ceil(passed / seconds[-1] * REPLAY_STEPS).clip(0, REPLAY_STEPS).astype(np.int64)
+    return (passed / seconds[-1]).clip(0, 1)
 
 
 def operation_meta(bundle, setup):

@@ -12,6 +12,7 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepLib import BRepLib_ToolTriangulatedShape
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.GCPnts import GCPnts_TangentialDeflection
+from OCP.GeomAbs import GeomAbs_Plane
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
 from OCP.TopExp import TopExp
@@ -102,13 +103,14 @@ def _divided(surface, vertices, normals, uv, triangles, longest_edge_mm):
     """
     for _ in range(16):                     # each round halves the edges: 16 go from 1 m below 0.02 mm
         sides = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        edges, side_edge = np.unique(sides, axis=0, return_inverse=True)
+        keys, side_edge = np.unique(sides[:, 0] * len(vertices) + sides[:, 1], return_inverse=True)
+        edges = np.column_stack([keys // len(vertices), keys % len(vertices)])
         length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
         is_long = length > longest_edge_mm
         if not is_long.any():
             break
         middle_uv = uv[edges[is_long]].mean(axis=1)
-        points, directions = _on_surface(surface, middle_uv, normals[edges[is_long]].sum(axis=1))
+        points, directions = _middles(surface, middle_uv, vertices[edges[is_long]], normals[edges[is_long]])
         middle = np.full(len(edges), -1)
         middle[is_long] = len(vertices) + np.arange(is_long.sum())
         vertices, normals = np.vstack([vertices, points]), np.vstack([normals, directions])
@@ -134,6 +136,13 @@ def _split(triangles, middle):
         rows(1, a, ab, c), rows(1, ab, b, c),
         rows(2, ab, b, bc), rows(2, a, ab, bc), rows(2, a, bc, c),
         rows(3, a, ab, ca), rows(3, ab, b, bc), rows(3, ca, bc, c), rows(3, ab, bc, ca)])
+
+
+def _middles(surface, uv, ends, normals):
+    """Points and unit normals of the surface half-way along edges (n, 2, 3)."""
+    if surface.GetType() == GeomAbs_Plane:
+        return ends.mean(axis=1), normals[:, 0]             # exact, and a hundred times faster
+    return _on_surface(surface, uv, normals.sum(axis=1))
 
 
 def _on_surface(surface, uv, about):

@@ -731,6 +731,8 @@ function showScale() {
   byId("legend-high").textContent = `+${state.scaleUm} left`;
   byId("deviation-box").hidden = !(state.surface === "deviation" || state.surface === "rest");
   byId("feed-box").hidden = !isFeed;
+  const { stride, pitchMm } = current.meta.replay;
+  byId("stock-note").textContent = `Stock: the verifier's z-map, ${stride > 1 ? `every ${stride}. node, ` : ""}${+pitchMm.toFixed(3)} mm apart.`;
   byId("feed-high").textContent = `${current.meta.path.feedMax.toFixed(0)} mm/min`;
 }
 

@@ -85,6 +85,25 @@ def test_replay_never_shows_a_cut_before_it_was_made(sample_bundle):
     assert (shown >= reached - 1e-3).all() and (shown < setup.replay.top_mm).any()
 
 
+def test_a_thinned_replay_shows_simulated_heights(sample_bundle, monkeypatch):
+    setup = sample_bundle.setups[0]
+    full = replayed(*view_data.pack_replay(setup.replay, setup), 8000).reshape(setup.replay.ny, setup.replay.nx)
+    monkeypatch.setattr(view_data, "MOST_NODES", 1200)
+    meta, raw = view_data.pack_replay(setup.replay, setup)
+    assert meta["stride"] == 3 and meta["pitchMm"] == 1.5
+    assert (replayed(meta, raw, meta["instants"]).reshape(meta["ny"], meta["nx"]) == full[::3, ::3]).all()
+
+
+def test_many_events_make_fewer_instants(sample_bundle, monkeypatch):
+    setup = sample_bundle.setups[0]
+    monkeypatch.setattr(view_data, "MOST_EVENTS", 50_000)
+    meta, raw = view_data.pack_replay(setup.replay, setup)
+    monkeypatch.undo()
+    fine, fine_raw = view_data.pack_replay(setup.replay, setup)
+    assert meta["instants"] < 8000 and meta["events"] <= 50_000
+    assert (replayed(meta, raw, meta["instants"]) == replayed(fine, fine_raw, fine["instants"])).all()
+
+
 def test_a_long_move_cuts_as_the_cutter_passes(sample_bundle):
     path = PathPoints(points_mm=[[0, 0, 0], [100, 0, 0]], is_rapid=[False, False], feed_mm_per_min=[600, 600],
                       operation=[0, 0], time_s=[0, 10.0])
@@ -92,7 +111,7 @@ def test_a_long_move_cuts_as_the_cutter_passes(sample_bundle):
                          design_top_mm=np.full((1, 11), -1.0), event_move=np.ones(11, int), event_cell=np.arange(11),
                          event_z_mm=np.zeros(11))
     setup = replace(sample_bundle.setups[0], path=path, replay=replay, frame=Frame.shift((0, 0, 0)))
-    assert view_data.event_instants(replay, setup).tolist() == [view_data.REPLAY_STEPS * k // 10 for k in range(11)]
+    assert view_data.event_times(replay, setup) == pytest.approx(np.arange(11) / 10)
 
 
 def test_a_setup_that_is_turned_replays_in_its_own_axes(sample_bundle):
@@ -101,7 +120,7 @@ def test_a_setup_that_is_turned_replays_in_its_own_axes(sample_bundle):
     turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     turned = replace(setup, path=replace(setup.path, points_mm=setup.path.points_mm @ turn.T),
                      frame=Frame(rotation=turn, origin_mm=(0, 0, 0)))
-    assert (view_data.event_instants(setup.replay, setup) == view_data.event_instants(setup.replay, turned)).all()
+    assert (view_data.event_times(setup.replay, setup) == view_data.event_times(setup.replay, turned)).all()
 
 
 def test_mesh_keeps_what_was_not_judged(sample_bundle):
