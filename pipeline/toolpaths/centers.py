@@ -32,6 +32,7 @@ class Wall:
     low: float
     high: float
     owner: int
+    side: int       # +1: the wall faces rising along
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,7 +94,8 @@ class CenterSections:
         if element.kind == "line":
             start, end = sorted(element.points + r * element.normals, key=lambda p: (p[0], p[1]))
             if abs(element.normals[0, 1]) < 1e-9:
-                walls.append(Wall(along=start[0], low=start[1], high=end[1], owner=element.owner))
+                walls.append(Wall(along=start[0], low=start[1], high=end[1], owner=element.owner,
+                                  side=int(np.sign(element.normals[0, 0]))))
             elif element.normals[0, 1] > 0:
                 pieces.append(LinePiece(start=start, end=end, owner=element.owner))
         elif element.kind == "arc":

@@ -43,28 +43,25 @@ def moves_of_passes(passes, plane, rules):
     Returns:
         Moves in the part frame; the first begins at the clearance plane above the first pass.
     """
-    writer, forward, previous = None, True, None
-    for section in passes:
-        elements = _directed(section.elements, forward)
-        entry = _lead(elements[0], plane, section.across_mm, rules, at_start=True)
-        first = plane.lift(entry[0][0] if entry else elements[0].start, section.across_mm)[0]
+    writer, previous = None, None
+    for number, section in enumerate(passes):
+        forward = rules.is_one_way or number % 2 == 0
+        elements = section.elements if forward else tuple(reversed_element(e) for e in reversed(section.elements))
+        lead = _lead(elements[0], plane, section.across_mm, rules, at_start=True)
+        first = plane.lift(lead[0] if lead else elements[0].start, section.across_mm)[0]
         if writer is None:
             writer = MoveWriter(np.r_[first[:2], rules.clearance_z_mm])
-        if previous is not None and not rules.is_one_way and _links(writer, elements, plane, section, previous, rules):
-            pass
-        else:
+        if previous is None or rules.is_one_way or not _links(writer, elements, plane, section, previous[0], rules):
             if previous is not None:
                 _leave(writer, previous, plane, rules)
-            _enter(writer, entry, first, elements[0].start, plane, section.across_mm, rules)
+            enter(writer, first, rules)
+            if lead:
+                _, center, is_left = lead
+                _arc_move(writer, elements[0].start, center, is_left, plane, section.across_mm, rules.feed_mm_per_min)
         _cut(writer, elements, plane, section.across_mm, rules.feed_mm_per_min)
-        previous = (section, elements)
-        forward = forward if rules.is_one_way else not forward
+        previous = section, elements
     _leave(writer, previous, plane, rules)
     return writer.moves()
-
-
-def _directed(elements, forward):
-    return elements if forward else tuple(reversed_element(e) for e in reversed(elements))
 
 
 def _cut(writer, elements, plane, across, feed):
@@ -123,17 +120,12 @@ def _floor(xy, rules):
     return drop_tips_mm(rules.mesh, xy, r, r) + rules.allowance_mm
 
 
-def _enter(writer, entry, first, start, plane, across, rules):
-    """Rapid over, rapid down to the approach height, feed down, tangent arc in."""
-    over = np.r_[first[:2], rules.clearance_z_mm]
+def enter(writer, first, rules):
+    """Rapid over the first point at the clearance plane, rapid to the approach height, feed down."""
     writer.rapid(np.r_[writer.here_mm[:2], rules.clearance_z_mm])
-    writer.rapid(over)
-    if rules.approach_z_mm < rules.clearance_z_mm:
-        writer.rapid(np.r_[first[:2], max(rules.approach_z_mm, first[2])])
+    writer.rapid(np.r_[first[:2], rules.clearance_z_mm])
+    writer.rapid(np.r_[first[:2], max(rules.approach_z_mm, first[2])])
     writer.feed(first, rules.plunge_mm_per_min)
-    if entry:
-        _, center, is_left = entry
-        _arc_move(writer, start, center, is_left, plane, across, rules.feed_mm_per_min)
 
 
 def _leave(writer, previous, plane, rules):
@@ -154,7 +146,7 @@ def _links(writer, elements, plane, section, previous, rules):
     """
     here, there = writer.here_mm, plane.lift(elements[0].start, section.across_mm)[0]
     same = abs(here[2] - there[2]) < SAME_PASS_MM and abs(here[plane.along] - there[plane.along]) < SAME_PASS_MM
-    if same and section.owners == previous[0].owners:
+    if same and section.owners == previous.owners:
         writer.feed(there, rules.feed_mm_per_min)
         return True
     share = np.linspace(0.0, 1.0, LINK_SAMPLES)[:, None]

@@ -62,15 +62,15 @@ class ProfilePlanner:
         return box_min[self.plane.along] - r, box_max[self.plane.along] + r
 
     def chain(self, across, low, high):
-        """The centre's envelope in one plane: (pieces, owners), walls named by the face they touch."""
+        """The centre's envelope in one plane: (pieces, owners, walls); vertical lines belong to their wall's face."""
         pieces, walls = self.centers.pieces(across)
         chain = [p for p in upper_envelope(pieces, low, high)
                  if np.abs(p.end - p.start).max() > MERGE_MM]
-        return chain, [_owner(p, walls) for p in chain]
+        return chain, [_owner(p, walls) for p in chain], walls
 
     def section_pass(self, across, low, high, wanted):
         """The pass over the wanted faces in one plane; None where the plane meets none of them."""
-        chain, owners = self.chain(across, low, high)
+        chain, owners, _ = self.chain(across, low, high)
         rows = [k for k, owner in enumerate(owners) if owner in wanted]
         if not rows:
             return None
