@@ -8,7 +8,7 @@ import numpy as np
 from cuspline.report.facts import (findings, measure_rows, minimum_z_mm, operation_rows, operations, verdict)
 from cuspline.report.wording import (DASH, box_size, decimal, duration, file_size, grouped, number, short, tool_name)
 
-NOTICE = ("Simulated only. The program was verified by simulation; nobody has run it on this machine. "
+NOTICE = ("Simulated only: nothing here says that the program has run on a machine. "
           "Prove it out before you trust it: single block, reduced rapid, hand on feed hold.")
 DRAWING_WIDTH, DRAWING_HEIGHT = 460.0, 330.0    # of the WCS picture, SVG units
 EYE = np.array([-0.75, -1.3, 0.95])             # the operator's side: front, a little from the left, above
