@@ -1,0 +1,96 @@
+"""The only door to manifold3d: watertight solids, their differences and their connected bodies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64
+
+from cuspline.errors import SimulationError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Body:
+    """One connected piece of a solid."""
+
+    volume_mm3: float
+    area_mm2: float
+    min_mm: np.ndarray        # (3,)
+    max_mm: np.ndarray        # (3,)
+    vertices_mm: np.ndarray   # (n, 3)
+
+
+def solid_of(vertices_mm, triangles, name="the mesh"):
+    """A Manifold of a closed mesh, triangles counter-clockwise from outside.
+
+    Raises:
+        SimulationError: it is open, self-connected or inside out.
+    """
+    mesh = Mesh64(np.array(vertices_mm, dtype=np.float64, order="C"),      # copies: it takes no read-only arrays
+                  np.array(triangles, dtype=np.uint64, order="C"))
+    solid = Manifold(mesh)
+    if solid.status() != Error.NoError:
+        raise SimulationError(f"{name} is not watertight: {solid.status().name}")
+    if solid.volume() <= 0:
+        raise SimulationError(f"{name} is inside out or has no volume")
+    return solid
+
+
+def height_field(xs_mm, ys_mm, z_mm, bottom_mm, name="the stock"):
+    """A solid between a flat bottom and heights over a rectilinear grid.
+
+    Args:
+        xs_mm, ys_mm: (nx,), (ny,) strictly growing.
+        z_mm: (ny, nx) heights above bottom_mm; where they are not, the field is thin by 1e-6 mm
+            below the bottom and is cut off there.
+    """
+    floor = bottom_mm - 1.0
+    z = np.maximum(z_mm, bottom_mm - 1e-6)
+    nx, ny = len(xs_mm), len(ys_mm)
+    x, y = np.tile(xs_mm, ny), np.repeat(ys_mm, nx)
+    top = np.column_stack([x, y, z.ravel()])
+    ring = _ring(nx, ny)
+    base = np.column_stack([x[ring], y[ring], np.full(len(ring), floor)])
+    middle = np.array([[xs_mm[0] / 2 + xs_mm[-1] / 2, ys_mm[0] / 2 + ys_mm[-1] / 2, floor]])
+    below = len(top) + np.arange(len(ring))
+    nxt, nxt_below, center = np.roll(ring, -1), np.roll(below, -1), len(top) + len(ring)
+    sides = [np.column_stack([ring, below, nxt_below]), np.column_stack([ring, nxt_below, nxt]),
+             np.column_stack([np.full(len(ring), center), nxt_below, below])]
+    triangles = np.concatenate([_cells(z, nx, ny), *sides])
+    solid = solid_of(np.vstack([top, base, middle]), triangles, name)
+    return solid.trim_by_plane((0.0, 0.0, 1.0), bottom_mm)
+
+
+def _ring(nx, ny):
+    """Border nodes counter-clockwise seen from above."""
+    row = np.arange(nx)
+    column = np.arange(ny)
+    return np.concatenate([row[:-1], column[:-1] * nx + nx - 1, (ny - 1) * nx + row[:0:-1], column[:0:-1] * nx])
+
+
+def _cells(z, nx, ny):
+    """Two triangles a cell, split along the diagonal whose ends differ less: it follows ridges and walls."""
+    a = (np.arange(ny - 1)[:, None] * nx + np.arange(nx - 1)).ravel()
+    b, c, d = a + 1, a + nx + 1, a + nx
+    flat = z.ravel()
+    along = np.abs(flat[a] - flat[c]) <= np.abs(flat[b] - flat[d])
+    first = np.where(along[:, None], np.column_stack([a, b, c]), np.column_stack([a, b, d]))
+    second = np.where(along[:, None], np.column_stack([a, c, d]), np.column_stack([b, c, d]))
+    return np.concatenate([first, second])
+
+
+def prism_over(polygons_mm, low_mm, high_mm):
+    """What stands over a union of plane polygons (each (k, 2), counter-clockwise) between two heights."""
+    section = CrossSection([np.asarray(p, dtype=np.float64) for p in polygons_mm], FillRule.NonZero)
+    return section.extrude(high_mm - low_mm).translate((0.0, 0.0, low_mm))
+
+
+def bodies_of(solid, least_mm3):
+    """Connected pieces above a volume, largest first."""
+    found = [_body(piece) for piece in solid.decompose() if piece.volume() > least_mm3]
+    return sorted(found, key=lambda b: (-b.volume_mm3, tuple(b.min_mm)))
+
+
+def _body(piece):
+    vertices = np.asarray(piece.to_mesh64().vert_properties)[:, :3]
+    return Body(volume_mm3=piece.volume(), area_mm2=piece.surface_area(), min_mm=vertices.min(axis=0),
+                max_mm=vertices.max(axis=0), vertices_mm=vertices)

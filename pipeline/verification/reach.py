@@ -1,0 +1,31 @@
+"""Which points of a design a ball could finish at all, standing upright."""
+
+import numpy as np
+
+from cuspline.simulation.tree import morton_order
+from cuspline.toolpaths.dropcutter import DropMesh, drop_tips_mm
+
+TOLERANCE_MM = 0.005      # a ball smaller by this must fit: curvature equal to the ball's is reachable
+LEVEL = -1e-6             # normals below this point downward
+REACHABLE, DOWNWARD, TOO_NARROW = 0, 1, 2
+REASONS = ("reachable", "faces downward", "too narrow for the smallest ball")
+
+
+def drop_mesh(vertices_mm, triangles):
+    """The design's triangles, ready for `why_unreachable`."""
+    return DropMesh.from_triangles(vertices_mm, triangles)
+
+
+def why_unreachable(mesh, points_mm, normals, ball_radius_mm):
+    """(n,) REACHABLE, DOWNWARD or TOO_NARROW for a ball of the given radius.
+
+    The ball's centre stands at point + radius * normal; the point is reachable when a ball
+    smaller by TOLERANCE_MM, dropped there, rests no higher.
+    """
+    center = points_mm + ball_radius_mm * normals
+    small = ball_radius_mm - TOLERANCE_MM
+    order = morton_order(np.column_stack([center[:, :2], np.zeros(len(center))]))
+    tips = np.empty(len(center))
+    tips[order] = drop_tips_mm(mesh, center[order, :2], small, small)
+    return np.where(normals[:, 2] < LEVEL, DOWNWARD,
+                    np.where(tips > center[:, 2] - small, TOO_NARROW, REACHABLE))

@@ -1,0 +1,206 @@
+"""Second verifier: the stock as a closed solid against the B-rep's solid, one boolean a side.
+
+It shares no formula with the first: heights over a grid instead of distances, a tessellation
+instead of sample points, volumes instead of lengths.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from cuspline import solids
+from cuspline.simulation.swept import stock_height_mm
+
+WALL_MM = 1e-4            # grid lines hug vertical walls at this distance
+LEAST_MM3 = 1e-6          # smaller bodies are rounding
+CELLS = 8                 # pitches along the side of a cell in which volumes are compared
+THIN_MM = 0.05            # volumes are compared where the deviation is below this
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SolidBody:
+    """A connected body of excess or gouge beyond tolerance."""
+
+    kind: str                 # "excess" or "gouge"
+    volume_mm3: float
+    depth_mm: float           # deepest deviation, the tolerance included
+    place_mm: tuple[float, float, float]      # of that depth, part coordinates
+    min_mm: tuple[float, float, float]
+    max_mm: tuple[float, float, float]
+    samples: np.ndarray       # indices of the samples next to it
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SolidComparison:
+    """Volumes and bodies of one setup."""
+
+    excess_volume_mm3: float          # stock left above the required faces
+    gouge_volume_mm3: float           # design taken away, anywhere
+    bodies: tuple[SolidBody, ...]     # beyond tolerance
+    artefacts: int                    # bodies that the grid made and the exact height denies
+    compared_area_mm2: float          # where the volumes of both verifiers are held against each other
+    compared_excess_mm3: tuple[float, float]      # residuals, solids
+    compared_gouge_mm3: tuple[float, float]
+    bound_mm3: float                  # what these may differ by
+    tessellation_mm: float
+    zmap_mm: float                    # mean height error of the grid in that area
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Grid:
+    xs: np.ndarray
+    ys: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @property
+    def xy(self):
+        return np.column_stack([np.tile(self.xs, len(self.ys)), np.repeat(self.ys, len(self.xs))])
+
+    def solid(self, z):
+        return solids.height_field(self.xs, self.ys, z.reshape(len(self.ys), len(self.xs)), self.low[2])
+
+
+def grid_lines(low, high, pitch_mm, walls):
+    """Coordinates from low to high at the pitch, and two lines hugging each wall between."""
+    lines = np.linspace(low, high, max(1, int(np.ceil((high - low) / pitch_mm))) + 1)
+    hugging = [w + s for w in walls for s in (-WALL_MM, WALL_MM) if low < w + s < high]
+    lines = np.unique(np.concatenate([lines, hugging]))
+    keep = np.concatenate([[True], np.diff(lines) > WALL_MM / 10])
+    return lines[keep]
+
+
+def upright_walls(mesh_vertices, triangles):
+    """Coordinates x and y of axis-parallel vertical planes in a tessellation."""
+    corners = mesh_vertices[triangles]
+    spread = np.ptp(corners, axis=1)
+    found = []
+    for k in (0, 1):
+        upright = (spread[:, k] < 1e-9) & (spread[:, 2] > 1e-6)
+        found.append(np.unique(corners[upright, 0, k].round(9)))
+    return found
+
+
+def compare(paths, stock_min, stock_max, tessellation, required, found, frame, *, pitch_mm, excess_mm, gouge_mm,
+            path_error_mm):
+    """Stock solid against design solid.
+
+    Args:
+        paths: tuple of SweptPath, WCS.   stock_min, stock_max: (3,), WCS.
+        tessellation: of the whole design, part coordinates.
+        required: indices of the faces that this setup cuts.
+        found: Residuals of the same setup (for the comparison of both).
+        frame: the WCS seen from the part.   pitch_mm: of the grid.
+        excess_mm, gouge_mm: tolerances of the bodies.   path_error_mm: of the swept paths.
+    """
+    vertices, triangles = frame.into(tessellation.vertices_mm), tessellation.triangles
+    low, high = np.asarray(stock_min, float), np.asarray(stock_max, float)
+    walls = upright_walls(vertices, triangles)
+    grid = _Grid(xs=grid_lines(low[0], high[0], pitch_mm, walls[0]), ys=grid_lines(low[1], high[1], pitch_mm, walls[1]),
+                 low=low, high=high)
+    height = lambda xy, by=0.0: stock_height_mm(paths, xy, high[2], inflate_mm=by)
+    z = height(grid.xy)
+    design = solids.solid_of(vertices, triangles, "the design's tessellation")
+    region = _region(vertices, triangles[np.isin(tessellation.face, required)], low, high)
+    stock = grid.solid(z)
+    excess, gouge = (stock - design) ^ region, design - stock
+    bodies, artefacts = [], 0
+    for kind, by in (("excess", excess_mm), ("gouge", -gouge_mm)):
+        moved = grid.solid(height(grid.xy, by))
+        beyond = ((moved - design) ^ region) if kind == "excess" else design - moved
+        real, false = _bodies(kind, beyond, lambda xy, by=by: height(xy, by), abs(by), found, frame,
+                              tessellation.deviation_mm)
+        bodies, artefacts = bodies + real, artefacts + false
+    return SolidComparison(
+        excess_volume_mm3=excess.volume(), gouge_volume_mm3=gouge.volume(), bodies=tuple(bodies), artefacts=artefacts,
+        tessellation_mm=tessellation.deviation_mm,
+        **_volumes(excess, gouge, grid, z, height, found, frame, tessellation.deviation_mm + path_error_mm, pitch_mm))
+
+
+def _region(vertices, triangles, low, high):
+    """Everything above and below the required faces."""
+    corners = vertices[triangles][:, :, :2]
+    e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]
+    return solids.prism_over(list(corners[area > 1e-12]), low[2] - 1.0, high[2] + 1.0)
+
+
+def _bodies(kind, solid, height, tolerance, found, frame, tessellation_mm):
+    """Real bodies, and how many were made by the grid: there the exact height does not cross the design."""
+    tree = cKDTree(frame.into(found.samples.points_mm))
+    normals = frame.turn_into(found.samples.normals)
+    real, false = [], 0
+    sign = 1.0 if kind == "excess" else -1.0
+    for body in solids.bodies_of(solid, LEAST_MM3):
+        v = body.vertices_mm
+        across = sign * (height(v[:, :2]) - v[:, 2])
+        if not across.max() > max(2 * tessellation_mm, 1e-4):
+            false += 1
+            continue
+        near = tree.query(v)[1]
+        depth = np.abs(np.einsum("nc,nc->n", v - tree.data[near], normals[near]))
+        worst = int(depth.argmax())
+        out = lambda p: tuple(float(c) for c in frame.out(np.asarray(p)[None])[0].round(6))
+        corners = frame.out(np.array([body.min_mm, body.max_mm]))
+        real.append(SolidBody(kind=kind, volume_mm3=body.volume_mm3, depth_mm=tolerance + float(depth[worst]),
+                              place_mm=out(v[worst]), min_mm=tuple(corners.min(axis=0).round(6).tolist()),
+                              max_mm=tuple(corners.max(axis=0).round(6).tolist()), samples=np.unique(near)))
+    return real, false
+
+
+def _volumes(excess, gouge, grid, z, height, found, frame, surface_error_mm, pitch_mm):
+    """Both verifiers' volumes over the cells where the deviation is thin and the surface not steep."""
+    cell = CELLS * pitch_mm
+    points, d = frame.into(found.samples.points_mm), found.deviation_mm
+    normal_z = frame.turn_into(found.samples.normals)[:, 2]
+    shape = np.maximum(1, np.ceil((grid.high - grid.low)[:2] / cell).astype(int))
+    at = np.clip(((points[:, :2] - grid.low[:2]) / cell).astype(int), 0, shape - 1)
+    good = _quiet_cells(at, shape, (np.abs(d) < THIN_MM) & found.is_reachable & (normal_z > 0.5))
+    inside = good[at[:, 0], at[:, 1]] & (normal_z > 0.5)
+    weight = found.samples.weight_mm2[inside]
+    area = float(weight.sum())
+    if not good.any():
+        return {"compared_area_mm2": 0.0, "compared_excess_mm3": (0.0, 0.0), "compared_gouge_mm3": (0.0, 0.0),
+                "bound_mm3": 0.0, "zmap_mm": 0.0}
+    prism = solids.prism_over([_square(grid.low, cell, *c) for c in np.argwhere(good)], grid.low[2] - 1, grid.high[2] + 1)
+    zmap = _grid_error(grid, z, height, good, cell)
+    above, below = (np.maximum(s * d[inside], 0.0) for s in (1, -1))
+    scatter = 3 * float(np.sqrt(((weight * d[inside])**2).sum()))
+    return {"compared_area_mm2": area,
+            "compared_excess_mm3": (float((weight * above).sum()), (excess ^ prism).volume()),
+            "compared_gouge_mm3": (float((weight * below).sum()), (gouge ^ prism).volume()),
+            "bound_mm3": area * (surface_error_mm + zmap) + scatter + 1e-6, "zmap_mm": zmap}
+
+
+def _quiet_cells(at, shape, is_good):
+    """Cells all of whose samples are good and whose neighbours all hold samples and are good too."""
+    count, bad = np.zeros(shape, int), np.zeros(shape, int)
+    np.add.at(count, tuple(at.T), 1)
+    np.add.at(bad, tuple(at[~is_good].T), 1)
+    fine = np.pad((count > 0) & (bad == 0), 1)
+    quiet = np.ones(shape, bool)
+    for i in range(3):
+        for j in range(3):
+            quiet &= fine[i:i + shape[0], j:j + shape[1]]
+    return quiet
+
+
+def _square(low, cell, i, j):
+    x, y = low[0] + i * cell, low[1] + j * cell
+    return np.array([(x, y), (x + cell, y), (x + cell, y + cell), (x, y + cell)])
+
+
+def _grid_error(grid, z, height, good, cell):
+    """Mean distance, in height, of the exact stock from the grid's surface in the middle of its cells."""
+    field = z.reshape(len(grid.ys), len(grid.xs))
+    x, y = (grid.xs[1:] + grid.xs[:-1]) / 2, (grid.ys[1:] + grid.ys[:-1]) / 2
+    xx, yy = np.meshgrid(x, y)
+    at = [np.clip(((c - o) / cell).astype(int), 0, n - 1) for c, o, n in zip((xx, yy), grid.low, good.shape)]
+    keep = good[at[0], at[1]]
+    corners = (field[:-1, :-1], field[:-1, 1:], field[1:, 1:], field[1:, :-1])
+    along = np.abs(corners[0] - corners[2]) <= np.abs(corners[1] - corners[3])
+    middle = np.where(along, (corners[0] + corners[2]) / 2, (corners[1] + corners[3]) / 2)
+    off = np.abs(height(np.column_stack([xx[keep], yy[keep]])) - middle[keep])
+    size = np.outer(np.diff(grid.ys), np.diff(grid.xs))[keep]
+    return float((off * size).sum() / size.sum()) if size.sum() > 0 else 0.0

@@ -1,0 +1,290 @@
+"""The verdict on one setup and on the part: both verifiers, their agreement, the replay, all findings."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from OCP.TopAbs import TopAbs_FACE
+from OCP.TopExp import TopExp_Explorer
+
+from cuspline.errors import InputError, SimulationError
+from cuspline.simulation.replay import Replay, ZMap, replay
+from cuspline.simulation.swept import swept_paths
+from cuspline.toolpaths.dropcutter import drop_tips_mm
+from cuspline.verification.findings import Finding
+from cuspline.verification.reach import drop_mesh
+from cuspline.verification.residuals import (Residuals, default_spacing_mm, residuals, unreachable_places,
+                                             weighted_percentile)
+from cuspline.verification.samples import face_area_mm2, sample_faces
+from cuspline.verification.solids import SolidComparison, compare
+from cuspline.verification.tessellation import tessellate
+
+COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
+TRACING_MM = 1e-7         # length of a traced ray
+NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
+MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
+MISSED_MM2 = 1.0
+SEEN_PITCHES = 3.0        # a body narrower than this many pitches may slip through the grid
+DESIGN_PIN_MM = 1e-3      # radius of the pin that feels the design's height at a node
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How finely to look; None stands for a value fitted to the part."""
+
+    spacing_mm: float | None = None           # of the sample points
+    solid_pitch_mm: float | None = None       # of the grid of the second verifier
+    replay_pitch_mm: float | None = None      # of the replay's z-map
+    tessellation_mm: float | None = None      # deviation of the design's triangles
+    post_rounding_mm: float = 0.0             # stated by the post: half a step of its last decimal
+    holder_clearance_mm: float = 1.0
+    shank_clearance_mm: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SetupVerdict:
+    """Everything found about one setup."""
+
+    setup: str
+    finish: object                    # design.Finish
+    residuals: Residuals
+    solids: SolidComparison
+    replay: Replay
+    error_bounds_mm: dict             # part -> mm
+    numbers: dict                     # verify.json's contract, without findings
+    findings: tuple[Finding, ...]
+
+    @property
+    def ok(self):
+        return not self.findings
+
+    def as_dict(self):
+        """For verify.json."""
+        collisions = [f.as_dict() for f in self.findings if f.kind in COLLISIONS]
+        return {"setup": self.setup, "ok": self.ok, **self.numbers, "error_bounds_mm": self.error_bounds_mm,
+                "collisions": collisions, "findings": [f.as_dict() for f in self.findings]}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Verdict:
+    """The part: all setups together."""
+
+    setups: tuple[SetupVerdict, ...]
+
+    @property
+    def ok(self):
+        return all(s.ok for s in self.setups)
+
+    @property
+    def findings(self):
+        return tuple(f for s in self.setups for f in s.findings)
+
+    def as_dict(self):
+        """verify.json: the totals, then every setup."""
+        parts = [s.as_dict() for s in self.setups]
+        worst = ("gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "error_bound_mm")
+        summed = ("gouge_volume_mm3", "excess_volume_mm3", "points_checked", "area_required_mm2", "area_reached_mm2",
+                  "area_unreachable_mm2")
+        together = ("unreachable_places", "collisions", "findings")
+        return {"ok": self.ok, **{k: max((p[k] for p in parts), default=0.0) for k in worst},
+                **{k: _rounded(sum(p[k] for p in parts)) for k in summed},
+                **{k: [item for p in parts for item in p[k]] for k in together}, "setups": parts}
+
+
+def verify_setup(posted, tools, solid, faces, *, setup, stock, finish, ball_radius_mm, machine=None, fixtures=(),
+                 options=Options()):
+    """Verdict on one posted program.
+
+    Args:
+        posted: PostedMoves read back from the text.
+        tools: dict of tool number -> cutters.Tool.
+        solid: TopoDS_Solid, part coordinates.
+        faces: TopoDS_Face values of that solid (or values with such a `.shape`) that this setup cuts.
+        setup: design.Setup (name and frame).   stock: design.StockBox, part coordinates.
+        finish: design.Finish.   ball_radius_mm: smallest ball of the shop's library.
+        machine: machines.Machine or None.   fixtures: replay.Fixture values, WCS.
+    Raises:
+        InputError: no faces, or faces of another solid.   SimulationError: a turned stock box.
+    """
+    faces = [getattr(f, "shape", f) for f in faces]
+    required, frame = _indices(solid, faces), setup.frame
+    low, high = _stock_in_wcs(stock, frame)
+    options = _fitted(options, faces, low, high, finish)
+    paths = swept_paths(posted, tools)
+    mesh = tessellate(solid, options.tessellation_mm)
+    drops = drop_mesh(frame.into(mesh.vertices_mm), mesh.triangles)
+    found = residuals(paths, low, high, sample_faces(faces, options.spacing_mm), frame, drops, ball_radius_mm,
+                      options.spacing_mm)
+    path_error = max((p.error_mm for p in paths), default=0.0)
+    solid_view = compare(paths, low, high, mesh, required, found, frame, pitch_mm=options.solid_pitch_mm,
+                         excess_mm=_allowed(finish), gouge_mm=finish.gouge_mm, path_error_mm=path_error)
+    history = _replayed(posted, tools, low, high, drops, machine, fixtures, frame, setup.name, options)
+    bounds = {"path_mm": path_error, "tracing_mm": TRACING_MM, "post_rounding_mm": options.post_rounding_mm,
+              "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.zmap_mm}
+    bounds = {k: _rounded(v, 9) for k, v in bounds.items()}
+    report = _Reporter(posted, setup.name, finish, found)
+    findings = (*history.findings, *report.gouges(), *report.excess(),
+                *report.disagreements(solid_view, options.solid_pitch_mm, bounds))
+    return SetupVerdict(setup=setup.name, finish=finish, residuals=found, solids=solid_view, replay=history,
+                        error_bounds_mm=bounds, findings=findings, numbers=_numbers(found, solid_view, finish, bounds,
+                                                                                    history))
+
+
+def _allowed(finish):
+    """Largest deviation that a finished point may show."""
+    return finish.scallop_mm + finish.profile_tolerance_mm
+
+
+def _rounded(value, decimals=6):
+    return value if isinstance(value, int) else round(float(value), decimals)
+
+
+def _indices(solid, faces):
+    """Positions of faces in the solid's own order."""
+    order, explorer = [], TopExp_Explorer(solid, TopAbs_FACE)
+    while explorer.More():
+        order.append(explorer.Current())
+        explorer.Next()
+    found = [k for f in faces for k, other in enumerate(order) if other.IsSame(f)]
+    if not faces or len(found) != len(faces):
+        raise InputError(f"{len(faces)} faces are to be verified, {len(found)} of them belong to the solid: "
+                         "give the faces of this very solid")
+    return found
+
+
+def _stock_in_wcs(stock, frame):
+    if np.abs(np.abs(frame.rotation).max(axis=0) - 1).max() > 1e-9:
+        raise SimulationError("the stock box is not parallel to the WCS: its sides must follow the setup's axes")
+    corners = frame.into(np.array([stock.min_mm, stock.max_mm]))
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def _fitted(options, faces, low, high, finish):
+    """Options with every None replaced."""
+    plan = float(np.prod((high - low)[:2]))
+    fit = {"spacing_mm": default_spacing_mm(sum(face_area_mm2(f) for f in faces)),
+           "solid_pitch_mm": float(np.clip(np.sqrt(plan / 60_000), 0.05, 1.0)),
+           "replay_pitch_mm": float(np.clip(np.sqrt(plan / 60_000), 0.1, 1.0)),
+           "tessellation_mm": float(np.clip(finish.profile_tolerance_mm, 0.001, 0.01))}
+    return Options(**{**options.__dict__, **{k: v for k, v in fit.items() if getattr(options, k) is None}})
+
+
+def _replayed(posted, tools, low, high, drops, machine, fixtures, frame, name, options):
+    zmap = ZMap.over(low, high, options.replay_pitch_mm)
+    design = drop_tips_mm(drops, zmap.xy_mm, DESIGN_PIN_MM, 0.0)
+    design = np.where(np.isfinite(design), design, np.nan).reshape(zmap.ny, zmap.nx)
+    return replay(posted, tools, stock_min=low, stock_max=high, pitch_mm=options.replay_pitch_mm,
+                  design_top_mm=design, fixtures=fixtures, machine=machine, frame=frame, setup=name,
+                  holder_clearance_mm=options.holder_clearance_mm, shank_clearance_mm=options.shank_clearance_mm)
+
+
+def _numbers(found, solid_view, finish, bounds, history):
+    """verify.json's numbers of one setup."""
+    d, fair = found.deviation_mm, found.is_reachable
+    finished = fair & (d <= MISSED * _allowed(finish))
+    area = found.area_mm2
+    clearance = history.holder_clearance_mm
+    numbers = {
+        "gouge_max_mm": max(0.0, -d.min(initial=0.0)), "excess_max_mm": max(0.0, d[fair].max(initial=0.0)),
+        "cusp_max_mm": max(0.0, d[finished].max(initial=0.0)),
+        "cusp_p99_mm": max(0.0, weighted_percentile(d[finished], found.samples.weight_mm2[finished], 0.99)),
+        "gouge_volume_mm3": solid_view.gouge_volume_mm3, "excess_volume_mm3": solid_view.excess_volume_mm3,
+        "error_bound_mm": bounds["path_mm"] + bounds["tracing_mm"] + bounds["post_rounding_mm"],
+        "points_checked": len(d), "area_required_mm2": area(slice(None)),
+        "area_reached_mm2": area(fair & (d <= _allowed(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
+        "unreachable_places": unreachable_places(found),
+        "holder_clearance_mm": clearance if np.isfinite(clearance) else None,
+        "verifiers": {
+            "compared_area_mm2": solid_view.compared_area_mm2, "bound_mm3": solid_view.bound_mm3,
+            "excess_mm3": list(solid_view.compared_excess_mm3), "gouge_mm3": list(solid_view.compared_gouge_mm3),
+            "bodies_beyond_tolerance": len(solid_view.bodies), "grid_artefacts": solid_view.artefacts}}
+    return _tidy(numbers)
+
+
+def _tidy(value):
+    """Numbers rounded to 1e-6 throughout."""
+    if isinstance(value, dict):
+        return {k: _tidy(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_tidy(v) for v in value]
+    return _rounded(value) if isinstance(value, float) else value
+
+
+class _Reporter:
+    """Findings of both verifiers."""
+
+    def __init__(self, posted, setup, finish, found):
+        self.posted, self.setup, self.finish, self.found = posted, setup, finish, found
+
+    def _finding(self, kind, sample, amount, advice):
+        row = int(self.found.row[sample])
+        place = self.found.samples.points_mm[sample].round(6)
+        return Finding(kind=kind, amount_mm=_rounded(amount), place_mm=tuple(place.tolist()),
+                       operation=self.posted.operation_name(row) if row >= 0 else "",
+                       line=int(self.posted.line[row]) if row >= 0 else 0, setup=self.setup, advice=advice)
+
+    def gouges(self):
+        """One finding a connected gouge deeper than the finish allows."""
+        d = self.found.deviation_mm
+        for group in self.found.groups(d < -self.finish.gouge_mm - NOISE_MM):
+            worst = group[d[group].argmin()]
+            yield self._finding("gouge", worst, -d[worst],
+                                f"the cutter goes {-d[worst]:.4f} mm below the surface, {self.finish.gouge_mm:g} mm are "
+                                f"allowed, over {self.found.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
+                                "take a smaller cutter here, or mend the offset of this pass")
+
+    def excess(self):
+        """One finding a connected area that a ball could finish and that was left proud."""
+        d, allowed = self.found.deviation_mm, _allowed(self.finish)
+        for group in self.found.groups(self.found.is_reachable & (d > allowed + NOISE_MM)):
+            worst, area = group[d[group].argmax()], self.found.area_mm2(group)
+            missed = np.median(d[group]) > MISSED * allowed and area >= MISSED_MM2
+            advice = (f"{area:.1f} mm2 were never finished: add a pass here, or a smaller cutter" if missed else
+                      f"{d[worst]:.4f} mm are left over {area:.2f} mm2, {allowed:.4f} mm are allowed: "
+                      "reduce the step, or take a smaller cutter here")
+            yield self._finding("missing_area" if missed else "excess", worst, d[worst], advice)
+
+    def disagreements(self, view, pitch_mm, bounds):
+        """The second verifier must see what the first sees, and the other way round."""
+        yield from self._volume_disagreements(view)
+        yield from self._unseen_by_residuals(view, bounds)
+        yield from self._unseen_by_solids(view, pitch_mm, bounds)
+
+    def _volume_disagreements(self, view):
+        for name, (first, second) in (("excess", view.compared_excess_mm3), ("gouge", view.compared_gouge_mm3)):
+            if abs(first - second) > view.bound_mm3:
+                amount = abs(first - second) / view.compared_area_mm2
+                yield Finding(kind="verifiers_disagree", amount_mm=_rounded(amount), place_mm=None, operation="", line=0,
+                              setup=self.setup, advice=f"{name}: residuals add up to {first:.6f} mm3, solids to "
+                              f"{second:.6f} mm3, more than {view.bound_mm3:.6f} mm3 apart over "
+                              f"{view.compared_area_mm2:.0f} mm2: report this as a fault of cuspline")
+
+    def _unseen_by_residuals(self, view, bounds):
+        slack = bounds["tessellation_mm"] + bounds["path_mm"] + NOISE_MM
+        for body in view.bodies:
+            d, fair = self.found.deviation_mm[body.samples], self.found.is_reachable[body.samples]
+            seen = ((d > _allowed(self.finish) - slack) | ~fair if body.kind == "excess"
+                    else d < -self.finish.gouge_mm + slack)
+            if not seen.any():
+                yield Finding(kind="verifiers_disagree", amount_mm=_rounded(body.depth_mm), place_mm=body.place_mm,
+                              operation="", line=0, setup=self.setup,
+                              advice=f"the solids show a body of {body.kind}, {body.volume_mm3:.6f} mm3, "
+                              f"{body.depth_mm:.4f} mm deep, that no sample point shows: reduce spacing_mm")
+
+    def _unseen_by_solids(self, view, pitch_mm, bounds):
+        d, samples = self.found.deviation_mm, self.found.samples
+        slack = bounds["tessellation_mm"] + bounds["path_mm"] + 3 * bounds["zmap_mm"]
+        allowed = _allowed(self.finish)
+        for kind, beyond in (("excess", self.found.is_reachable & (d > allowed + slack)),
+                             ("gouge", d < -self.finish.gouge_mm - slack)):
+            seen = np.zeros(len(d), dtype=bool)
+            for body in view.bodies:
+                if body.kind == kind:
+                    seen |= ((samples.points_mm > np.array(body.min_mm) - self.found.spacing_mm).all(axis=1)
+                             & (samples.points_mm < np.array(body.max_mm) + self.found.spacing_mm).all(axis=1))
+            for group in self.found.groups(beyond & (samples.normals[:, 2] > 0.5)):
+                wide = np.ptp(samples.points_mm[group, :2], axis=0).min() > SEEN_PITCHES * pitch_mm
+                if wide and not seen[group].any():
+                    worst = group[np.abs(d[group]).argmax()]
+                    yield self._finding("verifiers_disagree", worst, abs(d[worst]),
+                                        f"sample points show {kind} of {d[worst]:.4f} mm that the solids do not "
+                                        "show: reduce solid_pitch_mm")
