@@ -15,6 +15,7 @@ from cuspline.toolpaths.dropcutter import drop_tips_mm
 FIT_SHARE = 0.9             # the ball stays this share below the tightest hollow: a full-contact ball chatters
 HOLDER_CLEARANCE_MM = 1.0
 SHANK_CLEARANCE_MM = 0.05
+LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 1200, 5, 12
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
 
 
@@ -159,7 +160,7 @@ def choose_roughing(library, mesh, samples, stock_min_mm, stock_max_mm, allowanc
     for tool in library.of_type("flat", "bull_nose"):
         tips = _tip_heights(tool, mesh, stock_min_mm, stock_max_mm, allowance_mm)
         missing = missing_stick_out_mm(tool, tips, mesh)
-        left = leftover_mm(tool, mesh, samples, allowance_mm)
+        left = leftover_mm(tool, mesh, samples, allowance_mm, leftover_rows(samples))
         rows.append((tool, missing, float(np.percentile(left, 95)), float(left.max())))
     usable = [r for r in rows if r[1] <= 0]
     if not usable:
@@ -182,19 +183,24 @@ def _tip_heights(tool, mesh, low, high, allowance_mm, spacing_mm=2.0):
     return np.column_stack([xy, np.maximum(tips, low[2])])
 
 
-def leftover_mm(tool, mesh, samples, allowance_mm, rings=5, spokes=16):
-    """(n,) material that the cutter must leave above each sample point, along its normal.
+def leftover_mm(tool, mesh, samples, allowance_mm, rows):
+    """(k,) material that the cutter must leave at sample rows, along their normals.
 
     The lowest tip that still covers the point is looked for over positions around it.
     """
     R, rc = tool.cutter.radius_mm, tool.cutter.corner_radius_mm
-    grown = (R + allowance_mm, rc + allowance_mm)
-    lowest = np.full(len(samples.point_mm), np.inf)
-    for ring in np.linspace(0.0, 1.0, rings + 1):
-        for angle in np.linspace(0, 2 * np.pi, spokes if ring else 1, endpoint=False):
-            d = ring * (R - 1e-6)
-            xy = samples.point_mm[:, :2] + d * np.array([np.cos(angle), np.sin(angle)])
-            over = max(d - (R - rc), 0.0)
-            tips = drop_tips_mm(mesh, xy, *grown) + allowance_mm
-            lowest = np.minimum(lowest, tips + rc - np.sqrt(max(rc * rc - over * over, 0.0)))
-    return np.maximum(lowest - samples.point_mm[:, 2], 0.0) * np.abs(samples.normal[:, 2])
+    points, normals = samples.point_mm[rows], samples.normal[rows]
+    lowest = np.full(len(points), np.inf)
+    for ring in np.linspace(0.0, 1.0, LEFTOVER_RINGS):
+        d = ring * (R - 1e-6)
+        bottom = rc - np.sqrt(max(rc * rc - max(d - (R - rc), 0.0) ** 2, 0.0))
+        for angle in np.linspace(0, 2 * np.pi, LEFTOVER_SPOKES if ring else 1, endpoint=False):
+            xy = points[:, :2] + d * np.array([np.cos(angle), np.sin(angle)])
+            tips = drop_tips_mm(mesh, xy, R + allowance_mm, rc + allowance_mm) + allowance_mm
+            lowest = np.minimum(lowest, tips + bottom)
+    return np.maximum(lowest - points[:, 2], 0.0) * np.abs(normals[:, 2])
+
+
+def leftover_rows(samples):
+    """Evenly chosen sample rows, enough to judge what a cutter leaves."""
+    return np.linspace(0, len(samples.point_mm) - 1, min(LEFTOVER_POINTS, len(samples.point_mm))).astype(int)

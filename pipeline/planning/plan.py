@@ -13,7 +13,7 @@ from cuspline.cutters import Tool
 from cuspline.errors import PlanError
 from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import (
-    choose_ball, choose_rest_ball, choose_roughing, leftover_mm)
+    choose_ball, choose_rest_ball, choose_roughing, leftover_mm, leftover_rows)
 from cuspline.planning.materials import material_named
 from cuspline.planning.stepover import stepover_for_scallop_mm
 from cuspline.program import Kind, Moves, Operation, Program
@@ -125,8 +125,9 @@ def plan_setup(design, setup, machine, library):
     ball, candidates, reach = choose_ball(library, shop.samples, shop.hollow.radius_mm, shop.mesh)
     roughing = _rough(shop)
     operations = [roughing]
-    left = leftover_mm(roughing.tool, shop.mesh, shop.samples, ROUGH_ALLOWANCE_MM)
-    if left[reach.is_reached].max() > FINISH_DEPTH_SHARE * ball.cutter.diameter_mm:
+    rows = leftover_rows(shop.samples)
+    left = leftover_mm(roughing.tool, shop.mesh, shop.samples, ROUGH_ALLOWANCE_MM, rows)[reach.is_reached[rows]]
+    if left.max(initial=0.0) > FINISH_DEPTH_SHARE * ball.cutter.diameter_mm:
         operations.append(_ball_passes(shop, "semi-finish", ball, SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, (), reach))
     operations.append(_ball_passes(shop, "finish", ball, 0.0, design.finish.scallop_mm, candidates, reach))
     rest, rest_candidates, adds = choose_rest_ball(library, shop.samples, reach, shop.mesh, ball.cutter.radius_mm)

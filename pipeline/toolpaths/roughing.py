@@ -95,8 +95,17 @@ def _rows(rules):
         xy = np.empty((len(along), 2))
         xy[:, a], xy[:, b] = along, across
         tips = drop_tips_mm(rules.mesh, xy, grown_r, grown_c) + rules.allowance_mm + DROP_MARGIN_MM
-        rows.append(_Row(across=float(across), along=along, floor=_between(np.maximum(tips, low[2]))))
+        floor = _between(np.maximum(tips, low[2]))
+        rows.append(_Row(across=float(across), along=along, floor=_level_outside(floor, along, low[a], high[a])))
     return rows
+
+
+def _level_outside(floor, along, low, high):
+    """Beside the stock the cutter keeps the height at its edge instead of rolling down over the part."""
+    first, last = np.searchsorted(along, [low, high])
+    floor = floor.copy()
+    floor[:first], floor[last:] = floor[first], floor[last - 1]
+    return floor
 
 
 def _between(tips):

@@ -1,0 +1,197 @@
+"""Finding designs, machines, tool libraries and posts, by name or by file.
+
+A design is a Python file with one function `design(parameters) -> Design` whose argument is
+annotated with its parameter model.  A job file (TOML) does the same for a plain STEP file.
+"""
+
+import importlib
+import importlib.util
+import inspect
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Callable
+
+from pydantic import Field, ValidationError
+
+import cuspline.designs
+import cuspline.posts
+from cuspline.cutters import Model, first_complaint, library_from_json
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.errors import CamError, DesignError, InputError
+from cuspline.machines import machine_from_toml
+
+DESIGNS = Path(cuspline.designs.__file__).parent
+POSTS = Path(cuspline.posts.__file__).parent
+DEFAULT_MACHINE, DEFAULT_LIBRARY = "mill_3axis", "tools"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignSource:
+    """A design that can be made from parameters."""
+
+    name: str
+    path: Path
+    parameters: type[Parameters]
+    make: Callable
+
+    def design(self, assignments):
+        """Make the Design from ["name=value", ...]; what is not named keeps its default.
+
+        Raises:
+            InputError: an unknown parameter, or a value that the model refuses; names it.
+        """
+        return self.make(self.validated(assignments))
+
+    def validated(self, assignments):
+        """The parameter model's value."""
+        given = dict(_assignment(a) for a in assignments)
+        known = self.parameters.model_fields
+        unknown = [n for n in given if n not in known]
+        if unknown:
+            raise InputError(f"design {self.name} has no parameter {unknown[0]!r}; it has {', '.join(known)}")
+        try:
+            return self.parameters.model_validate(given, strict=False)
+        except ValidationError as error:
+            raise InputError(f"design {self.name}: {first_complaint(error)}") from None
+
+
+def _assignment(text):
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip():
+        raise InputError(f"parameter {text!r} is not of the form name=value")
+    return name.strip(), value.strip()
+
+
+def design_names():
+    """Names of the designs in designs/."""
+    return sorted(p.stem for p in DESIGNS.glob("*.py") if not p.stem.startswith("_"))
+
+
+def machine_names():
+    return sorted(p.stem for p in POSTS.glob("*.toml"))
+
+
+def post_names():
+    """Names of the posts in posts/."""
+    return sorted(p.stem for p in POSTS.glob("*.py") if not p.stem.startswith(("_", "rs274")))
+
+
+def find_design(name_or_file):
+    """A DesignSource by name, by Python file, or by job file (TOML for a STEP part).
+
+    Raises:
+        InputError: there is none, or the file cannot be used; says why.
+    """
+    if name_or_file in design_names():
+        return _from_module(importlib.import_module(f"cuspline.designs.{name_or_file}"), DESIGNS / f"{name_or_file}.py")
+    path = Path(name_or_file)
+    if not path.is_file():
+        raise InputError(f"there is no design {name_or_file!r} and no such file; designs: {', '.join(design_names())}")
+    if path.suffix == ".py":
+        return _from_module(_loaded(path), path)
+    if path.suffix == ".toml":
+        return _from_job(path)
+    if path.suffix.lower() in (".step", ".stp"):
+        from cuspline.brep import read_step
+        read_step(path)
+        raise InputError(f"{path} is a STEP part: write a job file (TOML) that names it with its faces, finish, "
+                         "stock and setups, and build that")
+    raise InputError(f"{path}: a design is a .py file, or a .toml job for a STEP part")
+
+
+def _loaded(path):
+    """A user's design module, by path."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except CamError:
+        raise
+    except Exception as error:      # anything that a user's file may raise while it is imported
+        raise InputError(f"design file {path} cannot be loaded: {type(error).__name__}: {error}") from error
+    return module
+
+
+def _from_module(module, path):
+    make = getattr(module, "design", None)
+    if not callable(make):
+        raise InputError(f"{path} has no function `design(parameters) -> Design`")
+    hints = inspect.get_annotations(make, eval_str=True)
+    models = [h for n, h in hints.items() if n != "return" and inspect.isclass(h) and issubclass(h, Parameters)]
+    if len(models) != 1:
+        raise InputError(f"{path}: annotate the argument of `design` with its parameter model "
+                         "(a subclass of cuspline.design.Parameters)")
+    return DesignSource(name=path.stem, path=path, parameters=models[0], make=make)
+
+
+class _Job(Model):
+    """A job file: a STEP part and what must be known to cut it."""
+
+    step: str = Field(description="STEP file, relative to the job file")
+    description: str = ""
+    material: str
+    stock: StockBox
+    finish: Finish
+    faces: tuple[FacePredicate, ...] = Field(min_length=1)
+    setups: tuple[Setup, ...] = Field(min_length=1)
+
+
+class _NoParameters(Parameters):
+    """A job has no parameters: the STEP file is what it is."""
+
+
+def _from_job(path):
+    try:
+        job = _Job.model_validate(tomllib.loads(path.read_text()))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"job file {path} is not valid TOML: {error}") from None
+    except ValidationError as error:
+        raise InputError(f"job file {path}: {first_complaint(error)}") from None
+
+    def make(parameters):
+        from cuspline.brep import read_step
+        return Design(name=path.stem, description=job.description or f"STEP part {job.step}", parameters=parameters,
+                      solid=read_step(path.parent / job.step), predicates=job.faces, material=job.material,
+                      stock=job.stock, finish=job.finish, setups=job.setups)
+
+    return DesignSource(name=path.stem, path=path, parameters=_NoParameters, make=make)
+
+
+def find_machine(name_or_file):
+    """A Machine by name or by TOML file.
+
+    Raises:
+        InputError: there is none, or its file is wrong.
+    """
+    if name_or_file in machine_names():
+        return machine_from_toml(POSTS / f"{name_or_file}.toml")
+    if not Path(name_or_file).is_file():
+        raise InputError(f"there is no machine {name_or_file!r} and no such file; machines: {', '.join(machine_names())}")
+    return machine_from_toml(name_or_file)
+
+
+def find_library(path):
+    """The tool library of a file; None: the one that comes with cuspline."""
+    return library_from_json(path if path is not None else POSTS / f"{DEFAULT_LIBRARY}.json")
+
+
+def find_post(name):
+    """The post module of that name.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in post_names():
+        raise InputError(f"there is no post {name!r}; posts: {', '.join(post_names())}")
+    return importlib.import_module(f"cuspline.posts.{name}")
+
+
+def make_design(source, assignments):
+    """The Design of a source; whatever its function raises becomes an error that names the design."""
+    try:
+        return source.design(assignments)
+    except CamError:
+        raise
+    except Exception as error:      # the CAD kernel raises what it likes
+        raise DesignError(f"design {source.name} could not be built: {type(error).__name__}: {error}") from error
