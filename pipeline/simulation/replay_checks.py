@@ -8,6 +8,7 @@ from cuspline.verification.findings import Finding
 
 NOISE_MM = 1e-6
 TRAVEL_MM = 1e-6
+MANY = 12                 # runs of one kind in one operation that are still told apart
 CONTACTS = (
     ("rapid_through_stock", "lift to the clearance height before this rapid, or make it a feed move"),
     ("shank_contact", "use a longer flute or reach, or a thinner shank, or rough this region before"),
@@ -49,13 +50,25 @@ class Reporter:
         return groups
 
     def _merged(self, kind, amount, places, relevant, advice):
-        """One finding a run, at its worst row; amounts above 0 count."""
+        """One finding a run, at its worst row; amounts above 0 count.
+
+        An operation with more than MANY runs of one kind gets one finding for all of them.
+        """
         found = []
-        for group in self.runs(amount > 0, relevant):
+        for group in self._gathered(self.runs(amount > 0, relevant)):
             row = max(group, key=lambda r: (amount[r], -r))
-            text = advice if len(group) == 1 else f"{advice} ({len(group)} moves from line {self.posted.line[group[0]]})"
+            first, last = self.posted.line[group[0]], self.posted.line[group[-1]]
+            text = advice if len(group) == 1 else f"{advice} ({len(group)} moves, lines {first} to {last})"
             found.append(self.finding(kind, row, amount[row], places[row], text))
         return found
+
+    def _gathered(self, groups):
+        """The runs, those of an operation that has too many of them put together."""
+        by_operation = {}
+        for group in groups:
+            by_operation.setdefault(int(self.posted.operation[group[0]]), []).append(group)
+        for runs in by_operation.values():
+            yield from ([sum(runs, [])] if len(runs) > MANY else runs)
 
     def contacts(self, worst):
         """Findings of worst (4, rows, 4): rapid, shank, holder, fixture."""
@@ -73,7 +86,7 @@ class Reporter:
                 ("no_spindle", feeds & ~(posted.spindle_rpm > 0), feeds, "start the spindle (M3 S) before this move"),
                 ("no_length_offset", (feeds | low) & ~posted.length_offset_on, feeds | low,
                  "switch the tool length offset on (G43 H) before this move")):
-            for group in self.runs(wrong, relevant):
+            for group in self._gathered(self.runs(wrong, relevant)):
                 yield self.finding(kind, group[0], 0.0, posted.end_mm[group[0]],
                                    advice + (f" ({len(group)} moves)" if len(group) > 1 else ""))
 
@@ -83,7 +96,7 @@ class Reporter:
         known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
         low = np.fmin(posted.start_mm[:, 2], posted.end_mm[:, 2])      # NaN only if both are unknown
         unsafe = ~known & (posted.tool > 0) & ~(low >= highest_mm)
-        for group in self.runs(unsafe, ~known):
+        for group in self._gathered(self.runs(unsafe, ~known)):
             depth = highest_mm - low[group[0]]
             yield self.finding("unknown_start", group[0], depth if np.isfinite(depth) else 0.0,
                                posted.end_mm[group[0]],

@@ -11,7 +11,7 @@ from cuspline.verification.clusters import clusters_of
 from cuspline.verification.samples import Samples
 
 LIMIT_MM = 2.0            # deviations are capped here: far more than any tolerance
-PER_SPACING2 = 10.5       # samples on a square of one spacing
+PER_SPACING2 = 17.0       # samples on a square of one spacing
 TARGET = 200_000          # samples wanted on one setup
 
 

@@ -15,6 +15,8 @@ from cuspline.simulation.swept import stock_height_mm
 WALL_MM = 1e-4            # grid lines hug vertical walls at this distance
 LEAST_MM3 = 1e-6          # smaller bodies are rounding
 CELLS = 8                 # pitches along the side of a cell in which volumes are compared
+SURE_MM = 1e-4            # a body counts when the exact height confirms it by more than this
+EXACT_MM = 1e-9
 THIN_MM = 0.05            # volumes are compared where the deviation is below this
 
 
@@ -99,23 +101,22 @@ def compare(paths, stock_min, stock_max, tessellation, required, found, frame, *
     walls = upright_walls(vertices, triangles)
     grid = _Grid(xs=grid_lines(low[0], high[0], pitch_mm, walls[0]), ys=grid_lines(low[1], high[1], pitch_mm, walls[1]),
                  low=low, high=high)
-    height = lambda xy, by=0.0: stock_height_mm(paths, xy, high[2], inflate_mm=by)
-    z = height(grid.xy)
+    z = stock_height_mm(paths, grid.xy, high[2])
     design = solids.solid_of(vertices, triangles, "the design's tessellation")
     region = _region(vertices, triangles[np.isin(tessellation.face, required)], low, high)
     stock = grid.solid(z)
     excess, gouge = (stock - design) ^ region, design - stock
     bodies, artefacts = [], 0
     for kind, by in (("excess", excess_mm), ("gouge", -gouge_mm)):
-        moved = grid.solid(height(grid.xy, by))
+        moved_paths = tuple(p.grown(by) for p in paths)
+        moved = grid.solid(stock_height_mm(moved_paths, grid.xy, high[2]))
         beyond = ((moved - design) ^ region) if kind == "excess" else design - moved
-        real, false = _bodies(kind, beyond, lambda xy, by=by: height(xy, by), abs(by), found, frame,
-                              tessellation.deviation_mm)
+        real, false = _bodies(kind, beyond, moved_paths, high[2], abs(by), found, frame, tessellation.deviation_mm)
         bodies, artefacts = bodies + real, artefacts + false
     return SolidComparison(
         excess_volume_mm3=excess.volume(), gouge_volume_mm3=gouge.volume(), bodies=tuple(bodies), artefacts=artefacts,
         tessellation_mm=tessellation.deviation_mm,
-        **_volumes(excess, gouge, grid, z, height, found, frame, tessellation.deviation_mm + path_error_mm, pitch_mm))
+        **_volumes(excess, gouge, grid, z, paths, found, frame, tessellation.deviation_mm + path_error_mm, pitch_mm))
 
 
 def _region(vertices, triangles, low, high):
@@ -126,30 +127,44 @@ def _region(vertices, triangles, low, high):
     return solids.prism_over(list(corners[area > 1e-12]), low[2] - 1.0, high[2] + 1.0)
 
 
-def _bodies(kind, solid, height, tolerance, found, frame, tessellation_mm):
+def _bodies(kind, solid, paths, top, tolerance, found, frame, tessellation_mm):
     """Real bodies, and how many were made by the grid: there the exact height does not cross the design."""
-    tree = cKDTree(frame.into(found.samples.points_mm))
-    normals = frame.turn_into(found.samples.normals)
-    real, false = [], 0
+    pieces = solids.bodies_of(solid, LEAST_MM3)
+    if not pieces:
+        return [], 0
+    vertices = np.concatenate([p.vertices_mm for p in pieces])
+    points, normals = frame.into(found.samples.points_mm), frame.turn_into(found.samples.normals)
+    near = cKDTree(points).query(vertices)[1]
+    depth = np.abs(np.einsum("nc,nc->n", vertices - points[near], normals[near]))
     sign = 1.0 if kind == "excess" else -1.0
-    for body in solids.bodies_of(solid, LEAST_MM3):
-        v = body.vertices_mm
-        across = sign * (height(v[:, :2]) - v[:, 2])
-        if not across.max() > max(2 * tessellation_mm, 1e-4):
-            false += 1
-            continue
-        near = tree.query(v)[1]
-        depth = np.abs(np.einsum("nc,nc->n", v - tree.data[near], normals[near]))
-        worst = int(depth.argmax())
-        out = lambda p: tuple(float(c) for c in frame.out(np.asarray(p)[None])[0].round(6))
-        corners = frame.out(np.array([body.min_mm, body.max_mm]))
-        real.append(SolidBody(kind=kind, volume_mm3=body.volume_mm3, depth_mm=tolerance + float(depth[worst]),
-                              place_mm=out(v[worst]), min_mm=tuple(corners.min(axis=0).round(6).tolist()),
-                              max_mm=tuple(corners.max(axis=0).round(6).tolist()), samples=np.unique(near)))
-    return real, false
+    beyond = sign * (stock_height_mm(paths, vertices[:, :2], top) - vertices[:, 2])
+    ends = np.cumsum([0] + [len(p.vertices_mm) for p in pieces])
+    real = []
+    for piece, i, j in zip(pieces, ends, ends[1:]):
+        if _is_real(beyond[i:j], depth[i:j], max(2 * tessellation_mm, SURE_MM)):
+            worst = i + int(depth[i:j].argmax())
+            real.append(_described(kind, piece, tolerance + float(depth[worst]), vertices[worst],
+                                   np.unique(near[i:j]), frame))
+    return real, len(pieces) - len(real)
 
 
-def _volumes(excess, gouge, grid, z, height, found, frame, surface_error_mm, pitch_mm):
+def _described(kind, piece, depth, place, samples, frame):
+    corners = frame.out(np.array([piece.min_mm, piece.max_mm, place])).round(6)
+    low, high = corners[:2].min(axis=0), corners[:2].max(axis=0)
+    return SolidBody(kind=kind, volume_mm3=piece.volume_mm3, depth_mm=depth, place_mm=tuple(corners[2].tolist()),
+                     min_mm=tuple(low.tolist()), max_mm=tuple(high.tolist()), samples=samples)
+
+
+def _is_real(beyond, depth, sure):
+    """Whether the exact stock reaches beyond the design at one of a body's vertices.
+
+    Either the exact height passes a vertex of the design, or a vertex of the grid, where its
+    height is exact, lies off the design.
+    """
+    return bool((beyond > sure).any() or ((np.abs(beyond) < EXACT_MM) & (depth > sure)).any())
+
+
+def _volumes(excess, gouge, grid, z, paths, found, frame, surface_error_mm, pitch_mm):
     """Both verifiers' volumes over the cells where the deviation is thin and the surface not steep."""
     cell = CELLS * pitch_mm
     points, d = frame.into(found.samples.points_mm), found.deviation_mm
@@ -164,7 +179,7 @@ def _volumes(excess, gouge, grid, z, height, found, frame, surface_error_mm, pit
         return {"compared_area_mm2": 0.0, "compared_excess_mm3": (0.0, 0.0), "compared_gouge_mm3": (0.0, 0.0),
                 "bound_mm3": 0.0, "zmap_mm": 0.0}
     prism = solids.prism_over([_square(grid.low, cell, *c) for c in np.argwhere(good)], grid.low[2] - 1, grid.high[2] + 1)
-    zmap = _grid_error(grid, z, height, good, cell)
+    zmap = _grid_error(grid, z, paths, good, cell)
     above, below = (np.maximum(s * d[inside], 0.0) for s in (1, -1))
     scatter = 3 * float(np.sqrt(((weight * d[inside])**2).sum()))
     return {"compared_area_mm2": area,
@@ -191,7 +206,7 @@ def _square(low, cell, i, j):
     return np.array([(x, y), (x + cell, y), (x + cell, y + cell), (x, y + cell)])
 
 
-def _grid_error(grid, z, height, good, cell):
+def _grid_error(grid, z, paths, good, cell):
     """Mean distance, in height, of the exact stock from the grid's surface in the middle of its cells."""
     field = z.reshape(len(grid.ys), len(grid.xs))
     x, y = (grid.xs[1:] + grid.xs[:-1]) / 2, (grid.ys[1:] + grid.ys[:-1]) / 2
@@ -201,6 +216,7 @@ def _grid_error(grid, z, height, good, cell):
     corners = (field[:-1, :-1], field[:-1, 1:], field[1:, 1:], field[1:, :-1])
     along = np.abs(corners[0] - corners[2]) <= np.abs(corners[1] - corners[3])
     middle = np.where(along, (corners[0] + corners[2]) / 2, (corners[1] + corners[3]) / 2)
-    off = np.abs(height(np.column_stack([xx[keep], yy[keep]])) - middle[keep])
+    exact = stock_height_mm(paths, np.column_stack([xx[keep], yy[keep]]), grid.high[2])
+    off = np.abs(exact - middle[keep])
     size = np.outer(np.diff(grid.ys), np.diff(grid.xs))[keep]
     return float((off * size).sum() / size.sum()) if size.sum() > 0 else 0.0
