@@ -24,7 +24,7 @@ from OCP.TopoDS import TopoDS
 
 from cuspline.arrays import frozen
 from cuspline.errors import DesignError
-from cuspline.verification.tessellation import mesh_faces, surface_points, surface_tangents
+from cuspline.verification.tessellation import free_parameters, mesh_faces, surface_points, surface_tangents
 
 INSIDE_MM = 1e-4          # border points lie this far inside
 MESH_MM = 0.02            # deflection of the triangles that are bisected; points themselves are exact
@@ -118,8 +118,7 @@ def _bisected(part, longest_mm, rng):
     Returns:
         uv (n, 2); area in parameters (n,); whether the triangle has a corner on the mesh's border (n,).
     """
-    uv, xyz = part.uv[part.triangles], part.points_mm[part.triangles]
-    rim = _rim_corners(part)[part.triangles]
+    uv, xyz, rim = _in_parameter_plane(part)
     done = []
     while len(uv):
         sides = np.linalg.norm(xyz - np.roll(xyz, -1, axis=1), axis=2)       # corner k to k + 1
@@ -134,6 +133,27 @@ def _bisected(part, longest_mm, rng):
     b = np.where((b.sum(axis=1) > 1)[:, None], 1 - b, b)
     b = 1 / 3 + JITTER * (b - 1 / 3)
     return uv[:, 0] + b[:, :1] * e + b[:, 1:] * f, area, rim.any(axis=1)
+
+
+def _in_parameter_plane(part):
+    """Corners of all triangles: parameters (m, 3, 2), points (m, 3, 3) and whether on the mesh's border (m, 3).
+
+    Where the surface shrinks to a point, a triangle is a quadrangle in parameters: its halves come out.
+    """
+    uv, free = part.uv[part.triangles].copy(), free_parameters(part)[part.triangles]
+    xyz, rim = part.points_mm[part.triangles], _rim_corners(part)[part.triangles]
+    is_point = free.any(axis=(1, 2))
+    if not is_point.any():
+        return uv, xyz, rim
+    side = free.any(axis=2)[is_point].argmax(axis=1)
+    k = (side[:, None] + np.arange(3)) % 3                       # the point first
+    turn = lambda a: np.take_along_axis(a[is_point], k.reshape(k.shape + (1,) * (a.ndim - 2)), axis=1)
+    q, f, x, r = turn(uv), turn(free), turn(xyz), turn(rim)
+    near1, near2 = np.where(f[:, 0], q[:, 1], q[:, 0]), np.where(f[:, 0], q[:, 2], q[:, 0])
+    first, second = np.stack([near1, q[:, 1], q[:, 2]], axis=1), np.stack([near1, q[:, 2], near2], axis=1)
+    whole = ~is_point
+    return (np.concatenate([uv[whole], first, second]), np.concatenate([xyz[whole], x, x[:, [0, 2, 0]]]),
+            np.concatenate([rim[whole], r, r[:, [0, 2, 0]]]))
 
 
 def _halved(face, uv, xyz, rim, side):

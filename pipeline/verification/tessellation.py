@@ -24,6 +24,7 @@ from cuspline.arrays import frozen
 from cuspline.errors import DesignError
 
 ANGLE_RAD = 0.35          # largest turn of the normal along a triangle's side
+POINT_MM = 1e-7           # a surface whose derivative is shorter has shrunk to a point there
 ROUNDS = 4                # refinements before giving up
 
 
@@ -128,11 +129,30 @@ def surface_tangents(face, uv):
     return points, du, dv
 
 
+def free_parameters(part):
+    """(n, 2) bool: parameters that have no meaning at a node, u at the tip of a cone and the like."""
+    explorer, has_point = TopExp_Explorer(part.face, TopAbs_EDGE), False
+    while explorer.More() and not has_point:
+        has_point = BRep_Tool.Degenerated_s(TopoDS.Edge_s(explorer.Current()))
+        explorer.Next()
+    if not has_point:
+        return np.zeros(part.uv.shape, dtype=bool)
+    _, du, dv = surface_tangents(part.face, part.uv)
+    return np.column_stack([np.linalg.norm(d, axis=1) < POINT_MM for d in (du, dv)])
+
+
+def corner_parameters(part):
+    """(m, 3, 2) parameters at the corners of each triangle; a free one takes the mean of the other corners."""
+    uv, free = part.uv[part.triangles].copy(), free_parameters(part)[part.triangles]
+    others = (uv.sum(axis=1, keepdims=True) - uv) / 2
+    return np.where(free, others, uv)
+
+
 def _deviation_mm(part):
     """Largest distance of exact surface points (middles of sides and triangles) from their triangle's plane."""
     if BRepAdaptor_Surface(part.face, False).GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
         return 0.0
-    corners, uv = part.points_mm[part.triangles], part.uv[part.triangles]
+    corners, uv = part.points_mm[part.triangles], corner_parameters(part)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1)
     keep = length > 1e-12

@@ -24,6 +24,8 @@ NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
 MISSED_MM2 = 1.0
 SEEN_PITCHES = 3.0        # a body narrower than this many pitches may slip through the grid
+SOLID_NODES = 120_000     # of the second verifier's grid: some seconds of booleans
+REPLAY_NODES = 60_000
 DESIGN_PIN_MM = 1e-3      # radius of the pin that feels the design's height at a node
 
 
@@ -162,8 +164,8 @@ def _fitted(options, faces, low, high, finish):
     """Options with every None replaced."""
     plan = float(np.prod((high - low)[:2]))
     fit = {"spacing_mm": default_spacing_mm(sum(face_area_mm2(f) for f in faces)),
-           "solid_pitch_mm": float(np.clip(np.sqrt(plan / 60_000), 0.05, 1.0)),
-           "replay_pitch_mm": float(np.clip(np.sqrt(plan / 60_000), 0.1, 1.0)),
+           "solid_pitch_mm": float(np.clip(np.sqrt(plan / SOLID_NODES), 0.05, 1.0)),
+           "replay_pitch_mm": float(np.clip(np.sqrt(plan / REPLAY_NODES), 0.1, 1.0)),
            "tessellation_mm": float(np.clip(finish.profile_tolerance_mm, 0.001, 0.01))}
     return Options(**{**options.__dict__, **{k: v for k, v in fit.items() if getattr(options, k) is None}})
 

@@ -1,0 +1,107 @@
+"""Samples lie exactly on the B-rep, meshes are closed and within their deviation, volumes are closed forms."""
+
+import cadquery as cq
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from cuspline import brep, solids
+from cuspline.errors import DesignError, SimulationError
+from cuspline.verification import tessellation
+from cuspline.verification.clusters import clusters_of
+from cuspline.verification.samples import INSIDE_MM, sample_faces
+from cuspline.verification.tessellation import tessellate
+
+BLOCK = brep.the_solid(cq.Workplane().box(30, 20, 10, centered=False).faces(">Z").workplane(centerOption="CenterOfMass").hole(6, 4)
+                       .edges("|Z").edges("not %CIRCLE").fillet(2))
+SHAPES = {
+    "sphere": (cq.Solid.makeSphere(10, angleDegrees1=-90, angleDegrees2=90), 4 / 3 * np.pi * 1000),
+    "cone": (cq.Solid.makeCone(5, 0, 10), np.pi * 25 * 10 / 3),
+    "torus": (cq.Solid.makeTorus(10, 3), 2 * np.pi**2 * 10 * 9),
+    "cylinder": (cq.Solid.makeCylinder(5, 12), np.pi * 25 * 12),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_tessellation_is_closed_and_as_close_as_it_says(name):
+    shape, volume = SHAPES[name]
+    solid = brep.the_solid(shape)
+    mesh = tessellate(solid, 0.01)
+    have = solids.solid_of(mesh.vertices_mm, mesh.triangles).volume()
+    area = sum(f.area_mm2 for f in brep.faces_of(solid))
+    assert mesh.deviation_mm <= 0.01 and -area * 0.01 < have - volume < 0
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_samples_are_on_the_surface_with_outward_normals_and_cover_it(name):
+    faces = brep.faces_of(brep.the_solid(SHAPES[name][0]))
+    s = sample_faces(faces, 0.5)
+    area = sum(f.area_mm2 for f in faces)
+    assert abs(s.weight_mm2.sum() / area - 1) < 1e-9
+    x, y, z = s.points_mm.T
+    rho = np.hypot(x, y)
+    curved = s.face == 0
+    inside = {"sphere": np.linalg.norm(s.points_mm, axis=1) - 10, "cone": (rho - 5 * (1 - z / 10)),
+              "torus": np.hypot(rho - 10, z) - 3, "cylinder": rho - 5}[name]
+    assert np.abs(inside[curved]).max() < 1e-9
+    flux = (s.weight_mm2 * np.einsum("nc,nc->n", s.points_mm, s.normals)).sum() / 3      # divergence theorem
+    assert abs(flux / SHAPES[name][1] - 1) < 2e-3
+    heavy = s.weight_mm2[curved & ~s.is_border]
+    assert heavy.max() < 0.5 * 0.5
+
+
+def test_no_place_is_farther_from_a_sample_than_the_spacing():
+    top = [f for f in brep.faces_of(BLOCK) if f.middle.normal[0, 2] > 0.9 and f.area_mm2 > 100]
+    s = sample_faces(top, 0.8)
+    rng = np.random.default_rng(0)
+    p = np.column_stack([rng.uniform((2, 2), (28, 18), (4000, 2)), np.full(4000, 10.0)])
+    p = p[np.hypot(p[:, 0] - 15, p[:, 1] - 10) > 3]
+    assert cKDTree(s.points_mm).query(p)[0].max() < 0.8
+
+
+def test_trimmed_borders_are_respected_and_followed():
+    top = [f for f in brep.faces_of(BLOCK) if f.middle.normal[0, 2] > 0.9 and f.area_mm2 > 100]
+    s = sample_faces(top, 0.5)
+    to_hole = np.hypot(s.points_mm[:, 0] - 15, s.points_mm[:, 1] - 10) - 3
+    assert to_hole.min() > 0.99 * INSIDE_MM
+    rim = to_hole[s.is_border]
+    assert abs(rim.min() - INSIDE_MM) < 1e-6 and (rim < 2 * INSIDE_MM).sum() >= 6 * np.pi / 0.5
+    left = s.points_mm[s.is_border, 0]
+    assert abs(left.min() - INSIDE_MM) < 1e-9
+
+
+def test_samples_are_the_same_every_time():
+    faces = brep.faces_of(BLOCK)
+    a, b = sample_faces(faces, 1.0), sample_faces(faces, 1.0)
+    assert (a.points_mm == b.points_mm).all() and (a.weight_mm2 == b.weight_mm2).all()
+
+
+def test_height_field_has_the_volume_under_it():
+    xs, ys = np.linspace(0, 4, 9), np.linspace(0, 3, 7)
+    z = 1 + 0.25 * xs[None, :] + 0.5 * ys[:, None]
+    assert abs(solids.height_field(xs, ys, z, 0.0).volume() - 12 * (1 + 0.5 + 0.75)) < 1e-9
+    through = np.where((xs[None, :] > 1) & (xs[None, :] < 3) & (ys[:, None] > -1), -5.0, 2.0)
+    assert abs(solids.height_field(xs, ys, through, 0.0).volume() - 2 * 3 * 2 * (1 + 0.25)) < 0.01
+
+
+def test_bodies_are_told_apart():
+    pair = solids.prism_over([np.array([(0, 0), (1, 0), (1, 1), (0, 1)]),
+                              np.array([(5, 0), (7, 0), (7, 1), (5, 1)])], 0.0, 2.0)
+    found = solids.bodies_of(pair, 1e-6)
+    assert [round(b.volume_mm3, 9) for b in found] == [4.0, 2.0]
+
+
+def test_an_open_mesh_is_refused():
+    with pytest.raises(SimulationError, match="watertight"):
+        solids.solid_of([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 2, 1), (0, 1, 3), (1, 2, 3)])
+
+
+def test_a_deviation_out_of_reach_is_refused(monkeypatch):
+    monkeypatch.setattr(tessellation, "_deviation_mm", lambda part: 0.5)
+    with pytest.raises(DesignError, match="mesher"):
+        tessellation.tessellate(BLOCK, 0.1)
+
+
+def test_clusters_are_connected_groups():
+    points = np.array([(0, 0, 0), (5, 0, 0), (0.4, 0, 0), (5.3, 0.2, 0), (0.9, 0, 0)])
+    assert [sorted(g.tolist()) for g in clusters_of(points, 0.5)] == [[0, 2, 4], [1, 3]]

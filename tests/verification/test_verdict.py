@@ -1,0 +1,185 @@
+"""The verdict turns as it must: known-good, known-bad, and both verifiers against each other."""
+
+import dataclasses
+import json
+
+import cadquery as cq
+import numba
+import numpy as np
+import pytest
+from known_programs import arc, feed, program, rapid, raster, tool
+
+from cuspline import brep
+from cuspline.design import Finish, Setup, StockBox
+from cuspline.errors import InputError
+from cuspline.program import Plane
+from cuspline.verification.solids import upright_walls
+from cuspline.verification.verdict import Options, Verdict, verify_setup
+
+BLOCK = brep.the_solid(cq.Workplane().box(20, 16, 10, centered=False))
+FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
+COARSE = Options(spacing_mm=0.6, solid_pitch_mm=0.2, replay_pitch_mm=0.5, tessellation_mm=0.002)
+R, STEP = 5.0, 0.6                                           # cusp 0.0090 mm
+
+
+def upward(solid):
+    return [f for f in brep.faces_of(solid) if f.middle.normal[0, 2] > 0.5]
+
+
+def passes(z, skip=(99, 99), step=STEP):
+    ys = np.arange(-0.3, 16.7, step)
+    moves = raster((-6, 26), [y for y in ys if not skip[0] < y < skip[1]], z)
+    return [rapid(-6, -0.3, 14), *moves, rapid(26, 16, 14)]
+
+
+def verdict(moves=None, z=10.0, solid=BLOCK, faces=None, stock=((0, 0, 0), (20, 16, 12)), tools=None, origin=(0, 0, 0),
+            ball=3.0, options=COARSE, **changes):
+    posted = program((-6, -0.3, 40), moves or passes(z), **changes)
+    setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",), wcs_origin_mm=origin)
+    return verify_setup(posted, tools or {1: tool("ball", 2 * R)}, solid, faces or upward(solid), setup=setup,
+                        stock=StockBox(min_mm=stock[0], max_mm=stock[1]), finish=FINISH, ball_radius_mm=ball,
+                        options=options)
+
+
+def kinds(result):
+    return {f.kind for f in result.findings}
+
+
+def test_a_good_plane_is_verified_with_its_exact_cusp():
+    v = verdict()
+    d = v.as_dict()
+    cusp = R - np.sqrt(R**2 - STEP**2 / 4)
+    assert d["ok"] and d["findings"] == [] and d["collisions"] == []
+    assert d["gouge_max_mm"] < 1e-6 and cusp - 3e-4 < d["cusp_max_mm"] <= cusp + 1e-6
+    assert abs(d["area_required_mm2"] - 320) < 1e-3 and abs(d["area_reached_mm2"] - 320) < 1e-3
+    mean = STEP**2 / (24 * R)                               # of the cusp's parabola
+    sag = 0.2**2 / (12 * R)                                 # of chords one pitch long
+    assert 320 * mean * 0.98 < d["excess_volume_mm3"] < 320 * (mean + sag) * 1.05
+    assert d["verifiers"]["compared_area_mm2"] > 100
+    json.dumps(Verdict(setups=(v,)).as_dict())
+
+
+@pytest.mark.parametrize("depth,found", [(0.5, set()), (2.0, {"gouge"})])
+def test_gouge_of_half_and_twice_the_tolerance(depth, found):
+    v = verdict(z=10.0 - depth * FINISH.gouge_mm)
+    assert kinds(v) == found
+    assert abs(v.as_dict()["gouge_max_mm"] - depth * FINISH.gouge_mm) < 1e-6
+
+
+def test_one_deep_pass_is_placed_by_line_and_operation():
+    moves = passes(10.0)
+    k = next(i for i, m in enumerate(moves) if m[1][1] > 8)
+    moves[k] = feed(*moves[k][1][:2], 9.98)
+    moves[k + 1] = feed(*moves[k + 1][1][:2], 9.98)
+    v = verdict(moves)
+    (found,) = [f for f in v.findings if f.kind == "gouge"]
+    assert abs(found.amount_mm - 0.02) < 1e-5 and found.operation == "finish"
+    assert abs(found.line - (10 + k + 1)) <= 1 and abs(found.place_mm[1] - moves[k][1][1]) < 0.3
+    assert any(b.kind == "gouge" for b in v.solids.bodies) and kinds(v) == {"gouge"}
+
+
+def test_missing_pass_and_missing_area_are_told_apart():
+    assert kinds(verdict(passes(10.0, skip=(7.8, 8.2)))) == {"excess"}
+    v = verdict(passes(10.0, skip=(5, 12)))
+    assert kinds(v) == {"missing_area"}
+    d = v.as_dict()
+    assert d["area_reached_mm2"] < 250 and d["excess_max_mm"] > 0.5
+
+
+def test_too_wide_a_step_is_excess_that_both_verifiers_see():
+    v = verdict(passes(10.0, step=0.9))
+    assert kinds(v) == {"excess"} and len(v.solids.bodies) > 5
+
+
+def test_missing_retract_turns_into_a_rapid_through_stock():
+    moves = passes(10.0)
+    v = verdict([*moves[:-1], rapid(26, 8, 10.5), rapid(-6, 8, 10.5)])
+    assert kinds(v) == set()                                # over finished stock: nothing is in the way
+    v = verdict([rapid(-6, 8, 14), rapid(-6, 8, 10.5), rapid(26, 8, 10.5), rapid(26, 8, 14), *moves])
+    assert kinds(v) == {"rapid_through_stock"}
+    assert v.as_dict()["collisions"][0]["kind"] == "rapid_through_stock"
+
+
+def test_program_in_inches_is_far_off():
+    small = [(kind, tuple(np.array(end) / 25.4), center, plane) for kind, end, center, plane in passes(10.0)]
+    assert "gouge" in kinds(verdict(small))
+
+
+def test_wrong_sign_of_the_wcs_is_found():
+    shifted = [(k, (e[0] - 10, e[1] - 8, e[2] - 10), c, p) for k, e, c, p in passes(10.0)]
+    assert kinds(verdict(shifted, origin=(10, 8, 10))) == set()
+    assert kinds(verdict(shifted, origin=(-10, 8, 10))) & {"gouge", "missing_area"}
+
+
+def test_inner_corner_is_unreachable_and_listed():
+    step = brep.the_solid(cq.Workplane("XZ").polyline([(0, 0), (20, 0), (20, 10), (12, 10), (12, 5), (0, 5)]).close()
+                          .extrude(-12))
+    faces = [f for f in brep.faces_of(step) if f.middle.normal[0, 2] > 0.5 or abs(f.middle.point_mm[0, 0] - 12) < 1e-6]
+    moves = [rapid(-6, -1, 16)]
+    for y in np.arange(-0.3, 12.6, STEP):                    # floor, then rolling over the corner (12, 10)
+        moves += [rapid(-6, y, 16), feed(-6, y, 5), feed(7, y, 5), arc((12, y, 10), (12, y, 5), Plane.ZX),
+                  feed(26, y, 10), rapid(26, y, 16)]
+    d = verdict(moves, solid=step, faces=faces, stock=((0, 0, 0), (20, 12, 11)), ball=R,
+                tools={1: tool("ball", 2 * R, flute=15.0)}).as_dict()
+    assert d["ok"], d["findings"]
+    places = d["unreachable_places"]
+    assert len(places) == 1 and "narrow" in places[0]["reason"]
+    assert abs(d["area_unreachable_mm2"] - 2 * 5 * 12) < 4
+    assert np.allclose(places[0]["min_mm"], (7, 0, 5), atol=0.6) and np.allclose(places[0]["max_mm"], (12, 12, 10), atol=0.6)
+
+
+def test_turning_part_and_program_changes_no_number():
+    turn = lambda p: (-p[1], p[0], p[2])
+    solid = brep.the_solid(cq.Workplane(obj=cq.Shape.cast(BLOCK)).rotate((0, 0, 0), (0, 0, 1), 90))
+    moves = passes(9.999)
+    turned = [(k, turn(e), turn(c), p) for k, e, c, p in moves]
+    a = verdict(moves).as_dict()
+    posted = program(turn((-6, -0.3, 40)), turned)
+    setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",))
+    b = verify_setup(posted, {1: tool("ball", 2 * R)}, solid, upward(solid), setup=setup, finish=FINISH, ball_radius_mm=3.0,
+                     stock=StockBox(min_mm=(-16, 0, 0), max_mm=(0, 20, 12)), options=COARSE).as_dict()
+    assert a["ok"] and b["ok"] and abs(a["gouge_max_mm"] - b["gouge_max_mm"]) < 1e-6
+    assert abs(a["cusp_max_mm"] - b["cusp_max_mm"]) < 1e-4          # samples fall elsewhere
+    assert abs(a["excess_volume_mm3"] - b["excess_volume_mm3"]) < 0.05
+
+
+def test_same_inputs_give_the_same_numbers_on_any_number_of_threads():
+    numba.set_num_threads(1)
+    try:
+        one = json.dumps(verdict().as_dict())
+    finally:
+        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+    assert json.dumps(verdict().as_dict()) == one
+
+
+def test_totals_add_up_over_setups():
+    good, bad = verdict(), verdict(z=9.99)
+    total = Verdict(setups=(good, bad)).as_dict()
+    assert not total["ok"] and total["gouge_max_mm"] == pytest.approx(0.01, abs=1e-6)
+    assert total["points_checked"] == 2 * good.as_dict()["points_checked"] and len(total["setups"]) == 2
+
+
+def test_a_blind_verifier_is_a_finding():
+    """A body that no sample shows, and volumes that differ, must not pass in silence."""
+    v = verdict(z=9.98)
+    blind = dataclasses.replace(v.residuals, deviation_mm=np.zeros(len(v.residuals.samples)))
+    from cuspline.verification import verdict as module
+    report = module._Reporter(program((-6, -0.3, 40), passes(9.98)), "setup-1", FINISH, blind)
+    found = list(report.disagreements(v.solids, 0.2, v.error_bounds_mm))
+    assert {f.kind for f in found} == {"verifiers_disagree"}
+    quiet = dataclasses.replace(v.solids, bodies=(), compared_gouge_mm3=(0.0, 0.0))
+    report = module._Reporter(program((-6, -0.3, 40), passes(9.98)), "setup-1", FINISH, v.residuals)
+    assert [f.kind for f in report.disagreements(quiet, 0.2, v.error_bounds_mm)] == ["verifiers_disagree"]
+
+
+def test_faces_of_another_solid_are_refused():
+    other = brep.the_solid(cq.Workplane().box(20, 16, 10, centered=False))
+    with pytest.raises(InputError, match="very solid"):
+        verdict(faces=upward(other))
+
+
+def test_walls_are_found_in_the_mesh():
+    from cuspline.verification.tessellation import tessellate
+    mesh = tessellate(BLOCK, 0.01)
+    xs, ys = upright_walls(mesh.vertices_mm, mesh.triangles)
+    assert np.allclose(xs, [0, 20]) and np.allclose(ys, [0, 16])
