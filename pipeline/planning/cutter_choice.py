@@ -59,26 +59,27 @@ def ball_reach(samples, mesh, radius_mm):
     return Reach(tip_mm=tip, is_reached=reached)
 
 
-def missing_stick_out_mm(tool, tips_mm, mesh):
+def missing_stick_out_mm(tool, tips_mm, mesh, stock_mm):
     """How much deeper the holder and shank would have to clear; 0 where everything is clear.
 
     Args:
         tool: Tool.
         tips_mm: (n, 3) tip positions it must reach.
         mesh: DropMesh of the part.
+        stock_mm: thickness of the material that may still stand on the part.
     """
     worst = 0.0
     for z0, r0, _, r1 in tool.non_cutting_frusta():
-        clearance = HOLDER_CLEARANCE_MM if z0 >= tool.stick_out_mm - 1e-9 else SHANK_CLEARANCE_MM
-        side = clearance if z0 >= tool.stick_out_mm - 1e-9 else 0.0
-        if max(r0, r1) + side <= tool.cutter.radius_mm:
+        is_holder = z0 >= tool.stick_out_mm - 1e-9
+        clearance = stock_mm + (HOLDER_CLEARANCE_MM if is_holder else SHANK_CLEARANCE_MM)
+        if max(r0, r1) + clearance <= tool.cutter.radius_mm:
             continue
-        below = drop_tips_mm(mesh, tips_mm[:, :2], max(r0, r1) + side, 0.0)
+        below = drop_tips_mm(mesh, tips_mm[:, :2], max(r0, r1) + clearance, 0.0)
         worst = max(worst, float((below + clearance - (tips_mm[:, 2] + z0)).max()))
     return worst
 
 
-def choose_ball(library, samples, hollow_radius_mm, mesh):
+def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm):
     """The finishing ball and all candidates.
 
     Returns:
@@ -94,7 +95,7 @@ def choose_ball(library, samples, hollow_radius_mm, mesh):
         reason = _why_not(tool, hollow_radius_mm)
         if reason is None:
             reach = ball_reach(samples, mesh, tool.cutter.radius_mm)
-            missing = missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], mesh)
+            missing = missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], mesh, stock_mm)
             if missing > 0:
                 reason = (f"holder or shank would touch the part: stick-out {tool.stick_out_mm:.1f} mm is "
                           f"{missing:.2f} mm short")
@@ -118,7 +119,7 @@ def _why_not(tool, hollow_radius_mm):
     return None
 
 
-def choose_rest_ball(library, samples, reach, mesh, largest_radius_mm):
+def choose_rest_ball(library, samples, reach, mesh, largest_radius_mm, stock_mm):
     """The smallest ball that reaches points which the finishing ball does not.
 
     Returns:
@@ -137,7 +138,7 @@ def choose_rest_ball(library, samples, reach, mesh, largest_radius_mm):
         if not new.any():
             candidates.append(Candidate(tool=tool, is_chosen=False, reason="reaches nothing more"))
             continue
-        missing = missing_stick_out_mm(tool, mine.tip_mm[new], mesh)
+        missing = missing_stick_out_mm(tool, mine.tip_mm[new], mesh, stock_mm)
         if missing > 0:
             candidates.append(Candidate(tool=tool, is_chosen=False,
                                         reason=f"holder or shank would touch: stick-out {missing:.2f} mm short"))
@@ -159,7 +160,7 @@ def choose_roughing(library, mesh, samples, stock_min_mm, stock_max_mm, allowanc
     rows = []
     for tool in library.of_type("flat", "bull_nose"):
         tips = _tip_heights(tool, mesh, stock_min_mm, stock_max_mm, allowance_mm)
-        missing = missing_stick_out_mm(tool, tips, mesh)
+        missing = missing_stick_out_mm(tool, tips, mesh, 0.0)
         left = leftover_mm(tool, mesh, samples, allowance_mm, leftover_rows(samples))
         rows.append((tool, missing, float(np.percentile(left, 95)), float(left.max())))
     usable = [r for r in rows if r[1] <= 0]

@@ -122,7 +122,7 @@ def plan_setup(design, setup, machine, library):
         PlanError, CutterDoesNotFit, ToolpathError: what cannot be done, where, and how to mend it.
     """
     shop = _Shop(design, setup, machine, library)
-    ball, candidates, reach = choose_ball(library, shop.samples, shop.hollow.radius_mm, shop.mesh)
+    ball, candidates, reach = choose_ball(library, shop.samples, shop.hollow.radius_mm, shop.mesh, ROUGH_ALLOWANCE_MM)
     roughing = _rough(shop)
     operations = [roughing]
     rows = leftover_rows(shop.samples)
@@ -130,7 +130,8 @@ def plan_setup(design, setup, machine, library):
     if left.max(initial=0.0) > FINISH_DEPTH_SHARE * ball.cutter.diameter_mm:
         operations.append(_ball_passes(shop, "semi-finish", ball, SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, (), reach))
     operations.append(_ball_passes(shop, "finish", ball, 0.0, design.finish.scallop_mm, candidates, reach))
-    rest, rest_candidates, adds = choose_rest_ball(library, shop.samples, reach, shop.mesh, ball.cutter.radius_mm)
+    rest, rest_candidates, adds = choose_rest_ball(library, shop.samples, reach, shop.mesh, ball.cutter.radius_mm,
+                                                   ROUGH_ALLOWANCE_MM)
     reached = reach.is_reached | adds
     if rest is not None:
         operations.append(_rest(shop, ball, rest, rest_candidates))

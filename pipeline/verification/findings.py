@@ -2,14 +2,16 @@
 
 from dataclasses import asdict, dataclass
 
+KINDS = ("gouge", "excess", "missing_area", "rapid_through_stock", "holder_contact", "shank_contact",
+         "fixture_contact", "travel_exceeded", "no_spindle", "no_length_offset", "unknown_start", "not_ended",
+         "program_too_long", "verifiers_disagree")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
     """One thing wrong with a posted program.
 
-    `kind` is one of: gouge, excess, missing_area, rapid_through_stock, holder_contact,
-    shank_contact, fixture_contact, travel_exceeded, no_spindle, no_length_offset, unknown_start,
-    not_ended, program_too_long, verifiers_disagree.
+    `kind` is one of KINDS.
     """
 
     kind: str

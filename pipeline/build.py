@@ -1,0 +1,303 @@
+"""The recipe: the one place that knows all stages, from a design to published files.
+
+Everything is made in a folder beside the outputs and swapped in at the end; a build killed at any
+moment leaves the old outputs or the new ones.  A program with a finding that is not accepted by
+name is not published: it stays in `<outputs>-rejected/` with its report.
+"""
+
+import ctypes
+import hashlib
+import importlib.metadata
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import cuspline
+from cuspline import brep
+from cuspline.bundle import report_bundle, view_of
+from cuspline.errors import PostError
+from cuspline.glb import write_glb
+from cuspline.job import Job, PostedFile
+from cuspline.judge import judge, post_module
+from cuspline.planning.feeds import TIME_ASSUMPTIONS
+from cuspline.planning.plan import plan_setup
+from cuspline.report.page import write_report
+from cuspline.tooltable import tool_table
+
+STAGES = ("step", "plan", "gcode", "verify", "report")
+UNVERIFIED = "VERDICT: NOT VERIFIED YET"
+VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """What is to be built."""
+
+    source: object              # catalogue.DesignSource
+    design: object              # design.Design
+    machine: object
+    library: object
+    accepted: tuple[str, ...]
+    out: Path
+    last_stage: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """What came of it."""
+
+    folder: Path
+    is_ok: bool
+    findings: tuple
+    left_out: str               # what could not be made here, in words; "" nothing
+
+
+def build(order, say=lambda text: None):
+    """Build one design.
+
+    Args:
+        order: Order.
+        say: called with what is being done.
+    Returns:
+        Result; its folder is `order.out`, or `order.out`-rejected where findings stand.
+    Raises:
+        CamError: what is wrong with the input or the plan; nothing is left half-written.
+    """
+    order.out.parent.mkdir(parents=True, exist_ok=True)
+    _restore(order.out)
+    work = order.out.parent / f".{order.out.name}.part"
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir()
+    try:
+        result = _made(order, work, say)
+        target = order.out if result.is_ok else _rejected(order.out)
+        _swap_in(work, target)
+        if result.is_ok:
+            shutil.rmtree(_rejected(order.out), ignore_errors=True)
+        return Result(folder=target, is_ok=result.is_ok, findings=result.findings, left_out=result.left_out)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def _made(order, work, say):
+    """All stages up to the last one wanted, into the work folder."""
+    design = order.design
+    say(f"{design.name}: STEP")
+    solid = brep.the_solid(design.solid, f"design {design.name}")
+    step = work / f"{design.name}.step"
+    brep.write_step(solid, step, design.name)
+    view = view_of(solid)
+    write_glb(work / f"{design.name}.glb", design.name, view.vertices_mm, view.normals, view.triangles)
+    if order.last_stage == "step":
+        return _finished(order, work, None, ())
+    plans = []
+    for setup in design.setups:
+        say(f"{design.name}: plan {setup.name}")
+        plans.append(plan_setup(design, setup, order.machine, order.library))
+    _write_json(work / "plan.json", plan_document(order, plans))
+    if order.last_stage == "plan":
+        return _finished(order, work, None, ())
+    say(f"{design.name}: post for {order.machine.name}")
+    job = _posted(order, plans, work)
+    if order.last_stage == "gcode":
+        return _finished(order, work, job, ())
+    judged = judge(work, job, lambda text: say(f"{design.name}: {text}"))
+    verify = judged.as_dict(order.accepted)
+    _stamp_verdict(work, job, verify)
+    _write_json(work / "verify.json", verify)
+    left_out = ""
+    if order.last_stage == "report":
+        say(f"{design.name}: report")
+        bundle = report_bundle(order, work, job, judged, _read_json(work / "plan.json"), verify, view, inputs_hash(order))
+        _, left_out = write_report(bundle, work)
+    return _finished(order, work, job, judged.refused(order.accepted), left_out)
+
+
+def _finished(order, work, job, findings, left_out=""):
+    """Write the manifest, the last file of all."""
+    files = {p.name: _sha256(p) for p in sorted(work.iterdir())}
+    manifest = {
+        "design": order.design.name, "stage": order.last_stage, "inputs_sha256": inputs_hash(order),
+        "parameters": order.design.parameters.model_dump(mode="json"), "machine": order.machine.name,
+        "accepted": list(order.accepted), "left_out": left_out,
+        "versions": {"cuspline": cuspline.__version__, **{n: _version(n) for n in VERSIONED}},
+        "files": files, "job": job.model_dump(mode="json") if job else None}
+    _write_json(work / "manifest.json", manifest)
+    return Result(folder=work, is_ok=not findings, findings=tuple(findings), left_out=left_out)
+
+
+# plan and program ------------------------------------------------------------------------------
+
+
+def plan_document(order, plans):
+    """plan.json: per operation cutter, step, feeds, time, and the candidates rejected."""
+    setups = []
+    for plan in plans:
+        operations = [_operation_document(o) for o in plan.operations]
+        setups.append({"name": plan.setup.name, "operations": operations, "wcs": plan.setup.wcs,
+                       "time_s": round(sum(o["time_s"] for o in operations)
+                                       + order.machine.tool_change_s * len(operations), 1),
+                       "time_assumptions": TIME_ASSUMPTIONS, "clearance_z_mm": plan.clearance_z_mm,
+                       "area_required_mm2": round(plan.area_required_mm2, 3),
+                       "area_reached_mm2": round(plan.area_reached_mm2, 3),
+                       "inner_edges": [{"place_mm": [round(x, 4) for x in e.place_mm],
+                                        "opening_deg": round(e.opening_deg, 3), "length_mm": round(e.length_mm, 3),
+                                        "reason": "two faces meet in a hollow without a fillet: no ball cleans it"}
+                                       for e in plan.inner_edges]})
+    hollow = min((p.hollow for p in plans), key=lambda h: h.radius_mm)
+    return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
+            "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
+            "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
+            "setups": setups}
+
+
+def _operation_document(o):
+    cutter = o.tool.cutter
+    cutting = o.moves.feed_mm_per_min[o.moves.feed_mm_per_min > 0]
+    return {"name": o.name,
+            "tool": {"number": o.tool.number, **cutter.model_dump(mode="json"), "stick_out_mm": o.tool.stick_out_mm,
+                     "holder": o.tool.holder.model_dump(mode="json")},
+            "spindle_rpm": o.rpm, "coolant": o.coolant,
+            "feed_mm_per_min": [float(cutting.min()), float(cutting.max())], "blocks": len(o.moves), **o.facts}
+
+
+def _posted(order, plans, work):
+    """Post every setup, write the tools, return the Job."""
+    post = post_module(order.machine)
+    tools = {o.tool.number: o.tool for p in plans for o in p.operations}
+    (work / "tools.tbl").write_text(tool_table(tools.values(), order.machine.control))
+    _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
+    posted = []
+    for plan in plans:
+        name = f"{plan.setup.name}.{post.EXTENSION}"
+        program = plan.program(_header(order, plan), f"{order.design.name} {plan.setup.name}")
+        (work / name).write_text(post.post(program, order.machine).text)
+        posted.append(PostedFile(setup=plan.setup, program=name))
+    balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
+    return Job(design=order.design.name, step=f"{order.design.name}.step", material=order.design.material,
+               predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
+               machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
+               accepted=order.accepted)
+
+
+def _header(order, plan):
+    """Comment lines that tell the operator what this is."""
+    design, setup, machine = order.design, plan.setup, order.machine
+    low, high = (setup.frame.into(np.array(c)) for c in (design.stock.min_mm, design.stock.max_mm))
+    ends = setup.frame.into(np.vstack([o.moves.end_mm for o in plan.operations]))
+    show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
+    lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
+             UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
+             f"INPUTS SHA-256 {inputs_hash(order)[:32]}",
+             f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
+             f"{setup.wcs}: {setup.wcs_in_words}",
+             f"STOCK {design.material}: {show(low)} TO {show(high)}",
+             f"TIP EXTENTS {show(ends.min(axis=0))} TO {show(ends.max(axis=0))}",
+             f"RAPIDS ACROSS AT Z{plan.clearance_z_mm - setup.wcs_origin_mm[2]:.3f}",
+             f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
+             f"GOUGE {design.finish.gouge_mm} PATH TOLERANCE {machine.control.path_tolerance_mm}"]
+    for name, value in design.parameters.model_dump(mode="json").items():
+        lines.append(f"PARAMETER {name} = {value}")
+    seen = set()
+    for o in plan.operations:
+        if o.tool.number not in seen:
+            seen.add(o.tool.number)
+            lines.append(f"T{o.tool.number} {o.tool.cutter.name}, D{o.tool.cutter.diameter_mm:g} "
+                         f"R{o.tool.cutter.corner_radius_mm:g}, STICK-OUT {o.tool.stick_out_mm:g}, "
+                         f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}")
+    if order.accepted:
+        lines.append(f"ACCEPTED BY NAME: {', '.join(order.accepted)}")
+    return lines
+
+
+def _stamp_verdict(work, job, verify):
+    """Put the verdict into each program's header, in place of the line that says there is none yet."""
+    verdict = "VERIFIED" if verify["ok"] else "REJECTED"
+    line = (f"VERDICT: {verdict}, GOUGE {verify['gouge_max_mm']:.4f} CUSP {verify['cusp_max_mm']:.4f} "
+            f"BOUND {verify['error_bound_mm']:.5f} MM, {verify['points_checked']} POINTS")
+    for item in job.posted:
+        path = work / item.program
+        text = path.read_text()
+        if text.count(f"({UNVERIFIED})") != 1:
+            raise PostError(f"{item.program}: the header has lost its verdict line")
+        path.write_text(text.replace(f"({UNVERIFIED})", f"({line})"))
+
+
+# files -----------------------------------------------------------------------------------------
+
+
+def inputs_hash(order):
+    """SHA-256 over everything that decides the outputs."""
+    digest = hashlib.sha256()
+    for part in (order.source.path.read_bytes(), order.design.parameters.model_dump_json().encode(),
+                 order.machine.model_dump_json().encode(), order.library.model_dump_json().encode(),
+                 json.dumps(order.accepted).encode(), cuspline.__version__.encode()):
+        digest.update(hashlib.sha256(part).digest())
+    return digest.hexdigest()
+
+
+def _sha256(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _version(name):
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _write_json(path, value):
+    path.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
+
+
+def _read_json(path):
+    return json.loads(path.read_text())
+
+
+def _finite(value):
+    return round(float(value), 6) if np.isfinite(value) else None
+
+
+def _rejected(out):
+    return out.parent / f"{out.name}-rejected"
+
+
+def _old(out):
+    return out.parent / f".{out.name}.old"
+
+
+def _restore(out):
+    """Finish what a killed build has left: the old outputs come back where the new ones are missing."""
+    if _old(out).exists():
+        if out.exists():
+            shutil.rmtree(_old(out), ignore_errors=True)
+        else:
+            _old(out).rename(out)
+
+
+def _swap_in(work, target):
+    """Exchange two folders in one step where the system can, else in two renames."""
+    if not target.exists():
+        work.rename(target)
+        return
+    if not _exchanged(work, target):
+        old = _old(target)
+        shutil.rmtree(old, ignore_errors=True)
+        target.rename(old)
+        work.rename(target)
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _exchanged(a, b):
+    """Linux exchanges two names atomically (renameat2 with RENAME_EXCHANGE)."""
+    try:
+        rename = ctypes.CDLL(None, use_errno=True).renameat2
+    except (OSError, AttributeError):
+        return False
+    here, exchange = -100, 2
+    return rename(here, os.fsencode(a), here, os.fsencode(b), exchange) == 0

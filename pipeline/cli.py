@@ -1,0 +1,209 @@
+"""The command line. CAD and kernels are imported only by the commands that need them.
+
+Exit codes: 0 verified, 1 findings, 2 bad input, 3 internal.
+"""
+
+import json as jsonlib
+import os
+import sys
+import traceback
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from cuspline.errors import CamError, InputError
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
+                  help="From a parametric design to a posted and verified program.")
+FINDINGS, BAD_INPUT, INTERNAL = 1, 2, 3
+AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
+
+
+@app.command()
+def build(
+        design: Annotated[str, typer.Argument(help="name of a design, a .py file, or a .toml job for a STEP part")],
+        param: Annotated[list[str], typer.Option("-p", "--param", help="name=value, repeatable")] = [],
+        machine: Annotated[str, typer.Option(help="name of a machine, or its TOML file")] = "mill_3axis",
+        post: Annotated[Optional[str], typer.Option(help="another post than the machine's own")] = None,
+        cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
+        out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
+        stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
+        accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
+    """Build one design: STEP, plan, program, simulation, verdict, report."""
+    from cuspline import build as recipe
+    from cuspline import catalogue
+    from cuspline.verification.findings import KINDS
+    if stage not in recipe.STAGES:
+        raise InputError(f"--stage {stage!r}: it must be one of {', '.join(recipe.STAGES)}")
+    unknown = sorted(set(accept) - set(KINDS))
+    if unknown:
+        raise InputError(f"--accept {unknown[0]!r} is no kind of finding; there are {', '.join(KINDS)}")
+    chosen = catalogue.find_machine(machine)
+    if post is not None:
+        catalogue.find_post(post)
+        chosen = chosen.model_copy(update={"control": chosen.control.model_copy(update={"post": post})})
+    library = catalogue.find_library(cutters)
+    source = catalogue.find_design(design)
+    made = catalogue.make_design(source, param)
+    folder = out if out is not None else Path("outputs") / made.name
+    with _progress() as say:
+        result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
+                                           accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), say)
+    _tell(made.name, result.folder, result.findings, result.left_out, stage)
+    raise typer.Exit(0 if result.is_ok else FINDINGS)
+
+
+@app.command()
+def verify(folders: Annotated[list[Path], typer.Argument(help="output folders, or programs in them")]):
+    """Judge posted files on disk again, against the STEP beside them."""
+    from cuspline.job import read_job
+    from cuspline.judge import judge
+    bad = False
+    for folder in folders:
+        folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
+        job = read_job(folder)
+        if only is not None:
+            kept = tuple(p for p in job.posted if p.program == only)
+            if not kept:
+                raise InputError(f"{folder / only} is no program of {job.design}; there are "
+                                 + ", ".join(p.program for p in job.posted))
+            job = job.model_copy(update={"posted": kept})
+        with _progress() as say:
+            judged = judge(folder, job, say)
+        refused = judged.refused(job.accepted)
+        _tell(job.design, folder, refused, "", "verify")
+        bad |= bool(refused)
+    raise typer.Exit(FINDINGS if bad else 0)
+
+
+@app.command()
+def designs(json: AsJson = False):
+    """List the designs with their parameters."""
+    from cuspline import catalogue
+    rows = []
+    for name in catalogue.design_names():
+        source = catalogue.find_design(name)
+        fields = source.parameters.model_json_schema()["properties"]
+        rows.append({"name": name, "description": (sys.modules[source.make.__module__].__doc__ or "").split("\n")[0],
+                     "parameters": [_parameter_row(n, f) for n, f in fields.items()]})
+    _print(rows, json, lambda r: [f"{r['name']}: {r['description']}"] + [
+        f"  {p['name']} = {p['default']}  {p['range']}  {p['description']}" for p in r["parameters"]])
+
+
+def _parameter_row(name, field):
+    low, high = field.get("minimum", field.get("exclusiveMinimum")), field.get("maximum", field.get("exclusiveMaximum"))
+    choices = field.get("enum")
+    span = f"{low} .. {high}" if low is not None or high is not None else " | ".join(map(str, choices or []))
+    unit = next((u for u in ("mm", "deg", "rad", "mm2") if name.endswith("_" + u)), "")
+    return {"name": name, "default": field.get("default"), "unit": unit, "range": span,
+            "description": field.get("description", "")}
+
+
+@app.command()
+def machines(json: AsJson = False):
+    """List the machines."""
+    from cuspline import catalogue
+    rows = [catalogue.find_machine(n).model_dump(mode="json") for n in catalogue.machine_names()]
+    _print(rows, json, lambda m: [f"{m['name']}: {m['description']}"] + [
+        f"  {a.upper()} {m[a]['min_mm']:g} .. {m[a]['max_mm']:g} mm, {m[a]['rapid_mm_per_min']:g} mm/min, "
+        f"{m[a]['acceleration_mm_per_s2']:g} mm/s2" for a in "xyz"] + [
+        f"  spindle {m['spindle']['min_rpm']:g} .. {m['spindle']['max_rpm']:g} rpm, post {m['control']['post']}, "
+        f"units {m['control']['units']}"])
+
+
+@app.command()
+def cutters(library: Annotated[Optional[Path], typer.Argument(help="tool library (JSON)")] = None, json: AsJson = False):
+    """List the tools of a library."""
+    from cuspline import catalogue
+    rows = [t.model_dump(mode="json") for t in catalogue.find_library(library).tools]
+    _print(rows, json, lambda t: [
+        f"T{t['number']} {t['cutter']['name']}: {t['cutter']['type']}, D {t['cutter']['diameter_mm']:g} mm, "
+        f"R {t['cutter']['corner_radius_mm']:g} mm, {t['cutter']['flutes']} flutes, reach {t['cutter']['reach_mm']:g} mm, "
+        f"stick-out {t['stick_out_mm']:g} mm, {t['holder']['name']}"])
+
+
+@app.command()
+def posts(json: AsJson = False):
+    """List the posts."""
+    from cuspline import catalogue
+    rows = [{"name": n, "description": (catalogue.find_post(n).__doc__ or "").split("\n")[0]}
+            for n in catalogue.post_names()]
+    _print(rows, json, lambda p: [f"{p['name']}: {p['description']}"])
+
+
+@app.command()
+def warm():
+    """Compile the kernels once; later commands find them ready."""
+    from cuspline.warm import steps
+    all_steps = steps()
+    for number, (what, compile_kernels) in enumerate(all_steps, 1):
+        print(f"compiling kernels {number}/{len(all_steps)}: {what}", flush=True)
+        compile_kernels()
+
+
+@app.command()
+def doctor():
+    """Check the environment for what breaks silently."""
+    from cuspline.doctor import complaints, notes
+    found = complaints()
+    for what, mend in found:
+        print(f"WRONG: {what}; {mend}")
+    for note in notes():
+        print(f"note: {note}")
+    print("environment is well" if not found else f"{len(found)} things are wrong")
+    raise typer.Exit(BAD_INPUT if found else 0)
+
+
+def _print(rows, as_json, lines):
+    if as_json:
+        print(jsonlib.dumps(rows, indent=1))
+    else:
+        print("\n".join(line for row in rows for line in lines(row)))
+
+
+def _tell(name, folder, findings, left_out, stage):
+    """The verdict in a few lines."""
+    if left_out:
+        print(f"note: {left_out}")
+    if stage in ("verify", "report"):
+        print(f"{name}: {'VERIFIED' if not findings else f'REJECTED, {len(findings)} findings'} ({folder})")
+    else:
+        print(f"{name}: {stage} made, nothing verified ({folder})")
+    for f in findings[:20]:
+        place = "" if f.place_mm is None else " at " + " ".join(f"{a}{x:.3f}" for a, x in zip("XYZ", f.place_mm))
+        line = f", line {f.line}" if f.line else ""
+        operation = f" in {f.operation}" if f.operation else ""
+        print(f"  {f.kind} {f.amount_mm:.4f} mm{place}{operation}{line}: {f.advice}")
+
+
+class _progress:
+    """Says what is being done, on standard error."""
+
+    def __enter__(self):
+        return lambda text: print(f"  {text}", file=sys.stderr, flush=True)
+
+    def __exit__(self, *_):
+        return False
+
+
+def main():
+    """Entry point: errors become one clear sentence and an exit code."""
+    try:
+        app(standalone_mode=False)
+    except typer.Exit as stop:
+        sys.exit(stop.exit_code)
+    except typer.Abort:
+        sys.exit(130)
+    except CamError as error:
+        print(f"cuspline: {error}", file=sys.stderr)
+        sys.exit(BAD_INPUT)
+    except Exception as error:
+        if type(error).__module__.startswith("click") or hasattr(error, "format_message"):
+            print(f"cuspline: {error.format_message()}", file=sys.stderr)
+            sys.exit(BAD_INPUT)
+        print(f"cuspline: internal error, {type(error).__name__}: {error}; run again with CUSPLINE_DEBUG=1 for details",
+              file=sys.stderr)
+        if os.environ.get("CUSPLINE_DEBUG"):
+            traceback.print_exc()
+        sys.exit(INTERNAL)

@@ -1,0 +1,67 @@
+"""The job: everything that verification needs beside the files themselves, as it stands in manifest.json.
+
+`cuspline verify` reads it back, so a folder of outputs can be judged again anywhere.
+"""
+
+import json
+from pathlib import Path
+
+from pydantic import Field, ValidationError
+
+from cuspline.cutters import Model, Tool, first_complaint
+from cuspline.design import FacePredicate, Finish, Setup, StockBox
+from cuspline.errors import InputError
+from cuspline.machines import Machine
+
+
+class PostedFile(Model):
+    """One setup's program on disk."""
+
+    setup: Setup
+    program: str = Field(description="file name")
+
+
+class Job(Model):
+    """What the posted programs of one design are judged against."""
+
+    design: str
+    step: str
+    material: str
+    predicates: tuple[FacePredicate, ...]
+    stock: StockBox
+    finish: Finish
+    machine: Machine
+    posted: tuple[PostedFile, ...]
+    smallest_ball_radius_mm: float = Field(gt=0)
+    accepted: tuple[str, ...] = ()
+
+
+def read_job(folder):
+    """The Job in a folder's manifest.
+
+    Raises:
+        InputError: no manifest, or one without a job that can be used.
+    """
+    path = Path(folder) / "manifest.json"
+    try:
+        return Job.model_validate(json.loads(path.read_text())["job"])
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist: verify a folder that `cuspline build` has made") from None
+    except (KeyError, ValueError, ValidationError) as error:
+        raise InputError(f"{path}: no usable job: {first_complaint(error)}") from None
+
+
+def read_tools(folder):
+    """{number: Tool} from tools.json.
+
+    Raises:
+        InputError: missing or broken.
+    """
+    path = Path(folder) / "tools.json"
+    try:
+        tools = [Tool.model_validate(t) for t in json.loads(path.read_text())["tools"]]
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist: without the tools a program cannot be judged") from None
+    except (KeyError, ValueError, ValidationError) as error:
+        raise InputError(f"{path}: {first_complaint(error)}") from None
+    return {t.number: t for t in tools}

@@ -1,0 +1,100 @@
+"""Judging posted files on disk against the STEP: read, simulate, compare.
+
+The only way to a verdict, for `build` and `verify` alike: nothing comes from the internal path.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from cuspline import brep
+from cuspline.catalogue import find_post
+from cuspline.errors import InputError
+from cuspline.job import read_tools
+from cuspline.posted import PostedMoves
+from cuspline.posts.rs274_reader import read_program
+from cuspline.verification.findings import Finding
+from cuspline.verification.verdict import Options, Verdict, verify_setup
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Judged:
+    """A verdict with what it was reached on."""
+
+    verdict: Verdict
+    solid: object                           # TopoDS_Solid out of the STEP file
+    posted: tuple[PostedMoves, ...]         # one a setup
+    extra: tuple[Finding, ...]              # about the programs as files
+
+    @property
+    def findings(self):
+        return self.extra + self.verdict.findings
+
+    def refused(self, accepted):
+        """Findings that are not accepted by their kind."""
+        return tuple(f for f in self.findings if f.kind not in accepted)
+
+    def as_dict(self, accepted):
+        """verify.json."""
+        numbers = self.verdict.as_dict()
+        return {**numbers, "ok": not self.refused(accepted), "accepted": sorted(accepted),
+                "findings": [f.as_dict() for f in self.findings]}
+
+
+def judge(folder, job, say=lambda text: None):
+    """Verdict on the files of a folder.
+
+    Args:
+        folder: with the STEP file, the programs and tools.json.
+        job: Job.
+        say: called with what is being done.
+    Raises:
+        InputError: a file is missing.  ReadError: a program that no machine of this kind would take.
+    """
+    folder = Path(folder)
+    tools = read_tools(folder)
+    solid = brep.the_solid(brep.read_step(folder / job.step), job.step)
+    faces = brep.faces_of(solid)
+    setups, posted, extra = [], [], []
+    for item in job.posted:
+        say(f"{item.setup.name}: simulate and compare {item.program}")
+        text = _text(folder / item.program)
+        moves = read_program(text, work_offsets={item.setup.wcs: job.machine.wcs_origin_mm},
+                             tool_lengths={n: t.length_mm for n, t in tools.items()})
+        wanted = [f for p in job.predicates if p.name in item.setup.faces for f in brep.select_faces(faces, p)]
+        setups.append(verify_setup(
+            moves, tools, solid, wanted, setup=item.setup, stock=job.stock, finish=job.finish,
+            ball_radius_mm=job.smallest_ball_radius_mm, machine=job.machine,
+            options=Options(post_rounding_mm=_half_decimal_mm(job.machine.control))))
+        posted.append(moves)
+        extra += _file_findings(item, text, job.machine)
+    return Judged(verdict=Verdict(setups=tuple(setups)), solid=solid, posted=tuple(posted), extra=tuple(extra))
+
+
+def _text(path):
+    try:
+        return path.read_text(encoding="ascii")
+    except FileNotFoundError:
+        raise InputError(f"program {path} does not exist") from None
+    except UnicodeDecodeError:
+        raise InputError(f"program {path} holds characters that are not ASCII") from None
+
+
+def _half_decimal_mm(control):
+    """Largest error of a rounded word."""
+    if control.units == "mm":
+        return 0.5 * 10.0 ** -control.decimals_mm
+    return 25.4 * 0.5 * 10.0 ** -control.decimals_inch
+
+
+def _file_findings(item, text, machine):
+    """A program larger than the control's store."""
+    size, room = len(text.encode()), machine.control.program_store_bytes
+    if size > room:
+        yield Finding(kind="program_too_long", amount_mm=0.0, place_mm=None, operation="", line=0,
+                      setup=item.setup.name, advice=f"{item.program} has {size} bytes, the store of {machine.name} "
+                      f"holds {room}: raise the scallop height, or feed it through the control's buffer")
+
+
+def post_module(machine):
+    """The post that a machine names."""
+    return find_post(machine.control.post)
