@@ -18,7 +18,7 @@ import numpy as np
 
 import cuspline
 from cuspline import brep
-from cuspline.bundle import report_bundle, view_of
+from cuspline.bundle import report_bundle, shape_of, view_of
 from cuspline.errors import PostError
 from cuspline.glb import write_glb
 from cuspline.job import Job, PostedFile
@@ -90,8 +90,8 @@ def _made(order, work, say):
     solid = brep.the_solid(design.solid, f"design {design.name}")
     step = work / f"{design.name}.step"
     brep.write_step(solid, step, design.name)
-    view = view_of(solid)
-    write_glb(work / f"{design.name}.glb", design.name, view.vertices_mm, view.normals, view.triangles)
+    shape = shape_of(solid)
+    write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":
         return _finished(order, work, None, ())
     plans = []
@@ -112,7 +112,8 @@ def _made(order, work, say):
     left_out = ""
     if order.last_stage == "report":
         say(f"{design.name}: report")
-        bundle = report_bundle(order, work, job, judged, _read_json(work / "plan.json"), verify, view, inputs_hash(order))
+        bundle = report_bundle(order, work, job, judged, _read_json(work / "plan.json"), verify, view_of(solid),
+                               inputs_hash(order))
         _, left_out = write_report(bundle, work)
     return _finished(order, work, job, judged.refused(order.accepted), left_out)
 

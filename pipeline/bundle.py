@@ -13,14 +13,19 @@ from cuspline.simulation.swept import deviation_mm, swept_paths
 from cuspline.surfaces.curvature import sample_faces
 
 VIEW_DEFLECTION_MM = 0.02
-VIEW_EDGE_MM = 1.2
+VIEW_EDGE_MM = 2.0          # the deviation map is drawn from vertex to vertex
 DRAWN_SAGITTA_MM = 0.02
 SHOWN_LIMIT_MM = 2.0
 
 
 def view_of(solid):
-    """Mesh for pictures and the viewer."""
+    """Mesh for pictures and the viewer, fine enough for the deviation map."""
     return tessellate_for_view(solid, VIEW_DEFLECTION_MM, longest_edge_mm=VIEW_EDGE_MM)
+
+
+def shape_of(solid):
+    """Mesh of the bare shape, for the glTF."""
+    return tessellate_for_view(solid, VIEW_DEFLECTION_MM)
 
 
 def report_bundle(order, work, job, judged, plan, verify, view, inputs_sha256):

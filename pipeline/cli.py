@@ -190,9 +190,7 @@ class _progress:
 def main():
     """Entry point: errors become one clear sentence and an exit code."""
     try:
-        app(standalone_mode=False)
-    except typer.Exit as stop:
-        sys.exit(stop.exit_code)
+        sys.exit(app(standalone_mode=False))
     except typer.Abort:
         sys.exit(130)
     except CamError as error:

@@ -13,7 +13,7 @@ from cuspline.cutters import Tool
 from cuspline.errors import PlanError
 from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import (
-    choose_ball, choose_rest_ball, choose_roughing, leftover_mm, leftover_rows)
+    choose_ball, choose_rest_ball, choose_roughing, left_by_moves_mm, leftover_rows)
 from cuspline.planning.materials import material_named
 from cuspline.planning.stepover import stepover_for_scallop_mm
 from cuspline.program import Kind, Moves, Operation, Program
@@ -123,12 +123,7 @@ def plan_setup(design, setup, machine, library):
     """
     shop = _Shop(design, setup, machine, library)
     ball, candidates, reach = choose_ball(library, shop.samples, shop.hollow.radius_mm, shop.mesh, ROUGH_ALLOWANCE_MM)
-    roughing = _rough(shop)
-    operations = [roughing]
-    rows = leftover_rows(shop.samples)
-    left = leftover_mm(roughing.tool, shop.mesh, shop.samples, ROUGH_ALLOWANCE_MM, rows)[reach.is_reached[rows]]
-    if left.max(initial=0.0) > FINISH_DEPTH_SHARE * ball.cutter.diameter_mm:
-        operations.append(_ball_passes(shop, "semi-finish", ball, SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, (), reach))
+    operations = list(_roughed(shop, ball, reach))
     operations.append(_ball_passes(shop, "finish", ball, 0.0, design.finish.scallop_mm, candidates, reach))
     rest, rest_candidates, adds = choose_rest_ball(library, shop.samples, reach, shop.mesh, ball.cutter.radius_mm,
                                                    ROUGH_ALLOWANCE_MM)
@@ -141,24 +136,39 @@ def plan_setup(design, setup, machine, library):
                      area_reached_mm2=float(shop.samples.area_mm2[reached].sum()))
 
 
-def _rough(shop):
-    """Level-wise clearing, rows along the axis that takes less time."""
+def _roughed(shop, ball, reach):
+    """Roughing with rows along X or along Y, and a semi-finish where it leaves too much: the faster of the two."""
     low, high = np.array(shop.design.stock.min_mm), np.array(shop.design.stock.max_mm)
     tool, candidates = choose_roughing(shop.library, shop.mesh, shop.samples, low, high, ROUGH_ALLOWANCE_MM)
+    rows = leftover_rows(shop.samples)
+    rows = rows[reach.is_reached[rows]]
+    limit = FINISH_DEPTH_SHARE * ball.cutter.diameter_mm
+    semi, ways = None, []
+    for along in (0, 1):
+        roughing = _rough(shop, tool, candidates, along, low, high)
+        left = left_by_moves_mm(roughing.moves, tool, shop.samples, rows)
+        roughing.facts["leaves_mm"] = round(float(np.percentile(left, 99.5)), 3)
+        if roughing.facts["leaves_mm"] <= limit:
+            ways.append((roughing,))
+            continue
+        semi = semi or _ball_passes(shop, "semi-finish", ball, SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, (), reach)
+        ways.append((roughing, semi))
+    return min(ways, key=lambda way: sum(o.facts["time_s"] for o in way))
+
+
+def _rough(shop, tool, candidates, along, low, high):
+    """Level-wise clearing with rows along one axis."""
     rpm, feed = shop.speeds(tool, is_rough=True)
     d = tool.cutter.diameter_mm
-    tried = []
-    for along in (0, 1):
-        rules = RoughingRules(
-            mesh=shop.mesh, radius_mm=d / 2, corner_radius_mm=tool.cutter.corner_radius_mm,
-            allowance_mm=ROUGH_ALLOWANCE_MM, stepdown_mm=shop.material.stepdown_share * d, stepover_mm=0.45 * d,
-            stock_min_mm=low, stock_max_mm=high, along=along, ramp_rad=RAMP_RAD, lead_mm=2.0,
-            clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed, slot_feed_mm_per_min=0.6 * feed,
-            plunge_mm_per_min=0.3 * feed)
-        facts = {"allowance_mm": ROUGH_ALLOWANCE_MM, "stepdown_mm": rules.stepdown_mm, "stepover_mm": rules.stepover_mm,
-                 "rows_along": "XY"[along], "candidates": [c.as_dict() for c in candidates]}
-        tried.append(shop.operation("rough", tool, rpm, rough(rules), facts))
-    return min(tried, key=lambda o: o.facts["time_s"])
+    rules = RoughingRules(
+        mesh=shop.mesh, radius_mm=d / 2, corner_radius_mm=tool.cutter.corner_radius_mm,
+        allowance_mm=ROUGH_ALLOWANCE_MM, stepdown_mm=shop.material.stepdown_share * d, stepover_mm=0.45 * d,
+        stock_min_mm=low, stock_max_mm=high, along=along, ramp_rad=RAMP_RAD, lead_mm=2.0,
+        clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed, slot_feed_mm_per_min=0.6 * feed,
+        plunge_mm_per_min=0.3 * feed)
+    facts = {"allowance_mm": ROUGH_ALLOWANCE_MM, "stepdown_mm": rules.stepdown_mm, "stepover_mm": rules.stepover_mm,
+             "rows_along": "XY"[along], "candidates": [c.as_dict() for c in candidates]}
+    return shop.operation("rough", tool, rpm, rough(rules), facts)
 
 
 def _ball_passes(shop, name, tool, allowance_mm, scallop_mm, candidates, reach):

@@ -23,6 +23,7 @@ from cuspline.toolpaths.dropcutter import drop_tips_mm
 ROW_SPACING_MM = 0.25       # along a row: drop heights are taken here and joined straight
 DROP_MARGIN_MM = 0.04       # over the planning mesh's deviation and the sag between two drop heights
 LEAST_CUT_MM = 0.02         # thinner remains are not worth a pass
+LEAST_ROW_MM = 0.3          # rows are not put closer than this, however steep the part is across them
 SIMPLIFY_MM = 0.01
 
 
@@ -82,22 +83,38 @@ def rough(rules):
 
 
 def _rows(rules):
-    """Rows from one side of the stock to the other with the cutter's drop heights."""
-    a, b = rules.along, 1 - rules.along
+    """Rows from one side of the stock to the other with the cutter's drop heights.
+
+    Between two rows whose floors differ by more than a stepdown more rows are put, down to
+    LEAST_ROW_MM: a wall that runs along the rows is then cleared to its foot.
+    """
+    low, high = rules.stock_min_mm[1 - rules.along], rules.stock_max_mm[1 - rules.along]
+    count = max(2, math.ceil((high - low) / rules.stepover_mm) + 1)
+    rows = [_row(rules, across) for across in np.linspace(low, high, count)]
+    k = 0
+    while k + 1 < len(rows):
+        here, there = rows[k], rows[k + 1]
+        apart = np.abs(here.floor - there.floor).max()
+        if apart > rules.stepdown_mm and there.across - here.across > 2 * LEAST_ROW_MM:
+            rows.insert(k + 1, _row(rules, (here.across + there.across) / 2))
+        else:
+            k += 1
+    return rows
+
+
+def _row(rules, across):
+    """One row and how deep the cutter may go along it."""
+    a = rules.along
     reach = rules.radius_mm + rules.lead_mm
     low, high = rules.stock_min_mm, rules.stock_max_mm
-    count = max(2, math.ceil((high[b] - low[b]) / rules.stepover_mm) + 1)
     along = np.linspace(low[a] - reach, high[a] + reach,
                         math.ceil((high[a] - low[a] + 2 * reach) / ROW_SPACING_MM) + 1)
-    rows = []
+    xy = np.empty((len(along), 2))
+    xy[:, a], xy[:, 1 - a] = along, across
     grown_r, grown_c = rules.radius_mm + rules.allowance_mm, rules.corner_radius_mm + rules.allowance_mm
-    for across in np.linspace(low[b], high[b], count):
-        xy = np.empty((len(along), 2))
-        xy[:, a], xy[:, b] = along, across
-        tips = drop_tips_mm(rules.mesh, xy, grown_r, grown_c) + rules.allowance_mm + DROP_MARGIN_MM
-        floor = _between(np.maximum(tips, low[2]))
-        rows.append(_Row(across=float(across), along=along, floor=_level_outside(floor, along, low[a], high[a])))
-    return rows
+    tips = drop_tips_mm(rules.mesh, xy, grown_r, grown_c) + rules.allowance_mm + DROP_MARGIN_MM
+    floor = _between(np.maximum(tips, low[2]))
+    return _Row(across=float(across), along=along, floor=_level_outside(floor, along, low[a], high[a]))
 
 
 def _level_outside(floor, along, low, high):
