@@ -46,6 +46,7 @@ KINDS = {
     GeomAbs_SurfaceType.GeomAbs_OffsetSurface: "offset",
 }
 STEP_DATE = "2000-01-01T00:00:00"     # same inputs, same bytes: STEP files carry no clock
+POLE_MM, POLE_SHARE = 1e-7, 1e-8      # a border this short is a pole; how far from it normals are sound
 LARGEST_TOLERANCE_MM = 1e-3           # a valid solid may hide edges that are open by far more
 
 
@@ -111,6 +112,17 @@ class Face:
     def nurbs(self):
         """The face's surface as a rational B-spline (its own parameters, see `nurbs_face`)."""
         return _nurbs_of(self.nurbs_face)
+
+    @cached_property
+    def regular_domain(self):
+        """The domain of `nurbs`, a hair inside where a border runs together in one point (a pole has no normal)."""
+        low, high = np.array(self.nurbs.domain[::2]), np.array(self.nurbs.domain[1::2])
+        hair = POLE_SHARE * (high - low)
+        corners = self.nurbs.poles[..., :3] / self.nurbs.poles[..., 3:]
+        collapsed = lambda row: np.ptp(row, axis=0).max() < POLE_MM
+        low = low + hair * (collapsed(corners[0]), collapsed(corners[:, 0]))
+        high = high - hair * (collapsed(corners[-1]), collapsed(corners[:, -1]))
+        return low[0], high[0], low[1], high[1]
 
     @cached_property
     def nurbs_face(self):

@@ -13,6 +13,7 @@ import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.GeomAbs import GeomAbs_CurveType
 from OCP.gp import gp_Pnt, gp_Vec
+from OCP.BRep import BRep_Tool
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS
 
@@ -20,6 +21,7 @@ from cuspline.arrays import frozen
 from cuspline.brep import edge_points, explore
 
 PARALLEL = 1e-9             # sine of the angle below which directions count as parallel
+CLEAR_MM = 1e-7             # a plane through a corner of a face would meet its edges there twice or not at all
 CURVE_SAMPLES = 1500        # of an extruded curve: Hermite error far below 1e-8 mm at these sizes
 SAMPLED_KINDS = {GeomAbs_CurveType.GeomAbs_Ellipse: "ellipse", GeomAbs_CurveType.GeomAbs_BSplineCurve: "spline",
                  GeomAbs_CurveType.GeomAbs_BezierCurve: "spline"}
@@ -61,7 +63,7 @@ class Element:
     """
 
     kind: str
-    points: np.ndarray          # (n, 2) along, up; two points for lines and arcs, in order along the curve
+    points: np.ndarray          # (n, 2) along, up; two for lines and arcs; arcs counter-clockwise (equal: all round)
     normals: np.ndarray         # (n, 2) unit, out of the material
     center: np.ndarray | None
     radius: float
@@ -113,22 +115,32 @@ class PrismaticFace:
     def _cut(self, across):
         low, high = self.across_range
         inside = np.clip(across, low + 1e-7 * (high - low), high - 1e-7 * (high - low))
-        crossings = self._crossings(inside)
+        if np.abs(self._corners - inside).min() < CLEAR_MM:
+            inside += 2 * CLEAR_MM * (1 if inside < (low + high) / 2 else -1)
+        crossings, seam = self._crossings(inside)
         if len(crossings) < 2:
             return []
-        order = np.argsort(self._parameter(crossings))
-        ends = crossings[order]
-        return [self._element(ends[k], ends[k + 1]) for k in range(0, len(ends) - 1, 2)]
+        parameters = self._parameter(crossings, seam)
+        order = np.argsort(parameters)
+        ends, parameters = crossings[order], parameters[order]
+        return [self._element(ends[k:k + 2], parameters[k:k + 2]) for k in range(0, len(ends) - 1, 2)]
+
+    @cached_property
+    def _corners(self):
+        """Across coordinates of the edges' ends."""
+        return np.concatenate([edge_points(e, 2)[0][:, self.plane.across] for e in self.edges])
 
     def _crossings(self, across):
-        """(k, 2) where the boundary meets the plane."""
-        found = []
+        """(k, 2) where the boundary meets the plane; (k,) -1 and 1 at a seam, which bounds the face on both sides."""
+        found, seam = [], []
         for edge in self.edges:
             points, _ = edge_points(edge, 65)
             side = points[:, self.plane.across] - across
+            sides = (-1, 1) if BRep_Tool.IsClosed_s(edge, self.face.shape) else (0,)
             for k in np.flatnonzero((side[:-1] >= 0) != (side[1:] >= 0)):
-                found.append(_cross_edge(edge, k / 64, (k + 1) / 64, across, self.plane))
-        return np.array(found).reshape(-1, 2)
+                found += [_cross_edge(edge, k / 64, (k + 1) / 64, across, self.plane)] * len(sides)
+                seam += sides
+        return np.array(found).reshape(-1, 2), np.array(seam)
 
     @cached_property
     def _basis(self):
@@ -162,8 +174,8 @@ class PrismaticFace:
             points[i], directions[i] = (p.X(), p.Y(), p.Z()), (d.X(), d.Y(), d.Z())
         return self.plane.flat(points), self.plane.flat(directions)
 
-    def _parameter(self, points):
-        """Order of (k, 2) points along the section."""
+    def _parameter(self, points, seam):
+        """Place of (k, 2) points along the section: length, angle from the middle or row of the samples."""
         basis = self._basis
         if basis[0] == "line":
             d = points[-1] - points[0]
@@ -172,31 +184,30 @@ class PrismaticFace:
             middle = self.plane.flat(self.face.middle.point_mm[0]) - basis[1]
             d = points - basis[1]
             turn = np.arctan2(d[:, 1], d[:, 0]) - np.arctan2(middle[1], middle[0])
-            return (turn + np.pi) % (2 * np.pi) - np.pi
+            return np.where(seam == 0, (turn + np.pi) % (2 * np.pi) - np.pi, seam * np.pi)
         samples = basis[1]
-        return np.array([np.argmin(((samples - p) ** 2).sum(axis=1)) for p in points], float)
+        nearest = np.array([np.argmin(((samples - p) ** 2).sum(axis=1)) for p in points])
+        return np.where(seam == 0, nearest, np.where(seam < 0, 0, len(samples) - 1))
 
-    def _element(self, start, end):
+    def _element(self, ends, parameters):
         basis, out = self._basis, self.plane.flat(self.face.middle.normal[0])
         if basis[0] == "line":
-            return Element(kind="line", points=np.array([start, end]), normals=np.array([out, out]),
+            return Element(kind="line", points=ends, normals=np.array([out, out]),
                            center=None, radius=np.inf, is_ridge=False, owner=self.index)
         if basis[0] == "arc":
             center, radius = basis[1], basis[2]
             middle = self.plane.flat(self.face.middle.point_mm[0]) - center
             ridge = bool(middle @ out > 0)
-            radial = (np.array([start, end]) - center) / radius * (1 if ridge else -1)
-            return Element(kind="arc", points=np.array([start, end]), normals=radial, center=center,
+            radial = (ends - center) / radius * (1 if ridge else -1)
+            return Element(kind="arc", points=ends, normals=radial, center=center,
                            radius=radius, is_ridge=ridge, owner=self.index)
-        return self._curve_element(start, end)
+        return self._curve_element(ends, *(int(p) for p in parameters))
 
-    def _curve_element(self, start, end):
+    def _curve_element(self, ends, first, last):
         kind, points, directions = self._basis
-        distance = [np.linalg.norm(points - p, axis=1) for p in (start, end)]
-        first, last = sorted(int(d.argmin()) for d in distance)
         # a cut between samples takes the next sample outward: the face's smooth continuation, 0.02 mm
         # long, lifts the ball by less than 0.02²/2r
-        if max(d.min() for d in distance) > 1e-7:
+        if np.linalg.norm(points[[first, last]] - ends, axis=1).max() > 1e-7:
             first, last = max(first - 1, 0), min(last + 1, len(points) - 1)
         points, directions = points[first:last + 1], directions[first:last + 1]
         normals = np.column_stack([-directions[:, 1], directions[:, 0]])

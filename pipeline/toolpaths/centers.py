@@ -14,11 +14,12 @@ import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.gp import gp_Pnt, gp_Vec
 
-from cuspline.brep import edges_with_faces, faces_of
+from cuspline.brep import bounding_box_mm, edges_with_faces, faces_of
 from cuspline.surfaces.sections import PrismaticFace, is_cap, is_prismatic
 from cuspline.toolpaths.pieces import NO_FACE, ArcPiece, LinePiece, curve_pieces, half_circle
 
 GRID = 140                  # parameter grid that finds the contours; Newton makes them exact
+BESIDE_MM = 1e-7
 EDGE_SPACING_MM = 0.5       # finds where the plane meets an edge's pipe; that range is sampled anew
 PIPE_SAMPLES = 400
 STEEP = 1e-3                # sampled pieces end where the contact normal comes this close to level
@@ -58,6 +59,7 @@ class CenterSections:
         """
         self.plane, self.radius_mm = plane, radius_mm
         self.faces = faces_of(solid)
+        self.lowest_mm = float(bounding_box_mm(solid)[0][2]) + radius_mm       # of the centre: beside the part
         self.prismatic = [PrismaticFace(f, i, plane) for i, f in enumerate(self.faces) if is_prismatic(f, plane)]
         flat = {p.index for p in self.prismatic}
         self.general = [self._center_surface(i, f) for i, f in enumerate(self.faces)
@@ -106,26 +108,30 @@ class CenterSections:
             pieces.append(half_circle(end, r, NO_FACE))
 
     def _offset_arc(self, element):
-        """Ridge: radius R + r over the top; hollow: R - r through the bottom, nothing if the ball is larger."""
-        radius = element.radius + (1 if element.is_ridge else -1) * self.radius_mm
-        if radius < 1e-6 or element.normals[:, 1].max() < 1e-9:
-            return []
-        ends = [self._arc_end(element, radius, p, n) for p, n in zip(element.points, element.normals)]
-        start, end = sorted(ends, key=lambda p: p[0])
-        return [ArcPiece(center=element.center, radius=radius, start=start, end=end,
-                         is_over=element.is_ridge, owner=element.owner)]
+        """Ridge: radius R + r over the top; hollow: R - r through the bottom, nothing if the ball is larger.
 
-    def _arc_end(self, element, radius, point, normal):
-        """The centre over an end of the arc; where the arc turns under, over its outermost point."""
-        if normal[1] > -1e-9:
-            return point + self.radius_mm * normal
-        side = np.sign(normal[0]) * (1 if element.is_ridge else -1)
-        return element.center + np.array([side * radius, 0.0])
+        Only the half of the circle whose normals point up carries the ball; an arc of more than half
+        a turn may meet it twice.
+        """
+        radius = element.radius + (1 if element.is_ridge else -1) * self.radius_mm
+        if radius < 1e-6:
+            return []
+        first, last = (np.arctan2(p[1], p[0]) for p in element.points - element.center)
+        last = first + ((last - first) % (2 * np.pi) or 2 * np.pi)
+        pieces = []
+        for half in (0.0 if element.is_ridge else np.pi) + 2 * np.pi * np.array([-1, 0, 1]):
+            low, high = max(first, half), min(last, half + np.pi)
+            if high - low > 1e-9:
+                ends = element.center + radius * np.array([(np.cos(a), np.sin(a)) for a in (low, high)])
+                start, end = sorted(ends, key=lambda p: p[0])
+                pieces.append(ArcPiece(center=element.center, radius=radius, start=start, end=end,
+                                       is_over=element.is_ridge, owner=element.owner))
+        return pieces
 
     # general faces ---------------------------------------------------------------------------
 
     def _center_surface(self, index, face):
-        u0, u1, v0, v1 = face.nurbs.domain
+        u0, u1, v0, v1 = face.regular_domain
         u, v = np.linspace(u0, u1, GRID), np.linspace(v0, v1, GRID)
         uu, vv = np.meshgrid(u, v, indexing="ij")
         shape = face.shape_at(uu.ravel(), vv.ravel())
@@ -134,11 +140,15 @@ class CenterSections:
                               across=center[:, self.plane.across].reshape(GRID, GRID))
 
     def _contour_pieces(self, surface, across):
-        if not surface.across.min() <= across <= surface.across.max():
+        low, high = surface.across.min(), surface.across.max()
+        if not low <= across <= high:
             return []
         pieces = []
-        lines = contourpy.contour_generator(surface.v, surface.u, surface.across, name="serial").lines(float(across))
+        # a plane along a border or a seam of the face: its contour is noise, the one beside it is a line
+        beside = float(across + BESIDE_MM * (1 if across < (low + high) / 2 else -1))
+        lines = contourpy.contour_generator(surface.v, surface.u, surface.across, name="serial").lines(beside)
         for line in lines:
+            line = _halved(line)
             u, v = self._onto_contour(surface, line[:, 1].copy(), line[:, 0].copy(), across)
             for first, last in _true_runs(self._carries(surface, u, v)):
                 run_u, run_v = self._to_the_border(surface, u, v, first, last, across)
@@ -176,7 +186,7 @@ class CenterSections:
 
     def _onto_contour(self, surface, u, v, across, steps=6):
         """Newton along the gradient of across(S + r n); borders of the domain are kept."""
-        u0, u1, v0, v1 = surface.face.nurbs.domain
+        u0, u1, v0, v1 = surface.face.regular_domain
         fixed_u, fixed_v = (u <= u0) | (u >= u1), (v <= v0) | (v >= v1)
         for _ in range(steps):
             value, gu, gv = self._across_gradient(surface, u, v)
@@ -304,6 +314,13 @@ def _steepless(centers, normals, owner, rank=2):
     for first, last in _true_runs(normals[:, 1] > STEEP * np.linalg.norm(normals, axis=1)):
         pieces += curve_pieces(centers[first:last], normals[first:last], owner, rank)
     return pieces
+
+
+def _halved(line):
+    """A polyline with the middle of every segment added: a sixteenth of the Hermite error."""
+    out = np.empty((2 * len(line) - 1, line.shape[1]))
+    out[::2], out[1::2] = line, (line[1:] + line[:-1]) / 2
+    return out
 
 
 def _true_runs(flags):

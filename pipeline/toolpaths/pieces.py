@@ -12,6 +12,7 @@ from cuspline.arrays import frozen
 
 SAME_MM = 1e-9
 PAD_MM = 2e-6           # lifts the ball by PAD_MM**2 / 2 r at most: nothing
+STEEP_SLOPE = 300.0     # beyond this a tip reaches on to where the curve would stand upright
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -165,11 +166,19 @@ def curve_pieces(points, normals, owner, rank=2):
 def _padded(points, slopes, owner, rank):
     """A curve piece with straight tips of PAD_MM, so that neighbours overlap instead of leaving a slit."""
     tips = []
-    for point, slope, sign in ((points[0], slopes[0], -1), (points[-1], slopes[-1], 1)):
-        step = sign * PAD_MM / np.hypot(1.0, slope)
+    for point, slope, sign, before in ((points[0], slopes[0], -1, 1), (points[-1], slopes[-1], 1, -2)):
+        step = sign * max(PAD_MM / np.hypot(1.0, slope),
+                          _left_to_upright(abs(points[before, 0] - point[0]), slopes[before], slope))
         tips.append(point + np.array([step, slope * step]))
     return CurvePiece(points=np.vstack([tips[0], points, tips[1]]),
                       slopes=np.r_[slopes[0], slopes, slopes[-1]], owner=owner, rank=rank)
+
+
+def _left_to_upright(run, before, slope):
+    """Along distance from a steep end to where a circle through its last two headings stands upright."""
+    if abs(slope) < STEEP_SLOPE or abs(before) >= abs(slope):
+        return 0.0
+    return 1.2 * run / ((slope / before) ** 2 - 1.0)
 
 
 def _runs(values):

@@ -64,6 +64,9 @@ class ProfilePlanner:
     def chain(self, across, low, high):
         """The centre's envelope in one plane: (pieces, owners, walls); vertical lines belong to their wall's face."""
         pieces, walls = self.centers.pieces(across)
+        # where the plane passes beside the part or over a hole, the ball goes no deeper than the part's base
+        base = self.centers.lowest_mm
+        pieces.append(LinePiece(start=np.array([low, base]), end=np.array([high, base]), owner=NO_FACE))
         chain = [p for p in upper_envelope(pieces, low, high)
                  if np.abs(p.end - p.start).max() > MERGE_MM]
         return chain, [_owner(p, walls) for p in chain], walls
