@@ -4,6 +4,8 @@ import numpy as np
 
 from cuspline.errors import CutterDoesNotFit
 
+FLAT_PER_MM = 1e-9          # flatter than a radius of a thousand kilometres
+
 
 def stepover_for_scallop_mm(radius_mm, scallop_mm, curvature_per_mm):
     """Widest stepover at which a ball cutter leaves scallops of the given height.
@@ -27,13 +29,11 @@ def stepover_for_scallop_mm(radius_mm, scallop_mm, curvature_per_mm):
     if len(tight):
         raise CutterDoesNotFit(f"ball radius {radius_mm:.3f} mm, but {len(tight)} points lie in a hollow of radius "
                                f"{-1 / k[tight].min():.3f} mm; choose a smaller ball", rows=tight)
-    flat = np.abs(k) < 1e-9
-    rho = 1.0 / np.where(flat, 1.0, np.abs(k))
-    side = np.where(k > 0, 1.0, -1.0)
-    to_center, to_ridge = rho + side * radius_mm, rho + side * scallop_mm
-    cosine = (to_center ** 2 + to_ridge ** 2 - radius_mm ** 2) / (2 * to_center * to_ridge)
-    curved = 2 * rho * np.sqrt(np.maximum(1 - np.minimum(cosine, 1.0) ** 2, 0.0))
-    return np.where(flat, 2 * np.sqrt(scallop_mm * (2 * radius_mm - scallop_mm)), curved)
+    # 1 - cos(half angle) in a form that keeps its digits on nearly flat surfaces
+    rho, side = 1.0 / np.maximum(np.abs(k), FLAT_PER_MM), np.where(k < 0, -1.0, 1.0)
+    versine = scallop_mm * (2 * radius_mm - scallop_mm) / (
+        2 * (rho + side * radius_mm) * (rho + side * scallop_mm))
+    return 2 * rho * np.sqrt(versine * (2 - versine))
 
 
 def scallop_for_stepover_mm(radius_mm, stepover_mm, curvature_per_mm):
@@ -43,14 +43,10 @@ def scallop_for_stepover_mm(radius_mm, stepover_mm, curvature_per_mm):
     array([0.015885])
     """
     k = np.atleast_1d(np.asarray(curvature_per_mm, float))
-    flat = np.abs(k) < 1e-9
-    rho, side = 1.0 / np.where(flat, 1.0, np.abs(k)), np.where(k > 0, 1.0, -1.0)
+    rho, side = 1.0 / np.maximum(np.abs(k), FLAT_PER_MM), np.where(k < 0, -1.0, 1.0)
     half = np.arcsin(np.minimum(stepover_mm / (2 * rho), 1.0))
-    center = rho + side * radius_mm
-    reach = np.sqrt(np.maximum(radius_mm ** 2 - (center * np.sin(half)) ** 2, 0.0))
-    curved = side * (center * np.cos(half) - rho) - reach
-    on_flat = radius_mm - np.sqrt(radius_mm ** 2 - (stepover_mm / 2) ** 2)
-    return np.where(flat, on_flat, curved)
+    reach = np.sqrt(np.maximum(radius_mm ** 2 - ((rho + side * radius_mm) * np.sin(half)) ** 2, 0.0))
+    return radius_mm * np.cos(half) - side * 2 * rho * np.sin(half / 2) ** 2 - reach
 
 
 def segment_length_mm(surface_radius_mm, cutter_radius_mm, deviation_mm):

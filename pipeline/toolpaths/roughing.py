@@ -24,7 +24,7 @@ ROW_SPACING_MM = 0.25       # along a row: drop heights are taken here and joine
 DROP_MARGIN_MM = 0.04       # over the planning mesh's deviation and the sag between two drop heights
 LEAST_CUT_MM = 0.02         # thinner remains are not worth a pass
 LEAST_ROW_MM = 0.3          # rows are not put closer than this, however steep the part is across them
-SIMPLIFY_MM = 0.01
+SIMPLIFY_MM = 0.05          # a row may lie this much above its drop heights: longer blocks, higher feed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
