@@ -38,13 +38,10 @@ endif
 .PRECIOUS: $(PUBLISHED) $(STEPS)
 
 all: $(PUBLISHED) ## set-up, then every design with default parameters into outputs/<design>/
-	@:
 
 $(DESIGNS): %: outputs/%$(VARIANT)/manifest.json
-	@:
 
 step: $(STEPS) ## only the STEP files, into outputs/<design>-step/
-	@:
 
 test: .venv/.kernels ## set-up, then the whole test suite; ARGS="-k arcs" narrows it
 	$(BIN)/python -m pytest $(ARGS)
