@@ -1,0 +1,292 @@
+"""Makefile, lock, CI, workflow and README do what they say."""
+
+import importlib.util
+import json
+import os
+import re
+import shutil
+import subprocess
+import time
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from cuspline import brep, catalogue, cli
+from cuspline.design import Design
+
+ROOT = Path(__file__).parents[1]
+MAKEFILE = (ROOT / "Makefile").read_text()
+README = (ROOT / "README.md").read_text()
+HOSTS = ["py" + "pi.org", "python" + "hosted.org", "crates" + ".io", "npm" + "js.org", "npm" + "js.com",
+         "proxy.go" + "lang.org", "repo1.ma" + "ven.org", "deb." + "debian.org"]
+NO_HOST = re.compile(r"://|(?<![\w.])--?[a-z-]*(index|links)")
+needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+
+
+def project_files():
+    """Files under version control; without git, everything that is not made."""
+    listed = subprocess.run(["git", "-C", str(ROOT), "ls-files", "-z"], capture_output=True, text=True)
+    if listed.returncode == 0:
+        return [p for p in (ROOT / name for name in listed.stdout.split("\0") if name) if p.is_file()]
+    made = {".git", ".venv", "outputs", "build", "__pycache__", ".pytest_cache", ".hypothesis"}
+    return [p for p in ROOT.rglob("*") if p.is_file() and not made & set(p.relative_to(ROOT).parts)]
+
+
+def make(folder, *arguments):
+    """Run make without what an outer make has put into the environment."""
+    environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS")}
+    return subprocess.run(["make", "-C", str(folder), *arguments], capture_output=True, text=True, env=environment)
+
+
+# lock ------------------------------------------------------------------------------------------
+
+
+def test_the_lock_names_no_host_and_hashes_every_package():
+    lock = (ROOT / "requirements.lock").read_text()
+    assert not NO_HOST.search(re.sub(r"--hash=", "", lock))
+    entries = re.split(r"\n(?=\S)", lock.strip())
+    assert len(entries) > 50
+    assert [e.split()[0] for e in entries if "==" not in e.split()[0] or "--hash=sha256:" not in e] == []
+
+
+def test_the_lock_holds_what_set_up_needs_and_one_ocp():
+    pins = {line.split("==")[0] for line in (ROOT / "requirements.lock").read_text().splitlines() if "==" in line}
+    assert {"uv", "setuptools", "pytest", "cadquery-ocp"} <= pins
+    assert "cadquery-ocp-novtk" not in pins
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    wanted = project["project"]["dependencies"] + project["dependency-groups"]["dev"]
+    assert {re.match(r"[\w-]+", w)[0] for w in wanted} <= pins
+
+
+def test_no_file_names_a_registry_host_or_a_folder_beside_the_project():
+    words = [*HOSTS, "../" + "shared"]
+    found = []
+    for path in project_files():
+        text = path.read_bytes().decode("utf-8", "replace")
+        found += [f"{path.relative_to(ROOT)}: {word}" for word in words if word in text]
+    assert found == []
+
+
+# help, README, workflow ------------------------------------------------------------------------
+
+
+@needs_make
+def test_help_lists_every_target_and_every_design():
+    phony = set(re.search(r"^\.PHONY: (.*)$", MAKEFILE, re.M)[1].split()) - {"FORCE", "$(DESIGNS)"}
+    listed = set(re.findall(r"^  make (\S+)", make(ROOT, "help").stdout, re.M))
+    assert listed == phony | set(catalogue.design_names())
+
+
+def test_readme_starts_with_make_and_make_test():
+    assert re.search(r"^    make  .*\n    make test", README, re.M).start() < 900
+
+
+def test_every_command_of_the_readme_exists():
+    commands = {c.name or c.callback.__name__ for c in cli.app.registered_commands}
+    targets = set(re.search(r"^\.PHONY: (.*)$", MAKEFILE, re.M)[1].split()) | set(catalogue.design_names())
+    told = set(re.findall(r"(?:`|bin/)cuspline ([a-z]+)", README))
+    assert {"build", "verify", "designs", "doctor", "warm"} <= told <= commands
+    made = set(re.findall(r"(?:`|^    )make ([a-z_]+)", README, re.M))
+    assert {"test", "help", "step"} <= made <= targets
+
+
+def test_every_option_of_the_readme_exists():
+    source = (ROOT / "pipeline/cli.py").read_text()
+    for option in re.findall(r"`[^`]*?--([a-z]+)", README):
+        assert re.search(rf'\b{option}: Annotated|"--{option}"', source), option
+
+
+def example(language):
+    return re.search(rf"```{language}\n(.*?)```", README, re.S)[1]
+
+
+@pytest.fixture(scope="module")
+def readme_part(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("readme")
+    (folder / "trough.py").write_text(example("python"))
+    return folder, catalogue.make_design(catalogue.find_design(str(folder / "trough.py")), ["depth_mm=8"])
+
+
+def test_the_part_of_the_readme_is_a_design(readme_part):
+    _, design = readme_part
+    assert isinstance(design, Design) and design.parameters.depth_mm == 8.0
+    solid = brep.the_solid(design.solid)
+    assert [len(brep.select_faces(brep.faces_of(solid), p)) for p in design.predicates] == [1]
+
+
+def test_the_job_file_of_the_readme_is_a_design(readme_part):
+    folder, design = readme_part
+    brep.write_step(brep.the_solid(design.solid), folder / "trough.step", "trough")
+    (folder / "trough.toml").write_text(example("toml"))
+    job = catalogue.make_design(catalogue.find_design(str(folder / "trough.toml")), [])
+    solid = brep.the_solid(job.solid)
+    assert [len(brep.select_faces(brep.faces_of(solid), p)) for p in job.predicates] == [1]
+    assert (job.setups, job.material) == (design.setups, design.material)
+
+
+def test_every_file_named_in_the_architecture_exists():
+    text = (ROOT / "docs/architecture.md").read_text()
+    beside, missing = "", []
+    for name in re.findall(r"`([\w./*]+(?:\.py|/|\.toml|\.json|\.sh))`", text):
+        # in a list only the first name carries its folder
+        found = [base / name for base in (ROOT, ROOT / "pipeline", ROOT / "pipeline" / beside)
+                 if any(base.glob(name.rstrip("/")))]
+        missing += [] if found else [name]
+        beside = name.rsplit("/", 1)[0] if "/" in name else beside
+    assert missing == []
+
+
+def test_links_of_the_documents_lead_somewhere():
+    for document in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]:
+        for link in re.findall(r"\]\((?!https?:)([^)#]+)", document.read_text()):
+            assert (document.parent / link).exists(), f"{document.name}: {link}"
+
+
+def test_ci_is_one_executable_script_that_the_workflow_runs():
+    script, workflow = ROOT / ".ci/run", (ROOT / ".github/workflows/build.yml").read_text()
+    assert os.access(script, os.X_OK) and script.read_text().startswith("#!/bin/bash\n")
+    assert "\nexec </dev/null\n" in script.read_text()
+    for command in ("make test", "make\n", "make -q", ".ci/install_linuxcnc.sh"):
+        assert command in script.read_text()
+    assert "bash .ci/run" in workflow and "archive: false" in workflow
+    assert "permissions:\n  contents: read\n" in workflow
+    for path in re.findall(r"(?:bash|python3|sh) (\.ci/\S+)", workflow + script.read_text()):
+        assert (ROOT / path).is_file(), path
+
+
+# verdict table ---------------------------------------------------------------------------------
+
+
+def summary_of(outputs):
+    spec = importlib.util.spec_from_file_location("summary", ROOT / ".ci/summary.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.table(outputs)
+
+
+def test_the_verdict_table_shows_rejected_parts_with_their_findings(tmp_path):
+    numbers = {"gouge_max_mm": 0.02, "cusp_max_mm": 0.009, "error_bound_mm": 7e-5, "points_checked": 1000,
+               "area_required_mm2": 10.0, "area_reached_mm2": 9.5}
+    finding = {"kind": "gouge", "amount_mm": 0.02, "setup": "setup-1", "advice": "take a smaller cutter"}
+    for name, findings in (("good", []), ("bad-rejected", [finding])):
+        (tmp_path / name).mkdir()
+        verdict = {"ok": not findings, "accepted": [], "findings": findings, **numbers}
+        (tmp_path / name / "verify.json").write_text(json.dumps(verdict))
+    lines = summary_of(tmp_path)
+    assert "| good | verified | 0.0200 | 0.0090 | 0.00007 | 1,000 | 9.5 of 10.0 | 0 |" in lines
+    assert any(line.startswith("| bad-rejected | **rejected** |") for line in lines)
+    assert "- bad-rejected, setup-1: gouge 0.0200 mm: take a smaller cutter" in lines
+
+
+def test_the_verdict_table_says_when_there_is_nothing(tmp_path):
+    assert summary_of(tmp_path) == ["no part has a verdict: outputs/ holds no verify.json"]
+
+
+# what make builds again, and what it leaves alone ----------------------------------------------
+
+STUB = """#!/bin/sh
+echo "$@" >> calls
+while [ $# -gt 0 ]; do [ "$1" = --out ] && out=$2; line="$line $1"; shift; done
+[ -f fails ] && exit 1
+mkdir -p "$out"
+echo "$line" > "$out/manifest.json"
+"""
+
+
+@pytest.fixture
+def shop(tmp_path):
+    """The real Makefile beside two designs, in an environment whose cuspline only writes manifests."""
+    files = {"Makefile": MAKEFILE, "requirements.lock": "", "pyproject.toml": "", "designs/__init__.py": "",
+             "designs/plate.py": "", "designs/vane.py": "", "designs/data/cells.csv": "", "posts/mill.toml": "",
+             "pipeline/build.py": "", "pipeline/report/style.css": "", ".venv/bin/cuspline": STUB, ".venv/bin/python": STUB}
+    for name, text in files.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        os.utime(path, (1e9, 1e9))
+        path.chmod(0o755)
+    (tmp_path / ".venv/.environment").write_text(f"{tmp_path.resolve()}\n")
+    for stamp in (".project", ".kernels"):
+        (tmp_path / ".venv" / stamp).touch()
+    return tmp_path
+
+
+def built(shop, *arguments, ok=True):
+    """Output folders that a make has built."""
+    (shop / "calls").write_text("")
+    done = make(shop, *arguments)
+    assert (done.returncode == 0) is ok, done.stderr
+    return sorted(re.findall(r"^build .*--out outputs/(\S+)", (shop / "calls").read_text(), re.M))
+
+
+@needs_make
+def test_a_second_make_does_nothing(shop):
+    assert built(shop, "-j2") == ["plate", "vane"]
+    start = time.perf_counter()
+    assert built(shop) == []
+    assert time.perf_counter() - start < 2.0
+    assert make(shop, "-q").returncode == 0
+
+
+@needs_make
+@pytest.mark.parametrize("source, stale", [
+    ("designs/vane.py", ["vane"]), ("designs/data/cells.csv", ["plate", "vane"]), ("posts/mill.toml", ["plate", "vane"]),
+    ("pipeline/report/style.css", ["plate", "vane"]), ("pipeline/build.py", ["plate", "vane"])])
+def test_a_changed_source_builds_what_depends_on_it(shop, source, stale):
+    built(shop)
+    (shop / source).touch()
+    assert built(shop) == stale
+    assert built(shop) == []
+
+
+@needs_make
+def test_a_failed_build_keeps_the_old_files_and_is_tried_again(shop):
+    built(shop)
+    old = (shop / "outputs/vane/manifest.json").read_bytes()
+    (shop / "designs/vane.py").touch()
+    (shop / "fails").touch()
+    assert built(shop, ok=False) == ["vane"] == built(shop, ok=False)
+    assert (shop / "outputs/vane/manifest.json").read_bytes() == old
+    (shop / "fails").unlink()
+    assert built(shop) == ["vane"]
+
+
+@needs_make
+def test_a_folder_built_by_hand_with_other_parameters_is_built_again(shop):
+    built(shop)
+    (shop / "outputs/plate/manifest.json").write_text("other parameters")
+    assert built(shop) == ["plate"]
+    shutil.rmtree(shop / "outputs/plate")
+    assert built(shop) == ["plate"]
+
+
+@needs_make
+def test_params_go_to_a_folder_of_their_own(shop):
+    built(shop)
+    assert built(shop, "plate", "PARAMS=width_mm=30 length_mm=-2.5") == ["plate-length_mm=-2.5-width_mm=30"]
+    assert "-p width_mm=30 -p length_mm=-2.5" in (shop / "calls").read_text()
+    assert built(shop, "plate", "PARAMS=length_mm=-2.5 width_mm=30") == []
+    assert built(shop) == []
+    assert built(shop, "PARAMS=width_mm=30", ok=False) == []
+
+
+@needs_make
+def test_step_overwrites_no_published_part(shop):
+    built(shop)
+    assert built(shop, "step") == ["plate-step", "vane-step"]
+    assert "--stage step" in (shop / "calls").read_text()
+    assert built(shop, "all", "step") == []
+
+
+@needs_make
+def test_a_moved_or_broken_environment_is_made_anew(shop):
+    assert "set-up" not in make(shop, "-n").stdout
+    (shop / ".venv/.environment").write_text("/somewhere/else\n")
+    assert "rm -rf .venv" in make(shop, "-n").stdout
+    (shop / ".venv/.environment").write_text(f"{shop.resolve()}\n")
+    (shop / ".venv/.project").touch()
+    (shop / ".venv/.kernels").touch()
+    assert "set-up" not in make(shop, "-n").stdout
+    (shop / ".venv/bin/python").unlink()
+    assert "rm -rf .venv" in make(shop, "-n").stdout
