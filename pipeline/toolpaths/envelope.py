@@ -8,12 +8,13 @@ trimmed at exact crossings and closed with vertical lines along walls.
 import numpy as np
 
 from cuspline.errors import ToolpathError
-from cuspline.toolpaths.pieces import NO_FACE, LinePiece
+from cuspline.toolpaths.pieces import NO_FACE, ArcPiece, LinePiece
 
 GRID_MM = 0.02          # a piece that surfaces between two crossings closer than this may be missed:
                         # its height there is below GRID_MM**2 / (8 r), 0.01 µm for r = 5 mm
 RANK_BIAS_MM = 1e-9     # among coinciding pieces lines win over arcs, arcs over sampled curves
 JOIN_MM = 1e-6
+REPEATED_MM = 1e-7
 
 
 def upper_envelope(pieces, low, high):
@@ -28,7 +29,7 @@ def upper_envelope(pieces, low, high):
     Raises:
         ToolpathError: somewhere in the range nothing lies beneath the ball.
     """
-    pieces = [p for p in pieces if p.span[1] > low and p.span[0] < high and p.span[1] - p.span[0] > 1e-7]
+    pieces = _distinct([p for p in pieces if p.span[1] > low and p.span[0] < high and p.span[1] - p.span[0] > 1e-7])
     marks = np.unique(np.concatenate(
         [np.linspace(low, high, max(2, int((high - low) / GRID_MM) + 1))]
         + [np.clip(p.span, low, high) for p in pieces]))
@@ -39,6 +40,17 @@ def upper_envelope(pieces, low, high):
         at = middles[np.argmax(owners < 0)]
         raise ToolpathError(f"nothing to rest on at {at:.3f} mm along the section")
     return _chained(pieces, owners, marks, middles)
+
+
+def _distinct(pieces):
+    """Without repeated arcs: two elements that share a corner roll about it twice, and noise would alternate them."""
+    arcs = [k for k, p in enumerate(pieces) if isinstance(p, ArcPiece)]
+    if not arcs:
+        return pieces
+    shape = np.array([(*pieces[k].center, pieces[k].radius, *pieces[k].span, pieces[k].rank) for k in arcs])
+    same = (np.abs(shape[:, None] - shape).max(axis=2) < REPEATED_MM) & np.tri(len(arcs), k=-1, dtype=bool)
+    repeated = {arcs[row] for row in np.flatnonzero(same.any(axis=1))}
+    return [p for k, p in enumerate(pieces) if k not in repeated]
 
 
 def _owners(pieces, along):
