@@ -11,10 +11,14 @@ from dataclasses import dataclass
 
 import contourpy
 import numpy as np
+from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.gp import gp_Pnt, gp_Vec
+from OCP.Geom import Geom_TrimmedCurve
+from OCP.GeomConvert import GeomConvert
+from scipy.interpolate import BSpline
+from scipy.optimize import brentq
 
-from cuspline.brep import bounding_box_mm, edges_with_faces, faces_of
+from cuspline.brep import bounding_box_mm, edge_points, edges_with_faces, faces_of
 from cuspline.surfaces.sections import PrismaticFace, is_cap, is_prismatic
 from cuspline.toolpaths.pieces import NO_FACE, ArcPiece, LinePiece, curve_pieces, half_circle
 
@@ -22,6 +26,8 @@ GRID = 140                  # parameter grid that finds the contours; Newton mak
 BESIDE_MM = 1e-7
 EDGE_SPACING_MM = 0.5       # finds where the plane meets an edge's pipe; that range is sampled anew
 PIPE_SAMPLES = 400
+ALONG_SINE = 0.7            # edges within 45 degrees of the section planes run along the passes
+WALL_MM = 1e-4              # contacts that keep their place to this slide along one wall
 STEEP = 1e-3                # sampled pieces end where the contact normal comes this close to level
 
 
@@ -64,7 +70,19 @@ class CenterSections:
         flat = {p.index for p in self.prismatic}
         self.general = [self._center_surface(i, f) for i, f in enumerate(self.faces)
                         if i not in flat and not is_cap(f, plane)]
-        self.edges = [_Edge(e, plane) for e, _ in edges_with_faces(solid)]
+        self.edges = [_Edge(e, plane, self._carrier(e, f)) for e, f in edges_with_faces(solid)]
+
+    def _carrier(self, edge, shapes):
+        """Face that a ball rolling along the edge still belongs to: the most level of its neighbours.
+
+        Only where the edge runs along the section planes: over an edge that crosses them the ball
+        leaves the face, and the pass may end.
+        """
+        _, tangents = edge_points(edge, 9)
+        if np.abs(tangents[:, self.plane.across]).max() > ALONG_SINE:
+            return NO_FACE
+        rows = [i for i, f in enumerate(self.faces) if any(f.shape.IsSame(s) for s in shapes)]
+        return max(rows, key=lambda i: self.faces[i].middle.normal[0, 2], default=NO_FACE)
 
     def pieces(self, across):
         """(pieces, walls) in one section plane."""
@@ -73,7 +91,7 @@ class CenterSections:
         for element in elements:
             self._add_element(element, pieces, walls)
         for surface in self.general:
-            pieces += self._contour_pieces(surface, across)
+            pieces += self._contour_pieces(surface, across, walls)
         if self.general or self._leaves_a_face(across):
             for edge in self.edges:
                 if edge.low - self.radius_mm < across < edge.high + self.radius_mm:
@@ -139,7 +157,7 @@ class CenterSections:
         return _CenterSurface(index=index, face=face, u=u, v=v,
                               across=center[:, self.plane.across].reshape(GRID, GRID))
 
-    def _contour_pieces(self, surface, across):
+    def _contour_pieces(self, surface, across, walls):
         low, high = surface.across.min(), surface.across.max()
         if not low <= across <= high:
             return []
@@ -150,10 +168,25 @@ class CenterSections:
         for line in lines:
             line = _halved(line)
             u, v = self._onto_contour(surface, line[:, 1].copy(), line[:, 0].copy(), across)
+            walls += self._walls_of(surface, u, v)
             for first, last in _true_runs(self._carries(surface, u, v)):
                 run_u, run_v = self._to_the_border(surface, u, v, first, last, across)
                 pieces += self._curve_of(surface, run_u, run_v, across)
         return pieces
+
+    def _walls_of(self, surface, u, v):
+        """Vertical runs of the contour: the ball slides up and down along them."""
+        shape = surface.face.shape_at(u, v)
+        normals = self.plane.flat(shape.normal)
+        centers = self.plane.flat(shape.point_mm) + self.radius_mm * normals
+        walls = []
+        for first, last in _true_runs(np.abs(normals[:, 1]) <= STEEP):
+            along = centers[first:last, 0]
+            if np.ptp(along) < WALL_MM and np.ptp(centers[first:last, 1]) > WALL_MM:
+                walls.append(Wall(along=float(along.mean()), low=centers[first:last, 1].min(),
+                                  high=centers[first:last, 1].max(), owner=surface.index,
+                                  side=int(np.sign(normals[first, 0]))))
+        return walls
 
     def _carries(self, surface, u, v):
         """(n,) bool: inside the trim, and not so steep that only a wall can hold the ball there."""
@@ -235,77 +268,86 @@ class CenterSections:
             middle, half = (low + high) / 2, (high - low) / 2
             parameters = middle - half * np.cos(np.linspace(0, np.pi, PIPE_SAMPLES))
             for points, w in self._pipe_sections(edge, parameters, across):
-                pieces += _steepless(self.plane.flat(points + self.radius_mm * w), self.plane.flat(w), NO_FACE, rank=3)
+                pieces += _steepless(self.plane.flat(points + self.radius_mm * w), self.plane.flat(w), edge.owner, rank=3)
         return pieces
-
-    def _share(self, edge, parameters, across):
-        """(n,) how far toward the pipe's side the plane lies: it meets the pipe where |share| <= 1."""
-        points, tangents = edge.at(parameters)
-        side = -tangents * tangents[:, [self.plane.across]]
-        side[:, self.plane.across] += 1.0
-        sine = np.maximum(np.linalg.norm(side, axis=1), 1e-12)
-        return ((across - points[:, self.plane.across]) / (self.radius_mm * sine),
-                points, tangents, side / sine[:, None])
 
     def _touching_ranges(self, edge, across):
         """Parameter ranges over which the plane meets the pipe: |share| <= 1."""
-        share = self._share(edge, edge.coarse, across)[0]
+        share = edge.coarse.share(across, self.radius_mm)
         meets = (np.minimum(share[:-1], share[1:]) < 1.0) & (np.maximum(share[:-1], share[1:]) > -1.0)
+        at = lambda t: float(edge.frames(np.array([t])).share(across, self.radius_mm)[0])
         ranges = []
         for first, last in _true_runs(meets):
             k = first + int(np.abs(share[first:last + 1]).argmin())
-            inside = edge.coarse[k]
+            inside = edge.parameters[k]
             if abs(share[k]) > 1.0:     # the range lies between two samples: start from share = 0
                 other = k + 1 if k < last and share[k] * share[k + 1] < 0 else k - 1
-                inside = self._bisect(edge, edge.coarse[k], edge.coarse[other], across,
-                                      lambda s: s * share[k] > 0)
-            ends = [edge.coarse[k] if abs(share[k]) <= 1.0
-                    else self._bisect(edge, inside, edge.coarse[k], across, lambda s: abs(s) <= 1.0)
-                    for k in (first, last)]
-            ranges.append(tuple(ends))
+                inside = brentq(at, edge.parameters[k], edge.parameters[other], xtol=1e-15)
+            ranges.append(tuple(
+                edge.parameters[j] if abs(share[j]) <= 1.0
+                else brentq(lambda t: abs(at(t)) - 1.0, inside, edge.parameters[j], xtol=1e-15)
+                for j in (first, last)))
         return ranges
-
-    def _bisect(self, edge, a, b, across, holds):
-        """Where a condition on the share, true at a and false at b, turns."""
-        for _ in range(50):
-            middle = (a + b) / 2
-            if holds(self._share(edge, np.array([middle]), across)[0][0]):
-                a = middle
-            else:
-                b = middle
-        return a
 
     def _pipe_sections(self, edge, parameters, across):
         """Edge points and unit vectors from them to the ball's centre, on both sides of the pipe."""
-        share, points, tangents, side = self._share(edge, parameters, across)
-        other = np.cross(tangents, side)
-        share = np.clip(share, -1.0, 1.0)[:, None]
-        flank = other * np.sqrt(1.0 - share ** 2)
-        return (points, side * share + flank), (points, side * share - flank)
+        frames = edge.frames(parameters)
+        share = np.clip(frames.share(across, self.radius_mm), -1.0, 1.0)[:, None]
+        flank = np.cross(frames.tangents, frames.side) * np.sqrt(1.0 - share ** 2)
+        return (frames.points, frames.side * share + flank), (frames.points, frames.side * share - flank)
 
 
 class _Edge:
-    """An edge as points and unit tangents at any parameters."""
+    """An edge as points and unit tangents at any parameters, as a rational B-spline."""
 
-    def __init__(self, edge, plane):
-        self._curve = BRepAdaptor_Curve(edge)
-        first, last = self._curve.FirstParameter(), self._curve.LastParameter()
+    def __init__(self, edge, plane, owner):
+        self.owner, self.across = owner, plane.across
+        self._curve, self._slope, first, last = _homogeneous(edge)
         points, _ = self.at(np.linspace(first, last, 17))
         length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
-        self.coarse = np.linspace(first, last, int(np.clip(length / EDGE_SPACING_MM, 33, 4000)))
-        points, tangents = self.at(self.coarse)
+        self.parameters = np.linspace(first, last, int(np.clip(length / EDGE_SPACING_MM, 33, 4000)))
+        points, tangents = self.at(self.parameters)
         self.ends = points[[0, -1]]
         self.low, self.high = points[:, plane.across].min(), points[:, plane.across].max()
         self.runs_across = bool((np.abs(tangents[:, plane.across]) > 1 - 1e-12).all())
+        self.coarse = _Frames(points, tangents, plane.across)
 
     def at(self, parameters):
         """(n, 3) points and (n, 3) unit tangents."""
-        points, tangents = np.empty((len(parameters), 3)), np.empty((len(parameters), 3))
-        p, d = gp_Pnt(), gp_Vec()
-        for i, t in enumerate(parameters.tolist()):
-            self._curve.D1(t, p, d)
-            points[i], tangents[i] = (p.X(), p.Y(), p.Z()), (d.X(), d.Y(), d.Z())
-        return points, tangents / np.linalg.norm(tangents, axis=1)[:, None]
+        h, d = self._curve(parameters), self._slope(parameters)
+        points = h[:, :3] / h[:, 3:]
+        along = d[:, :3] - points * d[:, 3:]
+        return points, along / np.linalg.norm(along, axis=1)[:, None]
+
+    def frames(self, parameters):
+        return _Frames(*self.at(parameters), self.across)
+
+
+class _Frames:
+    """Points of an edge with the unit direction in which a section plane leaves them."""
+
+    def __init__(self, points, tangents, across):
+        side = -tangents * tangents[:, [across]]
+        side[:, across] += 1.0
+        self.sine = np.maximum(np.sqrt((side * side).sum(axis=1)), 1e-12)
+        self.points, self.tangents, self.side = points, tangents, side / self.sine[:, None]
+        self._at = points[:, across]
+
+    def share(self, across, radius_mm):
+        """(n,) how far toward the pipe's side the plane lies: it meets the pipe where |share| <= 1."""
+        return (across - self._at) / (radius_mm * self.sine)
+
+
+def _homogeneous(edge):
+    """(curve, derivative, first, last): scipy splines of the edge in homogeneous coordinates."""
+    first, last = BRepAdaptor_Curve(edge).FirstParameter(), BRepAdaptor_Curve(edge).LastParameter()
+    curve = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(BRep_Tool.Curve_s(edge, 0.0, 1.0), first, last))
+    poles = np.array([[p.X() * w, p.Y() * w, p.Z() * w, w] for p, w in
+                      ((curve.Pole(i), curve.Weight(i)) for i in range(1, curve.NbPoles() + 1))])
+    knots = np.repeat([curve.Knot(k) for k in range(1, curve.NbKnots() + 1)],
+                      [curve.Multiplicity(k) for k in range(1, curve.NbKnots() + 1)])
+    spline = BSpline(knots, poles, curve.Degree())
+    return spline, spline.derivative(), curve.FirstParameter(), curve.LastParameter()
 
 
 def _steepless(centers, normals, owner, rank=2):

@@ -11,7 +11,7 @@ import numpy as np
 
 from cuspline.errors import ToolpathError
 from cuspline.toolpaths.arcfit import FittedElement, fit_arcs, line_between
-from cuspline.toolpaths.centers import CenterSections
+from cuspline.toolpaths.centers import WALL_MM, CenterSections
 from cuspline.toolpaths.envelope import upper_envelope
 from cuspline.toolpaths.pieces import NO_FACE, ArcPiece, CurvePiece, LinePiece
 
@@ -142,7 +142,7 @@ def _owner(piece, walls):
         return piece.owner
     low, high = sorted((piece.start[1], piece.end[1]))
     for wall in walls:
-        if abs(wall.along - piece.start[0]) < 1e-6 and wall.low < high and wall.high > low:
+        if abs(wall.along - piece.start[0]) < WALL_MM and wall.low < high and wall.high > low:
             return wall.owner
     return NO_FACE
 

@@ -127,13 +127,20 @@ def _height(chain, along):
 
 def _widened_runs(left, centers):
     """Index ranges of what is left, OVERLAP_MM longer at both ends, merged where they meet."""
-    way = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(centers, axis=0), axis=1))]
+    apart = np.linalg.norm(np.diff(centers, axis=0), axis=1)
+    apart[apart > 2 * SAMPLE_MM] = 1e6      # pieces between that are not wanted: never bridged
+    way = np.r_[0.0, np.cumsum(apart)]
     wide = np.zeros(len(left), bool)
     edges = np.flatnonzero(np.diff(np.r_[False, left, False].astype(int)))
     for first, last in zip(edges[::2], edges[1::2]):
         wide |= (way >= way[first] - OVERLAP_MM) & (way <= way[last - 1] + OVERLAP_MM)
     edges = np.flatnonzero(np.diff(np.r_[False, wide, False].astype(int)))
-    return [(a, b) for a, b in zip(edges[::2], edges[1::2]) if b - a > 1]
+    gaps = np.flatnonzero(apart > 1e5) + 1
+    runs = []
+    for a, b in zip(edges[::2], edges[1::2]):
+        cuts = np.r_[a, gaps[(gaps > a) & (gaps < b)], b]
+        runs += [(c, d) for c, d in zip(cuts[:-1], cuts[1:]) if d - c > 1]
+    return runs
 
 
 def _stretch(chain, owners, centers, contacts, index):
