@@ -3,7 +3,7 @@
 Blocks are built as lists of words first and joined to text second.  Facts of the controller that
 this post respects: units on a line of their own before anything else; every line below the
 machine's line length; a path tolerance always with G64 (a bare G64 cuts corners by millimetres);
-arc radii compared after rounding; M2 at the end.
+arc radii compared after rounding, arcs it would refuse cut into chords; M2 at the end.
 """
 
 import math
@@ -15,11 +15,13 @@ from cuspline.errors import PostError
 from cuspline.program import Kind, Plane
 
 EXTENSION = "ngc"
+TOLERANCE_DECIMALS = 7
 INCH_MM = 25.4
 # LinuxCNC refuses an arc whose radii at start and end differ by more than 0.0283 mm and 0.1 %
 # (0.0014 in); a tenth of that leaves room for what other versions may ask
 ARC_RADIUS_MISMATCH_MM = 0.00283
 PLANE_WORD = {Plane.XY: "G17", Plane.ZX: "G18", Plane.YZ: "G19"}
+NEARLY_FULL_RAD = math.radians(350)     # rounding must not turn a full circle into none: two halves
 COOLANT_WORD = {"off": "M9", "mist": "M7", "flood": "M8"}
 
 
@@ -41,7 +43,8 @@ def post(program, machine):
     Returns:
         Posted.
     Raises:
-        PostError: a line longer than the control takes, a spindle speed outside the machine's range.
+        PostError: a line longer than the control takes, a spindle speed outside the machine's range, a
+            feed that rounds to nothing, an operation that does not start and end at the clearance height.
     """
     writer = _Writer(machine)
     _head(writer, program)
@@ -63,7 +66,7 @@ def _head(writer, program):
         writer.comment(line)
     writer.block("G21" if control.units == "mm" else "G20")
     writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80")
-    writer.block("G64", "P" + writer.length(control.path_tolerance_mm), "Q" + writer.length(0.0))
+    writer.block("G64", "P" + writer.length(control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
     writer.block(program.wcs)
 
 
@@ -89,9 +92,10 @@ def _operation(writer, program, operation, number):
 
 def _moves(writer, program, moves):
     """The start above the work, then every move; XY before Z, so that nothing is cut on the way."""
-    if moves.start_mm[2] < program.clearance_z_mm - 1e-6:
-        raise PostError(f"an operation starts at Z{moves.start_mm[2]:.3f}, below the clearance height "
-                        f"Z{program.clearance_z_mm:.3f}")
+    for what, z in (("starts", moves.start_mm[2]), ("ends", moves.end_mm[-1, 2] if len(moves) else np.inf)):
+        if z < program.clearance_z_mm - 1e-6:
+            raise PostError(f"an operation {what} at Z{z:.3f}, below the clearance height "
+                            f"Z{program.clearance_z_mm:.3f}: begin and end operations above the work")
     writer.block("G0", *writer.words(moves.start_mm, (0, 1)))
     writer.block("G0", *writer.words(moves.start_mm, (2,)))
     writer.here_mm = moves.start_mm
@@ -122,14 +126,14 @@ class _Writer:
 
     def comment(self, text):
         """ASCII, no nested brackets, split to the line length."""
-        clean = text.translate({ord("("): "[", ord(")"): "]"}).encode("ascii", "replace").decode()
+        clean = " ".join(text.translate({ord("("): "[", ord(")"): "]"}).encode("ascii", "replace").decode().split())
         room = self.machine.control.line_length - 4
         for k in range(0, max(len(clean), 1), room):
             self.lines.append(f"({clean[k:k + room]})")
 
-    def length(self, value_mm):
+    def length(self, value_mm, decimals=None):
         """A length as the control reads it; never an exponent, never minus zero."""
-        text = f"{value_mm * self.scale:.{self.decimals}f}"
+        text = f"{value_mm * self.scale:.{decimals or self.decimals}f}"
         text = text.rstrip("0").rstrip(".") if "." in text else text
         return "0" if text in ("-0", "") else text
 
@@ -150,15 +154,29 @@ class _Writer:
     def move(self, kind, end_mm, center_mm, plane, feed):
         self.largest_rounding_mm = max(self.largest_rounding_mm,
                                        math.dist([self.rounded_mm(v) for v in end_mm], end_mm))
-        if kind >= Kind.ARC_CW and self._arc_is_accepted(end_mm, center_mm, Plane(plane)):
-            self._arc(kind, end_mm, center_mm, Plane(plane), feed)
+        if kind >= Kind.ARC_CW:
+            self._curved(kind, end_mm, center_mm, Plane(plane), feed)
         else:
-            self.arcs_as_lines += int(kind >= Kind.ARC_CW)
-            words = self.words(end_mm)
-            if words:
-                motion = "G0" if kind == Kind.RAPID else "G1"
-                self.block(*self._motion(motion), *words, *(self._feed(feed) if motion == "G1" else ()))
+            self._straight("G0" if kind == Kind.RAPID else "G1", end_mm, feed)
+
+    def _straight(self, motion, end_mm, feed):
+        words = self.words(end_mm)
+        if words:
+            self.block(*self._motion(motion), *words, *(self._feed(feed) if motion == "G1" else ()))
         self.here_mm = np.asarray(end_mm)
+
+    def _curved(self, kind, end_mm, center_mm, plane, feed):
+        """An arc as the control takes it: whole, in two halves, or as chords within the path tolerance."""
+        arc = _Arc(self.here_mm, end_mm, center_mm, plane, kind)
+        if arc.sweep_rad > NEARLY_FULL_RAD:
+            self._curved(kind, arc.at(0.5), center_mm, plane, feed)
+            self._curved(kind, end_mm, center_mm, plane, feed)
+        elif self._arc_is_accepted(end_mm, center_mm, plane):
+            self._arc(kind, end_mm, center_mm, plane, feed)
+        else:
+            self.arcs_as_lines += 1
+            for point in arc.chords(self.machine.control.path_tolerance_mm):
+                self._straight("G1", point, feed)
 
     def _motion(self, word):
         """The motion word where it changes."""
@@ -169,6 +187,9 @@ class _Writer:
 
     def _feed(self, feed_mm_per_min):
         text = f"{feed_mm_per_min * self.scale:.{self.machine.control.decimals_feed}f}"
+        if float(text) == 0:
+            raise PostError(f"a feed of {feed_mm_per_min:g} mm/min is nothing with "
+                            f"{self.machine.control.decimals_feed} decimals: raise it, or decimals_feed")
         if text == self.feed:
             return ()
         self.feed = text
@@ -205,6 +226,37 @@ class _Writer:
         words = self.words(end_mm, sorted((a, b)) + ([third] if abs(end_mm[third] - self.here_mm[third]) > 1e-9 else []))
         centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
         self.block(*self._motion("G2" if kind == Kind.ARC_CW else "G3"), *words, *centre, *self._feed(feed))
+        self.here_mm = np.asarray(end_mm)
+
+
+class _Arc:
+    """Points along an arc or helix of the Program."""
+
+    def __init__(self, start_mm, end_mm, center_mm, plane, kind):
+        self.start_mm, self.end_mm, self.center_mm, self.plane = start_mm, np.asarray(end_mm), center_mm, plane
+        a, b, _ = plane.axes
+        x, y = start_mm[a] - center_mm[a], start_mm[b] - center_mm[b]
+        u, v = end_mm[a] - center_mm[a], end_mm[b] - center_mm[b]
+        self.radius_mm, self.from_rad = math.hypot(x, y), math.atan2(y, x)
+        self.side = -1.0 if kind == Kind.ARC_CW else 1.0
+        sweep = self.side * (math.atan2(v, u) - self.from_rad) % (2 * math.pi)
+        self.sweep_rad = sweep if sweep > 1e-9 else 2 * math.pi
+
+    def at(self, share):
+        """Point after a share of the sweep."""
+        a, b, third = self.plane.axes
+        angle = self.from_rad + self.side * share * self.sweep_rad
+        point = np.empty(3)
+        point[a] = self.center_mm[a] + self.radius_mm * math.cos(angle)
+        point[b] = self.center_mm[b] + self.radius_mm * math.sin(angle)
+        point[third] = self.start_mm[third] + share * (self.end_mm[third] - self.start_mm[third])
+        return point
+
+    def chords(self, tolerance_mm):
+        """End points of the chords that stay within the tolerance, the arc's own end last."""
+        largest = 2 * math.acos(max(1 - tolerance_mm / max(self.radius_mm, tolerance_mm), 0.0))
+        count = math.ceil(self.sweep_rad / largest)
+        return [self.at(k / count) for k in range(1, count)] + [self.end_mm]
 
 
 def _check_lines(lines, machine):

@@ -33,6 +33,7 @@ def stepover_for_scallop_mm(radius_mm, scallop_mm, curvature_per_mm):
     rho, side = 1.0 / np.maximum(np.abs(k), FLAT_PER_MM), np.where(k < 0, -1.0, 1.0)
     versine = scallop_mm * (2 * radius_mm - scallop_mm) / (
         2 * (rho + side * radius_mm) * (rho + side * scallop_mm))
+    versine = np.minimum(versine, 1.0)      # a ball that nearly fills the groove: across its whole width
     return 2 * rho * np.sqrt(versine * (2 - versine))
 
 
