@@ -1,4 +1,4 @@
-"""Z-profile mould block: a profile in a vertical plane swept across the block.
+r"""Z-profile mould block: a profile in a vertical plane swept across the block.
 
     z │  convex arc                 ellipse arc
       │ ◜‾‾‾\ slope               │‾‾‾\ spline
@@ -86,7 +86,8 @@ def profile_wire(p, scale=1.0, across_mm=0.0, base_mm=0.0):
     k = profile_knots(p)
     a, e = math.radians(p.slope_deg), math.radians(p.ellipse_deg)
     r, c = p.convex_radius_mm, p.concave_radius_mm
-    slope = scale * p.ellipse_b_mm * math.sin(e) / (p.ellipse_a_mm * math.cos(e))
+    slope = p.ellipse_b_mm * math.sin(e) / (p.ellipse_a_mm * math.cos(e))
+    reach = p.spline_length_mm + p.spline_fall_mm
 
     def at(point):
         along, up = point[0], point[1] * scale
@@ -107,8 +108,9 @@ def profile_wire(p, scale=1.0, across_mm=0.0, base_mm=0.0):
                 _ellipse(p, at((k["floor"][0], k["floor"][1] + c)), c, c * scale, 270 - p.slope_deg, 270))
     ellipse = _ellipse(p, at((k["top"][0], k["top"][1] - p.ellipse_b_mm)),
                        p.ellipse_a_mm, p.ellipse_b_mm * scale, 90 - p.ellipse_deg, 90)
-    spline = cq.Edge.makeSpline([at(k["ellipse_end"]), at(k["spline_end"])],
-                                tangents=[direction(1.0, -slope) * (1 / math.hypot(1.0, slope)), direction(1.0, 0.0)])
+    # the derivatives are given over 0..1, so that a profile of scaled heights has a spline of scaled heights
+    spline = cq.Edge.makeSpline([at(k["ellipse_end"]), at(k["spline_end"])], parameters=[0.0, 1.0], scale=False,
+                                tangents=[direction(1.0, -slope * scale) * (reach / (1 + slope)), direction(reach, 0.0)])
     edges = [arcs[0], line(k["convex_end"], k["slope_end"]), arcs[1], line(k["floor"], k["foot"]),
              line(k["foot"], k["top"]), ellipse, spline, line(k["spline_end"], k["land_end"]),
              cq.Edge.makeLine(at(k["land_end"]), base(p.length_mm)),

@@ -1,4 +1,4 @@
-"""Roughing in levels: rows that follow the part at an allowance, never deeper than one stepdown.
+r"""Roughing in levels: rows that follow the part at an allowance, never deeper than one stepdown.
 
 Over each row the cutter may go down to its drop height on the part grown by the allowance.  On
 level k a row runs at max(level, drop height) wherever the level above has not already reached that:
