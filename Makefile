@@ -53,7 +53,8 @@ bench: .venv/.kernels ## the measurements of bench/run.py
 	@if [ -f bench/run.py ]; then $(BIN)/python bench/run.py $(ARGS); \
 	 else echo "there is nothing to measure yet: bench/run.py is missing" >&2; exit 1; fi
 
-lock: .venv/.environment ## regenerate requirements.lock from pyproject.toml
+lock: .venv/.environment ## requirements.lock anew from pyproject.toml, known pins kept; ARGS=--upgrade takes newer ones
+	cp requirements.lock requirements.lock.new
 	$(UV) pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
 	    --python-version 3.11 --group dev --extra mesh-quality $(ARGS) pyproject.toml -o requirements.lock.new
 	@if grep -nE '://|^ *--[a-z-]*(index|links)' requirements.lock.new; then \
