@@ -59,7 +59,8 @@ lock: .venv/.environment ## requirements.lock anew from pyproject.toml, known pi
 	    --python-version 3.11 --group dev --extra mesh-quality $(ARGS) pyproject.toml -o requirements.lock.new
 	@if grep -nE '://|^ *--[a-z-]*(index|links)' requirements.lock.new; then \
 	    echo "requirements.lock.new names a host: not taken" >&2; exit 1; fi
-	mv requirements.lock.new requirements.lock
+	@if cmp -s requirements.lock.new requirements.lock; then rm requirements.lock.new; echo "requirements.lock stays as it is"; \
+	 else mv requirements.lock.new requirements.lock; fi
 
 clean: ## remove outputs/
 	rm -rf outputs build
