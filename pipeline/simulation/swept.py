@@ -175,7 +175,7 @@ def deviation_mm(paths, stock_min, stock_max, points_mm, normals, limit_mm):
     """Signed deviation of the remaining stock along design normals, after all moves.
 
     Positive: length along +normal until the ray leaves the remaining stock.  Negative: depth
-    along -normal until remaining stock begins.  A ray that only grazes the swept volume, over
+    along -normal until remaining stock begins or the billet ends.  A ray that only grazes the swept volume, over
     less than a hundredth of its own length, is taken not to meet it.
 
     Args:

@@ -72,7 +72,8 @@ def _deviation(p, n, low, high, limit, d, forest, hint, stack, bounds):
         return -limit
     back = np.array([-n[0], -n[1], -n[2]])
     t = _trace(p, back, start, limit, -1.0, forest, hint, stack, bounds)
-    return -limit if t > leave else -t
+    # where the ray leaves the billet before it meets stock, everything along it is gone, and no more
+    return -min(t, max(leave, start))
 
 
 @njit(cache=True, parallel=True)

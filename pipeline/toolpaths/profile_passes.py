@@ -95,7 +95,7 @@ class ProfilePlanner:
         if isinstance(first, LinePiece):
             return [line_between(first.start, first.end)]
         if isinstance(first, ArcPiece):
-            return [self._arc(first)]
+            return self._arc(first)
         points, headings, breaks = _sampled_run(run)
         key = np.round(points, 9).tobytes()
         if key not in self._fits:
@@ -103,11 +103,16 @@ class ProfilePlanner:
         return self._fits[key]
 
     def _arc(self, piece):
+        """The arc itself; one too flat for the control as chords within the tolerance."""
         if piece.radius > self.largest_radius_mm:
-            return line_between(piece.start, piece.end)
-        return FittedElement(start=tuple(map(float, piece.start)), end=tuple(map(float, piece.end)),
-                             center=tuple(map(float, piece.center)), radius=float(piece.radius),
-                             is_left=not piece.is_over)
+            longest = math.sqrt(8 * piece.radius * self.tolerance_mm)
+            count = math.ceil(float(np.linalg.norm(piece.end - piece.start)) / longest)
+            along = np.linspace(piece.start[0], piece.end[0], count + 1)
+            points = np.vstack([piece.start, np.column_stack([along, piece.up_at(along)])[1:-1], piece.end])
+            return [line_between(a, b) for a, b in zip(points[:-1], points[1:])]
+        return [FittedElement(start=tuple(map(float, piece.start)), end=tuple(map(float, piece.end)),
+                              center=tuple(map(float, piece.center)), radius=float(piece.radius),
+                              is_left=not piece.is_over)]
 
 
 def planes_across(low_mm, high_mm, step_at):

@@ -23,6 +23,7 @@ from cuspline.toolpaths.dropcutter import drop_tips_mm
 ROW_SPACING_MM = 0.25       # along a row: drop heights are taken here and joined straight
 DROP_MARGIN_MM = 0.04       # over the planning mesh's deviation and the sag between two drop heights
 LEAST_CUT_MM = 0.02         # thinner remains are not worth a pass
+JUMP_MM, JUMP_HALVINGS = 0.5, 4     # drop heights that differ by more stand at a wall, found to 0.02 mm
 LEAST_ROW_MM = 0.3          # rows are not put closer than this, however steep the part is across them
 SIMPLIFY_MM = 0.05          # a row may lie this much above its drop heights: longer blocks, higher feed
 
@@ -94,7 +95,7 @@ def _rows(rules):
     k = 0
     while k + 1 < len(rows):
         here, there = rows[k], rows[k + 1]
-        apart = np.abs(here.floor - there.floor).max()
+        apart = np.abs(here.floor - np.interp(here.along, there.along, there.floor)).max()
         if apart > rules.stepdown_mm and there.across - here.across > 2 * LEAST_ROW_MM:
             rows.insert(k + 1, _row(rules, (here.across + there.across) / 2))
         else:
@@ -109,12 +110,22 @@ def _row(rules, across):
     low, high = rules.stock_min_mm, rules.stock_max_mm
     along = np.linspace(low[a] - reach, high[a] + reach,
                         math.ceil((high[a] - low[a] + 2 * reach) / ROW_SPACING_MM) + 1)
-    xy = np.empty((len(along), 2))
-    xy[:, a], xy[:, 1 - a] = along, across
-    grown_r, grown_c = rules.radius_mm + rules.allowance_mm, rules.corner_radius_mm + rules.allowance_mm
-    tips = drop_tips_mm(rules.mesh, xy, grown_r, grown_c) + rules.allowance_mm + DROP_MARGIN_MM
+    tips = _drop_heights(rules, along, across)
+    for _ in range(JUMP_HALVINGS):          # a wall across the row: close in on where the cutter clears it
+        jumps = np.flatnonzero(np.abs(np.diff(tips)) > JUMP_MM)
+        middles = (along[jumps] + along[jumps + 1]) / 2
+        along = np.insert(along, jumps + 1, middles)
+        tips = np.insert(tips, jumps + 1, _drop_heights(rules, middles, across))
     floor = _between(np.maximum(tips, low[2]))
     return _Row(across=float(across), along=along, floor=_level_outside(floor, along, low[a], high[a]))
+
+
+def _drop_heights(rules, along, across):
+    """(n,) lowest tips that keep the allowance along one row."""
+    xy = np.empty((len(along), 2))
+    xy[:, rules.along], xy[:, 1 - rules.along] = along, across
+    grown_r, grown_c = rules.radius_mm + rules.allowance_mm, rules.corner_radius_mm + rules.allowance_mm
+    return drop_tips_mm(rules.mesh, xy, grown_r, grown_c) + rules.allowance_mm + DROP_MARGIN_MM
 
 
 def _level_outside(floor, along, low, high):
@@ -147,7 +158,7 @@ def _regions(rows, top, rules):
     for row in rows:
         still = []
         for stretch in _stretches(row, top, rules):
-            mine = next((g for g in growing if _overlap(g[-1][1], stretch)), None)
+            mine = next((g for g in growing if _overlap(g[-1], (row, stretch))), None)
             if mine is None:
                 mine = []
                 regions.append(mine)
@@ -160,7 +171,9 @@ def _regions(rows, top, rules):
 
 
 def _overlap(a, b):
-    return a[0] < b[1] and b[0] < a[1]
+    """Two stretches, each with its row, lie beside each other."""
+    (low_a, high_a), (low_b, high_b) = ((row.along[s[0]], row.along[s[1] - 1]) for row, s in (a, b))
+    return low_a < high_b and low_b < high_a
 
 
 def _stretches(row, top, rules):

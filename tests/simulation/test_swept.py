@@ -181,3 +181,14 @@ def test_answers_do_not_depend_on_the_order_of_the_questions():
     points = rng.uniform((0, 0, -8), (25, 20, 8), (999, 3))
     shuffle = rng.permutation(999)
     assert (signed_distance_mm(paths, points)[shuffle] == signed_distance_mm(paths, points[shuffle])).all()
+
+
+def test_a_ray_that_leaves_the_billet_counts_only_as_far_as_it_runs_inside():
+    """Beside the billet's edge the normal may point out of its side: no stock lies behind, nothing more is missing."""
+    low, high = (0, 0, -10), (20, 20, 0)
+    paths = paths_of((-10, 10, -1), [feed(30, 10, -1)], "flat", 30)
+    normal = np.array([0.0, -0.6, 0.8])
+    inside, beside = np.array([10, 10, -0.6]), np.array([10, 20 - 1e-3, -0.6])
+    depth = deviation_mm(paths, low, high, [inside, beside], [normal, normal], 2.0)
+    assert abs(depth[0] + 0.4 / 0.8) < 1e-7
+    assert abs(depth[1] + 1e-3 / 0.6) < 1e-7
