@@ -24,6 +24,7 @@ ROW_SPACING_MM = 0.25       # along a row: drop heights are taken here and joine
 DROP_MARGIN_MM = 0.04       # over the planning mesh's deviation and the sag between two drop heights
 LEAST_CUT_MM = 0.02         # thinner remains are not worth a pass
 JUMP_MM, JUMP_HALVINGS = 0.5, 4     # drop heights that differ by more stand at a wall, found to 0.02 mm
+LINK_SAMPLES = 9
 LEAST_ROW_MM = 0.3          # rows are not put closer than this, however steep the part is across them
 SIMPLIFY_MM = 0.05          # a row may lie this much above its drop heights: longer blocks, higher feed
 
@@ -110,22 +111,28 @@ def _row(rules, across):
     low, high = rules.stock_min_mm, rules.stock_max_mm
     along = np.linspace(low[a] - reach, high[a] + reach,
                         math.ceil((high[a] - low[a] + 2 * reach) / ROW_SPACING_MM) + 1)
-    tips = _drop_heights(rules, along, across)
+    tips = _drop_heights(rules, _on_row(rules, along, across))
     for _ in range(JUMP_HALVINGS):          # a wall across the row: close in on where the cutter clears it
         jumps = np.flatnonzero(np.abs(np.diff(tips)) > JUMP_MM)
         middles = (along[jumps] + along[jumps + 1]) / 2
         along = np.insert(along, jumps + 1, middles)
-        tips = np.insert(tips, jumps + 1, _drop_heights(rules, middles, across))
-    floor = _between(np.maximum(tips, low[2]))
+        tips = np.insert(tips, jumps + 1, _drop_heights(rules, _on_row(rules, middles, across)))
+    floor = _between(tips)
     return _Row(across=float(across), along=along, floor=_level_outside(floor, along, low[a], high[a]))
 
 
-def _drop_heights(rules, along, across):
-    """(n,) lowest tips that keep the allowance along one row."""
+def _on_row(rules, along, across):
+    """(n, 2) positions in XY of a row's coordinates."""
     xy = np.empty((len(along), 2))
     xy[:, rules.along], xy[:, 1 - rules.along] = along, across
+    return xy
+
+
+def _drop_heights(rules, xy):
+    """(n,) lowest tips that keep the allowance, never below the stock."""
     grown_r, grown_c = rules.radius_mm + rules.allowance_mm, rules.corner_radius_mm + rules.allowance_mm
-    return drop_tips_mm(rules.mesh, xy, grown_r, grown_c) + rules.allowance_mm + DROP_MARGIN_MM
+    tips = drop_tips_mm(rules.mesh, xy, grown_r, grown_c) + rules.allowance_mm + DROP_MARGIN_MM
+    return np.maximum(tips, rules.stock_min_mm[2])
 
 
 def _level_outside(floor, along, low, high):
@@ -222,7 +229,7 @@ def _cut(writer, path, top, is_slot, rules):
     """Go to one end of the stretch, down to its start, and along it."""
     feed = rules.slot_feed_mm_per_min if is_slot else rules.feed_mm_per_min
     start = path[0]
-    if _links_straight(writer, start, rules):
+    if not is_slot and _links_straight(writer, start, rules):
         writer.feed(start, feed)
     else:
         writer.rapid(np.r_[writer.here_mm[:2], rules.clearance_z_mm])
@@ -243,11 +250,12 @@ def _is_outside(point, rules):
 
 
 def _links_straight(writer, start, rules):
-    """The next row begins beside the end of this one, outside the stock, at no lower height."""
+    """The next row of the region begins near enough, and the straight way there keeps the allowance."""
     here = writer.here_mm
-    step = np.abs(start[:2] - here[:2])
-    return (step[rules.along] < 1e-6 and step[1 - rules.along] <= rules.stepover_mm * 1.01
-            and here[2] < rules.clearance_z_mm - 1e-6 and _is_outside(here, rules) and _is_outside(start, rules))
+    if here[2] > rules.clearance_z_mm - 1e-6 or np.linalg.norm(start[:2] - here[:2]) > 2 * rules.stepover_mm:
+        return False
+    way = here + np.linspace(0.0, 1.0, LINK_SAMPLES)[:, None] * (start - here)
+    return bool((way[:, 2] >= _drop_heights(rules, way[:, :2]) - DROP_MARGIN_MM).all())
 
 
 def _ramp(writer, path, top, rules):
