@@ -1,0 +1,94 @@
+"""A whole plan of a small block: the choices in it, and that it comes out the same twice."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cuspline.posts
+from cuspline.cutters import ToolLibrary, library_from_json
+from cuspline.design import Finish
+from cuspline.designs.z_profile import ZProfile, design
+from cuspline.errors import CutterDoesNotFit, PlanError
+from cuspline.machines import machine_from_toml
+from cuspline.planning.plan import plan_setup
+from cuspline.program import Kind
+
+POSTS = Path(cuspline.posts.__file__).parent
+MACHINE, LIBRARY = machine_from_toml(POSTS / "mill_3axis.toml"), library_from_json(POSTS / "tools.json")
+
+
+@pytest.fixture(scope="module")
+def small():
+    """A narrow block with a coarse finish: every step of planning, in little time."""
+    return design(ZProfile(width_mm=12, scallop_mm=0.05))
+
+
+@pytest.fixture(scope="module")
+def plan(small):
+    return plan_setup(small, small.setups[0], MACHINE, LIBRARY)
+
+
+def named(plan, name):
+    return next(o for o in plan.operations if o.name == name)
+
+
+def test_two_plans_have_identical_moves(small, plan):
+    again = plan_setup(small, small.setups[0], MACHINE, LIBRARY)
+    assert [o.name for o in plan.operations] == [o.name for o in again.operations]
+    for a, b in zip(plan.operations, again.operations):
+        assert (a.tool, a.rpm, a.facts) == (b.tool, b.rpm, b.facts)
+        for column in ("start_mm", "kind", "end_mm", "center_mm", "plane", "feed_mm_per_min"):
+            np.testing.assert_array_equal(getattr(a.moves, column), getattr(b.moves, column))
+
+
+def test_the_tightest_hollow_is_the_profiles_concave_arc(plan):
+    assert plan.hollow.radius_mm == pytest.approx(6.0, abs=1e-6)
+
+
+def test_the_finishing_ball_is_the_largest_that_fits(plan):
+    finish = named(plan, "finish")
+    chosen = [c for c in finish.facts["candidates"] if c["chosen"]]
+    assert [c["tool"] for c in chosen] == [finish.tool.number]
+    assert finish.tool.cutter.radius_mm <= 0.9 * plan.hollow.radius_mm
+    larger = [c for c in finish.facts["candidates"] if c["diameter_mm"] > finish.tool.cutter.diameter_mm]
+    assert larger and all(not c["chosen"] and "exceeds" in c["reason"] for c in larger)
+
+
+def test_the_foot_of_the_wall_is_listed_as_an_inner_edge(plan):
+    assert any(e.opening_deg == pytest.approx(90) for e in plan.inner_edges)
+
+
+def test_roughing_comes_first_and_every_operation_starts_and_ends_at_clearance(plan):
+    assert plan.operations[0].name == "rough"
+    for o in plan.operations:
+        assert o.moves.start_mm[2] >= plan.clearance_z_mm - 1e-9
+        assert o.moves.end_mm[-1, 2] >= plan.clearance_z_mm - 1e-9
+
+
+def test_no_feed_exceeds_the_machine_and_no_cut_is_without_one(plan):
+    for o in plan.operations:
+        feeds = o.moves.feed_mm_per_min[o.moves.kind != Kind.RAPID]
+        assert 0 < feeds.min() and feeds.max() <= MACHINE.max_feed_mm_per_min
+
+
+def test_a_finer_cusp_takes_more_passes(small, plan):
+    finer = replace(small, finish=Finish(scallop_mm=0.02, profile_tolerance_mm=0.0024, gouge_mm=0.003))
+    coarse, fine = (named(p, "finish").facts for p in (plan, plan_setup(finer, small.setups[0], MACHINE, LIBRARY)))
+    # the step goes with the root of what is left of the cusp beside the tolerance
+    assert coarse["stepover_mm"] / fine["stepover_mm"] == pytest.approx((0.0475 / 0.0175) ** 0.5, rel=0.15)
+    assert fine["passes"] > coarse["passes"]
+
+
+def test_a_library_without_a_fitting_ball_is_refused_with_every_candidate(small):
+    big = ToolLibrary(tools=tuple(t for t in LIBRARY.tools if t.cutter.type != "ball" or t.cutter.diameter_mm > 11))
+    with pytest.raises(CutterDoesNotFit, match=r"no ball of the library.*T\d+") as error:
+        plan_setup(small, small.setups[0], MACHINE, big)
+    assert all(f"T{t.number}" in str(error.value) for t in big.of_type("ball"))
+
+
+def test_a_cusp_below_the_profile_tolerance_is_refused_with_both_numbers(small):
+    impossible = replace(small, finish=Finish(scallop_mm=0.002, profile_tolerance_mm=0.0024, gouge_mm=0.003))
+    with pytest.raises(PlanError, match="0.002 mm.*0.0024 mm"):
+        plan_setup(impossible, small.setups[0], MACHINE, LIBRARY)
