@@ -118,18 +118,18 @@ def test_the_tree_gives_what_all_triangles_give_one_by_one(R, rc, seed):
 def test_one_triangle_gives_what_its_points_give_one_by_one(R, rc, seed):
     rng = np.random.default_rng(seed)
     triangle = rng.normal(0, 6, (3, 3))
-    share = np.linspace(0, 1, 1201)
+    share = np.linspace(0, 1, 601)
     u, v = (a.ravel() for a in np.meshgrid(share, share))
     u, v = u[u + v <= 1 + 1e-12], v[u + v <= 1 + 1e-12]
     points = triangle[0] + u[:, None] * (triangle[1] - triangle[0]) + v[:, None] * (triangle[2] - triangle[0])
-    for x, y in positions(25, 8, seed):
+    for x, y in positions(20, 8, seed):
         d = np.hypot(points[:, 0] - x, points[:, 1] - y)
         tips = points[:, 2] - bottom(np.minimum(d, R), R, rc)
         brute = tips[d <= R].max(initial=-np.inf)
         ours = drop_tips_mm(mesh_of(triangle), np.array([[x, y]]), R, rc)[0]
         if np.isfinite(brute):
-            # samples lie up to 0.01 mm apart: the rim of a flat or a ball's equator is met that much later
-            assert brute - 1e-9 <= ours <= brute + 0.08
+            # samples lie up to 0.03 mm apart: the rim of a flat or a ball's equator is met that much later
+            assert brute - 1e-9 <= ours <= brute + 0.2
 
 
 def test_beside_the_mesh_nothing_holds_the_cutter():
