@@ -17,7 +17,7 @@ from typing import Literal
 import cadquery as cq
 from pydantic import Field, model_validator
 
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import Design, FacePredicate, Finish, FixtureBox, Parameters, Setup, StockBox
 
 
 class ZProfile(Parameters):
@@ -42,6 +42,7 @@ class ZProfile(Parameters):
                              description="height of the profile at the far end as a share of the near one (lofted)")
     section_plane: Literal["ZX", "YZ"] = Field("ZX", description="vertical plane of the profile")
     stock_top_mm: float = Field(2.0, ge=0, le=20, description="billet above the highest point")
+    grip_mm: float = Field(4.0, ge=1, le=30, description="height of the vise jaws above the base of the block")
     scallop_mm: float = Field(0.010, ge=0.001, le=0.5, description="largest cusp left")
     profile_tolerance_mm: float = Field(0.0024, ge=0.0002, le=0.05, description="path against true curve")
     gouge_mm: float = Field(0.003, ge=0.0005, le=0.05, description="deepest accepted cut below the surface")
@@ -166,5 +167,16 @@ def design(p: ZProfile) -> Design:
         stock=StockBox(min_mm=(0.0, 0.0, 0.0), max_mm=(*size, top + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
         setups=(Setup(name="setup-1", wcs="G54", faces=("profile",), section_plane=p.section_plane,
-                      wcs_in_words="X0 Y0 at the lower left corner of the block, Z0 on its base (parallels)"),),
+                      wcs_in_words="X0 Y0 at the lower left corner of the block, Z0 on its base (parallels)",
+                      fixtures=_jaws(p, across)),),
     )
+
+
+def _jaws(p, across):
+    """The vise grips the two sides that the profile runs out of."""
+    jaws = []
+    for name, low, high in (("fixed jaw", -40.0, 0.0), ("moving jaw", p.width_mm, p.width_mm + 40.0)):
+        corners = [[0.0, 0.0, -30.0], [p.length_mm, p.length_mm, p.grip_mm]]
+        corners[0][across], corners[1][across] = low, high
+        jaws.append(FixtureBox(name=name, min_mm=tuple(corners[0]), max_mm=tuple(corners[1])))
+    return tuple(jaws)

@@ -90,21 +90,22 @@ def _made(order, work, say):
     solid = brep.the_solid(design.solid, f"design {design.name}")
     step = work / f"{design.name}.step"
     brep.write_step(solid, step, design.name)
+    inputs = inputs_hash(order, step)
     shape = shape_of(solid)
     write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":
-        return _finished(order, work, None, ())
+        return _finished(order, work, inputs, None)
     plans = []
     for setup in design.setups:
         say(f"{design.name}: plan {setup.name}")
         plans.append(plan_setup(design, setup, order.machine, order.library))
     _write_json(work / "plan.json", plan_document(order, plans))
     if order.last_stage == "plan":
-        return _finished(order, work, None, ())
+        return _finished(order, work, inputs, None)
     say(f"{design.name}: post for {order.machine.name}")
-    job = _posted(order, plans, work)
+    job = _posted(order, plans, work, inputs)
     if order.last_stage == "gcode":
-        return _finished(order, work, job, ())
+        return _finished(order, work, inputs, job)
     judged = judge(work, job, lambda text: say(f"{design.name}: {text}"))
     verify = judged.as_dict(order.accepted)
     _stamp_verdict(work, job, verify)
@@ -112,17 +113,16 @@ def _made(order, work, say):
     left_out = ""
     if order.last_stage == "report":
         say(f"{design.name}: report")
-        bundle = report_bundle(order, work, job, judged, _read_json(work / "plan.json"), verify, view_of(solid),
-                               inputs_hash(order))
+        bundle = report_bundle(order, work, job, judged, _read_json(work / "plan.json"), verify, view_of(solid), inputs)
         _, left_out = write_report(bundle, work)
-    return _finished(order, work, job, judged.refused(order.accepted), left_out)
+    return _finished(order, work, inputs, job, judged.refused(order.accepted), left_out)
 
 
-def _finished(order, work, job, findings, left_out=""):
+def _finished(order, work, inputs, job, findings=(), left_out=""):
     """Write the manifest, the last file of all."""
     files = {p.name: _sha256(p) for p in sorted(work.iterdir())}
     manifest = {
-        "design": order.design.name, "stage": order.last_stage, "inputs_sha256": inputs_hash(order),
+        "design": order.design.name, "stage": order.last_stage, "inputs_sha256": inputs,
         "parameters": order.design.parameters.model_dump(mode="json"), "machine": order.machine.name,
         "accepted": list(order.accepted), "left_out": left_out,
         "versions": {"cuspline": cuspline.__version__, **{n: _version(n) for n in VERSIONED}},
@@ -166,7 +166,7 @@ def _operation_document(o):
             "feed_mm_per_min": [float(cutting.min()), float(cutting.max())], "blocks": len(o.moves), **o.facts}
 
 
-def _posted(order, plans, work):
+def _posted(order, plans, work, inputs):
     """Post every setup, write the tools, return the Job."""
     post = post_module(order.machine)
     tools = {o.tool.number: o.tool for p in plans for o in p.operations}
@@ -175,7 +175,7 @@ def _posted(order, plans, work):
     posted = []
     for plan in plans:
         name = f"{plan.setup.name}.{post.EXTENSION}"
-        program = plan.program(_header(order, plan), f"{order.design.name} {plan.setup.name}")
+        program = plan.program(_header(order, plan, inputs), f"{order.design.name} {plan.setup.name}")
         (work / name).write_text(post.post(program, order.machine).text)
         posted.append(PostedFile(setup=plan.setup, program=name))
     balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
@@ -185,7 +185,7 @@ def _posted(order, plans, work):
                accepted=order.accepted)
 
 
-def _header(order, plan):
+def _header(order, plan, inputs):
     """Comment lines that tell the operator what this is."""
     design, setup, machine = order.design, plan.setup, order.machine
     low, high = (setup.frame.into(np.array(c)) for c in (design.stock.min_mm, design.stock.max_mm))
@@ -193,7 +193,7 @@ def _header(order, plan):
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
     lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
              UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
-             f"INPUTS SHA-256 {inputs_hash(order)[:32]}",
+             f"INPUTS SHA-256 {inputs[:32]}",
              f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
              f"{setup.wcs}: {setup.wcs_in_words}",
              f"STOCK {design.material}: {show(low)} TO {show(high)}",
@@ -231,14 +231,16 @@ def _stamp_verdict(work, job, verify):
 # files -----------------------------------------------------------------------------------------
 
 
-def inputs_hash(order):
-    """SHA-256 over everything that decides the outputs."""
-    digest = hashlib.sha256()
-    for part in (order.source.path.read_bytes(), order.design.parameters.model_dump_json().encode(),
-                 order.machine.model_dump_json().encode(), order.library.model_dump_json().encode(),
-                 json.dumps(order.accepted).encode(), cuspline.__version__.encode()):
-        digest.update(hashlib.sha256(part).digest())
-    return digest.hexdigest()
+def inputs_hash(order, step):
+    """SHA-256 over everything that decides the outputs: the solid itself and all that is asked of it."""
+    design = order.design
+    asked = {"name": design.name, "parameters": design.parameters.model_dump(mode="json"), "material": design.material,
+             "predicates": [p.model_dump(mode="json") for p in design.predicates],
+             "stock": design.stock.model_dump(mode="json"), "finish": design.finish.model_dump(mode="json"),
+             "setups": [s.model_dump(mode="json") for s in design.setups],
+             "machine": order.machine.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
+             "accepted": order.accepted, "version": cuspline.__version__}
+    return hashlib.sha256(step.read_bytes() + json.dumps(asked, sort_keys=True).encode()).hexdigest()
 
 
 def _sha256(path):

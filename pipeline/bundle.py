@@ -3,19 +3,19 @@
 import hashlib
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from cuspline import brep
 from cuspline.planning.feeds import times_s
 from cuspline.program import Kind, Moves, Plane
 from cuspline.report.bundle import FaceMesh, PathPoints, ReportBundle, SetupBundle, StockReplay
 from cuspline.report.view_mesh import tessellate_for_view
-from cuspline.simulation.swept import deviation_mm, swept_paths
 from cuspline.surfaces.curvature import sample_faces
 
 VIEW_DEFLECTION_MM = 0.02
 VIEW_EDGE_MM = 2.0          # the deviation map is drawn from vertex to vertex
 DRAWN_SAGITTA_MM = 0.02
-SHOWN_LIMIT_MM = 2.0
+WORST_WITHIN_MM = 1.0
 
 
 def view_of(solid):
@@ -54,26 +54,25 @@ def report_bundle(order, work, job, judged, plan, verify, view, inputs_sha256):
         material=design.material, finish=design.finish, inputs_sha256=inputs_sha256, step_file=job.step,
         step_sha256=_sha256(step), part_box_mm=(_triple(low), _triple(high)), plan=plan, verify=verify,
         mesh=FaceMesh(vertices_mm=view.vertices_mm, normals=view.normals, triangles=view.triangles,
-                      deviation_mm=_view_deviation(order, job, judged, view, indices), edges_mm=tuple(view.edges_mm)),
+                      deviation_mm=_view_deviation(judged, view, indices), edges_mm=tuple(view.edges_mm)),
         deviation_samples_mm=np.concatenate([r.deviation_mm[r.is_reachable] for r in residuals]),
         curvature_per_mm=np.maximum(-samples.hollow_per_mm, 0.0),
         setups=tuple(_setup_bundle(work, job, item, posted, verdict) for item, posted, verdict in
                      zip(job.posted, judged.posted, judged.verdict.setups)))
 
 
-def _view_deviation(order, job, judged, view, indices):
-    """(n,) deviation at the view's vertices on the faces that are cut; NaN elsewhere."""
+def _view_deviation(judged, view, indices):
+    """(n,) the worst deviation within WORST_WITHIN_MM of each vertex on the faces that are cut; NaN elsewhere.
+
+    The view is coarser than the cusps: a value at the vertex alone would show a pattern of its own.
+    """
     deviation = np.full(len(view.vertices_mm), np.nan)
     rows = np.flatnonzero(np.isin(view.face_index, indices))
-    tools = {t.number: t for t in order.library.tools}
-    best = np.full(len(rows), np.inf)
-    for item, posted in zip(job.posted, judged.posted):
-        frame = item.setup.frame
-        corners = frame.into(np.array([job.stock.min_mm, job.stock.max_mm]))
-        here = deviation_mm(swept_paths(posted, tools), corners.min(axis=0), corners.max(axis=0),
-                            frame.into(view.vertices_mm[rows]), frame.turn_into(view.normals[rows]), SHOWN_LIMIT_MM)
-        best = np.minimum(best, here)
-    deviation[rows] = best
+    points = np.vstack([s.residuals.samples.points_mm for s in judged.verdict.setups])
+    found = np.concatenate([s.residuals.deviation_mm for s in judged.verdict.setups])
+    for row, near in zip(rows, cKDTree(points).query_ball_point(view.vertices_mm[rows], WORST_WITHIN_MM)):
+        if near:
+            deviation[row] = max(found[near], key=abs)
     return deviation
 
 

@@ -60,6 +60,14 @@ class StockBox(Model):
         return self
 
 
+class FixtureBox(Model):
+    """A box that no part of the tool may enter, part coordinates; it stands on the table."""
+
+    name: str
+    min_mm: tuple[float, float, float]
+    max_mm: tuple[float, float, float]
+
+
 class Setup(Model):
     """One clamping: where the work coordinate system sits on the part, and which faces are cut."""
 
@@ -69,6 +77,8 @@ class Setup(Model):
     wcs_origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)     # in part coordinates
     section_plane: Literal["ZX", "YZ"] = Field("ZX", description="plane in which the finishing passes run")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
+
+    fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
 
     @property
     def frame(self):

@@ -6,12 +6,15 @@ The only way to a verdict, for `build` and `verify` alike: nothing comes from th
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from cuspline import brep
 from cuspline.catalogue import find_post
 from cuspline.errors import InputError
 from cuspline.job import read_tools
 from cuspline.posted import PostedMoves
 from cuspline.posts.rs274_reader import read_program
+from cuspline.simulation.replay import Fixture
 from cuspline.verification.findings import Finding
 from cuspline.verification.verdict import Options, Verdict, verify_setup
 
@@ -63,11 +66,18 @@ def judge(folder, job, say=lambda text: None):
         wanted = [f for p in job.predicates if p.name in item.setup.faces for f in brep.select_faces(faces, p)]
         setups.append(verify_setup(
             moves, tools, solid, wanted, setup=item.setup, stock=job.stock, finish=job.finish,
-            ball_radius_mm=job.smallest_ball_radius_mm, machine=job.machine,
+            ball_radius_mm=job.smallest_ball_radius_mm, machine=job.machine, fixtures=_fixtures(item.setup),
             options=Options(post_rounding_mm=_half_decimal_mm(job.machine.control))))
         posted.append(moves)
         extra += _file_findings(item, text, job.machine)
     return Judged(verdict=Verdict(setups=tuple(setups)), solid=solid, posted=tuple(posted), extra=tuple(extra))
+
+
+def _fixtures(setup):
+    """The setup's fixtures in its WCS."""
+    into = setup.frame.into
+    corners = [(f.name, np.sort(np.array([into(f.min_mm), into(f.max_mm)]), axis=0)) for f in setup.fixtures]
+    return tuple(Fixture(name=name, min_mm=tuple(c[0].tolist()), max_mm=tuple(c[1].tolist())) for name, c in corners)
 
 
 def _text(path):

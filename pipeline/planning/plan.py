@@ -30,7 +30,7 @@ ROUGH_ALLOWANCE_MM = 0.3
 SEMI_ALLOWANCE_MM = 0.1
 SEMI_SCALLOP_MM = 0.05
 FINISH_DEPTH_SHARE = 0.1    # a ball finishes at most this share of its diameter deep
-CLEARANCE_MM = 5.0          # of rapids above the stock
+CLEARANCE_MM = 5.0          # of rapids above stock and fixtures
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 RAMP_RAD = np.radians(3.0)
 
@@ -89,7 +89,7 @@ class _Shop:
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
         self.hollow = tightest_hollow(self.faces, self.wanted)
         self.box = brep.bounding_box_mm(self.solid)
-        self.clearance_z_mm = design.stock.max_mm[2] + CLEARANCE_MM
+        self.clearance_z_mm = max([design.stock.max_mm[2], *(f.max_mm[2] for f in setup.fixtures)]) + CLEARANCE_MM
 
     def speeds(self, tool, is_rough):
         """(rpm, cutting feed) of a tool in this material."""

@@ -17,9 +17,10 @@ from cuspline.report.view_data import OPERATION_COLOURS
 
 CAPTIONS = {"iso": "The design", "top": "The design from above",
             "paths": "Posted paths, coloured by operation; rapids red",
-            "deviation": "Simulated stock against the design"}
+            "deviation": "Simulated stock against the design: the worst within 1 mm"}
 INSTALL = "no pictures: install libegl1 libgl1 libgl1-mesa-dri"
 RAPID_COLOUR = (240, 170, 170)
+PATH_ROOM = 0.2         # of the part's diagonal: paths higher above it are not drawn
 TIMEOUT_S = 300         # a software renderer needs about 10 s; only a hung driver needs more
 
 
@@ -77,9 +78,11 @@ def picture_scene(bundle):
     mesh = bundle.mesh
     edges = mesh.edges_mm or (np.zeros((0, 3)),)
     points, links, colours = [], [], []
+    low, high = np.array(bundle.part_box_mm)
+    ceiling_mm = high[2] + PATH_ROOM * np.linalg.norm(high - low)
     for setup in bundle.setups:
         first = sum(map(len, points))
-        path_points, link, colour = _path_segments(setup.path)
+        path_points, link, colour = _path_segments(setup.path, ceiling_mm)
         points.append(path_points)
         links.append(link + first)
         colours.append(colour)
@@ -90,10 +93,13 @@ def picture_scene(bundle):
             "path_points": np.vstack(points), "path_links": np.vstack(links), "path_colours": np.vstack(colours)}
 
 
-def _path_segments(path):
-    """(points, (m, 2) rows joined by a segment, (m, 3) its colour); segments at unknown places left out."""
+def _path_segments(path, ceiling_mm):
+    """(points, (m, 2) rows joined by a segment, (m, 3) its colour).
+
+    Segments at unknown places are left out, and retracts to the tool change, which would make the part small.
+    """
     points = np.asarray(path.points_mm, dtype=float)
-    known = np.isfinite(points).all(axis=1)
+    known = np.isfinite(points).all(axis=1) & (points[:, 2] < ceiling_mm)
     links = np.column_stack([np.arange(len(points) - 1), np.arange(1, len(points))])
     links = links[known[:-1] & known[1:]]
     palette = np.array([[int(c[i:i + 2], 16) for i in (1, 3, 5)] for c in OPERATION_COLOURS], dtype=np.uint8)

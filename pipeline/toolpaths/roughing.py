@@ -24,6 +24,7 @@ ROW_SPACING_MM = 0.25       # along a row: drop heights are taken here and joine
 DROP_MARGIN_MM = 0.04       # over the planning mesh's deviation and the sag between two drop heights
 LEAST_CUT_MM = 0.02         # thinner remains are not worth a pass
 JUMP_MM, JUMP_HALVINGS = 0.5, 4     # drop heights that differ by more stand at a wall, found to 0.02 mm
+WALL_END_SHARE = 0.3        # a row that ends this deep in its level ends at a wall, not on a slope
 LINK_SAMPLES = 9
 LEAST_ROW_MM = 0.3          # rows are not put closer than this, however steep the part is across them
 SIMPLIFY_MM = 0.05          # a row may lie this much above its drop heights: longer blocks, higher feed
@@ -72,11 +73,13 @@ def rough(rules):
     writer = None
     for top, level in zip(levels[:-1], levels[1:]):
         for region in _regions(rows, top, rules):
-            for k, (row, stretch) in enumerate(region):
-                path = _path(row, stretch, level, rules)[::1 if k % 2 == 0 else -1]
-                if writer is None:
-                    writer = MoveWriter(np.r_[path[0, :2], rules.clearance_z_mm])
-                _cut(writer, path, top, k == 0, rules)
+            paths = [_path(row, stretch, level, rules) for row, stretch in region]
+            if writer is None:
+                writer = MoveWriter(np.r_[paths[0][0, :2], rules.clearance_z_mm])
+            for k, path in enumerate(paths):
+                _cut(writer, path[::1 if k % 2 == 0 else -1], top, k == 0, rules)
+            for side in (0, -1):
+                _clean_wall(writer, [path[side] for path in paths], top, level, rules)
     if writer is None:
         raise ToolpathError("roughing found nothing to remove: the stock lies within the allowance of the part; "
                             "leave the operation out")
@@ -243,6 +246,26 @@ def _cut(writer, path, top, is_slot, rules):
         writer.feed(point, feed)
 
 
+def _clean_wall(writer, ends, top, level, rules):
+    """Along the ends of a region's rows where they stop at a wall: the round cutter leaves ridges between them.
+
+    Both ends of each stroke have been cut before, so the cutter may go straight down there.
+    """
+    deep = level + WALL_END_SHARE * (top - level)
+    for here, there in zip(ends[:-1], ends[1:]):
+        if max(here[2], there[2]) > deep or _is_outside(here, rules) or _is_outside(there, rules):
+            continue
+        if not _is_clear(here, there, rules):
+            continue
+        if np.abs(writer.here_mm - here).max() > 1e-9:
+            if not (writer.here_mm[2] < rules.clearance_z_mm - 1e-6 and _links_straight(writer, here, rules)):
+                writer.rapid(np.r_[writer.here_mm[:2], rules.clearance_z_mm])
+                writer.rapid(np.r_[here[:2], rules.clearance_z_mm])
+                writer.rapid(np.r_[here[:2], top + 1.0])
+            writer.feed(here, rules.plunge_mm_per_min)
+        writer.feed(there, rules.feed_mm_per_min)
+
+
 def _is_outside(point, rules):
     """The cutter stands clear of the stock box."""
     r = rules.radius_mm
@@ -254,7 +277,12 @@ def _links_straight(writer, start, rules):
     here = writer.here_mm
     if here[2] > rules.clearance_z_mm - 1e-6 or np.linalg.norm(start[:2] - here[:2]) > 2 * rules.stepover_mm:
         return False
-    way = here + np.linspace(0.0, 1.0, LINK_SAMPLES)[:, None] * (start - here)
+    return _is_clear(here, start, rules)
+
+
+def _is_clear(here, there, rules):
+    """The straight way keeps the allowance."""
+    way = here + np.linspace(0.0, 1.0, LINK_SAMPLES)[:, None] * (there - here)
     return bool((way[:, 2] >= _drop_heights(rules, way[:, :2]) - DROP_MARGIN_MM).all())
 
 
