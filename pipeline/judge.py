@@ -3,7 +3,7 @@
 The only way to a verdict, for `build` and `verify` alike: nothing comes from the internal path.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -43,13 +43,14 @@ class Judged:
                 "findings": [f.as_dict() for f in self.findings]}
 
 
-def judge(folder, job, say=lambda text: None):
+def judge(folder, job, say=lambda text: None, options=Options()):
     """Verdict on the files of a folder.
 
     Args:
         folder: with the STEP file, the programs and tools.json.
         job: Job.
         say: called with what is being done.
+        options: how finely to look; the post's rounding is put in here.
     Raises:
         InputError: a file is missing.  ReadError: a program that no machine of this kind would take.
     """
@@ -67,7 +68,7 @@ def judge(folder, job, say=lambda text: None):
         setups.append(verify_setup(
             moves, tools, solid, wanted, setup=item.setup, stock=job.stock, finish=job.finish,
             ball_radius_mm=job.smallest_ball_radius_mm, machine=job.machine, fixtures=_fixtures(item.setup),
-            options=Options(post_rounding_mm=_half_decimal_mm(job.machine.control))))
+            options=replace(options, post_rounding_mm=_half_decimal_mm(job.machine.control))))
         posted.append(moves)
         extra += _file_findings(item, text, job.machine)
     return Judged(verdict=Verdict(setups=tuple(setups)), solid=solid, posted=tuple(posted), extra=tuple(extra))
