@@ -205,7 +205,9 @@ def _hal():
              f"loadrt sampler depth={SAMPLER_ROWS} cfg=fffs",
              "addf motion-command-handler servo-thread", "addf motion-controller servo-thread",
              "addf sampler.0 servo-thread",
-             *(f"net joint-{k} joint.{k}.motor-pos-cmd => joint.{k}.motor-pos-fb sampler.0.pin.{k}" for k in range(3)),
+             *(f"net motor-{k} joint.{k}.motor-pos-cmd => joint.{k}.motor-pos-fb" for k in range(3)),
+             # not the motor's position, which counts from where homing found it
+             *(f"net joint-{k} joint.{k}.pos-cmd => sampler.0.pin.{k}" for k in range(3)),
              "net line motion.program-line => sampler.0.pin.3",
              "net enabled iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in",
              "net prepare iocontrol.0.tool-prepare => iocontrol.0.tool-prepared",

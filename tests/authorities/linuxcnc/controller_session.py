@@ -149,6 +149,8 @@ class Recorder:
         component = hal.component("recorder")
         self.stream = hal.stream(component, hal.sampler_base, job["sample_types"])
         component.ready()
+        while self.stream.readable:         # what stands there from before homing
+            self.stream.read()
         self.is_wanted, self.lost, self.previous = True, 0, None
         self.thread = threading.Thread(target=self.loop, daemon=True)
         self.thread.start()
