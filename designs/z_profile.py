@@ -41,6 +41,7 @@ class ZProfile(Parameters):
     far_scale: float = Field(1.0, ge=0.7, le=1.0,
                              description="height of the profile at the far end as a share of the near one (lofted)")
     section_plane: Literal["ZX", "YZ"] = Field("ZX", description="vertical plane of the profile")
+    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
     stock_top_mm: float = Field(2.0, ge=0, le=20, description="billet above the highest point")
     grip_mm: float = Field(4.0, ge=1, le=30, description="height of the vise jaws above the base of the block")
     scallop_mm: float = Field(0.010, ge=0.001, le=0.5, description="largest cusp left")
@@ -167,6 +168,7 @@ def design(p: ZProfile) -> Design:
         stock=StockBox(min_mm=(0.0, 0.0, 0.0), max_mm=(*size, top + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
         setups=(Setup(name="setup-1", wcs="G54", faces=("profile",), section_plane=p.section_plane,
+                      passes=p.passes,
                       wcs_in_words="X0 Y0 at the lower left corner of the block, Z0 on its base (parallels)",
                       fixtures=_jaws(p, across)),),
     )

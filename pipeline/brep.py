@@ -24,6 +24,7 @@ from OCP.GeomConvert import GeomConvert
 from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Interface import Interface_Static
+from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ON, TopAbs_IN, TopAbs_REVERSED, TopAbs_SOLID
 from OCP.TopExp import TopExp, TopExp_Explorer
@@ -80,6 +81,10 @@ def the_solid(shape, name="the part"):
     solid = TopoDS.Solid_s(solids[0])
     if not BRepCheck_Analyzer(solid).IsValid():
         raise DesignError(f"{name} is not a valid solid (BRepCheck): check for self-intersections and open edges")
+    loosest = ShapeAnalysis_ShapeTolerance().Tolerance(solid, 1)
+    if loosest > LARGEST_TOLERANCE_MM:
+        raise DesignError(f"{name} is only closed within {loosest:.4g} mm, {LARGEST_TOLERANCE_MM} mm are allowed: "
+                          "heal its edges, or build the faces anew")
     if volume_mm3(solid) <= 0:
         raise DesignError(f"{name} has no positive volume: its shell is inside out")
     return solid

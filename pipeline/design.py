@@ -76,6 +76,7 @@ class Setup(Model):
     wcs_in_words: str
     wcs_origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)     # in part coordinates
     section_plane: Literal["ZX", "YZ"] = Field("ZX", description="plane in which the finishing passes run")
+    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")

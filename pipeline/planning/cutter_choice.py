@@ -17,7 +17,7 @@ from cuspline.toolpaths.dropcutter import drop_tips_mm
 FIT_SHARE = 0.9             # the ball stays this share below the tightest hollow: a full-contact ball chatters
 HOLDER_CLEARANCE_MM = 1.0
 SHANK_CLEARANCE_MM = 0.05
-LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 1200, 5, 12
+LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 600, 5, 12
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
 
 

@@ -121,6 +121,8 @@ def plan_setup(design, setup, machine, library):
     Raises:
         PlanError, CutterDoesNotFit, ToolpathError: what cannot be done, where, and how to mend it.
     """
+    for name, scallop_mm in (("semi-finish", SEMI_SCALLOP_MM), ("finish", design.finish.scallop_mm)):
+        _ridge_mm(name, scallop_mm, design.finish)
     shop = _Shop(design, setup, machine, library)
     ball, candidates, reach = choose_ball(library, shop.samples, shop.hollow.radius_mm, shop.mesh, ROUGH_ALLOWANCE_MM)
     operations = list(_roughed(shop, ball, reach))
@@ -173,15 +175,10 @@ def _rough(shop, tool, candidates, along, low, high):
 
 def _ball_passes(shop, name, tool, allowance_mm, scallop_mm, candidates, reach):
     """Section passes over all faces wanted with one ball."""
-    finish = shop.design.finish
-    tolerance = finish.profile_tolerance_mm - ROUNDING_MM
+    tolerance = _tolerance_mm(shop.design.finish)
     planner = ProfilePlanner(shop.solid, shop.plane, tool.cutter.radius_mm, allowance_mm, tolerance,
                              shop.machine.control.arc_max_radius_mm)
-    # the path's own deviation uses up part of the cusp: the ridge may stand on a path that is high by it
-    ridge_mm = scallop_mm - tolerance - ROUNDING_MM
-    if ridge_mm <= 0:
-        raise PlanError(f"{name}: a cusp of {scallop_mm} mm leaves nothing beside the profile tolerance of "
-                        f"{finish.profile_tolerance_mm} mm; lower profile_tolerance_mm below scallop_mm")
+    ridge_mm = _ridge_mm(name, scallop_mm, shop.design.finish)
     step = _plane_step(shop, tool.cutter.radius_mm, ridge_mm)
     low, high = planner.extent(*shop.box)
     wanted = set(shop.wanted)
@@ -195,18 +192,35 @@ def _ball_passes(shop, name, tool, allowance_mm, scallop_mm, candidates, reach):
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(float(steps.max(initial=0.0)), 6),
              "stepover_min_mm": round(float(steps.min(initial=np.inf)), 6) if len(steps) else 0.0,
-             "passes": len(passes), "section_plane": shop.plane.name, "links": "zig-zag",
+             "passes": len(passes), "section_plane": shop.plane.name, "links": shop.setup.passes,
              "min_concave_radius_mm": _finite(shop.hollow.radius_mm),
              "min_concave_place_mm": [round(x, 4) for x in shop.hollow.place_mm],
              "candidates": [c.as_dict() for c in candidates]}
     return shop.operation(name, tool, rpm, moves, facts)
 
 
+def _tolerance_mm(finish):
+    """What the fitted path may deviate, the post's rounding kept back."""
+    return finish.profile_tolerance_mm - ROUNDING_MM
+
+
+def _ridge_mm(name, scallop_mm, finish):
+    """Scallop height to choose the step for: the ridge may stand on a path that is high by its tolerance.
+
+    Raises:
+        PlanError: the tolerance leaves nothing for the ridge.
+    """
+    ridge_mm = scallop_mm - finish.profile_tolerance_mm
+    if ridge_mm <= 0 or _tolerance_mm(finish) <= 0:
+        raise PlanError(f"{name}: a cusp of {scallop_mm} mm and a profile tolerance of {finish.profile_tolerance_mm} mm "
+                        f"do not go together: the tolerance must lie between {ROUNDING_MM} mm and the cusp")
+    return ridge_mm
+
+
 def _rest(shop, ball, tool, candidates):
     """Passes of a smaller ball where the finishing ball was held off."""
     finish = shop.design.finish
-    tolerance = finish.profile_tolerance_mm - ROUNDING_MM
-    ridge_mm = finish.scallop_mm - tolerance - ROUNDING_MM
+    tolerance, ridge_mm = _tolerance_mm(finish), _ridge_mm("rest finish", finish.scallop_mm, finish)
     rpm, feed = shop.speeds(tool, is_rough=False)
     small, large = (ProfilePlanner(shop.solid, shop.plane, t.cutter.radius_mm, 0.0, tolerance,
                                    shop.machine.control.arc_max_radius_mm) for t in (tool, ball))
@@ -220,7 +234,7 @@ def _link_rules(shop, tool, allowance_mm, feed):
     return LinkRules(mesh=shop.mesh, ball_radius_mm=tool.cutter.radius_mm, allowance_mm=allowance_mm,
                      lead_radius_mm=min(2.0, tool.cutter.radius_mm), clearance_z_mm=shop.clearance_z_mm,
                      approach_z_mm=shop.design.stock.max_mm[2] + 1.0, feed_mm_per_min=feed,
-                     plunge_mm_per_min=0.3 * feed, is_one_way=False)
+                     plunge_mm_per_min=0.3 * feed, is_one_way=shop.setup.passes == "one-way")
 
 
 def _across_range(shop, tool, reach):
