@@ -164,15 +164,15 @@ def choose_roughing(library, mesh, samples, stock_min_mm, stock_max_mm, allowanc
         tips = _tip_heights(tool, mesh, stock_min_mm, stock_max_mm, allowance_mm)
         missing = missing_stick_out_mm(tool, tips, mesh, 0.0)
         left = leftover_mm(tool, mesh, samples, allowance_mm, leftover_rows(samples))
-        rows.append((tool, missing, float(np.percentile(left, 95)), float(left.max())))
+        rows.append((tool, missing, float(np.percentile(left, 95))))
     usable = [r for r in rows if r[1] <= 0]
     if not usable:
         raise PlanError("no flat or bull-nose cutter of the library can rough this part: " + "; ".join(
-            f"T{t.number} {t.cutter.name}: holder {m:.2f} mm short" for t, m, _, _ in rows)
+            f"T{t.number} {t.cutter.name}: holder {m:.2f} mm short" for t, m, _ in rows)
             + ". Lengthen a stick-out or add a cutter")
     # a cutter half as wide takes about four times as long: it must leave clearly less to be worth it
     best = min(usable, key=lambda r: (r[2] + allowance_mm) / r[0].cutter.diameter_mm)
-    reason = {True: "holder {1:.2f} mm short", False: "leaves {2:.2f} mm (95 %), {3:.2f} mm at most"}
+    reason = {True: "holder {1:.2f} mm short", False: "leaves at most {2:.2f} mm on 95 % of the faces"}
     return best[0], tuple(Candidate(tool=r[0], is_chosen=r is best, reason=reason[r[1] > 0].format(*r)) for r in rows)
 
 

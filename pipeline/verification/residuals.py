@@ -78,7 +78,8 @@ def unreachable_places(found):
     for reason in (1, 2):
         for group in found.groups(found.reach == reason):
             points = found.samples.points_mm[group]
-            places.append({"area_mm2": round(float(found.samples.weight_mm2[group].sum()), 6),
+            middle = points[((points - points.mean(axis=0)) ** 2).sum(axis=1).argmin()]
+            places.append({"place_mm": middle.round(6).tolist(), "area_mm2": round(float(found.samples.weight_mm2[group].sum()), 6),
                            "min_mm": points.min(axis=0).round(6).tolist(),
                            "max_mm": points.max(axis=0).round(6).tolist(),
                            "reason": REASONS[reason],

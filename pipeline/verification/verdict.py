@@ -86,9 +86,11 @@ class Verdict:
         worst = ("gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "error_bound_mm")
         summed = ("gouge_volume_mm3", "excess_volume_mm3", "points_checked", "area_required_mm2", "area_reached_mm2",
                   "area_unreachable_mm2")
-        together = ("unreachable_places", "collisions", "findings")
+        together = ("unreachable", "collisions", "findings")
         return {"ok": self.ok, **{k: max((p[k] for p in parts), default=0.0) for k in worst},
                 **{k: _rounded(sum(p[k] for p in parts)) for k in summed},
+                "error_bounds_mm": {k: max(p["error_bounds_mm"][k] for p in parts) for k in parts[0]["error_bounds_mm"]}
+                if parts else {},
                 **{k: [item for p in parts for item in p[k]] for k in together}, "setups": parts}
 
 
@@ -193,7 +195,7 @@ def _numbers(found, solid_view, finish, bounds, history):
         "error_bound_mm": bounds["path_mm"] + bounds["tracing_mm"] + bounds["post_rounding_mm"],
         "points_checked": len(d), "area_required_mm2": area(slice(None)),
         "area_reached_mm2": area(fair & (d <= _allowed(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
-        "unreachable_places": unreachable_places(found),
+        "unreachable": unreachable_places(found),
         "holder_clearance_mm": clearance if np.isfinite(clearance) else None,
         "verifiers": {
             "compared_area_mm2": solid_view.compared_area_mm2, "bound_mm3": solid_view.bound_mm3,

@@ -122,7 +122,7 @@ def test_inner_corner_is_unreachable_and_listed():
     d = verdict(moves, solid=step, faces=faces, stock=((0, 0, 0), (20, 12, 11)), ball=R,
                 tools={1: tool("ball", 2 * R, flute=15.0)}).as_dict()
     assert d["ok"], d["findings"]
-    places = d["unreachable_places"]
+    places = d["unreachable"]
     assert len(places) == 1 and "narrow" in places[0]["reason"]
     assert abs(d["area_unreachable_mm2"] - 2 * 5 * 12) < 4
     assert np.allclose(places[0]["min_mm"], (7, 0, 5), atol=0.6) and np.allclose(places[0]["max_mm"], (12, 12, 10), atol=0.6)
