@@ -19,7 +19,7 @@ import numpy as np
 import cuspline
 from cuspline import brep
 from cuspline.bundle import report_bundle, shape_of, view_of
-from cuspline.errors import PostError
+from cuspline.errors import InputError, PostError
 from cuspline.glb import write_glb
 from cuspline.job import Job, PostedFile
 from cuspline.judge import judge, post_module
@@ -67,11 +67,15 @@ def build(order, say=lambda text: None):
     Raises:
         CamError: what is wrong with the input or the plan; nothing is left half-written.
     """
-    order.out.parent.mkdir(parents=True, exist_ok=True)
-    _restore(order.out)
     work = order.out.parent / f".{order.out.name}.part"
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir()
+    try:
+        order.out.parent.mkdir(parents=True, exist_ok=True)
+        _restore(order.out)
+        _refuse_what_is_not_ours(order.out)
+        shutil.rmtree(work, ignore_errors=True)
+        work.mkdir()
+    except OSError as error:
+        raise InputError(f"--out {order.out}: cannot be written ({error.strerror}); name another folder") from None
     try:
         result = _made(order, work, say)
         target = order.out if result.is_ok else _rejected(order.out)
@@ -281,6 +285,14 @@ def _restore(out):
             shutil.rmtree(_old(out), ignore_errors=True)
         else:
             _old(out).rename(out)
+
+
+def _refuse_what_is_not_ours(out):
+    """The outputs replace the whole folder: it must be an earlier output, or hold nothing."""
+    is_ours = not out.exists() or (out.is_dir() and ((out / "manifest.json").exists() or not any(out.iterdir())))
+    if not is_ours:
+        raise InputError(f"--out {out} exists and is no earlier output (it has no manifest.json): "
+                         "it would be replaced whole; name another folder")
 
 
 def _swap_in(work, target):

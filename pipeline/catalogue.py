@@ -190,8 +190,12 @@ def find_post(name):
 def make_design(source, assignments):
     """The Design of a source; whatever its function raises becomes an error that names the design."""
     try:
-        return source.design(assignments)
+        made = source.design(assignments)
     except CamError:
         raise
     except Exception as error:      # the CAD kernel raises what it likes
         raise DesignError(f"design {source.name} could not be built: {type(error).__name__}: {error}") from error
+    if not isinstance(made, Design):
+        raise DesignError(f"design {source.name}: its function `design` returned {type(made).__name__}, "
+                          "it must return a cuspline.design.Design")
+    return made
