@@ -1,4 +1,20 @@
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parent / "parts"))       # for known_parts
+import pytest
+
+sys.path.append(str(Path(__file__).parent / "parts"))       # for known_parts, built_parts
+
+from built_parts import built_once  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def default_part(tmp_path_factory):
+    """Output folder of the default part, verified; not to be edited."""
+    return built_once(tmp_path_factory, "default", "z_profile", "--stage", "verify")
+
+
+@pytest.fixture(scope="session")
+def default_part_in_inches(tmp_path_factory):
+    """Output folder of the default part for the machine set to inches; not to be edited."""
+    return built_once(tmp_path_factory, "inch", "z_profile", "--machine", "mill_3axis_inch", "--stage", "gcode")

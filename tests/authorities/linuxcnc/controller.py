@@ -47,6 +47,7 @@ class ControllerRun:
 class DrivenPath(ControllerRun):
     """A run beside the path it was to follow."""
 
+    distance_mm: np.ndarray     # (n,) of each servo sample to the programmed path
     deviation_mm: float         # largest distance of a servo sample to the programmed path
     deviation_line: int         # where
     end_gap_mm: float           # last sample to the last programmed place
@@ -80,7 +81,7 @@ def run_on_controller(program_path, tools, machine):
     path = path_of(moves, home_mm(machine))
     distance_mm = deviation_mm(run.position_mm, run.line, path, near_mm=machine.control.path_tolerance_mm)
     worst = int(np.argmax(distance_mm)) if len(distance_mm) else -1
-    return DrivenPath(**run.__dict__, deviation_mm=float(distance_mm[worst]) if worst >= 0 else math.inf,
+    return DrivenPath(**run.__dict__, distance_mm=distance_mm, deviation_mm=float(distance_mm[worst]) if worst >= 0 else math.inf,
                       deviation_line=int(run.line[worst]) if worst >= 0 else 0,
                       end_gap_mm=float(np.linalg.norm(run.position_mm[-1] - path.end_mm[-1])))
 
