@@ -24,6 +24,7 @@ from OCP.GeomConvert import GeomConvert
 from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Interface import Interface_Static
+from OCP.Message import Message
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ON, TopAbs_IN, TopAbs_REVERSED, TopAbs_SOLID
@@ -36,6 +37,8 @@ from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec
 from cuspline.arrays import frozen
 from cuspline.errors import DesignError, InputError
 from cuspline.surfaces.nurbs import NurbsSurface, local_shape
+
+Message.DefaultMessenger_s().ChangePrinters().Clear()     # the kernel would print its statistics on standard output
 
 KINDS = {
     GeomAbs_SurfaceType.GeomAbs_Plane: "plane", GeomAbs_SurfaceType.GeomAbs_Cylinder: "cylinder",
