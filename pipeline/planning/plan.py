@@ -31,6 +31,7 @@ SEMI_ALLOWANCE_MM = 0.1
 SEMI_SCALLOP_MM = 0.05
 FINISH_DEPTH_SHARE = 0.1    # a ball finishes at most this share of its diameter deep
 CLEARANCE_MM = 5.0          # of rapids above stock and fixtures
+APPROACH_MM = 1.0           # above stock and fixtures the tool begins to feed down
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 RAMP_RAD = np.radians(3.0)
 
@@ -233,18 +234,16 @@ def _rest(shop, ball, tool, candidates):
 def _link_rules(shop, tool, allowance_mm, feed):
     return LinkRules(mesh=shop.mesh, ball_radius_mm=tool.cutter.radius_mm, allowance_mm=allowance_mm,
                      lead_radius_mm=min(2.0, tool.cutter.radius_mm), clearance_z_mm=shop.clearance_z_mm,
-                     approach_z_mm=shop.design.stock.max_mm[2] + 1.0, feed_mm_per_min=feed,
+                     approach_z_mm=shop.clearance_z_mm - CLEARANCE_MM + APPROACH_MM, feed_mm_per_min=feed,
                      plunge_mm_per_min=0.3 * feed, is_one_way=shop.setup.passes == "one-way")
 
 
 def _across_range(shop, tool, reach):
     """First and last plane: where the ball's centre stands when it touches the outermost points."""
-    k = shop.plane.across
-    edge = np.concatenate([shop.faces[i].shape_at(*_rim(shop.faces[i])).point_mm[:, k]
-                           + tool.cutter.radius_mm * shop.faces[i].shape_at(*_rim(shop.faces[i])).normal[:, k]
-                           for i in shop.wanted])
-    inside = reach.tip_mm[:, k]
-    return float(min(edge.min(), inside.min())), float(max(edge.max(), inside.max()))
+    k, r = shop.plane.across, tool.cutter.radius_mm
+    rims = [shop.faces[i].shape_at(*_rim(shop.faces[i])) for i in shop.wanted]
+    centers = np.concatenate([rim.point_mm[:, k] + r * rim.normal[:, k] for rim in rims] + [reach.tip_mm[:, k]])
+    return float(centers.min()), float(centers.max())
 
 
 def _rim(face):
@@ -266,9 +265,9 @@ def _plane_step(shop, radius_mm, ridge_mm):
     usable = samples.across_per_mm * radius_mm > -0.98      # a hollow that the ball does not enter
     chord = stepover_for_scallop_mm(radius_mm, ridge_mm, samples.across_per_mm[usable])
     slope = np.sqrt(np.maximum(1.0 - samples.normal[usable][:, k] ** 2, 1e-6))
-    # neighbouring contact points lie on the surface, the planes cut the centres: (rho + r) / rho apart
+    # neighbouring contacts lie on the surface, the planes cut the centres: closer together in a hollow
     spread = 1.0 + radius_mm * samples.across_per_mm[usable]
-    allowed = chord * slope * np.minimum(spread, 1.0) if (spread < 1).any() else chord * slope
+    allowed = chord * slope * np.minimum(spread, 1.0)
     at = samples.point_mm[usable][:, k] + radius_mm * samples.normal[usable][:, k]
     order = np.argsort(at)
     at, allowed = at[order], allowed[order]
