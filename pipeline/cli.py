@@ -14,7 +14,7 @@ import typer
 
 from cuspline.errors import CamError, InputError
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None,
                   help="From a parametric design to a posted and verified program.")
 FINDINGS, BAD_INPUT, INTERNAL = 1, 2, 3
 AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
