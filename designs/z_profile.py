@@ -58,6 +58,9 @@ class ZProfile(Parameters):
         if left < 2.0:
             raise ValueError(f"the profile needs {knots['spline_end'][0]:.2f} mm and 2 mm of land, "
                              f"length_mm is {self.length_mm}: lengthen the block or shorten an element")
+        if knots["top"][1] > self.height_mm:
+            raise ValueError(f"the step comes up to {knots['top'][1]:.2f} mm, above height_mm = {self.height_mm}: "
+                             "lower step_mm or steepen slope_deg")
         lowest = min(knots["floor"][1], knots["spline_end"][1]) * self.far_scale
         lowest += min(0.0, self.width_mm * math.tan(math.radians(self.sweep_slope_deg)))
         if lowest < 5.0:

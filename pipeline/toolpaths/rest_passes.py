@@ -5,6 +5,7 @@ cannot touch the same contact point, material is left.  On a prismatic part thos
 by straight strokes along the corner; on any other part in the section planes themselves.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,19 +101,27 @@ def _compared(piece, owner, walls, over, small_mm, large_mm):
 
 def _sampled(piece):
     """Centres and contact normals along a piece, SAMPLE_MM apart; normals None on a vertical line."""
-    length = float(np.linalg.norm(piece.end - piece.start))
-    n = max(2, int(length / SAMPLE_MM) + 1)
-    share = np.linspace(0.0, 1.0, n)[:, None]
     if isinstance(piece, LinePiece):
-        centers = piece.start + share * (piece.end - piece.start)
-        d = (piece.end - piece.start) / max(length, 1e-30)
-        return centers, None if abs(d[0]) < 1e-9 else np.tile((-d[1], d[0]), (n, 1))
-    along = piece.start[0] + share[:, 0] * (piece.end[0] - piece.start[0])
-    centers = np.column_stack([along, piece.up_at(along)])
+        d = piece.end - piece.start
+        length = float(np.linalg.norm(d))
+        n = max(2, math.ceil(length / SAMPLE_MM) + 1)
+        centers = piece.start + np.linspace(0.0, 1.0, n)[:, None] * d
+        return centers, None if abs(d[0]) < 1e-9 * length else np.tile((-d[1], d[0]), (n, 1)) / length
     if isinstance(piece, CurvePiece):
+        way = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(piece.points, axis=0), axis=1))]
+        n = max(2, math.ceil(way[-1] / SAMPLE_MM) + 1)
+        along = np.interp(np.linspace(0.0, way[-1], n), way, piece.points[:, 0])
         slope = piece.slope_at(along)
-        return centers, np.column_stack([-slope, np.ones(n)]) / np.hypot(1.0, slope)[:, None]
-    return centers, (centers - piece.center) / piece.radius * (1 if piece.is_over else -1)
+        return (np.column_stack([along, piece.up_at(along)]),
+                np.column_stack([-slope, np.ones(n)]) / np.hypot(1.0, slope)[:, None])
+    first, last = (np.arctan2(*(p - piece.center)[::-1]) for p in (piece.start, piece.end))
+    # over the top angles fall from pi to 0, through the bottom they rise from -pi to 0
+    side = 1 if piece.is_over else -1
+    first, last = (angle + side * 2 * np.pi if side * angle < -np.pi / 2 else angle for angle in (first, last))
+    n = max(2, math.ceil(abs(last - first) * piece.radius / SAMPLE_MM) + 1)
+    angles = np.linspace(first, last, n)
+    arms = np.column_stack([np.cos(angles), np.sin(angles)])
+    return piece.center + piece.radius * arms, arms if piece.is_over else -arms
 
 
 def _height(chain, along):
