@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 
 from cuspline.brep import bounding_box_mm, edge_points, edges_with_faces, faces_of
 from cuspline.surfaces.sections import PrismaticFace, is_cap, is_prismatic
-from cuspline.toolpaths.pieces import NO_FACE, ArcPiece, LinePiece, curve_pieces, half_circle
+from cuspline.toolpaths.pieces import EDGE_RANK, NO_FACE, ArcPiece, LinePiece, curve_pieces, half_circle
 
 GRID = 140                  # parameter grid that finds the contours; Newton makes them exact
 BESIDE_MM = 1e-7
@@ -268,7 +268,8 @@ class CenterSections:
             middle, half = (low + high) / 2, (high - low) / 2
             parameters = middle - half * np.cos(np.linspace(0, np.pi, PIPE_SAMPLES))
             for points, w in self._pipe_sections(edge, parameters, across):
-                pieces += _steepless(self.plane.flat(points + self.radius_mm * w), self.plane.flat(w), edge.owner, rank=3)
+                centers = self.plane.flat(points + self.radius_mm * w)
+                pieces += _steepless(centers, self.plane.flat(w), edge.owner, rank=EDGE_RANK)
         return pieces
 
     def _touching_ranges(self, edge, across):

@@ -134,6 +134,7 @@ class CurvePiece:
 
 
 NO_FACE = -1
+EDGE_RANK = 3           # of pieces over edges and corners
 
 
 def curve_pieces(points, normals, owner, rank=2):
@@ -194,4 +195,4 @@ def half_circle(center, radius, owner):
     center = np.asarray(center, float)
     side = np.array([radius, 0.0])
     return ArcPiece(center=center, radius=float(radius), start=center - side, end=center + side,
-                    is_over=True, owner=owner, rank=3)
+                    is_over=True, owner=owner, rank=EDGE_RANK)

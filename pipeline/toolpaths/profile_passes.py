@@ -13,10 +13,12 @@ from cuspline.errors import ToolpathError
 from cuspline.toolpaths.arcfit import FittedElement, fit_arcs, line_between
 from cuspline.toolpaths.centers import WALL_MM, CenterSections
 from cuspline.toolpaths.envelope import upper_envelope
-from cuspline.toolpaths.pieces import NO_FACE, ArcPiece, CurvePiece, LinePiece
+from cuspline.toolpaths.pieces import EDGE_RANK, NO_FACE, ArcPiece, CurvePiece, LinePiece
 
 EXTENT_MARGIN_MM = 1e-5     # the rolling circles about the outermost corners end level: stay just inside
 TANGENT_RAD = 2e-3          # curve pieces that meet at less are one smooth run
+# a ball that rolls over an edge too low by e cuts e / cos(angle) off it, seen along either face's normal
+EDGE_SHARE = 0.4
 MERGE_MM = 1e-5             # runs shorter than this are artefacts of a crossing
 
 
@@ -99,7 +101,9 @@ class ProfilePlanner:
         points, headings, breaks = _sampled_run(run)
         key = np.round(points, 9).tobytes()
         if key not in self._fits:
-            self._fits[key] = fit_arcs(points, headings, self.tolerance_mm, self.largest_radius_mm, breaks)
+            over_edge = any(p.owner == NO_FACE or p.rank == EDGE_RANK for p in run)
+            tolerance = self.tolerance_mm * (EDGE_SHARE if over_edge else 1.0)
+            self._fits[key] = fit_arcs(points, headings, tolerance, self.largest_radius_mm, breaks)
         return self._fits[key]
 
     def _arc(self, piece):
