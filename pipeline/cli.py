@@ -47,9 +47,8 @@ def build(
     source = catalogue.find_design(design)
     made = catalogue.make_design(source, param)
     folder = out if out is not None else Path("outputs") / made.name
-    with _progress() as say:
-        result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
-                                           accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), say)
+    result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
+                                       accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
     _tell(made.name, result.folder, result.findings, result.left_out, stage)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
 
@@ -69,8 +68,7 @@ def verify(folders: Annotated[list[Path], typer.Argument(help="output folders, o
                 raise InputError(f"{folder / only} is no program of {job.design}; there are "
                                  + ", ".join(p.program for p in job.posted))
             job = job.model_copy(update={"posted": kept})
-        with _progress() as say:
-            judged = judge(folder, job, say)
+        judged = judge(folder, job, _say)
         refused = judged.refused(job.accepted)
         _tell(job.design, folder, refused, "", "verify")
         bad |= bool(refused)
@@ -177,14 +175,9 @@ def _tell(name, folder, findings, left_out, stage):
         print(f"  {f.kind} {f.amount_mm:.4f} mm{place}{operation}{line}: {f.advice}")
 
 
-class _progress:
-    """Says what is being done, on standard error."""
-
-    def __enter__(self):
-        return lambda text: print(f"  {text}", file=sys.stderr, flush=True)
-
-    def __exit__(self, *_):
-        return False
+def _say(text):
+    """What is being done, on standard error."""
+    print(f"  {text}", file=sys.stderr, flush=True)
 
 
 def main():

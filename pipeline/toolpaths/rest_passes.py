@@ -16,6 +16,7 @@ from cuspline.program import Moves, MoveWriter
 from cuspline.toolpaths.pass_links import enter, moves_of_passes
 from cuspline.toolpaths.pieces import CurvePiece, LinePiece
 from cuspline.toolpaths.profile_passes import planes_across
+from cuspline.toolpaths.regions import grouped
 
 HELD_OFF_MM = 5e-4          # the larger ball stays further away than this: not reached
 OVERLAP_MM = 0.3            # beyond the stretch, so that both cuts blend
@@ -216,19 +217,8 @@ def _way(stretch, before, row):
 
 def _in_section_planes(small, large, wanted, box, planes, rules):
     """Stretches of neighbouring planes that overlap are cut one after the other."""
-    groups, growing = [], []
-    for across in planes:
-        still = []
-        for s in left_stretches(small, large, wanted, box, across):
-            mine = next((g for g in growing if _overlap(g[-1][1], s)), None)
-            if mine is None:
-                mine = []
-                groups.append(mine)
-            else:
-                growing.remove(mine)
-            mine.append((across, s))
-            still.append(mine)
-        growing = still
+    layers = ([(across, s) for s in left_stretches(small, large, wanted, box, across)] for across in planes)
+    groups = grouped(layers, lambda a, b: _overlap(a[1], b[1]))
     if not groups:
         raise ToolpathError("rest finish: the larger ball leaves nothing that the smaller one reaches")
     parts = [moves_of_passes([small.fitted_pass(across, list(s.chain), list(s.owners)) for across, s in group],

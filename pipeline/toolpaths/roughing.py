@@ -19,6 +19,7 @@ import numpy as np
 from cuspline.errors import ToolpathError
 from cuspline.program import MoveWriter
 from cuspline.toolpaths.dropcutter import drop_tips_mm
+from cuspline.toolpaths.regions import grouped
 
 ROW_SPACING_MM = 0.25       # along a row: drop heights are taken here and joined straight
 DROP_MARGIN_MM = 0.04       # over the planning mesh's deviation and the sag between two drop heights
@@ -164,20 +165,7 @@ def _levels(rules, lowest):
 
 def _regions(rows, top, rules):
     """Stretches of neighbouring rows that overlap, row by row: each list is cleared in one go."""
-    regions, growing = [], []
-    for row in rows:
-        still = []
-        for stretch in _stretches(row, top, rules):
-            mine = next((g for g in growing if _overlap(g[-1], (row, stretch))), None)
-            if mine is None:
-                mine = []
-                regions.append(mine)
-            else:
-                growing.remove(mine)
-            mine.append((row, stretch))
-            still.append(mine)
-        growing = still
-    return regions
+    return grouped(([(row, stretch) for stretch in _stretches(row, top, rules)] for row in rows), _overlap)
 
 
 def _overlap(a, b):
