@@ -1,16 +1,14 @@
-"""The door to OCCT: faces and edges of a solid, predicates, STEP, tessellation for planning.
+"""The door to OCCT: faces and edges of a solid, predicates, tessellation for planning; STEP through step_files.
 
 Shapes come in as CadQuery or build123d objects or bare TopoDS shapes and are used as TopoDS inside.
 """
 
-import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepGProp import BRepGProp
@@ -19,23 +17,24 @@ from OCP.BRepTools import BRepTools
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.Bnd import Bnd_Box
 from OCP.BRepBndLib import BRepBndLib
-from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.GeomAdaptor import GeomAdaptor_Surface
+from OCP.GeomAbs import GeomAbs_CN, GeomAbs_SurfaceType
 from OCP.GeomConvert import GeomConvert
 from OCP.GProp import GProp_GProps
-from OCP.IFSelect import IFSelect_RetDone
-from OCP.Interface import Interface_Static
 from OCP.Message import Message
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
-from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader, STEPControl_Writer
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ON, TopAbs_IN, TopAbs_REVERSED, TopAbs_SOLID
 from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
+from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec
 
 from cuspline.arrays import frozen
-from cuspline.errors import DesignError, InputError
+from cuspline.errors import DesignError
+from cuspline.step_files import FaceMark, MarkedSolid, marks_of, read_step, write_step  # noqa: F401  (one door)
+from cuspline.surfaces.fitting import fitted
 from cuspline.surfaces.nurbs import NurbsSurface, local_shape
 
 Message.DefaultMessenger_s().ChangePrinters().Clear()     # the kernel would print its statistics on standard output
@@ -49,7 +48,6 @@ KINDS = {
     GeomAbs_SurfaceType.GeomAbs_SurfaceOfExtrusion: "extrusion",
     GeomAbs_SurfaceType.GeomAbs_OffsetSurface: "offset",
 }
-STEP_DATE = "2000-01-01T00:00:00"     # same inputs, same bytes: STEP files carry no clock
 POLE_MM, POLE_SHARE = 1e-7, 1e-8      # a border this short is a pole; how far from it normals are sound
 LARGEST_TOLERANCE_MM = 1e-3           # a valid solid may hide edges that are open by far more
 
@@ -61,18 +59,14 @@ def wrapped(shape):
 
 
 def explore(shape, kind):
-    """Distinct sub-shapes of one kind, in the kernel's stable order."""
-    found, explorer = [], TopExp_Explorer(shape, kind)
-    while explorer.More():
-        current = explorer.Current()
-        if not any(current.IsSame(f) for f in found):
-            found.append(current)
-        explorer.Next()
-    return found
+    """Distinct sub-shapes of one kind, in the kernel's stable order: that of its explorer."""
+    table = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, kind, table)
+    return [table.FindKey(k) for k in range(1, table.Extent() + 1)]
 
 
 def the_solid(shape, name="the part"):
-    """The one solid of a shape.
+    """The one solid of a shape; colours and names of its faces stay with it.
 
     Raises:
         DesignError: none, several, or one that the kernel calls invalid.
@@ -90,14 +84,39 @@ def the_solid(shape, name="the part"):
                           "heal its edges, or build the faces anew")
     if volume_mm3(solid) <= 0:
         raise DesignError(f"{name} has no positive volume: its shell is inside out")
-    return solid
+    marks = marks_of(shape, explore(solid, TopAbs_FACE))
+    return solid if marks is None else MarkedSolid(solid, marks)
+
+
+def marked(shape, names=(), colors=()):
+    """The one solid of a shape made in code, some of its faces named or coloured.
+
+    Args:
+        shape: as for `the_solid`.
+        names: (name, face) pairs; faces of the shape, of CadQuery, build123d or the kernel.
+        colors: ((red, green, blue), face) pairs, sRGB, 0 to 1.
+    Raises:
+        DesignError: a face that the shape does not have.
+    """
+    solid = the_solid(shape)
+    faces = explore(solid, TopAbs_FACE)
+    marks = [FaceMark() for _ in faces] if marks_of(solid, faces) is None else list(solid.face_marks)
+    for what, pairs in (("name", names), ("color", colors)):
+        for value, face in pairs:
+            found = [k for k, f in enumerate(faces) if f.IsSame(wrapped(face))]
+            if not found:
+                raise DesignError(f"the face to be marked {value!r} is no face of this solid: take it from the "
+                                  "finished shape")
+            marks[found[0]] = replace(marks[found[0]], **{what: value})
+    return MarkedSolid(solid, marks)
 
 
 @dataclass(frozen=True, eq=False)
 class Face:
     """One face with what planning and verification ask of it."""
 
-    shape: object       # TopoDS_Face
+    shape: object                           # TopoDS_Face
+    mark: FaceMark = field(default_factory=FaceMark)
 
     @cached_property
     def adaptor(self):
@@ -119,7 +138,7 @@ class Face:
     @cached_property
     def nurbs(self):
         """The face's surface as a rational B-spline (its own parameters, see `nurbs_face`)."""
-        return _nurbs_of(self.nurbs_face)
+        return _nurbs_of(self.shape if self.kind == "offset" else self.nurbs_face)
 
     @cached_property
     def regular_domain(self):
@@ -166,8 +185,10 @@ class Face:
 
 
 def faces_of(solid):
-    """All faces of a solid."""
-    return [Face(TopoDS.Face_s(f)) for f in explore(solid, TopAbs_FACE)]
+    """All faces of a solid, with what is marked on them."""
+    faces = explore(solid, TopAbs_FACE)
+    marks = marks_of(solid, faces) or [FaceMark()] * len(faces)
+    return [Face(TopoDS.Face_s(f), mark) for f, mark in zip(faces, marks)]
 
 
 def edges_with_faces(solid):
@@ -193,8 +214,55 @@ def edge_points(edge, count):
     return points, tangents / np.linalg.norm(tangents, axis=1)[:, None]
 
 
+def border_curves(face):
+    """Border curves of a face in its surface's parameters, each in the direction of its wire.
+
+    Returns:
+        list of (at, knots): at(t (n,)) -> (n, 2) parameters u, v; knots between which the curve is smooth,
+        falling where the wire runs against the curve.  A seam comes twice, once a side.
+    """
+    curves, explorer = [], TopExp_Explorer(face, TopAbs_EDGE)
+    while explorer.More():
+        edge = TopoDS.Edge_s(explorer.Current())
+        curve = BRepAdaptor_Curve2d(edge, face)
+        knots = TColStd_Array1OfReal(1, curve.NbIntervals(GeomAbs_CN) + 1)
+        curve.Intervals(knots, GeomAbs_CN)
+        knots = np.array([knots.Value(k) for k in range(1, knots.Length() + 1)])
+        curves.append((_at_parameters(curve), knots[::-1] if edge.Orientation() == TopAbs_REVERSED else knots))
+        explorer.Next()
+    return curves
+
+
+def _at_parameters(curve):
+    def at(t):
+        points = [curve.Value(x) for x in t.tolist()]
+        return np.array([(p.X(), p.Y()) for p in points])
+    return at
+
+
+def _offset_nurbs(surface):
+    """An offset surface is no B-spline; the kernel's own conversion is off by micrometres."""
+    adaptor, p, breaks = GeomAdaptor_Surface(surface), gp_Pnt(), []
+    for direction in "UV":
+        knots = TColStd_Array1OfReal(1, getattr(adaptor, f"Nb{direction}Intervals")(GeomAbs_CN) + 1)
+        getattr(adaptor, f"{direction}Intervals")(knots, GeomAbs_CN)
+        breaks.append(np.array([knots.Value(k) for k in range(1, knots.Length() + 1)]))
+
+    def points_at(u, v):
+        out = np.empty((len(u), 3))
+        for k, (a, b) in enumerate(zip(u.tolist(), v.tolist())):
+            surface.D0(a, b, p)
+            out[k] = p.X(), p.Y(), p.Z()
+        return out
+
+    return fitted(points_at, *breaks)
+
+
 def _nurbs_of(face):
-    surface = GeomConvert.SurfaceToBSplineSurface_s(BRep_Tool.Surface_s(face))
+    surface = BRep_Tool.Surface_s(face)
+    if GeomAdaptor_Surface(surface).GetType() == GeomAbs_SurfaceType.GeomAbs_OffsetSurface:
+        return _offset_nurbs(surface)
+    surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
     for direction in "UV":
         if getattr(surface, f"Is{direction}Periodic")():
             getattr(surface, f"Set{direction}NotPeriodic")()
@@ -218,14 +286,31 @@ def select_faces(faces, predicate):
         DesignError: it matches another number of faces than it says.
     """
     found = [f for f in faces if _matches(f, predicate)]
-    if len(found) != predicate.count:
+    if not predicate.is_met_by(len(found)):
+        wanted = predicate.count if predicate.at_least is None else f"at least {predicate.at_least}"
         raise DesignError(
-            f"face predicate {predicate.name!r} matches {len(found)} of {len(faces)} faces, it says {predicate.count}: "
-            f"change its conditions or its count ({', '.join(sorted({f.kind for f in found})) or 'no'} faces matched)")
+            f"face predicate {predicate.name!r} matches {len(found)} of {len(faces)} faces, it says {wanted}: "
+            f"change its conditions or its count ({', '.join(sorted({f.kind for f in found})) or 'no'} faces matched"
+            f"{_marks_there_are(faces, predicate)})")
     return found
 
 
+def _marks_there_are(faces, predicate):
+    """The names or colours that a predicate could have meant."""
+    if predicate.face_name is not None:
+        return f"; names in the part: {', '.join(sorted({f.mark.name for f in faces if f.mark.name})) or 'none'}"
+    if predicate.color is not None:
+        found = sorted({f.mark.color for f in faces if f.mark.color})
+        return f"; colours in the part: {', '.join(map(str, found)) or 'none'}"
+    return ""
+
+
 def _matches(face, predicate):
+    if predicate.face_name is not None and face.mark.name != predicate.face_name:
+        return False
+    if predicate.color is not None and (face.mark.color is None or max(
+            abs(a - b) for a, b in zip(face.mark.color, predicate.color)) > predicate.color_within):
+        return False
     middle = face.middle
     center, normal = middle.point_mm[0], middle.normal[0]
     if predicate.kinds is not None and face.kind not in predicate.kinds:
@@ -263,60 +348,26 @@ def bounding_box_mm(shape):
 class PlanningMesh:
     """Triangles good enough to plan roughing and clearance on; finishing never rests on them."""
 
-    vertices_mm: np.ndarray     # (n, 3)
-    triangles: np.ndarray       # (m, 3)
+    vertices_mm: np.ndarray         # (n, 3)
+    triangles: np.ndarray           # (m, 3)
+    face_of_triangle: np.ndarray    # (m,) index into faces_of(solid)
 
 
 def planning_mesh(solid, deflection_mm):
     """Tessellate a copy of the solid (OCCT may exceed the asked deflection up to threefold)."""
     BRepTools.Clean_s(solid)
     BRepMesh_IncrementalMesh(solid, deflection_mm, False, 0.35, True)
-    vertices, triangles, base = [], [], 0
-    for face in explore(solid, TopAbs_FACE):
+    vertices, triangles, owners, base = [], [], [], 0
+    for index, face in enumerate(explore(solid, TopAbs_FACE)):
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(TopoDS.Face_s(face), location)
         move = location.Transformation()
         points = [mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1)]
         vertices += [(p.X(), p.Y(), p.Z()) for p in points]
         triangles += [[base + k - 1 for k in mesh.Triangle(i).Get()] for i in range(1, mesh.NbTriangles() + 1)]
+        owners += [index] * mesh.NbTriangles()
         base = len(vertices)
     BRepTools.Clean_s(solid)
     return PlanningMesh(vertices_mm=frozen(vertices, (None, 3), "vertices_mm"),
-                        triangles=frozen(triangles, (None, 3), "triangles", np.int64))
-
-
-def write_step(solid, path, name):
-    """STEP (AP214, millimetres) with fixed header and product name: same solid, same bytes."""
-    path = Path(path)
-    Interface_Static.SetCVal_s("write.step.schema", "AP214IS")
-    Interface_Static.SetCVal_s("write.step.unit", "MM")
-    Interface_Static.SetCVal_s("write.step.product.name", name)
-    writer = STEPControl_Writer()
-    writer.Transfer(solid, STEPControl_AsIs)
-    scratch = path.with_suffix(".step.part")
-    if writer.Write(str(scratch)) != IFSelect_RetDone:
-        raise DesignError(f"the kernel could not write {path.name}")
-    text = scratch.read_text(encoding="latin-1")
-    text = re.sub(r"FILE_NAME\(.*?\);", f"FILE_NAME('{name}','{STEP_DATE}',(''),(''),'cuspline','cuspline','');",
-                  text, count=1, flags=re.S)
-    text = re.sub(r"PRODUCT\('[^']*',\s*'[^']*'", f"PRODUCT('{name}','{name}'", text)
-    scratch.write_text(text, encoding="latin-1")
-    scratch.replace(path)
-
-
-def read_step(path):
-    """The shape in a STEP file.
-
-    Raises:
-        InputError: missing, unreadable, or without a solid.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"STEP file {path} does not exist")
-    reader = STEPControl_Reader()
-    if reader.ReadFile(str(path)) != IFSelect_RetDone or reader.TransferRoots() < 1:
-        raise InputError(f"{path} is not a readable STEP file")
-    shape = reader.OneShape()
-    if not explore(shape, TopAbs_SOLID):
-        raise InputError(f"{path} holds no solid: export a closed solid, not surfaces or a shell")
-    return shape
+                        triangles=frozen(triangles, (None, 3), "triangles", np.int64),
+                        face_of_triangle=frozen(owners, (len(triangles),), "face_of_triangle", np.int64))

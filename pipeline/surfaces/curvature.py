@@ -1,26 +1,34 @@
-"""Where the part is most hollow: smallest concave radius on the exact faces, and inner edges.
+"""Curvature of whole faces: samples to plan with, and the tightest hollow, proven by halving the faces piece by piece.
 
-A grid finds candidates, pattern search on the exact surface brings them home.
+A piece whose proven most hollow curvature is no more than what has been found elsewhere is done with; the others are
+halved.  What is left out, and why:
+- what lies outside the face's trim (a piece smaller than BORDER_MM across the border counts as on it);
+- a pole, where the surface has no normal to compute with: pieces smaller than POLE_MM that touch one are left out.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from OCP.BRep import BRep_Tool
-from OCP.BRepAdaptor import BRepAdaptor_Curve
+from numba import njit
 from OCP.BRepTools import BRepTools
-from OCP.GCPnts import GCPnts_AbscissaPoint
-from OCP.gp import gp_Pnt, gp_Vec
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
-from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS
 
 from cuspline.arrays import frozen
+from cuspline.errors import PlanError
+from cuspline.surfaces.enclosures import curvature_of_piece
 from cuspline.surfaces.nurbs import local_shape
+from cuspline.surfaces.patches import PatchSet
+from cuspline.surfaces.pieces import ACROSS, INSIDE, OUTSIDE, halves, in_face_parameters, trim_states, whole_patches
+from cuspline.surfaces.trims import TrimSet
 
 GRID = 48
-REFINED = 6                 # best grid points taken further
-CONCAVE_SINE = 1e-3         # edges flatter than this angle count as smooth
+ONE_WAY = ("cylinder", "cone", "sphere")    # a ridge somewhere is a ridge everywhere
+PROVEN_SHARE = 0.01         # the tightest radius is known within this share
+FLATTEST_MM = 1e4           # a hollow flatter than this radius hinders no cutter and counts as none
+BORDER_MM = 2e-5            # twice the chord error of a trim's border
+POLE_MM = 0.01
+LARGEST_ROUNDS = 200        # halvings of one face
+LARGEST_COUNT = 400_000     # pieces of one face open at a time
+REFINING_STEPS = 40         # halvings of the step that brings the best point home
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,99 +91,150 @@ def _normal_curvature(derivatives, normal, axis):
 
 @dataclass(frozen=True, kw_only=True)
 class Hollow:
-    """The tightest hollow of some faces."""
+    """The tightest hollow of some faces, or of parts of them."""
 
-    radius_mm: float                        # inf where nothing is hollow
+    radius_mm: float                        # of the tightest hollow found; inf where all is flatter than FLATTEST_MM
+    proven_mm: float                        # no hollow is tighter than this: at least radius_mm / (1 + PROVEN_SHARE)
     place_mm: tuple[float, float, float]
     face: int
+    uv: tuple[float, float]                 # parameters of the face's `nurbs`
+    poles_left_out: int                     # pieces that touch a pole and could not be bounded
 
 
-def tightest_hollow(faces, indices):
-    """Smallest concave principal radius over the given faces and where it is."""
-    best = Hollow(radius_mm=np.inf, place_mm=tuple(faces[indices[0]].middle.point_mm[0]), face=indices[0])
-    for index in indices:
-        face = faces[index]
-        if face.kind == "plane":
-            continue
-        u, v, _ = _inside_grid(face)
-        low = face.shape_at(u, v).curvature_low_per_mm
-        for k in np.argsort(low)[:REFINED]:
-            curvature, point = _descend(face, u[k], v[k])
-            if curvature < -1e-9 and -1.0 / curvature < best.radius_mm:
-                best = Hollow(radius_mm=float(-1.0 / curvature), place_mm=tuple(float(x) for x in point), face=index)
-    return best
+def tightest_hollow(faces, indices, *, within_mm=None, geometry=None):
+    """Smallest concave principal radius over the given faces and where it is.
+
+    Args:
+        faces: brep.Face values.
+        indices: those to look at, at least one.
+        within_mm: (low (3,), high (3,)) only the parts of the faces in this box, part frame.
+        geometry: (PatchSet, TrimSet) of all faces, if they are at hand.
+    Returns:
+        Hollow.
+    Raises:
+        PlanError: the bound does not close in; names face and place.
+    """
+    return min(hollows_of_faces(faces, indices, within_mm=within_mm, geometry=geometry), key=lambda h: h.proven_mm)
 
 
-def _descend(face, u, v):
-    """Pattern search for the most hollow point near (u, v), inside the trim; returns curvature, point."""
-    u0, u1, v0, v1 = BRepTools.UVBounds_s(face.nurbs_face)
-    du, dv = (u1 - u0) / GRID, (v1 - v0) / GRID
-    here = face.shape_at(u, v)
-    best, point = here.curvature_low_per_mm[0], here.point_mm[0]
-    while du > (u1 - u0) * 1e-6:
-        uu = np.clip(u + du * np.array([-1, 1, 0, 0, -1, 1, -1, 1]), u0, u1)
-        vv = np.clip(v + dv * np.array([0, 0, -1, 1, -1, -1, 1, 1]), v0, v1)
-        shape = face.shape_at(uu, vv)
-        values = np.where(face.is_inside(uu, vv), shape.curvature_low_per_mm, np.inf)
-        k = int(values.argmin())
-        if values[k] < best - 1e-15:
-            u, v, best, point = uu[k], vv[k], values[k], shape.point_mm[k]
-        else:
-            du, dv = du / 2, dv / 2
-    return best, point
-
-
-@dataclass(frozen=True, kw_only=True)
-class InnerEdge:
-    """Two faces that meet in a hollow without a fillet: no cutter of revolution cleans it."""
-
-    faces: tuple[int, int]
-    place_mm: tuple[float, float, float]
-    opening_deg: float          # angle of air between the faces, below 180
-    length_mm: float
-
-
-def inner_edges(faces, indices):
-    """Concave edges that lie between faces of which at least one is to be cut."""
-    owners = {}
-    for index, face in enumerate(faces):
-        explorer = TopExp_Explorer(face.shape, TopAbs_EDGE)
-        while explorer.More():
-            edge = TopoDS.Edge_s(explorer.Current())
-            owners.setdefault(edge.TShape(), []).append((index, edge))
-            explorer.Next()
+def hollows_of_faces(faces, indices, *, within_mm=None, geometry=None):
+    """Hollow of each of the given faces, in order; arguments as for `tightest_hollow`."""
+    patches, trims = geometry or (None, None)
     found = []
-    for pair in owners.values():
-        if len(pair) == 2 and pair[0][0] != pair[1][0] and (pair[0][0] in indices or pair[1][0] in indices):
-            edge = _inner_edge(faces, pair)
-            if edge is not None:
-                found.append(edge)
+    for index in indices:
+        alone = geometry is None
+        p, t = (PatchSet.of_faces([faces[index]]), TrimSet.of_faces([faces[index]])) if alone else (patches, trims)
+        found.append(_hollow_of_face(faces[index], index, 0 if alone else index, p, t, within_mm))
     return found
 
 
-def _inner_edge(faces, pair):
-    (i, first), (j, second) = pair
-    curve = BRepAdaptor_Curve(first)
-    middle = (curve.FirstParameter() + curve.LastParameter()) / 2
-    n1, n2 = (_normal_on(faces[k], e, middle) for k, e in pair)
-    point, tangent = gp_Pnt(), gp_Vec()
-    curve.D1(middle, point, tangent)
-    t = np.array([tangent.X(), tangent.Y(), tangent.Z()])
-    t *= (-1 if first.Orientation() == TopAbs_REVERSED else 1) / np.linalg.norm(t)
-    into_first = np.cross(n1, t)            # the face lies to the left of its own edges
-    sine = float(into_first @ n2)
-    if sine < CONCAVE_SINE:
-        return None
-    return InnerEdge(faces=(i, j), place_mm=(point.X(), point.Y(), point.Z()),
-                     opening_deg=float(180.0 - np.degrees(np.arctan2(sine, n1 @ n2))),
-                     length_mm=float(GCPnts_AbscissaPoint.Length_s(curve)))
+def _hollow_of_face(face, index, row, patches, trims, within_mm):
+    none = dict(radius_mm=np.inf, proven_mm=FLATTEST_MM, face=index, uv=tuple(_middle_parameters(face)),
+                place_mm=tuple(float(x) for x in face.middle.point_mm[0]), poles_left_out=0)
+    if face.kind == "plane" or (face.kind in ONE_WAY and face.middle.curvature_low_per_mm[0] > -1.0 / FLATTEST_MM):
+        return Hollow(**none)
+    within = np.array([[-np.inf] * 3, [np.inf] * 3] if within_mm is None else within_mm, float)
+    search = _Search(patches, trims, row, within)
+    bound = search.run()
+    if search.uv is None:
+        return Hollow(**{**none, "poles_left_out": search.poles})
+    uv, curvature, point = search.refined(bound)
+    return Hollow(radius_mm=1.0 / curvature, proven_mm=1.0 / max(bound, curvature), face=index, uv=uv,
+                  place_mm=tuple(float(x) for x in point), poles_left_out=search.poles)
 
 
-def _normal_on(face, edge, parameter):
-    """Outward normal of the face at a parameter of one of its edges."""
-    pcurve = BRep_Tool.CurveOnSurface_s(edge, face.shape, 0.0, 0.0)
-    uv = pcurve.Value(parameter)
-    p, du, dv = gp_Pnt(), gp_Vec(), gp_Vec()
-    face.adaptor.D1(uv.X(), uv.Y(), p, du, dv)
-    n = np.cross((du.X(), du.Y(), du.Z()), (dv.X(), dv.Y(), dv.Z()))
-    return n / max(np.linalg.norm(n), 1e-30) * (-1 if face.is_reversed else 1)
+def _middle_parameters(face):
+    u0, u1, v0, v1 = BRepTools.UVBounds_s(face.nurbs_face)
+    return (u0 + u1) / 2, (v0 + v1) / 2
+
+
+class _Search:
+    """Branch and bound over one face; curvature counts positive in a hollow here."""
+
+    def __init__(self, patches, trims, face, within):
+        self.patches, self.trims, self.face, self.within = patches, trims, face, within
+        self.best, self.uv, self.step, self.poles = 1.0 / FLATTEST_MM, None, None, 0
+        degrees = patches.patch[patches.patch[:, 0] == face][:, 2:4].max(axis=0) + 1
+        self.work = np.empty((*degrees, 4))
+
+    def run(self):
+        """Proven upper bound of the curvature over the face, within PROVEN_SHARE of what was found."""
+        patch, box = whole_patches(self.patches, self.face)
+        for _ in range(LARGEST_ROUNDS):
+            patch, box = self._round(patch, box)
+            if not len(patch):
+                return self.best * (1.0 + PROVEN_SHARE)
+            if len(patch) > LARGEST_COUNT:
+                break
+        bounds = np.empty((1, 9))
+        _examine(self.patches.coefficients, self.patches.patch, self.patches.sign, patch[:1], box[:1], self.work, bounds)
+        raise PlanError(f"face {self.face}: the tightest hollow does not close in near {np.round(bounds[0, 2:5], 3).tolist()}: "
+                        "look there for a cusp or a fold of the surface", rows=[self.face])
+
+    def _round(self, patch, box):
+        """Examine pieces, keep the best place, return the halves of those that may still hold a tighter one."""
+        bounds = np.empty((len(box), 9))
+        _examine(self.patches.coefficients, self.patches.patch, self.patches.sign, patch, box, self.work, bounds)
+        open_ = bounds[:, 0] > self.best * (1.0 + PROVEN_SHARE)
+        patch, box, bounds = patch[open_], box[open_], bounds[open_]
+        state, is_mine = self._states(patch, box, bounds)
+        small = np.maximum(bounds[:, 6], bounds[:, 7])
+        self._attain(patch, box, bounds, is_mine | (state == ACROSS) & (small < BORDER_MM))
+        pole = np.isinf(bounds[:, 0]) & (small < POLE_MM)
+        self.poles += int((pole & (state != OUTSIDE)).sum())
+        open_ = (state != OUTSIDE) & ~pole & (bounds[:, 0] > self.best * (1.0 + PROVEN_SHARE))
+        # a bound that has closed in on a middle outside the border: cut the longer side
+        closed = bounds[:, 0] < 1.002 * bounds[:, 1]
+        side = np.where(closed, bounds[:, 7] > bounds[:, 6], bounds[:, 8] == 1.0)
+        return halves(patch[open_], box[open_], side[open_].astype(int))
+
+    def _states(self, patch, box, bounds):
+        """Where pieces lie, (n,), and whether their middles count, (n,) bool."""
+        state = trim_states(self.patches, self.trims, patch, box)
+        u, v = in_face_parameters(self.patches, patch, (box[:, 0] + box[:, 1]) / 2, (box[:, 2] + box[:, 3]) / 2)
+        is_mine = (state == INSIDE) | (state == ACROSS) & self.trims.is_inside(self.face, u, v)
+        low, high = self.within
+        middle, reach = bounds[:, 2:5], bounds[:, 5:6]
+        off = ((middle + reach < low) | (middle - reach > high)).any(axis=1)
+        across = ~off & ((middle - reach < low) | (middle + reach > high)).any(axis=1)
+        state = np.where(off, OUTSIDE, np.where(across & (state == INSIDE), ACROSS, state))
+        return state, is_mine & ((middle >= low) & (middle <= high)).all(axis=1)
+
+    def _attain(self, patch, box, bounds, counts):
+        values = np.where(counts & np.isfinite(bounds[:, 0]), bounds[:, 1], -np.inf)
+        k = int(values.argmax()) if len(values) else 0
+        if len(values) and values[k] > self.best:
+            self.best = float(values[k])
+            u, v = in_face_parameters(self.patches, patch[[k, k]], box[k, :2], box[k, 2:])
+            self.uv, self.step = (float(u.mean()), float(v.mean())), (np.ptp(u), np.ptp(v))
+
+    def refined(self, bound):
+        """Bring the best point home by pattern search: ((u, v), curvature, point); nothing above the bound counts."""
+        (u, v), (du, dv) = self.uv, self.step
+        u0, u1, v0, v1 = self.patches.domain(self.face)
+        best, point = -np.inf, None
+        for k in range(8 * REFINING_STEPS):
+            uu = np.clip(u + du * np.array([0, -1, 1, 0, 0, -1, 1, -1, 1]), u0, u1)
+            vv = np.clip(v + dv * np.array([0, 0, 0, -1, 1, -1, -1, 1, 1]), v0, v1)
+            shape = local_shape(self.patches.derivatives(self.face, uu, vv), self.patches.sign[self.face] < 0)
+            counts = self.trims.is_inside(self.face, uu, vv) & shape.is_regular
+            counts &= ((shape.point_mm >= self.within[0]) & (shape.point_mm <= self.within[1])).all(axis=1)
+            counts[0] = True
+            values = np.where(counts, -shape.curvature_low_per_mm, -np.inf)
+            values[values > max(bound, values[0])] = -np.inf
+            j = int(values.argmax())
+            if values[j] > best:
+                best, point, u, v = float(values[j]), shape.point_mm[j], float(uu[j]), float(vv[j])
+            else:
+                du, dv = du / 2, dv / 2
+                if du < 1e-9 * (u1 - u0) and dv < 1e-9 * (v1 - v0):
+                    break
+        return (u, v), best, point
+
+
+@njit(cache=True)
+def _examine(coefficients, rows, sign, patch, box, work, out):
+    """Bounds of `enclosures.curvature_of_piece` for many pieces."""
+    for k in range(box.shape[0]):
+        q = patch[k]
+        curvature_of_piece(coefficients, rows[q], sign[rows[q, 0]], box[k], work, out[k])

@@ -93,6 +93,31 @@ def local_shape(derivatives, flip=False):
                       curvature_high_per_mm=np.where(regular, -(mean - spread), 0.0))
 
 
+def principal_directions(derivatives, flip=False):
+    """Tangent directions of the principal curvatures.
+
+    Args:
+        derivatives, flip: as for `local_shape`.
+    Returns:
+        (n, 3) unit direction of the most hollow curvature, (n, 3) that of the other, square to it and to the normal.
+        Any pair where both curvatures are equal; NaN at a degenerate pole.
+    """
+    s, su, sv, suu, suv, svv = np.moveaxis(derivatives, 1, 0)
+    normal = np.where(local_shape(derivatives).is_regular[:, None], np.cross(su, sv), np.nan)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    first = su / np.linalg.norm(su, axis=1, keepdims=True).clip(1e-300)
+    second = np.cross(normal, first)
+    dot = lambda a, b: np.einsum("ij,ij->i", a, b)
+    # su = a first, sv = b first + c second: the second form in this frame of unit vectors
+    a, b, c = dot(su, first), dot(sv, first), dot(sv, second)
+    L, M, N = dot(suu, normal), dot(suv, normal), dot(svv, normal)
+    p, q = L / a ** 2, (M - b / a * L) / (a * c)
+    r = (N - 2 * b / a * M + (b / a) ** 2 * L) / c ** 2
+    turn = np.arctan2(2 * q, p - r) / 2 + (np.pi / 2 if flip else 0.0)
+    hollow = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
+    return hollow, np.cross(normal, hollow)
+
+
 @njit(cache=True)
 def _span(knots, degree, count, t):
     """Index i with knots[i] <= t < knots[i+1], the last span closed on the right."""

@@ -1,0 +1,103 @@
+"""Pieces of trimmed faces: rectangles of a patch's local parameters, halved until whoever asks is content.
+
+A piece is known by its patch and its local rectangle (s low, s high, t low, t high), and lies outside, inside or across
+the border of its face.  Borders are those of `trims`: chords closer than CHORD_MM to the true edge.
+"""
+
+import numpy as np
+from numba import njit
+
+from cuspline.surfaces.trims import is_inside
+
+OUTSIDE, ACROSS, INSIDE = 0, 1, 2
+
+
+def whole_patches(patches, face):
+    """Patch indices (n,) and local rectangles (n, 4) of all patches of a face."""
+    first, nu, nv = patches.face[face, :3]
+    return np.arange(first, first + nu * nv), np.tile([-1.0, 1.0, -1.0, 1.0], (nu * nv, 1))
+
+
+def halves(patch, box, side):
+    """Both halves of pieces; `side` (n,): 0 cuts s, 1 cuts t."""
+    first, second, row = box.copy(), box.copy(), np.arange(len(box))
+    low, high = np.where(side == 1, 2, 0), np.where(side == 1, 3, 1)
+    middle = (box[row, low] + box[row, high]) / 2
+    first[row, high], second[row, low] = middle, middle
+    return np.concatenate([patch, patch]), np.concatenate([first, second])
+
+
+def in_face_parameters(patches, patch, s, t):
+    """(n,) u and v of local places."""
+    u0, u1, v0, v1 = patches.span[patch].T
+    return (u0 + u1 + s * (u1 - u0)) / 2, (v0 + v1 + t * (v1 - v0)) / 2
+
+
+def trim_states(patches, trims, patch, box):
+    """(n,) OUTSIDE, ACROSS or INSIDE for pieces."""
+    u0, v0 = in_face_parameters(patches, patch, box[:, 0], box[:, 2])
+    u1, v1 = in_face_parameters(patches, patch, box[:, 1], box[:, 3])
+    out = np.empty(len(box), np.int64)
+    _states(trims.arrays, patches.patch[patch, 0], np.column_stack([u0, u1, v0, v1]), out)
+    return out
+
+
+@njit(cache=True)
+def _states(trims, face, box, out):
+    for k in range(box.shape[0]):
+        out[k] = trim_state(trims, face[k], box[k])
+
+
+@njit(cache=True)
+def trim_state(trims, face, box):
+    """State of one rectangle (u low, u high, v low, v high) of a face."""
+    chords, bins, items, faces, strip = trims
+    if faces[face, 2] == 1:
+        return INSIDE
+    count = faces[face, 1]
+    first, last = (box[2] - strip[face, 0]) * strip[face, 1], (box[3] - strip[face, 0]) * strip[face, 1]
+    if last < 0.0 or first > count or box[1] < strip[face, 2] or box[0] > strip[face, 3]:
+        return OUTSIDE
+    low, high = max(0, min(int(first), count - 1)), max(0, min(int(last), count - 1))
+    for b in range(faces[face, 0] + low, faces[face, 0] + high + 1):
+        for k in range(bins[b], bins[b + 1]):
+            if _meets(chords[items[k]], box):
+                return ACROSS
+    inside = is_inside(trims, face, (box[0] + box[1]) / 2, (box[2] + box[3]) / 2)
+    return INSIDE if inside else OUTSIDE
+
+
+@njit(cache=True)
+def _meets(chord, box):
+    """A chord and a rectangle have a point in common: no axis and no normal of the chord separates them."""
+    if (max(chord[0], chord[2]) < box[0] or min(chord[0], chord[2]) > box[1]
+            or max(chord[1], chord[3]) < box[2] or min(chord[1], chord[3]) > box[3]):
+        return False
+    du, dv = chord[2] - chord[0], chord[3] - chord[1]
+    middle = dv * ((box[0] + box[1]) / 2 - chord[0]) - du * ((box[2] + box[3]) / 2 - chord[1])
+    return abs(middle) <= abs(dv) * (box[1] - box[0]) / 2 + abs(du) * (box[3] - box[2]) / 2
+
+
+@njit(cache=True)
+def point_on_border(trims, face, box, out):
+    """Parameters of a border point in a rectangle that lies across the border, into out (2,); False: none found."""
+    chords, bins, items, faces, strip = trims
+    count = faces[face, 1]
+    first, last = (box[2] - strip[face, 0]) * strip[face, 1], (box[3] - strip[face, 0]) * strip[face, 1]
+    low, high = max(0, min(int(first), count - 1)), max(0, min(int(last), count - 1))
+    for b in range(faces[face, 0] + low, faces[face, 0] + high + 1):
+        for k in range(bins[b], bins[b + 1]):
+            c = chords[items[k]]
+            if not _meets(c, box):
+                continue
+            begin, end = 0.0, 1.0                   # the chord's share within the rectangle
+            for a in range(2):
+                d = c[a + 2] - c[a]
+                if d != 0.0:
+                    p, q = (box[2 * a] - c[a]) / d, (box[2 * a + 1] - c[a]) / d
+                    begin, end = max(begin, min(p, q)), min(end, max(p, q))
+            share = (begin + end) / 2
+            out[0] = min(max(c[0] + share * (c[2] - c[0]), box[0]), box[1])
+            out[1] = min(max(c[1] + share * (c[3] - c[1]), box[2]), box[3])
+            return True
+    return False

@@ -1,0 +1,122 @@
+"""Closest points on trimmed faces, edges and corners included: for points measured, simulated or planned.
+
+Every face is cut into pieces that turn little, every edge into stretches; a tree of boxes over both is searched by
+`projection_kernels`.  Where a foot lies within CHORD_MM of a border, either side of the border may be answered: the
+distance is then wrong by at most CHORD_MM, and by its square over the distance away from the face.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.arrays import frozen
+from cuspline.errors import PlanError
+from cuspline.surfaces import projection_tree
+from cuspline.surfaces.patches import PatchSet
+from cuspline.surfaces.projection_kernels import CHUNK, NOWHERE, project_block, project_in_parallel, refine_in_parallel
+from cuspline.surfaces.trims import TrimSet
+
+SERIAL_ROWS = 2000      # below this, starting threads costs more than it saves
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClosestPoints:
+    """The nearest point of the faces to each of n points."""
+
+    distance_mm: np.ndarray     # (n,)
+    point_mm: np.ndarray        # (n, 3)
+    face: np.ndarray            # (n,) int
+    u: np.ndarray               # (n,) parameters of the face's `nurbs`
+    v: np.ndarray               # (n,)
+    normal: np.ndarray          # (n, 3) unit, out of the material; NaN at a pole
+    is_edge: np.ndarray         # (n,) bool: on an edge or corner; `face` is then one of the faces that meet there
+
+    def __post_init__(self):
+        n = len(self.distance_mm)
+        for name, shape, dtype in (("distance_mm", (n,), float), ("point_mm", (n, 3), float), ("face", (n,), np.int64),
+                                   ("u", (n,), float), ("v", (n,), float), ("normal", (n, 3), float),
+                                   ("is_edge", (n,), bool)):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
+
+    def __len__(self):
+        return len(self.distance_mm)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClosestTree:
+    """Pieces of faces and edges under a tree of boxes; made once for a part."""
+
+    patches: PatchSet
+    trims: TrimSet
+    nodes: np.ndarray       # (m, 6) boxes, low and high
+    children: np.ndarray    # (m, 2) int: both children, or -1 - first and end of a run of `order`
+    order: np.ndarray       # (k,) int: leaves
+    boxes: np.ndarray       # (k, 6)
+    geometry: np.ndarray    # (k, 24) see `projection_tree.measure`
+    rows: np.ndarray        # (k, 4) int: face; patch or offset into curves; state in the trim, -1 for an edge; degree
+    curves: np.ndarray      # (c,) power coefficients of the edges' curves
+
+    @classmethod
+    def of_faces(cls, faces, *, geometry=None):
+        """The tree of `brep.Face` values; `geometry` = (PatchSet, TrimSet) of them if at hand.
+
+        Raises:
+            PlanError: no face at all.
+        """
+        if not len(faces):
+            raise PlanError("closest points need at least one face")
+        patches, trims = geometry or (PatchSet.of_faces(faces), TrimSet.of_faces(faces))
+        boxes, shape, rows, curves = projection_tree.leaves(faces, patches, trims)
+        nodes, children, order = projection_tree.grown(boxes)
+        return cls(patches=patches, trims=trims, nodes=frozen(nodes, (None, 6), "nodes"),
+                   children=frozen(children, (None, 2), "children", np.int64),
+                   order=frozen(order, (None,), "order", np.int64), boxes=frozen(boxes, (None, 6), "boxes"),
+                   geometry=frozen(shape, (None, 24), "geometry"), rows=frozen(rows, (None, 4), "rows", np.int64),
+                   curves=frozen(curves, (None,), "curves"))
+
+    @property
+    def arrays(self):
+        """What kernels take as one argument."""
+        return self.nodes, self.children, self.order, self.boxes, self.geometry, self.rows, self.curves
+
+    def closest_points(self, points_mm, face=None):
+        """Nearest points of the faces, edges and corners.
+
+        Args:
+            points_mm: (n, 3); fastest when neighbours in the row are neighbours in space.
+            face: one face index or (n,) of them to look at alone; None: all.
+        Returns:
+            ClosestPoints.
+        """
+        points = np.ascontiguousarray(points_mm, float).reshape(-1, 3)
+        n = len(points)
+        wanted = np.ascontiguousarray(np.broadcast_to(NOWHERE if face is None else face, (n,)), np.int64)
+        distance, foot, owner, uv = np.empty(n), np.empty((n, 3)), np.empty(n, np.int64), np.empty((n, 2))
+        normal, is_edge = np.empty((n, 3)), np.empty(n, np.bool_)
+        given = (self.arrays, self.patches.arrays, self.trims.arrays, points, wanted)
+        answers = (distance, foot, owner, uv, normal, is_edge)
+        if n > SERIAL_ROWS:
+            project_in_parallel(*given, *answers)
+        else:
+            for first in range(0, n, CHUNK):
+                project_block(*given, first, min(n, first + CHUNK), *answers)
+        return ClosestPoints(distance_mm=distance, point_mm=foot, face=owner, u=uv[:, 0], v=uv[:, 1], normal=normal,
+                             is_edge=is_edge)
+
+
+def refined(patches, face, u, v, points_mm):
+    """Feet of perpendiculars from a start near them, on the faces' untrimmed surfaces: Newton alone, no search.
+
+    Args:
+        patches: PatchSet.
+        face: (n,) face indices or one for all.
+        u, v: (n,) starts, parameters of the faces' `nurbs`.
+        points_mm: (n, 3).
+    Returns:
+        u (n,), v (n,), feet (n, 3): a local minimum of the distance near the start, or on the domain's border.
+    """
+    points = np.ascontiguousarray(points_mm, float).reshape(-1, 3)
+    uv = np.column_stack([np.asarray(u, float), np.asarray(v, float)])
+    feet = np.empty_like(points)
+    refine_in_parallel(patches.arrays, np.ascontiguousarray(np.broadcast_to(face, (len(points),)), np.int64), points, uv, feet)
+    return uv[:, 0], uv[:, 1], feet

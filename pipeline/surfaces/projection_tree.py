@@ -1,0 +1,240 @@
+"""Leaves and tree for closest points: pieces of faces that turn little, stretches of edges, boxes over them."""
+
+import numpy as np
+from numba import njit
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.Geom import Geom_TrimmedCurve
+from OCP.GeomConvert import GeomConvert
+from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopoDS import TopoDS
+
+from cuspline.brep import explore
+from cuspline.surfaces.enclosures import (_cross, _dot, _middle_length, _likely_length, _quotients, _reach, _recentred,
+                                          curvature_of_piece, shifted)
+from cuspline.surfaces.patches import _span_powers
+from cuspline.surfaces.pieces import ACROSS, OUTSIDE, halves, trim_states, whole_patches
+
+TURN = 0.35             # of the normal from the middle of a piece to its side, radians: then it is a leaf
+STRETCH = 1.0           # change of a tangent's length from the middle to the side, as a share: Newton still converges
+EXTRA = 3               # halvings more for pieces across a border
+ROUNDS = 24             # halvings at most: a pole is never flat
+LEAF_ITEMS = 2
+SLACK_MM = 1e-9         # boxes and slabs are wider by this: rounding
+
+
+def leaves(faces, patches, trims):
+    """Boxes (k, 6), geometry (k, 24), rows (k, 4) and curve coefficients (c,)."""
+    parts = [_face_leaves(patches, trims, f) for f in range(len(faces))]
+    curve_parts, coefficients = _edge_leaves(faces)
+    parts += curve_parts
+    boxes, geometry, rows = (np.concatenate(column) for column in zip(*parts))
+    return boxes, geometry, rows, coefficients
+
+
+def _face_leaves(patches, trims, face):
+    patch, box = whole_patches(patches, face)
+    extra = np.zeros(len(patch), np.int64)
+    size = patches.patch[patch][:, 2:4].max(axis=0) + 1
+    work, done = np.empty((*size, 4)), []
+    for level in range(ROUNDS + 1):
+        state = trim_states(patches, trims, patch, box)
+        patch, box, extra, state = (a[state != OUTSIDE] for a in (patch, box, extra, state))
+        if not len(patch):
+            break
+        boxes, geometry, bend = np.empty((len(patch), 6)), np.empty((len(patch), 24)), np.empty((len(patch), 2))
+        measure(patches.coefficients, patches.patch, patch, box, work, boxes, geometry, bend)
+        is_flat = (bend.max(axis=1) < TURN) & np.isfinite(boxes).all(axis=1)
+        extra = extra + (is_flat & (state == ACROSS))
+        ready = (is_flat & ((state != ACROSS) | (extra > EXTRA))) | (level == ROUNDS)
+        rows = np.column_stack([np.full(len(patch), face), patch, state, np.zeros(len(patch), np.int64)])
+        done.append((boxes[ready], geometry[ready], rows[ready]))
+        go = ~ready
+        side = (bend[go, 1] > bend[go, 0]).astype(int)
+        patch, box = halves(patch[go], box[go], side)
+        extra = np.concatenate([extra[go], extra[go]])
+    if not done:
+        return np.empty((0, 6)), np.empty((0, 24)), np.empty((0, 4), np.int64)
+    return tuple(np.concatenate(column) for column in zip(*done))
+
+
+@njit(cache=True, error_model="numpy")
+def measure(coefficients, rows, patch, box, work, boxes, geometry, bend):
+    """What the search asks of pieces.
+
+    Args:
+        boxes: (n, 6) filled: low and high corners.
+        geometry: (n, 24) filled: middle (3), normal there (3), half thickness along it, duals of both tangents in units of
+            the piece's half sides (3 + 3), largest principal curvature in absolute value, largest distance from the
+            middle, the local rectangle (4), a tangent direction (3), half widths along it and across it (2).
+        bend: (n, 2) filled: how much the piece bends towards the sides in s and in t, below TURN for a leaf.
+    """
+    out = np.empty(9)
+    for k in range(box.shape[0]):
+        row = rows[patch[k]]
+        g, most = geometry[k], 0.0
+        for sign in (-1.0, 1.0):
+            curvature_of_piece(coefficients, row, sign, box[k], work, out)
+            most = max(most, out[0])
+        g[13], g[14] = most, out[5]
+        shifted(coefficients, row, box[k], work)
+        _recentred(work, row[2], row[3], g[0:3])
+        S, Ss, St, Sss, Sst, Stt = _quotients(work, row[2], row[3], row[4] != 0)
+        for c in range(3):
+            boxes[k, c], boxes[k, 3 + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
+        _frame(S, Ss, St, g)
+        g[15:19] = box[k]
+        ls, lt = _middle_length(Ss) + 1e-300, _middle_length(St) + 1e-300
+        n = g[3:6]
+        turn_s, turn_t = _along(n, Sss) / ls + _along(n, Sst) / lt, _along(n, Sst) / ls + _along(n, Stt) / lt
+        run_s = _likely_length(Sss) / ls + _likely_length(Sst) / lt
+        run_t = _likely_length(Sst) / ls + _likely_length(Stt) / lt
+        # the longer of two sides that turn alike is cut first
+        bend[k, 0] = max(turn_s, run_s * (TURN / STRETCH)) * (1.0 + 1e-6 * ls / (ls + lt))
+        bend[k, 1] = max(turn_t, run_t * (TURN / STRETCH)) * (1.0 + 1e-6 * lt / (ls + lt))
+
+
+@njit(cache=True, error_model="numpy")
+def _along(n, a):
+    """Likely size of a vector of forms along a direction."""
+    return (abs(n[0] * a[0][0] + n[1] * a[1][0] + n[2] * a[2][0]) + abs(n[0] * a[0][1] + n[1] * a[1][1] + n[2] * a[2][1])
+            + abs(n[0] * a[0][2] + n[1] * a[1][2] + n[2] * a[2][2]))
+
+
+@njit(cache=True, error_model="numpy")
+def _extent(n0, n1, n2, a):
+    """Largest absolute value of a vector of forms about its middle along a direction."""
+    return (abs(n0 * a[0][1] + n1 * a[1][1] + n2 * a[2][1]) + abs(n0 * a[0][2] + n1 * a[1][2] + n2 * a[2][2])
+            + abs(n0) * a[0][3] + abs(n1) * a[1][3] + abs(n2) * a[2][3]) + SLACK_MM
+
+
+@njit(cache=True, error_model="numpy")
+def _frame(S, Ss, St, g):
+    """Normal, half thickness and dual tangents of a piece into its geometry row."""
+    N = _cross(Ss, St)
+    length = _middle_length(N)
+    E, F, G = _dot(Ss, Ss)[0], _dot(Ss, St)[0], _dot(St, St)[0]
+    det = E * G - F * F
+    sound = length > 0.0 and det > 1e-14 * E * G
+    slow = np.sqrt(max(E, G))
+    for c in range(3):
+        g[3 + c] = N[c][0] / length if sound else 0.0
+        g[7 + c] = (G * Ss[c][0] - F * St[c][0]) / det if sound else 0.0
+        g[10 + c] = (E * St[c][0] - F * Ss[c][0]) / det if sound else 0.0
+        g[19 + c] = (Ss[c][0] if E >= G else St[c][0]) / slow if sound else 0.0
+    g[6], g[22], g[23] = np.inf, np.inf, np.inf
+    if sound:
+        g[6], g[22] = _extent(g[3], g[4], g[5], S), _extent(g[19], g[20], g[21], S)
+        g[23] = _extent(g[4] * g[21] - g[5] * g[20], g[5] * g[19] - g[3] * g[21], g[3] * g[20] - g[4] * g[19], S)
+
+
+# edges -------------------------------------------------------------------------------------------------
+
+
+def _edge_leaves(faces):
+    """[(boxes, geometry, rows)] of all edges but seams, and their curves' coefficients."""
+    owners, coefficients, parts, offset = {}, [], [], 0
+    for index, face in enumerate(faces):
+        for shape in explore(face.shape, TopAbs_EDGE):
+            edge = TopoDS.Edge_s(shape)
+            if not BRep_Tool.Degenerated_s(edge):
+                owners.setdefault(edge.TShape(), (edge, []))[1].append((index, BRep_Tool.IsClosed_s(edge, face.shape)))
+    for edge, sides in owners.values():
+        if any(is_seam for _, is_seam in sides):
+            continue
+        for powers in _curve_spans(edge):
+            parts.append(_stretches(powers, sides[0][0], offset))
+            coefficients.append(powers.ravel())
+            offset += powers.size
+    return parts, np.concatenate(coefficients) if coefficients else np.zeros(0)
+
+
+def _curve_spans(edge):
+    """[(degree + 1, 4)] power coefficients of the edge's curve between its knots."""
+    curve = BRepAdaptor_Curve(edge)
+    trimmed = Geom_TrimmedCurve(BRep_Tool.Curve_s(edge, 0.0, 0.0), curve.FirstParameter(), curve.LastParameter())
+    spline = GeomConvert.CurveToBSplineCurve_s(trimmed)
+    if spline.IsPeriodic():
+        spline.SetNotPeriodic()
+    count = spline.NbPoles()
+    poles = np.empty((count, 4))
+    for k in range(count):
+        p, w = spline.Pole(k + 1), spline.Weight(k + 1)
+        poles[k] = p.X() * w, p.Y() * w, p.Z() * w, w
+    knots = np.repeat([spline.Knot(k) for k in range(1, spline.NbKnots() + 1)],
+                      [spline.Multiplicity(k) for k in range(1, spline.NbKnots() + 1)])
+    _, powers = _span_powers(knots, spline.Degree(), count)
+    return [np.ascontiguousarray(m @ (poles / poles[:, 3].max())) for m in powers]
+
+
+def _stretches(powers, face, offset):
+    """Leaves of one span of a curve."""
+    degree = len(powers) - 1
+    row, flat = np.array([[face, 0, degree, 0, 1]]), powers.ravel()
+    box, work, done = np.array([[-1.0, 1.0, 0.0, 0.0]]), np.empty((degree + 1, 1, 4)), []
+    for level in range(ROUNDS + 1):
+        boxes, geometry, bend = np.empty((len(box), 6)), np.empty((len(box), 24)), np.empty(len(box))
+        _measure_curve(flat, row, box, work, boxes, geometry, bend)
+        ready = (bend < TURN) & np.isfinite(boxes).all(axis=1) | (level == ROUNDS)
+        rows = np.tile([face, offset, -1, degree], (int(ready.sum()), 1))
+        done.append((boxes[ready], geometry[ready], rows))
+        _, box = halves(np.zeros(int((~ready).sum()), int), box[~ready], np.zeros(int((~ready).sum()), int))
+        if not len(box):
+            break
+    return tuple(np.concatenate(column) for column in zip(*done))
+
+
+@njit(cache=True, error_model="numpy")
+def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
+    """As `measure`, for stretches of a curve: no normal, one tangent."""
+    for k in range(box.shape[0]):
+        g = geometry[k]
+        shifted(coefficients, row[0], box[k], work)
+        _recentred(work, row[0, 2], 0, g[0:3])
+        S, Ss, _, Sss, _, _ = _quotients(work, row[0, 2], 0, True)
+        length = _middle_length(Ss)
+        slow, fast, far = length, 0.0, 0.0
+        g[3:13], g[19:22], g[22:24] = 0.0, 0.0, np.inf
+        for c in range(3):
+            boxes[k, c], boxes[k, 3 + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
+            g[7 + c] = Ss[c][0] / (length * length + 1e-300)
+            fast, far = fast + (abs(Sss[c][0]) + _reach(Sss[c])) ** 2, far + _reach(S[c]) ** 2
+            slow -= _reach(Ss[c])
+        g[13] = np.sqrt(fast) / (slow * slow) if slow > 0.0 else np.inf
+        g[14] = np.sqrt(far)
+        bend[k] = _likely_length(Sss) / (length + 1e-300)
+        g[15:19] = box[k]
+
+
+# tree --------------------------------------------------------------------------------------------------
+
+
+@njit(cache=True)
+def grown(boxes):
+    """Nodes (m, 6), children (m, 2) and order (k,) of a tree over boxes, halved at the median of the longer way."""
+    count = boxes.shape[0]
+    order, middle = np.arange(count), (boxes[:, :3] + boxes[:, 3:]) / 2
+    nodes, children = np.empty((2 * count + 1, 6)), np.empty((2 * count + 1, 2), np.int64)
+    todo = [(0, 0, count)]
+    made = 1
+    while len(todo) > 0:
+        node, first, end = todo.pop()
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        mid_low, mid_high = np.full(3, np.inf), np.full(3, -np.inf)
+        for k in order[first:end]:
+            for c in range(3):
+                low[c], high[c] = min(low[c], boxes[k, c]), max(high[c], boxes[k, 3 + c])
+                mid_low[c], mid_high[c] = min(mid_low[c], middle[k, c]), max(mid_high[c], middle[k, c])
+        nodes[node, :3], nodes[node, 3:] = low, high
+        if end - first <= LEAF_ITEMS:
+            children[node, 0], children[node, 1] = -1 - first, end
+            continue
+        axis = np.argmax(mid_high - mid_low)
+        run = order[first:end]
+        order[first:end] = run[np.argsort(middle[run, axis], kind="mergesort")]
+        half = (first + end) // 2
+        children[node, 0], children[node, 1] = made, made + 1
+        todo.append((made, first, half))
+        todo.append((made + 1, half, end))
+        made += 2
+    return nodes[:made], children[:made], order

@@ -1,0 +1,173 @@
+"""Closest points against the CAD kernel's, against brute force, and on parts where they are known."""
+
+import cadquery as cq
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from known_surfaces import bspline, face_of, kinds, random_weights, round_pocket_block, wavy_poles
+from OCP.BRep import BRep_Builder
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.gp import gp_Pnt
+from OCP.TopoDS import TopoDS_Compound
+
+from cuspline.brep import Face, faces_of, the_solid
+from cuspline.errors import PlanError
+from cuspline.surfaces.projection import SERIAL_ROWS, ClosestTree, refined
+
+SAME_MM = 1e-7
+
+
+def of_the_kernel(faces, points):
+    """(n,) distances by BRepExtrema_DistShapeShape."""
+    shape, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(shape)
+    for face in faces:
+        builder.Add(shape, face.shape)
+    vertex = lambda p: BRepBuilderAPI_MakeVertex(gp_Pnt(*p.tolist())).Vertex()
+    return np.array([BRepExtrema_DistShapeShape(vertex(p), shape).Value() for p in points])
+
+
+def around(faces, count, seed=0, margin=8.0):
+    corners = np.concatenate([f.nurbs.poles[..., :3].reshape(-1, 3) / f.nurbs.poles[..., 3:].reshape(-1, 1) for f in faces])
+    low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+    return np.random.default_rng(seed).uniform(low, high, (count, 3))
+
+
+def is_consistent(tree, points, found):
+    """The answer is a point of the face at (u, v), at the distance given, square to the face unless on an edge."""
+    np.testing.assert_allclose(np.linalg.norm(found.point_mm - points, axis=1), found.distance_mm, atol=1e-10)
+    on_face = tree.patches.derivatives(found.face, found.u, found.v)[:, 0]
+    np.testing.assert_allclose(on_face, found.point_mm, rtol=0, atol=1e-6)      # an edge and its face: their tolerance
+    return True
+
+
+PARTS = {
+    "pocket": lambda: round_pocket_block(),
+    "drilled": lambda: cq.Workplane("XY").box(40, 30, 12).faces(">Z").workplane().pushPoints([(-8, 3), (9, -2)]).hole(7)
+    .faces("<Z").edges().chamfer(1.0),
+    "cone, sphere, torus": lambda: cq.Workplane(obj=cq.Solid.makeCone(9, 0, 12)).union(
+        cq.Workplane("XY").sphere(6).translate((14, 0, 4))).union(
+        cq.Workplane(obj=cq.Solid.makeTorus(8, 2)).translate((-14, 3, 0))).rotate((0, 0, 0), (1, 2, 3), 35),
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_distances_to_parts_are_those_of_the_kernel(name):
+    faces = [f for s in cq.Workplane(obj=PARTS[name]().val()).solids().vals() for f in faces_of(the_solid(s))]
+    points = around(faces, 150)
+    tree = ClosestTree.of_faces(faces)
+    found = tree.closest_points(points)
+    np.testing.assert_allclose(found.distance_mm, of_the_kernel(faces, points), rtol=0, atol=SAME_MM)
+    assert is_consistent(tree, points, found)
+
+
+@pytest.mark.parametrize("name", sorted(set(kinds()) - {"offset"}))
+def test_distances_to_a_face_of_every_kind_are_those_of_the_kernel(name):
+    face = kinds()[name]
+    points = around([face], 60, seed=1)
+    tree = ClosestTree.of_faces([face])
+    found = tree.closest_points(points)
+    theirs = of_the_kernel([face], points)
+    assert (found.distance_mm <= theirs + SAME_MM).all()
+    # where the kernel's answer is farther, ours is a point of the face nonetheless: its search had missed it
+    assert (np.abs(found.distance_mm - theirs) <= SAME_MM).mean() > 0.95 and is_consistent(tree, points, found)
+
+
+def pierced_sheet(seed):
+    sheet = cq.Face(face_of(bspline(wavy_poles(seed, height=2.0), random_weights(seed))).shape)
+    bore = cq.Solid.extrudeLinear(cq.Wire.makeCircle(6, cq.Vector(18, 14, -60), cq.Vector(0, 0, 1)), [], cq.Vector(0, 0, 120))
+    return Face(sheet.cut(bore).Faces()[0].wrapped)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_over_a_hole_the_nearest_point_lies_on_its_border(seed):
+    face = pierced_sheet(seed)
+    tree = ClosestTree.of_faces([face])
+    points = np.random.default_rng(0).uniform((13, 9, -8), (23, 19, 8), (60, 3))
+    found = tree.closest_points(points)
+    np.testing.assert_allclose(found.distance_mm, of_the_kernel([face], points), rtol=0, atol=SAME_MM)
+    assert found.is_edge.mean() > 0.5 and is_consistent(tree, points, found)
+
+
+@settings(max_examples=6, deadline=None)
+@given(seed=st.integers(0, 2 ** 32 - 1))
+def test_no_sample_of_a_random_sheet_is_nearer_than_the_answer(seed):
+    face = face_of(bspline(wavy_poles(seed), random_weights(seed)))
+    tree = ClosestTree.of_faces([face])
+    t = np.linspace(0, 1, 160)
+    u, v = (a.ravel() for a in np.meshgrid(t, t, indexing="ij"))
+    samples = face.nurbs.derivatives(u, v)[:, 0]
+    points = around([face], 12, seed % 1000, margin=15.0)
+    found = tree.closest_points(points)
+    nearest = np.array([np.linalg.norm(samples - p, axis=1).min() for p in points])
+    assert (found.distance_mm <= nearest + 1e-9).all()
+    # one sample is never farther from the foot than a cell: the answer is no lower than it can be
+    np.testing.assert_allclose(found.distance_mm, nearest, atol=1.0)
+    assert is_consistent(tree, points, found)
+
+
+def test_points_on_the_face_come_back_as_they_are():
+    face = kinds()["bspline"]
+    u, v = np.random.default_rng(0).uniform(0.01, 0.99, (2, 500))
+    shape = face.shape_at(u, v)
+    found = ClosestTree.of_faces([face]).closest_points(shape.point_mm)
+    assert found.distance_mm.max() < 1e-12
+    np.testing.assert_allclose(np.column_stack([found.u, found.v]), np.column_stack([u, v]), atol=1e-9)
+    np.testing.assert_allclose(found.normal, shape.normal, atol=1e-8)
+
+
+def test_outside_corners_and_edges_of_a_box_are_answered():
+    box = faces_of(the_solid(cq.Workplane("XY").box(10, 20, 30)))
+    found = ClosestTree.of_faces(box).closest_points([[8, 14, 19], [8, 14, 0], [8, 0, 0], [1, 0, 0]])
+    np.testing.assert_allclose(found.distance_mm, [np.sqrt(41), 5, 3, 4], atol=1e-12)
+    np.testing.assert_allclose(found.point_mm[:3], [[5, 10, 15], [5, 10, 0], [5, 0, 0]], atol=1e-9)
+    np.testing.assert_allclose(found.normal[2:], [[1, 0, 0], [1, 0, 0]], atol=1e-12)
+
+
+def test_at_the_middle_of_a_sphere_every_point_is_as_near():
+    ball = faces_of(the_solid(cq.Workplane("XY").sphere(11)))
+    found = ClosestTree.of_faces(ball).closest_points([[0, 0, 0], [0, 0, 30], [0, 0, -3.0]])
+    np.testing.assert_allclose(found.distance_mm, [11, 19, 8], atol=1e-9)
+
+
+def test_one_face_alone_can_be_asked_for():
+    box = faces_of(the_solid(cq.Workplane("XY").box(10, 20, 30)))
+    tree, point = ClosestTree.of_faces(box), [[1.0, 2.0, 3.0]]
+    for k in range(6):
+        alone = ClosestTree.of_faces([box[k]]).closest_points(point)
+        asked = tree.closest_points(point, face=k)
+        assert asked.face[0] == k and asked.distance_mm[0] == pytest.approx(alone.distance_mm[0], abs=1e-12)
+
+
+def test_closest_points_turn_with_the_part():
+    part = round_pocket_block()
+    turned = part.rotate((1, 2, 3), (4, 1, 7), 77)
+    points = np.random.default_rng(0).uniform(-25, 25, (200, 3))
+    there = np.array([cq.Vertex.makeVertex(*p).rotate(cq.Vector(1, 2, 3), cq.Vector(4, 1, 7), 77).toTuple() for p in points.tolist()])
+    a, b = (ClosestTree.of_faces(faces_of(the_solid(p))) for p in (part, turned))
+    np.testing.assert_allclose(a.closest_points(points).distance_mm, b.closest_points(there).distance_mm, atol=1e-9)
+
+
+def test_many_rows_in_parallel_equal_few():
+    tree = ClosestTree.of_faces([kinds()["bspline"]])
+    points = around([kinds()["bspline"]], SERIAL_ROWS + 1)
+    many, few = tree.closest_points(points), tree.closest_points(points[:300])
+    np.testing.assert_allclose(many.distance_mm[:300], few.distance_mm, atol=1e-12)
+
+
+def test_from_a_start_nearby_newton_alone_finds_the_foot():
+    face = face_of(bspline(wavy_poles(3, (20, 16), (100, 60), 0.5, 0.2)))
+    tree = ClosestTree.of_faces([face])
+    u, v = np.random.default_rng(0).uniform(0.02, 0.98, (2, 3000))
+    shape = face.shape_at(u, v)
+    points = shape.point_mm + 0.3 * shape.normal
+    near_u, near_v, feet = refined(tree.patches, 0, u + 0.004, v - 0.004, points)
+    np.testing.assert_allclose(feet, shape.point_mm, atol=1e-9)
+    np.testing.assert_allclose(np.column_stack([near_u, near_v]), np.column_stack([u, v]), atol=1e-9)
+
+
+def test_no_faces_are_refused():
+    with pytest.raises(PlanError, match="at least one face"):
+        ClosestTree.of_faces([])
