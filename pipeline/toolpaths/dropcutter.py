@@ -1,12 +1,6 @@
 """Drop-cutter on a triangle mesh: the lowest tip height at which a cutter touches without cutting in.
 
-The cutter is the Minkowski sum of a disk (radius a = R - rc) and a ball (corner radius rc):
-ball a = 0, flat rc = 0.  Over (x, y) the tip rests at
-
-    max over surface points S of   S_z - p(|S_xy - (x, y)|),    p(d) = height of the cutter's bottom
-
-p is convex, so over a tree node whose surface lies below one plane, plane - p is concave and any of
-its tangent planes bounds it from above.  The bound converges quadratically with the node's size.
+The geometry of one contact and the search are in drop_kernels.py; here are the tree and the rows of points.
 """
 
 import math
@@ -16,28 +10,57 @@ import numpy as np
 from numba import njit, prange
 
 from cuspline.arrays import frozen
+from cuspline.errors import ToolpathError
+from cuspline.toolpaths.drop_kernels import STACK, drop_one, first_of, holder_above
 
-LEAF_TRIANGLES = 2
-STACK = 128          # deeper than any balanced tree of 2**63 leaves
+SERIAL_ROWS = 512       # fewer are done before the other threads have woken
+CHUNK_ROWS = 256
+LEAF_TRIANGLES = 2      # at most
+STEEPEST = 100.0        # slope beyond which a facet's plane is not extrapolated: rounding of 1000 mm stays below 1e-10
+NARROWEST_MM = 1e-3     # and the height in plan below which it is not
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DropMesh:
-    """Triangles in Morton order with a balanced tree of upper planes over them."""
+    """Triangles in the order of a balanced tree of upper planes."""
 
-    triangles_mm: np.ndarray    # (m, 3, 3) corners
-    nodes: np.ndarray           # (k, 8) x low, x high, y low, y high, z max, and z <= a x + b y + c
+    corners_mm: np.ndarray      # (m, 3, 3)
+    facets: np.ndarray          # (m, 5) plane a, b, c, slope, sqrt(1 + slope²); see triangle_contact
+    nodes: np.ndarray           # (k, 12) box, top and upper plane; see node_bound
+    original: np.ndarray        # (m,) the rows of the triangles that it was made from
 
     @classmethod
     def from_triangles(cls, vertices_mm, triangles):
-        """Build the tree over (m, 3) vertex indices; cost is linear after a sort."""
-        corners = np.asarray(vertices_mm, float)[np.asarray(triangles)]
-        corners = np.ascontiguousarray(corners[np.argsort(_morton(corners[:, :, :2].mean(axis=1)), kind="stable")])
+        """Build the tree over (m, 3) vertex indices; cost is m log m.
+
+        Raises:
+            ToolpathError: there is no triangle, or a corner is not a number.
+        """
+        corners = np.asarray(vertices_mm, float)[np.asarray(triangles, dtype=np.int64).reshape(-1, 3)]
+        if len(corners) == 0:
+            raise ToolpathError("drop-cutter: the mesh has no triangle; hand over at least one")
+        if not np.isfinite(corners).all():
+            rows = np.flatnonzero(~np.isfinite(corners).all(axis=(1, 2)))
+            raise ToolpathError(f"drop-cutter: {len(rows)} triangles, the first being row {rows[0]}, have corners "
+                                "that are not numbers; mend the mesh", rows=rows)
         leaves = 1
         while leaves * LEAF_TRIANGLES < len(corners):
             leaves *= 2
-        return cls(triangles_mm=frozen(corners, (None, 3, 3), "triangles_mm"),
-                   nodes=frozen(_upper_planes(corners, leaves), (2 * leaves - 1, 8), "nodes"))
+        order = _halved(corners[:, :, :2].mean(axis=1), _sides(corners), leaves)
+        corners = np.ascontiguousarray(corners[order])
+        return cls(corners_mm=frozen(corners, (None, 3, 3), "corners_mm"),
+                   facets=frozen(_facet_planes(corners), (None, 5), "facets"),
+                   nodes=frozen(_upper_planes(corners, leaves), (2 * leaves - 1, 12), "nodes"),
+                   original=frozen(order, (None,), "original", np.int64))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DropContacts:
+    """Where a dropped cutter rests; of several contacts one."""
+
+    tip_z_mm: np.ndarray        # (n,) -inf where nothing lies beneath the cutter
+    contact_mm: np.ndarray      # (n, 3) on the mesh; nan where nothing
+    triangle: np.ndarray        # (n,) row of the triangle as handed to DropMesh; -1 where nothing
 
 
 def drop_tips_mm(mesh, xy_mm, radius_mm, corner_radius_mm):
@@ -50,231 +73,235 @@ def drop_tips_mm(mesh, xy_mm, radius_mm, corner_radius_mm):
         corner_radius_mm: rc, 0 (flat) to R (ball).
     Returns:
         (n,) tip z; -inf where nothing lies beneath the cutter.
+    Raises:
+        ToolpathError: no such cutter, or a position that is not a number.
     """
-    xy = np.ascontiguousarray(xy_mm, dtype=float)
-    return _drop_all(mesh.triangles_mm, mesh.nodes, xy, float(radius_mm), float(corner_radius_mm))
+    return _drop(mesh, xy_mm, radius_mm, corner_radius_mm, False)[0]
 
 
-def _morton(centers):
-    """(m,) interleaved 16-bit keys of plane points, so that neighbours come close in memory."""
-    low, span = centers.min(axis=0), max(np.ptp(centers, axis=0).max(), 1e-30)
-    cell = ((centers - low) / span * 65535).astype(np.uint64)
-    return _spread_bits(cell[:, 0]) | (_spread_bits(cell[:, 1]) << np.uint64(1))
+def drop_contacts(mesh, xy_mm, radius_mm, corner_radius_mm):
+    """Lowest safe tips with the points that hold the cutter; arguments and failures of drop_tips_mm.
+
+    Returns:
+        DropContacts, one row a position.
+
+    >>> mesh = DropMesh.from_triangles([[0, 0, 1], [9, 0, 1], [0, 9, 1]], [[0, 1, 2]])
+    >>> rest = drop_contacts(mesh, [[-3.0, 2.0], [2.0, 2.0], [-30.0, 0.0]], 5.0, 5.0)
+    >>> rest.tip_z_mm, rest.triangle
+    (array([  0.,   1., -inf]), array([ 0,  0, -1]))
+    >>> rest.contact_mm[0]
+    array([0., 2., 1.])
+    """
+    tips, contacts, owners = _drop(mesh, xy_mm, radius_mm, corner_radius_mm, True)
+    held = owners >= 0
+    triangle = np.where(held, mesh.original[np.where(held, owners, 0)], -1)
+    return DropContacts(tip_z_mm=frozen(tips, (None,), "tip_z_mm"),
+                        contact_mm=frozen(contacts, (None, 3), "contact_mm"),
+                        triangle=frozen(triangle, (None,), "triangle", np.int64))
 
 
-def _spread_bits(v):
-    """Insert a zero between each two bits of 16-bit numbers."""
-    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
-        v = (v | (v << np.uint64(shift))) & np.uint64(mask)
-    return v
+def is_held_above(mesh, xy_mm, radius_mm, corner_radius_mm, height_mm):
+    """(n,) bool: the lowest safe tip lies above the height, one or (n,); often far faster than asking for the tip.
+
+    Other arguments and failures of drop_tips_mm.
+    """
+    xy, R, rc = _checked(xy_mm, radius_mm, corner_radius_mm)
+    held = np.empty(len(xy), np.bool_)
+    kernel = _held_rows if len(xy) <= SERIAL_ROWS else _held_chunks
+    heights = np.ascontiguousarray(np.broadcast_to(np.asarray(height_mm, float), len(xy)))
+    kernel(mesh.corners_mm, mesh.facets, mesh.nodes, xy, R, rc, heights, held)
+    return held
+
+
+def _checked(xy_mm, R, rc):
+    """Positions and cutter as the kernels want them."""
+    xy, R, rc = np.ascontiguousarray(xy_mm, dtype=float).reshape(-1, 2), float(R), float(rc)
+    if not (0.0 < R < math.inf and 0.0 <= rc <= R):
+        raise ToolpathError(f"drop-cutter: no cutter has radius {R} mm and corner radius {rc} mm; "
+                            "the corner radius runs from 0 (flat) to the radius (ball)")
+    if not np.isfinite(xy).all():
+        rows = np.flatnonzero(~np.isfinite(xy).all(axis=1))
+        raise ToolpathError(f"drop-cutter: position {rows[0]} is not a number; leave such rows out", rows=rows)
+    return xy, R, rc
+
+
+def _drop(mesh, xy_mm, R, rc, wants_contacts):
+    """Tips, contacts and rows of the sorted triangles (both empty when not wanted)."""
+    xy, R, rc = _checked(xy_mm, R, rc)
+    n = len(xy)
+    count = n if wants_contacts else 0
+    tips, contacts, owners = np.empty(n), np.empty((count, 3)), np.empty(count, np.int64)
+    kernel = _drop_rows if n <= SERIAL_ROWS else _drop_chunks
+    kernel(mesh.corners_mm, mesh.facets, mesh.nodes, xy, R, rc, tips, contacts, owners)
+    return tips, contacts, owners
+
+
+@njit(cache=True, error_model="numpy")
+def _drop_rows(corners, facets, nodes, xy, R, rc, tips, contacts, owners):
+    """One row after the other, each search starting from the triangle that held the cutter before."""
+    stack, bounds = np.empty(STACK, np.int64), np.empty(STACK)
+    last = -1
+    for i in range(xy.shape[0]):
+        tips[i], last, tx, ty, tz = drop_one(corners, facets, nodes, xy[i, 0], xy[i, 1], R, rc, last, stack, bounds)
+        if owners.shape[0] > 0:
+            owners[i] = last
+            contacts[i, 0], contacts[i, 1], contacts[i, 2] = tx, ty, tz
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _drop_chunks(corners, facets, nodes, xy, R, rc, tips, contacts, owners):
+    n = xy.shape[0]
+    for chunk in prange((n + CHUNK_ROWS - 1) // CHUNK_ROWS):
+        rows = slice(chunk * CHUNK_ROWS, min(n, (chunk + 1) * CHUNK_ROWS))
+        _drop_rows(corners, facets, nodes, xy[rows], R, rc, tips[rows], contacts[rows], owners[rows])
+
+
+@njit(cache=True, error_model="numpy")
+def _held_rows(corners, facets, nodes, xy, R, rc, z, held):
+    stack = np.empty(STACK, np.int64)
+    last = -1
+    for i in range(xy.shape[0]):
+        holder = holder_above(corners, facets, nodes, xy[i, 0], xy[i, 1], R, rc, z[i], last, stack)
+        held[i] = holder >= 0
+        last = holder if holder >= 0 else last
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _held_chunks(corners, facets, nodes, xy, R, rc, z, held):
+    n = xy.shape[0]
+    for chunk in prange((n + CHUNK_ROWS - 1) // CHUNK_ROWS):
+        rows = slice(chunk * CHUNK_ROWS, min(n, (chunk + 1) * CHUNK_ROWS))
+        _held_rows(corners, facets, nodes, xy[rows], R, rc, z[rows], held[rows])
+
+
+def _sides(corners):
+    """(m,) 0 for upper sides, 1 for undersides, 2 for walls: mixed, they have no good upper plane."""
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    nz = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    wall = np.abs(nz) < 1e-9 * np.maximum(np.ptp(corners[:, :, :2], axis=1).max(axis=1) ** 2, 1e-30)
+    return np.where(wall, 2.0, np.where(nz < 0.0, 1.0, 0.0))
+
+
+@njit(cache=True, error_model="numpy")
+def _halved(centers, side, leaves):
+    """(m,) order in which every node's triangles are parted by side, then across their longer extent in plan."""
+    m = centers.shape[0]
+    order, key = np.arange(m), np.empty(m)
+    width = leaves
+    while width > 1:
+        for leaf in range(0, leaves, width):
+            first, last = first_of(leaf, m, leaves), first_of(leaf + width, m, leaves)
+            rows = order[first:last]
+            low, high, is_mixed = centers[rows[0]].copy(), centers[rows[0]].copy(), False
+            for k in rows:
+                is_mixed |= side[k] != side[rows[0]]
+                for axis in range(2):
+                    low[axis], high[axis] = min(low[axis], centers[k, axis]), max(high[axis], centers[k, axis])
+            axis = 0 if high[0] - low[0] > high[1] - low[1] else 1
+            for k in rows:
+                key[k] = side[k] if is_mixed else centers[k, axis]
+            _part(rows, key, first_of(leaf + width // 2, m, leaves) - first)
+        width //= 2
+    return order
 
 
 @njit(cache=True)
+def _part(rows, key, count):
+    """Reorder rows so that the first `count` have the lowest keys (Hoare's selection)."""
+    low, high = 0, rows.shape[0] - 1
+    while low < high:
+        pivot = key[rows[(low + high) // 2]]
+        i, j = low, high
+        while i <= j:
+            while key[rows[i]] < pivot:
+                i += 1
+            while key[rows[j]] > pivot:
+                j -= 1
+            if i <= j:
+                rows[i], rows[j] = rows[j], rows[i]
+                i += 1
+                j -= 1
+        if count <= j:
+            high = j
+        elif count >= i:
+            low = i
+        else:
+            return
+
+
+@njit(cache=True, error_model="numpy")
+def _facet_planes(corners):
+    """Plane a, b, c, slope and sqrt(1 + slope²) of each triangle; slope inf where it is too steep or too narrow."""
+    m = corners.shape[0]
+    facets = np.full((m, 5), np.inf)
+    for k in range(m):
+        ax, ay, az = corners[k, 0]
+        ux, uy, uz = corners[k, 1] - corners[k, 0]
+        vx, vy, vz = corners[k, 2] - corners[k, 0]
+        nz = ux * vy - uy * vx
+        longest = math.sqrt(max(ux * ux + uy * uy, vx * vx + vy * vy, (vx - ux) ** 2 + (vy - uy) ** 2))
+        if not abs(nz) > NARROWEST_MM * longest:
+            continue
+        a, b = -(uy * vz - uz * vy) / nz, -(uz * vx - ux * vz) / nz
+        slope = math.sqrt(a * a + b * b)
+        if slope < STEEPEST:
+            facets[k, 0], facets[k, 1], facets[k, 2] = a, b, az - a * ax - b * ay
+            facets[k, 3], facets[k, 4] = slope, math.sqrt(1.0 + slope * slope)
+    return facets
+
+
+@njit(cache=True, error_model="numpy")
 def _upper_planes(corners, leaves):
     """Box, top and a least-squares plane lifted until it lies above, for every node of the tree."""
-    m = corners.shape[0]
-    nodes = np.empty((2 * leaves - 1, 8))
-    for k in range(2 * leaves - 1):
-        depth = int(math.floor(math.log2(k + 1) + 1e-12))
-        width = leaves >> depth
-        first = (k + 1 - (1 << depth)) * width * LEAF_TRIANGLES
-        last = min(m, first + width * LEAF_TRIANGLES)
-        if first >= m:
-            nodes[k] = np.array([1e30, -1e30, 1e30, -1e30, -np.inf, 0.0, 0.0, -np.inf])
-            continue
-        xl, xh, yl, yh, zh = np.inf, -np.inf, np.inf, -np.inf, -np.inf
-        mx = my = mz = 0.0
-        for t in range(first, last):
-            for v in range(3):
-                x, y, z = corners[t, v, 0], corners[t, v, 1], corners[t, v, 2]
-                xl, xh, yl, yh, zh = min(xl, x), max(xh, x), min(yl, y), max(yh, y), max(zh, z)
-                mx += x
-                my += y
-                mz += z
-        n = 3.0 * (last - first)
-        mx, my, mz = mx / n, my / n, mz / n
-        xx = xy = yy = xz = yz = 0.0
-        for t in range(first, last):
-            for v in range(3):
-                x, y, z = corners[t, v, 0] - mx, corners[t, v, 1] - my, corners[t, v, 2] - mz
-                xx += x * x
-                xy += x * y
-                yy += y * y
-                xz += x * z
-                yz += y * z
-        ridge = 1e-4 * (xx + yy) + 1e-12
-        det = (xx + ridge) * (yy + ridge) - xy * xy
-        a = ((yy + ridge) * xz - xy * yz) / det
-        b = ((xx + ridge) * yz - xy * xz) / det
-        if a * a + b * b > 25.0:
-            a = b = 0.0
-        c = -np.inf
-        for t in range(first, last):
-            for v in range(3):
-                c = max(c, corners[t, v, 2] - a * corners[t, v, 0] - b * corners[t, v, 1])
-        nodes[k] = np.array([xl, xh, yl, yh, zh, a, b, c])
+    nodes = np.empty((2 * leaves - 1, 12))
+    m, width, k = corners.shape[0], leaves, 0
+    while width >= 1:
+        for leaf in range(0, leaves, width):
+            _upper_plane(corners, first_of(leaf, m, leaves), first_of(leaf + width, m, leaves), nodes[k])
+            k += 1
+        width //= 2
     return nodes
 
 
-@njit(cache=True, inline="always")
-def _bottom(d, R, rc):
-    """Height of the cutter's bottom at distance d <= R from the axis."""
-    e = d - (R - rc)
-    if e <= 0.0:
-        return 0.0
-    return rc - math.sqrt(max(rc * rc - e * e, 0.0))
-
-
-@njit(cache=True)
-def _node_bound(node, x, y, R, rc):
-    """Upper bound of the tip height that anything in the node can ask for."""
-    xl, xh, yl, yh = node[0] - x, node[1] - x, node[2] - y, node[3] - y
-    dx, dy = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
-    near2 = dx * dx + dy * dy
-    if near2 > R * R:
-        return -np.inf
-    flat_top = node[4] - _bottom(math.sqrt(near2), R, rc)
-    a, b = node[5], node[6]
-    g = math.sqrt(a * a + b * b)
-    px = py = 0.0
-    if g > 1e-14:                       # where the cutter would touch the plane
-        k = (R - rc) / g + rc / math.sqrt(1.0 + g * g)
-        px, py = a * k, b * k
-    px, py = min(max(px, xl), xh), min(max(py, yl), yh)
-    d = math.sqrt(px * px + py * py)
-    if d > 0.98 * R:                    # stay where p has a finite slope
-        px, py = px * 0.98 * R / d, py * 0.98 * R / d
-        d = 0.98 * R
-    e = d - (R - rc)
-    gx, gy, p = a, b, 0.0
-    if e > 0.0:
-        q = math.sqrt(rc * rc - e * e)
-        p = rc - q
-        gx -= e / q * px / d
-        gy -= e / q * py / d
-    bound = node[7] + a * (x + px) + b * (y + py) - p
-    bound += _rise(gx, xl - px, xh - px, R, rc == R) + _rise(gy, yl - py, yh - py, R, rc == R)
-    return min(bound, flat_top)
-
-
-@njit(cache=True, inline="always")
-def _rise(slope, low, high, R, is_ball):
-    """Largest slope*s (minus s²/2R for the strongly convex ball) for low <= s <= high."""
-    if is_ball:
-        s = min(max(slope * R, low), high)
-        return slope * s - 0.5 * s * s / R
-    return max(slope * low, slope * high)
-
-
-@njit(cache=True)
-def _edge_tip(ax, ay, az, bx, by, bz, R, rc):
-    """Tip height that a straight edge asks for; coordinates relative to the axis."""
-    ux, uy = bx - ax, by - ay
-    length2 = ux * ux + uy * uy
-    if length2 < 1e-24:
-        d2 = min(ax * ax + ay * ay, bx * bx + by * by)
-        return max(az, bz) - _bottom(math.sqrt(d2), R, rc) if d2 <= R * R else -np.inf
-    length = math.sqrt(length2)
-    ux, uy, slope = ux / length, uy / length, (bz - az) / length
-    foot = -(ax * ux + ay * uy)
-    q = ax * uy - ay * ux
-    if abs(q) > R:
-        return -np.inf
-    w = math.sqrt(R * R - q * q)
-    low, high = max(0.0, foot - w), min(length, foot + w)
-    if low > high:
-        return -np.inf
-    if rc == R:
-        s = min(max(foot + w * slope / math.sqrt(1.0 + slope * slope), low), high)
-        t = s - foot
-        return az + slope * s + math.sqrt(max(w * w - t * t, 0.0)) - R
-    if rc == 0.0:
-        return max(az + slope * low, az + slope * high)
-    for _ in range(60):                 # concave in s: bisect its derivative
-        s = 0.5 * (low + high)
-        t = s - foot
-        d = math.sqrt(q * q + t * t)
-        e = d - (R - rc)
-        drop = 0.0
-        if e > 0.0:
-            drop = e / math.sqrt(max(rc * rc - e * e, 1e-18)) * t / d
-        if slope - drop > 0.0:
-            low = s
-        else:
-            high = s
-        if high - low < 1e-12:
-            break
-    t = 0.5 * (low + high) - foot
-    return az + slope * (t + foot) - _bottom(min(math.sqrt(q * q + t * t), R), R, rc)
-
-
-@njit(cache=True)
-def _triangle_tip(T, x, y, R, rc):
-    """Tip height that one triangle asks for: facet contact, else its edges (their ends included)."""
-    ax, ay, az = T[0, 0] - x, T[0, 1] - y, T[0, 2]
-    bx, by, bz = T[1, 0] - x, T[1, 1] - y, T[1, 2]
-    cx, cy, cz = T[2, 0] - x, T[2, 1] - y, T[2, 2]
-    e1x, e1y, e1z, e2x, e2y, e2z = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
-    nz = e1x * e2y - e1y * e2x
-    if abs(nz) > 1e-14:
-        a = -(e1y * e2z - e1z * e2y) / nz
-        b = -(e1z * e2x - e1x * e2z) / nz
-        g = math.sqrt(a * a + b * b)
-        px = py = 0.0
-        if g > 1e-14:
-            k = (R - rc) / g + rc / math.sqrt(1.0 + g * g)
-            px, py = a * k, b * k
-        rx, ry = px - ax, py - ay
-        u, v = (rx * e2y - ry * e2x) / nz, (e1x * ry - e1y * rx) / nz
-        if u >= 0.0 and v >= 0.0 and u + v <= 1.0:
-            return az + a * rx + b * ry - (rc - rc / math.sqrt(1.0 + g * g))
-    best = _edge_tip(ax, ay, az, bx, by, bz, R, rc)
-    best = max(best, _edge_tip(bx, by, bz, cx, cy, cz, R, rc))
-    return max(best, _edge_tip(cx, cy, cz, ax, ay, az, R, rc))
-
-
-@njit(cache=True)
-def _drop_one(T, nodes, x, y, R, rc, start, stack, bounds):
-    """Branch and bound, nearer bound first; returns the tip and the triangle it rests on."""
-    first_leaf = (nodes.shape[0] - 1) // 2
-    best, owner = -np.inf, start
-    if start >= 0:
-        best = _triangle_tip(T[start], x, y, R, rc)
-    top = 1
-    stack[0], bounds[0] = 0, np.inf
-    while top > 0:
-        top -= 1
-        if bounds[top] <= best:
-            continue
-        k = stack[top]
-        if k >= first_leaf:
-            first = (k - first_leaf) * LEAF_TRIANGLES
-            for t in range(first, min(T.shape[0], first + LEAF_TRIANGLES)):
-                tip = _triangle_tip(T[t], x, y, R, rc)
-                if tip > best:
-                    best, owner = tip, t
-            continue
-        left, right = 2 * k + 1, 2 * k + 2
-        bl, br = _node_bound(nodes[left], x, y, R, rc), _node_bound(nodes[right], x, y, R, rc)
-        if bl > br:
-            left, right, bl, br = right, left, br, bl
-        if bl > best:
-            stack[top], bounds[top] = left, bl
-            top += 1
-        if br > best:
-            stack[top], bounds[top] = right, br
-            top += 1
-    return best, owner
-
-
-@njit(cache=True, parallel=True)
-def _drop_all(T, nodes, xy, R, rc):
-    n = xy.shape[0]
-    tips = np.empty(n)
-    chunk = 512
-    for block in prange((n + chunk - 1) // chunk):
-        stack, bounds = np.empty(STACK, np.int64), np.empty(STACK)
-        owner = -1
-        for i in range(block * chunk, min(n, block * chunk + chunk)):
-            tips[i], owner = _drop_one(T, nodes, xy[i, 0], xy[i, 1], R, rc, owner, stack, bounds)
-    return tips
+@njit(cache=True, error_model="numpy")
+def _upper_plane(corners, first, last, node):
+    """Fill one node from the triangles first..last-1; a node without any lies nowhere."""
+    node[:] = 0.0
+    node[0], node[1], node[2], node[3], node[4], node[7] = np.inf, -np.inf, np.inf, -np.inf, -np.inf, -np.inf
+    if first >= last:
+        return
+    mx = my = mz = 0.0
+    for t in range(first, last):
+        for v in range(3):
+            x, y, z = corners[t, v, 0], corners[t, v, 1], corners[t, v, 2]
+            node[0], node[1], node[2], node[3] = min(node[0], x), max(node[1], x), min(node[2], y), max(node[3], y)
+            node[4] = max(node[4], z)
+            mx += x
+            my += y
+            mz += z
+    n = 3.0 * (last - first)
+    mx, my, mz = mx / n, my / n, mz / n
+    xx = xy = yy = xz = yz = 0.0
+    for t in range(first, last):
+        for v in range(3):
+            x, y, z = corners[t, v, 0] - mx, corners[t, v, 1] - my, corners[t, v, 2] - mz
+            xx += x * x
+            xy += x * y
+            yy += y * y
+            xz += x * z
+            yz += y * z
+    ridge = 1e-4 * (xx + yy) + 1e-12
+    det = (xx + ridge) * (yy + ridge) - xy * xy
+    a = ((yy + ridge) * xz - xy * yz) / det
+    b = ((xx + ridge) * yz - xy * xz) / det
+    slope = math.sqrt(a * a + b * b)
+    if slope > 5.0:                         # a wall: its top says more
+        a = b = slope = 0.0
+    c = -np.inf
+    for t in range(first, last):
+        for v in range(3):
+            c = max(c, corners[t, v, 2] - a * corners[t, v, 0] - b * corners[t, v, 1])
+    node[5], node[6], node[7] = a, b, c
+    if slope > 1e-12:
+        root = math.sqrt(1.0 + slope * slope)
+        node[8], node[9], node[10], node[11] = a / root, b / root, a / slope, b / slope

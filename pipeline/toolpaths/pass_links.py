@@ -37,15 +37,16 @@ def moves_of_passes(passes, plane, rules):
     """All moves of one operation, from and back to the clearance plane.
 
     Args:
-        passes: SectionPasses in the order they are cut.
+        passes: SectionPasses in the order they are cut; those of every second plane are cut backward.
         plane: SectionPlane.
         rules: LinkRules.
     Returns:
         Moves in the part frame; the first begins at the clearance plane above the first pass.
     """
-    writer, previous = None, None
-    for number, section in enumerate(passes):
-        forward = rules.is_one_way or number % 2 == 0
+    writer, previous, forward = None, None, True
+    for section in passes:
+        if not rules.is_one_way and previous is not None and section.across_mm != previous[0].across_mm:
+            forward = not forward           # to and fro, plane by plane
         elements = section.elements if forward else tuple(reversed_element(e) for e in reversed(section.elements))
         lead = _lead(elements[0], plane, section.across_mm, rules, at_start=True)
         first = plane.lift(lead[0] if lead else elements[0].start, section.across_mm)[0]

@@ -19,6 +19,7 @@ EXTENT_MARGIN_MM = 1e-5     # the rolling circles about the outermost corners en
 TANGENT_RAD = 2e-3          # curve pieces that meet at less are one smooth run
 # a ball that rolls over an edge too low by e cuts e / cos(angle) off it, seen along either face's normal
 EDGE_SHARE = 0.4
+GAP_SAMPLES = 9             # a piece between wanted faces is looked at in so many places
 MERGE_MM = 1e-5             # runs shorter than this are artefacts of a crossing
 
 
@@ -73,14 +74,24 @@ class ProfilePlanner:
                  if np.abs(p.end - p.start).max() > MERGE_MM]
         return chain, [_owner(p, walls) for p in chain], walls
 
-    def section_pass(self, across, low, high, wanted):
-        """The pass over the wanted faces in one plane; None where the plane meets none of them."""
+    def section_passes(self, across, low, high, wanted):
+        """The passes over the wanted faces in one plane, by rising `along`; none where it meets none of them.
+
+        Between wanted faces the ball goes on over whatever lies there, unless that leads it down by more
+        than its radius, into a hole: there the pass ends and another begins behind it.
+        """
         chain, owners, _ = self.chain(across, low, high)
         rows = [k for k, owner in enumerate(owners) if owner in wanted]
-        if not rows:
-            return None
-        chosen = slice(rows[0], rows[-1] + 1)
-        return self.fitted_pass(across, chain[chosen], owners[chosen])
+        ends = [k for k, (a, b) in enumerate(zip(rows[:-1], rows[1:])) if b > a + 1 and self._leads_down(chain, a, b)]
+        runs = np.split(rows, np.array(ends, int) + 1) if rows else []
+        return [self.fitted_pass(across, chain[run[0]:run[-1] + 1], owners[run[0]:run[-1] + 1]) for run in runs]
+
+    def _leads_down(self, chain, first, last):
+        """What lies between two pieces of the chain takes the ball down by more than its radius."""
+        between = chain[first + 1:last]
+        floor = min(chain[first].end[1], chain[last].start[1]) - self.ball_radius_mm
+        return any(np.min(p.up_at(np.linspace(p.start[0], p.end[0], GAP_SAMPLES)), initial=p.end[1]) < floor
+                   if p.end[0] - p.start[0] > MERGE_MM else min(p.start[1], p.end[1]) < floor for p in between)
 
     def fitted_pass(self, across, chain, owners):
         """Arcs and lines for a chain of centre pieces, let down to the tip."""

@@ -163,7 +163,7 @@ def test_planning_twice_gives_identical_passes():
     first, second = (planner(solid, "ZX", 3.0) for _ in range(2))
     box = bounding_box_mm(solid)
     faces = set(range(len(first.centers.faces)))
-    a, b = (p.section_pass(2.5, *p.extent(*box), faces) for p in (first, second))
+    a, b = (p.section_passes(2.5, *p.extent(*box), faces)[0] for p in (first, second))
     assert a.elements == b.elements and a.owners == b.owners
 
 

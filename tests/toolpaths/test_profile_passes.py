@@ -2,6 +2,7 @@
 
 import math
 
+import cadquery as cq
 import numpy as np
 import pytest
 from known_parts import LARGEST_RADIUS_MM, TOLERANCE_MM, Drawing, planner, swept
@@ -19,7 +20,7 @@ MESH_MM = 0.01          # deflection of the planning mesh; OCCT takes up to thre
 def passes_of(solid, plane, radius, acrosses, allowance=0.0):
     p = planner(solid, plane, radius, allowance)
     wanted = {i for i, f in enumerate(p.centers.faces) if f.middle.normal[0, 2] > -1e-6}
-    return p, [p.section_pass(c, *p.extent(*bounding_box_mm(solid)), wanted) for c in acrosses]
+    return p, [p.section_passes(c, *p.extent(*bounding_box_mm(solid)), wanted)[0] for c in acrosses]
 
 
 def flat_arch(d, radius=3e4, width=200.0):
@@ -45,7 +46,7 @@ def test_an_arc_too_flat_for_the_control_becomes_chords_within_the_tolerance(pla
 def test_the_programmed_point_is_the_south_pole():
     solid = swept(Drawing(), Drawing().closed([Drawing().line((0, 20), (30, 20))], (0, 20), (30, 20)))
     p = planner(solid, "ZX", 4.0)
-    section = p.section_pass(7.0, *p.extent(*bounding_box_mm(solid)), {0, 1, 2, 3, 4, 5})
+    section = p.section_passes(7.0, *p.extent(*bounding_box_mm(solid)), {0, 1, 2, 3, 4, 5})[0]
     level = [e for e in section.elements if abs(e.start[1] - e.end[1]) < 1e-9 and e.end[0] - e.start[0] > 29]
     assert level[0].start[1] == pytest.approx(20.0, abs=1e-9)
 
@@ -187,3 +188,18 @@ def test_moves_are_the_same_twice(block):
     first, second = (cut(block)[0] for _ in range(2))
     for name in ("kind", "end_mm", "center_mm", "plane", "feed_mm_per_min"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+
+
+def test_over_a_hole_wider_than_the_ball_the_pass_splits_and_over_a_narrow_one_it_goes_on():
+    for hole_mm, expected in ((16.0, 2), (3.0, 1)):
+        solid = the_solid(cq.Workplane().box(60, 20, 12, centered=False).faces(">Z").workplane(
+            centerOption="CenterOfMass").hole(hole_mm))
+        p = planner(solid, "ZX", 5.0)
+        top = {i for i, f in enumerate(p.centers.faces) if f.middle.normal[0, 2] > 0.9}
+        found = p.section_passes(10.0, *p.extent(*bounding_box_mm(solid)), top)
+        assert len(found) == expected
+        # each pass ends where the ball touches the rim of the hole from above, and nowhere dips into it
+        assert all(min(e.start[1], e.end[1]) > 12.0 - 5.0 for section in found for e in section.elements)
+        if expected == 2:
+            assert found[0].end[0] == pytest.approx(30 - hole_mm / 2, abs=1e-6)
+            assert found[1].start[0] == pytest.approx(30 + hole_mm / 2, abs=1e-6)
