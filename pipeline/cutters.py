@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_serializer, model_validator
 
+from cuspline.cutter_profile import apt_profile, lens_profile, tangent_corner
 from cuspline.errors import InputError
+from cuspline.tool_units import in_mm
 
 
 class Model(BaseModel):
@@ -27,7 +29,7 @@ class Model(BaseModel):
 
 
 class HolderSegment(Model):
-    """A cone frustum of the holder, stacked upward from the nose."""
+    """A cone frustum of a holder or of a cutter's shaft, stacked upward."""
 
     height_mm: float = Field(gt=0, description="length along the axis")
     lower_diameter_mm: float = Field(gt=0)
@@ -41,11 +43,23 @@ class Holder(Model):
     segments: tuple[HolderSegment, ...] = Field(min_length=1)
 
 
+# what says the shape of each type beside diameter, corner radius and flute length
+SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg",), "tapered_ball": ("taper_deg",),
+                "lens": ("tip_radius_mm",),
+                "apt": ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm")}
+OPTIONAL = ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm", "tip_radius_mm",
+            "shaft_segments")
+
+
 class Cutter(Model):
-    """An end mill of revolution about the tool axis; z = 0 at the tip."""
+    """An end mill of revolution about the tool axis; z = 0 at the tip.
+
+    `diameter_mm` is the trade's: over the flutes; of a tapered ball the ball's; of a dovetail and of an
+    APT shape across where the bottom and side lines cross.
+    """
 
     name: str
-    type: Literal["ball", "bull_nose", "flat"]
+    type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "apt"]
     diameter_mm: float = Field(gt=0)
     corner_radius_mm: float = Field(ge=0, description="0 flat, diameter/2 ball")
     flutes: int = Field(ge=1)
@@ -54,24 +68,98 @@ class Cutter(Model):
     reach_mm: float = Field(gt=0, description="tip to where the neck ends and the shank begins")
     shank_diameter_mm: float = Field(gt=0)
     overall_length_mm: float = Field(gt=0)
+    taper_deg: float | None = Field(None, gt=-90, lt=90, description="side to axis; dovetail: how far it leans in")
+    tip_angle_deg: float | None = Field(None, ge=0, lt=90, description="rise of the bottom from the tip (APT alpha)")
+    corner_center_radius_mm: float | None = Field(None, description="APT e")
+    corner_center_height_mm: float | None = Field(None, description="APT f")
+    tip_radius_mm: float | None = Field(None, gt=0, description="lens: the large radius of its bottom")
+    shaft_segments: tuple[HolderSegment, ...] | None = Field(
+        None, min_length=1, description="a neck that is no cylinder: from the flutes' end to the reach")
 
     @model_validator(mode="after")
     def _shape_is_consistent(self):
+        self._says_its_shape()
         half = self.diameter_mm / 2
-        wanted = {"ball": half, "flat": 0.0}.get(self.type)
+        wanted = {"ball": half, "tapered_ball": half, "flat": 0.0}.get(self.type)
         if wanted is not None and abs(self.corner_radius_mm - wanted) > 1e-9:
             raise ValueError(f"a {self.type} cutter of diameter {self.diameter_mm} mm has corner_radius_mm {wanted}")
         if self.type == "bull_nose" and not 0 < self.corner_radius_mm < half:
             raise ValueError("a bull_nose cutter has 0 < corner_radius_mm < diameter/2")
-        if self.neck_diameter_mm > self.diameter_mm + 1e-9:
-            raise ValueError("neck_diameter_mm must not exceed diameter_mm")
-        if not self.corner_radius_mm <= self.flute_length_mm <= self.reach_mm < self.overall_length_mm:
+        corner = 0.0 if self.type in ("lens", "apt") else self.corner_radius_mm     # the profile checks theirs
+        if not corner <= self.flute_length_mm <= self.reach_mm < self.overall_length_mm:
             raise ValueError("lengths must satisfy corner radius <= flute_length <= reach < overall_length")
+        profile = self.profile
+        widest = profile.top_radius_mm if profile.is_undercutting else profile.largest_radius_mm
+        if self.shaft_segments is None and self.neck_diameter_mm > 2 * widest + 1e-9:
+            raise ValueError("neck_diameter_mm must not exceed diameter_mm" if self.taper_deg is None else
+                             f"neck_diameter_mm must not exceed the {2 * widest:.6g} mm of the flutes below it")
+        self._shaft_joins()
         return self
+
+    def _shaft_joins(self):
+        if self.shaft_segments is None:
+            return
+        length = sum(s.height_mm for s in self.shaft_segments)
+        if abs(self.flute_length_mm + length - self.reach_mm) > 1e-6:
+            raise ValueError(f"shaft_segments are {length:.6g} mm high, from flute_length_mm to reach_mm it is "
+                             f"{self.reach_mm - self.flute_length_mm:.6g} mm")
+        if abs(self.shaft_segments[0].lower_diameter_mm - self.neck_diameter_mm) > 1e-6:
+            raise ValueError("shaft_segments begin with neck_diameter_mm")
+
+    def _says_its_shape(self):
+        needed = SHAPE_FIELDS[self.type]
+        for name in SHAPE_FIELDS["apt"] + SHAPE_FIELDS["lens"]:
+            if (getattr(self, name) is None) == (name in needed):
+                raise ValueError(f"a {self.type} cutter {'needs' if name in needed else 'has no'} {name}")
+        if self.type in ("dovetail", "tapered_ball") and self.taper_deg <= 0:
+            raise ValueError(f"a {self.type} cutter has taper_deg > 0")
+
+    @model_serializer(mode="wrap")
+    def _without_what_it_has_not(self, dump):
+        row = dump(self)
+        return {k: v for k, v in row.items() if v is not None or k not in OPTIONAL}
 
     @property
     def radius_mm(self):
         return self.diameter_mm / 2
+
+    @property
+    def apt(self):
+        """APT's (d, r, e, f, alpha, beta, h), mm and radians; beta < 0 leans inward.
+
+        Raises:
+            InputError: a lens cutter, whose bottom is no straight line.
+        """
+        if self.type == "lens":
+            raise InputError(f"{self.name}: a lens cutter has no seven-parameter form")
+        d, r = self.diameter_mm, self.corner_radius_mm
+        alpha, beta = np.radians(self.tip_angle_deg or 0.0), np.radians(self.taper_deg or 0.0)
+        if self.type == "apt":
+            return d, r, self.corner_center_radius_mm, self.corner_center_height_mm, alpha, beta, self.flute_length_mm
+        if self.type == "tapered_ball":
+            return 2 * r * (1 - np.sin(beta)) / np.cos(beta), r, 0.0, r, 0.0, beta, self.flute_length_mm
+        beta = -beta if self.type == "dovetail" else beta
+        return d, r, *tangent_corner(d, r, alpha, beta), alpha, beta, self.flute_length_mm
+
+    @property
+    def profile(self):
+        """CutterProfile of the cutting part.
+
+        Raises:
+            ValueError: the measures do not go together.
+        """
+        if self.type == "lens":
+            return lens_profile(self.diameter_mm, self.tip_radius_mm, self.corner_radius_mm, self.flute_length_mm)
+        return apt_profile(*self.apt)
+
+    @property
+    def largest_radius_mm(self):
+        """Radius of the widest place of the flutes; a tapered ball is wider than its ball."""
+        return self.profile.largest_radius_mm
+
+    @property
+    def is_undercutting(self):
+        return self.profile.is_undercutting
 
 
 class Tool(Model):
@@ -93,22 +181,37 @@ class Tool(Model):
 
         Neck and shank as far as they leave the holder, then the holder's segments.
         """
-        c, rows = self.cutter, []
-        neck_end = min(c.reach_mm, self.stick_out_mm)
-        if neck_end > c.flute_length_mm:
-            rows.append((c.flute_length_mm, c.neck_diameter_mm / 2, neck_end, c.neck_diameter_mm / 2))
-        if self.stick_out_mm > neck_end:
-            rows.append((neck_end, c.shank_diameter_mm / 2, self.stick_out_mm, c.shank_diameter_mm / 2))
-        z = self.stick_out_mm
-        for s in self.holder.segments:
-            rows.append((z, s.lower_diameter_mm / 2, z + s.height_mm, s.upper_diameter_mm / 2))
-            z += s.height_mm
-        return np.array(rows)
+        rows = [row for row in map(self._as_far_as_it_leaves_the_holder, self._shaft()) if row is not None]
+        return np.array(rows + _stacked(self.stick_out_mm, self.holder.segments))
+
+    def _shaft(self):
+        """Frusta from the flutes' end to the cutter's own, inside the holder too."""
+        c = self.cutter
+        rows = [(c.flute_length_mm, c.neck_diameter_mm / 2, c.reach_mm, c.neck_diameter_mm / 2)]
+        if c.shaft_segments is not None:
+            rows = _stacked(c.flute_length_mm, c.shaft_segments)
+        return [*rows, (rows[-1][2], c.shank_diameter_mm / 2, c.overall_length_mm, c.shank_diameter_mm / 2)]
+
+    def _as_far_as_it_leaves_the_holder(self, row):
+        z0, r0, z1, r1 = row
+        end = min(z1, self.stick_out_mm)
+        if end <= z0:
+            return None
+        return z0, r0, end, r1 if end == z1 else r0 + (r1 - r0) * (end - z0) / (z1 - z0)
 
     @property
     def length_mm(self):
         """Tool length offset: holder gauge line (top of its last segment) to tip."""
         return self.stick_out_mm + sum(s.height_mm for s in self.holder.segments)
+
+
+def _stacked(z, segments):
+    """[(z0, radius0, z1, radius1), ...] of HolderSegments from a height upward."""
+    rows = []
+    for s in segments:
+        rows.append((z, s.lower_diameter_mm / 2, z + s.height_mm, s.upper_diameter_mm / 2))
+        z += s.height_mm
+    return rows
 
 
 class ToolLibrary(Model):
@@ -143,14 +246,14 @@ class ToolLibrary(Model):
 
 
 def library_from_json(path):
-    """Read a tool library file.
+    """Read a tool library file; a tool may give its lengths in its own `unit`, see tool_units.
 
     Raises:
         InputError: missing, broken or inconsistent; names the tool and the key.
     """
     path = Path(path)
     try:
-        return ToolLibrary.model_validate(json.loads(path.read_text()))
+        return ToolLibrary.model_validate(in_mm(json.loads(path.read_text())))
     except FileNotFoundError:
         raise InputError(f"tool library {path} does not exist") from None
     except (ValidationError, ValueError) as error:
