@@ -26,7 +26,7 @@ from cuspline.judge import judge, post_module
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import plan_setup
 from cuspline.report.page import write_report
-from cuspline.tooltable import tool_table
+from cuspline.tooltable import dropped_fields, tool_table
 
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
@@ -175,6 +175,7 @@ def _posted(order, plans, work, inputs):
     post = post_module(order.machine)
     tools = {o.tool.number: o.tool for p in plans for o in p.operations}
     (work / "tools.tbl").write_text(tool_table(tools.values(), order.machine.control))
+    _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
     posted = []
     for plan in plans:

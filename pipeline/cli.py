@@ -111,14 +111,38 @@ def machines(json: AsJson = False):
 
 
 @app.command()
-def cutters(library: Annotated[Optional[Path], typer.Argument(help="tool library (JSON)")] = None, json: AsJson = False):
-    """List the tools of a library."""
+def cutters(
+        library: Annotated[Optional[Path], typer.Argument(help="tool library (JSON)")] = None, json: AsJson = False,
+        foreign: Annotated[Optional[Path], typer.Option(
+            "--import", help="Fusion (.json, .tools) or FreeCAD (.fctb, .fctl) library to read in")] = None,
+        to: Annotated[Optional[Path], typer.Option(
+            help="write it to a .json library or LinuxCNC's .tbl, and beside it what was dropped")] = None,
+        holder: Annotated[Optional[str], typer.Option(help="holder for imported tools that come without one")] = None,
+        stick_out: Annotated[Optional[float], typer.Option(help="mm, for imported tools that come without one")] = None,
+        renumber: Annotated[bool, typer.Option(help="number imported tools 1, 2, ...")] = False,
+        machine: Annotated[str, typer.Option(help="whose units a .tbl is in")] = "mill_3axis"):
+    """List the tools of a library; import one from Fusion or FreeCAD, export one to LinuxCNC."""
     from cuspline import catalogue
-    rows = [t.model_dump(mode="json") for t in catalogue.find_library(library).tools]
+    from cuspline.tool_exchange import files
+    if to is not None:
+        files.refuse_target(to)
+    found = catalogue.find_library(library)
+    imported = None
+    if foreign is not None:
+        from cuspline.tool_exchange.importing import import_tools
+        imported = import_tools(foreign, holder=holder, holders=[t.holder for t in found.tools],
+                                stick_out_mm=stick_out, is_renumbered=renumber)
+        found = imported.library
+        print("\n".join(files.report_lines(imported)), file=sys.stderr)
+    if to is not None:
+        files.write_tools(found, to, catalogue.find_machine(machine).control, imported)
+        print(f"{to} and {files.sidecar(to).name} written", file=sys.stderr)
+        return
+    rows = [t.model_dump(mode="json") for t in found.tools]
     _print(rows, json, lambda t: [
         f"T{t['number']} {t['cutter']['name']}: {t['cutter']['type']}, D {t['cutter']['diameter_mm']:g} mm, "
-        f"R {t['cutter']['corner_radius_mm']:g} mm, {t['cutter']['flutes']} flutes, reach {t['cutter']['reach_mm']:g} mm, "
-        f"stick-out {t['stick_out_mm']:g} mm, {t['holder']['name']}"])
+        f"R {t['cutter']['corner_radius_mm']:g} mm, {t['cutter']['flutes']} flutes, "
+        f"reach {t['cutter']['reach_mm']:g} mm, stick-out {t['stick_out_mm']:g} mm, {t['holder']['name']}"])
 
 
 @app.command()

@@ -1,9 +1,9 @@
 """A Design: the B-rep with what must be known to cut it. The truth is the B-rep."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, model_serializer, model_validator
 
 from cuspline.cutters import Model
 from cuspline.errors import DesignError
@@ -14,6 +14,9 @@ class Parameters(Model):
     """Base of every design's parameter model: frozen, ranges checked, units in the names."""
 
 
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
 class FacePredicate(Model):
     """Chooses faces of a B-rep by what they are, never by index.  All given conditions must hold.
 
@@ -21,7 +24,8 @@ class FacePredicate(Model):
     """
 
     name: str = Field(description="what the chosen faces are called")
-    count: int = Field(ge=1, description="how many faces it must match, no more, no fewer")
+    count: int | None = Field(None, ge=1, description="how many faces it must match, no more, no fewer")
+    at_least: int | None = Field(None, ge=1, description="in place of count: no fewer than that")
     kinds: tuple[Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion",
                          "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
     normal: tuple[float, float, float] | None = Field(None, description="direction the normal lies close to")
@@ -30,13 +34,28 @@ class FacePredicate(Model):
     center_max_mm: tuple[float, float, float] | None = None
     area_min_mm2: float | None = Field(None, ge=0)
     area_max_mm2: float | None = Field(None, gt=0)
+    face_name: str | None = Field(None, min_length=1, description="name of the face in the STEP file")
+    color: tuple[Share, Share, Share] | None = Field(None, description="sRGB of the face or its body, 0 to 1")
+    color_within: float = Field(0.02, ge=0, le=1, description="how far each part of the colour may be off")
 
     @model_validator(mode="after")
     def _says_something(self):
         if not any(v is not None for v in (self.kinds, self.normal, self.center_min_mm, self.center_max_mm,
-                                           self.area_min_mm2, self.area_max_mm2)):
+                                           self.area_min_mm2, self.area_max_mm2, self.face_name, self.color)):
             raise ValueError(f"predicate {self.name!r} has no condition: it would match every face")
+        if (self.count is None) == (self.at_least is None):
+            raise ValueError(f"predicate {self.name!r} says either count or at_least")
         return self
+
+    @model_serializer(mode="wrap")
+    def _only_what_it_says(self, dump):
+        row = dump(self)
+        unsaid = [k for k in ("count", "at_least", "face_name", "color") if row[k] is None]
+        return {k: v for k, v in row.items() if k not in unsaid and (k != "color_within" or row["color"] is not None)}
+
+    def is_met_by(self, number):
+        """Whether it may match so many faces."""
+        return number == self.count if self.at_least is None else number >= self.at_least
 
 
 class Finish(Model):
@@ -75,7 +94,13 @@ class Setup(Model):
     wcs: Literal["G54", "G55", "G56", "G57", "G58", "G59"] = "G54"
     wcs_in_words: str
     wcs_origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)     # in part coordinates
-    section_plane: Literal["ZX", "YZ"] = Field("ZX", description="plane in which the finishing passes run")
+    strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral"] = Field(
+        "sections", description="finishing passes: arcs and lines in section planes; on any part: parallel at an angle, "
+        "constant scallop height, along the faces' border, one spiral")
+    section_plane: Literal["ZX", "YZ"] = Field("ZX", description="sections: plane in which the finishing passes run")
+    pass_angle_deg: float = Field(0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
+    steep_deg: float = Field(65.0, ge=20, le=90, description="walls steeper than this get waterline passes "
+                             "(all strategies but sections); 90: none do")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 

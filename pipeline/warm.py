@@ -1,15 +1,28 @@
 """Compiles every kernel once, so that the first real build does not wait for it.
 
-The compiled code is kept beside the sources (numba's cache) and made anew when they change.
+The compiled code is kept beside the sources (numba's cache).  Numba looks at the file of a kernel only, not at
+the kernels of other files that it calls: what was compiled before is therefore thrown away first.
 """
 
+from pathlib import Path
+
 import numpy as np
+
+import cuspline
 
 
 def steps():
     """(what, function) pairs; each function makes its kernels compile."""
-    return (("surface evaluation", _surfaces), ("drop-cutter", _drop_cutter), ("arc fitting", _arcs),
-            ("feeds", _feeds), ("simulation and comparison", _simulation))
+    return (("throwing away what was compiled before", _forget), ("surface evaluation", _surfaces),
+            ("closest points", _closest_points), ("drop-cutter on triangles", _drop_cutter),
+            ("drop-cutter on exact surfaces", _exact_drop), ("arc fitting", _arcs), ("feeds", _feeds),
+            ("planning of a small part", _planning), ("simulation and comparison", _simulation))
+
+
+def _forget():
+    for pattern in ("*.nbi", "*.nbc"):
+        for compiled in Path(cuspline.__file__).parent.rglob(f"__pycache__/{pattern}"):
+            compiled.unlink(missing_ok=True)
 
 
 def _surfaces():
@@ -20,10 +33,54 @@ def _surfaces():
         plane.derivatives(np.linspace(0, 1, count), np.linspace(0, 1, count))
 
 
+def _small_part():
+    """A plate with a dome and a round wall."""
+    import cadquery as cq
+    from cuspline import brep
+    body = cq.Workplane().box(14, 12, 4, centered=(True, True, False)).union(cq.Workplane().circle(3).extrude(5.5))
+    return brep.the_solid(body.union(cq.Workplane().sphere(3).translate((0, 0, 4))))
+
+
+def _closest_points():
+    from cuspline import brep
+    from cuspline.surfaces.curvature import tightest_hollow
+    from cuspline.surfaces.projection import SERIAL_ROWS, ClosestTree
+    faces = brep.faces_of(_small_part())
+    tree = ClosestTree.of_faces(faces)
+    for count in (3, SERIAL_ROWS + 1):
+        tree.closest_points(np.linspace((-9, -9, 9), (9, 9, 5), count))
+    tightest_hollow(faces, range(len(faces)))
+
+
 def _drop_cutter():
-    from cuspline.toolpaths.dropcutter import DropMesh, drop_tips_mm
+    from cuspline.toolpaths.dropcutter import DropMesh, drop_contacts, drop_tips_mm, is_held_above
     mesh = DropMesh.from_triangles([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    drop_tips_mm(mesh, np.zeros((1, 2)), 1.0, 0.5)
+    for count in (1, 5000):
+        drop_tips_mm(mesh, np.zeros((count, 2)), 1.0, 0.5)
+        drop_contacts(mesh, np.zeros((count, 2)), 1.0, 0.5)
+        is_held_above(mesh, np.zeros((count, 2)), 1.0, 0.5, 0.0)
+
+
+def _exact_drop():
+    from cuspline.toolpaths.exact_drop import ExactPart, drop_contacts
+    part = ExactPart.of_solid(_small_part())
+    for count in (4, 2000):
+        drop_contacts(part, np.linspace((-8, -8), (8, 8), count), 2.0, 2.0)
+
+
+def _planning():
+    """Rough, semi-finish, even scallops, parallel passes, waterlines."""
+    from cuspline.catalogue import DEFAULT_MACHINE, find_library, find_machine
+    from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+    from cuspline.planning.plan import plan_setup
+    up = FacePredicate(name="dome", count=1, kinds=("sphere",))
+    wall = FacePredicate(name="wall", count=1, kinds=("cylinder",))
+    setup = Setup(name="warm", wcs_in_words="", faces=("dome", "wall"), strategy="constant_scallop")
+    design = Design(name="warm", description="", parameters=Parameters(), solid=_small_part(), predicates=(up, wall),
+                    material="aluminium_6061", stock=StockBox(min_mm=(-7, -6, 0), max_mm=(7, 6, 8)), setups=(setup,),
+                    finish=Finish(scallop_mm=0.04, profile_tolerance_mm=0.01, gouge_mm=0.01))
+    for way in ("constant_scallop", "parallel"):
+        plan_setup(design, setup.model_copy(update={"strategy": way}), find_machine(DEFAULT_MACHINE), find_library(None))
 
 
 def _arcs():

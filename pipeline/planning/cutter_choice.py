@@ -18,6 +18,7 @@ FIT_SHARE = 0.9             # the ball stays this share below the tightest hollo
 HOLDER_CLEARANCE_MM = 1.0
 SHANK_CLEARANCE_MM = 0.05
 LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 600, 5, 12
+REST_ROUGHING_SHARE = 0.7   # of the diameter before: a cutter hardly smaller is not worth its change
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
 
 
@@ -28,10 +29,22 @@ class Candidate:
     tool: Tool
     is_chosen: bool
     reason: str
+    is_fitting: bool | None = None              # smaller than the tightest hollow; None: not asked
+    missing_stick_out_mm: float | None = None   # 0: holder and shank clear everywhere
+    stepover_mm: float | None = None            # narrowest, for the cusp wanted
+    estimated_time_s: float | None = None       # cutting alone, on what it reaches
+    area_left_mm2: float | None = None          # of the faces wanted
 
     def as_dict(self):
+        numbers = {n: _rounded(getattr(self, n)) for n in ("missing_stick_out_mm", "stepover_mm", "estimated_time_s",
+                                                           "area_left_mm2")}
         return {"tool": self.tool.number, "name": self.tool.cutter.name, "type": self.tool.cutter.type,
-                "diameter_mm": self.tool.cutter.diameter_mm, "chosen": self.is_chosen, "reason": self.reason}
+                "diameter_mm": self.tool.cutter.diameter_mm, "chosen": self.is_chosen, "reason": self.reason,
+                "fits": self.is_fitting, **numbers}
+
+
+def _rounded(value):
+    return None if value is None else round(float(value), 4)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -70,20 +83,32 @@ def missing_stick_out_mm(tool, tips_mm, mesh, stock_mm):
         mesh: DropMesh of the part.
         stock_mm: thickness of the material that may still stand on the part.
     """
-    worst = 0.0
+    return float(missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm).max(initial=0.0))
+
+
+def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm):
+    """(n,) how much deeper holder and shank would have to clear at each tip position; 0 where they are clear."""
+    worst = np.zeros(len(tips_mm))
     for z0, r0, _, r1 in tool.non_cutting_frusta():
         is_holder = z0 >= tool.stick_out_mm - 1e-9
         clearance = stock_mm + (HOLDER_CLEARANCE_MM if is_holder else SHANK_CLEARANCE_MM)
         if max(r0, r1) + clearance <= tool.cutter.radius_mm:
             continue
         below = drop_tips_mm(mesh, tips_mm[:, :2], max(r0, r1) + clearance, 0.0)
-        worst = max(worst, float((below + clearance - (tips_mm[:, 2] + z0)).max()))
+        worst = np.maximum(worst, below + clearance - (tips_mm[:, 2] + z0))
     return worst
 
 
-def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm):
+def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
     """The finishing ball and all candidates.
 
+    Args:
+        library: ToolLibrary.
+        samples: surfaces.curvature.FaceSamples.
+        hollow_radius_mm: the tightest hollow.
+        mesh: DropMesh of the part.
+        stock_mm: thickness of what may still stand on it.
+        work: FinishingWork; with it the candidates say their step and time.
     Returns:
         (Tool, tuple of Candidate, Reach of the chosen ball).
     Raises:
@@ -91,21 +116,24 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm):
     """
     chosen, candidates, reach = None, [], None
     for tool in library.of_type("ball"):
+        mine = ball_reach(samples, mesh, tool.cutter.radius_mm)
+        missing = missing_stick_out_mm(tool, mine.tip_mm[mine.is_reached], mesh, stock_mm)
+        too_large = _why_not(tool, hollow_radius_mm)
         if chosen is not None:
-            candidates.append(Candidate(tool=tool, is_chosen=False, reason=f"a larger ball fits: T{chosen.number}"))
-            continue
-        reason = _why_not(tool, hollow_radius_mm)
-        if reason is None:
-            reach = ball_reach(samples, mesh, tool.cutter.radius_mm)
-            missing = missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], mesh, stock_mm)
-            if missing > 0:
-                reason = (f"holder or shank would touch the part: stick-out {tool.stick_out_mm:.1f} mm is "
-                          f"{missing:.2f} mm short")
-        if reason is None:
-            chosen, reason = tool, (f"largest that fits: radius {tool.cutter.radius_mm:.3f} mm in a hollow of "
-                                    f"{hollow_radius_mm:.3f} mm" if np.isfinite(hollow_radius_mm)
-                                    else "largest of the library; nothing to cut is hollow")
-        candidates.append(Candidate(tool=tool, is_chosen=chosen is tool, reason=reason))
+            reason = f"a larger ball fits: T{chosen.number}"
+        elif too_large:
+            reason = too_large
+        elif missing > 0:
+            reason = (f"holder or shank would touch the part: stick-out {tool.stick_out_mm:.1f} mm is "
+                      f"{missing:.2f} mm short")
+        else:
+            chosen, reach, reason = tool, mine, (
+                f"largest that fits: radius {tool.cutter.radius_mm:.3f} mm in a hollow of {hollow_radius_mm:.3f} mm"
+                if np.isfinite(hollow_radius_mm) else "largest of the library; nothing to cut is hollow")
+        candidates.append(Candidate(
+            tool=tool, is_chosen=chosen is tool, reason=reason, is_fitting=too_large is None,
+            missing_stick_out_mm=missing, area_left_mm2=samples.area_mm2[~mine.is_reached].sum(),
+            **({} if work is None else work.figures(tool, samples, mine.is_reached))))
     if chosen is None:
         raise CutterDoesNotFit("no ball of the library can finish this part: " + "; ".join(
             f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
@@ -133,47 +161,87 @@ def choose_rest_ball(library, samples, reach, mesh, largest_radius_mm, stock_mm)
         return None, (), adds
     for tool in reversed([t for t in library.of_type("ball") if t.cutter.radius_mm < largest_radius_mm]):
         if chosen is not None:
-            candidates.append(Candidate(tool=tool, is_chosen=False, reason=f"a smaller ball leaves less: T{chosen.number}"))
+            reason = f"a smaller ball leaves less: T{chosen.number}"
+            candidates.append(Candidate(tool=tool, is_chosen=False, reason=reason))
             continue
         mine = ball_reach(samples, mesh, tool.cutter.radius_mm)
         new = left & mine.is_reached
+        still = samples.area_mm2[~(reach.is_reached | mine.is_reached)].sum()
         if not new.any():
-            candidates.append(Candidate(tool=tool, is_chosen=False, reason="reaches nothing more"))
+            candidates.append(Candidate(tool=tool, is_chosen=False, area_left_mm2=still, reason="reaches nothing more"))
             continue
         missing = missing_stick_out_mm(tool, mine.tip_mm[new], mesh, stock_mm)
         if missing > 0:
-            candidates.append(Candidate(tool=tool, is_chosen=False,
+            candidates.append(Candidate(tool=tool, is_chosen=False, missing_stick_out_mm=missing, area_left_mm2=still,
                                         reason=f"holder or shank would touch: stick-out {missing:.2f} mm short"))
             continue
         chosen, adds = tool, new
-        candidates.append(Candidate(tool=tool, is_chosen=True, reason=(
+        candidates.append(Candidate(tool=tool, is_chosen=True, missing_stick_out_mm=0.0, area_left_mm2=still, reason=(
             f"smallest ball of the library: reaches {samples.area_mm2[new].sum():.1f} mm² more")))
     return chosen, tuple(candidates), adds
 
 
-def choose_roughing(library, mesh, samples, stock_min_mm, stock_max_mm, allowance_mm):
+@dataclass(frozen=True, kw_only=True)
+class RoughingTool:
+    """What speaks for and against one roughing cutter."""
+
+    tool: Tool
+    missing_stick_out_mm: float     # 0: its holder clears
+    leaves_mm: float                # on 95 % of the faces, its allowance included
+
+    def candidate(self, chosen):
+        """For plan.json."""
+        reason = (f"holder {self.missing_stick_out_mm:.2f} mm short" if self.missing_stick_out_mm > 0
+                  else f"leaves at most {self.leaves_mm:.2f} mm on 95 % of the faces")
+        return Candidate(tool=self.tool, is_chosen=self is chosen, reason=reason,
+                         missing_stick_out_mm=self.missing_stick_out_mm)
+
+
+def roughing_tools(library, mesh, samples, stock_min_mm, stock_max_mm, allowance_mm):
+    """All flat and bull-nose cutters of the library as RoughingTool, largest first."""
+    found = []
+    for tool in library.of_type("flat", "bull_nose"):
+        tips = _tip_heights(tool, mesh, stock_min_mm, stock_max_mm, allowance_mm)
+        left = leftover_mm(tool, mesh, samples, allowance_mm, leftover_rows(samples))
+        found.append(RoughingTool(tool=tool, missing_stick_out_mm=max(missing_stick_out_mm(tool, tips, mesh, 0.0), 0.0),
+                                  leaves_mm=float(np.percentile(left, 95))))
+    return tuple(found)
+
+
+def choose_roughing(tools, allowance_mm):
     """The roughing cutter: the largest flat or bull nose whose holder clears, that leaves least at the part.
 
+    Args:
+        tools: from `roughing_tools`.
     Returns:
-        (Tool, tuple of Candidate).
+        (RoughingTool, tuple of Candidate).
     Raises:
         PlanError: the library has no flat or bull-nose cutter whose holder clears.
     """
-    rows = []
-    for tool in library.of_type("flat", "bull_nose"):
-        tips = _tip_heights(tool, mesh, stock_min_mm, stock_max_mm, allowance_mm)
-        missing = missing_stick_out_mm(tool, tips, mesh, 0.0)
-        left = leftover_mm(tool, mesh, samples, allowance_mm, leftover_rows(samples))
-        rows.append((tool, missing, float(np.percentile(left, 95))))
-    usable = [r for r in rows if r[1] <= 0]
+    usable = [t for t in tools if t.missing_stick_out_mm == 0]
     if not usable:
         raise PlanError("no flat or bull-nose cutter of the library can rough this part: " + "; ".join(
-            f"T{t.number} {t.cutter.name}: holder {m:.2f} mm short" for t, m, _ in rows)
+            f"T{t.tool.number} {t.tool.cutter.name}: holder {t.missing_stick_out_mm:.2f} mm short" for t in tools)
             + ". Lengthen a stick-out or add a cutter")
     # a cutter half as wide takes about four times as long: it must leave clearly less to be worth it
-    best = min(usable, key=lambda r: (r[2] + allowance_mm) / r[0].cutter.diameter_mm)
-    reason = {True: "holder {1:.2f} mm short", False: "leaves at most {2:.2f} mm on 95 % of the faces"}
-    return best[0], tuple(Candidate(tool=r[0], is_chosen=r is best, reason=reason[r[1] > 0].format(*r)) for r in rows)
+    best = min(usable, key=lambda t: (t.leaves_mm + allowance_mm) / t.tool.cutter.diameter_mm)
+    return best, tuple(t.candidate(best) for t in tools)
+
+
+def choose_rest_roughing(tools, first, left_mm):
+    """The largest smaller cutter that takes at least half of what the first one really left.
+
+    Args:
+        tools: from `roughing_tools`.   first: the RoughingTool that went before.
+        left_mm: what it left on the faces.
+    Returns:
+        (RoughingTool or None, tuple of Candidate).
+    """
+    smaller = [t for t in tools if t.missing_stick_out_mm == 0
+               and t.tool.cutter.diameter_mm <= REST_ROUGHING_SHARE * first.tool.cutter.diameter_mm
+               and first.leaves_mm - t.leaves_mm >= left_mm / 2]
+    best = max(smaller, key=lambda t: t.tool.cutter.diameter_mm, default=None)
+    return best, tuple(t.candidate(best) for t in tools if t is not first)
 
 
 def _tip_heights(tool, mesh, low, high, allowance_mm, spacing_mm=2.0):

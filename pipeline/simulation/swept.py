@@ -17,6 +17,7 @@ from cuspline.program import Kind
 from cuspline.simulation import tracing, tree
 from cuspline.simulation.pieces import pieces_of
 
+SIMULATED = ("ball", "bull_nose", "flat")
 LONGEST_RADII = 2.0       # pieces are at most this many cutter radii long: boxes stay tight
 
 
@@ -73,8 +74,10 @@ def swept_paths(posted, tools):
     Returns:
         one SweptPath a tool that moves, in order of tool number.
     Raises:
-        SimulationError: a feed move without a tool, or a tool that is not given; `.rows`.
+        SimulationError: a feed move without a tool, with one that is not given, or with a cutter whose type
+            cannot be simulated; `.rows`.
     """
+    _refuse_unknown_shapes(posted, tools)
     lost = (posted.kind != Kind.RAPID) & ~np.isin(posted.tool, list(tools))
     if lost.any():
         k = int(np.flatnonzero(lost)[0])
@@ -83,6 +86,15 @@ def swept_paths(posted, tools):
     known = cutting_rows(posted)
     numbers = [int(n) for n in np.unique(posted.tool[known]) if int(n) in tools]
     return tuple(_swept(posted, np.flatnonzero(known & (posted.tool == n)), tools[n]) for n in numbers)
+
+
+def _refuse_unknown_shapes(posted, tools):
+    for number in np.unique(posted.tool[cutting_rows(posted)]):
+        if number in tools and tools[number].cutter.type not in SIMULATED:
+            raise SimulationError(
+                f"T{number} {tools[number].cutter.name} is of type {tools[number].cutter.type}, which the simulation "
+                f"does not know yet; it knows {', '.join(SIMULATED)}: choose one of these for this operation",
+                rows=np.flatnonzero(posted.tool == number))
 
 
 def _swept(posted, rows, tool):

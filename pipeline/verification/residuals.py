@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.arrays import frozen
-from cuspline.simulation.swept import deviations_and_moves
+from cuspline.simulation.swept import deviations_and_moves, signed_distance_mm
 from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable
 from cuspline.verification.clusters import clusters_of
 from cuspline.verification.samples import Samples
@@ -59,6 +59,10 @@ def residuals(paths, stock_min, stock_max, samples, frame, mesh, ball_radius_mm,
     """
     points, normals = frame.into(samples.points_mm), frame.turn_into(samples.normals)
     deviation, row = deviations_and_moves(paths, stock_min, stock_max, points, normals, LIMIT_MM)
+    # an edge has no one normal: along its face's a hair taken off the face beside it would look as deep as that is
+    # high.  There a gouge counts as far as the point lies from the nearest material.
+    rim = np.flatnonzero(samples.is_border & (deviation < 0))
+    deviation[rim] = np.maximum(deviation[rim], np.minimum(signed_distance_mm(paths, points[rim]), 0.0))
     return Residuals(samples=samples, deviation_mm=deviation, row=row, spacing_mm=spacing_mm,
                      reach=why_unreachable(mesh, points, normals, ball_radius_mm))
 

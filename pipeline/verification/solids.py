@@ -141,7 +141,7 @@ def _bodies(kind, solid, paths, top, tolerance, found, frame, tessellation_mm):
     ends = np.cumsum([0] + [len(p.vertices_mm) for p in pieces])
     real = []
     for piece, i, j in zip(pieces, ends, ends[1:]):
-        if _is_real(beyond[i:j], depth[i:j], max(2 * tessellation_mm, SURE_MM)):
+        if _is_real(beyond[i:j], depth[i:j], max(2 * tessellation_mm, SURE_MM)) and not _is_hair(piece, tessellation_mm):
             worst = i + int(depth[i:j].argmax())
             real.append(_described(kind, piece, tolerance + float(depth[worst]), vertices[worst],
                                    np.unique(near[i:j]), frame))
@@ -162,6 +162,12 @@ def _is_real(beyond, depth, sure):
     height is exact, lies off the design.
     """
     return bool((beyond > sure).any() or ((np.abs(beyond) < EXACT_MM) & (depth > sure)).any())
+
+
+def _is_hair(piece, tessellation_mm):
+    """A body that stands upright and is thinner than the tessellation: what facets leave along a wall beside the faces."""
+    size = np.asarray(piece.max_mm) - np.asarray(piece.min_mm)
+    return bool(piece.volume_mm3 < tessellation_mm * size[2] * np.hypot(*size[:2]))
 
 
 def _volumes(excess, gouge, grid, z, paths, found, frame, surface_error_mm, pitch_mm):

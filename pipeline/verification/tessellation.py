@@ -26,6 +26,7 @@ from cuspline.errors import DesignError
 ANGLE_RAD = 0.35          # largest turn of the normal along a triangle's side
 POINT_MM = 1e-7           # a surface whose derivative is shorter has shrunk to a point there
 ROUNDS = 4                # refinements before giving up
+HALVINGS = 14             # of a side inside a face
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,7 +58,7 @@ def tessellate(solid, deviation_mm):
     asked = 0.7 * deviation_mm
     for _ in range(ROUNDS):
         copy = BRepBuilderAPI_Copy(solid, True, False).Shape()
-        faces = mesh_faces(copy, asked)
+        faces = [_refined(f, 0.5 * deviation_mm) for f in mesh_faces(copy, asked)]
         measured = max(_deviation_mm(f) for f in faces)
         if measured <= deviation_mm:
             return _welded(faces, measured)
@@ -78,6 +79,55 @@ def mesh_faces(shape, deflection_mm, angle_rad=ANGLE_RAD):
         found.append(_triangles_of(TopoDS.Face_s(explorer.Current()), len(found)))
         explorer.Next()
     return found
+
+
+def _refined(part, side_mm):
+    """Sides inside a face halved on the exact surface until each strays from it by less than `side_mm` in its middle.
+
+    The mesher may leave long sides across a ruled face however finely it is asked.  Sides on the face's border,
+    shared with the next face, stay.
+    """
+    if BRepAdaptor_Surface(part.face, False).GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
+        return part
+    uv, points, triangles, free = part.uv, part.points_mm, part.triangles, free_parameters(part)
+    fresh = np.ones(len(triangles), bool)
+    for _ in range(HALVINGS):
+        corner = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
+        sides, index, count = np.unique(corner.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True)
+        index = index.reshape(-1, 3)
+        look = np.flatnonzero((count == 2) & np.isin(np.arange(len(sides)), index[fresh]))
+        a, b = sides[look].T
+        ua, ub = np.where(free[a], uv[b], uv[a]), np.where(free[b], uv[a], uv[b])
+        middle = (ua + ub) / 2
+        exact, chord = surface_points(part.face, middle), points[b] - points[a]
+        off = exact - (points[a] + points[b]) / 2
+        along = np.einsum("ij,ij->i", off, chord) / np.maximum(np.einsum("ij,ij->i", chord, chord), 1e-300)
+        far = np.linalg.norm(off - along[:, None] * chord, axis=1) > side_mm
+        if not far.any():
+            break
+        node = np.full(len(sides), -1)
+        node[look[far]] = len(uv) + np.arange(far.sum())
+        uv, points = np.vstack([uv, middle[far]]), np.vstack([points, exact[far]])
+        free = np.vstack([free, np.zeros((far.sum(), 2), bool)])
+        triangles, fresh = _split(triangles, node[index])
+    return FaceTriangles(face=part.face, uv=frozen(uv, (None, 2), "uv"), points_mm=frozen(points, (None, 3), "points_mm"),
+                         triangles=frozen(triangles, (None, 3), "triangles", np.int64))
+
+
+def _split(triangles, middle):
+    """Triangles with a new node (or -1) on each side cut into two, three or four; and which of them are new."""
+    # turned until a side with a node comes first, and of two or three the one without comes last
+    has, turn = middle >= 0, np.zeros(len(triangles), int)
+    for k in (2, 1, 0):
+        turn[has[:, k] & ~has[:, k - 1]] = k
+    order = (turn[:, None] + np.arange(3)) % 3
+    t, m = np.take_along_axis(triangles, order, 1), np.take_along_axis(middle, order, 1)
+    (a, b, c), (p, q, r), count = t.T, m.T, has.sum(axis=1)
+    rows = lambda k, *corners: np.stack([corner[count == k] for corner in corners], axis=1)
+    new = [rows(1, a, p, c), rows(1, p, b, c), rows(2, p, b, q), rows(2, a, p, q), rows(2, a, q, c),
+           rows(3, a, p, r), rows(3, p, b, q), rows(3, r, q, c), rows(3, p, q, r)]
+    joined = np.concatenate([triangles[count == 0], *new])
+    return joined, np.arange(len(joined)) >= (count == 0).sum()
 
 
 def _triangles_of(face, number):

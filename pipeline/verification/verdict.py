@@ -168,7 +168,7 @@ def _fitted(options, faces, low, high, finish):
     fit = {"spacing_mm": default_spacing_mm(sum(face_area_mm2(f) for f in faces)),
            "solid_pitch_mm": float(np.clip(np.sqrt(plan / SOLID_NODES), 0.05, 1.0)),
            "replay_pitch_mm": float(np.clip(np.sqrt(plan / REPLAY_NODES), 0.1, 1.0)),
-           "tessellation_mm": float(np.clip(finish.profile_tolerance_mm, 0.001, 0.01))}
+           "tessellation_mm": float(np.clip(finish.profile_tolerance_mm, 0.002, 0.01))}
     return Options(**{**options.__dict__, **{k: v for k, v in fit.items() if getattr(options, k) is None}})
 
 

@@ -12,7 +12,7 @@ from .linuxcnc.controller import run_on_controller
 
 MM_PER_INCH = 25.4
 SLACK_MM = 1e-4             # arcs whose rounded ends differ in radius
-ROUGHING_SLACK_MM = 5e-4    # LinuxCNC's own blend at square corners between short and long blocks
+ROUGHING_SLACK_MM = 0.015  # LinuxCNC blends short arcs and blocks of roughing wider than asked; the allowance is 0.3 mm
 TIME_SHARE = 0.15           # the estimate knows no servo cycles
 
 

@@ -139,6 +139,22 @@ def test_a_step_without_a_solid(run, tmp_path):
     assert_refused(run("build", job), "saddle", "solid")
 
 
+def test_a_step_with_several_solids(run, tmp_path):
+    import cadquery as cq
+    job = saddle_job(tmp_path)
+    two = cq.Workplane("XY").box(5, 5, 5).add(cq.Workplane("XY").box(5, 5, 5).translate((20, 0, 0)))
+    cq.exporters.export(two, str(tmp_path / "saddle.step"))
+    assert_refused(run("build", job), "saddle", "2 solids", "fuse")
+
+
+def test_a_step_with_an_open_shell(run, tmp_path):
+    import cadquery as cq
+    job = saddle_job(tmp_path)
+    shell = cq.Shell.makeShell(cq.Workplane("XY").box(5, 5, 5).faces().vals()[:5])
+    cq.exporters.export(cq.Workplane(obj=shell), str(tmp_path / "saddle.step"))
+    assert_refused(run("build", job), "saddle.step", "no solid", "shell")
+
+
 @pytest.mark.parametrize("text", ["", "this is no STEP file\n"])
 def test_a_step_that_cannot_be_read(run, tmp_path, text):
     job = saddle_job(tmp_path)

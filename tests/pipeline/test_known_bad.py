@@ -174,7 +174,7 @@ FAULTS = {
     "arcs the other way round": (
         lambda p: words(p, lambda a, n: "G" + {"2": "3", "3": "2"}[n] if a == "G" and n in "23" else a + n),
         "gouge", HISTORY),
-    "sign of Y words wrong": (lambda p: words(p, negated("Y")), "missing_area", SURFACE),
+    "sign of Y words wrong": (lambda p: words(p, negated("Y")), REFUSED, HISTORY),
     "another work offset": (lambda p: "\n".join("G55" if x == "G54" else x for x in p.lines) + "\n", "unknown_start", HISTORY),
     "retract missing before a rapid across": (without_retract_across, "rapid_through_stock", HISTORY),
     "retract missing before a tool change": (without_retract_before_tool_change, "rapid_through_stock", HISTORY),

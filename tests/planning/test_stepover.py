@@ -9,6 +9,26 @@ from cuspline.errors import CutterDoesNotFit
 from cuspline.planning.stepover import scallop_for_stepover_mm, segment_length_mm, stepover_for_scallop_mm
 
 INCH_MM = 25.4
+# cusp on a flat by ball diameter (rows) and stepover (columns), all mm: h = R - sqrt(R² - (s/2)²) in ten digits.
+# Published examples agree with the table: D = 6, s = 0.5 leaves 0.01043 (machinecalcs.com); D = 0.5 in, s = 0.05 in
+# leaves 0.001253 in (calcady.com)
+FLAT_STEPOVERS_MM = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1)
+FLAT_CUSPS_MM = {
+    2: (0.0003125488434, 0.001250782228, 0.005012562893, 0.01131400334, 0.03175416345, 0.08348486101, 0.1339745962),
+    3: (0.0002083478029, 0.0008335649435, 0.00333704529, 0.00751884434, 0.02098005423, 0.05431677052, 0.08578643763),
+    4: (0.000156256104, 0.0006250976868, 0.002501564456, 0.005632932482, 0.0156865167, 0.04040820577, 0.0635083269),
+    6: (0.0001041684752, 0.0004166956059, 0.001667129887, 0.003752346684,
+         0.01043481422, 0.02678625054, 0.04196010845),
+    8: (7.812576295e-05, 0.000312512208, 0.001250195374, 0.002813489465, 0.007820144332, 0.02005025157, 0.0313730334),
+    10: (6.250039063e-05, 0.0002500062503, 0.00100010002, 0.002250506478,
+         0.00625391114, 0.01602568225, 0.02506281447),
+    12: (5.208355939e-05, 0.0002083369504, 0.0008333912117, 0.00187529306,
+         0.005210595859, 0.01334818116, 0.02086962845),
+    16: (3.906259537e-05, 0.0001562515259, 0.000625024416, 0.001406373618,
+         0.00390720414, 0.01000625782, 0.01564028866),
+    20: (3.125004883e-05, 0.0001250007813, 0.0005000125006, 0.001125063288,
+         0.003125488434, 0.008003202563, 0.01250782228),
+}
 curvatures = st.floats(-0.09, 0.5)          # hollows down to 11.1 mm under balls up to 10 mm
 
 
@@ -17,6 +37,15 @@ def test_check_numbers_of_the_scallop_on_a_flat(radius, step, scallop):
     found = scallop_for_stepover_mm(radius * INCH_MM, step * INCH_MM, 0.0)[0] / INCH_MM
     assert found == pytest.approx(scallop, abs=5e-7)        # inches, as printed
     assert stepover_for_scallop_mm(radius * INCH_MM, found * INCH_MM, 0.0)[0] / INCH_MM == pytest.approx(step, rel=1e-9)
+
+
+@pytest.mark.parametrize("diameter", FLAT_CUSPS_MM)
+def test_cusps_on_a_flat_are_those_of_the_table(diameter):
+    steps, cusps = np.array(FLAT_STEPOVERS_MM), np.array(FLAT_CUSPS_MM[diameter])
+    found = [scallop_for_stepover_mm(diameter / 2, s, 0.0)[0] for s in steps]
+    np.testing.assert_allclose(found, cusps, rtol=2e-8)         # a flat is taken as a radius of 1e9 mm: R / 1e9
+    back = [stepover_for_scallop_mm(diameter / 2, h, 0.0)[0] for h in cusps]
+    np.testing.assert_allclose(back, steps, rtol=2e-8)
 
 
 @given(radius=st.floats(0.5, 10), scallop=st.floats(1e-4, 0.02), curvature=curvatures)

@@ -1,0 +1,120 @@
+"""What one setup's planning has at hand: the part's faces and mesh, the machine, the shop's tools and speeds."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cuspline import brep
+from cuspline.cutters import Tool
+from cuspline.errors import PlanError
+from cuspline.planning import feeds
+from cuspline.planning.finishing_chain import FinishingWork
+from cuspline.planning.materials import material_named
+from cuspline.program import Kind, Moves
+from cuspline.surfaces.curvature import sample_faces, tightest_hollow
+from cuspline.surfaces.sections import SectionPlane
+from cuspline.surfaces.projection import ClosestTree
+from cuspline.toolpaths.dropcutter import DropMesh
+from cuspline.toolpaths.exact_drop import ExactPart
+from cuspline.toolpaths.exact_dropper import EdgeNeighbours, ExactDropper
+
+MESH_DEFLECTION_MM = 0.01
+ROUGH_ALLOWANCE_MM = 0.3
+SEMI_ALLOWANCE_MM = 0.1
+SEMI_SCALLOP_MM = 0.05
+FINISH_DEPTH_SHARE = 0.1    # a ball finishes at most this share of its diameter deep
+CLEARANCE_MM = 5.0          # of rapids above stock and fixtures
+APPROACH_MM = 1.0           # above stock and fixtures the tool begins to feed down
+ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
+RAMP_RAD = np.radians(3.0)
+TOOL_CHANGE_S = 60.0        # one more tool, its approach and its passes' overlap included
+PLUNGE_SHARE = 0.3          # of the cutting feed, going down
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlannedOperation:
+    """One operation with everything that plan.json says of it."""
+
+    name: str
+    tool: Tool
+    rpm: float
+    coolant: str
+    moves: Moves                # with capped feeds, part frame
+    facts: dict                 # numbers for plan.json
+
+
+class Shop:
+    """What one setup's planning has at hand; lengths in the part frame."""
+
+    def __init__(self, design, setup, machine, library):
+        self.design, self.setup, self.machine, self.library = design, setup, machine, library
+        self.solid = brep.the_solid(design.solid, f"design {design.name}")
+        self.faces = brep.faces_of(self.solid)
+        chosen = [f for p in design.predicates if p.name in setup.faces for f in brep.select_faces(self.faces, p)]
+        self.wanted = [i for i, f in enumerate(self.faces) if any(f is c for c in chosen)]
+        self.plane = SectionPlane.named(setup.section_plane)
+        self.material = material_named(design.material)
+        mesh = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
+        self.mesh = DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles)
+        self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
+        self.hollow = tightest_hollow(self.faces, self.wanted)
+        self.box = brep.bounding_box_mm(self.solid)
+        self.clearance_z_mm = max([design.stock.max_mm[2], *(f.max_mm[2] for f in setup.fixtures)]) + CLEARANCE_MM
+
+    @cached_property
+    def closest(self):
+        """Closest points on all faces."""
+        return ClosestTree.of_faces(self.faces)
+
+    @cached_property
+    def _exact(self):
+        return ExactPart.of_faces(self.faces), EdgeNeighbours.of_faces(self.faces)
+
+    def dropper_of(self, radius_mm, allowance_mm):
+        """A ball over the exact part, with an allowance."""
+        return ExactDropper(*self._exact, radius_mm, radius_mm, allowance_mm)
+
+    def speeds(self, tool, is_rough):
+        """(rpm, cutting feed) of a tool in this material."""
+        m = self.material
+        speed = m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min
+        rpm = feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
+        return rpm, feeds.cutting_feed_mm_per_min(tool.cutter, rpm, m.feed_per_tooth_share, self.machine)
+
+    def finishing_work(self):
+        """What the finish asks of a ball."""
+        return FinishingWork(scallop_mm=self.design.finish.scallop_mm, change_s=TOOL_CHANGE_S,
+                             feed_of=lambda tool: self.speeds(tool, is_rough=False)[1])
+
+    def operation(self, name, tool, rpm, moves, facts):
+        """Cap the feeds, measure length and time."""
+        moves = moves.with_feed(feeds.capped_feeds(moves, self.machine))
+        cutting = moves.kind != Kind.RAPID
+        facts = {**facts, "length_mm": round(float(feeds.move_lengths_mm(moves)[cutting].sum()), 3),
+                 "time_s": round(float(feeds.times_s(moves, self.machine).sum()), 1),
+                 "moves": len(moves), "arcs": int((moves.kind >= Kind.ARC_CW).sum())}
+        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.material.coolant, moves=moves, facts=facts)
+
+
+def path_tolerance_mm(finish):
+    """What the fitted path may deviate, the post's rounding kept back."""
+    return finish.profile_tolerance_mm - ROUNDING_MM
+
+
+def ridge_for_step_mm(name, scallop_mm, finish):
+    """Scallop height to choose the step for: the ridge may stand on a path that is high by its tolerance.
+
+    Raises:
+        PlanError: the tolerance leaves nothing for the ridge.
+    """
+    ridge_mm = scallop_mm - finish.profile_tolerance_mm
+    if ridge_mm <= 0 or path_tolerance_mm(finish) <= 0:
+        raise PlanError(f"{name}: a cusp of {scallop_mm} mm and a profile tolerance of {finish.profile_tolerance_mm} mm "
+                        f"do not go together: the tolerance must lie between {ROUNDING_MM} mm and the cusp")
+    return ridge_mm
+
+
+def finite(value):
+    """Rounded for plan.json; None where there is no such number."""
+    return round(float(value), 6) if np.isfinite(value) else None

@@ -1,0 +1,49 @@
+"""What every design in the catalogue must keep, and what the free-form ones are."""
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from cuspline import brep, catalogue
+from cuspline.designs.lopes_surface import LopesSurface
+from cuspline.designs.mould_insert import MouldInsert, design as insert_design
+from cuspline.surfaces.curvature import tightest_hollow
+
+
+@pytest.fixture(scope="module", params=catalogue.design_names())
+def made(request):
+    return catalogue.make_design(catalogue.find_design(request.param), [])
+
+
+def test_default_solid_is_valid_and_every_predicate_matches(made):
+    faces = brep.faces_of(brep.the_solid(made.solid, made.name))
+    for predicate in made.predicates:
+        assert brep.select_faces(faces, predicate)
+
+
+def test_stock_holds_the_part(made):
+    low, high = brep.bounding_box_mm(brep.the_solid(made.solid))
+    assert (low > np.array(made.stock.min_mm) - 1e-3).all() and (high < np.array(made.stock.max_mm) + 1e-3).all()
+
+
+def test_the_same_parameters_give_the_same_volume(made):
+    again = catalogue.make_design(catalogue.find_design(made.name), [])
+    assert brep.volume_mm3(brep.the_solid(again.solid)) == brep.volume_mm3(brep.the_solid(made.solid))
+
+
+def test_the_published_surface_is_on_top_of_its_plate():
+    made = catalogue.make_design(catalogue.find_design("lopes_surface"), [])
+    faces = brep.faces_of(brep.the_solid(made.solid))
+    index = faces.index(brep.select_faces(faces, made.predicates[0])[0])
+    assert tightest_hollow(faces, [index]).radius_mm == pytest.approx(63.66, abs=0.01)
+    with pytest.raises(ValidationError):
+        LopesSurface(base_mm=1.0)
+
+
+def test_the_inserts_foot_fillet_is_its_tightest_hollow():
+    made = insert_design(MouldInsert(foot_radius_mm=3.5))
+    faces = brep.faces_of(brep.the_solid(made.solid))
+    wanted = [faces.index(f) for p in made.predicates for f in brep.select_faces(faces, p)]
+    assert tightest_hollow(faces, wanted).radius_mm == pytest.approx(3.5, rel=0.02)
+    with pytest.raises(ValidationError, match="raise boss_height_mm"):
+        MouldInsert(boss_height_mm=6.0)
