@@ -1,11 +1,17 @@
+import os
 import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 sys.path.append(str(Path(__file__).parent / "parts"))       # for known_parts, built_parts
 
 from built_parts import built_once  # noqa: E402
+
+settings.register_profile("same", derandomize=True)     # a red run can be repeated
+settings.register_profile("search", derandomize=False)  # what it finds goes into the test as an @example
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 
 @pytest.fixture(scope="session")

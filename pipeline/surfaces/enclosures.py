@@ -257,7 +257,10 @@ def curvature_of_piece(coefficients, patch, sign, box, work, out):
     tiny = 1e-300
     bend_s = _likely_length(Sss) / (ls + tiny) + _likely_length(Sst) / (lt + tiny)
     bend_t = _likely_length(Sst) / (ls + tiny) + _likely_length(Stt) / (lt + tiny)
-    out[8] = 1.0 if (bend_t > bend_s or bend_s + bend_t == 0.0 and lt > ls) else 0.0
+    if bend_s + bend_t < np.inf:
+        out[8] = 1.0 if (bend_t > bend_s or bend_s + bend_t == 0.0 and lt > ls) else 0.0
+    else:                       # no bound at all, as when weights cannot be told from 0: the wider side
+        out[8] = 1.0 if box[3] - box[2] > box[1] - box[0] else 0.0
     if ls == 0.0 or lt == 0.0 or not reach < np.inf:
         return
     along = (Ss[0][0] * St[0][0] + Ss[1][0] * St[1][0] + Ss[2][0] * St[2][0]) / (ls * ls)

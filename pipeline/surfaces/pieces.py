@@ -27,6 +27,13 @@ def halves(patch, box, side):
     return np.concatenate([patch, patch]), np.concatenate([first, second])
 
 
+def side_to_cut(box, of_s, of_t):
+    """(n,) 0 or 1: the side, s or t, that measures more; the wider one where a measure is not finite."""
+    s_low, s_high, t_low, t_high = box.T
+    is_wider = t_high - t_low > s_high - s_low      # weights that cannot be told from 0 bound nothing
+    return np.where(np.isfinite(of_s) & np.isfinite(of_t), of_t > of_s, is_wider).astype(int)
+
+
 def in_face_parameters(patches, patch, s, t):
     """(n,) u and v of local places."""
     u0, u1, v0, v1 = patches.span[patch].T

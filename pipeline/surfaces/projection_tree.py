@@ -13,7 +13,7 @@ from cuspline.brep import explore
 from cuspline.surfaces.enclosures import (_cross, _dot, _middle_length, _likely_length, _quotients, _reach, _recentred,
                                           curvature_of_piece, shifted)
 from cuspline.surfaces.patches import _span_powers
-from cuspline.surfaces.pieces import ACROSS, OUTSIDE, halves, trim_states, whole_patches
+from cuspline.surfaces.pieces import ACROSS, OUTSIDE, halves, side_to_cut, trim_states, whole_patches
 
 TURN = 0.35             # of the normal from the middle of a piece to its side, radians: then it is a leaf
 STRETCH = 1.0           # change of a tangent's length from the middle to the side, as a share: Newton still converges
@@ -50,8 +50,7 @@ def _face_leaves(patches, trims, face):
         rows = np.column_stack([np.full(len(patch), face), patch, state, np.zeros(len(patch), np.int64)])
         done.append((boxes[ready], geometry[ready], rows[ready]))
         go = ~ready
-        side = (bend[go, 1] > bend[go, 0]).astype(int)
-        patch, box = halves(patch[go], box[go], side)
+        patch, box = halves(patch[go], box[go], side_to_cut(box[go], bend[go, 0], bend[go, 1]))
         extra = np.concatenate([extra[go], extra[go]])
     if not done:
         return np.empty((0, 6)), np.empty((0, 24)), np.empty((0, 4), np.int64)

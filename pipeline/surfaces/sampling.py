@@ -14,7 +14,7 @@ from cuspline.arrays import frozen
 from cuspline.surfaces.enclosures import size_of_piece
 from cuspline.surfaces.nurbs import local_shape
 from cuspline.surfaces.patches import PatchSet
-from cuspline.surfaces.pieces import ACROSS, OUTSIDE, halves, in_face_parameters, point_on_border, trim_states, whole_patches
+from cuspline.surfaces.pieces import ACROSS, OUTSIDE, halves, side_to_cut, in_face_parameters, point_on_border, trim_states, whole_patches
 from cuspline.surfaces.trims import TrimSet
 
 ROUNDS = 60
@@ -89,7 +89,8 @@ def _served_pieces(patches, trims, face, spacing_mm):
         _sizes(patches.coefficients, patches.patch, patch, box, work, size)
         served = size[:, 3] * np.where(state == ACROSS, 2.0, 1.0) <= spacing_mm
         done.append((patch[served], box[served], state[served]))
-        patch, box = halves(patch[~served], box[~served], (size[~served, 5] > size[~served, 4]).astype(int))
+        patch, box, size = patch[~served], box[~served], size[~served]
+        patch, box = halves(patch, box, side_to_cut(box, size[:, 4], size[:, 5]))
         if not len(patch):
             break
     return tuple(np.concatenate(column) for column in zip(*done))
