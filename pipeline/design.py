@@ -3,11 +3,15 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
 from cuspline.cutters import Model
 from cuspline.errors import DesignError
 from cuspline.frames import Frame
+
+
+UNIT = 1e-9               # how exact unit vectors must be
 
 
 class Parameters(Model):
@@ -94,6 +98,8 @@ class Setup(Model):
     wcs: Literal["G54", "G55", "G56", "G57", "G58", "G59"] = "G54"
     wcs_in_words: str
     wcs_origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)     # in part coordinates
+    wcs_x: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction of the WCS's X, part coordinates")
+    wcs_z: tuple[float, float, float] = Field((0.0, 0.0, 1.0), description="direction of its Z, towards the spindle")
     strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral"] = Field(
         "sections", description="finishing passes: arcs and lines in section planes; on any part: parallel at an angle, "
         "constant scallop height, along the faces' border, one spiral")
@@ -106,10 +112,24 @@ class Setup(Model):
 
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
 
+    @model_validator(mode="after")
+    def _axes_make_a_frame(self):
+        x, z = np.array(self.wcs_x), np.array(self.wcs_z)
+        if not (abs(x @ x - 1) < UNIT and abs(z @ z - 1) < UNIT and abs(x @ z) < UNIT):
+            raise ValueError(f"setup {self.name!r}: wcs_x {self.wcs_x} and wcs_z {self.wcs_z} must be unit vectors "
+                             "square to each other")
+        return self
+
     @property
     def frame(self):
         """WCS seen from the part."""
-        return Frame.shift(self.wcs_origin_mm)
+        return Frame(rotation=self.turn.rotation, origin_mm=self.wcs_origin_mm)
+
+    @property
+    def turn(self):
+        """The WCS's directions alone, its zero left where the part's is."""
+        x, z = np.array(self.wcs_x), np.array(self.wcs_z)
+        return Frame(rotation=np.column_stack([x, np.cross(z, x), z]), origin_mm=np.zeros(3))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

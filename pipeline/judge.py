@@ -16,7 +16,7 @@ from cuspline.posted import PostedMoves
 from cuspline.posts.rs274_reader import read_program
 from cuspline.simulation.replay import Fixture
 from cuspline.verification.findings import Finding
-from cuspline.verification.verdict import Options, Verdict, verify_setup
+from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,20 +58,20 @@ def judge(folder, job, say=lambda text: None, options=Options()):
     tools = read_tools(folder)
     solid = brep.the_solid(brep.read_step(folder / job.step), job.step)
     faces = brep.faces_of(solid)
-    setups, posted, extra = [], [], []
+    programs, extra = [], []
     for item in job.posted:
-        say(f"{item.setup.name}: simulate and compare {item.program}")
+        say(f"{item.setup.name}: read {item.program}")
         text = _text(folder / item.program)
         moves = read_program(text, work_offsets={item.setup.wcs: job.machine.wcs_origin_mm},
                              tool_lengths={n: t.length_mm for n, t in tools.items()})
-        wanted = [f for p in job.predicates if p.name in item.setup.faces for f in brep.select_faces(faces, p)]
-        setups.append(verify_setup(
-            moves, tools, solid, wanted, setup=item.setup, stock=job.stock, finish=job.finish,
-            ball_radius_mm=job.smallest_ball_radius_mm, machine=job.machine, fixtures=_fixtures(item.setup),
-            options=replace(options, post_rounding_mm=_half_decimal_mm(job.machine.control))))
-        posted.append(moves)
+        wanted = tuple(f for p in job.predicates if p.name in item.setup.faces for f in brep.select_faces(faces, p))
+        programs.append(SetupProgram(posted=moves, setup=item.setup, faces=wanted, fixtures=_fixtures(item.setup)))
         extra += _file_findings(item, text, job.machine)
-    return Judged(verdict=Verdict(setups=tuple(setups)), solid=solid, posted=tuple(posted), extra=tuple(extra))
+    say("simulate and compare")
+    setups = verify_setups(programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
+                           ball_radius_mm=job.smallest_ball_radius_mm,
+                           options=replace(options, post_rounding_mm=_half_decimal_mm(job.machine.control)))
+    return Judged(verdict=Verdict(setups=setups), solid=solid, posted=tuple(p.posted for p in programs), extra=tuple(extra))
 
 
 def _fixtures(setup):

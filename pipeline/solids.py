@@ -78,6 +78,27 @@ def _cells(z, nx, ny):
     return np.concatenate([first, second])
 
 
+def box(min_mm, max_mm):
+    """A box between two corners."""
+    size = np.asarray(max_mm, float) - min_mm
+    return Manifold.cube(tuple(size.tolist())).translate(tuple(np.asarray(min_mm, float).tolist()))
+
+
+def moved(solid, frame):
+    """A solid given in a frame, seen from outside it."""
+    if np.array_equal(frame.rotation, np.eye(3)) and not frame.origin_mm.any():
+        return solid
+    return solid.transform(np.column_stack([frame.rotation, frame.origin_mm]))
+
+
+def common(parts):
+    """What all of one or more solids have in common."""
+    left = parts[0]
+    for other in parts[1:]:
+        left = left ^ other
+    return left
+
+
 def prism_over(polygons_mm, low_mm, high_mm):
     """What stands over a union of plane polygons (each (k, 2), counter-clockwise) between two heights."""
     section = CrossSection([np.asarray(p, dtype=np.float64) for p in polygons_mm], FillRule.NonZero)

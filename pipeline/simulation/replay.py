@@ -76,7 +76,7 @@ class Replay:
             object.__setattr__(self, name, frozen(getattr(self, name), form, name, dtype))
 
 
-def replay(posted, tools, *, stock_min, stock_max, pitch_mm, design_top_mm=None, fixtures=(), machine=None,
+def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, design_top_mm=None, fixtures=(), machine=None,
            frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
            holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM):
     """Replays a posted program move by move on a z-map of the stock.
@@ -87,6 +87,7 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, design_top_mm=None,
         posted: PostedMoves.   tools: dict of tool number -> cutters.Tool.
         stock_min, stock_max: (3,) corners of the billet, WCS.
         pitch_mm: distance of the nodes.
+        stock_top_mm: (ny, nx) height of the stock at the nodes before the first move; None: the whole billet.
         design_top_mm: (ny, nx) height of the finished design at the nodes of
             `ZMap.over(stock_min, stock_max, pitch_mm)`, NaN beside it; None: not known.
         fixtures: Fixture values, WCS.   machine: machines.Machine, or None: travel is not checked.
@@ -98,12 +99,13 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, design_top_mm=None,
     zmap = ZMap.over(stock_min, stock_max, pitch_mm)
     shape, top = (zmap.ny, zmap.nx), float(stock_max[2])
     design = np.full(shape, np.nan) if design_top_mm is None else frozen(design_top_mm, shape, "design_top_mm")
-    z = np.full(shape, top)
+    z = np.full(shape, top) if stock_top_mm is None else np.array(frozen(stock_top_mm, shape, "stock_top_mm"))
     clearance = np.array([shank_clearance_mm, holder_clearance_mm], dtype=float)
     boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures], dtype=float).reshape(-1, 6)
     events, worst, least = replay_kernel.run(
         *_script(posted, tools, shank_clearance_mm), clearance, TOUCH_MM, boxes, z,
         np.where(np.isnan(design), -np.inf, design), *zmap.origin_mm, zmap.pitch_mm, len(posted))
+    events = np.concatenate([_cut_before(stock_top_mm, top), events])
     report = replay_checks.Reporter(posted, setup, frame)
     found = (*report.contacts(worst), *report.states(top), *report.unknown_starts(_highest(top, boxes)),
              *report.travel(machine), *report.end())
@@ -112,6 +114,15 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, design_top_mm=None,
                   event_row=events[:, 0], event_cell=events[:, 1], event_z_mm=events[:, 2], final_z_mm=z,
                   findings=found, holder_clearance_mm=np.inf if place is None else float(least[0]),
                   holder_place_mm=place)
+
+
+def _cut_before(stock_top_mm, top):
+    """(e, 3) events of row 0: cells that earlier clampings have lowered."""
+    if stock_top_mm is None:
+        return np.zeros((0, 3))
+    flat = np.ravel(stock_top_mm)
+    cells = np.flatnonzero(flat < top)
+    return np.column_stack([np.zeros(len(cells)), cells, flat[cells]])
 
 
 def _highest(top, boxes):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.arrays import frozen
-from cuspline.simulation.swept import deviations_and_moves, signed_distance_mm
+from cuspline.simulation.swept import signed_distance_mm
 from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable
 from cuspline.verification.clusters import clusters_of
 from cuspline.verification.samples import Samples
@@ -22,12 +22,13 @@ class Residuals:
     samples: Samples
     deviation_mm: np.ndarray      # (n,) positive left, negative gouged
     reach: np.ndarray             # (n,) REACHABLE, or why not
-    row: np.ndarray               # (n,) row of PostedMoves nearest to the sample; -1 none
+    row: np.ndarray               # (n,) row of the clamping's PostedMoves nearest to the sample; -1 none
+    is_own: np.ndarray            # (n,) bool: this clamping's moves made the deviation, no other's
     spacing_mm: float
 
     def __post_init__(self):
         n = len(self.samples)
-        for name, dtype in (("deviation_mm", float), ("reach", np.int64), ("row", np.int64)):
+        for name, dtype in (("deviation_mm", float), ("reach", np.int64), ("row", np.int64), ("is_own", bool)):
             object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype))
 
     @property
@@ -49,22 +50,45 @@ def default_spacing_mm(area_mm2):
     return float(np.clip(np.sqrt(PER_SPACING2 * area_mm2 / TARGET), 0.1, 1.0))
 
 
-def residuals(paths, stock_min, stock_max, samples, frame, mesh, ball_radius_mm, spacing_mm):
-    """Deviations and reach of all samples.
+def residuals(piece, parts, drops, ball_radius_mm, spacings_mm):
+    """Deviations and reach of all samples, clamping by clamping.
 
     Args:
-        paths: tuple of SweptPath, WCS.   stock_min, stock_max: (3,) billet, WCS.
-        samples: Samples, part coordinates.   frame: the WCS seen from the part.
-        mesh: DropMesh of the design, WCS.   ball_radius_mm: smallest ball of the shop.
+        piece: workpiece.Workpiece after all clampings.
+        parts: one Samples a clamping, of the faces that it cuts; part coordinates.
+        drops: one DropMesh of the design a clamping, in its WCS.   ball_radius_mm: smallest ball of the shop.
+        spacings_mm: of each clamping's samples.
+    Returns:
+        list of (Residuals of its faces after all clampings, Residuals of all faces after it alone).
     """
-    points, normals = frame.into(samples.points_mm), frame.turn_into(samples.normals)
-    deviation, row = deviations_and_moves(paths, stock_min, stock_max, points, normals, LIMIT_MM)
-    # an edge has no one normal: along its face's a hair taken off the face beside it would look as deep as that is
-    # high.  There a gouge counts as far as the point lies from the nearest material.
-    rim = np.flatnonzero(samples.is_border & (deviation < 0))
-    deviation[rim] = np.maximum(deviation[rim], np.minimum(signed_distance_mm(paths, points[rim]), 0.0))
-    return Residuals(samples=samples, deviation_mm=deviation, row=row, spacing_mm=spacing_mm,
-                     reach=why_unreachable(mesh, points, normals, ball_radius_mm))
+    together = Samples.joined(parts)
+    points, normals = together.points_mm, together.normals
+    each, rows = piece.deviations_of_cuts(points, normals, LIMIT_MM)
+    final, maker = piece.deviations(points, normals, LIMIT_MM, each)
+    depth = [_at_rims(d, together, c.paths, c.frame) for d, c in zip(each, piece.cuts)]
+    final = np.where(together.is_border, np.maximum(final, np.min(depth, axis=0)), final) if len(piece.cuts) > 1 else depth[0]
+    ends, found = np.cumsum([0] + [len(p) for p in parts]), []
+    for k, (mine, cut, drop) in enumerate(zip(parts, piece.cuts, drops)):
+        here = slice(ends[k], ends[k + 1])
+        reach = why_unreachable(drop, cut.frame.into(mine.points_mm), cut.frame.turn_into(mine.normals), ball_radius_mm)
+        after_all = Residuals(samples=mine, deviation_mm=final[here], row=rows[k, here], is_own=maker[here] == k, reach=reach,
+                              spacing_mm=spacings_mm[k])
+        alone = Residuals(samples=together, deviation_mm=depth[k], row=rows[k], is_own=np.ones(len(together), bool),
+                          reach=np.full(len(together), REACHABLE), spacing_mm=spacings_mm[k])
+        found.append((after_all, alone))
+    return found
+
+
+def _at_rims(deviation, samples, paths, frame):
+    """Deviations with gouges at the faces' rims measured another way.
+
+    An edge has no one normal: along its face's a hair taken off the face beside it would look as deep as that is high.
+    There a gouge counts as far as the point lies from the nearest material.
+    """
+    out = deviation.copy()
+    rim = np.flatnonzero(samples.is_border & (out < 0))
+    out[rim] = np.maximum(out[rim], np.minimum(signed_distance_mm(paths, frame.into(samples.points_mm[rim])), 0.0))
+    return out
 
 
 def weighted_percentile(values, weights, share):

@@ -53,6 +53,12 @@ class Samples:
     def __len__(self):
         return len(self.points_mm)
 
+    @classmethod
+    def joined(cls, parts):
+        """Several one after the other."""
+        names = ("points_mm", "normals", "weight_mm2", "face", "is_border")
+        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+
 
 def sample_faces(faces, spacing_mm):
     """Samples of B-rep faces; from any place on a face the nearest one is closer than `spacing_mm`.

@@ -10,9 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline import solids
-from cuspline.simulation.swept import stock_height_mm
+from cuspline.simulation.swept import signed_distance_mm, stock_height_mm
 
-WALL_MM = 1e-4            # grid lines hug vertical walls at this distance
 LEAST_MM3 = 1e-6          # smaller bodies are rounding
 CELLS = 8                 # pitches along the side of a cell in which volumes are compared
 SURE_MM = 1e-4            # a body counts when the exact height confirms it by more than this
@@ -49,74 +48,54 @@ class SolidComparison:
     zmap_mm: float                    # mean height error of the grid in that area
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Grid:
-    xs: np.ndarray
-    ys: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+def compare(made, k, tessellation, required, found, own, *, excess_mm, gouge_mm, path_error_mm):
+    """Stock solid against design solid, as one clamping sees it.
 
-    @property
-    def xy(self):
-        return np.column_stack([np.tile(self.xs, len(self.ys)), np.repeat(self.ys, len(self.xs))])
-
-    def solid(self, z):
-        return solids.height_field(self.xs, self.ys, z.reshape(len(self.ys), len(self.xs)), self.low[2])
-
-
-def grid_lines(low, high, pitch_mm, walls):
-    """Coordinates from low to high at the pitch, and two lines hugging each wall between."""
-    lines = np.linspace(low, high, max(1, int(np.ceil((high - low) / pitch_mm))) + 1)
-    hugging = [w + s for w in walls for s in (-WALL_MM, WALL_MM) if low < w + s < high]
-    lines = np.unique(np.concatenate([lines, hugging]))
-    keep = np.concatenate([[True], np.diff(lines) > WALL_MM / 10])
-    return lines[keep]
-
-
-def upright_walls(mesh_vertices, triangles):
-    """Coordinates x and y of axis-parallel vertical planes in a tessellation."""
-    corners = mesh_vertices[triangles]
-    spread = np.ptp(corners, axis=1)
-    found = []
-    for k in (0, 1):
-        upright = (spread[:, k] < 1e-9) & (spread[:, 2] > 1e-6)
-        found.append(np.unique(corners[upright, 0, k].round(9)))
-    return found
-
-
-def compare(paths, stock_min, stock_max, tessellation, required, found, frame, *, pitch_mm, excess_mm, gouge_mm,
-            path_error_mm):
-    """Stock solid against design solid.
+    Excess is what all clampings together leave above its faces; gouges are its own, on any face.
 
     Args:
-        paths: tuple of SweptPath, WCS.   stock_min, stock_max: (3,), WCS.
+        made: stock_solids.StockSolids of the workpiece after all clampings.   k: the clamping's number.
         tessellation: of the whole design, part coordinates.
-        required: indices of the faces that this setup cuts.
-        found: Residuals of the same setup (for the comparison of both).
-        frame: the WCS seen from the part.   pitch_mm: of the grid.
+        required: indices of the faces that this clamping cuts.
+        found: Residuals of these faces after all clampings.   own: Residuals of all faces after this one alone.
         excess_mm, gouge_mm: tolerances of the bodies.   path_error_mm: of the swept paths.
     """
+    field = made.field(k)
+    frame, low, high = field.frame, field.low, field.high
     vertices, triangles = frame.into(tessellation.vertices_mm), tessellation.triangles
-    low, high = np.asarray(stock_min, float), np.asarray(stock_max, float)
-    walls = upright_walls(vertices, triangles)
-    grid = _Grid(xs=grid_lines(low[0], high[0], pitch_mm, walls[0]), ys=grid_lines(low[1], high[1], pitch_mm, walls[1]),
-                 low=low, high=high)
-    z = stock_height_mm(paths, grid.xy, high[2])
     design = solids.solid_of(vertices, triangles, "the design's tessellation")
     region = _region(vertices, triangles[np.isin(tessellation.face, required)], low, high)
-    stock = grid.solid(z)
-    excess, gouge = (stock - design) ^ region, design - stock
-    bodies, artefacts = [], 0
-    for kind, by in (("excess", excess_mm), ("gouge", -gouge_mm)):
-        moved_paths = tuple(p.grown(by) for p in paths)
-        moved = grid.solid(stock_height_mm(moved_paths, grid.xy, high[2]))
-        beyond = ((moved - design) ^ region) if kind == "excess" else design - moved
-        real, false = _bodies(kind, beyond, moved_paths, high[2], abs(by), found, frame, tessellation.deviation_mm)
-        bodies, artefacts = bodies + real, artefacts + false
+    excess, gouge = (made.stock(frame) - design) ^ region, design - field.solid
+    left = (made.stock(frame, excess_mm) - design) ^ region
+    taken = design - made.field(k, -gouge_mm).solid
+    surface_mm = tessellation.deviation_mm
+    bodies, artefacts = _bodies("excess", left, _beyond_excess(made, k, excess_mm), excess_mm, found, frame, surface_mm)
+    more, others = _bodies("gouge", taken, _beyond_gouge(made, k, gouge_mm), gouge_mm, own, frame, surface_mm)
     return SolidComparison(
-        excess_volume_mm3=excess.volume(), gouge_volume_mm3=gouge.volume(), bodies=tuple(bodies), artefacts=artefacts,
-        tessellation_mm=tessellation.deviation_mm,
-        **_volumes(excess, gouge, grid, z, paths, found, frame, tessellation.deviation_mm + path_error_mm, pitch_mm))
+        excess_volume_mm3=excess.volume(), gouge_volume_mm3=gouge.volume(), bodies=tuple(bodies + more),
+        artefacts=artefacts + others, tessellation_mm=surface_mm,
+        **_volumes(excess, gouge, field, made.piece.cuts[k].paths, found, surface_mm + path_error_mm,
+                   made.pitches_mm[k]))
+
+
+def _beyond_excess(made, k, by):
+    """Function of points (n, 3) in clamping k's WCS: how far stock reaches above them though all cutters are grown."""
+    top, cuts = made.field(k).high[2], made.piece.cuts
+    paths = tuple(p.grown(by) for p in cuts[k].paths)
+    others = [(c.frame, tuple(p.grown(by) for p in c.paths)) for j, c in enumerate(cuts) if j != k]
+
+    def beyond_mm(points):
+        above = stock_height_mm(paths, points[:, :2], top) - points[:, 2]
+        far = [signed_distance_mm(grown, frame.into(cuts[k].frame.out(points))) for frame, grown in others]
+        return np.min([above, *far], axis=0)
+
+    return beyond_mm
+
+
+def _beyond_gouge(made, k, by):
+    """Function of points (n, 3): how far below them clamping k's shrunk cutters have gone."""
+    top, paths = made.field(k).high[2], tuple(p.grown(-by) for p in made.piece.cuts[k].paths)
+    return lambda points: points[:, 2] - stock_height_mm(paths, points[:, :2], top)
 
 
 def _region(vertices, triangles, low, high):
@@ -127,8 +106,8 @@ def _region(vertices, triangles, low, high):
     return solids.prism_over(list(corners[area > 1e-12]), low[2] - 1.0, high[2] + 1.0)
 
 
-def _bodies(kind, solid, paths, top, tolerance, found, frame, tessellation_mm):
-    """Real bodies, and how many were made by the grid: there the exact height does not cross the design."""
+def _bodies(kind, solid, beyond_mm, tolerance, found, frame, tessellation_mm):
+    """Real bodies, and how many were made by the grid: there the exact stock does not cross the design."""
     pieces = solids.bodies_of(solid, LEAST_MM3)
     if not pieces:
         return [], 0
@@ -136,8 +115,7 @@ def _bodies(kind, solid, paths, top, tolerance, found, frame, tessellation_mm):
     points, normals = frame.into(found.samples.points_mm), frame.turn_into(found.samples.normals)
     near = cKDTree(points).query(vertices)[1]
     depth = np.abs(np.einsum("nc,nc->n", vertices - points[near], normals[near]))
-    sign = 1.0 if kind == "excess" else -1.0
-    beyond = sign * (stock_height_mm(paths, vertices[:, :2], top) - vertices[:, 2])
+    beyond = beyond_mm(vertices)
     ends = np.cumsum([0] + [len(p.vertices_mm) for p in pieces])
     real = []
     for piece, i, j in zip(pieces, ends, ends[1:]):
@@ -170,14 +148,14 @@ def _is_hair(piece, tessellation_mm):
     return bool(piece.volume_mm3 < tessellation_mm * size[2] * np.hypot(*size[:2]))
 
 
-def _volumes(excess, gouge, grid, z, paths, found, frame, surface_error_mm, pitch_mm):
+def _volumes(excess, gouge, grid, paths, found, surface_error_mm, pitch_mm):
     """Both verifiers' volumes over the cells where the deviation is thin and the surface not steep."""
-    cell = CELLS * pitch_mm
+    cell, frame = CELLS * pitch_mm, grid.frame
     points, d = frame.into(found.samples.points_mm), found.deviation_mm
     normal_z = frame.turn_into(found.samples.normals)[:, 2]
     shape = np.maximum(1, np.ceil((grid.high - grid.low)[:2] / cell).astype(int))
     at = np.clip(((points[:, :2] - grid.low[:2]) / cell).astype(int), 0, shape - 1)
-    good = _quiet_cells(at, shape, (np.abs(d) < THIN_MM) & found.is_reachable & (normal_z > 0.5))
+    good = _quiet_cells(at, shape, (np.abs(d) < THIN_MM) & found.is_reachable & found.is_own & (normal_z > 0.5))
     inside = good[at[:, 0], at[:, 1]] & (normal_z > 0.5)
     weight = found.samples.weight_mm2[inside]
     area = float(weight.sum())
@@ -185,7 +163,7 @@ def _volumes(excess, gouge, grid, z, paths, found, frame, surface_error_mm, pitc
         return {"compared_area_mm2": 0.0, "compared_excess_mm3": (0.0, 0.0), "compared_gouge_mm3": (0.0, 0.0),
                 "bound_mm3": 0.0, "zmap_mm": 0.0}
     prism = solids.prism_over([_square(grid.low, cell, *c) for c in np.argwhere(good)], grid.low[2] - 1, grid.high[2] + 1)
-    zmap = _grid_error(grid, z, paths, good, cell)
+    zmap = _grid_error(grid, paths, good, cell)
     above, below = (np.maximum(s * d[inside], 0.0) for s in (1, -1))
     scatter = 3 * float(np.sqrt(((weight * d[inside])**2).sum()))
     return {"compared_area_mm2": area,
@@ -212,9 +190,9 @@ def _square(low, cell, i, j):
     return np.array([(x, y), (x + cell, y), (x + cell, y + cell), (x, y + cell)])
 
 
-def _grid_error(grid, z, paths, good, cell):
+def _grid_error(grid, paths, good, cell):
     """Mean distance, in height, of the exact stock from the grid's surface in the middle of its cells."""
-    field = z.reshape(len(grid.ys), len(grid.xs))
+    field = grid.z.reshape(len(grid.ys), len(grid.xs))
     x, y = (grid.xs[1:] + grid.xs[:-1]) / 2, (grid.ys[1:] + grid.ys[:-1]) / 2
     xx, yy = np.meshgrid(x, y)
     at = [np.clip(((c - o) / cell).astype(int), 0, n - 1) for c, o, n in zip((xx, yy), grid.low, good.shape)]

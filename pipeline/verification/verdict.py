@@ -6,9 +6,11 @@ import numpy as np
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
-from cuspline.errors import InputError, SimulationError
+from cuspline.errors import InputError
 from cuspline.simulation.replay import Replay, ZMap, replay
+from cuspline.simulation.stock_solids import StockSolids
 from cuspline.simulation.swept import swept_paths
+from cuspline.simulation.workpiece import Workpiece
 from cuspline.toolpaths.dropcutter import drop_tips_mm
 from cuspline.verification.findings import Finding
 from cuspline.verification.reach import drop_mesh
@@ -94,43 +96,74 @@ class Verdict:
                 **{k: [item for p in parts for item in p[k]] for k in together}, "setups": parts}
 
 
-def verify_setup(posted, tools, solid, faces, *, setup, stock, finish, ball_radius_mm, machine=None, fixtures=(),
-                 options=Options()):
-    """Verdict on one posted program.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SetupProgram:
+    """One clamping's program, read back from the text."""
+
+    posted: object                    # PostedMoves
+    setup: object                     # design.Setup: name and frame
+    faces: tuple                      # TopoDS_Face values of the solid (or values with such a `.shape`) that it cuts
+    fixtures: tuple = ()              # of replay.Fixture, WCS
+
+
+def verify_setup(posted, tools, solid, faces, *, setup, fixtures=(), **asked):
+    """Verdict on a part cut by one program in one clamping; see `verify_setups`."""
+    program = SetupProgram(posted=posted, setup=setup, faces=tuple(faces), fixtures=tuple(fixtures))
+    return verify_setups((program,), tools, solid, **asked)[0]
+
+
+def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, machine=None, options=Options()):
+    """Verdict on the posted programs of all clampings, in the order in which they are cut.
+
+    Every face is judged after all programs; each program is replayed on the stock that those before it leave, and
+    answers for its own gouges on any of the faces.
 
     Args:
-        posted: PostedMoves read back from the text.
+        programs: SetupProgram values.
         tools: dict of tool number -> cutters.Tool.
         solid: TopoDS_Solid, part coordinates.
-        faces: TopoDS_Face values of that solid (or values with such a `.shape`) that this setup cuts.
-        setup: design.Setup (name and frame).   stock: design.StockBox, part coordinates.
+        stock: design.StockBox, part coordinates.
         finish: design.Finish.   ball_radius_mm: smallest ball of the shop's library.
-        machine: machines.Machine or None.   fixtures: replay.Fixture values, WCS.
+        machine: machines.Machine or None.
+    Returns:
+        one SetupVerdict a program.
     Raises:
-        InputError: no faces, or faces of another solid.   SimulationError: a turned stock box.
+        InputError: no faces, or faces of another solid.   SimulationError: a billet that stands askew in a WCS.
     """
-    faces = [getattr(f, "shape", f) for f in faces]
-    required, frame = _indices(solid, faces), setup.frame
-    low, high = _stock_in_wcs(stock, frame)
-    options = _fitted(options, faces, low, high, finish)
-    paths = swept_paths(posted, tools)
-    mesh = tessellate(solid, options.tessellation_mm)
-    drops = drop_mesh(frame.into(mesh.vertices_mm), mesh.triangles)
-    found = residuals(paths, low, high, sample_faces(faces, options.spacing_mm), frame, drops, ball_radius_mm,
-                      options.spacing_mm)
-    path_error = max((p.error_mm for p in paths), default=0.0)
-    solid_view = compare(paths, low, high, mesh, required, found, frame, pitch_mm=options.solid_pitch_mm,
-                         excess_mm=_allowed(finish), gouge_mm=finish.gouge_mm, path_error_mm=path_error)
-    history = _replayed(posted, tools, low, high, drops, machine, fixtures, frame, setup.name, options)
+    shapes = [[getattr(f, "shape", f) for f in p.faces] for p in programs]
+    required = [_indices(solid, faces) for faces in shapes]
+    piece = Workpiece(min_mm=stock.min_mm, max_mm=stock.max_mm)
+    before, fitted = [], []
+    for program, faces in zip(programs, shapes):
+        before.append(piece)
+        fitted.append(_fitted(options, faces, *piece.box_in(program.setup.frame), finish))
+        piece = piece.after(program.setup.frame, swept_paths(program.posted, tools))
+    mesh = tessellate(solid, min(o.tessellation_mm for o in fitted))
+    drops = [drop_mesh(c.frame.into(mesh.vertices_mm), mesh.triangles) for c in piece.cuts]
+    samples = [sample_faces(faces, o.spacing_mm) for faces, o in zip(shapes, fitted)]
+    judged = residuals(piece, samples, drops, ball_radius_mm, [o.spacing_mm for o in fitted])
+    made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles)
+    verdicts = []
+    for k, (program, (found, own)) in enumerate(zip(programs, judged)):
+        history = _replayed(program, tools, before[k], drops[k], machine, fitted[k])
+        verdicts.append(_judged(program, found, own, history, made, k, mesh, required[k], finish, fitted[k]))
+    return tuple(verdicts)
+
+
+def _judged(program, found, own, history, made, k, mesh, required, finish, options):
+    """SetupVerdict of clamping k."""
+    path_error = max((p.error_mm for c in made.piece.cuts for p in c.paths), default=0.0)
+    solid_view = compare(made, k, mesh, required, found, own, excess_mm=_allowed(finish), gouge_mm=finish.gouge_mm,
+                         path_error_mm=path_error)
     bounds = {"path_mm": path_error, "tracing_mm": TRACING_MM, "post_rounding_mm": options.post_rounding_mm,
               "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.zmap_mm}
-    bounds = {k: _rounded(v, 9) for k, v in bounds.items()}
-    report = _Reporter(posted, setup.name, finish, found)
+    bounds = {name: _rounded(v, 9) for name, v in bounds.items()}
+    report = _Reporter(program, finish, found, own)
     findings = (*history.findings, *report.gouges(), *report.excess(),
                 *report.disagreements(solid_view, options.solid_pitch_mm, bounds))
-    return SetupVerdict(setup=setup.name, finish=finish, residuals=found, solids=solid_view, replay=history,
-                        error_bounds_mm=bounds, findings=findings, numbers=_numbers(found, solid_view, finish, bounds,
-                                                                                    history))
+    return SetupVerdict(setup=program.setup.name, finish=finish, residuals=found, solids=solid_view, replay=history,
+                        error_bounds_mm=bounds, findings=findings,
+                        numbers=_numbers(found, solid_view, finish, bounds, history))
 
 
 def _allowed(finish):
@@ -155,13 +188,6 @@ def _indices(solid, faces):
     return found
 
 
-def _stock_in_wcs(stock, frame):
-    if np.abs(np.abs(frame.rotation).max(axis=0) - 1).max() > 1e-9:
-        raise SimulationError("the stock box is not parallel to the WCS: its sides must follow the setup's axes")
-    corners = frame.into(np.array([stock.min_mm, stock.max_mm]))
-    return corners.min(axis=0), corners.max(axis=0)
-
-
 def _fitted(options, faces, low, high, finish):
     """Options with every None replaced."""
     plan = float(np.prod((high - low)[:2]))
@@ -172,12 +198,16 @@ def _fitted(options, faces, low, high, finish):
     return Options(**{**options.__dict__, **{k: v for k, v in fit.items() if getattr(options, k) is None}})
 
 
-def _replayed(posted, tools, low, high, drops, machine, fixtures, frame, name, options):
+def _replayed(program, tools, before, drops, machine, options):
+    """The program replayed on the stock that it finds."""
+    frame = program.setup.frame
+    low, high = before.box_in(frame)
     zmap = ZMap.over(low, high, options.replay_pitch_mm)
     design = drop_tips_mm(drops, zmap.xy_mm, DESIGN_PIN_MM, 0.0)
     design = np.where(np.isfinite(design), design, np.nan).reshape(zmap.ny, zmap.nx)
-    return replay(posted, tools, stock_min=low, stock_max=high, pitch_mm=options.replay_pitch_mm,
-                  design_top_mm=design, fixtures=fixtures, machine=machine, frame=frame, setup=name,
+    return replay(program.posted, tools, stock_min=low, stock_max=high, pitch_mm=options.replay_pitch_mm,
+                  stock_top_mm=before.heights_mm(frame, zmap.xy_mm).reshape(zmap.ny, zmap.nx),
+                  design_top_mm=design, fixtures=program.fixtures, machine=machine, frame=frame, setup=program.setup.name,
                   holder_clearance_mm=options.holder_clearance_mm, shank_clearance_mm=options.shank_clearance_mm)
 
 
@@ -216,24 +246,25 @@ def _tidy(value):
 class _Reporter:
     """Findings of both verifiers."""
 
-    def __init__(self, posted, setup, finish, found):
-        self.posted, self.setup, self.finish, self.found = posted, setup, finish, found
+    def __init__(self, program, finish, found, own):
+        self.posted, self.setup, self.frame = program.posted, program.setup.name, program.setup.frame
+        self.finish, self.found, self.own = finish, found, own
 
-    def _finding(self, kind, sample, amount, advice):
-        row = int(self.found.row[sample])
-        place = self.found.samples.points_mm[sample].round(6)
+    def _finding(self, kind, found, sample, amount, advice):
+        row = int(found.row[sample])
+        place = found.samples.points_mm[sample].round(6)
         return Finding(kind=kind, amount_mm=_rounded(amount), place_mm=tuple(place.tolist()),
                        operation=self.posted.operation_name(row) if row >= 0 else "",
                        line=int(self.posted.line[row]) if row >= 0 else 0, setup=self.setup, advice=advice)
 
     def gouges(self):
         """One finding a connected gouge deeper than the finish allows."""
-        d = self.found.deviation_mm
-        for group in self.found.groups(d < -self.finish.gouge_mm - NOISE_MM):
+        d = self.own.deviation_mm
+        for group in self.own.groups(d < -self.finish.gouge_mm - NOISE_MM):
             worst = group[d[group].argmin()]
-            yield self._finding("gouge", worst, -d[worst],
+            yield self._finding("gouge", self.own, worst, -d[worst],
                                 f"the cutter goes {-d[worst]:.4f} mm below the surface, {self.finish.gouge_mm:g} mm are "
-                                f"allowed, over {self.found.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
+                                f"allowed, over {self.own.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
                                 "take a smaller cutter here, or mend the offset of this pass")
 
     def excess(self):
@@ -245,7 +276,7 @@ class _Reporter:
             advice = (f"{area:.1f} mm2 were never finished: add a pass here, or a smaller cutter" if missed else
                       f"{d[worst]:.4f} mm are left over {area:.2f} mm2, {allowed:.4f} mm are allowed: "
                       "reduce the step, or take a smaller cutter here")
-            yield self._finding("missing_area" if missed else "excess", worst, d[worst], advice)
+            yield self._finding("missing_area" if missed else "excess", self.found, worst, d[worst], advice)
 
     def disagreements(self, view, pitch_mm, bounds):
         """The second verifier must see what the first sees, and the other way round."""
@@ -265,7 +296,8 @@ class _Reporter:
     def _unseen_by_residuals(self, view, bounds):
         slack = bounds["tessellation_mm"] + bounds["path_mm"] + NOISE_MM
         for body in view.bodies:
-            d, fair = self.found.deviation_mm[body.samples], self.found.is_reachable[body.samples]
+            found = self._seen_in(body.kind)
+            d, fair = found.deviation_mm[body.samples], found.is_reachable[body.samples]
             seen = ((d > _allowed(self.finish) - slack) | ~fair if body.kind == "excess"
                     else d < -self.finish.gouge_mm + slack)
             if not seen.any():
@@ -274,21 +306,27 @@ class _Reporter:
                               advice=f"the solids show a body of {body.kind}, {body.volume_mm3:.6f} mm3, "
                               f"{body.depth_mm:.4f} mm deep, that no sample point shows: reduce spacing_mm")
 
+    def _seen_in(self, kind):
+        """Residuals that a body of that kind must show in."""
+        return self.found if kind == "excess" else self.own
+
     def _unseen_by_solids(self, view, pitch_mm, bounds):
-        d, samples = self.found.deviation_mm, self.found.samples
         slack = bounds["tessellation_mm"] + bounds["path_mm"] + 3 * bounds["zmap_mm"]
-        allowed = _allowed(self.finish)
-        for kind, beyond in (("excess", self.found.is_reachable & (d > allowed + slack)),
-                             ("gouge", d < -self.finish.gouge_mm - slack)):
+        for kind in ("excess", "gouge"):
+            found = self._seen_in(kind)
+            d, samples = found.deviation_mm, found.samples
+            beyond = (found.is_reachable & (d > _allowed(self.finish) + slack) if kind == "excess"
+                      else d < -self.finish.gouge_mm - slack)
             seen = np.zeros(len(d), dtype=bool)
             for body in view.bodies:
                 if body.kind == kind:
-                    seen |= ((samples.points_mm > np.array(body.min_mm) - self.found.spacing_mm).all(axis=1)
-                             & (samples.points_mm < np.array(body.max_mm) + self.found.spacing_mm).all(axis=1))
-            for group in self.found.groups(beyond & (samples.normals[:, 2] > 0.5)):
-                wide = np.ptp(samples.points_mm[group, :2], axis=0).min() > SEEN_PITCHES * pitch_mm
+                    seen |= ((samples.points_mm > np.array(body.min_mm) - found.spacing_mm).all(axis=1)
+                             & (samples.points_mm < np.array(body.max_mm) + found.spacing_mm).all(axis=1))
+            up = samples.normals @ self.frame.rotation[:, 2]
+            for group in found.groups(beyond & (up > 0.5)):
+                wide = np.ptp(self.frame.into(samples.points_mm[group])[:, :2], axis=0).min() > SEEN_PITCHES * pitch_mm
                 if wide and not seen[group].any():
                     worst = group[np.abs(d[group]).argmax()]
-                    yield self._finding("verifiers_disagree", worst, abs(d[worst]),
+                    yield self._finding("verifiers_disagree", found, worst, abs(d[worst]),
                                         f"sample points show {kind} of {d[worst]:.4f} mm that the solids do not "
                                         "show: reduce solid_pitch_mm")

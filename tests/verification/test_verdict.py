@@ -13,8 +13,8 @@ from cuspline import brep
 from cuspline.design import Finish, Setup, StockBox
 from cuspline.errors import InputError
 from cuspline.program import Plane
-from cuspline.verification.solids import upright_walls
-from cuspline.verification.verdict import Options, Verdict, verify_setup
+from cuspline.simulation.stock_solids import upright_walls
+from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setup
 
 BLOCK = brep.the_solid(cq.Workplane().box(20, 16, 10, centered=False))
 FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
@@ -164,11 +164,13 @@ def test_a_blind_verifier_is_a_finding():
     v = verdict(z=9.98)
     blind = dataclasses.replace(v.residuals, deviation_mm=np.zeros(len(v.residuals.samples)))
     from cuspline.verification import verdict as module
-    report = module._Reporter(program((-6, -0.3, 40), passes(9.98)), "setup-1", FINISH, blind)
+    setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",))
+    cut = SetupProgram(posted=program((-6, -0.3, 40), passes(9.98)), setup=setup, faces=())
+    report = module._Reporter(cut, FINISH, blind, blind)
     found = list(report.disagreements(v.solids, 0.2, v.error_bounds_mm))
     assert {f.kind for f in found} == {"verifiers_disagree"}
     quiet = dataclasses.replace(v.solids, bodies=(), compared_gouge_mm3=(0.0, 0.0))
-    report = module._Reporter(program((-6, -0.3, 40), passes(9.98)), "setup-1", FINISH, v.residuals)
+    report = module._Reporter(cut, FINISH, v.residuals, v.residuals)
     assert [f.kind for f in report.disagreements(quiet, 0.2, v.error_bounds_mm)] == ["verifiers_disagree"]
 
 

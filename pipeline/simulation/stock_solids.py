@@ -1,0 +1,81 @@
+"""The stock as closed solids: one height field a clamping over its own grid, intersected where there are several."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline import solids
+from cuspline.frames import Frame
+from cuspline.simulation.swept import stock_height_mm
+
+WALL_MM = 1e-4            # grid lines hug vertical walls at this distance
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Field:
+    """Exact heights of the stock at the nodes of a grid, WCS of one clamping."""
+
+    frame: Frame              # that WCS seen from the part
+    xs: np.ndarray
+    ys: np.ndarray
+    low: np.ndarray           # (3,) billet
+    high: np.ndarray
+    z: np.ndarray             # (ny * nx,)
+    solid: object             # Manifold
+
+
+class StockSolids:
+    """Fields of all clampings of a workpiece, each made once."""
+
+    def __init__(self, piece, pitches_mm, wall_vertices_mm=None, wall_triangles=None):
+        """Grid lines hug upright walls of the triangles (part coordinates), if any are given."""
+        self.piece, self.pitches_mm = piece, pitches_mm
+        self._walls = [upright_walls(c.frame.into(wall_vertices_mm), wall_triangles) if wall_vertices_mm is not None
+                       else ([], []) for c in piece.cuts]
+        self._made = {}
+
+    def field(self, k, grown_mm=0.0):
+        """Field of clamping k, its cutters grown by so much (negative: shrunk)."""
+        if (k, grown_mm) not in self._made:
+            self._made[k, grown_mm] = self._field(k, grown_mm)
+        return self._made[k, grown_mm]
+
+    def _field(self, k, grown_mm):
+        cut = self.piece.cuts[k]
+        low, high = self.piece.box_in(cut.frame)
+        xs, ys = (grid_lines(low[i], high[i], self.pitches_mm[k], self._walls[k][i]) for i in (0, 1))
+        z = stock_height_mm(cut.paths, np.column_stack([np.tile(xs, len(ys)), np.repeat(ys, len(xs))]), high[2], grown_mm)
+        return Field(frame=cut.frame, xs=xs, ys=ys, low=low, high=high, z=z,
+                     solid=solids.height_field(xs, ys, z.reshape(len(ys), len(xs)), low[2]))
+
+    def stock(self, frame, grown_mm=0.0):
+        """What all clampings leave, as a Manifold seen from a frame."""
+        low, high = self.piece.box_in(frame)
+        left = [solids.moved(f.solid, _seen(f.frame, frame))
+                for f in (self.field(k, grown_mm) for k in range(len(self.piece.cuts)))]
+        return solids.common(left) if left else solids.box(low, high)
+
+
+def _seen(inner, outer):
+    """The frame `inner` seen from the frame `outer`, both given in part coordinates."""
+    return Frame(rotation=outer.rotation.T @ inner.rotation, origin_mm=outer.into(inner.origin_mm[None])[0])
+
+
+def grid_lines(low, high, pitch_mm, walls):
+    """Coordinates from low to high at the pitch, and two lines hugging each wall between."""
+    lines = np.linspace(low, high, max(1, int(np.ceil((high - low) / pitch_mm))) + 1)
+    hugging = [w + s for w in walls for s in (-WALL_MM, WALL_MM) if low < w + s < high]
+    lines = np.unique(np.concatenate([lines, hugging]))
+    keep = np.concatenate([[True], np.diff(lines) > WALL_MM / 10])
+    return lines[keep]
+
+
+def upright_walls(mesh_vertices, triangles):
+    """Coordinates x and y of axis-parallel vertical planes in a tessellation."""
+    corners = mesh_vertices[triangles]
+    spread = np.ptp(corners, axis=1)
+    found = []
+    for k in (0, 1):
+        upright = (spread[:, k] < 1e-9) & (spread[:, 2] > 1e-6)
+        found.append(np.unique(corners[upright, 0, k].round(9)))
+    return found
