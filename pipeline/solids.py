@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64
+from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType
 
 from cuspline.errors import SimulationError
 
@@ -97,6 +97,11 @@ def common(parts):
     for other in parts[1:]:
         left = left ^ other
     return left
+
+
+def united(parts):
+    """The union of solids, none of them perhaps."""
+    return Manifold.batch_boolean(list(parts), OpType.Add) if len(parts) else Manifold()
 
 
 def prism_over(polygons_mm, low_mm, high_mm):

@@ -12,6 +12,8 @@ from scipy.spatial import cKDTree
 from cuspline import solids
 from cuspline.simulation.swept import signed_distance_mm, stock_height_mm
 
+LAYERS = 12               # of the faces' height: what lies under a face by more than a layer is not theirs
+BELOW_MM = 0.2
 LEAST_MM3 = 1e-6          # smaller bodies are rounding
 CELLS = 8                 # pitches along the side of a cell in which volumes are compared
 SURE_MM = 1e-4            # a body counts when the exact height confirms it by more than this
@@ -99,11 +101,16 @@ def _beyond_gouge(made, k, by):
 
 
 def _region(vertices, triangles, low, high):
-    """Everything above and below the required faces."""
-    corners = vertices[triangles][:, :, :2]
-    e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]
-    return solids.prism_over(list(corners[area > 1e-12]), low[2] - 1.0, high[2] + 1.0)
+    """What stands above the required faces: prisms from just below their triangles up, in layers of like height."""
+    corners = vertices[triangles]
+    e, f = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
+    corners = corners[e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0] > 1e-12]
+    bottom = corners[:, :, 2].min(axis=1)
+    layers = np.linspace(bottom.min(initial=np.inf), bottom.max(initial=-np.inf), LAYERS + 1)[:-1] if len(bottom) else []
+    layer = np.searchsorted(layers, bottom, side="right") - 1
+    prisms = [solids.prism_over(list(corners[layer == k][:, :, :2]), max(bottom[layer == k].min() - BELOW_MM, low[2] - 1.0),
+                                high[2] + 1.0) for k in np.unique(layer)]
+    return solids.united(prisms)
 
 
 def _bodies(kind, solid, beyond_mm, tolerance, found, frame, tessellation_mm):

@@ -14,7 +14,7 @@ from cuspline.design import Finish, Setup, StockBox
 from cuspline.errors import InputError
 from cuspline.program import Plane
 from cuspline.simulation.stock_solids import upright_walls
-from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setup
+from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setup, verify_setups
 
 BLOCK = brep.the_solid(cq.Workplane().box(20, 16, 10, centered=False))
 FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
@@ -185,3 +185,60 @@ def test_walls_are_found_in_the_mesh():
     mesh = tessellate(BLOCK, 0.01)
     xs, ys = upright_walls(mesh.vertices_mm, mesh.triangles)
     assert np.allclose(xs, [0, 20]) and np.allclose(ys, [0, 16])
+
+
+# several clampings -------------------------------------------------------------------------------------
+
+TURNED = Setup(name="setup-2", wcs_in_words="far corner", faces=("bottom",), wcs_origin_mm=(0, 16, 0), wcs_z=(0, 0, -1))
+
+
+UPRIGHT = Setup(name="setup-1", wcs_in_words="corner", faces=("top",))
+DOWNWARD = tuple(f for f in brep.faces_of(BLOCK) if f.middle.normal[0, 2] < -0.5)
+
+
+def clampings(*steps):
+    """Verdict on the block after (moves, setup, faces) one after the other; the billet stands 2 mm beyond both sides."""
+    programs = [SetupProgram(posted=program((-6, -0.3, 40), moves), setup=setup, faces=faces) for moves, setup, faces in steps]
+    return Verdict(setups=verify_setups(
+        programs, {1: tool("ball", 2 * R)}, BLOCK, stock=StockBox(min_mm=(0, 0, -2), max_mm=(20, 16, 12)), finish=FINISH,
+        ball_radius_mm=3.0, options=COARSE))
+
+
+def two_clampings(below):
+    """The block's top cut from above, then its bottom in the turned part."""
+    return clampings((passes(10.0), UPRIGHT, tuple(upward(BLOCK))), (passes(below), TURNED, DOWNWARD))
+
+
+def test_a_block_cut_from_both_sides_is_verified():
+    v = two_clampings(below=0.0)
+    assert v.ok and len(v.setups) == 2
+    one, other = (s.numbers for s in v.setups)
+    cusp = R - np.sqrt(R**2 - STEP**2 / 4)
+    assert other["cusp_max_mm"] == pytest.approx(one["cusp_max_mm"], abs=2e-4) and cusp - 3e-4 < one["cusp_max_mm"] <= cusp + 1e-6
+    assert one["excess_volume_mm3"] == pytest.approx(other["excess_volume_mm3"], rel=1e-3)
+    assert min(one["verifiers"]["compared_area_mm2"], other["verifiers"]["compared_area_mm2"]) > 100
+
+
+def test_a_clamping_answers_for_gouges_on_faces_of_another():
+    """The second program goes through the part: the top that the first has finished is gone."""
+    v = two_clampings(below=-11.0)
+    first, second = v.setups
+    assert {f.setup for f in v.findings if f.kind == "gouge"} == {"setup-2"}
+    assert "verifiers_disagree" not in {f.kind for f in v.findings}
+    assert first.numbers["gouge_max_mm"] == second.numbers["gouge_max_mm"] == pytest.approx(2.0)      # the longest ray
+    assert first.numbers["gouge_volume_mm3"] == 0 and second.numbers["gouge_volume_mm3"] == pytest.approx(3200, rel=1e-3)
+
+
+def test_what_one_clamping_leaves_another_may_take():
+    top, gap = tuple(upward(BLOCK)), (5.0, 9.0)
+    strip = [rapid(-6, 4.5, 14), *raster((-6, 26), np.arange(4.5, 9.6, STEP), 10.0), rapid(26, 9.3, 14)]
+    left = clampings((passes(10.0, skip=gap), UPRIGHT, top))
+    assert kinds(left) == {"missing_area"}
+    again = UPRIGHT.model_copy(update={"name": "setup-2"})
+    assert clampings((passes(10.0, skip=gap), UPRIGHT, top), (strip, again, top)).ok
+
+
+def test_the_second_clamping_is_replayed_on_what_the_first_has_left():
+    v = two_clampings(below=0.0)
+    assert v.setups[1].replay.final_z_mm.max() < 0.01
+    assert v.setups[0].replay.final_z_mm.min() > 9.99
