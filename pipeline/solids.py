@@ -104,6 +104,22 @@ def united(parts):
     return Manifold.batch_boolean(list(parts), OpType.Add) if len(parts) else Manifold()
 
 
+def simpler(solid, within_mm):
+    """The same solid with fewer triangles, its surface off by no more than so much."""
+    return solid.simplify(within_mm)
+
+
+def stl_of(solid):
+    """Binary STL (bytes), millimetres."""
+    mesh = solid.to_mesh64()
+    corners = np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts).astype(np.int64)]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    rows = np.zeros(len(corners), dtype=[("f", "<f4", 12), ("attributes", "<u2")])
+    rows["f"] = np.column_stack([normal, corners.reshape(-1, 9)])
+    return b"binary STL, millimetres".ljust(80) + np.uint32(len(rows)).astype("<u4").tobytes() + rows.tobytes()
+
+
 def prism_over(polygons_mm, low_mm, high_mm):
     """What stands over a union of plane polygons (each (k, 2), counter-clockwise) between two heights."""
     section = CrossSection([np.asarray(p, dtype=np.float64) for p in polygons_mm], FillRule.NonZero)

@@ -1,0 +1,88 @@
+"""The stock as it stands after every operation of every clamping: solids to look at, to load elsewhere, to go on from.
+
+Each is known by a hash of all that made it: billet, tools and the posted moves so far.  What goes on from it, the next
+clamping's plan and replay, asks the exact workpiece; the file is that workpiece at a stated pitch.
+"""
+
+import hashlib
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from cuspline import solids
+from cuspline.frames import Frame
+from cuspline.simulation.stock_solids import StockSolids
+from cuspline.simulation.swept import swept_paths
+from cuspline.simulation.workpiece import Workpiece
+
+SIMPLER_MM = 0.002        # the file's triangles may lie this far off the grid's
+PART = Frame.shift((0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StockState:
+    """Stock after one operation, part coordinates."""
+
+    setup: str
+    operation: str
+    number: int               # of the operation in its clamping, from 1
+    piece: Workpiece
+    solid: object             # Manifold
+    inputs_sha256: str        # of all that made it
+    pitch_mm: float
+
+    @property
+    def file(self):
+        """Name of its file."""
+        return f"{self.setup}.stock-{self.number}.stl"
+
+    def as_dict(self):
+        """For verify.json."""
+        return {"setup": self.setup, "operation": self.operation, "file": self.file, "inputs_sha256": self.inputs_sha256,
+                "volume_mm3": round(self.solid.volume(), 3), "pitch_mm": round(self.pitch_mm, 6), "simplified_mm": SIMPLER_MM}
+
+
+def stock_states(programs, tools, stock, pitches_mm):
+    """Stock after each operation, one at a time: only the one asked for is in memory.
+
+    Args:
+        programs: verdict.SetupProgram values in the order in which they are cut.
+        tools: dict of tool number -> cutters.Tool.   stock: design.StockBox.
+        pitches_mm: of each clamping's grid.
+    Yields:
+        StockState.
+    """
+    before, made = Workpiece(min_mm=stock.min_mm, max_mm=stock.max_mm), hashlib.sha256()
+    made.update(np.array([stock.min_mm, stock.max_mm], float).tobytes())
+    for k, program in enumerate(programs):
+        frame, name, start = program.setup.frame, program.setup.name, 0
+        made.update(np.concatenate([frame.rotation.ravel(), frame.origin_mm]).tobytes())
+        for number, end in enumerate(operation_ends(program.posted), start=1):
+            made.update(_told(program.posted, start, end, tools))
+            piece = before.after(frame, swept_paths(first_moves(program.posted, end), tools))
+            solid = StockSolids(piece, pitches_mm[:k + 1]).stock(PART)
+            yield StockState(setup=name, operation=program.posted.operation_name(end - 1), number=number, piece=piece,
+                             solid=solids.simpler(solid, SIMPLER_MM), inputs_sha256=made.hexdigest(), pitch_mm=pitches_mm[k])
+            start = end
+        before = before.after(frame, swept_paths(program.posted, tools))
+
+
+def operation_ends(posted):
+    """Rows after the last of each operation; moves before the first belong to it."""
+    starts = [0, *(np.flatnonzero(np.diff(posted.operation)) + 1).tolist(), len(posted)]
+    named = [end for begin, end in zip(starts, starts[1:]) if end > begin and posted.operation[begin] >= 0]
+    return named or ([len(posted)] if len(posted) else [])
+
+
+def first_moves(posted, count):
+    """The first rows of a program as a program that has not ended."""
+    cut = {f.name: getattr(posted, f.name)[:count] for f in fields(posted) if isinstance(getattr(posted, f.name), np.ndarray)}
+    return replace(posted, ended=False, **cut)
+
+
+def _told(posted, start, end, tools):
+    """Bytes of the rows that decide what is cut, and of their tools."""
+    part = slice(start, end)
+    columns = [posted.kind, posted.start_mm, posted.end_mm, posted.center_mm, posted.plane, posted.turns, posted.tool]
+    used = "".join(tools[int(n)].model_dump_json() for n in np.unique(posted.tool[part]) if int(n) in tools)
+    return b"".join(np.ascontiguousarray(c[part]).tobytes() for c in columns) + used.encode()
