@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
-from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
+from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Transform
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
@@ -29,7 +29,7 @@ from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
-from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec
+from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
 
 from cuspline.arrays import frozen
 from cuspline.errors import DesignError
@@ -182,6 +182,15 @@ class Face:
         properties = GProp_GProps()
         BRepGProp.SurfaceProperties_s(self.shape, properties, 1e-6)
         return properties.Mass()
+
+
+def seen_from(solid, frame):
+    """A solid as it lies in a frame, its faces in the same order; itself where the frame is the part's own."""
+    if np.array_equal(frame.rotation, np.eye(3)) and not frame.origin_mm.any():
+        return solid
+    motion, (a, b, c) = gp_Trsf(), np.column_stack([frame.rotation.T, frame.into(np.zeros((1, 3)))[0]]).tolist()
+    motion.SetValues(*a, *b, *c)
+    return TopoDS.Solid_s(BRepBuilderAPI_Transform(solid, motion, True).Shape())
 
 
 def faces_of(solid):

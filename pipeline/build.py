@@ -22,10 +22,13 @@ from cuspline.bundle import report_bundle, shape_of, view_of
 from cuspline.errors import InputError, PostError
 from cuspline.glb import write_glb
 from cuspline.job import Job, PostedFile
-from cuspline.judge import judge, post_module
+from cuspline.judge import judge, post_module, posted_moves
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import plan_setup
 from cuspline.report.page import write_report
+from cuspline.simulation.swept import swept_paths
+from cuspline.simulation.workpiece import Workpiece
+from cuspline.solids import stl_of
 from cuspline.tooltable import dropped_fields, tool_table
 
 STAGES = ("step", "plan", "gcode", "verify", "report")
@@ -99,10 +102,7 @@ def _made(order, work, say):
     write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":
         return _finished(order, work, inputs, None)
-    plans = []
-    for setup in design.setups:
-        say(f"{design.name}: plan {setup.name}")
-        plans.append(plan_setup(design, setup, order.machine, order.library))
+    plans = _planned(order, say)
     _write_json(work / "plan.json", plan_document(order, plans))
     if order.last_stage == "plan":
         return _finished(order, work, inputs, None)
@@ -111,7 +111,7 @@ def _made(order, work, say):
     if order.last_stage == "gcode":
         return _finished(order, work, inputs, job)
     judged = judge(work, job, lambda text: say(f"{design.name}: {text}"))
-    verify = judged.as_dict(order.accepted)
+    verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say)}
     _stamp_verdict(work, job, verify)
     _write_json(work / "verify.json", verify)
     left_out = ""
@@ -120,6 +120,22 @@ def _made(order, work, say):
         bundle = report_bundle(order, work, job, judged, _read_json(work / "plan.json"), verify, view_of(solid), inputs)
         _, left_out = write_report(bundle, work)
     return _finished(order, work, inputs, job, judged.refused(order.accepted), left_out)
+
+
+def _planned(order, say):
+    """SetupPlan of every setup; each begins with the stock that the programs before it leave, as they are posted."""
+    design, plans = order.design, []
+    piece = Workpiece(min_mm=design.stock.min_mm, max_mm=design.stock.max_mm)
+    for setup in design.setups:
+        say(f"{design.name}: plan {setup.name}")
+        plan = plan_setup(design, setup, order.machine, order.library, piece)
+        plans.append(plan)
+        if setup is not design.setups[-1]:
+            say(f"{design.name}: stock after {setup.name}")
+            text = post_module(order.machine).post(plan.program((), setup.name), order.machine).text
+            tools = {o.tool.number: o.tool for o in plan.operations}
+            piece = piece.after(setup.frame, swept_paths(posted_moves(text, setup, order.machine, tools), tools))
+    return plans
 
 
 def _finished(order, work, inputs, job, findings=(), left_out=""):
@@ -193,8 +209,8 @@ def _posted(order, plans, work, inputs):
 def _header(order, plan, inputs):
     """Comment lines that tell the operator what this is."""
     design, setup, machine = order.design, plan.setup, order.machine
-    low, high = (setup.frame.into(np.array(c)) for c in (design.stock.min_mm, design.stock.max_mm))
-    ends = setup.frame.into(np.vstack([o.moves.end_mm for o in plan.operations]))
+    low, high = np.sort(setup.frame.into(np.array([design.stock.min_mm, design.stock.max_mm])), axis=0)
+    ends = np.vstack([o.moves.end_mm for o in plan.program((), setup.name).operations])
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
     lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
              UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
@@ -203,7 +219,7 @@ def _header(order, plan, inputs):
              f"{setup.wcs}: {setup.wcs_in_words}",
              f"STOCK {design.material}: {show(low)} TO {show(high)}",
              f"TIP EXTENTS {show(ends.min(axis=0))} TO {show(ends.max(axis=0))}",
-             f"RAPIDS ACROSS AT Z{plan.clearance_z_mm - setup.wcs_origin_mm[2]:.3f}",
+             f"RAPIDS ACROSS AT Z{plan.program((), setup.name).clearance_z_mm:.3f}",
              f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
              f"GOUGE {design.finish.gouge_mm} PATH TOLERANCE {machine.control.path_tolerance_mm}"]
     for name, value in design.parameters.model_dump(mode="json").items():
@@ -218,6 +234,16 @@ def _header(order, plan, inputs):
     if order.accepted:
         lines.append(f"ACCEPTED BY NAME: {', '.join(order.accepted)}")
     return lines
+
+
+def _stock_files(work, job, judged, say):
+    """Write the stock after every operation; what verify.json says of it."""
+    rows = []
+    for state in judged.stock_states(job):
+        say(f"{job.design}: stock after {state.setup} {state.operation}")
+        (work / state.file).write_bytes(stl_of(state.solid))
+        rows.append({**state.as_dict(), "sha256": _sha256(work / state.file)})
+    return rows
 
 
 def _stamp_verdict(work, job, verify):

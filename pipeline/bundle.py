@@ -83,8 +83,8 @@ def _setup_bundle(work, job, item, posted, verdict):
     ends = posted.end_mm[known]
     corners = item.setup.frame.into(np.array([job.stock.min_mm, job.stock.max_mm]))
     replay = verdict.replay
-    origin = item.setup.frame.out(np.array([[*replay.zmap.origin_mm, 0.0]]))[0]
-    lift = origin[2]
+    zero = item.setup.turn.into(item.setup.frame.origin_mm[None])[0]      # the replay stands in the setup's directions
+    origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
     return SetupBundle(
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
         program_lines=text.count(b"\n"), program_bytes=len(text), machine=job.machine.name,

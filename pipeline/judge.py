@@ -12,10 +12,10 @@ from cuspline import brep
 from cuspline.catalogue import find_post
 from cuspline.errors import InputError
 from cuspline.job import read_tools
-from cuspline.posted import PostedMoves
 from cuspline.posts.rs274_reader import read_program
 from cuspline.simulation.replay import Fixture
 from cuspline.verification.findings import Finding
+from cuspline.verification.in_process import stock_states
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
 
 
@@ -25,8 +25,18 @@ class Judged:
 
     verdict: Verdict
     solid: object                           # TopoDS_Solid out of the STEP file
-    posted: tuple[PostedMoves, ...]         # one a setup
+    programs: tuple[SetupProgram, ...]      # one a setup
+    tools: dict                             # number -> Tool
     extra: tuple[Finding, ...]              # about the programs as files
+
+    @property
+    def posted(self):
+        """One PostedMoves a setup."""
+        return tuple(p.posted for p in self.programs)
+
+    def stock_states(self, job):
+        """The stock after every operation, one after the other: in_process.StockState."""
+        return stock_states(self.programs, self.tools, job.stock, [s.solids.pitch_mm for s in self.verdict.setups])
 
     @property
     def findings(self):
@@ -62,8 +72,7 @@ def judge(folder, job, say=lambda text: None, options=Options()):
     for item in job.posted:
         say(f"{item.setup.name}: read {item.program}")
         text = _text(folder / item.program)
-        moves = read_program(text, work_offsets={item.setup.wcs: job.machine.wcs_origin_mm},
-                             tool_lengths={n: t.length_mm for n, t in tools.items()})
+        moves = posted_moves(text, item.setup, job.machine, tools)
         wanted = tuple(f for p in job.predicates if p.name in item.setup.faces for f in brep.select_faces(faces, p))
         programs.append(SetupProgram(posted=moves, setup=item.setup, faces=wanted, fixtures=_fixtures(item.setup)))
         extra += _file_findings(item, text, job.machine)
@@ -71,7 +80,14 @@ def judge(folder, job, say=lambda text: None, options=Options()):
     setups = verify_setups(programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
                            ball_radius_mm=job.smallest_ball_radius_mm,
                            options=replace(options, post_rounding_mm=_half_decimal_mm(job.machine.control)))
-    return Judged(verdict=Verdict(setups=setups), solid=solid, posted=tuple(p.posted for p in programs), extra=tuple(extra))
+    return Judged(verdict=Verdict(setups=setups), solid=solid, programs=tuple(programs), tools=tools,
+                  extra=tuple(extra))
+
+
+def posted_moves(text, setup, machine, tools):
+    """PostedMoves of a program's text on a machine that knows the tools and the setup's zero."""
+    return read_program(text, work_offsets={setup.wcs: machine.wcs_origin_mm},
+                        tool_lengths={n: t.length_mm for n, t in tools.items()})
 
 
 def _fixtures(setup):

@@ -113,7 +113,7 @@ def _operation(shop, name, tool, allowance_mm, scallop_mm, candidates, left_mm, 
              "passes": len(paths), "wall_passes": len(walls), "touch_ups": len(touched), "grid_mm": round(field.pitch_mm, 6),
              "region_mm2": round(float(field.is_inside.sum()) * field.pitch_mm ** 2, 1), "links": shop.setup.passes,
              "min_concave_radius_mm": finite(shop.hollow.radius_mm),
-             "min_concave_place_mm": [round(x, 4) for x in shop.hollow.place_mm],
+             "min_concave_place_mm": shop.in_part(shop.hollow.place_mm),
              "candidates": [c.as_dict() for c in candidates]}
     return shop.operation(name, tool, rpm, moves, facts)
 

@@ -6,6 +6,8 @@ where the finishing ball cannot go.
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from cuspline.planning import freeform_finishing, section_finishing
 from cuspline.planning.cutter_choice import choose_ball, choose_rest_ball
 from cuspline.planning.finishing_chain import choose_finishing
@@ -30,10 +32,12 @@ class SetupPlan:
 
     def program(self, header, name):
         """The controller-free Program, in the setup's WCS."""
-        into = self.setup.frame.into
+        turn, frame = self.setup.turn, self.setup.frame
+        into = lambda points: frame.into(turn.out(points))
+        zero = turn.into(frame.origin_mm[None])[0]
         return Program(
             name=name, setup=self.setup.name, wcs=self.setup.wcs, wcs_in_words=self.setup.wcs_in_words,
-            clearance_z_mm=float(self.clearance_z_mm - self.setup.wcs_origin_mm[2]), header=tuple(header),
+            clearance_z_mm=float(self.clearance_z_mm - zero[2]), header=tuple(header),
             operations=tuple(Operation(name=o.name, tool=o.tool, spindle_rpm=o.rpm, coolant=o.coolant,
                                        moves=_moved(o.moves, into)) for o in self.operations))
 
@@ -68,11 +72,16 @@ def _free_form(shop):
     return operations + finishing[1:], reached
 
 
+def _placed(found, setup):
+    """The same, its place in part coordinates."""
+    return replace(found, place_mm=tuple(setup.turn.out(np.array(found.place_mm)[None])[0].tolist()))
+
+
 def _moved(moves, into):
     return replace(moves, start_mm=into(moves.start_mm), end_mm=into(moves.end_mm), center_mm=into(moves.center_mm))
 
 
-def plan_setup(design, setup, machine, library):
+def plan_setup(design, setup, machine, library, before=None):
     """Plan one setup.
 
     Args:
@@ -80,17 +89,19 @@ def plan_setup(design, setup, machine, library):
         setup: one of its setups.
         machine: Machine.
         library: ToolLibrary.
+        before: simulation.workpiece.Workpiece that earlier clampings leave; None: the whole billet.
     Returns:
-        SetupPlan.
+        SetupPlan; places in part coordinates.
     Raises:
         PlanError, CutterDoesNotFit, ToolpathError: what cannot be done, where, and how to mend it.
     """
     for name, scallop_mm in (("semi-finish", SEMI_SCALLOP_MM), ("finish", design.finish.scallop_mm)):
         ridge_for_step_mm(name, scallop_mm, design.finish)
-    shop = Shop(design, setup, machine, library)
+    shop = Shop(design, setup, machine, library, before)
     cut = _by_sections if setup.strategy == "sections" else _free_form
     operations, reached = cut(shop)
-    return SetupPlan(setup=setup, operations=tuple(operations), clearance_z_mm=shop.clearance_z_mm, hollow=shop.hollow,
-                     inner_edges=tuple(inner_edges(shop.faces, set(shop.wanted))),
+    return SetupPlan(setup=setup, operations=tuple(operations), clearance_z_mm=shop.clearance_z_mm,
+                     hollow=_placed(shop.hollow, setup), inner_edges=tuple(
+                         _placed(e, setup) for e in inner_edges(shop.faces, set(shop.wanted))),
                      area_required_mm2=float(shop.samples.area_mm2.sum()),
                      area_reached_mm2=float(shop.samples.area_mm2[reached].sum()))

@@ -5,7 +5,7 @@ import numpy as np
 from cuspline.planning.cutter_choice import choose_rest_roughing, choose_roughing, leftover_rows, roughing_tools
 from cuspline.planning.shop import FINISH_DEPTH_SHARE, PLUNGE_SHARE, RAMP_RAD, ROUGH_ALLOWANCE_MM
 from cuspline.toolpaths.level_clearing import ClearingRules, clear, engagement_of_rad
-from cuspline.toolpaths.stock_fields import box_stock, stock_after
+from cuspline.toolpaths.stock_fields import stock_after
 
 RADIAL_SHARE = 0.45         # of the diameter: largest radial depth of cut
 REST_THRESHOLD_MM = 0.5     # rest roughing leaves alone what stands less than this above the allowance
@@ -23,13 +23,13 @@ def roughed(shop, ball, is_reached, semi_finish):
     Returns:
         list of PlannedOperation.
     """
-    low, high = np.array(shop.design.stock.min_mm), np.array(shop.design.stock.max_mm)
+    low, high = shop.stock_min_mm, shop.stock_max_mm
     rows = leftover_rows(shop.samples)
     rows = rows[is_reached[rows]]
     limit = FINISH_DEPTH_SHARE * ball.cutter.diameter_mm
     tools = roughing_tools(shop.library, shop.mesh, shop.samples, low, high, ROUGH_ALLOWANCE_MM)
     first, candidates = choose_roughing(tools, ROUGH_ALLOWANCE_MM)
-    operation, stock, left = _cleared(shop, "rough", first.tool, candidates, box_stock(low, high), rows, 0.0)
+    operation, stock, left = _cleared(shop, "rough", first.tool, candidates, shop.stock_mm, rows, 0.0)
     operations = [operation]
     if left > limit:
         smaller, candidates = choose_rest_roughing(tools, first, left)
@@ -43,15 +43,15 @@ def roughed(shop, ball, is_reached, semi_finish):
 
 def _cleared(shop, name, tool, candidates, stock, rows, threshold_mm):
     """One clearing: (operation, stock after it, what it leaves at the sample rows)."""
-    cutter, (low, high) = tool.cutter, (np.array(shop.design.stock.min_mm), np.array(shop.design.stock.max_mm))
+    cutter = tool.cutter
     rpm, feed = shop.speeds(tool, is_rough=True)
     d = cutter.diameter_mm
     rules = ClearingRules(
         mesh=shop.mesh, radius_mm=d / 2, corner_radius_mm=cutter.corner_radius_mm, allowance_mm=ROUGH_ALLOWANCE_MM,
         stepdown_mm=shop.material.stepdown_share * d, engagement_rad=engagement_of_rad(RADIAL_SHARE * d, d / 2),
-        stock_mm=stock, stock_min_mm=low, stock_max_mm=high, ramp_rad=RAMP_RAD, clearance_z_mm=shop.clearance_z_mm,
+        stock_mm=stock, stock_min_mm=shop.stock_min_mm, stock_max_mm=shop.stock_max_mm, ramp_rad=RAMP_RAD, clearance_z_mm=shop.clearance_z_mm,
         feed_mm_per_min=feed, ramp_feed_mm_per_min=PLUNGE_SHARE * feed, rapid_mm_per_min=min(a.rapid_mm_per_min for a in shop.machine.axes),
-        threshold_mm=threshold_mm, keep_out=tuple((f.min_mm, f.max_mm) for f in shop.setup.fixtures))
+        threshold_mm=threshold_mm, keep_out=tuple(shop.fixtures))
     clearing = clear(rules)
     after = stock_after(clearing.moves, d / 2, cutter.corner_radius_mm, stock)
     points, normals = shop.samples.point_mm[rows], shop.samples.normal[rows]

@@ -32,7 +32,7 @@ def finish(shop, name, tool, allowance_mm, scallop_mm, candidates, reach):
              "stepover_min_mm": round(float(steps.min(initial=np.inf)), 6) if len(steps) else 0.0,
              "passes": len(passes), "section_plane": shop.plane.name, "links": shop.setup.passes,
              "min_concave_radius_mm": finite(shop.hollow.radius_mm),
-             "min_concave_place_mm": [round(x, 4) for x in shop.hollow.place_mm],
+             "min_concave_place_mm": shop.in_part(shop.hollow.place_mm),
              "candidates": [c.as_dict() for c in candidates]}
     return shop.operation(name, tool, rpm, moves, facts)
 

@@ -12,6 +12,7 @@ from cuspline.planning import feeds
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.materials import material_named
 from cuspline.program import Kind, Moves
+from cuspline.simulation.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.sections import SectionPlane
 from cuspline.surfaces.projection import ClosestTree
@@ -40,19 +41,28 @@ class PlannedOperation:
     tool: Tool
     rpm: float
     coolant: str
-    moves: Moves                # with capped feeds, part frame
+    moves: Moves                # with capped feeds, in the part as it lies in its setup (`setup.turn`)
     facts: dict                 # numbers for plan.json
 
 
 class Shop:
-    """What one setup's planning has at hand; lengths in the part frame."""
+    """What one setup's planning has at hand.
 
-    def __init__(self, design, setup, machine, library):
+    Lengths in the part as it lies in this setup: `setup.turn` is that frame, the spindle stands along its Z.
+    """
+
+    def __init__(self, design, setup, machine, library, before=None):
+        """`before`: simulation.workpiece.Workpiece that earlier clampings leave; None: the billet."""
         self.design, self.setup, self.machine, self.library = design, setup, machine, library
-        self.solid = brep.the_solid(design.solid, f"design {design.name}")
-        self.faces = brep.faces_of(self.solid)
-        chosen = [f for p in design.predicates if p.name in setup.faces for f in brep.select_faces(self.faces, p)]
-        self.wanted = [i for i, f in enumerate(self.faces) if any(f is c for c in chosen)]
+        solid = brep.the_solid(design.solid, f"design {design.name}")
+        faces = brep.faces_of(solid)
+        chosen = [f for p in design.predicates if p.name in setup.faces for f in brep.select_faces(faces, p)]
+        self.wanted = [i for i, f in enumerate(faces) if any(f is c for c in chosen)]
+        self.solid = brep.seen_from(solid, setup.turn)
+        self.faces = faces if self.solid is solid else brep.faces_of(self.solid)
+        self.piece = before or Workpiece(min_mm=design.stock.min_mm, max_mm=design.stock.max_mm)
+        self.stock_min_mm, self.stock_max_mm = self.piece.box_in(setup.turn)
+        self.fixtures = [np.sort(setup.turn.into(np.array([f.min_mm, f.max_mm])), axis=0) for f in setup.fixtures]
         self.plane = SectionPlane.named(setup.section_plane)
         self.material = material_named(design.material)
         mesh = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
@@ -60,7 +70,7 @@ class Shop:
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
         self.hollow = tightest_hollow(self.faces, self.wanted)
         self.box = brep.bounding_box_mm(self.solid)
-        self.clearance_z_mm = max([design.stock.max_mm[2], *(f.max_mm[2] for f in setup.fixtures)]) + CLEARANCE_MM
+        self.clearance_z_mm = float(max([self.stock_max_mm[2], *(high[2] for _, high in self.fixtures)])) + CLEARANCE_MM
 
     @cached_property
     def closest(self):
@@ -74,6 +84,17 @@ class Shop:
     def dropper_of(self, radius_mm, allowance_mm):
         """A ball over the exact part, with an allowance."""
         return ExactDropper(*self._exact, radius_mm, radius_mm, allowance_mm)
+
+    def in_part(self, place_mm):
+        """A place in part coordinates, rounded for plan.json."""
+        return self.setup.turn.out(np.array(place_mm)[None])[0].round(4).tolist()
+
+    def stock_mm(self, xy_mm):
+        """Height of the stock over places (n, 2) before the first move; -inf beside it."""
+        inside = ((xy_mm >= self.stock_min_mm[:2]) & (xy_mm <= self.stock_max_mm[:2])).all(axis=1)
+        height = np.full(len(xy_mm), -np.inf)
+        height[inside] = self.piece.heights_mm(self.setup.turn, xy_mm[inside])
+        return height
 
     def speeds(self, tool, is_rough):
         """(rpm, cutting feed) of a tool in this material."""

@@ -7,6 +7,7 @@ either; whoever must be exact there asks the edges themselves.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 from numba import njit, prange
 
 from cuspline import brep
@@ -87,9 +88,9 @@ def _border_chords(face, number):
     if loops:
         starts, ends = np.array([p[0] for p in loops]), np.array([p[-1] for p in loops])
         gaps = np.abs((ends[:, None] - starts[None]) / scale).max(axis=2)
-        nearest = gaps.argmin(axis=1)
+        nearest = linear_sum_assignment(gaps)[1]        # several loops may touch in one corner
         worst = gaps[np.arange(len(loops)), nearest].max()
-        if worst > LARGEST_GAP or len(np.unique(nearest)) != len(loops):
+        if worst > LARGEST_GAP:
             raise DesignError(f"face {number} ({face.kind}): its border does not close in the surface's parameters "
                               f"(gap {worst:.3g} of its range): heal the part, or build the face anew")
         rows.append(np.column_stack([ends, starts[nearest]]))

@@ -47,6 +47,7 @@ class SolidComparison:
     compared_gouge_mm3: tuple[float, float]
     bound_mm3: float                  # what these may differ by
     tessellation_mm: float
+    pitch_mm: float                   # of the grid
     zmap_mm: float                    # mean height error of the grid in that area
 
 
@@ -75,7 +76,7 @@ def compare(made, k, tessellation, required, found, own, *, excess_mm, gouge_mm,
     more, others = _bodies("gouge", taken, _beyond_gouge(made, k, gouge_mm), gouge_mm, own, frame, surface_mm)
     return SolidComparison(
         excess_volume_mm3=excess.volume(), gouge_volume_mm3=gouge.volume(), bodies=tuple(bodies + more),
-        artefacts=artefacts + others, tessellation_mm=surface_mm,
+        artefacts=artefacts + others, tessellation_mm=surface_mm, pitch_mm=made.pitches_mm[k],
         **_volumes(excess, gouge, field, made.piece.cuts[k].paths, found, surface_mm + path_error_mm,
                    made.pitches_mm[k]))
 

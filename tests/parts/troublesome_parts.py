@@ -71,3 +71,22 @@ def design_of(name, strategy="constant_scallop"):
         finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.003, gouge_mm=0.004),
         setups=(Setup(name="setup-1", wcs_in_words="as the part is drawn",
                       faces=("top", *(p.name for p in ring)), strategy=strategy),))
+
+
+def two_sided():
+    """A plate with a dish in its top and another in its bottom, cut in two clampings.
+
+    The second lies turned over the part's X.  The lower dish touches the plate's side in one point.
+    """
+    plate = cq.Workplane().box(30, 20, 8)
+    plate = plate.cut(cq.Workplane().sphere(25).translate((-4, 0, 27))).cut(cq.Workplane().sphere(15).translate((5, 1, -16)))
+    solid = brep.the_solid(plate.val(), "two_sided")
+    top, bottom = (FacePredicate(name=name, count=2, normal=(0, 0, z), normal_within_deg=70) for name, z in (("top", 1), ("bottom", -1)))
+    common = {"strategy": "parallel", "wcs_in_words": "middle of the plate, on the side up"}
+    return Design(
+        name="two_sided", description="plate with a dish on either side", parameters=Parameters(), solid=solid,
+        predicates=(top, bottom), material="aluminium_6061",
+        stock=StockBox(min_mm=(-15, -10, -4.5), max_mm=(15, 10, 4.5)),
+        finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.003, gouge_mm=0.004),
+        setups=(Setup(name="setup-1", faces=("top",), wcs_origin_mm=(0, 0, 4), **common),
+                Setup(name="setup-2", wcs="G55", faces=("bottom",), wcs_origin_mm=(0, 0, -4), wcs_z=(0, 0, -1), **common)))
