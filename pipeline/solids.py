@@ -67,12 +67,17 @@ def _ring(nx, ny):
     return np.concatenate([row[:-1], column[:-1] * nx + nx - 1, (ny - 1) * nx + row[:0:-1], column[:0:-1] * nx])
 
 
+def is_split_upward(a, b, c, d):
+    """Whether the cell with these heights, counter-clockwise from the lowest x and y, is split from its first to its third."""
+    return np.abs(a - c) <= np.abs(b - d)
+
+
 def _cells(z, nx, ny):
     """Two triangles a cell, split along the diagonal whose ends differ less: it follows ridges and walls."""
     a = (np.arange(ny - 1)[:, None] * nx + np.arange(nx - 1)).ravel()
     b, c, d = a + 1, a + nx + 1, a + nx
     flat = z.ravel()
-    along = np.abs(flat[a] - flat[c]) <= np.abs(flat[b] - flat[d])
+    along = is_split_upward(flat[a], flat[b], flat[c], flat[d])
     first = np.where(along[:, None], np.column_stack([a, b, c]), np.column_stack([a, b, d]))
     second = np.where(along[:, None], np.column_stack([a, c, d]), np.column_stack([b, c, d]))
     return np.concatenate([first, second])

@@ -23,6 +23,19 @@ class Field:
     z: np.ndarray             # (ny * nx,)
     solid: object             # Manifold
 
+    def height_at(self, xy_mm):
+        """(n,) heights of the solid's facets over places (n, 2) within the grid."""
+        i = np.clip(np.searchsorted(self.xs, xy_mm[:, 0], side="right") - 1, 0, len(self.xs) - 2)
+        j = np.clip(np.searchsorted(self.ys, xy_mm[:, 1], side="right") - 1, 0, len(self.ys) - 2)
+        s = (xy_mm[:, 0] - self.xs[i]) / (self.xs[i + 1] - self.xs[i])
+        t = (xy_mm[:, 1] - self.ys[j]) / (self.ys[j + 1] - self.ys[j])
+        z = self.z.reshape(len(self.ys), len(self.xs))
+        a, b, c, d = z[j, i], z[j, i + 1], z[j + 1, i + 1], z[j + 1, i]
+        rising = solids.is_split_upward(a, b, c, d)
+        first = np.where(s >= t, a + s * (b - a) + t * (c - b), a + s * (c - d) + t * (d - a))
+        second = np.where(s + t <= 1, a + s * (b - a) + t * (d - a), c + (1 - s) * (d - c) + (1 - t) * (b - c))
+        return np.maximum(np.where(rising, first, second), self.low[2])
+
 
 class StockSolids:
     """Fields of all clampings of a workpiece, each made once."""

@@ -11,14 +11,13 @@ from scipy.spatial import cKDTree
 
 from cuspline import solids
 from cuspline.simulation.swept import signed_distance_mm, stock_height_mm
+from cuspline.verification.volumes import Volumes, volumes
 
 LAYERS = 12               # of the faces' height: what lies under a face by more than a layer is not theirs
 BELOW_MM = 0.2
 LEAST_MM3 = 1e-6          # smaller bodies are rounding
-CELLS = 8                 # pitches along the side of a cell in which volumes are compared
 SURE_MM = 1e-4            # a body counts when the exact height confirms it by more than this
 EXACT_MM = 1e-9
-THIN_MM = 0.05            # volumes are compared where the deviation is below this
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,16 +41,12 @@ class SolidComparison:
     gouge_volume_mm3: float           # design taken away, anywhere
     bodies: tuple[SolidBody, ...]     # beyond tolerance
     artefacts: int                    # bodies that the grid made and the exact height denies
-    compared_area_mm2: float          # where the volumes of both verifiers are held against each other
-    compared_excess_mm3: tuple[float, float]      # residuals, solids
-    compared_gouge_mm3: tuple[float, float]
-    bound_mm3: float                  # what these may differ by
+    volumes: Volumes                  # held against those of the residuals
     tessellation_mm: float
     pitch_mm: float                   # of the grid
-    zmap_mm: float                    # mean height error of the grid in that area
 
 
-def compare(made, k, tessellation, required, found, own, *, excess_mm, gouge_mm, path_error_mm):
+def compare(made, k, tessellation, drops, required, found, own, *, excess_mm, gouge_mm, path_error_mm, ball_radius_mm):
     """Stock solid against design solid, as one clamping sees it.
 
     Excess is what all clampings together leave above its faces; gouges are its own, on any face.
@@ -59,9 +54,11 @@ def compare(made, k, tessellation, required, found, own, *, excess_mm, gouge_mm,
     Args:
         made: stock_solids.StockSolids of the workpiece after all clampings.   k: the clamping's number.
         tessellation: of the whole design, part coordinates.
+        drops: DropMesh of it in the clamping's WCS.
         required: indices of the faces that this clamping cuts.
         found: Residuals of these faces after all clampings.   own: Residuals of all faces after this one alone.
         excess_mm, gouge_mm: tolerances of the bodies.   path_error_mm: of the swept paths.
+        ball_radius_mm: smallest ball of the shop.
     """
     field = made.field(k)
     frame, low, high = field.frame, field.low, field.high
@@ -77,8 +74,8 @@ def compare(made, k, tessellation, required, found, own, *, excess_mm, gouge_mm,
     return SolidComparison(
         excess_volume_mm3=excess.volume(), gouge_volume_mm3=gouge.volume(), bodies=tuple(bodies + more),
         artefacts=artefacts + others, tessellation_mm=surface_mm, pitch_mm=made.pitches_mm[k],
-        **_volumes(excess, gouge, field, made.piece.cuts[k].paths, found, surface_mm + path_error_mm,
-                   made.pitches_mm[k]))
+        volumes=volumes(excess, gouge, field, made.piece.cuts[k], drops, found, surface_mm, path_error_mm,
+                        made.pitches_mm[k], ball_radius_mm))
 
 
 def _beyond_excess(made, k, by):
@@ -154,61 +151,3 @@ def _is_hair(piece, tessellation_mm):
     """A body that stands upright and is thinner than the tessellation: what facets leave along a wall beside the faces."""
     size = np.asarray(piece.max_mm) - np.asarray(piece.min_mm)
     return bool(piece.volume_mm3 < tessellation_mm * size[2] * np.hypot(*size[:2]))
-
-
-def _volumes(excess, gouge, grid, paths, found, surface_error_mm, pitch_mm):
-    """Both verifiers' volumes over the cells where the deviation is thin and the surface not steep."""
-    cell, frame = CELLS * pitch_mm, grid.frame
-    points, d = frame.into(found.samples.points_mm), found.deviation_mm
-    normal_z = frame.turn_into(found.samples.normals)[:, 2]
-    shape = np.maximum(1, np.ceil((grid.high - grid.low)[:2] / cell).astype(int))
-    at = np.clip(((points[:, :2] - grid.low[:2]) / cell).astype(int), 0, shape - 1)
-    good = _quiet_cells(at, shape, (np.abs(d) < THIN_MM) & found.is_reachable & found.is_own & (normal_z > 0.5))
-    inside = good[at[:, 0], at[:, 1]] & (normal_z > 0.5)
-    weight = found.samples.weight_mm2[inside]
-    area = float(weight.sum())
-    if not good.any():
-        return {"compared_area_mm2": 0.0, "compared_excess_mm3": (0.0, 0.0), "compared_gouge_mm3": (0.0, 0.0),
-                "bound_mm3": 0.0, "zmap_mm": 0.0}
-    prism = solids.prism_over([_square(grid.low, cell, *c) for c in np.argwhere(good)], grid.low[2] - 1, grid.high[2] + 1)
-    zmap = _grid_error(grid, paths, good, cell)
-    above, below = (np.maximum(s * d[inside], 0.0) for s in (1, -1))
-    scatter = 3 * float(np.sqrt(((weight * d[inside])**2).sum()))
-    return {"compared_area_mm2": area,
-            "compared_excess_mm3": (float((weight * above).sum()), (excess ^ prism).volume()),
-            "compared_gouge_mm3": (float((weight * below).sum()), (gouge ^ prism).volume()),
-            "bound_mm3": area * (surface_error_mm + zmap) + scatter + 1e-6, "zmap_mm": zmap}
-
-
-def _quiet_cells(at, shape, is_good):
-    """Cells all of whose samples are good and whose neighbours all hold samples and are good too."""
-    count, bad = np.zeros(shape, int), np.zeros(shape, int)
-    np.add.at(count, tuple(at.T), 1)
-    np.add.at(bad, tuple(at[~is_good].T), 1)
-    fine = np.pad((count > 0) & (bad == 0), 1)
-    quiet = np.ones(shape, bool)
-    for i in range(3):
-        for j in range(3):
-            quiet &= fine[i:i + shape[0], j:j + shape[1]]
-    return quiet
-
-
-def _square(low, cell, i, j):
-    x, y = low[0] + i * cell, low[1] + j * cell
-    return np.array([(x, y), (x + cell, y), (x + cell, y + cell), (x, y + cell)])
-
-
-def _grid_error(grid, paths, good, cell):
-    """Mean distance, in height, of the exact stock from the grid's surface in the middle of its cells."""
-    field = grid.z.reshape(len(grid.ys), len(grid.xs))
-    x, y = (grid.xs[1:] + grid.xs[:-1]) / 2, (grid.ys[1:] + grid.ys[:-1]) / 2
-    xx, yy = np.meshgrid(x, y)
-    at = [np.clip(((c - o) / cell).astype(int), 0, n - 1) for c, o, n in zip((xx, yy), grid.low, good.shape)]
-    keep = good[at[0], at[1]]
-    corners = (field[:-1, :-1], field[:-1, 1:], field[1:, 1:], field[1:, :-1])
-    along = np.abs(corners[0] - corners[2]) <= np.abs(corners[1] - corners[3])
-    middle = np.where(along, (corners[0] + corners[2]) / 2, (corners[1] + corners[3]) / 2)
-    exact = stock_height_mm(paths, np.column_stack([xx[keep], yy[keep]]), grid.high[2])
-    off = np.abs(exact - middle[keep])
-    size = np.outer(np.diff(grid.ys), np.diff(grid.xs))[keep]
-    return float((off * size).sum() / size.sum()) if size.sum() > 0 else 0.0

@@ -146,17 +146,18 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     verdicts = []
     for k, (program, (found, own)) in enumerate(zip(programs, judged)):
         history = _replayed(program, tools, before[k], drops[k], machine, fitted[k])
-        verdicts.append(_judged(program, found, own, history, made, k, mesh, required[k], finish, fitted[k]))
+        verdicts.append(_judged(program, found, own, history, made, k, mesh, drops[k], required[k], finish,
+                                fitted[k], ball_radius_mm))
     return tuple(verdicts)
 
 
-def _judged(program, found, own, history, made, k, mesh, required, finish, options):
+def _judged(program, found, own, history, made, k, mesh, drops, required, finish, options, ball_radius_mm):
     """SetupVerdict of clamping k."""
     path_error = max((p.error_mm for c in made.piece.cuts for p in c.paths), default=0.0)
-    solid_view = compare(made, k, mesh, required, found, own, excess_mm=_allowed(finish), gouge_mm=finish.gouge_mm,
-                         path_error_mm=path_error)
+    solid_view = compare(made, k, mesh, drops, required, found, own, excess_mm=_allowed(finish), gouge_mm=finish.gouge_mm,
+                         path_error_mm=path_error, ball_radius_mm=ball_radius_mm)
     bounds = {"path_mm": path_error, "tracing_mm": TRACING_MM, "post_rounding_mm": options.post_rounding_mm,
-              "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.zmap_mm}
+              "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.volumes.zmap_mm}
     bounds = {name: _rounded(v, 9) for name, v in bounds.items()}
     report = _Reporter(program, finish, found, own)
     findings = (*history.findings, *report.gouges(), *report.excess(),
@@ -216,7 +217,7 @@ def _numbers(found, solid_view, finish, bounds, history):
     d, fair = found.deviation_mm, found.is_reachable
     finished = fair & (d <= MISSED * _allowed(finish))
     area = found.area_mm2
-    clearance = history.holder_clearance_mm
+    clearance, held = history.holder_clearance_mm, solid_view.volumes
     numbers = {
         "gouge_max_mm": max(0.0, -d.min(initial=0.0)), "excess_max_mm": max(0.0, d[fair].max(initial=0.0)),
         "cusp_max_mm": max(0.0, d[finished].max(initial=0.0)),
@@ -228,8 +229,8 @@ def _numbers(found, solid_view, finish, bounds, history):
         "unreachable": unreachable_places(found),
         "holder_clearance_mm": clearance if np.isfinite(clearance) else None,
         "verifiers": {
-            "compared_area_mm2": solid_view.compared_area_mm2, "bound_mm3": solid_view.bound_mm3,
-            "excess_mm3": list(solid_view.compared_excess_mm3), "gouge_mm3": list(solid_view.compared_gouge_mm3),
+            "compared_area_mm2": held.area_mm2, "bound_mm3": held.bound_mm3, "net_bound_mm3": held.net_bound_mm3,
+            "excess_mm3": list(held.excess_mm3), "gouge_mm3": list(held.gouge_mm3), "net_mm3": list(held.net_mm3),
             "bodies_beyond_tolerance": len(solid_view.bodies), "grid_artefacts": solid_view.artefacts}}
     return _tidy(numbers)
 
@@ -280,18 +281,18 @@ class _Reporter:
 
     def disagreements(self, view, pitch_mm, bounds):
         """The second verifier must see what the first sees, and the other way round."""
-        yield from self._volume_disagreements(view)
+        yield from self._volume_disagreements(view.volumes)
         yield from self._unseen_by_residuals(view, bounds)
         yield from self._unseen_by_solids(view, pitch_mm, bounds)
 
-    def _volume_disagreements(self, view):
-        for name, (first, second) in (("excess", view.compared_excess_mm3), ("gouge", view.compared_gouge_mm3)):
-            if abs(first - second) > view.bound_mm3:
-                amount = abs(first - second) / view.compared_area_mm2
-                yield Finding(kind="verifiers_disagree", amount_mm=_rounded(amount), place_mm=None, operation="", line=0,
-                              setup=self.setup, advice=f"{name}: residuals add up to {first:.6f} mm3, solids to "
-                              f"{second:.6f} mm3, more than {view.bound_mm3:.6f} mm3 apart over "
-                              f"{view.compared_area_mm2:.0f} mm2: report this as a fault of cuspline")
+    def _volume_disagreements(self, held):
+        for name, (first, second), bound in (("excess", held.excess_mm3, held.bound_mm3), ("gouge", held.gouge_mm3, held.bound_mm3),
+                                             ("excess less gouge", held.net_mm3, held.net_bound_mm3)):
+            if abs(first - second) > bound:
+                yield Finding(kind="verifiers_disagree", amount_mm=_rounded(abs(first - second) / held.area_mm2), place_mm=None,
+                              operation="", line=0, setup=self.setup, advice=f"{name}: residuals add up to {first:.6f} mm3, "
+                              f"solids to {second:.6f} mm3, more than {bound:.6f} mm3 apart over {held.area_mm2:.0f} mm2: "
+                              "report this as a fault of cuspline")
 
     def _unseen_by_residuals(self, view, bounds):
         slack = bounds["tessellation_mm"] + bounds["path_mm"] + NOISE_MM

@@ -169,7 +169,7 @@ def test_a_blind_verifier_is_a_finding():
     report = module._Reporter(cut, FINISH, blind, blind)
     found = list(report.disagreements(v.solids, 0.2, v.error_bounds_mm))
     assert {f.kind for f in found} == {"verifiers_disagree"}
-    quiet = dataclasses.replace(v.solids, bodies=(), compared_gouge_mm3=(0.0, 0.0))
+    quiet = dataclasses.replace(v.solids, bodies=(), volumes=dataclasses.replace(v.solids.volumes, gouge_mm3=(0.0, 0.0)))
     report = module._Reporter(cut, FINISH, v.residuals, v.residuals)
     assert [f.kind for f in report.disagreements(quiet, 0.2, v.error_bounds_mm)] == ["verifiers_disagree"]
 

@@ -1,0 +1,109 @@
+"""Both verifiers' volumes held against each other where the deviation is thin: sums over samples, and booleans.
+
+The solids carry two errors of known size: the grid's facets between their exact nodes, and the tessellation's.  Both
+are measured at random places, exactly and without bias, and taken out of the net volume (excess less gouge); what then
+stays between the verifiers is the scatter of the three samplings and what is stated of path and curvature.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline import solids
+from cuspline.simulation.swept import stock_height_mm
+from cuspline.toolpaths.dropcutter import drop_tips_mm
+
+CELLS = 8                 # pitches along the side of a cell in which volumes are compared
+THIN_MM = 0.05            # volumes are compared where the deviation is below this
+SIGMAS = 4.0              # scatter that a sampling may show
+PIN_MM = 1e-9             # radius of the pin that feels the tessellation's height
+SEED = 20260102
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Volumes:
+    """In the cells where the deviation is thin and the surface not steep."""
+
+    area_mm2: float = 0.0
+    excess_mm3: tuple[float, float] = (0.0, 0.0)      # residuals, solids as they are
+    gouge_mm3: tuple[float, float] = (0.0, 0.0)
+    bound_mm3: float = 0.0                            # what these may differ by: every facet off the same way
+    net_mm3: tuple[float, float] = (0.0, 0.0)         # excess less gouge: residuals, solids without their facets' errors
+    net_bound_mm3: float = 0.0                        # what these may differ by
+    zmap_mm: float = 0.0                              # mean height error of the grid there
+
+
+def volumes(excess, gouge, field, cut, drops, found, tessellation_mm, path_error_mm, pitch_mm, ball_radius_mm):
+    """Compare them.
+
+    Args:
+        excess, gouge: Manifolds in the clamping's WCS.
+        field: stock_solids.Field of the clamping.   cut: its workpiece.Cut.   drops: DropMesh of the design in its WCS.
+        found: Residuals of its faces.
+        tessellation_mm, path_error_mm: deviation of the design's triangles, of the swept paths.
+        pitch_mm: of the grid.   ball_radius_mm: hollows tighter than this are not reachable.
+    """
+    cell, frame = CELLS * pitch_mm, field.frame
+    points, d = frame.into(found.samples.points_mm), found.deviation_mm
+    normal_z = frame.turn_into(found.samples.normals)[:, 2]
+    shape = np.maximum(1, np.ceil((field.high - field.low)[:2] / cell).astype(int))
+    at = np.clip(((points[:, :2] - field.low[:2]) / cell).astype(int), 0, shape - 1)
+    good = _quiet_cells(at, shape, (np.abs(d) < THIN_MM) & found.is_reachable & found.is_own & (normal_z > 0.5))
+    if not good.any():
+        return Volumes()
+    inside = good[at[:, 0], at[:, 1]] & (normal_z > 0.5)
+    weight, d = found.samples.weight_mm2[inside], d[inside]
+    prism = solids.prism_over([_square(field.low, cell, *c) for c in np.argwhere(good)], field.low[2] - 1, field.high[2] + 1)
+    taken, left = (gouge ^ prism).volume(), (excess ^ prism).volume()
+    facets, facet_scatter, zmap = _facets(field, cut, good, cell, pitch_mm)
+    triangles, triangle_scatter = _triangles(drops, points[inside], weight * normal_z[inside])
+    above, below = float((weight * np.maximum(d, 0)).sum()), float((weight * np.maximum(-d, 0)).sum())
+    area, scatter = float(weight.sum()), float(np.sqrt(((weight * d) ** 2).sum()))
+    bent = float((weight * d * d).sum()) / ball_radius_mm          # a layer over a hollow is smaller than area times height
+    return Volumes(
+        area_mm2=area, excess_mm3=(above, left), gouge_mm3=(below, taken), zmap_mm=zmap,
+        bound_mm3=area * (tessellation_mm + path_error_mm + zmap) + 3 * scatter + 1e-6,
+        net_mm3=(above - below, left - taken + facets - triangles),
+        net_bound_mm3=area * path_error_mm + bent + SIGMAS * float(np.sqrt(scatter**2 + facet_scatter**2 + triangle_scatter**2))
+        + 1e-6)
+
+
+def _facets(field, cut, good, cell, pitch_mm):
+    """What the exact stock holds more than the grid's facets, mm3; its standard error; their mean distance, mm.
+
+    One random place in every square of about a pitch: the mean is unbiased whatever ridges run between the nodes.
+    """
+    corner = np.argwhere(good)[:, None] * cell + field.low[:2]
+    i = np.arange(CELLS)
+    step = np.stack(np.meshgrid(i, i, indexing="ij"), axis=-1).reshape(-1, 2)[None] * pitch_mm
+    xy = (corner + step).reshape(-1, 2)
+    xy = xy + np.random.default_rng(SEED).random(xy.shape) * pitch_mm
+    xy = xy[((xy > field.low[:2]) & (xy < field.high[:2])).all(axis=1)]
+    off = stock_height_mm(cut.paths, xy, field.high[2]) - field.height_at(xy)
+    each = pitch_mm**2
+    return each * float(off.sum()), each * float(np.sqrt((off**2).sum())), float(np.abs(off).mean())
+
+
+def _triangles(drops, points, area_mm2):
+    """What the exact design holds more than its tessellation, mm3, and its standard error: `area_mm2` seen from above."""
+    off = points[:, 2] - drop_tips_mm(drops, points[:, :2], PIN_MM, 0.0)
+    off = np.where(np.isfinite(off), off, 0.0) * area_mm2
+    return float(off.sum()), float(np.sqrt((off**2).sum()))
+
+
+def _quiet_cells(at, shape, is_good):
+    """Cells all of whose samples are good and whose neighbours all hold samples and are good too."""
+    count, bad = np.zeros(shape, int), np.zeros(shape, int)
+    np.add.at(count, tuple(at.T), 1)
+    np.add.at(bad, tuple(at[~is_good].T), 1)
+    fine = np.pad((count > 0) & (bad == 0), 1)
+    quiet = np.ones(shape, bool)
+    for i in range(3):
+        for j in range(3):
+            quiet &= fine[i:i + shape[0], j:j + shape[1]]
+    return quiet
+
+
+def _square(low, cell, i, j):
+    x, y = low[0] + i * cell, low[1] + j * cell
+    return np.array([(x, y), (x + cell, y), (x + cell, y + cell), (x, y + cell)])
