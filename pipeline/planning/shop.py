@@ -14,8 +14,10 @@ from cuspline.planning.materials import material_named
 from cuspline.program import Kind, Moves
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
-from cuspline.surfaces.sections import SectionPlane
+from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection import ClosestTree
+from cuspline.surfaces.sections import SectionPlane
+from cuspline.surfaces.trims import TrimSet
 from cuspline.toolpaths.dropcutter import DropMesh
 from cuspline.toolpaths.exact_drop import ExactPart
 from cuspline.toolpaths.exact_dropper import EdgeNeighbours, ExactDropper
@@ -68,18 +70,23 @@ class Shop:
         mesh = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
         self.mesh = DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles)
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
-        self.hollow = tightest_hollow(self.faces, self.wanted)
+        self.hollow = tightest_hollow(self.faces, self.wanted, geometry=self.geometry)
         self.box = brep.bounding_box_mm(self.solid)
         self.clearance_z_mm = float(max([self.stock_max_mm[2], *(high[2] for _, high in self.fixtures)])) + CLEARANCE_MM
 
     @cached_property
+    def geometry(self):
+        """(PatchSet, TrimSet) of all faces: what hollows, closest points and drops are computed on."""
+        return PatchSet.of_faces(self.faces), TrimSet.of_faces(self.faces)
+
+    @cached_property
     def closest(self):
         """Closest points on all faces."""
-        return ClosestTree.of_faces(self.faces)
+        return ClosestTree.of_faces(self.faces, geometry=self.geometry)
 
     @cached_property
     def _exact(self):
-        return ExactPart.of_faces(self.faces), EdgeNeighbours.of_faces(self.faces)
+        return ExactPart.of_faces(self.faces, self.geometry), EdgeNeighbours.of_faces(self.faces)
 
     def dropper_of(self, radius_mm, allowance_mm):
         """A ball over the exact part, with an allowance."""

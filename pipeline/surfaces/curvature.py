@@ -119,22 +119,17 @@ def tightest_hollow(faces, indices, *, within_mm=None, geometry=None):
 
 def hollows_of_faces(faces, indices, *, within_mm=None, geometry=None):
     """Hollow of each of the given faces, in order; arguments as for `tightest_hollow`."""
-    patches, trims = geometry or (None, None)
-    found = []
-    for index in indices:
-        alone = geometry is None
-        p, t = (PatchSet.of_faces([faces[index]]), TrimSet.of_faces([faces[index]])) if alone else (patches, trims)
-        found.append(_hollow_of_face(faces[index], index, 0 if alone else index, p, t, within_mm))
-    return found
+    patches, trims = geometry or (PatchSet.of_faces(faces), TrimSet.of_faces(faces))
+    return [_hollow_of_face(faces[index], index, patches, trims, within_mm) for index in indices]
 
 
-def _hollow_of_face(face, index, row, patches, trims, within_mm):
+def _hollow_of_face(face, index, patches, trims, within_mm):
     none = dict(radius_mm=np.inf, proven_mm=FLATTEST_MM, face=index, uv=tuple(_middle_parameters(face)),
                 place_mm=tuple(float(x) for x in face.middle.point_mm[0]), poles_left_out=0)
     if face.kind == "plane" or (face.kind in ONE_WAY and face.middle.curvature_low_per_mm[0] > -1.0 / FLATTEST_MM):
         return Hollow(**none)
     within = np.array([[-np.inf] * 3, [np.inf] * 3] if within_mm is None else within_mm, float)
-    search = _Search(patches, trims, row, within)
+    search = _Search(patches, trims, index, within)
     bound = search.run()
     if search.uv is None:
         return Hollow(**{**none, "poles_left_out": search.poles})
@@ -168,8 +163,9 @@ class _Search:
                 break
         bounds = np.empty((1, 9))
         _examine(self.patches.coefficients, self.patches.patch, self.patches.sign, patch[:1], box[:1], self.work, bounds)
-        raise PlanError(f"face {self.face}: the tightest hollow does not close in near {np.round(bounds[0, 2:5], 3).tolist()}: "
-                        "look there for a cusp or a fold of the surface", rows=[self.face])
+        raise PlanError(f"face {self.face}: the tightest hollow does not close in near "
+                        f"{np.round(bounds[0, 2:5], 3).tolist()}: look there for a cusp or a fold of the surface",
+                        rows=[self.face])
 
     def _round(self, patch, box):
         """Examine pieces, keep the best place, return the halves of those that may still hold a tighter one."""

@@ -37,13 +37,14 @@ class ExactPart:
         return cls.of_faces(brep.faces_of(brep.wrapped(solid)))
 
     @classmethod
-    def of_faces(cls, faces):
-        """Given `brep.Face` values; face indices count in this order.
+    def of_faces(cls, faces, geometry=None):
+        """Given `brep.Face` values, indices in this order; `geometry` = (PatchSet, TrimSet) of them if at hand.
 
         Raises:
             ToolpathError: no face looks upward and no edge is there: nothing could be touched.
         """
-        patches, edges, trims = PatchSet.of_faces(faces), EdgeCurves.of_faces(faces), TrimSet.of_faces(faces)
+        patches, trims = geometry or (PatchSet.of_faces(faces), TrimSet.of_faces(faces))
+        edges = EdgeCurves.of_faces(faces)
         pieces = edges.piece + np.array([0, len(patches.coefficients), 0, 0, 0])
         patch = np.vstack([patches.patch, pieces]).astype(np.int64)
         span = np.vstack([patches.span, np.tile([-1.0, 1.0, -1.0, 1.0], (len(pieces), 1))])

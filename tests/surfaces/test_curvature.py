@@ -7,6 +7,8 @@ from OCP.TopoDS import TopoDS
 
 from cuspline.brep import Face, faces_of, the_solid
 from cuspline.designs._freeform_surface import freeform_face
+from cuspline.errors import PlanError
+from cuspline.surfaces import curvature
 from cuspline.surfaces.curvature import (FLATTEST_MM, POLE_MM, PROVEN_SHARE, hollows_of_faces, sample_faces,
                                          tightest_hollow)
 from cuspline.surfaces.inner_corners import fillets, inner_edges
@@ -191,6 +193,13 @@ def test_only_the_part_within_the_given_box_counts():
         most = -shape.curvature_low_per_mm[within].min()
         assert 0.97 / most < found.radius_mm < (1 + 1e-9) / most
         assert (np.array(found.place_mm) >= low).all() and (np.array(found.place_mm) <= high).all()
+
+
+def test_a_hollow_that_does_not_close_in_is_told_with_its_own_face(monkeypatch):
+    monkeypatch.setattr(curvature, "LARGEST_ROUNDS", 1)
+    with pytest.raises(PlanError, match="face 1: the tightest hollow does not close in") as said:
+        tightest_hollow([needle(), face_of(bspline(wavy_poles(2)))], [1])
+    assert said.value.rows == [1]
 
 
 def test_the_free_form_surface_is_most_hollow_where_it_is_known_to_be():
