@@ -23,10 +23,11 @@ from cuspline.toolpaths.parallel_passes import parallel_curves
 from cuspline.toolpaths.profile_passes import planes_across
 from cuspline.toolpaths.scallop_ground import ground_of
 from cuspline.toolpaths.spiral_passes import spiral_curve
+from cuspline.toolpaths.stock_fields import swept_by_lines
 from cuspline.toolpaths.tip_field import tip_field
 from cuspline.toolpaths.tip_links import TipLinkRules, moves_of_tip_paths
 from cuspline.toolpaths.tip_paths import PathRules, tip_paths
-from cuspline.toolpaths.touch_up import Cut, region_left
+from cuspline.toolpaths.touch_up import region_left
 from cuspline.toolpaths.wall_passes import wall_paths
 from cuspline.toolpaths.waterline import waterlines
 
@@ -74,16 +75,10 @@ def rest(shop, before, tool, candidates):
     """
     scallop_mm = shop.design.finish.scallop_mm
     step = _flat_step_mm(tool, ridge_for_step_mm("rest finish", scallop_mm, shop.design.finish))
-    cuts = [_cut_of(operation) for operation in before]
-    region = lambda field: region_left(field, cuts, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
-    return _operation(shop, "rest finish", tool, 0.0, scallop_mm, candidates, before[-1].tool.cutter.radius_mm, region, cuts)
-
-
-def _cut_of(operation):
-    """All straight moves of an operation."""
-    tips = np.vstack([operation.moves.start_mm, operation.moves.end_mm])
-    return Cut(lines=(tips,), radius_mm=operation.tool.cutter.radius_mm,
-               corner_radius_mm=operation.tool.cutter.corner_radius_mm)
+    swept = [operation.swept_mm for operation in before]
+    region = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
+    left_mm = before[-1].tool.cutter.radius_mm
+    return _operation(shop, "rest finish", tool, 0.0, scallop_mm, candidates, left_mm, region, swept)
 
 
 def _operation(shop, name, tool, allowance_mm, scallop_mm, candidates, left_mm, cut, before=()):
@@ -100,7 +95,9 @@ def _operation(shop, name, tool, allowance_mm, scallop_mm, candidates, left_mm, 
     curves = _curves(shop.setup, gentle, tool, ridge_mm) if gentle is not None else []
     paths = tip_paths(curves, gentle, rules) if curves else []
     walls = _wall_paths(shop, field, tool, ridge_mm, tolerance, step)
-    touched = _touch_up(gentle, [*paths, *walls], before, scallop_mm, ridge_mm, step, rules) if paths and allowance_mm == 0.0 else []
+    touched = []
+    if paths and allowance_mm == 0.0:
+        touched = _touch_up(gentle, [*paths, *walls], before, scallop_mm, ridge_mm, step, rules)
     paths += touched
     if not paths and not walls:
         raise PlanError(f"{name}: T{tool.number} {tool.cutter.name} touches none of the faces {shop.setup.faces}: "
@@ -120,10 +117,10 @@ def _operation(shop, name, tool, allowance_mm, scallop_mm, candidates, left_mm, 
 
 def _touch_up(field, paths, before, scallop_mm, ridge_mm, step_mm, rules):
     """More passes where all that is planned leaves more than the cusp: closer ones, across what is left."""
-    more = []
+    more, cutter = [], field.dropper
     for closer in TOUCH_UP_RIDGES:
-        cuts = [Cut.of_paths([*paths, *more], field.dropper), *before]
-        left = region_left(field, cuts, TOUCH_UP_SHARE * scallop_mm, TOUCH_UP_STEPS * step_mm)
+        mine = swept_by_lines([p.tips_mm for p in [*paths, *more]], cutter.radius_mm, cutter.corner_radius_mm)
+        left = region_left(field, [mine, *before], TOUCH_UP_SHARE * scallop_mm, TOUCH_UP_STEPS * step_mm)
         if left is None:
             break
         more += tip_paths(parallel_curves(left, 0.0, closer * ridge_mm), left, rules)

@@ -21,6 +21,7 @@ from cuspline.surfaces.trims import TrimSet
 from cuspline.toolpaths.dropcutter import DropMesh
 from cuspline.toolpaths.exact_drop import ExactPart
 from cuspline.toolpaths.exact_dropper import EdgeNeighbours, ExactDropper
+from cuspline.toolpaths.stock_fields import lines_of_moves, swept_by_lines
 
 MESH_DEFLECTION_MM = 0.01
 ROUGH_ALLOWANCE_MM = 0.3
@@ -45,6 +46,12 @@ class PlannedOperation:
     coolant: str
     moves: Moves                # with capped feeds, in the part as it lies in its setup (`setup.turn`)
     facts: dict                 # numbers for plan.json
+
+    @cached_property
+    def swept_mm(self):
+        """Height field (function (n, 2) -> (n,)) of the lowest that its cutter comes to, part frame."""
+        cutter = self.tool.cutter
+        return swept_by_lines(lines_of_moves(self.moves), cutter.radius_mm, cutter.corner_radius_mm)
 
 
 class Shop:

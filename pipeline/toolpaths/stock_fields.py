@@ -12,7 +12,7 @@ from cuspline.toolpaths.dropcutter import DropMesh, drop_tips_mm
 
 CHORD_MM = 1e-3         # arcs count as chords that lie this close to them
 POINT_MM = 1e-9         # radius of the probe that reads a mesh's height
-LONGEST_MM = 4.0        # moves are split for the tree: long ones have loose bounds
+LONGEST_MM = 4.0        # pieces are split for the tree: long ones have loose bounds
 
 
 def box_stock(min_mm, max_mm):
@@ -34,39 +34,48 @@ def mesh_stock(mesh):
 def stock_after(moves, radius_mm, corner_radius_mm, height_mm):
     """Height field that moves leave of another one.
 
-    The cutter's bottom stands p(d) above its tip.  min over the path of z + p(d) is minus the
-    drop-cutter's max over S of S_z - p(d) on the path turned upside down: its moves are the edges of
-    flat triangles, and the answer is exact over straight moves (arcs: CHORD_MM).
-
     Args:
         moves: program.Moves; rapids cut too.
         radius_mm, corner_radius_mm: the cutter, 0 (flat) to radius (ball).
         height_mm: height field before.
     """
-    points = _chords(moves)
-    if len(points) == 0:
+    if len(moves) == 0:
         return height_mm
-    corners = (points * np.array([1.0, 1.0, -1.0]))[:, [0, 1, 1]]
-    path = DropMesh.from_triangles(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
-
-    def left_mm(xy_mm):
-        return np.minimum(height_mm(xy_mm), -drop_tips_mm(path, xy_mm, radius_mm, corner_radius_mm))
-
-    return left_mm
+    bottom = swept_by_lines(lines_of_moves(moves), radius_mm, corner_radius_mm)
+    return lambda xy_mm: np.minimum(height_mm(xy_mm), bottom(xy_mm))
 
 
-def _chords(moves):
-    """(m, 2, 3) straight pieces of all moves."""
-    pieces = [points_of_move(moves, k) for k in range(len(moves))]
-    return np.concatenate([np.zeros((0, 2, 3)), *[np.stack([p[:-1], p[1:]], axis=1) for p in pieces]])
+def swept_by_lines(lines, radius_mm, corner_radius_mm):
+    """Height field of the lowest that the bottom of a cutter comes to along lines; inf where it never comes.
+
+    The cutter's bottom stands p(d) above its tip.  min over the path of z + p(d) is minus the
+    drop-cutter's max over S of S_z - p(d) on the path turned upside down: its pieces are the edges of
+    flat triangles, and the answer is exact.
+
+    Args:
+        lines: (k, 3) polylines of tips, at least two points in one of them.
+        radius_mm, corner_radius_mm: the cutter, 0 (flat) to radius (ball).
+    """
+    starts, ends = (np.concatenate([line[piece] for line in lines]) for piece in (slice(None, -1), slice(1, None)))
+    counts = np.maximum(np.ceil(np.linalg.norm(ends - starts, axis=1) / LONGEST_MM), 1).astype(int)
+    row = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    at = lambda k: (starts[row] + (k / counts[row])[:, None] * (ends - starts)[row]) * np.array([1.0, 1.0, -1.0])
+    corners = np.stack([at(number), at(number + 1), at(number + 1)], axis=1).reshape(-1, 3)
+    path = DropMesh.from_triangles(corners, np.arange(len(corners)).reshape(-1, 3))
+    return lambda xy_mm: -drop_tips_mm(path, xy_mm, radius_mm, corner_radius_mm)
+
+
+def lines_of_moves(moves):
+    """[(n, 3)] points along each move; chords of arcs lie within CHORD_MM."""
+    return [points_of_move(moves, k) for k in range(len(moves))]
 
 
 def points_of_move(moves, k):
     """(n, 3) points along one move, its ends included."""
     start, end = moves.end_mm[k - 1] if k else moves.start_mm, moves.end_mm[k]
     if moves.kind[k] in (Kind.RAPID, Kind.FEED):
-        n = max(1, math.ceil(np.linalg.norm(end - start) / LONGEST_MM))
-        return start + np.linspace(0.0, 1.0, n + 1)[:, None] * (end - start)
+        return np.stack([start, end])
     return arc_points(start, end, moves.center_mm[k], Plane(moves.plane[k]), moves.kind[k] == Kind.ARC_CCW, CHORD_MM)
 
 

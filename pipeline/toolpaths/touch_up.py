@@ -4,58 +4,32 @@ No rule for steps sees everything: fronts that meet, rims of hollows too tight f
 The cutter's swept bottom over the planned paths tells the height that is really left at every contact.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from cuspline.toolpaths.dropcutter import DropMesh, drop_tips_mm
-
 JUMP = 4.0                  # grid pitches: contacts farther apart do not follow each other
 NEWTON_STEPS = 4            # along the normal: the height above is only near to the way along it
 RUN_ON = 0.8                # of the step from node to node
-LONGEST_MM = 4.0            # chords are split for the tree: long ones have loose bounds
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Cut:
-    """Tips that a cutter runs through, and the cutter."""
+def left_by_mm(field, swept):
+    """(nx, ny) material along the normal that cutters leave at the contacts of a field; NaN outside its region.
 
-    lines: tuple                # of (k, 3) polylines of tips
-    radius_mm: float
-    corner_radius_mm: float
-
-    @classmethod
-    def of_paths(cls, paths, dropper):
-        """TipPath values cut by the true cutter of a dropper."""
-        return cls(lines=tuple(p.tips_mm for p in paths), radius_mm=dropper.radius_mm,
-                   corner_radius_mm=dropper.corner_radius_mm)
-
-    def surface_mm(self):
-        """Function (n, 2) -> (n,) lowest height that the cutter's bottom comes to over places; inf where it never does."""
-        chords = np.concatenate([_chords(line) for line in self.lines]) * np.array([1.0, 1.0, -1.0])
-        path = DropMesh.from_triangles(chords[:, [0, 1, 1]].reshape(-1, 3), np.arange(3 * len(chords)).reshape(-1, 3))
-        return lambda xy: -drop_tips_mm(path, np.ascontiguousarray(xy), self.radius_mm, self.corner_radius_mm)
-
-
-def left_by_mm(field, cuts):
-    """(nx, ny) material along the normal that cuts leave at the contacts of a field; NaN outside its region.
-
-    The cutter's bottom stands p(d) above its tip: the lowest of z + p(d) over the paths is minus the drop of
-    the same cutter onto the paths turned upside down.  A few steps along the normal follow it to that height.
+    A few steps along the normal follow it to the height that the cutters' bottoms come to.
 
     Args:
         field: TipField of a cutter that reaches every contact of interest.
-        cuts: Cut values, at least one; infinite where none of them comes.
+        swept: height fields of what cutters swept (stock_fields), at least one; infinite where none of them comes.
     """
     inside = field.is_inside & np.isfinite(field.tip_z_mm)
-    surfaces = [cut.surface_mm() for cut in cuts]
     def over(contacts, mask):
         points, normal = contacts[mask], field.normal[mask]
         rise, off = np.maximum(normal[:, 2], 0.0), np.zeros(mask.sum())
         for _ in range(NEWTON_STEPS):
             at = points + off[:, None] * normal
-            bottom = np.min([surface(at[:, :2]) for surface in surfaces], axis=0)
+            bottom = np.min([surface(at[:, :2]) for surface in swept], axis=0)
             known = np.isfinite(bottom)
             off[known] = np.maximum(off[known] + (bottom[known] - at[known, 2]) * rise[known], 0.0)
         return np.where(known, off, np.inf)
@@ -82,20 +56,10 @@ def _run_on(field, inside, axis, way):
     return field.contact_mm + RUN_ON * np.nan_to_num(step), behind & ~follows
 
 
-def _chords(tips):
-    """(m, 2, 3) straight pieces of a path, none longer than LONGEST_MM."""
-    starts, ends = tips[:-1], tips[1:]
-    counts = np.maximum(np.ceil(np.linalg.norm(ends - starts, axis=1) / LONGEST_MM), 1).astype(int)
-    row = np.repeat(np.arange(len(counts)), counts)
-    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    at = lambda k: starts[row] + (k / counts[row])[:, None] * (ends - starts)[row]
-    return np.stack([at(number), at(number + 1)], axis=1)
-
-
-def region_left(field, cuts, most_mm, margin_mm):
-    """The part of a region where cuts leave more than `most_mm`, grown by a margin in plan; None: nowhere."""
+def region_left(field, swept, most_mm, margin_mm):
+    """The part of a region where cutters leave more than `most_mm`, grown by a margin in plan; None: nowhere."""
     with np.errstate(invalid="ignore"):
-        seeds = left_by_mm(field, cuts) > most_mm
+        seeds = left_by_mm(field, swept) > most_mm
     if not seeds.any():
         return None
     away = distance_transform_edt(~seeds) * field.pitch_mm - margin_mm
