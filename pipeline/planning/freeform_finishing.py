@@ -5,10 +5,8 @@ about the cusp: there the ball goes round at constant height instead.
 """
 
 import math
-from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from cuspline.brep import bounding_box_mm
 from cuspline.errors import PlanError
@@ -146,10 +144,7 @@ def _gentle(field, steep_rad, overlap_mm):
     if not steep.any():
         return field
     seeds = field.is_inside & ~steep
-    if not seeds.any():
-        return None
-    away = distance_transform_edt(~seeds) * field.pitch_mm - overlap_mm
-    return replace(field, rest_mm=np.maximum(away, field.rest_mm), is_inside=field.is_inside & (away <= 0.0))
+    return field.narrowed(seeds, overlap_mm) if seeds.any() else None
 
 
 def _curves(setup, field, tool, ridge_mm):

@@ -5,7 +5,7 @@ rests there touches a wanted face, or an edge between two of them.  Over the out
 faces the cutter may roll on for a stated run-over, so that the last pass cuts the edge clean.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -74,6 +74,11 @@ class TipField:
         grid = self.is_inside
         near = grid[i, j] | grid[i + 1, j] | grid[i, j + 1] | grid[i + 1, j + 1]
         return near & ((node >= 0) & (node <= size - 1)).all(axis=1)
+
+    def narrowed(self, seeds, margin_mm):
+        """The part of the region within a margin in plan of the nodes (nx, ny) bool marked."""
+        away = distance_transform_edt(~seeds) * self.pitch_mm - margin_mm
+        return replace(self, rest_mm=np.maximum(away, self.rest_mm), is_inside=self.is_inside & (away <= 0.0))
 
     def _at(self, grid, xy_mm):
         """(n,) values of a grid of distances between its nodes, infinite outside."""

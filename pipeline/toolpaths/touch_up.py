@@ -4,10 +4,7 @@ No rule for steps sees everything: fronts that meet, rims of hollows too tight f
 The cutter's swept bottom over the planned paths tells the height that is really left at every contact.
 """
 
-from dataclasses import replace
-
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 JUMP = 4.0                  # grid pitches: contacts farther apart do not follow each other
 NEWTON_STEPS = 4            # along the normal: the height above is only near to the way along it
@@ -60,7 +57,4 @@ def region_left(field, swept, most_mm, margin_mm):
     """The part of a region where cutters leave more than `most_mm`, grown by a margin in plan; None: nowhere."""
     with np.errstate(invalid="ignore"):
         seeds = left_by_mm(field, swept) > most_mm
-    if not seeds.any():
-        return None
-    away = distance_transform_edt(~seeds) * field.pitch_mm - margin_mm
-    return replace(field, rest_mm=np.maximum(away, field.rest_mm), is_inside=field.is_inside & (away <= 0.0))
+    return field.narrowed(seeds, margin_mm) if seeds.any() else None
