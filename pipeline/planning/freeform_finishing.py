@@ -18,7 +18,7 @@ from cuspline.program import Moves
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.toolpaths.level_passes import boundary_curves, constant_scallop_curves
 from cuspline.toolpaths.parallel_passes import parallel_curves
-from cuspline.toolpaths.profile_passes import planes_across
+from cuspline.toolpaths.profile_passes import planes_across, smallest_step
 from cuspline.toolpaths.scallop_ground import ground_of
 from cuspline.toolpaths.spiral_passes import spiral_curve
 from cuspline.toolpaths.stock_fields import swept_by_lines
@@ -201,15 +201,8 @@ def _wall_heights(samples, steep, dropper, ridge_mm):
     tips = samples.point_mm[steep, 2] + offset * normal - radius
     chord = stepover_for_scallop_mm(radius, ridge_mm, bend)
     allowed = chord * np.sqrt(1.0 - normal ** 2) * np.minimum(1.0 + radius * bend, 1.0)
-    order = np.argsort(tips)
-    tips, allowed = tips[order], allowed[order]
-    widest = float(allowed.min())
-
-    def step(low, high):
-        first, last = np.searchsorted(tips, [low - widest, high + widest])
-        return float(allowed[first:last].min()) if last > first else float(allowed.max())
-
-    return planes_across(float(tips[0]), float(tips[-1]), step)
+    step_at = smallest_step(tips, allowed, margin_mm=float(allowed.min()), elsewhere_mm=float(allowed.max()))
+    return planes_across(float(tips.min()), float(tips.max()), step_at)
 
 
 def _link_rules(shop, field, tolerance_mm, step_mm, feed, left_mm):

@@ -7,7 +7,7 @@ from cuspline.planning.shop import (
     APPROACH_MM, CLEARANCE_MM, PLUNGE_SHARE, finite, path_tolerance_mm, ridge_for_step_mm)
 from cuspline.planning.stepover import stepover_for_scallop_mm
 from cuspline.toolpaths.pass_links import LinkRules, moves_of_passes
-from cuspline.toolpaths.profile_passes import ProfilePlanner, planes_across
+from cuspline.toolpaths.profile_passes import ProfilePlanner, planes_across, smallest_step
 from cuspline.toolpaths.rest_passes import rest_passes
 
 
@@ -93,12 +93,5 @@ def _plane_step(shop, radius_mm, ridge_mm):
     spread = 1.0 + radius_mm * samples.across_per_mm[usable]
     allowed = chord * slope * np.minimum(spread, 1.0)
     at = samples.point_mm[usable][:, k] + radius_mm * samples.normal[usable][:, k]
-    order = np.argsort(at)
-    at, allowed = at[order], allowed[order]
-    widest = float(allowed.min())
-
-    def step(low, high):
-        first, last = np.searchsorted(at, [low - widest, high + widest])
-        return float(allowed[first:last].min()) if last > first else widest
-
-    return step
+    smallest = float(allowed.min())
+    return smallest_step(at, allowed, margin_mm=smallest, elsewhere_mm=smallest)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import binary_erosion, gaussian_filter, grey_opening
 
 from cuspline.toolpaths.plane_curves import PlaneCurve
-from cuspline.toolpaths.profile_passes import planes_across
+from cuspline.toolpaths.profile_passes import planes_across, smallest_step
 from cuspline.toolpaths.scallop_metric import scallop_metric
 
 EXTREME_MM = 1e-4           # how exactly the first and the last line touch the region
@@ -58,7 +58,7 @@ def parallel_curves(field, angle_rad, scallop_mm):
     nodes = field.node_xy_mm[field.is_inside]
     order = np.argsort(nodes @ bearing.across)
     at, ahead = (nodes @ bearing.across)[order], (nodes @ bearing.along)[order]
-    step_between = _steps_between(at, steps[order], field.pitch_mm)
+    step_between = smallest_step(at, steps[order], margin_mm=field.pitch_mm, elsewhere_mm=float(steps.max()))
     inset = TIP_SHARE * max(float(steps.min()), field.pitch_mm)
     low, high = (_first(field, bearing, outermost, way, ahead, inset)
                  for outermost, way in ((at[0], -1), (at[-1], 1)))
@@ -141,17 +141,6 @@ def _first(field, bearing, outermost, way, ahead, inset_mm):
     if count >= SHORTEST_SPOTS:
         return float(held)
     return float(held - way * inset_mm)
-
-
-def _steps_between(at, step, margin_mm):
-    """Function (low, high) -> smallest allowed step of the nodes between two across coordinates."""
-    widest = float(step.max())
-
-    def smallest(low, high):
-        first, last = np.searchsorted(at, [low - margin_mm, high + margin_mm])
-        return float(step[first:last].min()) if last > first else widest
-
-    return smallest
 
 
 def _corners(offsets, at, ahead, pitch_mm):

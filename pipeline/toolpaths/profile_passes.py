@@ -151,6 +151,25 @@ def planes_across(low_mm, high_mm, step_at):
     return planes
 
 
+def smallest_step(at_mm, allowed_mm, margin_mm, elsewhere_mm):
+    """For `planes_across`: function (low, high) -> smallest step allowed between two across coordinates.
+
+    Args:
+        at_mm: (n,) across coordinates of the places that allow steps.
+        allowed_mm: (n,) what they allow.
+        margin_mm: places so far outside low and high count as between.
+        elsewhere_mm: the step where there are none.
+    """
+    order = np.argsort(at_mm)
+    at, allowed = at_mm[order], allowed_mm[order]
+
+    def step_at(low, high):
+        first, last = np.searchsorted(at, [low - margin_mm, high + margin_mm])
+        return float(allowed[first:last].min()) if last > first else elsewhere_mm
+
+    return step_at
+
+
 def reversed_element(element):
     """The same element run the other way."""
     return replace(element, start=element.end, end=element.start, is_left=not element.is_left)
