@@ -171,7 +171,7 @@ def _wall_paths(shop, field, tool, ridge_mm, tolerance_mm, step_mm):
 
     def gap(xy, z):
         """How far the ball reaches into the part: its height over a place jumps at walls, this does not."""
-        return offset - _signed_distance_mm(shop.closest, np.column_stack([xy, z + radius]))
+        return offset - shop.closest.signed_distances_mm(np.column_stack([xy, z + radius]))
 
     def touches(tips):
         centers = tips + np.array([0.0, 0.0, radius])
@@ -185,13 +185,6 @@ def _wall_paths(shop, field, tool, ridge_mm, tolerance_mm, step_mm):
     lines = waterlines(field.dropper.tips_mm, heights, low, high, pitch_mm=WALL_GRID_STEPS * step_mm,
                        chord_mm=tolerance_mm / 2, gap_at=gap)
     return wall_paths(lines, touches, step_mm)
-
-
-def _signed_distance_mm(closest, points_mm):
-    """(n,) distance to the part, negative inside it."""
-    near = closest.closest_points(points_mm)
-    outside = np.einsum("ij,ij->i", points_mm - near.point_mm, np.nan_to_num(near.normal))
-    return np.where(outside < 0.0, -near.distance_mm, near.distance_mm)
 
 
 def _wall_heights(samples, steep, dropper, ridge_mm):

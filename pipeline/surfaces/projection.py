@@ -103,6 +103,12 @@ class ClosestTree:
         return ClosestPoints(distance_mm=distance, point_mm=foot, face=owner, u=uv[:, 0], v=uv[:, 1], normal=normal,
                              is_edge=is_edge)
 
+    def signed_distances_mm(self, points_mm):
+        """(n,) distances of points (n, 3) from the faces of a whole part, negative inside it."""
+        near = self.closest_points(points_mm)
+        outside = np.einsum("ij,ij->i", points_mm - near.point_mm, np.nan_to_num(near.normal))
+        return np.where(outside < 0.0, -near.distance_mm, near.distance_mm)
+
 
 def refined(patches, face, u, v, points_mm):
     """Feet of perpendiculars from a start near them, on the faces' untrimmed surfaces: Newton alone, no search.
