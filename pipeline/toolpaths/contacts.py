@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.arrays import frozen
+from cuspline.errors import ToolpathError
 
 NO_FACE = -1
 
@@ -43,6 +44,19 @@ class TipContacts:
         """(n,) bool: an edge is touched that borders one of the faces, on whichever side."""
         faces = list(faces)
         return self.is_edge & (np.isin(self.face, faces) | np.isin(self.beside, faces))
+
+
+def checked_radii_mm(radius_mm, corner_radius_mm):
+    """Cutter radius R and corner radius rc as floats.
+
+    Raises:
+        ToolpathError: they are no cutter's.
+    """
+    R, rc = float(radius_mm), float(corner_radius_mm)
+    if not (0.0 < R < np.inf and 0.0 <= rc <= R):
+        raise ToolpathError(f"no cutter has radius {R} mm and corner radius {rc} mm: the corner radius runs from 0 (flat) "
+                            "to the radius (ball); mend the tool library")
+    return R, rc
 
 
 def cutter_normals(xy_mm, tip_z_mm, contact_mm, radius_mm, corner_radius_mm):

@@ -11,6 +11,7 @@ from numba import njit, prange
 
 from cuspline.arrays import frozen
 from cuspline.errors import ToolpathError
+from cuspline.toolpaths.contacts import checked_radii_mm
 from cuspline.toolpaths.drop_kernels import STACK, drop_one, first_of, holder_above
 
 SERIAL_ROWS = 512       # fewer are done before the other threads have woken
@@ -115,14 +116,11 @@ def is_held_above(mesh, xy_mm, radius_mm, corner_radius_mm, height_mm):
 
 def _checked(xy_mm, R, rc):
     """Positions and cutter as the kernels want them."""
-    xy, R, rc = np.ascontiguousarray(xy_mm, dtype=float).reshape(-1, 2), float(R), float(rc)
-    if not (0.0 < R < math.inf and 0.0 <= rc <= R):
-        raise ToolpathError(f"drop-cutter: no cutter has radius {R} mm and corner radius {rc} mm; "
-                            "the corner radius runs from 0 (flat) to the radius (ball)")
+    xy = np.ascontiguousarray(xy_mm, dtype=float).reshape(-1, 2)
     if not np.isfinite(xy).all():
         rows = np.flatnonzero(~np.isfinite(xy).all(axis=1))
         raise ToolpathError(f"drop-cutter: position {rows[0]} is not a number; leave such rows out", rows=rows)
-    return xy, R, rc
+    return xy, *checked_radii_mm(R, rc)
 
 
 def _drop(mesh, xy_mm, R, rc, wants_contacts):

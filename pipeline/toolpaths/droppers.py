@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from cuspline.errors import ToolpathError
-from cuspline.toolpaths.contacts import TipContacts, cutter_normals
+from cuspline.toolpaths.contacts import TipContacts, checked_radii_mm, cutter_normals
 from cuspline.toolpaths.dropcutter import DropMesh, drop_contacts, drop_tips_mm
 from cuspline.toolpaths.mesh_rims import MeshRims
 
@@ -44,8 +44,8 @@ class MeshDropper(Dropper):
             radius_mm, corner_radius_mm: R > 0 and rc, 0 (flat) to R (ball).
             allowance_mm: material to leave, >= 0.
         """
-        self.radius_mm, self.corner_radius_mm = checked_cutter(radius_mm, corner_radius_mm, allowance_mm)
-        self.allowance_mm = float(allowance_mm)
+        self.radius_mm, self.corner_radius_mm, self.allowance_mm = checked_cutter(
+            radius_mm, corner_radius_mm, allowance_mm)
         self._mesh = mesh
         self._rims = MeshRims.of(mesh.corners_mm[np.argsort(mesh.original)], face_of_triangle)
         self._grown = self.radius_mm + self.allowance_mm, self.corner_radius_mm + self.allowance_mm
@@ -71,12 +71,11 @@ class MeshDropper(Dropper):
 
 
 def checked_cutter(radius_mm, corner_radius_mm, allowance_mm):
-    """(R, rc) as floats.
+    """(R, rc, allowance) as floats.
 
     Raises:
         ToolpathError: not a cutter, or an allowance below zero.
     """
-    if not (0.0 <= corner_radius_mm <= radius_mm and radius_mm > 0.0 and allowance_mm >= 0.0):
-        raise ToolpathError(f"a cutter of radius {radius_mm} mm with corner radius {corner_radius_mm} mm and allowance "
-                            f"{allowance_mm} mm cannot be lowered: 0 <= corner <= radius and allowance >= 0 must hold")
-    return float(radius_mm), float(corner_radius_mm)
+    if not allowance_mm >= 0.0:
+        raise ToolpathError(f"an allowance of {allowance_mm} mm cannot be left: it must not be below 0")
+    return *checked_radii_mm(radius_mm, corner_radius_mm), float(allowance_mm)

@@ -16,6 +16,7 @@ from cuspline.errors import ToolpathError
 from cuspline.surfaces.edge_curves import EdgeCurves
 from cuspline.surfaces.patches import PatchSet, derive
 from cuspline.surfaces.trims import TrimSet
+from cuspline.toolpaths.contacts import checked_radii_mm
 from cuspline.toolpaths.patch_bounds import EDGE, FACE, conversions
 from cuspline.toolpaths.patch_search import STACK, drop_one
 from cuspline.toolpaths.patch_tree import grow_leaves, grow_tree
@@ -73,7 +74,7 @@ class ExactPart:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TipContacts:
+class SurfaceContacts:
     """Where the cutter rests, one row a point; tip -inf, face -1 and zeros where nothing lies beneath."""
 
     tip_z_mm: np.ndarray        # (n,)
@@ -107,7 +108,7 @@ def drop_tips_mm(part, xy_mm, radius_mm, corner_radius_mm, *, tolerance_mm=TOLER
 
 
 def drop_contacts(part, xy_mm, radius_mm, corner_radius_mm, *, tolerance_mm=TOLERANCE_MM):
-    """As `drop_tips_mm`, with the contacts: TipContacts."""
+    """As `drop_tips_mm`, with the contacts: SurfaceContacts."""
     tips, at = _dropped(part, xy_mm, None, radius_mm, corner_radius_mm, tolerance_mm)
     contact, normal = np.zeros((len(tips), 3)), np.zeros((len(tips), 3))
     xy = np.ascontiguousarray(xy_mm, float)
@@ -115,8 +116,8 @@ def drop_contacts(part, xy_mm, radius_mm, corner_radius_mm, *, tolerance_mm=TOLE
     patch = at[:, 0].astype(np.int64)
     found = patch >= 0
     face = np.where(found, part.arrays[1][patch, 0], -1)
-    return TipContacts(tip_z_mm=tips, contact_mm=contact, normal=normal, face=face,
-                       is_edge=found & (part.arrays[3][patch] == EDGE))
+    return SurfaceContacts(tip_z_mm=tips, contact_mm=contact, normal=normal, face=face,
+                           is_edge=found & (part.arrays[3][patch] == EDGE))
 
 
 def gouge_depths_mm(part, tips_mm, radius_mm, corner_radius_mm, *, tolerance_mm=TOLERANCE_MM):
@@ -130,19 +131,6 @@ def gouge_depths_mm(part, tips_mm, radius_mm, corner_radius_mm, *, tolerance_mm=
     tips = np.ascontiguousarray(tips_mm, float)
     own = np.ascontiguousarray(tips[:, 2])
     return _dropped(part, tips[:, :2], own, radius_mm, corner_radius_mm, tolerance_mm)[0] - own
-
-
-def checked_radii_mm(radius_mm, corner_radius_mm):
-    """The two radii as floats.
-
-    Raises:
-        ToolpathError: they are no cutter's.
-    """
-    R, rc = float(radius_mm), float(corner_radius_mm)
-    if not (0.0 < R < np.inf and 0.0 <= rc <= R):
-        raise ToolpathError(f"no cutter has radius {R} mm and corner radius {rc} mm: "
-                            "0 <= corner radius <= radius must hold; mend the tool library")
-    return R, rc
 
 
 def _dropped(part, xy_mm, start_mm, radius_mm, corner_radius_mm, tolerance_mm):

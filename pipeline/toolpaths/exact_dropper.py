@@ -73,8 +73,8 @@ class ExactDropper(Dropper):
             radius_mm, corner_radius_mm: R > 0 and rc, 0 (flat) to R (ball).
             allowance_mm: material to leave, >= 0.
         """
-        self.radius_mm, self.corner_radius_mm = checked_cutter(radius_mm, corner_radius_mm, allowance_mm)
-        self.allowance_mm = float(allowance_mm)
+        self.radius_mm, self.corner_radius_mm, self.allowance_mm = checked_cutter(
+            radius_mm, corner_radius_mm, allowance_mm)
         self._part, self._neighbours = part, neighbours
         self._grown = self.radius_mm + self.allowance_mm, self.corner_radius_mm + self.allowance_mm
 
