@@ -195,7 +195,12 @@ def derive_on_face(arrays, face, u, v, out):
     ul, uh, vl, vh = span[q, 0], span[q, 1], span[q, 2], span[q, 3]
     s, t = (2.0 * min(max(u, ul), uh) - ul - uh) / (uh - ul), (2.0 * min(max(v, vl), vh) - vl - vh) / (vh - vl)
     derive(coefficients, patch[q, 1], patch[q, 2], patch[q, 3], patch[q, 4] != 0, s, t, out)
-    a, b = 2.0 / (uh - ul), 2.0 / (vh - vl)
+    scale_derivatives(out, 2.0 / (uh - ul), 2.0 / (vh - vl))
+
+
+@njit(cache=True)
+def scale_derivatives(out, a, b):
+    """Point and derivatives (6, 3) of `derive`, made those with respect to s / a and t / b."""
     for k in range(3):
         out[1, k] *= a
         out[2, k] *= b

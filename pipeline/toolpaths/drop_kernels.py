@@ -51,37 +51,41 @@ def node_bound(nodes, k, x, y, R, rc):
         inside = height + max(a * (xl - px), a * (xh - px)) + max(b * (yl - py), b * (yh - py))
         m = (a * nodes[k, 10] + b * nodes[k, 11]) / R
         bound = height + 0.5 * m * (R * R - d2)
-        bound += _rise(a - m * px, xl - px, xh - px, m) + _rise(b - m * py, yl - py, yh - py, m)
+        bound += rise(a - m * px, xl - px, xh - px, m) + rise(b - m * py, yl - py, yh - py, m)
         bound = min(bound, inside)
     else:
-        if d2 > 0.96 * R * R:               # stay where p has a finite slope
-            shrink = 0.98 * R / math.sqrt(d2)
-            px, py, d2 = px * shrink, py * shrink, d2 * shrink * shrink
-        gx, gy, p, m = a, b, 0.0, 0.0
-        if rc == R:
-            q = math.sqrt(R * R - d2)
-            steep = 1.0 / q
-            p, m = R - q, 1.0 / R           # p bends by 1 / R or more everywhere
-            gx -= px * steep
-            gy -= py * steep
-        else:
-            d = math.sqrt(d2)
-            e = d - (R - rc)
-            if e > 0.0:
-                q = math.sqrt(rc * rc - e * e)
-                p = rc - q
-                steep = e / (q * d)
-                gx -= steep * px
-                gy -= steep * py
+        m = 1.0 / R if rc == R else 0.0     # p of a ball bends by that or more everywhere
+        px, py, p, steep = tangent_of_bottom(px, py, R, rc, 0.96)
         bound = nodes[k, 7] + a * (x + px) + b * (y + py) - p
-        bound += _rise(gx, xl - px, xh - px, m) + _rise(gy, yl - py, yh - py, m)
+        bound += rise(a - steep * px, xl - px, xh - px, m) + rise(b - steep * py, yl - py, yh - py, m)
     if nodes[k, 4] < bound:
         bound = min(bound, nodes[k, 4] - bottom(math.sqrt(near2), R, rc))
     return bound
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _rise(slope, low, high, bend):
+def tangent_of_bottom(px, py, R, rc, widest):
+    """Where to lay a tangent plane to the cutter's bottom: a place, its height, and what its slopes are of px, py.
+
+    Args:
+        px, py: where it is wanted, from the axis; drawn inward where that lies beyond a share of R² (squared distance),
+            for there the bottom has no finite slope.
+        widest: that share, below 1.
+    """
+    d2 = px * px + py * py
+    if d2 > widest * R * R:
+        shrink = 0.5 * (1.0 + widest) * R / math.sqrt(d2)
+        px, py, d2 = px * shrink, py * shrink, d2 * shrink * shrink
+    d = math.sqrt(d2)
+    e = d - (R - rc)
+    if rc == 0.0 or e <= 0.0:
+        return px, py, 0.0, 0.0
+    q = math.sqrt(R * R - d2 if rc == R else max(rc * rc - e * e, 1e-300))
+    return px, py, rc - q, 1.0 / q if rc == R else e / (q * d)
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def rise(slope, low, high, bend):
     """Largest slope s - bend s² / 2 for low <= s <= high, with low <= high."""
     if bend > 0.0:
         s = min(max(slope / bend, low), high)

@@ -17,27 +17,11 @@ import numpy as np
 from numba import njit
 
 from cuspline.surfaces.patches import derive
+from cuspline.toolpaths.drop_kernels import bottom, rise, tangent_of_bottom
 
 KEEP = 0.7          # share of d_i d_j kept when the direction to the axis turns within a box (Young's inequality)
 STEPS = 24
 CONVERGED_MM = 1e-11
-
-
-@njit(cache=True, inline="always", error_model="numpy")
-def bottom(d, R, rc):
-    """Height of the cutter's bottom at distance d <= R from the axis."""
-    e = d - (R - rc)
-    if e <= 0.0:
-        return 0.0
-    return rc - math.sqrt(max(rc * rc - e * e, 0.0))
-
-
-@njit(cache=True, inline="always", error_model="numpy")
-def _rise(slope, low, high, R, is_ball):
-    if is_ball:
-        s = min(max(slope * R, low), high)
-        return slope * s - 0.5 * s * s / R
-    return max(slope * low, slope * high)
 
 
 @njit(cache=True, inline="always", error_model="numpy")
@@ -61,28 +45,10 @@ def node_bound(nodes, k, x, y, R, rc):
     a, b = nodes[k, 5], nodes[k, 6]
     px = (R - rc) * nodes[k, 10] + rc * nodes[k, 8]
     py = (R - rc) * nodes[k, 11] + rc * nodes[k, 9]
-    px, py = min(max(px, xl), xh), min(max(py, yl), yh)
-    d2 = px * px + py * py
-    if d2 > 0.96 * R * R:               # stay where the bottom has a finite slope
-        s = 0.98 * R / math.sqrt(d2)
-        px, py, d2 = px * s, py * s, d2 * s * s
-    gx, gy, p = a, b, 0.0
-    if rc == R:
-        q = math.sqrt(R * R - d2)
-        p = R - q
-        gx -= px / q
-        gy -= py / q
-    else:
-        d = math.sqrt(d2)
-        e = d - (R - rc)
-        if e > 0.0 and rc > 0.0:
-            q = math.sqrt(max(rc * rc - e * e, 1e-300))
-            p = rc - q
-            m = e / (q * d)
-            gx -= m * px
-            gy -= m * py
+    px, py, p, steep = tangent_of_bottom(min(max(px, xl), xh), min(max(py, yl), yh), R, rc, 0.96)
+    m = 1.0 / R if rc == R else 0.0     # a ball bends by that or more everywhere
     bound = nodes[k, 7] + a * (x + px) + b * (y + py) - p
-    bound += _rise(gx, xl - px, xh - px, R, rc == R) + _rise(gy, yl - py, yh - py, R, rc == R)
+    bound += rise(a - steep * px, xl - px, xh - px, m) + rise(b - steep * py, yl - py, yh - py, m)
     if rc < R:                          # the plane alone: highest over the whole cutter
         g = a * nodes[k, 10] + b * nodes[k, 11]
         level = nodes[k, 7] + a * x + b * y

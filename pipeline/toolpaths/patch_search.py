@@ -10,10 +10,10 @@ import math
 import numpy as np
 from numba import njit
 
-from cuspline.surfaces.patches import derive
+from cuspline.surfaces.patches import derive, scale_derivatives
 from cuspline.surfaces.trims import is_inside
 from cuspline.toolpaths.contact_maps import HAIR, map_proof, map_step
-from cuspline.toolpaths.patch_bounds import BORDER, EDGE, FACE, OUTSIDE, box_state, cone_box
+from cuspline.toolpaths.patch_bounds import BORDER, EDGE, FACE, OUTSIDE, cone_box, part_state
 from cuspline.toolpaths.patch_contacts import bottom, box_proof, climb, node_bound
 from cuspline.toolpaths.patch_tree import CURVED
 from cuspline.toolpaths.plane_contacts import plane_contact
@@ -109,32 +109,17 @@ def drop_one(tree, x, y, R, rc, tolerance, best, hint, scratch, contact):
             si, ti, alpha, beta = boxes[top, 1], boxes[top, 2], boxes[top, 3], boxes[top, 4]
         s, t, hs, ht = row[0] + row[1] * si, row[2] + row[3] * ti, row[1] * alpha, row[3] * beta
         if kind == FACE and state == BORDER and not whole:
-            span = tree[2][patch]
-            u0, v0 = 0.5 * (span[0] + span[1]), 0.5 * (span[2] + span[3])
-            hu, hv = 0.5 * (span[1] - span[0]), 0.5 * (span[3] - span[2])
-            if box_state(tree[9], patches[patch, 0], u0 + hu * (s - hs), u0 + hu * (s + hs),
-                         v0 + hv * (t - ht), v0 + hv * (t + ht)) == OUTSIDE:
+            if part_state(tree[9], patches[patch, 0], tree[2][patch], s, hs, t, ht) == OUTSIDE:
                 continue
         prow = patches[patch]
         derive(coefficients, prow[1], prow[2], prow[3], prow[4] != 0, s, t, o)
-        for j in range(3):
-            o[1, j] *= hs
-            o[2, j] *= ht
-            o[3, j] *= hs * hs
-            o[4, j] *= hs * ht
-            o[5, j] *= ht * ht
+        scale_derivatives(o, hs, ht)
         nx = ny = nz = n = sign = 0.0
         sine = 2.0
         bend = 0.5 * (row[6] * alpha * alpha + 2.0 * row[7] * alpha * beta + row[8] * beta * beta)
         if kind == FACE:
             sign = tree[4][patch]
-            nx = sign * (o[1, 1] * o[2, 2] - o[1, 2] * o[2, 1])
-            ny = sign * (o[1, 2] * o[2, 0] - o[1, 0] * o[2, 2])
-            nz = sign * (o[1, 0] * o[2, 1] - o[1, 1] * o[2, 0])
-            n = math.sqrt(nx * nx + ny * ny + nz * nz)
-            if n > 0.0:
-                turn = (row[6] * row[5] + row[4] * row[7]) * alpha + (row[7] * row[5] + row[4] * row[8]) * beta
-                nx, ny, nz, sine = nx / n, ny / n, nz / n, turn * alpha * beta / n
+            nx, ny, nz, n, sine = box_normal(row, o, alpha, beta, sign)
         if not whole:
             ex = abs(o[1, 0]) + abs(o[2, 0]) + bend
             ey = abs(o[1, 1]) + abs(o[2, 1]) + bend
@@ -208,6 +193,27 @@ def drop_one(tree, x, y, R, rc, tolerance, best, hint, scratch, contact):
                 boxes[top, 1], boxes[top, 3] = si + side * 0.5 * alpha, 0.5 * alpha
             top += 1
     return best
+
+
+@njit(cache=True, error_model="numpy")
+def box_normal(row, o, alpha, beta, sign):
+    """Unit normal in the middle of a box of a leaf, the length of S_s x S_t there, and the sine of how far it turns.
+
+    Args:
+        row: the leaf's row (see patch_tree); alpha, beta: half sizes of the box within the leaf.
+        o: (6, 3) position and derivatives in the middle, per alpha, beta.
+        sign: of the face's normal.
+    Returns:
+        nx, ny, nz, length, sine; the sine is 2 where there is no normal.
+    """
+    nx = sign * (o[1, 1] * o[2, 2] - o[1, 2] * o[2, 1])
+    ny = sign * (o[1, 2] * o[2, 0] - o[1, 0] * o[2, 2])
+    nz = sign * (o[1, 0] * o[2, 1] - o[1, 1] * o[2, 0])
+    n = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if not n > 0.0:
+        return nx, ny, nz, n, 2.0
+    turn = (row[6] * row[5] + row[4] * row[7]) * alpha + (row[7] * row[5] + row[4] * row[8]) * beta
+    return nx / n, ny / n, nz / n, n, turn * alpha * beta / n
 
 
 @njit(cache=True, error_model="numpy")

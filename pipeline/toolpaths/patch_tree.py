@@ -10,10 +10,10 @@ import math
 import numpy as np
 from numba import njit
 
-from cuspline.surfaces.patches import derive
+from cuspline.surfaces.patches import derive, scale_derivatives
 from cuspline.toolpaths.patch_bounds import (EDGE, FACE, HULL_MM, MOST_HALVINGS, OUTSIDE, PLANAR_MM, SMALLEST_MM,
-                                             TURN_RAD, UPWARD, bernstein, box_state, cone_box,
-                                             derivative_reaches, normal_change)
+                                             TURN_RAD, UPWARD, bernstein, cone_box, derivative_reaches,
+                                             normal_change, part_state)
 
 STEEPEST = 5.0              # slope up to which a node's plane follows the surface
 LEAF_COLUMNS = 24           # middle and half sizes (4), reaches (9), change of the normal, normals (8), top nz, dz
@@ -34,21 +34,14 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, ro
     du, dv, rational = patch[2], patch[3], patch[4] != 0
     state = 1
     if kind == FACE:
-        u0, v0 = 0.5 * (span[0] + span[1]), 0.5 * (span[2] + span[3])
-        hu, hv = 0.5 * (span[1] - span[0]), 0.5 * (span[3] - span[2])
-        state = box_state(trims, face, u0 + hu * (box[0] - box[1]), u0 + hu * (box[0] + box[1]),
-                          v0 + hv * (box[2] - box[3]), v0 + hv * (box[2] + box[3]))
+        state = part_state(trims, face, span, box[0], box[1], box[2], box[3])
         if state == OUTSIDE:
             return -1
     b = np.empty((du + 1, dv + 1, 4))
     bernstein(coefficients, patch[1], du, dv, box[0], box[1], box[2], box[3], mu, mv, b)
     o = np.empty((6, 3))
     derive(coefficients, patch[1], du, dv, rational, box[0], box[2], o)
-    o[1] *= box[1]
-    o[2] *= box[3]
-    o[3] *= box[1] * box[1]
-    o[4] *= box[1] * box[3]
-    o[5] *= box[3] * box[3]
+    scale_derivatives(o, box[1], box[3])
     r = np.empty((10, 2))
     derivative_reaches(b, o, rational, r)
     a = np.hypot(r[:, 0], r[:, 1])
