@@ -28,7 +28,7 @@ from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
+from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
 
 from cuspline.arrays import frozen
@@ -200,16 +200,37 @@ def faces_of(solid):
     return [Face(TopoDS.Face_s(f), mark) for f, mark in zip(faces, marks)]
 
 
+def edges_of_faces(faces, with_points=False):
+    """Every edge of Face values once, with all its uses.
+
+    Args:
+        faces: Face values.
+        with_points: edges that have shrunk to a point (the apex of a cone) count too.
+    Returns:
+        [[(face index, TopoDS_Edge as it runs round that face), ...]] in the order met; a seam has two uses by its face.
+    """
+    table, uses = TopTools_IndexedMapOfShape(), []
+    for index, face in enumerate(faces):
+        for edge in _edges_round(face.shape):
+            number = table.Add(edge)
+            if number > len(uses):
+                uses.append([])
+            uses[number - 1].append((index, edge))
+    return [use for use in uses if with_points or not BRep_Tool.Degenerated_s(use[0][1])]
+
+
 def edges_with_faces(solid):
     """[(TopoDS_Edge, [TopoDS_Face, ...])] of all edges that are not degenerate."""
-    ancestors = TopTools_IndexedDataMapOfShapeListOfShape()
-    TopExp.MapShapesAndAncestors_s(solid, TopAbs_EDGE, TopAbs_FACE, ancestors)
-    rows = []
-    for i in range(1, ancestors.Extent() + 1):
-        edge = TopoDS.Edge_s(ancestors.FindKey(i))
-        if not BRep_Tool.Degenerated_s(edge):
-            rows.append((edge, [TopoDS.Face_s(f) for f in ancestors.FindFromIndex(i)]))
-    return rows
+    faces = faces_of(solid)
+    return [(use[0][1], [faces[index].shape for index, _ in use]) for use in edges_of_faces(faces)]
+
+
+def _edges_round(face):
+    """TopoDS_Edge values in the direction of a face's wires; a seam comes twice, once a side."""
+    explorer = TopExp_Explorer(face, TopAbs_EDGE)
+    while explorer.More():
+        yield TopoDS.Edge_s(explorer.Current())
+        explorer.Next()
 
 
 def edge_points(edge, count):
@@ -230,15 +251,13 @@ def border_curves(face):
         list of (at, knots): at(t (n,)) -> (n, 2) parameters u, v; knots between which the curve is smooth,
         falling where the wire runs against the curve.  A seam comes twice, once a side.
     """
-    curves, explorer = [], TopExp_Explorer(face, TopAbs_EDGE)
-    while explorer.More():
-        edge = TopoDS.Edge_s(explorer.Current())
+    curves = []
+    for edge in _edges_round(face):
         curve = BRepAdaptor_Curve2d(edge, face)
         knots = TColStd_Array1OfReal(1, curve.NbIntervals(GeomAbs_CN) + 1)
         curve.Intervals(knots, GeomAbs_CN)
         knots = np.array([knots.Value(k) for k in range(1, knots.Length() + 1)])
         curves.append((_at_parameters(curve), knots[::-1] if edge.Orientation() == TopAbs_REVERSED else knots))
-        explorer.Next()
     return curves
 
 

@@ -11,13 +11,11 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepLib import BRepLib
 from OCP.Geom import Geom_TrimmedCurve
 from OCP.GeomConvert import GeomConvert
-from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cuspline.arrays import frozen
-from cuspline.surfaces.patches import _span_powers
+from cuspline.brep import edges_of_faces
+from cuspline.surfaces.patches import span_powers
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,8 +29,8 @@ class EdgeCurves:
     def of_faces(cls, faces):
         """Pieces of the edges of `brep.Face` values; an edge that several of them share comes once."""
         coefficients, rows, at = [], [], 0
-        for face, edge in _distinct_edges(faces):
-            for powers in _pieces(edge):
+        for (face, edge), *_ in edges_of_faces(faces, with_points=True):
+            for powers in curve_spans(edge):
                 rational = np.abs(powers[1:, 3]).max(initial=0.0) > 1e-14 * powers[0, 3]
                 rows.append((face, at, len(powers) - 1, 0, int(rational)))
                 coefficients.append(powers.ravel() if rational else (powers / powers[0, 3]).ravel())
@@ -42,17 +40,7 @@ class EdgeCurves:
                    piece=frozen(np.reshape(rows, (-1, 5)), (None, 5), "piece", np.int64))
 
 
-def _distinct_edges(faces):
-    """[(index of the first face that has it, TopoDS_Edge)], every edge once."""
-    seen, found = TopTools_IndexedMapOfShape(), []
-    for k, face in enumerate(faces):
-        before = seen.Extent()
-        TopExp.MapShapes_s(face.shape, TopAbs_EDGE, seen)
-        found += [(k, TopoDS.Edge_s(seen.FindKey(i))) for i in range(before + 1, seen.Extent() + 1)]
-    return found
-
-
-def _pieces(edge):
+def curve_spans(edge):
     """[(degree + 1, 4)] homogeneous power coefficients of an edge's knot spans; of a degenerate edge its point."""
     if BRep_Tool.Degenerated_s(edge):
         p = BRep_Tool.Pnt_s(TopExp.FirstVertex_s(edge))
@@ -69,5 +57,5 @@ def _pieces(edge):
     poles = np.array([(p.X(), p.Y(), p.Z(), 1.0) for p in points]) * weights[:, None]
     knots = np.repeat([spline.Knot(i) for i in range(1, spline.NbKnots() + 1)],
                       [spline.Multiplicity(i) for i in range(1, spline.NbKnots() + 1)])
-    _, powers = _span_powers(knots, spline.Degree(), count)
+    _, powers = span_powers(knots, spline.Degree(), count)
     return list(np.einsum("aip,pk->aik", powers, poles / weights.max()))

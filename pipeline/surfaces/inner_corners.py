@@ -12,9 +12,9 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepTools import BRepTools
 from OCP.GCPnts import GCPnts_AbscissaPoint
 from OCP.gp import gp_Pnt, gp_Vec
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
-from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS
+from OCP.TopAbs import TopAbs_REVERSED
+
+from cuspline.brep import edges_of_faces
 
 CONCAVE_SINE = 1e-3         # edges flatter than this angle count as smooth
 ALONG_EDGE = 15             # places of an edge looked at, its middle among them
@@ -83,15 +83,7 @@ def _fillet(face, index):
 
 def _edge_pairs(faces):
     """[((face, edge), (face, edge))] of all edges with a face on either side."""
-    owners = {}
-    for index, face in enumerate(faces):
-        explorer = TopExp_Explorer(face.shape, TopAbs_EDGE)
-        while explorer.More():
-            edge = TopoDS.Edge_s(explorer.Current())
-            if not BRep_Tool.Degenerated_s(edge):
-                owners.setdefault(edge.TShape(), []).append((index, edge))
-            explorer.Next()
-    return [tuple(pair) for pair in owners.values() if len(pair) == 2]
+    return [tuple(uses) for uses in edges_of_faces(faces) if len(uses) == 2]
 
 
 def _sines(faces, pair):

@@ -96,14 +96,14 @@ class PatchSet:
 
 def _powers(surface):
     """Breaks in u and v, and (nu, nv, degree u + 1, degree v + 1, 4) power coefficients of a NurbsSurface."""
-    bu, mu = _span_powers(surface.knots_u, surface.degree_u, surface.poles.shape[0])
-    bv, mv = _span_powers(surface.knots_v, surface.degree_v, surface.poles.shape[1])
+    bu, mu = span_powers(surface.knots_u, surface.degree_u, surface.poles.shape[0])
+    bv, mv = span_powers(surface.knots_v, surface.degree_v, surface.poles.shape[1])
     poles = surface.poles / surface.poles[..., 3].max()
     half = np.einsum("aip,pqk->aiqk", mu, poles, optimize=True)
     return bu, bv, np.ascontiguousarray(np.einsum("bjq,aiqk->abijk", mv, half, optimize=True))
 
 
-def _span_powers(knots, degree, count):
+def span_powers(knots, degree, count):
     """Breaks (m + 1,) and (m, degree + 1, count): power coefficients about each span's middle of every basis function.
 
     The k-th power's coefficient is the k-th derivative in the middle times (half the span)^k / k!.

@@ -3,16 +3,11 @@
 import numpy as np
 from numba import njit
 from OCP.BRep import BRep_Tool
-from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.Geom import Geom_TrimmedCurve
-from OCP.GeomConvert import GeomConvert
-from OCP.TopAbs import TopAbs_EDGE
-from OCP.TopoDS import TopoDS
 
-from cuspline.brep import explore
+from cuspline.brep import edges_of_faces
+from cuspline.surfaces.edge_curves import curve_spans
 from cuspline.surfaces.enclosures import (_cross, _dot, _middle_length, _likely_length, _quotients, _reach, _recentred,
                                           curvature_of_piece, shifted)
-from cuspline.surfaces.patches import _span_powers
 from cuspline.surfaces.pieces import ACROSS, OUTSIDE, halves, side_to_cut, trim_states, whole_patches
 
 TURN = 0.35             # of the normal from the middle of a piece to its side, radians: then it is a leaf
@@ -132,38 +127,16 @@ def _frame(S, Ss, St, g):
 
 def _edge_leaves(faces):
     """[(boxes, geometry, rows)] of all edges but seams, and their curves' coefficients."""
-    owners, coefficients, parts, offset = {}, [], [], 0
-    for index, face in enumerate(faces):
-        for shape in explore(face.shape, TopAbs_EDGE):
-            edge = TopoDS.Edge_s(shape)
-            if not BRep_Tool.Degenerated_s(edge):
-                owners.setdefault(edge.TShape(), (edge, []))[1].append((index, BRep_Tool.IsClosed_s(edge, face.shape)))
-    for edge, sides in owners.values():
-        if any(is_seam for _, is_seam in sides):
+    coefficients, parts, offset = [], [], 0
+    for uses in edges_of_faces(faces):
+        if any(BRep_Tool.IsClosed_s(edge, faces[index].shape) for index, edge in uses):
             continue
-        for powers in _curve_spans(edge):
-            parts.append(_stretches(powers, sides[0][0], offset))
+        face, edge = uses[0]
+        for powers in curve_spans(edge):
+            parts.append(_stretches(powers, face, offset))
             coefficients.append(powers.ravel())
             offset += powers.size
     return parts, np.concatenate(coefficients) if coefficients else np.zeros(0)
-
-
-def _curve_spans(edge):
-    """[(degree + 1, 4)] power coefficients of the edge's curve between its knots."""
-    curve = BRepAdaptor_Curve(edge)
-    trimmed = Geom_TrimmedCurve(BRep_Tool.Curve_s(edge, 0.0, 0.0), curve.FirstParameter(), curve.LastParameter())
-    spline = GeomConvert.CurveToBSplineCurve_s(trimmed)
-    if spline.IsPeriodic():
-        spline.SetNotPeriodic()
-    count = spline.NbPoles()
-    poles = np.empty((count, 4))
-    for k in range(count):
-        p, w = spline.Pole(k + 1), spline.Weight(k + 1)
-        poles[k] = p.X() * w, p.Y() * w, p.Z() * w, w
-    knots = np.repeat([spline.Knot(k) for k in range(1, spline.NbKnots() + 1)],
-                      [spline.Multiplicity(k) for k in range(1, spline.NbKnots() + 1)])
-    _, powers = _span_powers(knots, spline.Degree(), count)
-    return [np.ascontiguousarray(m @ (poles / poles[:, 3].max())) for m in powers]
 
 
 def _stretches(powers, face, offset):

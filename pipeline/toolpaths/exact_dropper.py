@@ -3,13 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.GCPnts import GCPnts_AbscissaPoint
-from OCP.TopAbs import TopAbs_EDGE
-from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedMapOfShape
 from scipy.spatial import cKDTree
 
 from cuspline import brep
@@ -34,22 +29,11 @@ class EdgeNeighbours:
     @classmethod
     def of_faces(cls, faces):
         """From `brep.Face` values; face indices count in this order."""
-        edges, owners = TopTools_IndexedMapOfShape(), []
-        for k, face in enumerate(faces):
-            mine = TopTools_IndexedMapOfShape()
-            TopExp.MapShapes_s(face.shape, TopAbs_EDGE, mine)
-            for i in range(1, mine.Extent() + 1):
-                number = edges.Add(mine.FindKey(i))
-                if number > len(owners):
-                    owners.append([])
-                owners[number - 1].append(k)
         points, sides = [np.zeros((0, 3))], [np.zeros((0, 2), int)]
-        for number, of in enumerate(owners, start=1):
-            edge = TopoDS.Edge_s(edges.FindKey(number))
-            if not BRep_Tool.Degenerated_s(edge):
-                length = GCPnts_AbscissaPoint.Length_s(BRepAdaptor_Curve(edge))
-                points.append(brep.edge_points(edge, min(int(length / SPACING_MM) + 3, MOST_POINTS))[0])
-                sides.append(np.tile((of[0], of[-1]), (len(points[-1]), 1)))
+        for (first, edge), *others in brep.edges_of_faces(faces):
+            length = GCPnts_AbscissaPoint.Length_s(BRepAdaptor_Curve(edge))
+            points.append(brep.edge_points(edge, min(int(length / SPACING_MM) + 3, MOST_POINTS))[0])
+            sides.append(np.tile((first, others[-1][0] if others else first), (len(points[-1]), 1)))
         return cls(tree=cKDTree(np.vstack(points)), sides=frozen(np.vstack(sides), (None, 2), "sides", int))
 
     def beside(self, points_mm, face):
