@@ -6,12 +6,10 @@ Every candidate is kept with the reason it was taken or left, for plan.json.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cuspline.arrays import frozen
 from cuspline.cutters import Tool
 from cuspline.errors import CutterDoesNotFit, PlanError
-from cuspline.program import Kind
 from cuspline.toolpaths.dropcutter import drop_tips_mm
 
 FIT_SHARE = 0.9             # the ball stays this share below the tightest hollow: a full-contact ball chatters
@@ -275,25 +273,3 @@ def leftover_mm(tool, mesh, samples, allowance_mm, rows):
 def leftover_rows(samples):
     """Evenly chosen sample rows, enough to judge what a cutter leaves."""
     return np.linspace(0, len(samples.point_mm) - 1, min(LEFTOVER_POINTS, len(samples.point_mm))).astype(int)
-
-
-def left_by_moves_mm(moves, tool, samples, rows, spacing_mm=0.5):
-    """(k,) material that planned straight moves leave above sample rows, along their normals.
-
-    The path is taken at points `spacing_mm` apart: good to 0.02 mm for judging what to do next.
-    """
-    R, rc = tool.cutter.radius_mm, tool.cutter.corner_radius_mm
-    points, normals = samples.point_mm[rows], samples.normal[rows]
-    lowest = np.full(len(points), np.inf)
-    cutting = np.flatnonzero(moves.kind != Kind.RAPID)
-    starts, ends = moves.starts_mm[cutting], moves.end_mm[cutting]
-    counts = np.maximum(1, np.ceil(np.linalg.norm(ends - starts, axis=1) / spacing_mm)).astype(int)
-    move = np.repeat(np.arange(len(counts)), counts)
-    share = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + 1) / counts[move]
-    tips = starts[move] + share[:, None] * (ends[move] - starts[move])
-    for k, near in enumerate(cKDTree(tips[:, :2]).query_ball_point(points[:, :2], R)):
-        if near:
-            d = np.linalg.norm(tips[near, :2] - points[k, :2], axis=1)
-            over = np.minimum(np.maximum(d - (R - rc), 0.0), rc)
-            lowest[k] = (tips[near, 2] + rc - np.sqrt(rc * rc - over * over)).min()
-    return np.maximum(lowest - points[:, 2], 0.0) * np.abs(normals[:, 2])

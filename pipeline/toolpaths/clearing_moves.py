@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from cuspline.program import Kind, MoveWriter, Plane
+from cuspline.program import MoveWriter, Plane
 from cuspline.toolpaths.dropcutter import is_held_above
 from cuspline.toolpaths.path_arcs import lines_and_arcs
-from cuspline.toolpaths.stock_fields import CHORD_MM, arc_points, points_of_move
+from cuspline.toolpaths.stock_fields import CHORD_MM, arc_points
 
 FIT_MM = 0.015              # lines and arcs lie this close to the steered steps, which keep inside by as much
 CHECK_GROWTH_MM = 0.01      # a path is checked with a cutter larger by this, which covers what lies between
@@ -23,15 +23,6 @@ class ClearingWriter:
     @property
     def is_empty(self):
         return self._writer is None
-
-    @property
-    def length_mm(self):
-        """Of feed moves, arcs along their circle."""
-        moves, total = self.moves(), 0.0
-        for k in np.flatnonzero(moves.kind != Kind.RAPID):
-            points = points_of_move(moves, k)
-            total += float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        return total
 
     def moves(self):
         """All moves, the last one up to the clearance plane."""

@@ -49,7 +49,6 @@ class Clearing:
     largest_engagement_rad: float   # of the steered steps
     removed_mm3: float
     left_mm3: float                 # within reach, but given up: no start led into it within the bound
-    length_mm: float                # of feed moves
 
 
 def engagement_of_rad(radial_depth_mm, radius_mm):

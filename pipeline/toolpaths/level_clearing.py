@@ -168,5 +168,4 @@ class _Job:
         was = np.isfinite(self.stock_before)
         taken = self.stock_before[was] - self.stock[was]
         return Clearing(moves=moves, levels_mm=tuple(self.done), largest_engagement_rad=self.most,
-                        removed_mm3=float(taken.sum() * self.grid.pitch_mm ** 2), left_mm3=self.left_mm3,
-                        length_mm=self.writer.length_mm)
+                        removed_mm3=float(taken.sum() * self.grid.pitch_mm ** 2), left_mm3=self.left_mm3)

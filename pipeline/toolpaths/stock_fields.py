@@ -1,6 +1,6 @@
 """The stock as a height field: a function of (n, 2) places that gives the height of material there, mm.
 
-A box, any mesh, and what earlier moves have left of either.
+A box, and what earlier moves have left of it.
 """
 
 import math
@@ -11,7 +11,6 @@ from cuspline.program import Kind, Plane
 from cuspline.toolpaths.dropcutter import DropMesh, drop_tips_mm
 
 CHORD_MM = 1e-3         # arcs count as chords that lie this close to them
-POINT_MM = 1e-9         # radius of the probe that reads a mesh's height
 LONGEST_MM = 4.0        # pieces are split for the tree: long ones have loose bounds
 
 
@@ -24,11 +23,6 @@ def box_stock(min_mm, max_mm):
         return np.where(inside, high[2], -np.inf)
 
     return height_mm
-
-
-def mesh_stock(mesh):
-    """Height field of a DropMesh seen from above; -inf beside it."""
-    return lambda xy_mm: drop_tips_mm(mesh, xy_mm, POINT_MM, 0.0)
 
 
 def stock_after(moves, radius_mm, corner_radius_mm, height_mm):

@@ -7,12 +7,12 @@ from dataclasses import replace
 import cadquery as cq
 import numpy as np
 import pytest
+from clearing_meter import measure_cuts
 from scipy import ndimage
 
 from cuspline import brep
 from cuspline.errors import ToolpathError
 from cuspline.program import Kind
-from cuspline.toolpaths.clearing_meter import measure_cuts
 from cuspline.toolpaths.dropcutter import DropMesh, drop_tips_mm
 from cuspline.toolpaths.level_clearing import ClearingRules, clear, engagement_of_rad
 from cuspline.toolpaths.level_fields import PlaneGrid
