@@ -17,7 +17,7 @@ from pydantic import Field
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.designs._freeform_surface import freeform_face
 
-PLAN_MIN_MM, PLAN_MAX_MM, TOP_MM = (-10.0, -67.0), (310.0, 67.0), 48.4     # round the surface in plan; its highest point
+PLAN_MIN_MM, PLAN_MAX_MM, TOP_MM = (-10.0, -67.0), (310.0, 67.0), 48.4   # round the surface in plan; its highest point
 
 
 class LopesSurface(Parameters):
@@ -39,7 +39,8 @@ def solid(p):
     low, high = (*PLAN_MIN_MM, p.base_mm - p.plate_mm), (*PLAN_MAX_MM, p.base_mm)
     plate = BRepPrimAPI_MakeBox(gp_Pnt(*low), gp_Pnt(*high)).Solid()
     below = BRepPrimAPI_MakePrism(freeform_face(), gp_Vec(0, 0, -2 * TOP_MM)).Shape()
-    room = BRepPrimAPI_MakeBox(gp_Pnt(*PLAN_MIN_MM, p.base_mm - p.plate_mm / 2), gp_Pnt(*PLAN_MAX_MM, 2 * TOP_MM)).Solid()
+    room = BRepPrimAPI_MakeBox(gp_Pnt(*PLAN_MIN_MM, p.base_mm - p.plate_mm / 2),
+                               gp_Pnt(*PLAN_MAX_MM, 2 * TOP_MM)).Solid()
     return BRepAlgoAPI_Fuse(plate, BRepAlgoAPI_Common(below, room).Shape()).Shape()
 
 

@@ -58,7 +58,8 @@ def crown_height_mm(p, x, y):
 def solid(p):
     """The insert as a build123d solid."""
     x, y = (p.length_mm / 2 + 2.0, p.width_mm / 2 + 2.0)
-    nodes = [[bd.Vector(a, b, crown_height_mm(p, a, b)) for b in _evenly(-y, y, NODES[1])] for a in _evenly(-x, x, NODES[0])]
+    nodes = [[bd.Vector(a, b, crown_height_mm(p, a, b)) for b in _evenly(-y, y, NODES[1])]
+             for a in _evenly(-x, x, NODES[0])]
     crown = bd.Face.make_surface_from_array_of_points(nodes)
     under = bd.extrude(crown, 3 * p.height_mm, dir=(0, 0, -1))
     block = bd.Pos(0, 0, p.height_mm) * bd.Box(p.length_mm, p.width_mm, 2 * p.height_mm)
@@ -99,7 +100,8 @@ def design(p: MouldInsert) -> Design:
                                   center_min_mm=(-inside[0], -inside[1], 1.0), center_max_mm=(*inside, 200.0)),
                     FacePredicate(name="boss wall", count=1, kinds=("cylinder",), center_max_mm=(0.0, 0.0, 200.0))),
         material=p.material,
-        stock=StockBox(min_mm=(-half[0], -half[1], 0.0), max_mm=(*half, p.height_mm + p.boss_height_mm + p.stock_top_mm)),
+        stock=StockBox(min_mm=(-half[0], -half[1], 0.0),
+                       max_mm=(*half, p.height_mm + p.boss_height_mm + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
         setups=(Setup(name="setup-1", wcs="G54", strategy=p.strategy, pass_angle_deg=p.pass_angle_deg,
                       faces=("crown", "boss wall"),

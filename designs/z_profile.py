@@ -34,7 +34,8 @@ class ZProfile(Parameters):
     step_mm: float = Field(24.0, ge=2, le=30, description="height of the vertical wall")
     ellipse_a_mm: float = Field(28.0, ge=5, le=60, description="ellipse semi-axis along the profile")
     ellipse_b_mm: float = Field(24.0, ge=5, le=40, description="ellipse semi-axis upward")
-    ellipse_deg: float = Field(50.0, ge=20, le=80, description="eccentric angle that the ellipse arc spans from its top")
+    ellipse_deg: float = Field(50.0, ge=20, le=80,
+                               description="eccentric angle that the ellipse arc spans from its top")
     spline_length_mm: float = Field(34.0, ge=10, le=120, description="extent of the spline along the profile")
     spline_fall_mm: float = Field(14.6, ge=2, le=40, description="fall of the spline to the land")
     sweep_slope_deg: float = Field(0.0, ge=-15, le=15, description="rise of the whole profile along the sweep")
@@ -114,8 +115,9 @@ def profile_wire(p, scale=1.0, across_mm=0.0, base_mm=0.0):
     ellipse = _ellipse(p, at((k["top"][0], k["top"][1] - p.ellipse_b_mm)),
                        p.ellipse_a_mm, p.ellipse_b_mm * scale, 90 - p.ellipse_deg, 90)
     # the derivatives are given over 0..1, so that a profile of scaled heights has a spline of scaled heights
+    tangents = [direction(1.0, -slope * scale) * (reach / (1 + slope)), direction(reach, 0.0)]
     spline = cq.Edge.makeSpline([at(k["ellipse_end"]), at(k["spline_end"])], parameters=[0.0, 1.0], scale=False,
-                                tangents=[direction(1.0, -slope * scale) * (reach / (1 + slope)), direction(reach, 0.0)])
+                                tangents=tangents)
     edges = [arcs[0], line(k["convex_end"], k["slope_end"]), arcs[1], line(k["floor"], k["foot"]),
              line(k["foot"], k["top"]), ellipse, spline, line(k["spline_end"], k["land_end"]),
              cq.Edge.makeLine(at(k["land_end"]), base(p.length_mm)),

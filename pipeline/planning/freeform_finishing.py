@@ -105,7 +105,8 @@ def _operation(shop, name, tool, allowance_mm, scallop_mm, candidates, left_mm, 
     moves = Moves.joined([moves_of_tip_paths(some, link) for some in (walls, paths) if some])
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), "strategy": shop.setup.strategy,
-             "passes": len(paths), "wall_passes": len(walls), "touch_ups": len(touched), "grid_mm": round(field.pitch_mm, 6),
+             "passes": len(paths), "wall_passes": len(walls), "touch_ups": len(touched),
+             "grid_mm": round(field.pitch_mm, 6),
              "region_mm2": round(float(field.is_inside.sum()) * field.pitch_mm ** 2, 1), "links": shop.setup.passes,
              "min_concave_radius_mm": finite(shop.hollow.radius_mm),
              "min_concave_place_mm": shop.in_part(shop.hollow.place_mm),
@@ -135,7 +136,8 @@ def _field(shop, tool, allowance_mm, pitch_mm):
     boxes = [bounding_box_mm(shop.faces[i].shape) for i in shop.wanted]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     run_over = OVERLAP_STEPS * NODES_A_STEP * pitch_mm
-    return tip_field(shop.dropper_of(tool.cutter.radius_mm, allowance_mm), shop.wanted, (low[:2], high[:2]), pitch_mm, run_over)
+    dropper = shop.dropper_of(tool.cutter.radius_mm, allowance_mm)
+    return tip_field(dropper, shop.wanted, (low[:2], high[:2]), pitch_mm, run_over)
 
 
 def _gentle(field, steep_rad, overlap_mm):

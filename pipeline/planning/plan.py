@@ -58,18 +58,18 @@ def _by_sections(shop):
 
 
 def _free_form(shop):
-    """Operations over regions: the fastest chain of balls, each smaller one only where the one before leaves too much."""
+    """Operations over regions: the fastest chain of balls, each smaller one where the one before leaves too much."""
     chain, candidates, reached = choose_finishing(shop.library, shop.samples, shop.mesh, ROUGH_ALLOWANCE_MM,
                                                   shop.finishing_work())
     tools = [link.tool for link in chain]
     semi = lambda: freeform_finishing.finish(shop, "semi-finish", tools[0], SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, ())
     operations = roughed(shop, tools[0], chain[0].adds, semi)
-    operations.append(freeform_finishing.finish(shop, "finish", tools[0], 0.0, shop.design.finish.scallop_mm, candidates))
-    finishing = operations[-1:]
+    scallop_mm = shop.design.finish.scallop_mm
+    finishing = [freeform_finishing.finish(shop, "finish", tools[0], 0.0, scallop_mm, candidates)]
     for tool in tools[1:]:
         rest = freeform_finishing.rest(shop, finishing, tool, candidates)
         finishing += [rest] if rest is not None else []
-    return operations + finishing[1:], reached
+    return operations + finishing, reached
 
 
 def _placed(found, setup):

@@ -34,7 +34,8 @@ def roughed(shop, ball, is_reached, semi_finish):
     if left > limit:
         smaller, candidates = choose_rest_roughing(tools, first, left)
         if smaller is not None:
-            operation, stock, left = _cleared(shop, "rest rough", smaller.tool, candidates, stock, rows, REST_THRESHOLD_MM)
+            operation, stock, left = _cleared(shop, "rest rough", smaller.tool, candidates, stock, rows,
+                                              REST_THRESHOLD_MM)
             operations.append(operation)
     if left > limit:
         operations.append(semi_finish())
@@ -49,9 +50,10 @@ def _cleared(shop, name, tool, candidates, stock, rows, threshold_mm):
     rules = ClearingRules(
         mesh=shop.mesh, radius_mm=d / 2, corner_radius_mm=cutter.corner_radius_mm, allowance_mm=ROUGH_ALLOWANCE_MM,
         stepdown_mm=shop.material.stepdown_share * d, engagement_rad=engagement_of_rad(RADIAL_SHARE * d, d / 2),
-        stock_mm=stock, stock_min_mm=shop.stock_min_mm, stock_max_mm=shop.stock_max_mm, ramp_rad=RAMP_RAD, clearance_z_mm=shop.clearance_z_mm,
-        feed_mm_per_min=feed, ramp_feed_mm_per_min=PLUNGE_SHARE * feed, rapid_mm_per_min=min(a.rapid_mm_per_min for a in shop.machine.axes),
-        threshold_mm=threshold_mm, keep_out=tuple(shop.fixtures))
+        stock_mm=stock, stock_min_mm=shop.stock_min_mm, stock_max_mm=shop.stock_max_mm, ramp_rad=RAMP_RAD,
+        clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed, ramp_feed_mm_per_min=PLUNGE_SHARE * feed,
+        rapid_mm_per_min=min(a.rapid_mm_per_min for a in shop.machine.axes), threshold_mm=threshold_mm,
+        keep_out=tuple(shop.fixtures))
     clearing = clear(rules)
     after = stock_after(clearing.moves, d / 2, cutter.corner_radius_mm, stock)
     points, normals = shop.samples.point_mm[rows], shop.samples.normal[rows]

@@ -20,7 +20,8 @@ def finish(shop, name, tool, allowance_mm, scallop_mm, candidates, reach):
     step = _plane_step(shop, tool.cutter.radius_mm, ridge_mm)
     low, high = planner.extent(*shop.box)
     wanted = set(shop.wanted)
-    planes = [planner.section_passes(c, low, high, wanted) for c in planes_across(*_across_range(shop, tool, reach), step)]
+    across = planes_across(*_across_range(shop, tool, reach), step)
+    planes = [planner.section_passes(c, low, high, wanted) for c in across]
     passes = _in_cutting_order([plane for plane in planes if plane], shop.setup.passes == "one-way")
     if not passes:
         raise PlanError(f"{name}: no section plane meets the faces {shop.setup.faces}")

@@ -162,7 +162,8 @@ class _Search:
             if len(patch) > LARGEST_COUNT:
                 break
         bounds = np.empty((1, 9))
-        _examine(self.patches.coefficients, self.patches.patch, self.patches.sign, patch[:1], box[:1], self.work, bounds)
+        _examine(self.patches.coefficients, self.patches.patch, self.patches.sign, patch[:1], box[:1], self.work,
+                 bounds)
         raise PlanError(f"face {self.face}: the tightest hollow does not close in near "
                         f"{np.round(bounds[0, 2:5], 3).tolist()}: look there for a cusp or a fold of the surface",
                         rows=[self.face])

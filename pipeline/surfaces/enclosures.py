@@ -1,9 +1,9 @@
 """What a piece of a patch can be at most: proven bounds on its curvature and its size.
 
 A piece is a rectangle of a patch's local parameters.  Every quantity on it is held as a form
-c + a s + b t + r e, with s, t, e anywhere in [-1, 1]: products keep the linear part and collect the rest in r, so a bound
-closes in with the square of the piece's size.  Rounding (1e-15 of the values) stays far below the slack that is asked of
-the bounds (1e-2).
+c + a s + b t + r e, with s, t, e anywhere in [-1, 1]: products keep the linear part and collect the rest in r, so a
+bound closes in with the square of the piece's size.  Rounding (1e-15 of the values) stays far below the slack that is
+asked of the bounds (1e-2).
 """
 
 import numpy as np
@@ -243,8 +243,8 @@ def curvature_of_piece(coefficients, patch, sign, box, work, out):
     Args:
         patch: row of PatchSet.patch; sign: of its face.
         box: (4,) s low, s high, t low, t high.
-        out: (9,) filled: upper bound (inf: none), value in the middle (NaN at a pole), middle point (3), largest distance
-            from it, likely lengths along s and t, 1 to split t and 0 to split s.
+        out: (9,) filled: upper bound (inf: none), value in the middle (NaN at a pole), middle point (3), largest
+            distance from it, likely lengths along s and t, 1 to split t and 0 to split s.
     """
     du, dv = patch[2], patch[3]
     shifted(coefficients, patch, box, work)

@@ -40,7 +40,8 @@ def _interpolated(points_at, breaks_u, breaks_v):
     uu, vv = (g.ravel() for g in np.meshgrid(u, v, indexing="ij"))
     values = points_at(uu, vv).reshape(len(u), len(v), 3)
     poles = np.linalg.solve(mu, values.reshape(len(u), -1)).reshape(values.shape)
-    poles = np.linalg.solve(mv, poles.transpose(1, 0, 2).reshape(len(v), -1)).reshape(len(v), len(u), 3).transpose(1, 0, 2)
+    poles = np.linalg.solve(mv, poles.transpose(1, 0, 2).reshape(len(v), -1))
+    poles = poles.reshape(len(v), len(u), 3).transpose(1, 0, 2)
     return NurbsSurface(degree_u=DEGREE, degree_v=DEGREE, knots_u=ku, knots_v=kv,
                         poles=np.concatenate([poles, np.ones((*poles.shape[:2], 1))], axis=-1))
 

@@ -87,7 +87,7 @@ def _edge_pairs(faces):
 
 
 def _sines(faces, pair):
-    """Along an edge: sine of the hollow angle (k,), cosine (k,), points (k, 3), parameters (k,); positive in a hollow."""
+    """Along an edge: sine (k,) and cosine (k,) of the angle, positive in a hollow, points (k, 3), parameters (k,)."""
     (i, first), (j, second) = pair
     curve = BRepAdaptor_Curve(first)
     low, high = curve.FirstParameter(), curve.LastParameter()

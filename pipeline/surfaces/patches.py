@@ -52,7 +52,8 @@ class PatchSet:
             offsets = at + size * np.arange(nu * nv)
             rational = int(np.ptp(surface.poles[..., 3]) > 1e-14 * surface.poles[..., 3].max())
             row = np.ones(nu * nv, np.int64)
-            patch.append(np.column_stack([k * row, offsets, surface.degree_u * row, surface.degree_v * row, rational * row]))
+            patch.append(np.column_stack([k * row, offsets, surface.degree_u * row, surface.degree_v * row,
+                                          rational * row]))
             i, j = np.divmod(np.arange(nu * nv), nv)
             span.append(np.column_stack([bu[i], bu[i + 1], bv[j], bv[j + 1]]))
             coefficients.append(powers.ravel())

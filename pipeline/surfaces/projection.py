@@ -124,5 +124,6 @@ def refined(patches, face, u, v, points_mm):
     points = np.ascontiguousarray(points_mm, float).reshape(-1, 3)
     uv = np.column_stack([np.asarray(u, float), np.asarray(v, float)])
     feet = np.empty_like(points)
-    refine_in_parallel(patches.arrays, np.ascontiguousarray(np.broadcast_to(face, (len(points),)), np.int64), points, uv, feet)
+    faces = np.ascontiguousarray(np.broadcast_to(face, (len(points),)), np.int64)
+    refine_in_parallel(patches.arrays, faces, points, uv, feet)
     return uv[:, 0], uv[:, 1], feet

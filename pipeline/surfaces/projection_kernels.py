@@ -1,9 +1,9 @@
 """Nearest point of trimmed faces to a point: a bounding tree over pieces of patches and of edges, Newton at its leaves.
 
-A leaf is bounded by its box and by a second box along its middle's normal and tangents; what cannot come nearer than the
-best point so far is passed over.  The distance to a piece has one minimum when the point is nearer than the piece's
-smallest radius of curvature: one Newton run finds it.  Otherwise the piece is halved until each part is proven convex in
-the squared distance, or proven to hold nothing nearer.
+A leaf is bounded by its box and by a second box along its middle's normal and tangents; what cannot come nearer than
+the best point so far is passed over.  The distance to a piece has one minimum when the point is nearer than the piece's
+smallest radius of curvature: one Newton run finds it.  Otherwise the piece is halved until each part is proven convex
+in the squared distance, or proven to hold nothing nearer.
 """
 
 import numpy as np
@@ -67,7 +67,8 @@ def nearest(tree, patches, trims, q, face, ignore_trim, first_leaf, out, d, stac
             for k in range(-left - 1, right):
                 leaf = order[k]
                 if leaf != first_leaf and _box_distance(boxes, leaf, x, y, z) < best:
-                    best, found = _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work, best, found)
+                    best, found = _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work, best,
+                                         found)
             continue
         dl, dr = _box_distance(nodes, left, x, y, z), _box_distance(nodes, right, x, y, z)
         if dl < dr:
@@ -84,10 +85,12 @@ def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work
     if face >= 0 and rows[leaf, 0] != face or ignore_trim and rows[leaf, 2] < 0:
         return best, found
     rx, ry, rz = q[0] - geometry[leaf, 0], q[1] - geometry[leaf, 1], q[2] - geometry[leaf, 2]
-    nx, ny, nz, ex, ey, ez = geometry[leaf, 3], geometry[leaf, 4], geometry[leaf, 5], geometry[leaf, 19], geometry[leaf, 20], geometry[leaf, 21]
+    nx, ny, nz = geometry[leaf, 3], geometry[leaf, 4], geometry[leaf, 5]
+    ex, ey, ez = geometry[leaf, 19], geometry[leaf, 20], geometry[leaf, 21]
     off = max(abs(rx * nx + ry * ny + rz * nz) - geometry[leaf, 6], 0.0)
     beside = max(abs(rx * ex + ry * ey + rz * ez) - geometry[leaf, 22], 0.0)
-    across = max(abs(rx * (ny * ez - nz * ey) + ry * (nz * ex - nx * ez) + rz * (nx * ey - ny * ex)) - geometry[leaf, 23], 0.0)
+    across = abs(rx * (ny * ez - nz * ey) + ry * (nz * ex - nx * ez) + rz * (nx * ey - ny * ex))
+    across = max(across - geometry[leaf, 23], 0.0)
     if off * off + beside * beside + across * across >= best:
         return best, found
     far = np.sqrt(rx * rx + ry * ry + rz * rz) + geometry[leaf, 14]
@@ -149,7 +152,8 @@ def _by_parts(patches, trims, face, patch, q, box, inside, out, d, parts, work, 
         f = _dot(r, r)
         if f[0] - abs(f[1]) - abs(f[2]) - f[3] >= best * SAME:
             continue
-        hss, hst, htt = _add(_dot(Ss, Ss), _dot(r, Sss)), _add(_dot(Ss, St), _dot(r, Sst)), _add(_dot(St, St), _dot(r, Stt))
+        hss, hst = _add(_dot(Ss, Ss), _dot(r, Sss)), _add(_dot(Ss, St), _dot(r, Sst))
+        htt = _add(_dot(St, St), _dot(r, Stt))
         is_convex = _largest_over_piece(_scaled(-1.0, hss), _scaled(-1.0, hst), _scaled(-1.0, htt)) < 0.0
         ms, mt = (part[0] + part[1]) / 2, (part[2] + part[3]) / 2
         best = _take(patches, trims, face, patch, q, ms, mt, part, inside, out, d, best)
@@ -205,7 +209,7 @@ def _on_patch(patches, patch, q, s, t, box, d):
                           rz + ps * d[1, 2] + pt * d[2, 2])
             value = rx * rx + ry * ry + rz * rz
             break
-        # Newton's direction cut off at the rectangle may climb: the slope scaled by each tangent's own length never does
+        # Newton's direction cut off at the rectangle may climb: the slope scaled by each tangent's own length does not
         moved = done = False
         for attempt in range(2):
             if attempt == 1:
@@ -318,7 +322,8 @@ def _normal(patches, face, u, v, d, normal):
 @njit(cache=True, error_model="numpy")
 def project_block(tree, patches, trims, points, face, first, last, distance, foot, owner, uv, normal, is_edge):
     """Rows first..last-1."""
-    out, d, stack, reach, parts = np.empty(5), np.empty((6, 3)), np.empty(STACK, np.int64), np.empty(STACK), np.empty((DEPTH, 4))
+    out, d, parts = np.empty(5), np.empty((6, 3)), np.empty((DEPTH, 4))
+    stack, reach = np.empty(STACK, np.int64), np.empty(STACK)
     degree = 1
     for k in range(patches[1].shape[0]):
         degree = max(degree, patches[1][k, 2], patches[1][k, 3])
@@ -326,7 +331,8 @@ def project_block(tree, patches, trims, points, face, first, last, distance, foo
     leaf = NOWHERE
     for k in range(first, last):
         begin = leaf if leaf >= 0 and (face[k] < 0 or tree[5][leaf, 0] == face[k]) else NOWHERE
-        value, leaf = nearest(tree, patches, trims, points[k], face[k], False, begin, out, d, stack, reach, parts, work, np.inf)
+        value, leaf = nearest(tree, patches, trims, points[k], face[k], False, begin, out, d, stack, reach, parts, work,
+                              np.inf)
         if leaf < 0:
             distance[k], owner[k], is_edge[k] = np.inf, NOWHERE, False
             foot[k], uv[k], normal[k] = np.nan, np.nan, np.nan
@@ -352,14 +358,15 @@ def refine_one(patches, face, q, uv, foot, box, d):
     for _ in range(STEPS):
         k = patch_at(patches, face, uv[0], uv[1])
         span = spans[k]
-        s, t = (2.0 * uv[0] - span[0] - span[1]) / (span[1] - span[0]), (2.0 * uv[1] - span[2] - span[3]) / (span[3] - span[2])
+        s = (2.0 * uv[0] - span[0] - span[1]) / (span[1] - span[0])
+        t = (2.0 * uv[1] - span[2] - span[3]) / (span[3] - span[2])
         value, s, t = _on_patch(patches, k, q, min(max(s, -1.0), 1.0), min(max(t, -1.0), 1.0), box, d)
         foot[0], foot[1], foot[2] = d[0, 0], d[0, 1], d[0, 2]
         u, v = (span[0] + span[1] + s * (span[1] - span[0])) / 2, (span[2] + span[3] + t * (span[3] - span[2])) / 2
         uv[0], uv[1] = u, v
         # on a side shared with a neighbour: go on there
-        cross_u = 1 if s >= 1.0 and k + row[2] < row[0] + row[1] * row[2] else (-1 if s <= -1.0 and k - row[2] >= row[0] else 0)
-        j = (k - row[0]) % row[2]
+        i, j = (k - row[0]) // row[2], (k - row[0]) % row[2]
+        cross_u = 1 if s >= 1.0 and i + 1 < row[1] else (-1 if s <= -1.0 and i > 0 else 0)
         cross_v = 1 if t >= 1.0 and j + 1 < row[2] else (-1 if t <= -1.0 and j > 0 else 0)
         if cross_u == 0 and cross_v == 0:
             return value

@@ -58,8 +58,8 @@ def measure(coefficients, rows, patch, box, work, boxes, geometry, bend):
 
     Args:
         boxes: (n, 6) filled: low and high corners.
-        geometry: (n, 24) filled: middle (3), normal there (3), half thickness along it, duals of both tangents in units of
-            the piece's half sides (3 + 3), largest principal curvature in absolute value, largest distance from the
+        geometry: (n, 24) filled: middle (3), normal there (3), half thickness along it, duals of both tangents in units
+            of the piece's half sides (3 + 3), largest principal curvature in absolute value, largest distance from the
             middle, the local rectangle (4), a tangent direction (3), half widths along it and across it (2).
         bend: (n, 2) filled: how much the piece bends towards the sides in s and in t, below TURN for a leaf.
     """
@@ -91,7 +91,8 @@ def measure(coefficients, rows, patch, box, work, boxes, geometry, bend):
 @njit(cache=True, error_model="numpy")
 def _along(n, a):
     """Likely size of a vector of forms along a direction."""
-    return (abs(n[0] * a[0][0] + n[1] * a[1][0] + n[2] * a[2][0]) + abs(n[0] * a[0][1] + n[1] * a[1][1] + n[2] * a[2][1])
+    return (abs(n[0] * a[0][0] + n[1] * a[1][0] + n[2] * a[2][0])
+            + abs(n[0] * a[0][1] + n[1] * a[1][1] + n[2] * a[2][1])
             + abs(n[0] * a[0][2] + n[1] * a[1][2] + n[2] * a[2][2]))
 
 

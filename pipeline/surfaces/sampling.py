@@ -1,8 +1,9 @@
 """Points on trimmed faces, none farther from any point of its face than a given spacing: proven, not hoped.
 
-A face is halved into pieces until the bound on a piece's size says that one point serves all of it: from the middle of a
-piece inside the trim nothing is farther than its reach; in a piece across the border any point of the face serves that
-is no farther than the piece's whole diameter, its middle or else a point of the border.  Slivers keep a point each.
+A face is halved into pieces until the bound on a piece's size says that one point serves all of it: from the middle of
+a piece inside the trim nothing is farther than its reach; in a piece across the border any point of the face serves
+that is no farther than the piece's whole diameter, its middle or else a point of the border.  Slivers keep a point
+each.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,8 @@ from cuspline.arrays import frozen
 from cuspline.surfaces.enclosures import size_of_piece
 from cuspline.surfaces.nurbs import local_shape
 from cuspline.surfaces.patches import PatchSet
-from cuspline.surfaces.pieces import ACROSS, OUTSIDE, halves, side_to_cut, in_face_parameters, point_on_border, trim_states, whole_patches
+from cuspline.surfaces.pieces import (ACROSS, OUTSIDE, halves, in_face_parameters, point_on_border, side_to_cut,
+                                      trim_states, whole_patches)
 from cuspline.surfaces.trims import TrimSet
 
 ROUNDS = 60
@@ -36,7 +38,8 @@ class SurfaceSamples:
     def __post_init__(self):
         n = len(self.point_mm)
         for name, shape, dtype in (("point_mm", (n, 3), float), ("normal", (n, 3), float), ("area_mm2", (n,), float),
-                                   ("face", (n,), np.int64), ("u", (n,), float), ("v", (n,), float), ("is_border", (n,), bool)):
+                                   ("face", (n,), np.int64), ("u", (n,), float), ("v", (n,), float),
+                                   ("is_border", (n,), bool)):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
 
     def __len__(self):

@@ -50,7 +50,8 @@ class TrimSet:
             chords.append(rows)
             bins.append(starts + first_item)
             items.append(members + first_chord)
-            first_item, first_chord, first_bin = first_item + len(members), first_chord + len(rows), first_bin + len(starts)
+            first_item, first_chord = first_item + len(members), first_chord + len(rows)
+            first_bin += len(starts)
         join = lambda parts, empty: np.concatenate(parts) if parts else np.zeros(empty)
         return cls(chords=frozen(join(chords, (0, 4)), (None, 4), "chords"),
                    bins=frozen(np.r_[join(bins, 0), first_item], (None,), "bins", np.int64),
@@ -143,7 +144,8 @@ def _is_whole(chords, domain):
     covers = []
     for a, value, hair in ((0, u0, hair_u), (0, u1, hair_u), (1, v0, hair_v), (1, v1, hair_v)):
         here = (np.abs(chords[:, a] - value) <= hair) & (np.abs(chords[:, a + 2] - value) <= hair)
-        covers.append(np.abs(chords[here, 1 - a] - chords[here, 3 - a]).sum() >= (1 - 1e-6) * ((v1 - v0) if a == 0 else (u1 - u0)))
+        side = (v1 - v0) if a == 0 else (u1 - u0)
+        covers.append(np.abs(chords[here, 1 - a] - chords[here, 3 - a]).sum() >= (1 - 1e-6) * side)
         on |= here
     return len(chords) > 0 and on.all() and all(covers)
 

@@ -9,7 +9,8 @@ A cutter is a profile revolved about its axis, tip at (r, z) = (0, 0), as elemen
     0          r
 
 The part's normal n at the contact meets the cutter's outward normal -n: the touching point of the profile is the one
-furthest in the direction (|n across the axis|, -n along the axis).  tip = contact + r e - z a, with e the unit of n across.
+furthest in the direction (|n across the axis|, -n along the axis).  tip = contact + r e - z a, with e the unit of n
+across.
 """
 
 from dataclasses import dataclass
@@ -82,15 +83,15 @@ def cutter_locations(elements, contact_mm, normal, axis=(0.0, 0.0, 1.0), allowan
     kernel(np.ascontiguousarray(elements, float), contact, normal, axes, float(allowance_mm), tips)
     lost = np.flatnonzero(np.isnan(tips[:, 0]))
     if len(lost):
-        raise ToolpathError(f"{len(lost)} of {len(contact)} contacts face away from the cutter (first: row {lost[0]} at "
-                            f"{np.round(contact[lost[0]], 3).tolist()}): tilt the axis, choose a cutter that reaches "
-                            "under, or leave them out", rows=lost)
+        raise ToolpathError(f"{len(lost)} of {len(contact)} contacts face away from the cutter (first: row {lost[0]} "
+                            f"at {np.round(contact[lost[0]], 3).tolist()}): tilt the axis, choose a cutter that "
+                            "reaches under, or leave them out", rows=lost)
     return CutterLocations(tip_mm=tips, axis=axes, contact_mm=contact)
 
 
 @njit(cache=True, error_model="numpy")
 def profile_point(elements, radial, axial):
-    """(r, z) of the profile furthest in a direction (radial >= 0, axial), unit; NaN where it looks past the upper end."""
+    """(r, z) of the profile furthest in a unit direction (radial >= 0, axial); NaN: it looks past the upper end."""
     best, r, z = -np.inf, 0.0, 0.0
     for k in range(elements.shape[0]):
         e = elements[k]

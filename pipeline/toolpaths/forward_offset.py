@@ -1,7 +1,7 @@
 """Tips over a whole parameter grid of a face at once: surface and offset in one compiled pass, axis = +z.
 
-Along a row of constant u the patch shrinks to polynomials of v alone; values, both tangents and the offset then run over
-a block of neighbouring v together, so that the processor's vector units work.
+Along a row of constant u the patch shrinks to polynomials of v alone; values, both tangents and the offset then run
+over a block of neighbouring v together, so that the processor's vector units work.
 """
 
 import numpy as np

@@ -26,7 +26,8 @@ class MeshRims:
 
     @classmethod
     def of(cls, triangles_mm, face):
-        """
+        """Which faces meet at the edges and corners of triangles.
+
         Args:
             triangles_mm: (m, 3, 3) corners.
             face: (m,) index of the face of each triangle.

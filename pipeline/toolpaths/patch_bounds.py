@@ -62,7 +62,7 @@ def box_state(trims, face, ul, uh, vl, vh):
 
 @njit(cache=True)
 def part_state(trims, face, span, s, hs, t, ht):
-    """`box_state` of a box of a patch: middle s, t and half sides hs, ht in the patch's own parameters; `span` of it."""
+    """`box_state` of a box of a patch over its `span`: middle s, t and half sides hs, ht in local parameters."""
     u0, v0 = 0.5 * (span[0] + span[1]), 0.5 * (span[2] + span[3])
     hu, hv = 0.5 * (span[1] - span[0]), 0.5 * (span[3] - span[2])
     return box_state(trims, face, u0 + hu * (s - hs), u0 + hu * (s + hs), v0 + hv * (t - ht), v0 + hv * (t + ht))

@@ -7,7 +7,6 @@ Contacts outside a face's trim are none: there the face's edges rule, and they a
 
 import math
 
-import numpy as np
 from numba import njit
 
 from cuspline.surfaces.patches import derive, scale_derivatives

@@ -45,7 +45,8 @@ class CurveScale:
 
     @classmethod
     def of(cls, curves):
-        """
+        """PlaneCurve values laid end to end in their order.
+
         Raises:
             ToolpathError: a curve without length.
         """

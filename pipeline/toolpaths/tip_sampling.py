@@ -8,9 +8,9 @@ cutter along a curve no sharper than its corner,
     |d²z/ds²| <= (n_z² + n_t²) / (rc n_z³),        n = normal at the contact, t = direction of travel.
 
 Over an edge the low side counts EDGE_SHARE of that: what a cutter takes off an edge shows larger along the
-normals of the faces beside it.  A chord that fails is cut in four.  One that fails though it is shorter than SMALLEST_SHARE of the tolerance
-is a step: the tool goes straight up on its low side, then across.  A wall that the cutter's side grazes between two
-quarter points is entered by less than a quarter of the tolerance.
+normals of the faces beside it.  A chord that fails is cut in four.  One that fails though it is shorter than
+SMALLEST_SHARE of the tolerance is a step: the tool goes straight up on its low side, then across.  A wall that the
+cutter's side grazes between two quarter points is entered by less than a quarter of the tolerance.
 """
 
 from dataclasses import dataclass
