@@ -11,8 +11,9 @@ from cuspline.brep import bounding_box_mm, faces_of, select_faces, the_solid, vo
 from cuspline.designs.z_profile import ZProfile, design, profile_knots
 
 VARIANTS = {
-    "default": {}, "YZ": {"section_plane": "YZ"}, "up": {"sweep_slope_deg": 12}, "down": {"sweep_slope_deg": -3, "height_mm": 50},
-    "up YZ": {"section_plane": "YZ", "sweep_slope_deg": 8}, "down YZ": {"section_plane": "YZ", "sweep_slope_deg": -6, "height_mm": 50},
+    "default": {}, "YZ": {"section_plane": "YZ"}, "up": {"sweep_slope_deg": 12},
+    "down": {"sweep_slope_deg": -3, "height_mm": 50}, "up YZ": {"section_plane": "YZ", "sweep_slope_deg": 8},
+    "down YZ": {"section_plane": "YZ", "sweep_slope_deg": -6, "height_mm": 50},
     "lofted": {"far_scale": 0.85}, "lofted YZ": {"section_plane": "YZ", "far_scale": 0.8},
     "gentle": {"slope_deg": 30, "slope_length_mm": 15, "step_mm": 6, "length_mm": 160},
     "tall ellipse": {"ellipse_a_mm": 20, "ellipse_b_mm": 26},

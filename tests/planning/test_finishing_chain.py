@@ -1,4 +1,4 @@
-"""Several balls for one part: the fastest chain by brute force, what each adds and leaves, and the candidates' numbers."""
+"""Several balls for one part: the fastest chain by brute force, what each adds and leaves, and its numbers."""
 
 from itertools import combinations
 
@@ -109,7 +109,8 @@ def test_every_candidate_says_its_numbers(grooved):
 def test_a_ball_whose_holder_touches_is_left_out_with_what_is_missing(grooved):
     samples, mesh = grooved
     short = tool("ball", 2, number=9).model_copy(update={"stick_out_mm": 20.0})
-    short = short.model_copy(update={"cutter": short.cutter.model_copy(update={"flute_length_mm": 2.0, "reach_mm": 3.0})})
+    cutter = short.cutter.model_copy(update={"flute_length_mm": 2.0, "reach_mm": 3.0})
+    short = short.model_copy(update={"cutter": cutter})
     library = ToolLibrary(tools=(*SHOP.tools[:5], short))
     links, candidates, _ = choose_finishing(library, samples, mesh, 12.0, work(1.0))
     last = next(c for c in candidates if c.tool.number == 9)

@@ -79,7 +79,8 @@ def test_nearly_flat_is_nearly_the_flat_formula(curvature):
 def test_small_scallops_follow_the_first_order_formula():
     rho, r, h = 20.0, 5.0, 1e-5
     for curvature, side in ((1 / rho, 1), (-1 / rho, -1)):
-        assert stepover_for_scallop_mm(r, h, curvature)[0] == pytest.approx(np.sqrt(8 * h * r * rho / (rho + side * r)), rel=1e-5)
+        step = np.sqrt(8 * h * r * rho / (rho + side * r))
+        assert stepover_for_scallop_mm(r, h, curvature)[0] == pytest.approx(step, rel=1e-5)
 
 
 def test_halving_the_stepover_quarters_the_scallop():

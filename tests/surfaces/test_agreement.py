@@ -64,7 +64,8 @@ def test_point_normal_and_curvatures_are_those_of_the_original_surface(name):
         # equal roots keep half their digits
         apart = abs(theirs[1] - theirs[0])
         np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9 if apart > 1e-3 else 1e-7)
-        assert np.abs(np.array([hollow[k] @ shape.normal[k], other[k] @ shape.normal[k], hollow[k] @ other[k]])).max() < 1e-12
+        products = hollow[k] @ shape.normal[k], other[k] @ shape.normal[k], hollow[k] @ other[k]
+        assert np.abs(products).max() < 1e-12
         if apart > 1e-3:
             most, least = gp_Dir(), gp_Dir()
             props.CurvatureDirections(most, least)

@@ -8,12 +8,12 @@ import build123d
 import cadquery as cq
 import numpy as np
 import pytest
-from OCP.BRep import BRep_Builder
+from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
 
-from cuspline.brep import (bounding_box_mm, edges_with_faces, explore, faces_of, planning_mesh, read_step, select_faces,
-                           the_solid, volume_mm3, write_step)
+from cuspline.brep import (bounding_box_mm, edges_of_faces, edges_with_faces, explore, faces_of, planning_mesh,
+                           read_step, select_faces, the_solid, volume_mm3, write_step)
 from cuspline.design import FacePredicate
 from cuspline.errors import DesignError, InputError
 
@@ -72,6 +72,15 @@ def test_volume_and_box_are_exact():
 def test_every_edge_of_a_box_lies_between_two_faces():
     rows = edges_with_faces(the_solid(box()))
     assert len(rows) == 12 and all(len(faces) == 2 for _, faces in rows)
+
+
+def test_a_seam_is_used_twice_by_its_face_and_an_apex_is_an_edge_on_demand():
+    cone = faces_of(the_solid(cq.Workplane(obj=cq.Solid.makeCone(5, 0, 8))))
+    side = next(k for k, face in enumerate(cone) if face.kind == "cone")
+    uses = [sorted(index for index, _ in use) for use in edges_of_faces(cone)]
+    assert sorted(uses) == sorted([[0, 1], [side, side]])       # the base's rim, the seam
+    apex = [use for use in edges_of_faces(cone, with_points=True) if BRep_Tool.Degenerated_s(use[0][1])]
+    assert [[index for index, _ in use] for use in apex] == [[side]]
 
 
 # faces by predicates ----------------------------------------------------------------------------------

@@ -108,7 +108,7 @@ def test_a_saddle_is_most_hollow_in_its_middle():
 
 
 def needle(at=(0.5 + 0.25 / 48, 0.5 - 0.21 / 48), width=0.004):
-    """A flat sheet of 50 mm with a dimple a hundredth of a millimetre deep and 0.2 mm wide, between the points of a grid."""
+    """A flat sheet of 50 mm with a dimple 0.01 mm deep and 0.2 mm wide, between the points of a grid."""
     inner = [np.r_[c - 2 * width, c - width, c, c + width, c + 2 * width] for c in at]
     nodes = []
     for k in range(2):
@@ -133,8 +133,8 @@ def test_a_dimple_between_the_points_of_a_grid_is_found():
     face = needle()
     assert on_grid(face, 24) > 1e3              # known-bad: the grid sees nothing
     found = tightest_hollow([face], [0])
-    u, v = (a.ravel() for a in np.meshgrid(*(np.linspace(c - 0.008, c + 0.008, 401) for c in (0.5 + 0.25 / 48, 0.5 - 0.21 / 48)),
-                                           indexing="ij"))
+    sides = (np.linspace(c - 0.008, c + 0.008, 401) for c in (0.5 + 0.25 / 48, 0.5 - 0.21 / 48))
+    u, v = (a.ravel() for a in np.meshgrid(*sides, indexing="ij"))
     truth = 1 / -face.shape_at(u, v).curvature_low_per_mm.min()
     assert truth < 10 and found.radius_mm <= truth * (1 + 1e-9) and found.radius_mm > 0.999 * truth
 
@@ -281,7 +281,8 @@ def test_an_edge_that_opens_along_its_way_is_named_where_it_is_sharpest():
     # a groove with a level floor whose one wall leans more and more
     d = [(0, 0), (20, 0), (20, 10), (12, 10), (10, 4), (0, 4)]
     e = [(0, 0), (20, 0), (20, 10), (18, 10), (10, 4), (0, 4)]
-    wires = [cq.Wire.makePolygon([cq.Vector(x, y, z) for x, z in points], close=True) for y, points in ((0, d), (30, e))]
+    wires = [cq.Wire.makePolygon([cq.Vector(x, y, z) for x, z in points], close=True)
+             for y, points in ((0, d), (30, e))]
     (edge,) = inner_edges(*all_of(cq.Solid.makeLoft(wires, True)))
     assert edge.place_mm[1] < 1.1 and edge.length_mm == pytest.approx(30, rel=1e-6)
     assert 180 - np.degrees(np.arctan2(6, 2.2)) < edge.opening_deg + 1 and edge.opening_deg < 115

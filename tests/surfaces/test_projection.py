@@ -30,7 +30,7 @@ def of_the_kernel(faces, points):
 
 
 def around(faces, count, seed=0, margin=8.0):
-    corners = np.concatenate([f.nurbs.poles[..., :3].reshape(-1, 3) / f.nurbs.poles[..., 3:].reshape(-1, 1) for f in faces])
+    corners = np.concatenate([(f.nurbs.poles[..., :3] / f.nurbs.poles[..., 3:]).reshape(-1, 3) for f in faces])
     low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
     return np.random.default_rng(seed).uniform(low, high, (count, 3))
 
@@ -77,7 +77,8 @@ def test_distances_to_a_face_of_every_kind_are_those_of_the_kernel(name):
 
 def pierced_sheet(seed):
     sheet = cq.Face(face_of(bspline(wavy_poles(seed, height=2.0), random_weights(seed))).shape)
-    bore = cq.Solid.extrudeLinear(cq.Wire.makeCircle(6, cq.Vector(18, 14, -60), cq.Vector(0, 0, 1)), [], cq.Vector(0, 0, 120))
+    circle = cq.Wire.makeCircle(6, cq.Vector(18, 14, -60), cq.Vector(0, 0, 1))
+    bore = cq.Solid.extrudeLinear(circle, [], cq.Vector(0, 0, 120))
     return Face(sheet.cut(bore).Faces()[0].wrapped)
 
 
@@ -133,6 +134,12 @@ def test_at_the_middle_of_a_sphere_every_point_is_as_near():
     np.testing.assert_allclose(found.distance_mm, [11, 19, 8], atol=1e-9)
 
 
+def test_signed_distances_are_negative_inside():
+    box = faces_of(the_solid(cq.Workplane("XY").box(10, 20, 30)))
+    found = ClosestTree.of_faces(box).signed_distances_mm(np.array([[8, 14, 19], [8, 0, 0], [4, 0, 0], [1, 9.5, 0.0]]))
+    np.testing.assert_allclose(found, [np.sqrt(41), 3, -1, -0.5], atol=1e-12)
+
+
 def test_one_face_alone_can_be_asked_for():
     box = faces_of(the_solid(cq.Workplane("XY").box(10, 20, 30)))
     tree, point = ClosestTree.of_faces(box), [[1.0, 2.0, 3.0]]
@@ -146,7 +153,8 @@ def test_closest_points_turn_with_the_part():
     part = round_pocket_block()
     turned = part.rotate((1, 2, 3), (4, 1, 7), 77)
     points = np.random.default_rng(0).uniform(-25, 25, (200, 3))
-    there = np.array([cq.Vertex.makeVertex(*p).rotate(cq.Vector(1, 2, 3), cq.Vector(4, 1, 7), 77).toTuple() for p in points.tolist()])
+    there = np.array([cq.Vertex.makeVertex(*p).rotate(cq.Vector(1, 2, 3), cq.Vector(4, 1, 7), 77).toTuple()
+                      for p in points.tolist()])
     a, b = (ClosestTree.of_faces(faces_of(the_solid(p))) for p in (part, turned))
     np.testing.assert_allclose(a.closest_points(points).distance_mm, b.closest_points(there).distance_mm, atol=1e-9)
 

@@ -19,12 +19,14 @@ def thin_wedge():
 
 def pierced():
     sheet = cq.Face(face_of(bspline(wavy_poles(3, height=2.0), random_weights(3))).shape)
-    bore = cq.Solid.extrudeLinear(cq.Wire.makeCircle(6, cq.Vector(18, 14, -60), cq.Vector(0, 0, 1)), [], cq.Vector(0, 0, 120))
+    circle = cq.Wire.makeCircle(6, cq.Vector(18, 14, -60), cq.Vector(0, 0, 1))
+    bore = cq.Solid.extrudeLinear(circle, [], cq.Vector(0, 0, 120))
     return [Face(sheet.cut(bore).Faces()[0].wrapped)]
 
 
 FACES = {
-    "every kind": lambda: [f for k, f in kinds().items() if k != "offset"], "pocket": lambda: faces_of(the_solid(round_pocket_block())),
+    "every kind": lambda: [f for k, f in kinds().items() if k != "offset"],
+    "pocket": lambda: faces_of(the_solid(round_pocket_block())),
     "sphere with poles": lambda: faces_of(the_solid(cq.Workplane("XY").sphere(11))),
     "cone with its apex": lambda: faces_of(the_solid(cq.Workplane(obj=cq.Solid.makeCone(9, 0, 12)))),
     "sliver": thin_wedge, "pierced sheet": pierced,

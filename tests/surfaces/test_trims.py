@@ -12,13 +12,16 @@ from cuspline.surfaces.trims import SERIAL_ROWS, TrimSet
 
 def _parts():
     block = cq.Workplane().box(40, 30, 10).edges("|Z").fillet(4).faces(">Z").workplane().hole(8)
-    spline = cq.Workplane().spline([(0, 0), (10, 6), (22, -3), (30, 5)]).lineTo(30, -12).lineTo(0, -12).close().extrude(9)
+    spline = cq.Workplane().spline([(0, 0), (10, 6), (22, -3), (30, 5)]).lineTo(30, -12).lineTo(0, -12).close()
+    spline = spline.extrude(9)
     return {
         "block with hole and fillets": block.faces(">Z").edges().fillet(1),
         "sphere with boss": cq.Workplane().sphere(10).union(cq.Workplane().circle(4).extrude(15)),
-        "cone in a ring": cq.Workplane("XZ").moveTo(4, 0).lineTo(9, 0).lineTo(6, 7).close().revolve().translate((0, 0, 1)),
+        "cone in a ring": cq.Workplane("XZ").moveTo(4, 0).lineTo(9, 0).lineTo(6, 7).close().revolve()
+        .translate((0, 0, 1)),
         "torus cut across": cq.Workplane("XZ").moveTo(10, 0).circle(3).revolve().cut(cq.Workplane().box(9, 60, 4)),
-        "spline wall with a drilled side": spline.cut(cq.Workplane("XZ").center(15, 4).circle(2).extrude(40, both=True)),
+        "spline wall with a drilled side": spline.cut(
+            cq.Workplane("XZ").center(15, 4).circle(2).extrude(40, both=True)),
         "loft": cq.Workplane().rect(20, 14).workplane(offset=10).circle(5).loft(),
     }
 

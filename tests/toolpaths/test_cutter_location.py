@@ -85,7 +85,8 @@ def surface_of(profile, tip, axis, toward):
     x = toward - (toward @ axis) * axis
     x = x / np.linalg.norm(x) if np.linalg.norm(x) > 1e-9 else np.cross(axis, [0.6, 0.64, 0.48])
     turn = np.arange(24) * np.pi / 12
-    around = np.cos(turn)[:, None] * x / np.linalg.norm(x) + np.sin(turn)[:, None] * np.cross(axis, x / np.linalg.norm(x))
+    x = x / np.linalg.norm(x)
+    around = np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * np.cross(axis, x)
     outline = profile.points(1e-3)
     return tip + outline[:, None, :1] * around + outline[:, None, 1:] * axis
 
@@ -99,7 +100,7 @@ def check(profile, body, axis):
     made = cutter_locations(profile_elements(profile), contact, normal, axes)
     for tip, a, c, n in zip(made.tip_mm, made.axis, contact, normal):
         assert distance(surface_of(profile, tip, a, -n)).min() > -MM
-        # the plane that touches the cutter from the material's side passes through the contact, by the profile's own rule
+        # the plane that touches the cutter from the material's side passes through the contact, by the profile's rule
         reach, _ = profile.support(np.array([np.arccos(-n @ a)]))
         assert (c - tip) @ -n == pytest.approx(reach[0], abs=MM)
         height = (c - tip) @ a
@@ -217,4 +218,5 @@ def test_grids_of_tips_are_those_of_single_contacts(radius, corner, is_reversed,
 def test_many_rows_of_a_grid_in_parallel_equal_few():
     patches = PatchSet.of_surfaces([random_patch(7, True)])
     u, v = np.linspace(0, 1, 200), np.linspace(0, 1, SERIAL_POINTS // 200 + 1)
-    np.testing.assert_array_equal(forward_tips(patches, 0, u, v, 5.0, 1.0)[:3], forward_tips(patches, 0, u[:3], v, 5.0, 1.0))
+    alone = forward_tips(patches, 0, u[:3], v, 5.0, 1.0)
+    np.testing.assert_array_equal(forward_tips(patches, 0, u, v, 5.0, 1.0)[:3], alone)

@@ -50,6 +50,18 @@ def test_the_cutter_runs_over_outer_edges_as_far_as_asked(plate):
     assert field.holds(xy, field.dropper.contacts(xy)).tolist() == [True, True, False, False]
 
 
+def test_a_region_is_narrowed_to_the_neighbourhood_of_its_seeds(plate):
+    faces, mesh = plate
+    field = tip_field(MeshDropper.of(mesh, 1.5, 1.5), floor_of(faces, 5.0), ((0, 0), (30, 20)), PITCH_MM)
+    x = field.node_xy_mm[..., 0]
+    near = field.narrowed(x < 3.0, 2.0)
+    twice = near.narrowed(x > 4.0, 0.5)
+    for narrowed, low, high in ((near, -np.inf, 5.0), (twice, 3.5, 5.0)):
+        wanted = field.is_inside & (x > low - PITCH_MM) & (x < high)
+        assert (narrowed.is_inside <= wanted).all() and narrowed.is_inside[wanted].mean() > 0.8
+        assert (narrowed.is_inside == (field.is_inside & (narrowed.rest_mm <= 0.0))).all()
+
+
 def test_a_ridge_between_two_wanted_faces_belongs_to_the_region():
     faces, mesh = part(cq.Workplane("XZ").polyline([(0, 0), (20, 0), (20, 4), (10, 10), (0, 4)]).close().extrude(-12))
     roof = [i for i, f in enumerate(faces) if f.middle.normal[0, 2] > 0.5]

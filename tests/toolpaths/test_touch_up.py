@@ -55,7 +55,7 @@ def test_a_missing_pass_is_found_where_it_is_missing_and_nowhere_else():
 
 
 def test_a_large_ball_leaves_its_own_radius_in_a_corner_to_a_small_one():
-    """Floor and wall under 90 degrees: a ball of 4 that runs along the corner leaves 4 - sqrt(16 - (4 - x)²) at x off it."""
+    """Floor and wall under 90 degrees: a ball of 4 along the corner leaves 4 - sqrt(16 - (4 - x)²) at x off it."""
     part = cq.Workplane("XZ").polyline([(0, 0), (30, 0), (30, 15), (20, 15), (20, 5), (0, 5)]).close().extrude(-10)
     faces = faces_of(the_solid(part))
     floor = [i for i, f in enumerate(faces) if f.middle.normal[0, 2] > 0.9 and abs(f.middle.point_mm[0, 2] - 5) < 1e-6]
@@ -63,7 +63,8 @@ def test_a_large_ball_leaves_its_own_radius_in_a_corner_to_a_small_one():
     large = swept_by_lines([np.array([(x, -4.0, 5.0), (x, 14.0, 5.0)]) for x in np.arange(0.0, 16.01, 0.25)], 4.0, 4.0)
     left = left_by_mm(small, [large])
     x, y = small.node_xy_mm[..., 0], small.node_xy_mm[..., 1]
-    row = small.is_inside & (np.abs(y - 5) < 3) & (x > 16.2) & (x < 18.7)        # the last node speaks for the ground up to the wall
+    # the last node speaks for the ground up to the wall
+    row = small.is_inside & (np.abs(y - 5) < 3) & (x > 16.2) & (x < 18.7)
     true = 4 - np.sqrt(16 - (x[row] - 16) ** 2)
     assert left[row] == pytest.approx(true, abs=1e-9)
     rest = region_left(small, [large], 0.01, 0.5)
