@@ -49,7 +49,7 @@ class PlannedOperation:
 
     @cached_property
     def swept_mm(self):
-        """Height field (function (n, 2) -> (n,)) of the lowest that its cutter comes to, part frame."""
+        """Height field (function (n, 2) -> (n,)) of the lowest that its cutter comes to, in the frame of its moves."""
         cutter = self.tool.cutter
         return swept_by_lines(lines_of_moves(self.moves), cutter.radius_mm, cutter.corner_radius_mm)
 
