@@ -199,7 +199,7 @@ def derive_on_face(arrays, face, u, v, out):
     scale_derivatives(out, 2.0 / (uh - ul), 2.0 / (vh - vl))
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def scale_derivatives(out, a, b):
     """Point and derivatives (6, 3) of `derive`, made those with respect to s / a and t / b."""
     for k in range(3):

@@ -76,12 +76,17 @@ def tangent_of_bottom(px, py, R, rc, widest):
     if d2 > widest * R * R:
         shrink = 0.5 * (1.0 + widest) * R / math.sqrt(d2)
         px, py, d2 = px * shrink, py * shrink, d2 * shrink * shrink
-    d = math.sqrt(d2)
-    e = d - (R - rc)
-    if rc == 0.0 or e <= 0.0:
-        return px, py, 0.0, 0.0
-    q = math.sqrt(R * R - d2 if rc == R else max(rc * rc - e * e, 1e-300))
-    return px, py, rc - q, 1.0 / q if rc == R else e / (q * d)
+    height = steep = 0.0
+    if rc == R:
+        q = math.sqrt(R * R - d2)
+        height, steep = R - q, 1.0 / q
+    elif rc > 0.0:
+        d = math.sqrt(d2)
+        e = d - (R - rc)
+        if e > 0.0:
+            q = math.sqrt(rc * rc - e * e)
+            height, steep = rc - q, e / (q * d)
+    return px, py, height, steep
 
 
 @njit(cache=True, inline="always", error_model="numpy")
