@@ -1,0 +1,169 @@
+"""The certificate: for every move of a posted program, feeds and rapids, a proven bound of its gouge.
+
+No sampling: the moving cutter is compared with the exact faces and edges of the part (see `toolpaths.move_depths`).  The
+gouge of a move is the depth of the part's point that comes to lie deepest inside the cutter, its distance
+from the cutter's surface in whatever direction is nearest; the cutter counts as closed upward.  Only upper faces
+and edges need to be asked: of the points over one another in a solid the topmost lies deepest.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+from OCP.gp import gp_Trsf
+
+from cuspline import brep
+from cuspline.arrays import frozen
+from cuspline.program import Kind
+from cuspline.toolpaths.depth_tree import DepthTree
+from cuspline.toolpaths.exact_drop import ExactPart
+from cuspline.toolpaths.move_depths import move_depths
+from cuspline.verification.certificate_chords import chords_of
+
+PROVABLE = ("ball", "bull_nose", "flat")
+SAGITTA_SHARE = 0.1         # of the tolerance: what the chords of arcs may take of it
+THICKNESS_SHARE = 0.4       # of the tolerance: pieces of faces this thin are mostly settled without a closer look
+UPRIGHT = 1e-9              # an axis that leans by less stands upright
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Certificate:
+    """What is proven of a program, one row a proven move, and what is not; millimetres, WCS."""
+
+    row: np.ndarray             # (k,) rows of PostedMoves that are proven, growing
+    kind: np.ndarray            # (k,) program.Kind
+    bound_mm: np.ndarray        # (k,) no point of the part comes to lie deeper inside the cutter; >= 0
+    share: np.ndarray           # (k,) where along the move the deepest known point is deepest, 0..1
+    place_mm: np.ndarray        # (k, 3) that point of the part; the tip at that share where none is known
+    uncovered: tuple            # of (row, reason): moves of which nothing is proven
+    tolerance_mm: float         # the bound exceeds the true depth by no more, see `certify`
+    sagitta_mm: float           # of that, for chords of arcs
+
+    def __post_init__(self):
+        k = len(self.row)
+        for name, shape, dtype in (("row", (k,), np.int64), ("kind", (k,), np.int8), ("bound_mm", (k,), float),
+                                   ("share", (k,), float), ("place_mm", (k, 3), float)):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
+
+    @property
+    def proven_mm(self):
+        """No proven move gouges deeper; 0 without one."""
+        return float(self.bound_mm.max(initial=0.0))
+
+    @property
+    def moves_proven(self):
+        """{"rapids": number, "feeds": number, "arcs": number}."""
+        return {"rapids": int((self.kind == Kind.RAPID).sum()), "feeds": int((self.kind == Kind.FEED).sum()),
+                "arcs": int((self.kind >= Kind.ARC_CW).sum())}
+
+    @property
+    def is_complete(self):
+        """Every move asked for is proven."""
+        return not self.uncovered
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProvenGouge:
+    """A move that cannot be proven to keep to what is allowed."""
+
+    row: int
+    depth_mm: float             # proven bound
+    place_mm: tuple             # (x, y, z) WCS
+    share: float                # along the move
+
+
+def gouges_beyond(certificate, allowed_mm):
+    """Moves whose bound exceeds what is allowed, deepest first: tuple of ProvenGouge.
+
+    With a certificate's tolerance well below what is allowed, a clean move is never among them.
+    """
+    deep = np.flatnonzero(certificate.bound_mm > allowed_mm)
+    deep = deep[np.argsort(-certificate.bound_mm[deep], kind="stable")]
+    return tuple(ProvenGouge(row=int(certificate.row[k]), depth_mm=float(certificate.bound_mm[k]),
+                             place_mm=tuple(certificate.place_mm[k].tolist()), share=float(certificate.share[k]))
+                 for k in deep)
+
+
+def part_in_wcs(solid, frame):
+    """ExactPart of a solid's faces, all of them, in a setup's WCS.
+
+    Args:
+        solid: TopoDS_Solid (or a shape that holds one), part coordinates.
+        frame: frames.Frame of the setup.
+    """
+    turn, shift = frame.rotation.T, frame.into(np.zeros((1, 3)))[0]
+    motion = gp_Trsf()
+    motion.SetValues(*np.column_stack([turn, shift]).ravel().tolist())
+    return ExactPart.of_solid(BRepBuilderAPI_Transform(brep.wrapped(solid), motion, True).Shape())
+
+
+def certify(posted, tools, part, *, tolerance_mm, rows=None):
+    """Prove how deep the moves of a posted program cut into the part at most.
+
+    The bound of a move is never below its true gouge, and at most the tolerance above it, or a fiftieth of the gouge
+    where that is more (a bound of 5 mm says enough); `move_depths` names the exceptions.  Edges and borders of
+    faces count where the part has them; the gaps between its faces and edges are not looked at.
+
+    Args:
+        posted: PostedMoves.
+        tools: dict of tool number -> cutters.Tool.
+        part: exact_drop.ExactPart of all faces of the solid, WCS (see `part_in_wcs`).
+        tolerance_mm: of the bounds, >= 1.2e-4; a tenth of it goes to chords of arcs.
+        rows: (k,) rows of interest; all if None.
+    Returns:
+        Certificate.
+    Raises:
+        SimulationError: an arc without a radius, or with ends of clearly different radius.
+        ToolpathError: a tolerance that is too fine.
+    """
+    rows = np.arange(len(posted)) if rows is None else np.unique(np.asarray(rows, dtype=np.int64))
+    reasons = _reasons(posted, tools, rows)
+    known = rows[np.array([r is None for r in reasons], bool)]
+    sagitta_mm = SAGITTA_SHARE * tolerance_mm
+    bound, share, place = np.zeros(len(posted)), np.full(len(posted), 0.5), np.full((len(posted), 3), np.nan)
+    if len(known):
+        tree = DepthTree.of_part(part, THICKNESS_SHARE * tolerance_mm)
+        for number in np.unique(posted.tool[known]).tolist():
+            own = known[posted.tool[known] == number]
+            _prove(tree, chords_of(posted, own, sagitta_mm), tools[number].cutter, tolerance_mm - sagitta_mm,
+                   bound, share, place)
+    return Certificate(row=known, kind=posted.kind[known], bound_mm=bound[known], share=share[known],
+                       place_mm=place[known], tolerance_mm=float(tolerance_mm), sagitta_mm=sagitta_mm,
+                       uncovered=tuple((int(row), reason) for row, reason in zip(rows, reasons) if reason is not None))
+
+
+def _reasons(posted, tools, rows):
+    """Why nothing can be proven of each row; None where it can."""
+    known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
+    upright = np.ones(len(posted), bool)
+    for name in ("start_axis", "end_axis"):             # programs of machines with rotary axes have them
+        axis = getattr(posted, name, None)
+        if axis is not None:
+            upright &= np.abs(axis - (0.0, 0.0, 1.0)).max(axis=1) < UPRIGHT
+
+    def reason(row):
+        number = int(posted.tool[row])
+        if not known[row]:
+            return "the program does not say where the move begins or ends"
+        if number not in tools:
+            return f"T{number} is not in the tool table" if number > 0 else "no tool is in the spindle"
+        if tools[number].cutter.type not in PROVABLE:
+            return f"T{number} is a {tools[number].cutter.type} cutter, only {', '.join(PROVABLE)} can be proven"
+        return None if upright[row] else "the tool axis is tilted"
+
+    return [reason(row) for row in rows.tolist()]
+
+
+def _prove(tree, chords, cutter, tolerance_mm, bound, share, place):
+    """Fill in the rows of the chords: what the deepest chord of each says."""
+    R = cutter.radius_mm
+    rc = {"ball": R, "flat": 0.0}.get(cutter.type, cutter.corner_radius_mm)
+    depth, along, point = move_depths(tree, chords.start_mm, chords.end_mm, R, rc, tolerance_mm)
+    depth = depth + chords.off_mm
+    deepest = np.lexsort((depth, chords.row))
+    deepest = deepest[np.diff(chords.row[deepest], append=-1) != 0]
+    row, along = chords.row[deepest], along[deepest]
+    tip = chords.start_mm[deepest] + along[:, None] * (chords.end_mm - chords.start_mm)[deepest]
+    bound[row] = depth[deepest]
+    share[row] = chords.share[deepest, 0] + along * np.diff(chords.share[deepest], axis=1)[:, 0]
+    place[row] = np.where(np.isfinite(point[deepest]), point[deepest], tip)
