@@ -15,7 +15,8 @@ def steps():
     """(what, function) pairs; each function makes its kernels compile."""
     return (("throwing away what was compiled before", _forget), ("surface evaluation", _surfaces),
             ("closest points", _closest_points), ("drop-cutter on triangles", _drop_cutter),
-            ("drop-cutter on exact surfaces", _exact_drop), ("arc fitting", _arcs), ("feeds", _feeds),
+            ("drop-cutter on exact surfaces", _exact_drop), ("certificate", _certificate),
+            ("arc fitting", _arcs), ("feeds", _feeds),
             ("planning of a small part", _planning), ("simulation and comparison", _simulation))
 
 
@@ -66,6 +67,16 @@ def _exact_drop():
     part = ExactPart.of_solid(_small_part())
     for count in (4, 2000):
         drop_contacts(part, np.linspace((-8, -8), (8, 8), count), 2.0, 2.0)
+
+
+def _certificate():
+    from cuspline.toolpaths.depth_tree import DepthTree
+    from cuspline.toolpaths.exact_drop import ExactPart
+    from cuspline.toolpaths.move_depths import RUN, SERIAL_RUNS, move_depths
+    tree = DepthTree.of_part(ExactPart.of_solid(_small_part()), 0.01)
+    for count in (2, RUN * (SERIAL_RUNS + 2)):
+        tips = np.linspace((-8, -8, 4), (8, 8, 4), count + 1)
+        move_depths(tree, tips[:-1], tips[1:], 2.0, 2.0, 0.01)
 
 
 def _planning():

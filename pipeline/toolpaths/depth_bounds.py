@@ -152,42 +152,39 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, bound, norm
         if sine < 1.0 and not _may_hold_deepest(o, row, tag, alpha, beta, x, y, z, vx, vy, vz, nx, ny, nz, h, sine,
                                                 R, rc, bound, normals):
             return -np.inf
-    # towards the deepest point of the linear part: nearest to the cutter's core, one unknown after the other
+    if a > 0.0:                                 # beside a wall: the plane of the cutter's side at the nearest point
+        ux, uy = _nearest_to_axis(o, x, y, vx, vy, at)
+        bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, ux, uy, 0.0, R))
+    # the deepest point of the linear part: nearest to the cutter's core, one unknown after the other
     ss, tt = _along(o, 1, o[1, 0], o[1, 1], o[1, 2]), _along(o, 2, o[2, 0], o[2, 1], o[2, 2])
     vv = vx * vx + vy * vy + vz * vz
     s = t = w = 0.0
     px, py, pz = x, y, z
-    g = 0.0
     for _ in range(SWEEPS):
         d = math.sqrt(px * px + py * py)
         e, f = max(d - a, 0.0), max(rc - pz, 0.0)
-        g = math.sqrt(e * e + f * f)
-        if g < 1e-9:
+        if e + f < 1e-9:
             break
         m = e / d if e > 0.0 else 0.0
         rx, ry, rz = px * m, py * m, -f
-        moved = 0.0
+        before = s, t, w
         if ss > 0.0:
             q = min(max(s - (rx * o[1, 0] + ry * o[1, 1] + rz * o[1, 2]) / ss, -1.0), 1.0) - s
             rx, ry, rz, s = rx + q * o[1, 0], ry + q * o[1, 1], rz + q * o[1, 2], s + q
-            moved += abs(q)
         if tt > 0.0:
             q = min(max(t - (rx * o[2, 0] + ry * o[2, 1] + rz * o[2, 2]) / tt, -1.0), 1.0) - t
             rx, ry, rz, t = rx + q * o[2, 0], ry + q * o[2, 1], rz + q * o[2, 2], t + q
-            moved += abs(q)
         if vv > 0.0:
-            q = min(max(w + (rx * vx + ry * vy + rz * vz) / vv, -1.0), 1.0) - w
-            w += q
-            moved += abs(q)
+            w = min(max(w + (rx * vx + ry * vy + rz * vz) / vv, -1.0), 1.0)
         px, py, pz = (x + s * o[1, 0] + t * o[2, 0] - w * vx, y + s * o[1, 1] + t * o[2, 1] - w * vy,
                       z + s * o[1, 2] + t * o[2, 2] - w * vz)
-        if moved < 1e-3:
+        if abs(s - before[0]) + abs(t - before[1]) + abs(w - before[2]) < 1e-3:
             break
-    at[0], at[1], at[2] = s, t, w
     d = math.sqrt(px * px + py * py)
     e, f = max(d - a, 0.0), max(rc - pz, 0.0)
     g = math.sqrt(e * e + f * f)
     if g > 1e-9 and rc > 0.0:
+        at[0], at[1], at[2] = s, t, w
         m = e / (d * g) if e > 0.0 else 0.0
         return min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, px * m, py * m, -f / g,
                                        a * e / g + rc - rc * f / g))
@@ -207,6 +204,30 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, bound, norm
             share = down / (down - side)
         bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, share * ux, share * uy, share - 1.0, share * R))
     return bound
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest_to_axis(o, x, y, vx, vy, at):
+    """Direction from the axis to the linear part's point nearest to it; its sigma, tau, theta into `at`."""
+    ss, tt = o[1, 0] * o[1, 0] + o[1, 1] * o[1, 1], o[2, 0] * o[2, 0] + o[2, 1] * o[2, 1]
+    vv = vx * vx + vy * vy
+    s = t = w = 0.0
+    for _ in range(SWEEPS):
+        before = s, t, w
+        if ss > 0.0:
+            q = min(max(s - (x * o[1, 0] + y * o[1, 1]) / ss, -1.0), 1.0) - s
+            x, y, s = x + q * o[1, 0], y + q * o[1, 1], s + q
+        if tt > 0.0:
+            q = min(max(t - (x * o[2, 0] + y * o[2, 1]) / tt, -1.0), 1.0) - t
+            x, y, t = x + q * o[2, 0], y + q * o[2, 1], t + q
+        if vv > 0.0:
+            q = min(max(w + (x * vx + y * vy) / vv, -1.0), 1.0) - w
+            x, y, w = x - q * vx, y - q * vy, w + q
+        if abs(s - before[0]) + abs(t - before[1]) + abs(w - before[2]) < 1e-3:
+            break
+    at[0], at[1], at[2] = s, t, w
+    d = math.sqrt(x * x + y * y)
+    return (x / d, y / d) if d > 1e-9 else (1.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")

@@ -17,7 +17,7 @@ from cuspline.toolpaths.patch_bounds import (BORDER, FACE, HULL_MM, MOST_HALVING
                                              conversions)
 from cuspline.toolpaths.patch_tree import CURVED, grow_tree
 
-MOST_PIECES = 1_000_000     # a part that asks for more is cut four times as coarsely
+MOST_PIECES = 600_000     # a part that asks for more is cut four times as coarsely
 UP = 1e-9                   # weight of the upward direction where a piece has none of its own
 
 
@@ -114,9 +114,9 @@ def thin_pieces(tree, matrices, thickness, most):
                         hull[i, j, a] = b[i, j, a] / b[i, j, 3]
             area = _area_normal(hull, signs[tags[k, 0]], tags[k, 1] == FACE, n)
             if tags[k, 3] == CURVED and level < MOST_HALVINGS:
-                bend_s, bend_t, thick = _bends(hull, n)
+                bend_s, bend_t, thick = _bends(hull, n, tags[k, 1] == FACE)
                 if thick > thickness:
-                    if tags[k, 1] != FACE or bend_s > bend_t:
+                    if bend_s > bend_t:
                         axis = 0
                     elif bend_t > bend_s:
                         axis = 1
@@ -177,9 +177,9 @@ def _area_normal(hull, sign, is_face, n):
     else:
         d = hull[a, 0] - hull[0, 0]
         square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-        n[0] = n[1] = n[2] = 0.0
-        if square > 0.0:
-            n[0], n[1], n[2] = -d[0] * d[2], -d[1] * d[2], square - d[2] * d[2]
+        n[0], n[1], n[2] = -d[0] * d[2], -d[1] * d[2], d[0] * d[0] + d[1] * d[1]
+        if not n[2] > 1e-12 * square:
+            n[0] = n[1] = n[2] = 0.0
     length = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
     if length > 1e-30:
         n[0], n[1], n[2] = n[0] / length, n[1] / length, n[2] / length
@@ -189,11 +189,16 @@ def _area_normal(hull, sign, is_face, n):
 
 
 @njit(cache=True, error_model="numpy")
-def _bends(hull, n):
-    """How much the hull bends along s and along t, and how thick it is along n."""
+def _bends(hull, n, is_face):
+    """How much the hull bends along s and along t, and how thick it is along n; an edge, how far it is from straight."""
     nu, nv = hull.shape[0], hull.shape[1]
     bend_s = bend_t = 0.0
     low, high = np.inf, -np.inf
+    if not is_face:
+        for i in range(1, nu - 1):
+            d = hull[i - 1, 0] - 2.0 * hull[i, 0] + hull[i + 1, 0]
+            bend_s = max(bend_s, (nu - 1) * math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]))
+        return bend_s, 0.0, bend_s
     for i in range(nu):
         for j in range(nv):
             z = n[0] * hull[i, j, 0] + n[1] * hull[i, j, 1] + n[2] * hull[i, j, 2]

@@ -6,19 +6,17 @@ halved, nodes, pieces of faces and stretches of the move, the one with the large
 stands within the tolerance of the deepest point known.
 """
 
-import math
-
 import numpy as np
 from numba import njit, prange
 
 from cuspline.errors import ToolpathError
 from cuspline.surfaces.patches import derive, position
-from cuspline.toolpaths.depth_bounds import OUTWARD_MM, depth_at, node_depth, piece_depth
+from cuspline.surfaces.trims import CHORD_MM
+from cuspline.toolpaths.depth_bounds import depth_at, node_depth, piece_depth
 from cuspline.toolpaths.depth_tree import outside_trim
 from cuspline.toolpaths.exact_drop import checked_radii_mm
 from cuspline.toolpaths.patch_bounds import BORDER, FACE
 from cuspline.toolpaths.patch_search import in_trim
-from cuspline.surfaces.trims import CHORD_MM
 
 FINEST_MM = 1e-4        # tolerance
 RUN = 16                # moves that go down the tree together at most
@@ -36,8 +34,9 @@ def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_m
     """How deep a point of the part lies inside the cutter at most, at any place along straight moves.
 
     The depth of a point is its distance from the cutter's surface (the cutter closed upward), whatever the
-    direction.  The bound stands within the tolerance of the true depth, or within DEEP_SHARE of it where that is
-    more; except where MOST_BOXES do not settle it: there what is open counts as cut, the safe side.
+    direction.  The bound stands within the tolerance of the true depth, within half of it where the bound exceeds the
+    tolerance, within DEEP_SHARE of the depth where that is more; except where MOST_BOXES do not settle it: there what
+    is open counts as cut, the safe side.
 
     Args:
         tree: DepthTree.
@@ -55,15 +54,16 @@ def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_m
         raise ToolpathError(f"a depth tolerance of {tolerance_mm} mm is finer than the {FINEST_MM} mm that borders of "
                             "faces are known to: ask for more than that")
     start, end = np.ascontiguousarray(start_mm, float), np.ascontiguousarray(end_mm, float)
-    out = np.zeros(len(start)), np.full(len(start), 0.5), np.full((len(start), 3), np.nan)
+    depth, share, place = np.full(len(start), -np.inf), np.full(len(start), 0.5), np.full((len(start), 3), np.nan)
     runs = _runs(start, end, RUN_SHARE * R)
     part, rest = tree.arrays[0], tree.arrays[1:]
-    args = rest, start, end, runs, R, rc, float(tolerance_mm)
+    args = rest, start, end, runs, R, rc, tolerance_mm - CHORD_MM, depth, share, place
     if len(runs) > SERIAL_RUNS:
-        _depths_in_parallel(part[:9], part[9], *args, *out)
+        _depths_in_parallel(part[:9], part[9], *args)
     else:
-        _depths_of_runs(part, *args, 0, len(runs) - 1, *out)
-    return out
+        _depths_of_runs(part, *args, 0, len(runs) - 1)
+    # a point that the trim's chords leave out lies that near to an edge
+    return np.maximum(depth + CHORD_MM, 0.0), share, place
 
 
 @njit(cache=True)
@@ -90,12 +90,12 @@ def _runs(start, end, longest):
 def _depths_in_parallel(part, trims, rest, start, end, runs, R, rc, tolerance, depth, share, place):
     n = len(runs) - 1
     for block in prange((n + CHUNK - 1) // CHUNK):      # parallel loops take no tuples of tuples
-        _depths_of_runs(part + (trims,), rest, start, end, runs, R, rc, tolerance, block * CHUNK,
-                        min(n, block * CHUNK + CHUNK), depth, share, place)
+        _depths_of_runs(part + (trims,), rest, start, end, runs, R, rc, tolerance, depth, share, place,
+                        block * CHUNK, min(n, block * CHUNK + CHUNK))
 
 
 @njit(cache=True, error_model="numpy")
-def _depths_of_runs(part, rest, start, end, runs, R, rc, tolerance, first_run, last_run, depth, share, place):
+def _depths_of_runs(part, rest, start, end, runs, R, rc, tolerance, depth, share, place, first_run, last_run):
     """Fill in runs first_run..last_run-1."""
     nodes, first = rest[0], rest[1]
     kept, counts = np.empty((LEVELS, MOST_KEPT), np.int64), np.zeros(LEVELS, np.int64)
@@ -145,7 +145,7 @@ def _fill_box(tips, low, high, box):
 def _rest_of_run(nodes, first, tips, low, high, box, R, rc, tolerance, given, count, kept, counts, level):
     """Largest bound of what is proven within the tolerance; what is not goes into `kept`, counts[level] nodes."""
     size = max(box[1] - box[0], box[3] - box[2], box[5] - box[4])
-    most, used = 0.0, 0
+    most, used = -np.inf, 0
     stack = np.empty(128, np.int64)
     for j in range(count):
         stack[0] = given[j]
@@ -210,12 +210,12 @@ def _pop(boxes, order, count):
 
 @njit(cache=True, error_model="numpy")
 def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, share, place, row):
-    """Upper bound of the depth of one move in the nodes `given`; share[row] and place[row] are filled if one is found."""
+    """Upper bound of one move's depth in the nodes `given`; share[row] and place[row] are filled if one is found."""
     rows, tags = part[5], part[6]
     nodes, first, leaf_of, pieces = rest
     boxes, ids, order, o, normals, at, tips, tip_box, middle_half, point = heap
     length = max(abs(end[0] - start[0]), abs(end[1] - start[1]), abs(end[2] - start[2]))
-    lower = upper = 0.0
+    lower, upper = 0.0, -np.inf
     filled = live = 0
     for j in range(count + 1):                          # the last round: all that come of boxes taken from the heap
         if j < count:
@@ -298,7 +298,8 @@ def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, 
 
 @njit(cache=True, inline="always")
 def _settled(lower, tolerance):
-    return lower + max(tolerance, DEEP_SHARE * lower)
+    """What is bounded by this needs no closer look: clean, or close enough to the deepest point known."""
+    return max(tolerance, lower + max(0.5 * tolerance, DEEP_SHARE * lower))
 
 
 @njit(cache=True, inline="always")
@@ -331,8 +332,6 @@ def _look(part, leaf, start, end, b, R, rc, known, heap):
         middle_half[1, k] = 0.5 * (b[2] - b[1]) * (end[k] - start[k])
     bound = piece_depth(o, row, tag, part[4][tag[0]], b[5], b[6], middle_half[0], middle_half[1], R, rc, b[0],
                         normals, at)
-    if crosses:
-        bound += CHORD_MM                       # the trim is known to that
     if bound <= known:
         return bound, 0.0
     best = known

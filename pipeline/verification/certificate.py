@@ -1,7 +1,7 @@
 """The certificate: for every move of a posted program, feeds and rapids, a proven bound of its gouge.
 
-No sampling: the moving cutter is compared with the exact faces and edges of the part (see `toolpaths.move_depths`).  The
-gouge of a move is the depth of the part's point that comes to lie deepest inside the cutter, its distance
+No sampling: the moving cutter is compared with the exact faces and edges of the part (see `toolpaths.move_depths`).
+The gouge of a move is the depth of the part's point that comes to lie deepest inside the cutter, its distance
 from the cutter's surface in whatever direction is nearest; the cutter counts as closed upward.  Only upper faces
 and edges need to be asked: of the points over one another in a solid the topmost lies deepest.
 """
@@ -22,7 +22,7 @@ from cuspline.verification.certificate_chords import chords_of
 
 PROVABLE = ("ball", "bull_nose", "flat")
 SAGITTA_SHARE = 0.1         # of the tolerance: what the chords of arcs may take of it
-THICKNESS_SHARE = 0.4       # of the tolerance: pieces of faces this thin are mostly settled without a closer look
+THICKNESS_SHARE = 1.0       # of the tolerance, of pieces of faces: thinner ones cost more to make than they save
 UPRIGHT = 1e-9              # an axis that leans by less stands upright
 
 
