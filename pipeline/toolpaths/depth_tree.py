@@ -190,7 +190,7 @@ def _area_normal(hull, sign, is_face, n):
 
 @njit(cache=True, error_model="numpy")
 def _bends(hull, n, is_face):
-    """How much the hull bends along s and along t, and how thick it is along n; an edge, how far it is from straight."""
+    """How much the hull bends along s and along t, and how thick it is along n; an edge: how far from straight."""
     nu, nv = hull.shape[0], hull.shape[1]
     bend_s = bend_t = 0.0
     low, high = np.inf, -np.inf
