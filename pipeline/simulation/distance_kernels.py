@@ -136,37 +136,62 @@ def piece_distance(px, py, pz, g, a, rc):
     return least_along_line(px, py, pz, 0.0, 0.0, g, a, rc) - rc
 
 
-@njit(cache=True)
-def node_distance(px, py, pz, node, a, rc):
-    """Lower bound of `piece_distance` over a tree node (see tree.py for its columns).
+@njit(cache=True, error_model="numpy")
+def child_distances(px, py, pz, block, a, rc, out):
+    """Lower bounds of `piece_distance` over the eight children of a tree node (see tree.py for the block's rows).
 
-    All tips lie in a rectangle, above a plane and above a height: a convex set.  For every unit
-    direction n, min n.(Q - P) over its points Q bounds the distance; n is taken towards the
-    point that a cutter would touch first.
+    All tips of a child lie in a rectangle, above a plane and above a height: a convex set.  The bounds come out in
+    out[64:72]; out[:64] takes the block, so that nothing written can be what is still to be read.
     """
-    xl, xh, yl, yh, low = node[0] - px, node[1] - px, node[2] - py, node[3] - py, node[4]
-    sx, sy = node[5], node[6]
-    ex, ey = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
-    box = corner_distance(math.sqrt(ex * ex + ey * ey) - a, low + rc - pz) - rc
-    if sx == 0.0 and sy == 0.0:
-        return box
-    gap = node[7] + sx * px + sy * py + rc - pz      # from the point straight up to the lifted plane
-    steep = sx * sx + sy * sy
-    reach = max(gap, 0.0) / (1.0 + steep) + a / math.sqrt(steep)
-    x = min(max(-sx * reach, xl), xh)
-    y = min(max(-sy * reach, yl), yh)
-    rho = math.sqrt(x * x + y * y)
-    e, f = rho - a, gap + sx * x + sy * y
-    if f <= 0.0 or rho == 0.0:
-        return max(box, gap - rc + _least(sx, xl, xh) + _least(sy, yl, yh)) if rho == 0.0 else box
-    e = max(e, 0.0)
-    d = math.sqrt(e * e + f * f)
-    nx, ny, nz = x / rho * e / d, y / rho * e / d, f / d
-    plane = (_least(nx + nz * sx, xl, xh) + _least(ny + nz * sy, yl, yh) + nz * gap - a * e / d - rc)
-    return max(box, plane)
+    for i in range(8):
+        for j in range(8):
+            out[8 * i + j] = block[i, j]
+    if a == 0.0:
+        _child_distances_of_ball(px, py, pz, rc, out)
+    else:
+        _child_distances_of_disk(px, py, pz, a, rc, out)
 
 
-@njit(cache=True)
-def _least(slope, lo, hi):
-    """Least of slope * x on [lo, hi]."""
-    return slope * lo if slope > 0.0 else slope * hi
+@njit(cache=True, error_model="numpy")
+def _child_distances_of_ball(px, py, pz, rc, out):
+    """The squared distance to the plane's part over the rectangle is convex by 2 at least in x and in y: from a place
+    near its least value it is bounded in each of them apart."""
+    for j in range(8):
+        xl, xh, yl, yh = out[j] - px, out[8 + j] - px, out[16 + j] - py, out[24 + j] - py
+        ex, ey, ez = max(xl, -xh, 0.0), max(yl, -yh, 0.0), max(out[32 + j] + rc - pz, 0.0)
+        sx, sy = out[40 + j], out[48 + j]
+        gap = out[56 + j] + sx * px + sy * py + rc - pz      # from the point straight up to the lifted plane
+        y = min(max(-sy * max(gap, 0.0) / (1.0 + sx * sx + sy * sy), yl), yh)
+        x = min(max(-sx * max(gap + sy * y, 0.0) / (1.0 + sx * sx), xl), xh)
+        up = max(gap + sx * x + sy * y, 0.0)
+        gx, gy = x + up * sx, y + up * sy
+        dx, dy = min(max(-gx, xl - x), xh - x), min(max(-gy, yl - y), yh - y)
+        plane = x * x + y * y + up * up + dx * (2.0 * gx + dx) + dy * (2.0 * gy + dy)
+        out[64 + j] = max(plane, ex * ex + ey * ey + ez * ez)
+    for j in range(8):
+        out[64 + j] = math.sqrt(out[64 + j]) - rc
+
+
+@njit(cache=True, error_model="numpy")
+def _child_distances_of_disk(px, py, pz, a, rc, out):
+    """For every unit direction n, min n.(Q - P) over a convex set's points Q bounds the distance; n is taken towards the
+    point that a cutter would touch first."""
+    for j in range(8):
+        xl, xh, yl, yh = out[j] - px, out[8 + j] - px, out[16 + j] - py, out[24 + j] - py
+        ex, ey = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
+        beside, below = math.sqrt(ex * ex + ey * ey) - a, out[32 + j] + rc - pz
+        deep = max(beside, below)
+        far = math.sqrt(max(beside, 0.0) * max(beside, 0.0) + max(below, 0.0) * max(below, 0.0))
+        box = far if deep > 0.0 else deep
+        sx, sy = out[40 + j], out[48 + j]
+        gap = out[56 + j] + sx * px + sy * py + rc - pz      # from the point straight up to the lifted plane
+        steep = sx * sx + sy * sy
+        reach = max(gap, 0.0) / (1.0 + steep) + a / math.sqrt(max(steep, 1e-300))
+        x, y = min(max(-sx * reach, xl), xh), min(max(-sy * reach, yl), yh)
+        rho = math.sqrt(x * x + y * y)
+        e, f = max(rho - a, 0.0), gap + sx * x + sy * y
+        d = max(math.sqrt(e * e + f * f), 1e-300)
+        nx, ny, nz = x / max(rho, 1e-300) * e / d, y / max(rho, 1e-300) * e / d, f / d
+        tx, ty = nx + nz * sx, ny + nz * sy
+        plane = min(tx * xl, tx * xh) + min(ty * yl, ty * yh) + nz * gap - a * e / d
+        out[64 + j] = (max(box, plane) if f > 0.0 else box) - rc

@@ -117,34 +117,36 @@ def piece_height(x, y, g, a, rc):
     return _line_height(x, y, g, a, rc)
 
 
-@njit(cache=True)
-def node_height(x, y, node, a, rc):
-    """Lower bound of `piece_height` over a tree node: a tangent of plane + p, which is convex."""
-    radius = a + rc
-    xl, xh, yl, yh = node[0] - x, node[1] - x, node[2] - y, node[3] - y
-    ex, ey = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
-    square = ex * ex + ey * ey
-    if square > radius * radius:
-        return math.inf
-    box = node[4] + _bottom(math.sqrt(square), a, rc)
-    sx, sy = node[5], node[6]
-    if sx == 0.0 and sy == 0.0:
-        return box
-    here = node[7] + sx * x + sy * y
-    steep = math.sqrt(sx * sx + sy * sy)
-    plane = here - radius * steep
-    d = (a + rc * steep / math.sqrt(1.0 + steep * steep)) / steep
-    px, py = min(max(-sx * d, xl), xh), min(max(-sy * d, yl), yh)
-    d = math.sqrt(px * px + py * py)
-    limit = a + 0.98 * rc
-    if d > limit:
-        px, py, d = px * limit / d, py * limit / d, limit
-    gx, gy, p = sx, sy, 0.0
-    if d > a and rc > 0.0:
-        root = math.sqrt(rc * rc - (d - a) * (d - a))
-        p = rc - root
-        gx += (d - a) / root * px / d
-        gy += (d - a) / root * py / d
-    tangent = (here + sx * px + sy * py + p + min(gx * (xl - px), gx * (xh - px))
-               + min(gy * (yl - py), gy * (yh - py)))
-    return max(box, plane, tangent)
+@njit(cache=True, error_model="numpy")
+def child_heights(x, y, block, a, rc, out):
+    """Lower bounds of `piece_height` over the eight children of a tree node: a tangent of plane + p, which is convex.
+
+    As `distance_kernels.child_distances`: bounds in out[64:72], the block copied into out[:64].
+    """
+    for i in range(8):
+        for j in range(8):
+            out[8 * i + j] = block[i, j]
+    radius, limit = a + rc, a + 0.98 * rc
+    for j in range(8):
+        xl, xh, yl, yh = out[j] - x, out[8 + j] - x, out[16 + j] - y, out[24 + j] - y
+        ex, ey = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
+        square = ex * ex + ey * ey
+        beyond = max(math.sqrt(square) - a, 0.0)
+        box = out[32 + j] + rc - math.sqrt(max(rc * rc - beyond * beyond, 0.0))
+        sx, sy = out[40 + j], out[48 + j]
+        here = out[56 + j] + sx * x + sy * y
+        steep = max(math.sqrt(sx * sx + sy * sy), 1e-300)
+        plane = here - radius * steep
+        reach = (a + rc * steep / math.sqrt(1.0 + steep * steep)) / steep
+        px, py = min(max(-sx * reach, xl), xh), min(max(-sy * reach, yl), yh)
+        d = math.sqrt(px * px + py * py)
+        share = limit / d if d > limit else 1.0
+        px, py, d = px * share, py * share, min(d, limit)
+        e = max(d - a, 0.0)
+        root = math.sqrt(max(rc * rc - e * e, 1e-300))
+        pull = e / root / max(d, 1e-300)
+        gx, gy, p = sx + pull * px, sy + pull * py, rc - math.sqrt(max(rc * rc - e * e, 0.0))
+        tangent = (here + sx * px + sy * py + p + min(gx * (xl - px), gx * (xh - px))
+                   + min(gy * (yl - py), gy * (yh - py)))
+        bound = max(box, plane, tangent) if sx * sx + sy * sy > 0.0 else box
+        out[64 + j] = math.inf if square > radius * radius else bound

@@ -30,14 +30,15 @@ class SweptPath:
     corner_radius_mm: float       # rc
     geometry: np.ndarray          # (m, 12) pieces in Morton order, see pieces.py
     row: np.ndarray               # (m,) row of PostedMoves
-    nodes: np.ndarray             # (k, 8), see tree.py
-    leaves: int
+    blocks: np.ndarray            # (k, 8, 8), see tree.py
+    levels: int                   # of blocks
+    root: int                     # children of the root
     error_mm: float               # bound on what chords and rounded arcs may be off
 
     def __post_init__(self):
         object.__setattr__(self, "geometry", frozen(self.geometry, (None, 12), "geometry"))
         object.__setattr__(self, "row", frozen(self.row, (None,), "row", np.int64))
-        object.__setattr__(self, "nodes", frozen(self.nodes, (None, 8), "nodes"))
+        object.__setattr__(self, "blocks", frozen(self.blocks, (None, 8, 8), "blocks"))
 
     def grown(self, by_mm):
         """The same path of a cutter whose surface lies `by_mm` farther out (negative: in).
@@ -50,11 +51,11 @@ class SweptPath:
             a, rc = a + rc, 0.0
         if a < 0 or a + rc <= 0:
             raise SimulationError(f"T{self.tool.number} cannot be made smaller by {-by_mm} mm")
-        geometry, nodes = self.geometry.copy(), self.nodes.copy()
+        geometry, blocks = self.geometry.copy(), self.blocks.copy()
         geometry[:, (2, 5, 8)] -= by_mm
-        nodes[:, (4, 7)] -= by_mm
+        blocks[:, (4, 7)] -= by_mm
         return SweptPath(**{**self.__dict__, "flat_radius_mm": a, "corner_radius_mm": rc,
-                            "geometry": geometry, "nodes": nodes})
+                            "geometry": geometry, "blocks": blocks})
 
 
 def cutting_rows(posted):
@@ -104,20 +105,20 @@ def _swept(posted, rows, tool):
     g = pieces.geometry
     low = np.minimum(g[:, 2], g[:, 5])
     order = tree.morton_order(np.column_stack([g[:, 0] + g[:, 3], g[:, 1] + g[:, 4], 2 * low]) / 2)
-    nodes, leaves = tree.build_nodes(g[order])
+    blocks, levels, root = tree.build_blocks(g[order])
     return SweptPath(tool=tool, flat_radius_mm=a, corner_radius_mm=cutter.radius_mm - a, geometry=g[order],
-                     row=pieces.row[order], nodes=nodes, leaves=leaves, error_mm=pieces.error_mm)
+                     row=pieces.row[order], blocks=blocks, levels=levels, root=root, error_mm=pieces.error_mm)
 
 
 def _forest(paths):
     """All paths as one argument of the kernels."""
-    trees, node, piece = np.zeros((len(paths), 4), np.int64), 0, 0
+    trees, block, piece = np.zeros((len(paths), 5), np.int64), 0, 0
     for k, p in enumerate(paths):
-        trees[k] = node, piece, len(p.row), p.leaves
-        node, piece = node + len(p.nodes), piece + len(p.row)
-    stack = lambda arrays, width: np.concatenate([np.zeros((0, width)), *arrays])
+        trees[k] = block, piece, len(p.row), p.levels, p.root
+        block, piece = block + len(p.blocks), piece + len(p.row)
+    stack = lambda arrays, *shape: np.concatenate([np.zeros((0, *shape)), *arrays])
     tools = np.array([(p.flat_radius_mm, p.corner_radius_mm) for p in paths]).reshape(-1, 2)
-    return stack([p.geometry for p in paths], 12), stack([p.nodes for p in paths], 8), trees, tools
+    return stack([p.geometry for p in paths], 12), stack([p.blocks for p in paths], 8, 8), trees, tools
 
 
 def _in_morton_order(points, query):

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from cuspline.simulation.tree import CHUNK, DEPTH, nearest_piece
+from cuspline.simulation.tree import CHUNK, nearest_piece, work
 
 CLOSE_MM = 1e-8           # where tracing stops short of the surface
 PATIENT_STEPS = 48        # after these a ray is grazing, and steps at least GRAZING of its length
@@ -82,7 +82,7 @@ def deviations(points, normals, low, high, limit, forest):
     n = len(points)
     out, piece = np.empty(n), np.empty(n, np.int64)
     for c in prange((n + CHUNK - 1) // CHUNK):
-        stack, bounds, hint = np.empty(DEPTH, np.int64), np.empty(DEPTH), -1
+        (stack, bounds), hint = work(), -1
         for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
             p = points[i]
             d, hint = nearest_piece(p[0], p[1], p[2], forest, hint, stack, bounds)

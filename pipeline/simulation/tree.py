@@ -1,14 +1,18 @@
 """Bounding trees over pieces of path, one per cutter, and the near-first search in them.
 
-A tree is an implicit binary heap over pieces in Morton order.  A node is a row of eight numbers:
+A tree has eight children a node, over runs of pieces in Morton order; only its root may have fewer.  All children of
+a node stand together, one column each, so that their bounds come out of one sweep over 64 numbers:
 
     0..3   xl, xh, yl, yh     rectangle round the tips
     4      lowest tip
-    5..7   sx, sy, c          every tip has z >= c + sx x + sy y  (0, 0, lowest in wide nodes)
+    5..7   sx, sy, c          every tip has z >= c + sx x + sy y  (0, 0, lowest where nodes are wide)
 
 A forest is a tuple of arrays that numba takes as one argument:
 
-    geometry (m, 12), nodes (k, 8), trees (t, 4) first node, first piece, pieces, leaves; tools (t, 2) a, rc
+    geometry (m, 12), blocks (k, 8, 8) number and child, trees (t, 5) first block, first piece, pieces, levels of blocks,
+    children of the root; tools (t, 2) a, rc
+
+A search works in a stack and in bounds, the last BLOCK of which hold a block and what comes of it (see `work`).
 """
 
 import math
@@ -16,14 +20,18 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from cuspline.simulation.distance_kernels import node_distance, piece_distance
-from cuspline.simulation.height_kernels import node_height, piece_height
+from cuspline.simulation.distance_kernels import child_distances, piece_distance
+from cuspline.simulation.height_kernels import child_heights, piece_height
 
+WIDTH = 8                 # children of a node
 LEAF = 3                  # pieces in a leaf
 PLANE_SPAN = 4096         # nodes over more pieces carry no plane
 SLACK_MM = 1e-10          # a node is left out only if it is farther by this: rounding of its bound
+FAR_MM = 1e9              # where children stand that hold nothing
 CHUNK = 64                # points answered one after the other, each helped by the one before
-DEPTH = 128               # more than the depth of any tree
+DEPTH = 128               # more open nodes than any tree leaves
+LEVEL_BITS = 5            # of an open node's number: its level
+BLOCK = 9 * WIDTH
 
 
 def morton_order(points):
@@ -47,12 +55,16 @@ def _spread(bits):
     return bits
 
 
-def build_nodes(geometry):
-    """Nodes (2 leaves - 1, 8) over pieces in their given order, and the number of leaves."""
-    leaves = 1
-    while leaves * LEAF < len(geometry):
-        leaves *= 2
-    return _fill_nodes(np.ascontiguousarray(geometry), leaves), leaves
+def build_blocks(geometry):
+    """Blocks (k, 8, 8) over pieces in their given order, the levels of blocks and the children of the root."""
+    leaves = max(1, -(-len(geometry) // LEAF))
+    levels = 0
+    while WIDTH ** (levels + 1) < leaves:
+        levels += 1
+    root = -(-leaves // WIDTH ** levels)
+    blocks = np.empty((sum(root * WIDTH ** k for k in range(levels)), WIDTH, WIDTH))
+    _fill_blocks(np.ascontiguousarray(geometry), levels, root, blocks)
+    return blocks, levels, root
 
 
 @njit(cache=True)
@@ -71,139 +83,179 @@ def _lowest_over_plane(g, sx, sy):
 
 
 @njit(cache=True)
-def _slope_of(geometry, first, last):
-    """Least-squares slope (sx, sy) of the lower ends of pieces; 0, 0 where it is undefined or steep."""
-    n = mx = my = mz = 0.0
-    for t in range(first, last):
-        for k in (0, 3):
-            mx, my, mz, n = mx + geometry[t, k], my + geometry[t, k + 1], mz + geometry[t, k + 2], n + 1.0
+def _slope_of(n, mx, my, mz, xx, xy, yy, xz, yz):
+    """Least-squares slope (sx, sy) out of n points' sums and sums of products; 0, 0 where it is steep."""
     mx, my, mz = mx / n, my / n, mz / n
-    xx = xy = yy = xz = yz = 0.0
-    for t in range(first, last):
-        for k in (0, 3):
-            x, y, z = geometry[t, k] - mx, geometry[t, k + 1] - my, geometry[t, k + 2] - mz
-            xx, xy, yy, xz, yz = xx + x * x, xy + x * y, yy + y * y, xz + x * z, yz + y * z
+    xx, xy, yy, xz, yz = xx - n * mx * mx, xy - n * mx * my, yy - n * my * my, xz - n * mx * mz, yz - n * my * mz
     ridge = 1e-4 * (xx + yy) + 1e-12
     xx, yy = xx + ridge, yy + ridge
     det = xx * yy - xy * xy
+    if not det > 0.0:
+        return 0.0, 0.0
     sx, sy = (yy * xz - xy * yz) / det, (xx * yz - xy * xz) / det
     if not sx * sx + sy * sy < 100.0:
         return 0.0, 0.0
     return sx, sy
 
 
-@njit(cache=True)
-def _fill_nodes(geometry, leaves):
-    nodes = np.empty((2 * leaves - 1, 8))
-    m, width = len(geometry), leaves
-    while width >= 1:
-        span = leaves // width * LEAF
-        for i in range(width):
-            node, first, last = nodes[width - 1 + i], i * span, min((i + 1) * span, m)
-            node[:] = 0.0
-            node[0], node[1], node[2], node[3], node[4] = math.inf, -math.inf, math.inf, -math.inf, math.inf
-            for t in range(first, last):
-                g = geometry[t]
-                node[0], node[1] = min(node[0], g[0], g[3]), max(node[1], g[0], g[3])
-                node[2], node[3] = min(node[2], g[1], g[4]), max(node[3], g[1], g[4])
-                node[4] = min(node[4], g[2], g[5])
-            if first < last and span <= PLANE_SPAN:
-                node[5], node[6] = _slope_of(geometry, first, last)
-            node[7] = math.inf
-            for t in range(first, last):
-                node[7] = min(node[7], _lowest_over_plane(geometry[t], node[5], node[6]))
-        width //= 2
-    return nodes
+@njit(cache=True, error_model="numpy")
+def _fill_blocks(geometry, levels, root, blocks):
+    m, span, row = len(geometry), LEAF, len(blocks)
+    for level in range(levels - 1, -1, -1):                # from the leaves up
+        count = root * WIDTH ** level
+        row -= count
+        for i in range(count * WIDTH):
+            _fill_node(geometry, i * span, min((i + 1) * span, m), span <= PLANE_SPAN, blocks[row + i // WIDTH], i % WIDTH)
+        span *= WIDTH
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_node(geometry, first, last, has_plane, block, j):
+    block[0, j], block[1, j], block[2, j], block[3, j] = FAR_MM, FAR_MM, FAR_MM, FAR_MM
+    block[4, j], block[5, j], block[6, j], block[7, j] = FAR_MM, 0.0, 0.0, FAR_MM
+    if first >= last:                                      # nobody there: far above everything
+        return
+    x0, y0, z0 = geometry[first, 0], geometry[first, 1], geometry[first, 2]
+    xl, xh, yl, yh, low = math.inf, -math.inf, math.inf, -math.inf, math.inf
+    mx = my = mz = xx = xy = yy = xz = yz = 0.0
+    for t in range(first, last):
+        g = geometry[t]
+        xl, xh = min(xl, g[0], g[3]), max(xh, g[0], g[3])
+        yl, yh = min(yl, g[1], g[4]), max(yh, g[1], g[4])
+        low = min(low, g[2], g[5])
+        if has_plane:
+            for k in (0, 3):
+                x, y, z = g[k] - x0, g[k + 1] - y0, g[k + 2] - z0
+                mx, my, mz = mx + x, my + y, mz + z
+                xx, xy, yy, xz, yz = xx + x * x, xy + x * y, yy + y * y, xz + x * z, yz + y * z
+    sx, sy = _slope_of(2.0 * (last - first), mx, my, mz, xx, xy, yy, xz, yz) if has_plane else (0.0, 0.0)
+    c = math.inf
+    if sx == 0.0 and sy == 0.0:
+        c = low
+    else:
+        for t in range(first, last):
+            c = min(c, _lowest_over_plane(geometry[t], sx, sy))
+    block[0, j], block[1, j], block[2, j], block[3, j] = xl, xh, yl, yh
+    block[4, j], block[5, j], block[6, j], block[7, j] = low, sx, sy, c
 
 
 @njit(cache=True)
-def nearest_piece(px, py, pz, forest, hint, stack, bounds):
-    """Least signed distance of a point to anything swept, and the piece it belongs to (-1: nothing)."""
-    geometry, nodes, trees, tools = forest
-    best, found = math.inf, -1
+def work():
+    """Stack and bounds of one search."""
+    return np.empty(DEPTH, np.int64), np.empty(DEPTH + BLOCK)
+
+
+@njit(cache=True)
+def open_root(root, stack, bounds):
+    """Put the root's children on the stack; how many."""
+    for i in range(root):
+        stack[i], bounds[i] = i << LEVEL_BITS, -math.inf
+    return root
+
+
+@njit(cache=True)
+def is_leaf(code, levels):
+    return code & (2 ** LEVEL_BITS - 1) == levels
+
+
+@njit(cache=True)
+def block_of(code, tree):
+    """Row of an open node's block: levels stand one after the other, the root's first."""
+    level, root = code & (2 ** LEVEL_BITS - 1), tree[4]
+    return tree[0] + root * ((1 << 3 * level) - 1) // (WIDTH - 1) + (code >> LEVEL_BITS)      # 1 << 3: WIDTH
+
+
+@njit(cache=True)
+def pieces_of_leaf(code, tree):
+    """First and end of an open leaf's pieces."""
+    first = (code >> LEVEL_BITS) * LEAF
+    return tree[1] + first, tree[1] + min(first + LEAF, tree[2])
+
+
+@njit(cache=True)
+def push_children(code, limit, top, stack, bounds):
+    """Put the children whose bound is below the limit on the stack, the nearest last; new height of the stack."""
+    level, node = code & (2 ** LEVEL_BITS - 1), code >> LEVEL_BITS
+    nearest, least = -1, limit
+    for j in range(WIDTH):
+        b = bounds[DEPTH + 8 * WIDTH + j]
+        if b < least:
+            nearest, least = j, b
+    if nearest < 0:
+        return top
+    for j in range(WIDTH):
+        b = bounds[DEPTH + 8 * WIDTH + j]
+        if j != nearest and b < limit:
+            stack[top], bounds[top] = (node * WIDTH + j) << LEVEL_BITS | (level + 1), b
+            top += 1
+    stack[top], bounds[top] = (node * WIDTH + nearest) << LEVEL_BITS | (level + 1), least
+    return top + 1
+
+
+@njit(cache=True)
+def nearest_piece(px, py, pz, forest, hint, stack, bounds, best=math.inf):
+    """Least signed distance of a point to anything swept, and the piece it belongs to (-1: nothing below `best`)."""
+    geometry, blocks, trees, tools = forest
+    found = -1
     for pick in range(2):                    # first the hint alone, then all trees
         for k in range(len(trees)):
-            first, count, leaves = trees[k, 1], trees[k, 2], trees[k, 3]
-            a, rc = tools[k, 0], tools[k, 1]
+            tree = trees[k]
+            a, rc, first, count, levels = tools[k, 0], tools[k, 1], tree[1], tree[2], tree[3]
             if pick == 0:
                 if first <= hint < first + count:
-                    best, found = piece_distance(px, py, pz, geometry[hint], a, rc), hint
+                    d = piece_distance(px, py, pz, geometry[hint], a, rc)
+                    if d < best:
+                        best, found = d, hint
                 continue
-            if count == 0:
-                continue
-            top = 1
-            stack[0], bounds[0] = 0, -math.inf
+            top = open_root(tree[4], stack, bounds) if count > 0 else 0
             while top > 0:
                 top -= 1
                 if bounds[top] - SLACK_MM >= best:
                     continue
-                node = stack[top]
-                if node >= leaves - 1:
-                    t0 = (node - leaves + 1) * LEAF
-                    for t in range(first + t0, first + min(t0 + LEAF, count)):
+                code = stack[top]
+                if is_leaf(code, levels):
+                    t0, t1 = pieces_of_leaf(code, tree)
+                    for t in range(t0, t1):
                         d = piece_distance(px, py, pz, geometry[t], a, rc)
                         if d < best:
                             best, found = d, t
                     continue
-                left = 2 * node + 1
-                b0 = _bound_distance(px, py, pz, nodes[trees[k, 0] + left], a, rc)
-                b1 = _bound_distance(px, py, pz, nodes[trees[k, 0] + left + 1], a, rc)
-                near, far = (left, left + 1) if b0 <= b1 else (left + 1, left)
-                stack[top], bounds[top] = far, max(b0, b1)
-                stack[top + 1], bounds[top + 1] = near, min(b0, b1)
-                top += 2
+                child_distances(px, py, pz, blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
+                top = push_children(code, best + SLACK_MM, top, stack, bounds)
     return best, found
-
-
-@njit(cache=True)
-def _bound_distance(px, py, pz, node, a, rc):
-    return node_distance(px, py, pz, node, a, rc) if node[0] <= node[1] else math.inf
 
 
 @njit(cache=True)
 def lowest_piece(x, y, forest, top_mm, hint, stack, bounds):
     """Height left over (x, y), at most top_mm, and the piece that left it (-1: uncut)."""
-    geometry, nodes, trees, tools = forest
+    geometry, blocks, trees, tools = forest
     best, found = top_mm, -1
     for pick in range(2):
         for k in range(len(trees)):
-            first, count, leaves = trees[k, 1], trees[k, 2], trees[k, 3]
-            a, rc = tools[k, 0], tools[k, 1]
+            tree = trees[k]
+            a, rc, first, count, levels = tools[k, 0], tools[k, 1], tree[1], tree[2], tree[3]
             if pick == 0:
                 if first <= hint < first + count:
                     z = piece_height(x, y, geometry[hint], a, rc)
                     if z < best:
                         best, found = z, hint
                 continue
-            if count == 0:
-                continue
-            top = 1
-            stack[0], bounds[0] = 0, -math.inf
+            top = open_root(tree[4], stack, bounds) if count > 0 else 0
             while top > 0:
                 top -= 1
                 if bounds[top] - SLACK_MM >= best:
                     continue
-                node = stack[top]
-                if node >= leaves - 1:
-                    t0 = (node - leaves + 1) * LEAF
-                    for t in range(first + t0, first + min(t0 + LEAF, count)):
+                code = stack[top]
+                if is_leaf(code, levels):
+                    t0, t1 = pieces_of_leaf(code, tree)
+                    for t in range(t0, t1):
                         z = piece_height(x, y, geometry[t], a, rc)
                         if z < best:
                             best, found = z, t
                     continue
-                left = 2 * node + 1
-                b0 = _bound_height(x, y, nodes[trees[k, 0] + left], a, rc)
-                b1 = _bound_height(x, y, nodes[trees[k, 0] + left + 1], a, rc)
-                near, far = (left, left + 1) if b0 <= b1 else (left + 1, left)
-                stack[top], bounds[top] = far, max(b0, b1)
-                stack[top + 1], bounds[top + 1] = near, min(b0, b1)
-                top += 2
+                child_heights(x, y, blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
+                top = push_children(code, best + SLACK_MM, top, stack, bounds)
     return best, found
-
-
-@njit(cache=True)
-def _bound_height(x, y, node, a, rc):
-    return node_height(x, y, node, a, rc) if node[0] <= node[1] else math.inf
 
 
 @njit(cache=True, parallel=True)
@@ -212,7 +264,7 @@ def distances(points, forest):
     n = len(points)
     out, piece = np.empty(n), np.empty(n, np.int64)
     for c in prange((n + CHUNK - 1) // CHUNK):
-        stack, bounds, hint = np.empty(DEPTH, np.int64), np.empty(DEPTH), -1
+        (stack, bounds), hint = work(), -1
         for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
             d, hint = nearest_piece(points[i, 0], points[i, 1], points[i, 2], forest, hint, stack, bounds)
             out[i], piece[i] = d, hint
@@ -225,7 +277,7 @@ def heights(xy, forest, top_mm):
     n = len(xy)
     out, piece = np.empty(n), np.empty(n, np.int64)
     for c in prange((n + CHUNK - 1) // CHUNK):
-        stack, bounds, hint = np.empty(DEPTH, np.int64), np.empty(DEPTH), -1
+        (stack, bounds), hint = work(), -1
         for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
             z, hint = lowest_piece(xy[i, 0], xy[i, 1], forest, top_mm, hint, stack, bounds)
             out[i], piece[i] = z, hint
