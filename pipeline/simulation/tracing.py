@@ -9,15 +9,18 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from cuspline.simulation.tree import CHUNK, nearest_piece, work
+from cuspline.simulation.distance_kernels import child_distances, piece_distance
+from cuspline.simulation.tree import (CHUNK, DEPTH, SLACK_MM, block_of, is_leaf, nearest_piece, open_root, pieces_of_leaf,
+                                      push_children, work)
 
 CLOSE_MM = 1e-8           # where tracing stops short of the surface
+SETTLED_MM = 1e-10        # how well a surface is met
 PATIENT_STEPS = 48        # after these a ray is grazing, and steps at least GRAZING of its length
 GRAZING = 0.01
 
 
 @njit(cache=True)
-def _box_crossings(p, n, low, high):
+def box_crossings(p, n, low, high):
     """Parameters (enter, leave) of the line p + t n through the box; enter > leave: it misses."""
     enter, leave = -math.inf, math.inf
     for k in range(3):
@@ -30,50 +33,153 @@ def _box_crossings(p, n, low, high):
     return enter, leave
 
 
+@njit(cache=True, error_model="numpy")
+def _entry(p, n, d, limit, g, a, rc):
+    """Where a ray enters what one piece sweeps, from a point at distance d > 0 outside it; `limit` if not before.
+
+    Along a line and along an arc that hangs down a convex cutter sweeps a convex volume, so the distance is convex along
+    the ray: its secant through two places before the entry meets zero no later than it does, and never steps over.
+    """
+    if g[11] != 0.0 and g[10] > 0.0:
+        return _entry_by_steps(p, n, d, limit, g, a, rc)
+    before, f_before, t = 0.0, d, d
+    for _ in range(60):
+        if t >= limit:
+            return limit
+        f = piece_distance(p[0] + t * n[0], p[1] + t * n[1], p[2] + t * n[2], g, a, rc)
+        if f <= SETTLED_MM:
+            return t
+        fall = (f_before - f) / (t - before)
+        if not fall > 0.0:
+            return limit
+        before, f_before, step = t, f, f / min(fall, 1.0)
+        if step <= SETTLED_MM:
+            return t
+        t += step
+    return min(t, limit)
+
+
 @njit(cache=True)
-def _trace(p, n, t0, t1, sign, forest, hint, stack, bounds):
-    """First t in [t0, t1] where sign * distance to the swept volume is no longer positive; t1 if never."""
-    t, before, step = t0, t0, 0
-    while t < t1:
-        d, hint = nearest_piece(p[0] + t * n[0], p[1] + t * n[1], p[2] + t * n[2], forest, hint, stack, bounds)
-        d *= sign
-        if d <= CLOSE_MM:
+def _entry_by_steps(p, n, d, limit, g, a, rc):
+    """As `_entry`, past the back of an arc: by steps as long as the distance."""
+    t = d
+    for step in range(PATIENT_STEPS * 4):
+        if t >= limit:
+            return limit
+        f = piece_distance(p[0] + t * n[0], p[1] + t * n[1], p[2] + t * n[2], g, a, rc)
+        if f <= SETTLED_MM:
+            return t
+        t += f if step < PATIENT_STEPS else max(f, GRAZING * t + 1e-6)
+    return limit
+
+
+@njit(cache=True)
+def first_entry(p, n, limit, forest, hint, stack, bounds):
+    """First place along a ray, no farther than `limit`, where it enters anything swept, and the piece entered.
+
+    The distance of a piece, or of a node's pieces, bounds how soon the ray can meet it.
+
+    Returns:
+        (t, piece); (-1, piece) as soon as a piece is found that the point itself lies in or on; (limit, -1): none.
+    """
+    geometry, blocks, trees, tools = forest
+    best, found = limit, -1
+    for pick in range(2):                    # first the hint alone, then all trees
+        for k in range(len(trees)):
+            tree = trees[k]
+            a, rc, first, count, levels = tools[k, 0], tools[k, 1], tree[1], tree[2], tree[3]
+            top = 0
+            if pick == 0:
+                if not first <= hint < first + count:
+                    continue
+                t0, t1 = hint, hint + 1
+            elif count > 0:
+                top, t0, t1 = open_root(tree[4], stack, bounds), 0, 0
+            else:
+                continue
+            while True:
+                for t in range(t0, t1):
+                    d = piece_distance(p[0], p[1], p[2], geometry[t], a, rc)
+                    if d <= CLOSE_MM:
+                        return -1.0, t
+                    if d < best:
+                        there = _entry(p, n, d, best, geometry[t], a, rc)
+                        if there < best:
+                            best, found = there, t
+                t0, t1 = 0, 0
+                if top == 0:
+                    break
+                top -= 1
+                if bounds[top] - SLACK_MM >= best:
+                    continue
+                code = stack[top]
+                if is_leaf(code, levels):
+                    t0, t1 = pieces_of_leaf(code, tree)
+                    continue
+                child_distances(p[0], p[1], p[2], blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
+                top = push_children(code, best + SLACK_MM, top, stack, bounds)
+    return best, found
+
+
+@njit(cache=True)
+def _exit(p, n, start, limit, forest, piece, stack, bounds):
+    """Depth along -n from `start` to where stock begins, and the piece that reaches deepest at the start."""
+    geometry, trees, tools = forest[0], forest[2], forest[3]
+    t, deepest = start, -1
+    while t < limit:
+        d, piece = nearest_piece(p[0] - t * n[0], p[1] - t * n[1], p[2] - t * n[2], forest, piece, stack, bounds, -CLOSE_MM)
+        if piece < 0:
             break
-        before = t
-        step += 1
-        t += d if step < PATIENT_STEPS else max(d, GRAZING * (t - t0) + 1e-6)
-    t = min(t, t1)
-    if step < PATIENT_STEPS or t >= t1:
-        return t
-    lo, hi = before, t                       # a grazing step may have gone in too deep
-    while hi - lo > CLOSE_MM:
-        mid = 0.5 * (lo + hi)
-        d, hint = nearest_piece(p[0] + mid * n[0], p[1] + mid * n[1], p[2] + mid * n[2],
-                                forest, hint, stack, bounds)
-        if sign * d <= CLOSE_MM:
-            hi = mid
+        deepest = piece if deepest < 0 else deepest
+        for k in range(len(trees)):
+            if trees[k, 1] <= piece < trees[k, 1] + trees[k, 2]:
+                t = max(_leave(p, n, t, d, limit, geometry[piece], tools[k, 0], tools[k, 1]), t + CLOSE_MM)
+    return min(t, limit), deepest
+
+
+@njit(cache=True)
+def _leave(p, n, t, d, limit, g, a, rc):
+    """Where the ray back from depth t, at distance d < 0 within one piece, leaves it: bracketed, then halved and by secants."""
+    lo, f_lo, step = t, d, -2.0 * d
+    hi = f_hi = 0.0
+    while True:
+        hi = min(lo + step, limit)
+        f_hi = piece_distance(p[0] - hi * n[0], p[1] - hi * n[1], p[2] - hi * n[2], g, a, rc)
+        if f_hi >= 0.0:
+            break
+        if hi >= limit:
+            return limit
+        lo, f_lo, step = hi, f_hi, 2.0 * step
+    for k in range(100):
+        if hi - lo <= SETTLED_MM or f_hi <= SETTLED_MM:
+            break
+        share = 0.5 if k % 3 == 2 else min(max(f_lo / (f_lo - f_hi), 0.01), 0.99)
+        middle = lo + share * (hi - lo)
+        f = piece_distance(p[0] - middle * n[0], p[1] - middle * n[1], p[2] - middle * n[2], g, a, rc)
+        if f >= 0.0:
+            hi, f_hi = middle, f
         else:
-            lo = mid
+            lo, f_lo = middle, f
     return hi
 
 
 @njit(cache=True)
-def _deviation(p, n, low, high, limit, d, forest, hint, stack, bounds):
-    """Deviation of one point whose distance d to the swept volume is known."""
-    enter, leave = _box_crossings(p, n, low, high)
+def _deviation(p, n, low, high, limit, forest, hint, stack, bounds):
+    """Deviation of one point and the piece it belongs to: the one its ray meets first, or the deepest round the point."""
+    enter, leave = box_crossings(p, n, low, high)
     is_outside = not (enter < 0.0 and leave > -CLOSE_MM)
-    if d > CLOSE_MM and not is_outside:
-        return _trace(p, n, 0.0, min(max(leave, 0.0), limit), 1.0, forest, hint, stack, bounds)
-    if d >= -CLOSE_MM and not is_outside:
-        return 0.0
+    if not is_outside:
+        t, piece = first_entry(p, n, min(max(leave, 0.0), limit), forest, hint, stack, bounds)
+        if t >= 0.0:
+            return t, piece
+        hint = piece
     enter, leave = -leave, -enter            # along -normal
     start = max(enter, 0.0)
-    if start >= min(leave, limit):
-        return -limit
-    back = np.array([-n[0], -n[1], -n[2]])
-    t = _trace(p, back, start, limit, -1.0, forest, hint, stack, bounds)
+    if is_outside and start >= min(leave, limit):
+        return -limit, hint
+    t, piece = _exit(p, n, start, limit, forest, hint, stack, bounds)
     # where the ray leaves the billet before it meets stock, everything along it is gone, and no more
-    return -min(t, max(leave, start))
+    return -min(t, max(leave, start)), piece if piece >= 0 else hint
 
 
 @njit(cache=True, parallel=True)
@@ -84,8 +190,6 @@ def deviations(points, normals, low, high, limit, forest):
     for c in prange((n + CHUNK - 1) // CHUNK):
         (stack, bounds), hint = work(), -1
         for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
-            p = points[i]
-            d, hint = nearest_piece(p[0], p[1], p[2], forest, hint, stack, bounds)
+            out[i], hint = _deviation(points[i], normals[i], low, high, limit, forest, hint, stack, bounds)
             piece[i] = hint
-            out[i] = _deviation(p, normals[i], low, high, limit, d, forest, hint, stack, bounds)
     return out, piece
