@@ -24,7 +24,7 @@ from cuspline.simulation.distance_kernels import child_distances, piece_distance
 from cuspline.simulation.height_kernels import child_heights, piece_height
 
 WIDTH = 8                 # children of a node
-LEAF = 3                  # pieces in a leaf
+LEAF = 4                  # pieces in a leaf
 PLANE_SPAN = 4096         # nodes over more pieces carry no plane
 SLACK_MM = 1e-10          # a node is left out only if it is farther by this: rounding of its bound
 FAR_MM = 1e9              # where children stand that hold nothing

@@ -9,8 +9,6 @@ and edges need to be asked: of the points over one another in a solid the topmos
 from dataclasses import dataclass
 
 import numpy as np
-from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-from OCP.gp import gp_Trsf
 
 from cuspline import brep
 from cuspline.arrays import frozen
@@ -56,6 +54,12 @@ class Certificate:
         return {"rapids": int((self.kind == Kind.RAPID).sum()), "feeds": int((self.kind == Kind.FEED).sum()),
                 "arcs": int((self.kind >= Kind.ARC_CW).sum())}
 
+    def as_dict(self):
+        """For verify.json."""
+        reasons = [reason for _, reason in self.uncovered]
+        return {"proven_mm": self.proven_mm, "moves": self.moves_proven, "tolerance_mm": self.tolerance_mm,
+                "not_covered": {reason: reasons.count(reason) for reason in dict.fromkeys(reasons)}}
+
     @property
     def is_complete(self):
         """Every move asked for is proven."""
@@ -91,10 +95,7 @@ def part_in_wcs(solid, frame):
         solid: TopoDS_Solid (or a shape that holds one), part coordinates.
         frame: frames.Frame of the setup.
     """
-    turn, shift = frame.rotation.T, frame.into(np.zeros((1, 3)))[0]
-    motion = gp_Trsf()
-    motion.SetValues(*np.column_stack([turn, shift]).ravel().tolist())
-    return ExactPart.of_solid(BRepBuilderAPI_Transform(brep.wrapped(solid), motion, True).Shape())
+    return ExactPart.of_solid(brep.seen_from(brep.the_solid(solid), frame))
 
 
 def certify(posted, tools, part, *, tolerance_mm, rows=None):

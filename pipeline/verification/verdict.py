@@ -12,6 +12,7 @@ from cuspline.simulation.stock_solids import StockSolids
 from cuspline.simulation.swept import swept_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.toolpaths.dropcutter import drop_tips_mm
+from cuspline.verification.certificate import Certificate, certify, gouges_beyond, part_in_wcs
 from cuspline.verification.findings import Finding
 from cuspline.verification.reach import drop_mesh
 from cuspline.verification.residuals import (Residuals, default_spacing_mm, residuals, unreachable_places,
@@ -23,6 +24,8 @@ from cuspline.verification.tessellation import tessellate
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
 TRACING_MM = 1e-7         # length of a traced ray
 NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
+PROVEN_SHARE = 1 / 3      # of the allowed gouge: how near to the truth the certificate's bounds come
+FINEST_MM = 2e-4          # the finest that they are asked for
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
 MISSED_MM2 = 1.0
 SEEN_PITCHES = 3.0        # a body narrower than this many pitches may slip through the grid
@@ -53,6 +56,7 @@ class SetupVerdict:
     residuals: Residuals
     solids: SolidComparison
     replay: Replay
+    certificate: Certificate
     error_bounds_mm: dict             # part -> mm
     numbers: dict                     # verify.json's contract, without findings
     findings: tuple[Finding, ...]
@@ -85,7 +89,7 @@ class Verdict:
     def as_dict(self):
         """verify.json: the totals, then every setup."""
         parts = [s.as_dict() for s in self.setups]
-        worst = ("gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "error_bound_mm")
+        worst = ("gouge_max_mm", "gouge_proven_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "error_bound_mm")
         summed = ("gouge_volume_mm3", "excess_volume_mm3", "points_checked", "area_required_mm2", "area_reached_mm2",
                   "area_unreachable_mm2")
         together = ("unreachable", "collisions", "findings")
@@ -146,12 +150,14 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     verdicts = []
     for k, (program, (found, own)) in enumerate(zip(programs, judged)):
         history = _replayed(program, tools, before[k], drops[k], machine, fitted[k])
-        verdicts.append(_judged(program, found, own, history, made, k, mesh, drops[k], required[k], finish,
+        proven = certify(program.posted, tools, part_in_wcs(solid, program.setup.frame),
+                         tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
+        verdicts.append(_judged(program, found, own, history, proven, made, k, mesh, drops[k], required[k], finish,
                                 fitted[k], ball_radius_mm))
     return tuple(verdicts)
 
 
-def _judged(program, found, own, history, made, k, mesh, drops, required, finish, options, ball_radius_mm):
+def _judged(program, found, own, history, proven, made, k, mesh, drops, required, finish, options, ball_radius_mm):
     """SetupVerdict of clamping k."""
     path_error = max((p.error_mm for c in made.piece.cuts for p in c.paths), default=0.0)
     solid_view = compare(made, k, mesh, drops, required, found, own, excess_mm=_allowed(finish), gouge_mm=finish.gouge_mm,
@@ -160,11 +166,23 @@ def _judged(program, found, own, history, made, k, mesh, drops, required, finish
               "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.volumes.zmap_mm}
     bounds = {name: _rounded(v, 9) for name, v in bounds.items()}
     report = _Reporter(program, finish, found, own)
-    findings = (*history.findings, *report.gouges(), *report.excess(),
+    findings = (*history.findings, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
                 *report.disagreements(solid_view, options.solid_pitch_mm, bounds))
     return SetupVerdict(setup=program.setup.name, finish=finish, residuals=found, solids=solid_view, replay=history,
-                        error_bounds_mm=bounds, findings=findings,
-                        numbers=_numbers(found, solid_view, finish, bounds, history))
+                        certificate=proven, error_bounds_mm=bounds, findings=findings,
+                        numbers={**_numbers(found, solid_view, finish, bounds, history),
+                                 "gouge_proven_mm": _rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict())})
+
+
+def _runs(moves):
+    """Moves that follow one another, as lists in order of their rows."""
+    found = []
+    for move in sorted(moves, key=lambda m: m.row):
+        if found and move.row == found[-1][-1].row + 1:
+            found[-1].append(move)
+        else:
+            found.append([move])
+    return found
 
 
 def _allowed(finish):
@@ -267,6 +285,21 @@ class _Reporter:
                                 f"the cutter goes {-d[worst]:.4f} mm below the surface, {self.finish.gouge_mm:g} mm are "
                                 f"allowed, over {self.own.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
                                 "take a smaller cutter here, or mend the offset of this pass")
+
+    def unseen_gouges(self, proven):
+        """Moves that are not proven to keep to what the finish allows, where no sample tells of them."""
+        d, points = self.own.deviation_mm, self.own.samples.points_mm
+        told = self.frame.into(points[d < -self.finish.gouge_mm - NOISE_MM])
+        for moves in _runs(gouges_beyond(proven, self.finish.gouge_mm)):
+            worst = max(moves, key=lambda m: m.depth_mm)
+            if len(told) and np.linalg.norm(told - worst.place_mm, axis=1).min() <= 2 * self.own.spacing_mm:
+                continue
+            place = self.frame.out(np.array([worst.place_mm]))[0].round(6)
+            yield Finding(kind="gouge", amount_mm=_rounded(worst.depth_mm), place_mm=tuple(place.tolist()),
+                          operation=self.posted.operation_name(worst.row), line=int(self.posted.line[worst.row]),
+                          setup=self.setup, advice=f"between the sample points this move may go {worst.depth_mm:.4f} mm "
+                          f"into the part, {self.finish.gouge_mm:g} mm are allowed; {len(moves)} moves from line "
+                          f"{self.posted.line[moves[0].row]}: lift them, or tighten the segment tolerance")
 
     def excess(self):
         """One finding a connected area that a ball could finish and that was left proud."""
