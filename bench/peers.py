@@ -12,7 +12,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 ENVIRONMENT = HERE.parent / ".bench-venv"
-PINS = ("numpy==2.4.6", "opencamlib==2023.1.11", "meshlib==3.1.4.297")
+PINS = ("numpy==2.4.6", "opencamlib==2023.1.11", "meshlib==3.1.4.297", "coal==3.0.3")
 
 
 def peak_mb():

@@ -60,7 +60,15 @@ class Machine(Model):
     table_z_mm: float = Field(description="table top, machine coordinates")
     wcs_origin_mm: tuple[float, float, float] = Field(
         description="where G54 is expected to lie, machine coordinates of the spindle nose")
+    spindle_head: tuple[tuple[float, float], ...] = Field(
+        (), description="(height_mm, diameter_mm) of cylinders above the holder's top, from below, that must not touch")
     control: Control
+
+    @model_validator(mode="after")
+    def _head_has_size(self):
+        if any(not size > 0 for segment in self.spindle_head for size in segment):
+            raise ValueError("every segment of spindle_head has a height and a diameter above 0")
+        return self
 
     @property
     def axes(self):

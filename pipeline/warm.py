@@ -15,9 +15,15 @@ def steps():
     """(what, function) pairs; each function makes its kernels compile."""
     return (("throwing away what was compiled before", _forget), ("surface evaluation", _surfaces),
             ("closest points", _closest_points), ("drop-cutter on triangles", _drop_cutter),
+<<<<<<< HEAD
             ("drop-cutter on exact surfaces", _exact_drop), ("certificate", _certificate),
             ("arc fitting", _arcs), ("feeds", _feeds),
             ("planning of a small part", _planning), ("simulation and comparison", _simulation))
+=======
+            ("drop-cutter on exact surfaces", _exact_drop), ("arc fitting", _arcs), ("feeds", _feeds),
+            ("planning of a small part", _planning), ("clearance", _clearance),
+            ("simulation and comparison", _simulation))
+>>>>>>> 2e00e55 (Collisions proven between the points of a move: clearance of tools to triangles, stock bounded between the nodes, table and spindle head; beside coal)
 
 
 def _forget():
@@ -103,6 +109,14 @@ def _arcs():
 def _feeds():
     from cuspline.planning.feeds import _ramped
     _ramped(np.ones(2), np.ones(2), np.zeros(3), 1.0)
+
+
+def _clearance():
+    from cuspline.simulation.clearance import ClearanceTree
+    tree = ClearanceTree.of_triangles([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    tool, tips, axes = [[1.0, 1.0, 9.0, 2.0, 0.0]], [[0, 0, 5.0]], [[0, 0, 1.0]]
+    tree.distances_mm(tool, tips, axes, 0.1)
+    tree.certified_clearance(tool, tips, [[0, 9.0, 5]], axes, [[0.6, 0, 0.8]], 0.1)
 
 
 def _simulation():

@@ -8,13 +8,16 @@ from cuspline.arrays import frozen
 from cuspline.errors import SimulationError
 from cuspline.frames import Frame
 from cuspline.program import Kind
-from cuspline.simulation import replay_checks, replay_kernel
+from cuspline.simulation import replay_checks, replay_design, replay_kernel
+from cuspline.simulation.clearance import ClearanceTree, head_frusta
 from cuspline.simulation.pieces import pieces_of
 from cuspline.simulation.swept import cutting_rows
+from cuspline.simulation.replay_stock import LEAF
+from cuspline.simulation.tree import morton_order
 from cuspline.verification.findings import Finding
 
-TOUCH_MM = 1e-4           # a rapid may touch by this: rounding of the post, pieces of arcs
-CONE_SLICES = 4           # cylinders for a holder segment that widens upward
+TOUCH_MM = 1e-4           # what may be missing of a distance: rounding of the post, pieces of arcs
+ENDLESS_MM = 1e4          # a part that nothing above makes wider goes on upward by this
 HOLDER_CLEARANCE_MM = 1.0
 SHANK_CLEARANCE_MM = 0.0  # the neck follows the flutes into the slot they cut
 
@@ -65,8 +68,10 @@ class Replay:
     event_z_mm: np.ndarray          # (e,) new height, below the one before
     final_z_mm: np.ndarray          # (ny, nx) stock after all moves
     findings: tuple[Finding, ...]
-    holder_clearance_mm: float      # least distance of any holder to stock or design; inf: beyond 50 mm
-    holder_place_mm: tuple[float, float, float] | None      # part coordinates
+    holder_clearance_mm: float      # no holder comes nearer to stock or design, proven; inf: beyond 50 mm
+    holder_place_mm: tuple[float, float, float] | None      # where it comes nearest; part coordinates
+    undecided_lines: tuple[int, ...]    # lines of moves where a contact with a fin of stock is not excluded
+    is_table_checked: bool
 
     def __post_init__(self):
         shape, e = (self.zmap.ny, self.zmap.nx), len(self.event_row)
@@ -76,44 +81,61 @@ class Replay:
             object.__setattr__(self, name, frozen(getattr(self, name), form, name, dtype))
 
 
-def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, design_top_mm=None, fixtures=(), machine=None,
-           frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
+def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, design_top_mm=None, design=None,
+           design_error_mm=0.0, fixtures=(), machine=None, frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
            holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM):
     """Replays a posted program move by move on a z-map of the stock.
 
-    Contacts are judged at the nodes: what is thinner than the pitch can slip between them.
+    Contacts are judged over the whole of every move, not at its ends, nor at the nodes alone.  What is left of the
+    stock between the nodes is bounded cell by cell; where a bound does not clear a move the cell is quartered down
+    to `replay_stock.CELL_MM` (0.02 mm) until it does or a point shows a contact.  A fin of stock thinner than that can
+    stay unseen: moves for which this is not excluded are listed in `undecided_lines`.
 
     Args:
         posted: PostedMoves.   tools: dict of tool number -> cutters.Tool.
         stock_min, stock_max: (3,) corners of the billet, WCS.
         pitch_mm: distance of the nodes.
-        stock_top_mm: (ny, nx) height of the stock at the nodes before the first move; None: the whole billet.
+        stock_top_mm: (ny, nx) height of the stock at the nodes before the first move; None: the whole billet.  Between
+            them it is taken to be no higher than at the nodes round about, and no contact to be sure above the lowest.
         design_top_mm: (ny, nx) height of the finished design at the nodes of
             `ZMap.over(stock_min, stock_max, pitch_mm)`, NaN beside it; None: not known.
-        fixtures: Fixture values, WCS.   machine: machines.Machine, or None: travel is not checked.
+        design: ClearanceTree of the finished design, WCS; None: pins of the heights design_top_mm.
+        design_error_mm: how deep neck, shank and holder may seem to touch the design: the deviation of its triangles
+            and what the finish allows the flutes themselves.
+        fixtures: Fixture values, WCS.   machine: machines.Machine, or None: travel and table are not checked and
+            nothing is known of a spindle head.
         frame: the WCS seen from the part, for the places of findings.
-        holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design.
+        holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
+            counts as part of the holder.
     Raises:
         SimulationError: a feed move with a tool that is not given.
     """
     zmap = ZMap.over(stock_min, stock_max, pitch_mm)
     shape, top = (zmap.ny, zmap.nx), float(stock_max[2])
-    design = np.full(shape, np.nan) if design_top_mm is None else frozen(design_top_mm, shape, "design_top_mm")
+    heights = np.full(shape, np.nan) if design_top_mm is None else frozen(design_top_mm, shape, "design_top_mm")
     z = np.full(shape, top) if stock_top_mm is None else np.array(frozen(stock_top_mm, shape, "stock_top_mm"))
-    clearance = np.array([shank_clearance_mm, holder_clearance_mm], dtype=float)
+    wanted = np.array([0.0, shank_clearance_mm, holder_clearance_mm])
     boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures], dtype=float).reshape(-1, 6)
-    events, worst, least = replay_kernel.run(
-        *_script(posted, tools, shank_clearance_mm), clearance, TOUCH_MM, boxes, z,
-        np.where(np.isnan(design), -np.inf, design), *zmap.origin_mm, zmap.pitch_mm, len(posted))
+    script = _script(posted, tools, () if machine is None else machine.spindle_head)
+    worst = np.full((4, len(posted), 4), -np.inf)
+    least = np.array([replay_kernel.FAR_MM, replay_kernel.FAR_MM, np.nan, np.nan, np.nan])
+    near = _pins(zmap, heights, float(stock_min[2])) if design is None else design
+    if near is not None:
+        _against_design(near, script, wanted, design_error_mm + TOUCH_MM, worst, least)
+    lines = _lines(zmap, stock_max)
+    events, unsure = replay_kernel.run(
+        *script, wanted, TOUCH_MM, boxes, z, *_before(z, lines), lines, _past(script[0], script[2], script[4]), worst,
+        least)
     events = np.concatenate([_cut_before(stock_top_mm, top), events])
     report = replay_checks.Reporter(posted, setup, frame)
     found = (*report.contacts(worst), *report.states(top), *report.unknown_starts(_highest(top, boxes)),
-             *report.travel(machine), *report.end())
-    place = None if np.isnan(least[1]) else report.place(least[1:])
-    return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=design,
+             *report.travel(machine), *report.table(machine, tools, script), *report.end())
+    place = None if np.isnan(least[2]) else report.place(least[2:])
+    return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[:, 0], event_cell=events[:, 1], event_z_mm=events[:, 2], final_z_mm=z,
-                  findings=found, holder_clearance_mm=np.inf if place is None else float(least[0]),
-                  holder_place_mm=place)
+                  findings=found, holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
+                  holder_place_mm=place, undecided_lines=tuple(posted.line[unsure].tolist()),
+                  is_table_checked=machine is not None)
 
 
 def _cut_before(stock_top_mm, top):
@@ -129,8 +151,102 @@ def _highest(top, boxes):
     return max([top, *boxes[:, 5]])
 
 
-def _script(posted, tools, shank_clearance_mm):
-    """Pieces of all known moves in order, with their cutters and the cylinders above these."""
+def _lines(zmap, stock_max):
+    """x and y of the grid's lines: through the nodes, and the stock's far side where no node stands on it."""
+    lines = []
+    for origin, count, end in zip(zmap.origin_mm, (zmap.nx, zmap.ny), stock_max):
+        at = origin + zmap.pitch_mm * np.arange(count)
+        lines.append(np.append(at, end) if end - at[-1] > 1e-9 or count == 1 else at)
+    return tuple(lines)
+
+
+def _before(z, lines):
+    """What is known of each cell before the first move: no higher than its highest node, no lower than its lowest."""
+    wide = np.pad(z, [(0, len(lines[1]) - len(z)), (0, len(lines[0]) - z.shape[1])], mode="edge")
+    corners = np.array([wide[:-1, :-1], wide[1:, :-1], wide[:-1, 1:], wide[1:, 1:]])
+    return corners.max(axis=0), corners.min(axis=0)
+
+
+def _past(geometry, cutter, cutters):
+    """All pieces as the kernels search them: (forest, order of each, least order under each node)."""
+    trees, parts, first = [], [], [0, 0]
+    for k in range(len(cutters)):
+        rows = np.flatnonzero(cutter == k)
+        g = geometry[rows]
+        middle = np.column_stack([g[:, 0] + g[:, 3], g[:, 1] + g[:, 4], 2 * np.minimum(g[:, 2], g[:, 5])]) / 2
+        rows = rows[morton_order(middle)]
+        nodes, leaves = _boxes(geometry[rows])
+        trees.append((*first, len(rows), leaves))
+        parts.append((geometry[rows], nodes, rows, _least_under(rows, leaves)))
+        first = [first[0] + len(nodes), first[1] + len(rows)]
+    empty = (np.zeros((0, 12)), np.zeros((0, 5)), np.zeros(0, np.int64), np.zeros(0, np.int64))
+    pieces, nodes, orders, firsts = (np.concatenate(column) for column in zip(empty, *parts))
+    return (pieces, nodes, np.array(trees, np.int64).reshape(-1, 4), cutters), orders, firsts
+
+
+def _boxes(geometry):
+    """(2 leaves - 1, 5) rectangle and lowest tip of each node of a binary tree, and the number of leaves."""
+    leaves = 1 << max(0, int(np.ceil(np.log2(len(geometry) / LEAF))))
+    xs, ys, low = geometry[:, [0, 3]], geometry[:, [1, 4]], replay_checks.lowest_tips(geometry)
+    least = [_least_under(c, leaves) for c in (xs.min(axis=1), -xs.max(axis=1), ys.min(axis=1), -ys.max(axis=1), low)]
+    return np.column_stack(least) * [1, -1, 1, -1, 1], leaves
+
+
+def _least_under(values, leaves):
+    """(2 leaves - 1,) least value under each node of a binary tree; the largest there is behind the last one."""
+    level = np.full(leaves * LEAF, np.iinfo(np.int64).max if values.dtype == np.int64 else 1e300, values.dtype)
+    level[:len(values)] = values
+    level = level.reshape(leaves, LEAF).min(axis=1)
+    out = np.empty(2 * leaves - 1, values.dtype)
+    while len(level) > 1:
+        out[len(level) - 1:2 * len(level) - 1] = level
+        level = level.reshape(-1, 2).min(axis=1)
+    out[0] = level[0]
+    return out
+
+
+def _pins(zmap, heights, bottom):
+    """Thin pins as high as the design at its nodes; None where it is not known."""
+    known = np.isfinite(heights).ravel()
+    if not known.any():
+        return None
+    xy, top = zmap.xy_mm[known], heights.ravel()[known]
+    n = len(top)
+    ends = np.vstack([np.column_stack([xy, top]), np.column_stack([xy, np.minimum(top, bottom)])])
+    return ClearanceTree.of_triangles(ends, np.column_stack([np.arange(n), np.arange(n) + n, np.arange(n) + n]))
+
+
+def _against_design(design, script, wanted, allowed_mm, worst, least):
+    """Shank and holder of every cutter against the design: `worst` takes contacts, `least` the holder's distance."""
+    geometry, row, cutter, _, _, parts, kinds = script
+    lines = np.empty((len(geometry), 12))
+    for g, out in zip(geometry, lines):
+        replay_kernel.chord(g, out)
+    for k in np.unique(cutter):
+        pieces = np.flatnonzero(cutter == k)
+        for kind in (replay_kernel.SHANK, replay_kernel.HOLDER):
+            segments = parts[(kinds[:, 0] == k) & (kinds[:, 1] == kind)]
+            if not len(segments):
+                continue
+            amounts, places = np.full(len(pieces), -np.inf), np.full((len(pieces), 3), np.nan)
+            is_holder = kind == replay_kernel.HOLDER
+            proven, got, spot = replay_design.sweep(
+                design.arrays, np.ascontiguousarray(lines[pieces, :6]), np.ascontiguousarray(segments),
+                wanted[kind] - allowed_mm, least[1] if is_holder else -np.inf,
+                replay_design.TOLERANCE_MM, amounts, places)
+            if is_holder and got < least[1]:
+                least[1:] = got, *spot
+            if is_holder:
+                least[0] = min(least[0], proven)
+            hit = np.flatnonzero(amounts > 0)
+            for p in hit[np.argsort(amounts[hit], kind="stable")]:
+                table = worst[kind, row[pieces[p]]]
+                if amounts[p] + allowed_mm > table[0]:
+                    table[:] = amounts[p] + allowed_mm, *places[p]
+
+
+def _script(posted, tools, spindle_head):
+    """Pieces of all known moves in order, with their cutters and the parts above these."""
     known = cutting_rows(posted) & np.isin(posted.tool, list(tools))
     lost = (posted.kind != Kind.RAPID) & ~known
     if lost.any():
@@ -139,16 +255,19 @@ def _script(posted, tools, shank_clearance_mm):
                               f"{posted.start_mm[k]}; the tool is not in the library or the start is unknown",
                               rows=np.flatnonzero(lost))
     numbers = sorted({int(n) for n in posted.tool[known]})
-    parts = [_pieces(posted, np.flatnonzero(known & (posted.tool == n)), tools[n]) for n in numbers]
+    pieces = [_pieces(posted, np.flatnonzero(known & (posted.tool == n)), tools[n]) for n in numbers]
     stack = lambda arrays, empty: np.concatenate([empty, *arrays])
-    geometry = stack([p.geometry for p in parts], np.zeros((0, 12)))
-    row = stack([p.row for p in parts], np.zeros(0, np.int64))
-    cutter = stack([np.full(len(p), k) for k, p in enumerate(parts)], np.zeros(0, np.int64))
+    geometry = stack([p.geometry for p in pieces], np.zeros((0, 12)))
+    row = stack([p.row for p in pieces], np.zeros(0, np.int64))
+    cutter = stack([np.full(len(p), k) for k, p in enumerate(pieces)], np.zeros(0, np.int64))
     order = np.argsort(row, kind="stable")
     cutters = np.array([(tools[n].cutter.radius_mm - tools[n].cutter.corner_radius_mm,
                          tools[n].cutter.corner_radius_mm) for n in numbers]).reshape(-1, 2)
-    cylinders = np.array([(k, *c) for k, n in enumerate(numbers) for c in upright_cylinders(tools[n])]).reshape(-1, 4)
-    return (geometry[order], row[order], cutter[order], posted.kind[row[order]] == Kind.RAPID, cutters, cylinders)
+    rows = [(k, *part) for k, n in enumerate(numbers)
+            for part in (_thin_flutes(*cutters[k]), *_parts(tools[n], spindle_head))]
+    parts = np.array(rows, dtype=float).reshape(-1, 7)
+    return (geometry[order], row[order], cutter[order], posted.kind[row[order]] == Kind.RAPID, cutters,
+            np.ascontiguousarray(parts[:, 2:]), np.ascontiguousarray(parts[:, :2].astype(np.int64)))
 
 
 def _pieces(posted, rows, tool):
@@ -156,12 +275,17 @@ def _pieces(posted, rows, tool):
     return pieces_of(posted, rows, tool.cutter.type == "ball", deepest_mm=tool.cutter.flute_length_mm / 2)
 
 
-def upright_cylinders(tool):
-    """(lift_mm, radius_mm, is_holder) of cylinders without upper end that cover neck, shank and holder."""
-    rows = []
-    for z0, r0, z1, r1 in tool.non_cutting_frusta():
-        is_holder = float(z0 >= tool.stick_out_mm - 1e-9)
-        rows.append((z0, r0, is_holder))
-        for k in range(CONE_SLICES if r1 > r0 else 0):
-            rows.append((z0 + (z1 - z0) * k / CONE_SLICES, r0 + (r1 - r0) * (k + 1) / CONE_SLICES, is_holder))
-    return rows
+def _thin_flutes(a, rc):
+    """(kind, z0, r0, z1, r1, grow) of flutes whose surface lies TOUCH_MM farther in."""
+    thin = max(rc - TOUCH_MM, 0.0)
+    a -= TOUCH_MM - (rc - thin)
+    return replay_kernel.RAPID, TOUCH_MM + thin, a, ENDLESS_MM, a, thin
+
+
+def _parts(tool, spindle_head):
+    """(kind, z0, r0, z1, r1, grow) of neck, shank, holder and spindle head; what does not widen goes on upward."""
+    frusta = [(z0 >= tool.stick_out_mm - 1e-9, z0, r0, z1, r1) for z0, r0, z1, r1 in
+              [*tool.non_cutting_frusta(), *head_frusta(tool, spindle_head)]]
+    for is_holder, z0, r0, z1, r1 in frusta:
+        kind = replay_kernel.HOLDER if is_holder else replay_kernel.SHANK
+        yield (kind, z0, r0, z1, r1, 0.0) if r1 > r0 else (kind, z0, r0, ENDLESS_MM, r0, 0.0)

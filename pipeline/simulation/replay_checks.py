@@ -17,6 +17,15 @@ CONTACTS = (
 )
 
 
+def lowest_tips(geometry):
+    """(m,) lowest tip of each piece; an arc below its centre hangs lower than its ends only at its lowest point."""
+    low, u = np.minimum(geometry[:, 2], geometry[:, 5]), geometry[:, 6].astype(np.int64)
+    rows = np.arange(len(geometry))
+    bottom = ((geometry[:, 11] != 0) & (geometry[:, 10] < 0) & (geometry[rows, u] <= geometry[:, 7])
+              & (geometry[:, 7] <= geometry[rows, 3 + u]))
+    return np.where(bottom, geometry[:, 8] - geometry[:, 9], low)
+
+
 class Reporter:
     """Makes findings of one program; places in part coordinates."""
 
@@ -115,6 +124,21 @@ class Reporter:
                 "travel_exceeded", amount, self.posted.end_mm, np.ones(len(over), dtype=bool),
                 f"{name} leaves its travel {axis.min_mm:g} .. {axis.max_mm:g} mm: move the part on the table or "
                 "take another tool length")
+
+    def table(self, machine, tools, script):
+        """Tips against the machine's table, all along the way; it reaches as far as the axes."""
+        if machine is None:
+            return
+        geometry, row = script[:2]
+        posted, low = self.posted, np.full(len(self.posted), np.inf)
+        np.minimum.at(low, row, lowest_tips(geometry))
+        length = np.array([tools[n].length_mm if n in tools else np.nan for n in posted.tool.tolist()])
+        above = low + posted.machine_end_mm[:, 2] - posted.end_mm[:, 2] - length - machine.table_z_mm
+        depth = np.nan_to_num(-above, nan=0.0, posinf=0.0, neginf=0.0)
+        places = np.column_stack([posted.end_mm[:, :2], low])
+        yield from self._merged("fixture_contact", np.where(depth > NOISE_MM, depth, 0.0), places,
+                                np.ones(len(posted), dtype=bool),
+                                "the tip goes below the machine's table: mount the part higher, or lift the path")
 
     def _machine_extremes(self):
         """(n, 3) lowest and highest machine coordinates of each move."""

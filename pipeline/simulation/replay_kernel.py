@@ -1,9 +1,9 @@
 """The moves in their true order on a z-map: every change of the stock, every contact, one pass.
 
-The z-map holds exact heights at its nodes.  Before a piece cuts, what must not touch (neck,
-shank, holder) is measured against the stock as it then stands and against the finished design.
-All of these parts count as upright cylinders without upper end: a height field below them
-cannot tell the difference.
+The z-map holds exact heights at its nodes, and for each cell between them a proven upper bound (replay_stock).
+Before a piece cuts, what must not touch (neck, shank, holder; on rapids the flutes) is held against the stock
+as it then stands: against the bounds; where these do not clear it, against the nodes; where these show no contact,
+between them.  Every part counts as going on upward: a height field below it cannot tell the difference.
 """
 
 import math
@@ -11,17 +11,20 @@ import math
 import numpy as np
 from numba import njit
 
-from cuspline.simulation.distance_kernels import corner_distance, least_along_line, piece_distance
+from cuspline.simulation.distance_kernels import corner_distance
 from cuspline.simulation.height_kernels import piece_height
+from cuspline.simulation.replay_stock import (BUDGET, DEPTH_MM, LEAST_MM, SEEN_BUDGET, bulge, part_distance, refine,
+                                              runs_in_swept, search_space)
 
-TILE = 8                  # nodes along the side of a tile whose highest node is kept
-REFRESH = 256             # pieces after which the tiles are looked up again: heights only fall
+TILE = 8                  # cells along the side of a tile whose highest bound is kept
+REFRESH = 256             # pieces after which the tiles are looked up again: bounds only fall
 FAR_MM = 50.0             # clearances beyond this are not measured
 NOISE_MM = 1e-6           # heights closer than this are the same
+RAPID, SHANK, HOLDER, FIXTURE = range(4)
 
 
 @njit(cache=True)
-def _chord(g, out):
+def chord(g, out):
     """A piece as a straight line that lies nowhere above it."""
     out[:] = g
     out[11] = 0.0
@@ -34,47 +37,36 @@ def _chord(g, out):
 
 
 @njit(cache=True)
-def _tile_tops(z, design, tiles):
+def _tile_tops(bounds, tiles):
+    """Fills the highest bound of each tile, and gives the highest of all."""
+    highest = -math.inf
     for j in range(len(tiles)):
         for i in range(tiles.shape[1]):
             top = -math.inf
-            for n in range(j * TILE, min((j + 1) * TILE, len(z))):
-                for m in range(i * TILE, min((i + 1) * TILE, z.shape[1])):
-                    top = max(top, z[n, m], design[n, m])
+            for n in range(j * TILE, min((j + 1) * TILE, len(bounds))):
+                for m in range(i * TILE, min((i + 1) * TILE, bounds.shape[1])):
+                    top = max(top, bounds[n, m])
             tiles[j, i] = top
+            highest = max(highest, top)
+    return highest
 
 
 @njit(cache=True)
-def _span(low, high, origin, pitch, count):
-    """First and last + 1 node between two coordinates."""
+def _span(low, high, lines):
+    """First and last + 1 grid line between two coordinates; all lines but the last are evenly spaced."""
+    origin, pitch, count = lines[0], lines[1] - lines[0], len(lines)
     first = max(0, int(math.ceil((low - origin) / pitch - 1e-9)))
-    return first, min(count, int(math.floor((high - origin) / pitch + 1e-9)) + 1)
+    last = min(count - 1, int(math.floor((high - origin) / pitch + 1e-9)) + 1)
+    return first, last + 1 if high >= lines[count - 1] - 1e-9 else last
 
 
 @njit(cache=True)
-def _least_clearance(line, radius, lift, enough, z, design, tiles, x0, y0, pitch):
-    """(clearance, x, y, z) of an upright cylinder along a line; the search stops looking beyond `enough`."""
-    best, bx, by, bz = enough, math.nan, math.nan, math.nan
-    xl, xh, yl, yh = min(line[0], line[3]), max(line[0], line[3]), min(line[1], line[4]), max(line[1], line[4])
-    low, grow = min(line[2], line[5]) + lift, radius + enough
-    i0, i1 = _span(xl - grow, xh + grow, x0, pitch, z.shape[1])
-    j0, j1 = _span(yl - grow, yh + grow, y0, pitch, z.shape[0])
-    for tj in range(j0 // TILE, (j1 + TILE - 1) // TILE):
-        for ti in range(i0 // TILE, (i1 + TILE - 1) // TILE):
-            gx = max(x0 + ti * TILE * pitch - xh, xl - x0 - ((ti + 1) * TILE - 1) * pitch, 0.0)
-            gy = max(y0 + tj * TILE * pitch - yh, yl - y0 - ((tj + 1) * TILE - 1) * pitch, 0.0)
-            if corner_distance(math.sqrt(gx * gx + gy * gy) - radius, low - tiles[tj, ti]) >= best:
-                continue
-            for j in range(max(j0, tj * TILE), min(j1, (tj + 1) * TILE)):
-                for i in range(max(i0, ti * TILE), min(i1, (ti + 1) * TILE)):
-                    top = max(z[j, i], design[j, i])
-                    if low - top >= best:
-                        continue
-                    x, y = x0 + i * pitch, y0 + j * pitch
-                    d = piece_distance(x, y, top - lift, line, radius, 0.0)
-                    if d < best:
-                        best, bx, by, bz = d, x, y, top
-    return best, bx, by, bz
+def _cells(low, high, lines):
+    """First and last + 1 cell that a stretch meets."""
+    origin, pitch, count = lines[0], lines[1] - lines[0], len(lines) - 1
+    first = max(0, min(int(math.floor((low - origin) / pitch)), count - 1) if high >= origin else 0)
+    last = min(count, int(math.floor((high - origin) / pitch)) + 1) if low <= lines[count] else first
+    return first, max(last, first)
 
 
 @njit(cache=True)
@@ -84,36 +76,128 @@ def _keep_worst(table, row, amount, x, y, z):
 
 
 @njit(cache=True)
-def _fixture_depth(line, a, rc, lift, box):
-    """How deep a moving upright cutter or cylinder enters a box, from above or beside; negative: clear."""
+def _fixture_depth(line, part, box):
+    """How deep a moving upright part enters a box, from above or beside; negative: clear."""
     hx, hy = 0.5 * (box[3] - box[0]), 0.5 * (box[4] - box[1])
-    d = least_along_line(0.5 * (box[0] + box[3]), 0.5 * (box[1] + box[4]), box[5] - lift, hx, hy, line, a, rc)
-    return rc - d
+    return -part_distance(0.5 * (box[0] + box[3]), 0.5 * (box[1] + box[4]), hx, hy, box[5], line, part)[0]
 
 
 @njit(cache=True)
-def _cut(g, a, rc, row, is_rapid, touch, z, x0, y0, pitch, rapids, events, count):
-    """Lowers the z-map by one piece; gives the events (grown when full) and their number."""
+def _doubtful_cells(line, part, enough, stock, highest, doubtful):
+    """Cells whose bounds leave a part nearer than `enough`: their number, and the least distance of the others."""
+    _, bounds, _, tiles, xs, ys = stock
+    xl, xh, yl, yh = min(line[0], line[3]), max(line[0], line[3]), min(line[1], line[4]), max(line[1], line[4])
+    radius = max(part[1], part[3]) + part[4]
+    low, grow = min(line[2], line[5]) + part[0] - part[4], radius + enough
+    if low - highest >= enough:
+        return 0, min(low - highest, FAR_MM)
+    i0, i1 = _cells(xl - grow, xh + grow, xs)
+    j0, j1 = _cells(yl - grow, yh + grow, ys)
+    count, clear = 0, FAR_MM
+    for tj in range(j0 // TILE, (j1 + TILE - 1) // TILE):
+        for ti in range(i0 // TILE, (i1 + TILE - 1) // TILE):
+            gx = max(xs[ti * TILE] - xh, xl - xs[min((ti + 1) * TILE, len(xs) - 1)], 0.0)
+            gy = max(ys[tj * TILE] - yh, yl - ys[min((tj + 1) * TILE, len(ys) - 1)], 0.0)
+            d = corner_distance(math.sqrt(gx * gx + gy * gy) - radius, low - tiles[tj, ti])
+            if d >= enough:
+                clear = min(clear, d)
+                continue
+            for j in range(max(j0, tj * TILE), min(j1, (tj + 1) * TILE)):
+                for i in range(max(i0, ti * TILE), min(i1, (ti + 1) * TILE)):
+                    d = low - bounds[j, i]
+                    if d < enough:
+                        hx, hy = 0.5 * (xs[i + 1] - xs[i]), 0.5 * (ys[j + 1] - ys[j])
+                        d, _ = part_distance(xs[i] + hx, ys[j] + hy, hx, hy, bounds[j, i], line, part)
+                    if d >= enough:
+                        clear = min(clear, d)
+                    else:
+                        doubtful[count] = j * bounds.shape[1] + i
+                        count += 1
+    return count, clear
+
+
+@njit(cache=True)
+def _at_nodes(line, part, doubtful, count, stock, spot):
+    """Least distance at the corners of cells that are nodes; `spot` takes its place."""
+    z, bounds, _, _, xs, ys = stock
+    best = math.inf
+    for k in range(count):
+        j0, i0 = doubtful[k] // bounds.shape[1], doubtful[k] % bounds.shape[1]
+        for j in range(j0, min(j0 + 2, len(z))):
+            for i in range(i0, min(i0 + 2, z.shape[1])):
+                if xs[i] > xs[i0 + 1] or ys[j] > ys[j0 + 1]:
+                    continue
+                _, d = part_distance(xs[i], ys[j], 0.0, 0.0, z[j, i], line, part)
+                if d < best:
+                    best = d
+                    spot[0], spot[1], spot[2] = xs[i], ys[j], z[j, i]
+    return best
+
+
+@njit(cache=True)
+def _against_stock(line, part, wanted, enough, before, stock, highest, past, doubtful, space, spot):
+    """One part over one piece: (proven lower bound, least attained or inf, whether contact stays possible unseen)."""
+    forest, orders, firsts = past
+    count, proven = _doubtful_cells(line, part, enough, stock, highest, doubtful)
+    if count == 0:
+        return proven, math.inf, False
+    best = _at_nodes(line, part, doubtful, count, stock, spot)
+    is_seen = best < wanted
+    enough = best - DEPTH_MM if is_seen else min(enough, max(wanted, best - LEAST_MM))
+    if enough == wanted and runs_in_swept(line, part, before, forest, orders, firsts, space[0]):
+        return min(proven, enough), best, False
+    _, bounds, sure, _, xs, ys = stock
+    doubt, left, here = False, SEEN_BUDGET if is_seen else BUDGET, np.empty(3)
+    for k in range(count):
+        j, i = doubtful[k] // bounds.shape[1], doubtful[k] % bounds.shape[1]
+        hx, hy = 0.5 * (xs[i + 1] - xs[i]), 0.5 * (ys[j + 1] - ys[j])
+        lower, got, unsure, left = refine(xs[i] + hx, ys[j] + hy, hx, hy, bounds[j, i], sure[j, i], before, line, part,
+                                          wanted, enough, forest, orders, firsts, space, here, left)
+        proven, doubt = min(proven, lower), doubt or unsure
+        if got < best:
+            best = got
+            spot[:] = here
+            if best < wanted:
+                enough = min(enough, best - DEPTH_MM)
+    return proven, best, doubt and best >= wanted
+
+
+@njit(cache=True)
+def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
+    """Lowers nodes and bounds by one piece; gives the events (grown when full) and their number."""
+    z, bounds, _, _, xs, ys = stock
     radius = a + rc
-    i0, i1 = _span(min(g[0], g[3]) - radius, max(g[0], g[3]) + radius, x0, pitch, z.shape[1])
-    j0, j1 = _span(min(g[1], g[4]) - radius, max(g[1], g[4]) + radius, y0, pitch, z.shape[0])
-    low = min(g[2], g[5])
+    i0, i1 = _span(min(g[0], g[3]) - radius, max(g[0], g[3]) + radius, xs)
+    j0, j1 = _span(min(g[1], g[4]) - radius, max(g[1], g[4]) + radius, ys)
+    low, more = min(g[2], g[5]), bulge(g)
     thin_rc = max(rc - touch, 0.0)
     thin_a = a - (touch - (rc - thin_rc))
     for j in range(j0, j1):
+        now, before = heights[j % 2], heights[(j + 1) % 2]
         for i in range(i0, i1):
-            if z[j, i] - low <= NOISE_MM:
+            now[i] = math.inf
+            least = -math.inf
+            for n in range(max(j - 1, 0), min(j + 1, len(bounds))):
+                for m in range(max(i - 1, 0), min(i + 1, bounds.shape[1])):
+                    least = max(least, bounds[n, m])
+            is_node = i < z.shape[1] and j < len(z)
+            if least > low or (is_node and z[j, i] - low > NOISE_MM):
+                now[i] = piece_height(xs[i], ys[j], g, a, rc)
+            else:
+                now[i] = -math.inf                  # nothing here is higher than the piece goes anywhere
+            if j > j0 and i > i0:
+                highest = max(max(now[i], now[i - 1]), max(before[i], before[i - 1])) + more
+                if low < bounds[j - 1, i - 1]:
+                    bounds[j - 1, i - 1] = min(bounds[j - 1, i - 1], max(highest, low))
+            if not is_node or not now[i] < z[j, i] - NOISE_MM or z[j, i] - low <= NOISE_MM:
                 continue
-            x, y = x0 + i * pitch, y0 + j * pitch
-            h = piece_height(x, y, g, a, rc)
-            if h >= z[j, i] - NOISE_MM:
-                continue
+            h = now[i]
             if is_rapid:
                 lifted = g.copy()
                 for k in (2, 5, 8):
                     lifted[k] += touch
-                if piece_height(x, y, lifted, thin_a, thin_rc) < z[j, i]:
-                    _keep_worst(rapids, row, z[j, i] - h, x, y, h)
+                if piece_height(xs[i], ys[j], lifted, thin_a, thin_rc) < z[j, i]:
+                    _keep_worst(rapids, row, z[j, i] - h, xs[i], ys[j], h)
             z[j, i] = h
             if count == len(events):
                 bigger = np.empty((2 * count, 3))
@@ -125,42 +209,62 @@ def _cut(g, a, rc, row, is_rapid, touch, z, x0, y0, pitch, rapids, events, count
 
 
 @njit(cache=True)
-def run(geometry, row, cutter, is_rapid, cutters, cylinders, clearance, touch, boxes, z, design, x0, y0, pitch, rows):
+def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, boxes, z, bounds, sure, lines, past,
+        worst, least):
     """Replays all pieces in order.
 
     Args:
         geometry, row, cutter, is_rapid: (m, ...) pieces, their rows, which cutter, whether rapid.
-        cutters: (t, 2) a, rc.   cylinders: (c, 4) cutter, lift, radius, 1 if holder.
-        clearance: (2,) wanted round shank and holder.   touch: what a rapid may touch, mm.
-        boxes: (f, 6) fixtures.   z, design: (ny, nx); z is lowered in place.   rows: number of rows.
+        cutters: (t, 2) a, rc.   parts: (c, 5) segments without upper end, see clearance_kernels.
+        kinds: (c, 2) cutter of each part, and RAPID (the flutes, thinner by what they may touch), SHANK or HOLDER.
+        wanted: (3,) distance to the stock that each kind is to keep.   touch: what may be missing of it, mm.
+        boxes: (f, 6) fixtures.   z: (ny, nx), lowered in place.
+        bounds, sure: heights that the stock of each cell does not exceed, lowered in place, and reaches at first.
+        lines: x of the grid's lines, and y: the nodes' and the stock's far sides.
+        past: (forest, orders, firsts) of all pieces, see replay_stock.
+        worst: (4, rows, 4) of rapid, shank, holder and fixture, takes amount (-inf: none), x, y, z.
+        least: (5,) takes the least distance of a holder proven, attained, and its place.
     Returns:
-        events (e, 3) row, cell, height; worst (4, rows, 4) of rapid, shank, holder and fixture:
-        amount (-inf: none), x, y, z; least holder clearance (4,).
+        events (e, 3) row, cell, height; rows (rows,) where a contact between the nodes is not excluded.
     """
-    worst = np.full((4, rows, 4), -math.inf)
-    least = np.array([FAR_MM, math.nan, math.nan, math.nan])
-    tiles = np.empty(((z.shape[0] + TILE - 1) // TILE, (z.shape[1] + TILE - 1) // TILE))
-    events, count, line = np.empty((1024, 3)), 0, np.empty(12)
+    xs, ys = lines
+    tiles = np.empty(((len(bounds) + TILE - 1) // TILE, (bounds.shape[1] + TILE - 1) // TILE))
+    stock = z, bounds, sure, tiles, xs, ys
+    doubtful, space = np.empty(bounds.size, np.int64), search_space()
+    spot, heights = np.empty(3), np.empty((2, len(xs)))
+    unsure = np.zeros(worst.shape[1], np.bool_)
+    events, count, line, highest = np.empty((1024, 3)), 0, np.empty(12), math.inf
     for p in range(len(geometry)):
         if p % REFRESH == 0:
-            _tile_tops(z, design, tiles)
-        _chord(geometry[p], line)
+            highest = _tile_tops(bounds, tiles)
+        chord(geometry[p], line)
         a, rc = cutters[cutter[p], 0], cutters[cutter[p], 1]
-        for f in range(len(boxes)):
-            _keep_worst(worst[3], row[p], _fixture_depth(line, a, rc, 0.0, boxes[f]), line[3], line[4], boxes[f, 5])
-        for c in range(len(cylinders)):
-            if cylinders[c, 0] != cutter[p]:
+        for c in range(len(parts)):
+            if kinds[c, 0] != cutter[p]:
                 continue
-            lift, radius, holder = cylinders[c, 1], cylinders[c, 2], int(cylinders[c, 3])
+            part, kind = parts[c], kinds[c, 1]
             for f in range(len(boxes)):
-                _keep_worst(worst[3], row[p], _fixture_depth(line, radius, 0.0, lift, boxes[f]),
-                            line[3], line[4], boxes[f, 5])
-            enough = max(clearance[1], least[0]) if holder == 1 else clearance[0]
-            d, x, y, top = _least_clearance(line, radius, lift, enough, z, design, tiles, x0, y0, pitch)
-            if holder == 1 and d < least[0]:
-                least[0], least[1], least[2], least[3] = d, x, y, top
-            if d < clearance[holder] - NOISE_MM:
-                _keep_worst(worst[1 + holder], row[p], clearance[holder] - d, x, y, top)
-        events, count = _cut(geometry[p], a, rc, row[p], is_rapid[p], touch, z, x0, y0, pitch,
-                             worst[0], events, count)
-    return events[:count].copy(), worst, least
+                depth = _fixture_depth(line, part, boxes[f])
+                if kind == RAPID:                # thinner than the flutes by the touch, all round
+                    depth += touch
+                _keep_worst(worst[FIXTURE], row[p], depth, line[3], line[4], boxes[f, 5])
+            if kind == RAPID and not is_rapid[p]:
+                continue
+            limit = wanted[kind] - (0.0 if kind == RAPID else touch)
+            enough = max(limit, least[1] - LEAST_MM) if kind == HOLDER else limit
+            proven, got, in_doubt = _against_stock(line, part, limit, enough, p, stock, highest, past, doubtful, space,
+                                                   spot)
+            if kind == HOLDER:
+                least[0] = min(least[0], proven)
+                if got < least[1]:
+                    least[1] = got
+                    least[2:] = spot
+            unsure[row[p]] |= in_doubt
+            if got < limit:
+                amount = wanted[kind] - got
+                if kind == RAPID:
+                    amount = spot[2] - piece_height(spot[0], spot[1], geometry[p], a, rc)
+                _keep_worst(worst[kind], row[p], amount, spot[0], spot[1], spot[2])
+        events, count = _cut(geometry[p], a, rc, row[p], is_rapid[p], touch, stock, heights, worst[RAPID], events,
+                             count)
+    return events[:count].copy(), unsure

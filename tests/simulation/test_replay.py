@@ -13,6 +13,7 @@ from cuspline.simulation.swept import stock_height_mm, swept_paths
 LOW, HIGH = (-20.0, -10.0, -20.0), (20.0, 10.0, 0.0)
 SLOT = [rapid(-30, 0, 5), feed(-30, 0, -3), feed(30, 0, -3), rapid(30, 0, 5)]
 AXIS = SimpleNamespace(min_mm=-100.0, max_mm=100.0)
+NO_HEAD = {"spindle_head": (), "table_z_mm": -500.0}
 
 
 def run(moves, start=(-30, 0, 50), tools=None, changes=None, **options):
@@ -25,7 +26,7 @@ def kinds(result):
 
 
 def test_a_good_slot_has_no_finding_and_the_exact_height():
-    result = run(SLOT, machine=SimpleNamespace(axes=(AXIS,) * 3))
+    result = run(SLOT, machine=SimpleNamespace(axes=(AXIS,) * 3, **NO_HEAD))
     paths = swept_paths(program((-30, 0, 50), SLOT), {1: tool("ball", 6)})
     assert kinds(result) == []
     assert np.abs(result.final_z_mm.ravel() - stock_height_mm(paths, result.zmap.xy_mm, 0.0)).max() < 2e-6
@@ -105,7 +106,7 @@ def test_spindle_and_length_offset_must_be_on_for_cutting(column, value, kind):
 
 
 def test_travel_is_checked_at_ends_and_within_arcs():
-    machine = SimpleNamespace(axes=(AXIS, AXIS, SimpleNamespace(min_mm=-100.0, max_mm=11.0)))
+    machine = SimpleNamespace(axes=(AXIS, AXIS, SimpleNamespace(min_mm=-100.0, max_mm=11.0)), **NO_HEAD)
     hill = [rapid(-10, 0, 5), arc((10, 0, 5), (0, 0, 5), Plane.ZX, clockwise=False), rapid(10, 0, 8)]
     turns = [run([hill[0], arc((10, 0, 5), (0, 0, 5), Plane.ZX, clockwise=c), hill[2]],
                  changes={"ended": True}, machine=machine) for c in (True, False)]

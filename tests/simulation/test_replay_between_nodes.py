@@ -1,0 +1,218 @@
+"""Contacts that no node of the z-map and no end of a move shows: each must turn red, its good twin stay green."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from known_programs import arc, feed, program, rapid, tool
+from pydantic import ValidationError
+from test_clearance import box
+
+from cuspline.catalogue import DEFAULT_MACHINE, find_machine
+from cuspline.cutters import Holder, HolderSegment
+from cuspline.machines import Machine
+from cuspline.program import Plane
+from cuspline.simulation.clearance import ClearanceTree
+from cuspline.simulation.replay import Fixture, replay
+from cuspline.simulation.replay_stock import CELL_MM
+
+LOW, HIGH = (-20.0, -10.0, -20.0), (20.0, 10.0, 0.0)
+FIN = 0.2, 0.25           # nodes stand every 0.5 mm
+
+
+def run(moves, tools, start=(-60, 0, 50), numbers=None, **options):
+    changes = {} if numbers is None else {"tool": numbers}
+    return replay(program(start, moves, **changes), tools, stock_min=LOW, stock_max=HIGH, pitch_mm=0.5, **options)
+
+
+def kinds(result):
+    return [f.kind for f in result.findings]
+
+
+def slim(number=2, stick_out=6.0, holder=6.0):
+    """A cutter of 2 mm in a holder of 6 mm, 6 mm above its tip."""
+    t = tool("flat", 2, number=number, stick_out=stick_out, flute=4.0)
+    segments = (HolderSegment(height_mm=40.0, lower_diameter_mm=holder, upper_diameter_mm=holder),)
+    return t.model_copy(update={"holder": Holder(name="slim", segments=segments)})
+
+
+def halves(fin):
+    """All stock down to -8 but a fin between two x; flat cutter of 10 mm."""
+    moves = []
+    for x in (fin[0] - 5, fin[0] - 13, fin[0] - 20, fin[1] + 5, fin[1] + 13, fin[1] + 20):
+        moves += [rapid(x, -30, 5), feed(x, -30, -8), feed(x, 30, -8), rapid(x, 30, 5)]
+    return moves
+
+
+TOOLS = {1: tool("flat", 10, stick_out=60.0), 2: slim()}
+
+
+@pytest.mark.parametrize("fin,wanted", [(FIN, ["rapid_through_stock"]), ((0.2, 0.15), [])], ids=["fin", "no fin"])
+def test_a_rapid_through_a_thin_fin_of_stock_is_found(fin, wanted):
+    result = run([*halves(fin), rapid(-14, 0, 5), rapid(-14, 0, -4), rapid(14, 0, -4), rapid(14, 0, 5)], TOOLS)
+    assert kinds(result) == wanted and result.undecided_lines == ()
+    if wanted:
+        found = result.findings[0]
+        assert abs(found.amount_mm - 4.0) < 1e-6 and found.line == 36 and fin[0] <= found.place_mm[0] <= fin[1]
+
+
+@pytest.mark.parametrize("fin,wanted", [(FIN, ["holder_contact"]), ((0.2, 0.15), [])], ids=["fin", "no fin"])
+def test_a_holder_over_a_thin_fin_of_stock_is_found(fin, wanted):
+    """The slim cutter runs at x = 2 beside the fin, 6 mm below its holder's nose: the nose is at -2."""
+    moves = [*halves(fin), rapid(2, -30, 5), rapid(2, -30, -8), feed(2, 30, -8)]
+    numbers = [1] * (len(moves) - 3) + [2] * 3
+    result = run(moves, TOOLS, numbers=numbers)
+    assert kinds(result) == wanted
+    if wanted:
+        assert fin[0] <= result.findings[0].place_mm[0] <= fin[1] and result.findings[0].line == len(moves) + 9
+        assert abs(result.findings[0].amount_mm - 2.25) < 0.021       # its far side is 1.25 mm inside the nose
+
+
+def test_a_holder_beside_a_wall_is_cleared_between_the_nodes():
+    """The wall of stock at 0.2 stands 1.05 mm beside the holder; the cell that holds it reaches to 0.5."""
+    moves = [*halves((0.2, 15.0))[:12], rapid(-4.0, -30, 5), rapid(-4.0, -30, -8), feed(-4.0, 30, -8)]
+    holders = {side: run(moves, {1: TOOLS[1], 2: slim(holder=2 * (4.2 - side))}, numbers=[1] * 12 + [2] * 3)
+               for side in (1.05, 0.95)}
+    assert kinds(holders[1.05]) == [] and holders[1.05].undecided_lines == ()
+    assert 1.0 <= holders[1.05].holder_clearance_mm <= 1.05 + 1e-9
+    assert kinds(holders[0.95]) == ["holder_contact"] and abs(holders[0.95].findings[0].amount_mm - 0.05) < 0.03
+
+
+def test_a_fin_below_the_smallest_cell_is_found_or_listed():
+    for shift in np.linspace(0, CELL_MM, 7):
+        fin = 0.2 + shift, 0.2 + shift + CELL_MM / 4
+        result = run([*halves(fin), rapid(-14, 0, 5), rapid(-14, 0, -4), rapid(14, 0, -4)], TOOLS)
+        assert kinds(result) == ["rapid_through_stock"] or result.undecided_lines == (36,)
+
+
+def test_order_of_operations_decides_between_nodes_too():
+    """The fin is cut away before the rapid, or after it."""
+    fin, across = [rapid(0.22, -30, 5), feed(0.22, -30, -8), feed(0.22, 30, -8), rapid(0.22, 30, 5)], \
+        [rapid(-14, 0, 5), rapid(-14, 0, -4), rapid(14, 0, -4), rapid(14, 0, 5)]
+    assert kinds(run([*halves(FIN), *fin, *across], TOOLS)) == []
+    assert kinds(run([*halves(FIN), *across, *fin], TOOLS)) == ["rapid_through_stock"]
+
+
+@pytest.mark.parametrize("width", [0.05, 0.001])
+def test_a_thin_fin_of_the_design_between_nodes_is_found(width):
+    fin = ClearanceTree.of_triangles(*box((0.2, -9, -20), (0.2 + width, 9, 3)))
+    over = [rapid(-60, 0, 20), feed(-60, 0, -2), feed(60, 0, -2)]
+    short, long = tool("ball", 6, stick_out=4.9, flute=4.0), tool("ball", 6, stick_out=30.0)
+    assert kinds(run(over, {1: long}, design=fin)) == []
+    assert kinds(run(over, {1: short}, design=fin))[-1] == "holder_contact"
+
+
+def test_a_holder_too_long_in_the_middle_of_a_move_only():
+    """Over a pillar of the design 3 mm high; the ends of the move stand 60 mm beside it; 0.3 mm are missing."""
+    pillar = ClearanceTree.of_triangles(*box((-1, 14, -20), (1, 16, 3)))
+    over = [rapid(-60, 0, 20), rapid(-60, 0, 0.5), feed(60, 0, 0.5)]
+    good = run(over, {1: tool("ball", 6, stick_out=3.51, flute=3.0)}, design=pillar)
+    bad = run(over, {1: tool("ball", 6, stick_out=3.2, flute=3.0)}, design=pillar)
+    assert kinds(good) == [] and 1.009 - 2e-3 < good.holder_clearance_mm <= 1.01 + 1e-9
+    found = bad.findings[0]
+    assert kinds(bad) == ["holder_contact"] and abs(found.amount_mm - 0.3) < 1.1e-3 and found.line == 12
+    assert -1 <= found.place_mm[0] <= 1 and found.advice
+
+
+def test_deviation_of_the_design_is_no_contact():
+    wall = ClearanceTree.of_triangles(*box((3.0, -9, -40), (5, 9, 30)))
+    beside = [rapid(0.004, -60, 20), rapid(0.004, -60, 1), feed(0.004, 60, 1)]
+    straight = {1: tool("flat", 6, neck=6.0, flute=4.0, stick_out=80.0)}
+    assert kinds(run(beside, straight, design=wall, design_error_mm=0.005)) == []
+    assert kinds(run(beside, straight, design=wall, design_error_mm=0.002)) == ["shank_contact"]
+
+
+def test_a_straight_shank_may_slide_along_the_walls_it_has_cut():
+    """Slots and an arc, level by level, deeper than the flutes are long; the shank is as wide as the cutter."""
+    moves = [rapid(-30, 0.2, 5)]
+    for z in (-3.5, -7, -10.5):
+        moves += [rapid(-30, 0.2, z), feed(0, 0.2, z), arc((10, 10.2, z), (0, 10.2, z), Plane.XY),
+                  feed(10, 30, z), rapid(10, 30, 5), rapid(-30, 0.2, 5)]
+    result = run(moves, {1: tool("flat", 6, neck=6.0, flute=4.0, stick_out=60.0)})
+    assert kinds(result) == [] and result.undecided_lines == ()
+    wide = run(moves, {1: tool("flat", 6, neck=6.0, flute=3.0, stick_out=60.0)})
+    assert kinds(wide) == ["shank_contact"] * len(wide.findings) and wide.findings
+
+
+def test_retraced_and_lifted_rapids_are_no_contact():
+    dome = [rapid(-15, 0, 5), feed(-15, 0, -3), arc((15, 0, -3), (0, 0, -40.0), Plane.ZX)]
+    hollow = [rapid(-9, 2, 5), feed(-9, 2, -3), arc((9, 2, -3), (0, 2, 20.0), Plane.ZX, clockwise=True), rapid(9, 2, 5)]
+    slope = [rapid(-30, 5, 5), feed(-30, 5, -3), feed(15, 5, -6.3), rapid(-30, 5, -3), rapid(-30, 5, 5)]
+    for cutter in (tool("ball", 6), tool("bull_nose", 6, 1.0), tool("flat", 6)):
+        result = run([*dome, rapid(15, 0, 5), *hollow, *slope], {1: cutter})
+        assert kinds(result) == [] and result.undecided_lines == ()
+
+
+def test_a_fixture_between_the_points_of_an_arc_is_found():
+    """A half circle of radius 25 over y = 25; a thin post stands at its top."""
+    moves = [rapid(-25, 0, 5), arc((25, 0, 5), (0, 0, 5), Plane.XY, clockwise=True)]
+    post = {y: [Fixture(name="post", min_mm=(-0.1, y, -20), max_mm=(0.1, y + 0.1, 30))] for y in (27.9, 28.1)}
+    assert kinds(run(moves, {1: tool("flat", 6, stick_out=60.0)}, fixtures=post[28.1])) == []
+    found = run(moves, {1: tool("flat", 6, stick_out=60.0)}, fixtures=post[27.9]).findings
+    assert [f.kind for f in found] == ["fixture_contact"] and abs(found[0].amount_mm - 0.1) < 1e-3
+
+
+def machine(table, head=()):
+    axis = SimpleNamespace(min_mm=-500.0, max_mm=500.0)
+    return SimpleNamespace(axes=(axis,) * 3, table_z_mm=table, spindle_head=head)
+
+
+def test_the_table_is_met_by_the_lowest_tip():
+    """The spindle nose stands the tool's length, 60 + 50 mm, above the tip."""
+    moves = [rapid(-30, 0, 5), feed(-30, 0, -3), feed(30, 0, -3), rapid(30, 0, 5)]
+    nose = {"machine_end_mm": np.array([m[1] for m in moves]) + [0, 0, 110.0]}
+    posted = program((-30, 0, 50), moves, **nose)
+    given = dict(stock_min=LOW, stock_max=HIGH, pitch_mm=0.5)
+    tools = {1: tool("flat", 6, stick_out=60.0)}
+    assert kinds(replay(posted, tools, machine=machine(-3.0), **given)) == []
+    low = replay(posted, tools, machine=machine(-2.8), **given)
+    assert kinds(low) == ["fixture_contact"] and abs(low.findings[0].amount_mm - 0.2) < 1e-9 and low.is_table_checked
+    assert not replay(posted, tools, **given).is_table_checked
+
+
+def test_a_spindle_head_wider_than_the_holder_is_held_against_fixtures():
+    wall = [Fixture(name="wall", min_mm=(-30, 45, -20), max_mm=(30, 60, 110))]
+    moves = [rapid(-30, 0, 5), feed(-30, 0, -3), feed(30, 0, -3), rapid(30, 0, 5)]
+    tools = {1: tool("flat", 6, stick_out=60.0)}
+    assert kinds(run(moves, tools, fixtures=wall, machine=machine(-500.0))) == []
+    assert kinds(run(moves, tools, fixtures=wall, machine=machine(-500.0, ((80.0, 100.0),)))) == ["fixture_contact"]
+
+
+def test_a_machine_states_its_spindle_head():
+    plain = find_machine(DEFAULT_MACHINE)
+    given = {**plain.model_dump(), "spindle_head": [[80.0, 160.0]]}
+    assert plain.spindle_head == () and Machine.model_validate(given).spindle_head == ((80.0, 160.0),)
+    with pytest.raises(ValidationError, match="above 0"):
+        Machine.model_validate({**given, "spindle_head": [[80.0, 0.0]]})
+
+
+def test_proven_clearance_does_not_depend_on_the_pitch():
+    """A slot with sloping bottom under a holder: the coarse map proves nearly what the fine one attains."""
+    moves = [rapid(-30, 0.3, 5), feed(-30, 0.3, -3), feed(30, 0.3, -12)]
+    tools = {1: tool("ball", 6, stick_out=14.0, flute=12.0)}
+    found = [replay(program((-30, 0, 50), moves), tools, stock_min=LOW, stock_max=HIGH, pitch_mm=pitch)
+             for pitch in (0.1, 0.37, 1.3)]
+    clearance = [r.holder_clearance_mm for r in found]
+    assert max(clearance) - min(clearance) < 0.02 and all(kinds(r) == [] for r in found)
+
+
+def test_a_step_left_by_an_earlier_clamping_is_no_contact_that_is_sure():
+    """Stock 8 mm lower from x = 0.5 on; where the step stands between the nodes at 0 and 0.5 nobody knows."""
+    before = np.zeros((41, 81))
+    before[:, 41:] = -8.0
+    down = lambda x: [rapid(x, 0, 5), rapid(x, 0, -4), rapid(x, 0, 5)]
+    slot = {1: TOOLS[1]}
+    assert kinds(run(down(5.6), slot, stock_top_mm=before)) == []
+    assert kinds(run(down(4.9), slot, stock_top_mm=before)) == ["rapid_through_stock"]
+    between = run(down(5.2), slot, stock_top_mm=before)
+    assert kinds(between) == [] and between.undecided_lines == (11,)
+
+
+def test_clearance_over_a_floor_is_the_gap_to_the_floor():
+    """The whole top is milled to -2 first; then the nose of the slim holder runs 1.5 mm above it."""
+    moves = [m for y in np.arange(-15, 16, 5.0)
+             for m in (rapid(-60, y, 5), feed(-60, y, -2), feed(60, y, -2), rapid(60, y, 5))]
+    moves += [rapid(-60, 0.3, 5), rapid(-60, 0.3, -6.5), feed(60, 0.3, -6.5)]
+    result = run(moves, {1: TOOLS[1], 2: slim()}, numbers=[1] * (len(moves) - 3) + [2] * 3)
+    assert kinds(result) == ["shank_contact"] and abs(result.findings[0].amount_mm - 0.5) < 1e-9
+    assert abs(result.holder_clearance_mm - 1.5) < 1e-9
