@@ -7,6 +7,7 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
 from cuspline.errors import InputError
+from cuspline.simulation.clearance import ClearanceTree
 from cuspline.simulation.replay import Replay, ZMap, replay
 from cuspline.simulation.stock_solids import StockSolids
 from cuspline.simulation.swept import swept_paths
@@ -149,7 +150,7 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles)
     verdicts = []
     for k, (program, (found, own)) in enumerate(zip(programs, judged)):
-        history = _replayed(program, tools, before[k], drops[k], machine, fitted[k])
+        history = _replayed(program, tools, before[k], mesh, drops[k], machine, finish, fitted[k])
         proven = certify(program.posted, tools, part_in_wcs(solid, program.setup.frame),
                          tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
         verdicts.append(_judged(program, found, own, history, proven, made, k, mesh, drops[k], required[k], finish,
@@ -166,7 +167,7 @@ def _judged(program, found, own, history, proven, made, k, mesh, drops, required
               "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.volumes.zmap_mm}
     bounds = {name: _rounded(v, 9) for name, v in bounds.items()}
     report = _Reporter(program, finish, found, own)
-    findings = (*history.findings, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
+    findings = (*history.findings, *report.undecided(history), *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
                 *report.disagreements(solid_view, options.solid_pitch_mm, bounds))
     return SetupVerdict(setup=program.setup.name, finish=finish, residuals=found, solids=solid_view, replay=history,
                         certificate=proven, error_bounds_mm=bounds, findings=findings,
@@ -217,7 +218,7 @@ def _fitted(options, faces, low, high, finish):
     return Options(**{**options.__dict__, **{k: v for k, v in fit.items() if getattr(options, k) is None}})
 
 
-def _replayed(program, tools, before, drops, machine, options):
+def _replayed(program, tools, before, mesh, drops, machine, finish, options):
     """The program replayed on the stock that it finds."""
     frame = program.setup.frame
     low, high = before.box_in(frame)
@@ -225,9 +226,11 @@ def _replayed(program, tools, before, drops, machine, options):
     design = drop_tips_mm(drops, zmap.xy_mm, DESIGN_PIN_MM, 0.0)
     design = np.where(np.isfinite(design), design, np.nan).reshape(zmap.ny, zmap.nx)
     return replay(program.posted, tools, stock_min=low, stock_max=high, pitch_mm=options.replay_pitch_mm,
-                  stock_top_mm=before.heights_mm(frame, zmap.xy_mm).reshape(zmap.ny, zmap.nx),
-                  design_top_mm=design, fixtures=program.fixtures, machine=machine, frame=frame, setup=program.setup.name,
-                  holder_clearance_mm=options.holder_clearance_mm, shank_clearance_mm=options.shank_clearance_mm)
+                  stock_top_mm=before.heights_mm(frame, zmap.xy_mm).reshape(zmap.ny, zmap.nx) if before.cuts else None,
+                  design_top_mm=design, design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
+                  design_error_mm=mesh.deviation_mm + finish.gouge_mm, fixtures=program.fixtures, machine=machine,
+                  frame=frame, setup=program.setup.name, holder_clearance_mm=options.holder_clearance_mm,
+                  shank_clearance_mm=options.shank_clearance_mm)
 
 
 def _numbers(found, solid_view, finish, bounds, history):
@@ -285,6 +288,16 @@ class _Reporter:
                                 f"the cutter goes {-d[worst]:.4f} mm below the surface, {self.finish.gouge_mm:g} mm are "
                                 f"allowed, over {self.own.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
                                 "take a smaller cutter here, or mend the offset of this pass")
+
+    def undecided(self, history):
+        """One finding an operation whose moves are not proven clear of the stock, though no contact was found."""
+        rows = np.flatnonzero(np.isin(self.posted.line, history.undecided_lines))
+        for operation in np.unique(self.posted.operation[rows]):
+            mine = rows[self.posted.operation[rows] == operation]
+            yield Finding(kind="clearance_not_proven", amount_mm=0.0, place_mm=None, setup=self.setup,
+                          operation=self.posted.operation_name(mine[0]), line=int(self.posted.line[mine[0]]),
+                          advice=f"{len(mine)} moves from this line on pass stock that may stand between the places looked at: "
+                          "look there finer (replay_pitch_mm), or lift these moves")
 
     def unseen_gouges(self, proven):
         """Moves that are not proven to keep to what the finish allows, where no sample tells of them."""
