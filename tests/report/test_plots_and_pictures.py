@@ -14,7 +14,7 @@ from cuspline.report import page, pictures, plots
 def test_plots_are_the_same_twice_and_carry_no_date(sample_bundle):
     first = plots.all_plots(sample_bundle)
     assert first == plots.all_plots(sample_bundle)
-    assert [name for name, _, _ in first] == ["deviation", "curvature", "feed-setup-1"]
+    assert [name for name, _, _ in first] == ["deviation", "curvature", "cusp-map", "cusp", "feed-setup-1"]
     for _, _, svg in first:
         ElementTree.fromstring(svg)
         assert "dc:date" not in svg
