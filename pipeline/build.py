@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import cuspline
-from cuspline import brep
+from cuspline import brep, mesh_quality, solids
 from cuspline.bundle import report_bundle, shape_of, view_of
 from cuspline.errors import InputError, PostError
 from cuspline.glb import write_glb
@@ -30,10 +30,11 @@ from cuspline.simulation.swept import swept_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.solids import stl_of
 from cuspline.tooltable import dropped_fields, tool_table
+from cuspline.verification.in_process import PART
 
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
-VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d")
+VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,11 +115,12 @@ def _made(order, work, say):
     verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say)}
     _stamp_verdict(work, job, verify)
     _write_json(work / "verify.json", verify)
-    left_out = ""
+    left_out = _coloured_stock(work / f"{design.name}.deviation.ply", judged, design.finish)
     if order.last_stage == "report":
         say(f"{design.name}: report")
         bundle = report_bundle(order, work, job, judged, _read_json(work / "plan.json"), verify, view_of(solid), inputs)
-        _, left_out = write_report(bundle, work)
+        _, without = write_report(bundle, work)
+        left_out = "; ".join(words for words in (left_out, without) if words)
     return _finished(order, work, inputs, job, judged.refused(order.accepted), left_out)
 
 
@@ -136,6 +138,17 @@ def _planned(order, say):
             tools = {o.tool.number: o.tool for o in plan.operations}
             piece = piece.after(setup.frame, swept_paths(posted_moves(text, setup, order.machine, tools), tools))
     return plans
+
+
+def _coloured_stock(path, judged, finish):
+    """Write the simulated stock, coloured by its deviation; "" or why it is left out."""
+    if not mesh_quality.is_installed():
+        return mesh_quality.LEFT_OUT
+    last = judged.verdict.setups[-1]
+    vertices, triangles = solids.mesh_of(last.stock.stock(PART))
+    off = mesh_quality.signed_distances_mm(vertices, last.mesh.vertices_mm, last.mesh.triangles)
+    mesh_quality.write_coloured_ply(path, vertices, triangles, off, 1.5 * max(finish.scallop_mm, finish.gouge_mm))
+    return ""
 
 
 def _finished(order, work, inputs, job, findings=(), left_out=""):

@@ -55,8 +55,10 @@ def report_bundle(order, work, job, judged, plan, verify, view, inputs_sha256):
         step_sha256=_sha256(step), part_box_mm=(_triple(low), _triple(high)), plan=plan, verify=verify,
         mesh=FaceMesh(vertices_mm=view.vertices_mm, normals=view.normals, triangles=view.triangles,
                       deviation_mm=_view_deviation(judged, view, indices), edges_mm=tuple(view.edges_mm)),
-        deviation_samples_mm=np.concatenate([r.deviation_mm[r.is_reachable] for r in residuals]),
+        deviation_samples_mm=np.concatenate([r.deviation_mm[r.is_reachable & (r.samples.weight_mm2 > 0)] for r in residuals]),
         curvature_per_mm=np.maximum(-samples.hollow_per_mm, 0.0),
+        **{f"cusp_{name}": np.concatenate([getattr(s.cusps, column) for s in judged.verdict.setups])
+           for name, column in (("place_mm", "point_mm"), ("height_mm", "height_mm"), ("formula_mm", "formula_mm"))},
         setups=tuple(_setup_bundle(work, job, item, posted, verdict) for item, posted, verdict in
                      zip(job.posted, judged.posted, judged.verdict.setups)))
 

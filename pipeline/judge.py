@@ -14,7 +14,7 @@ from cuspline.errors import InputError
 from cuspline.job import read_tools
 from cuspline.posts.rs274_reader import read_program
 from cuspline.simulation.replay import Fixture
-from cuspline.verification.findings import Finding
+from cuspline.verification.findings import Finding, located
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
 
@@ -68,18 +68,24 @@ def judge(folder, job, say=lambda text: None, options=Options()):
     tools = read_tools(folder)
     solid = brep.the_solid(brep.read_step(folder / job.step), job.step)
     faces = brep.faces_of(solid)
-    programs, extra = [], []
+    programs, extra, texts = [], [], []
+    lengths = {n: t.length_mm for n, t in tools.items()}
     for item in job.posted:
         say(f"{item.setup.name}: read {item.program}")
         text = _text(folder / item.program)
         moves = posted_moves(text, item.setup, job.machine, tools)
+        texts.append(text)
         wanted = tuple(f for p in job.predicates if p.name in item.setup.faces for f in brep.select_faces(faces, p))
         programs.append(SetupProgram(posted=moves, setup=item.setup, faces=wanted, fixtures=_fixtures(item.setup)))
         extra += _file_findings(item, text, job.machine)
     say("simulate and compare")
+    options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     setups = verify_setups(programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
                            ball_radius_mm=job.smallest_ball_radius_mm,
-                           options=replace(options, post_rounding_mm=_half_decimal_mm(job.machine.control)))
+                           options=options)
+    zero = job.machine.wcs_origin_mm
+    setups = tuple(replace(v, findings=located(v.findings, p.posted, text, p.setup.frame, zero, lengths))
+                   for v, p, text in zip(setups, programs, texts))
     return Judged(verdict=Verdict(setups=setups), solid=solid, programs=tuple(programs), tools=tools,
                   extra=tuple(extra))
 

@@ -35,6 +35,16 @@ def solid_of(vertices_mm, triangles, name="the mesh"):
     return solid
 
 
+def mesh_of(solid):
+    """Vertices (n, 3) and triangles (m, 3) of a Manifold, each place once."""
+    mesh = solid.to_mesh64()
+    vertices, triangles = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+    same = np.arange(len(vertices))
+    same[np.asarray(mesh.merge_from_vert, np.int64)] = np.asarray(mesh.merge_to_vert, np.int64)
+    used, rows = np.unique(same[triangles], return_inverse=True)
+    return vertices[used], rows.reshape(-1, 3)
+
+
 def height_field(xs_mm, ys_mm, z_mm, bottom_mm, name="the stock"):
     """A solid between a flat bottom and heights over a rectilinear grid.
 

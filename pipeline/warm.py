@@ -51,11 +51,15 @@ def _small_part():
 def _closest_points():
     from cuspline import brep
     from cuspline.surfaces.curvature import tightest_hollow
+    from cuspline.surfaces.patches import SERIAL_ROWS as PARALLEL_ROWS
     from cuspline.surfaces.projection import SERIAL_ROWS, ClosestTree
     faces = brep.faces_of(_small_part())
     tree = ClosestTree.of_faces(faces)
     for count in (3, SERIAL_ROWS + 1):
         tree.closest_points(np.linspace((-9, -9, 9), (9, 9, 5), count))
+    for count in (3, PARALLEL_ROWS + 1):
+        tree.patches.derivatives(0, np.zeros(count), np.zeros(count))
+        tree.trims.is_inside(0, np.zeros(count), np.zeros(count))
     tightest_hollow(faces, range(len(faces)))
 
 

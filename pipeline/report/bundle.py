@@ -91,4 +91,7 @@ class ReportBundle:
     mesh: FaceMesh
     deviation_samples_mm: np.ndarray    # (n,) all judged residuals, for the histogram
     curvature_per_mm: np.ndarray        # (n,) largest concave curvature at sample points (>0 hollow)
+    cusp_place_mm: np.ndarray           # (m, 3) ridges between passes, part coordinates
+    cusp_height_mm: np.ndarray          # (m,) measured
+    cusp_formula_mm: np.ndarray         # (m,) by the formula for the cutter, the local step and curvature
     setups: tuple[SetupBundle, ...]

@@ -42,6 +42,8 @@ class FindingRow:
     place: str
     place_mm: tuple | None
     where: str              # setup, operation, line
+    machine: str            # the axes there, machine coordinates
+    block: str              # text of that line
     advice: str
     is_accepted: bool
     reason: str             # why it was accepted, "" otherwise
@@ -70,6 +72,7 @@ def _finding_row(finding, accepted):
     return FindingRow(
         kind=kind.replace("_", " "), amount=decimal(amount, 4, "mm") if amount else DASH, place=place(point),
         place_mm=None if place(point) == DASH else tuple(map(float, point)), where=", ".join(where) or DASH,
+        machine=place(finding.get("machine_mm")), block=str(finding.get("block") or ""),
         advice=str(finding.get("advice") or DASH), is_accepted=bool(own) or kind in accepted, reason=str(reason))
 
 
@@ -303,7 +306,9 @@ def error_bound_rows(verify):
     total = verify.get("error_bound_mm")
     if isinstance(total, dict):
         parts, total = {**total, **parts}, None
-    rows = [(str(k).removesuffix("_mm").replace("_", " "), decimal(v, 5, "mm")) for k, v in parts.items()]
+    spell = {"sampling": "between samples, but for the climb to the tops"}
+    names = [(str(k).removesuffix("_mm").replace("_", " "), v) for k, v in parts.items()]
+    rows = [(spell.get(name, name), decimal(v, 5, "mm")) for name, v in names]
     return rows + [("bound used for the verdict", decimal(total, 5, "mm"))] if number(total) is not None else rows
 
 
@@ -322,6 +327,42 @@ def measure_rows(bundle):
     rows.append(("collisions", [grouped(len(c["collisions"])) if isinstance(c.get("collisions"), list) else DASH
                                 for _, c in columns]))
     return [name for name, _ in columns], rows
+
+
+def cusp_rows(verify):
+    """One dict of texts a face and operation, in um: asked, measured, and what the formula gives for the local step."""
+    rows = []
+    for row in verify.get("cusps") or ():
+        most, um = row["differs_most"], lambda mm: decimal(1000 * mm, 2)
+        spread = lambda key: " / ".join(um(row[key][name]) for name in ("p50", "p99", "max"))
+        rows.append({"face": str(row["face"]), "operation": row["operation"] or DASH, "ridges": grouped(row["ridges"]),
+                     "wanted": um(row["wanted_mm"]), "measured": spread("measured_mm"), "formula": spread("formula_mm"),
+                     "step": f"{decimal(row['step_mm']['p50'])} / {decimal(row['step_mm']['max'])}",
+                     "agrees": percent(row["share_within_10_percent"], 1.0), "differs": um(most["by_mm"]),
+                     "place": place(most["place_mm"])})
+    return rows
+
+
+def mesh_rows(verify):
+    """[(what, value)] of the third view, by meshes; what was left out where it could not be made."""
+    rows = []
+    for setup in verify.get("setups") or ():
+        mesh = setup.get("mesh") or {}
+        if mesh.get("left_out"):
+            return [("left out", mesh["left_out"])]
+        if mesh:
+            name = f"{setup.get('setup', DASH)}: "
+            design, there, back = mesh["design"], mesh["hausdorff"]["stock_to_design"], mesh["hausdorff"]["design_to_stock"]
+            faults = [f"{k.replace('_', ' ')} {v}" for k, v in design.items()
+                      if v and k not in ("triangles", "smallest_angle_deg")]
+            pair = lambda most, mean: f"{decimal(most, 5)} / {decimal(mean, 5)} mm"
+            rows += [(name + "triangles of the design", f"{grouped(design['triangles'])}, smallest angle "
+                      f"{decimal(design['smallest_angle_deg'], 2)}°, {', '.join(faults) or 'closed, manifold, no fault'}"),
+                     *((f"{name}{way}, largest / mean", f"{pair(d['max_mm'], d['mean_mm'])} at {grouped(d['points'])} points")
+                       for way, d in (("stock to design", there), ("design to stock", back))),
+                     (name + "first verifier there, largest / mean",
+                      pair(mesh["hausdorff"]["max_residual_mm"], mesh["hausdorff"]["mean_residual_mm"]))]
+    return rows
 
 
 def file_rows(bundle):

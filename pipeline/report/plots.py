@@ -34,7 +34,11 @@ def all_plots(bundle):
     plots = [("deviation", "How far the simulated stock lies from the design",
               deviation_histogram(bundle.deviation_samples_mm, bundle.finish.scallop_mm, bundle.finish.gouge_mm)),
              ("curvature", "Which cutter radii fit the hollows of the part",
-              curvature_plot(bundle.curvature_per_mm, *cutter_radii_mm(bundle)))]
+              curvature_plot(bundle.curvature_per_mm, *cutter_radii_mm(bundle))),
+             ("cusp-map", "Height of the cusps, from above", cusp_map(bundle.cusp_place_mm, bundle.cusp_height_mm,
+                                                                      bundle.finish.scallop_mm, bundle.part_box_mm)),
+             ("cusp", "Height of the cusps against the height asked and the formula's",
+              cusp_histogram(bundle.cusp_height_mm, bundle.cusp_formula_mm, bundle.finish.scallop_mm))]
     plots += [(f"feed-{s.name}", f"Feed over time, {s.name}", feed_plot(s.path, _names(bundle, s)))
               for s in bundle.setups if len(s.path.time_s)]
     return plots
@@ -71,6 +75,57 @@ def deviation_histogram(deviation_mm, scallop_mm, gouge_mm):
     beyond = int((microns < -1000 * gouge_mm).sum()), int((microns > 1000 * scallop_mm).sum())
     axes.set_xlabel(f"deviation [µm], below 0 gouged   (n = {len(microns)}; below the band {beyond[0]}, above {beyond[1]})")
     axes.set_ylabel("points")
+    return _svg(figure)
+
+
+@in_our_style
+def cusp_map(place_mm, height_mm, wanted_mm, box_mm):
+    """Measured cusps from above, coloured by height: the wanted one is the middle of the scale.
+
+    Args:
+        place_mm: (n, 3) part coordinates.   height_mm: (n,).
+        wanted_mm: scalar > 0.   box_mm: the part's (min, max).
+    Returns:
+        SVG text; the dots are a picture in it.
+    """
+    if not len(height_mm):
+        return _nothing("no ridge between passes of a ball was measured")
+    (x0, y0, _), (x1, y1, _) = box_mm
+    figure, axes = _figure()
+    order = np.argsort(height_mm, kind="stable")
+    dots = axes.scatter(*np.asarray(place_mm)[order, :2].T, c=np.asarray(height_mm)[order] * 1000, s=3, lw=0,
+                        cmap="viridis", vmin=0, vmax=1200 * wanted_mm, rasterized=True)
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), xlabel="X [mm]", ylabel="Y [mm]", aspect="equal")
+    axes.grid(False)
+    bar = figure.colorbar(dots, ax=axes, label="cusp [µm]")
+    bar.ax.axhline(1000 * wanted_mm, color=BAD, lw=1.5)
+    return _svg(figure)
+
+
+@in_our_style
+def cusp_histogram(height_mm, formula_mm, wanted_mm):
+    """Histogram of measured cusps, the formula's as a line over it, the wanted height marked.
+
+    Args:
+        height_mm, formula_mm: (n,).   wanted_mm: scalar > 0.
+    Returns:
+        SVG text.
+    """
+    if not len(height_mm):
+        return _nothing("no ridge between passes of a ball was measured")
+    high = 1000 * max(1.2 * wanted_mm, float(np.quantile(height_mm, 0.999)))
+    edges = np.linspace(0, high, 81)
+    figure, axes = _figure()
+    axes.hist((1000 * np.asarray(height_mm)).clip(0, high), edges, color=BARS, label="measured")
+    axes.hist((1000 * np.asarray(formula_mm)).clip(0, high), edges, histtype="step", color=INK, lw=1,
+              label="formula at the local step")
+    axes.axvline(1000 * wanted_mm, color=GOOD, lw=1.4)
+    axes.text(1000 * wanted_mm, 1.01, f"asked {1000 * wanted_mm:.4g}", color=GOOD, fontsize=8, ha="center",
+              transform=axes.get_xaxis_transform())
+    axes.set_yscale("log")
+    axes.legend(loc="upper left")
+    axes.set_xlabel(f"cusp [µm]   (n = {len(height_mm)})")
+    axes.set_ylabel("ridges")
     return _svg(figure)
 
 

@@ -1,6 +1,8 @@
 """What verification discovers: values that add up, each one something to act on."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
 
 KINDS = ("gouge", "excess", "missing_area", "rapid_through_stock", "holder_contact", "shank_contact",
          "fixture_contact", "travel_exceeded", "no_spindle", "no_length_offset", "unknown_start", "not_ended",
@@ -21,7 +23,43 @@ class Finding:
     line: int                                       # line of the posted text; 0 unknown
     setup: str
     advice: str                                     # one sentence: how to mend it
+    machine_mm: tuple[float, float, float] | None = None    # what the axes show with the tip at the place; None unknown
+    block: str = ""                                 # text of that line
 
     def as_dict(self):
         """For verify.json."""
         return asdict(self)
+
+
+def located(findings, posted, text, frame, wcs_origin_mm, lengths_mm):
+    """Findings of one program with the machine's axes at their places, and the text of their lines.
+
+    The axes are given as the control shows them in machine coordinates while the tip of the tool that the line cuts
+    with stands at the place: part, through the setup's frame into the WCS, through the offset that is in force on that line.
+
+    Args:
+        findings: Finding values.
+        posted: PostedMoves.   text: the program.
+        frame: the WCS seen from the part.
+        wcs_origin_mm: (3,) of the machine, for lines that leave an axis unknown.
+        lengths_mm: {tool number: length}.
+    """
+    blocks = text.splitlines()
+    return tuple(_located(f, posted, blocks, frame, wcs_origin_mm, lengths_mm) for f in findings)
+
+
+def _located(finding, posted, blocks, frame, wcs_origin_mm, lengths_mm):
+    block = blocks[finding.line - 1].strip() if 0 < finding.line <= len(blocks) else ""
+    rows = np.flatnonzero(posted.line == finding.line) if finding.line else np.zeros(0, int)
+    if finding.place_mm is None or not len(rows):
+        return replace(finding, block=block)
+    offset = _offset_mm(posted, rows[-1], wcs_origin_mm, lengths_mm)
+    axes = frame.into(np.array([finding.place_mm]))[0] + offset
+    return replace(finding, block=block, machine_mm=tuple(float(x) for x in axes.round(6)))
+
+
+def _offset_mm(posted, row, wcs_origin_mm, lengths_mm):
+    """(3,) machine minus WCS coordinates on a line: as read back, else as the machine expects it."""
+    read = posted.machine_end_mm[row] - posted.end_mm[row]
+    length = lengths_mm.get(int(posted.tool[row]), 0.0) if posted.length_offset_on[row] else 0.0
+    return np.where(np.isfinite(read), read, np.asarray(wcs_origin_mm, float) + (0.0, 0.0, length))

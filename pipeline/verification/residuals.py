@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.arrays import frozen
-from cuspline.simulation.swept import signed_distance_mm
+from cuspline.simulation.swept import nearest_moves, signed_distance_mm
 from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable
 from cuspline.verification.clusters import clusters_of
+from cuspline.verification.climbing import bottoms_of, tops_of
 from cuspline.verification.samples import Samples
 
 LIMIT_MM = 2.0            # deviations are capped here: far more than any tolerance
@@ -17,18 +18,23 @@ TARGET = 200_000          # samples wanted on one setup
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Residuals:
-    """What the stock leaves at each sample, part coordinates."""
+    """What the stock leaves at each sample, part coordinates.
+
+    Behind the samples stand the tops and bottoms that were climbed to from them; they have no weight.
+    """
 
     samples: Samples
     deviation_mm: np.ndarray      # (n,) positive left, negative gouged
     reach: np.ndarray             # (n,) REACHABLE, or why not
     row: np.ndarray               # (n,) row of the clamping's PostedMoves nearest to the sample; -1 none
     is_own: np.ndarray            # (n,) bool: this clamping's moves made the deviation, no other's
+    is_top: np.ndarray            # (n,) bool: climbed to
     spacing_mm: float
 
     def __post_init__(self):
         n = len(self.samples)
-        for name, dtype in (("deviation_mm", float), ("reach", np.int64), ("row", np.int64), ("is_own", bool)):
+        for name, dtype in (("deviation_mm", float), ("reach", np.int64), ("row", np.int64), ("is_own", bool),
+                            ("is_top", bool)):
             object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype))
 
     @property
@@ -50,33 +56,89 @@ def default_spacing_mm(area_mm2):
     return float(np.clip(np.sqrt(PER_SPACING2 * area_mm2 / TARGET), 0.1, 1.0))
 
 
-def residuals(piece, parts, drops, ball_radius_mm, spacings_mm):
-    """Deviations and reach of all samples, clamping by clamping.
+def residuals(piece, parts, grounds, feeds, drops, ball_radius_mm, spacings_mm):
+    """Deviations and reach of all samples, clamping by clamping, and of the tops and bottoms between them.
 
     Args:
         piece: workpiece.Workpiece after all clampings.
         parts: one Samples a clamping, of the faces that it cuts; part coordinates.
+        grounds: climbing.Ground of the faces that each Samples is of.
+        feeds: (m, 3) directions of each clamping's moves, part coordinates.
         drops: one DropMesh of the design a clamping, in its WCS.   ball_radius_mm: smallest ball of the shop.
         spacings_mm: of each clamping's samples.
     Returns:
         list of (Residuals of its faces after all clampings, Residuals of all faces after it alone).
     """
-    together = Samples.joined(parts)
-    points, normals = together.points_mm, together.normals
-    each, rows = piece.deviations_of_cuts(points, normals, LIMIT_MM)
-    final, maker = piece.deviations(points, normals, LIMIT_MM, each)
-    depth = [_at_rims(d, together, c.paths, c.frame) for d, c in zip(each, piece.cuts)]
-    final = np.where(together.is_border, np.maximum(final, np.min(depth, axis=0)), final) if len(piece.cuts) > 1 else depth[0]
-    ends, found = np.cumsum([0] + [len(p) for p in parts]), []
-    for k, (mine, cut, drop) in enumerate(zip(parts, piece.cuts, drops)):
-        here = slice(ends[k], ends[k + 1])
-        reach = why_unreachable(drop, cut.frame.into(mine.points_mm), cut.frame.turn_into(mine.normals), ball_radius_mm)
-        after_all = Residuals(samples=mine, deviation_mm=final[here], row=rows[k, here], is_own=maker[here] == k, reach=reach,
-                              spacing_mm=spacings_mm[k])
-        alone = Residuals(samples=together, deviation_mm=depth[k], row=rows[k], is_own=np.ones(len(together), bool),
-                          reach=np.full(len(together), REACHABLE), spacing_mm=spacings_mm[k])
-        found.append((after_all, alone))
+    looked = _Looked.at(piece, parts, drops, ball_radius_mm)
+    more = [_tops(piece, k, looked, grounds[k], feeds, parts[k], spacings_mm[k]) for k in range(len(parts))]
+    beyond = _Looked.at(piece, more, drops, ball_radius_mm)
+    every = Samples.joined([p for pair in zip(parts, more) for p in pair])
+    climbed = np.concatenate([np.full(len(p), flag) for pair in zip(parts, more) for flag, p in zip((False, True), pair)])
+    found = []
+    for k, (mine, tops) in enumerate(zip(parts, more)):
+        join = lambda name: np.concatenate([getattr(looked, name)[k], getattr(beyond, name)[k]], axis=-1)
+        alone = lambda name: np.concatenate([getattr(a, name)[j][k] for j in range(len(parts))
+                                             for a in (looked, beyond)])
+        after_all = Residuals(samples=Samples.joined([mine, tops]), deviation_mm=join("final"), row=join("rows")[k],
+                              is_own=join("maker") == k, is_top=np.arange(len(mine) + len(tops)) >= len(mine),
+                              reach=join("reach"), spacing_mm=spacings_mm[k])
+        own = Residuals(samples=every, deviation_mm=alone("each"), row=alone("rows"), is_own=np.ones(len(every), bool),
+                        is_top=climbed, reach=np.full(len(every), REACHABLE), spacing_mm=spacings_mm[k])
+        found.append((after_all, own))
     return found
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Looked:
+    """Deviations at several Samples, one list entry each."""
+
+    final: list               # (n,) after all clampings
+    each: list                # (cuts, n) after each alone
+    rows: list                # (cuts, n)
+    maker: list               # (n,)
+    reach: list               # (n,) in the clamping of the same number
+
+    @classmethod
+    def at(cls, piece, parts, drops, ball_radius_mm):
+        together = Samples.joined(parts)
+        points, normals = together.points_mm, together.normals
+        each, rows = piece.deviations_of_cuts(points, normals, LIMIT_MM)
+        final, maker = piece.deviations(points, normals, LIMIT_MM, each)
+        depth = np.array([_at_rims(d, together, c.paths, c.frame) for d, c in zip(each, piece.cuts)])
+        final = np.where(together.is_border & (len(piece.cuts) > 1), np.maximum(final, depth.min(axis=0)),
+                         final if len(piece.cuts) > 1 else depth[0])
+        ends = np.cumsum([len(p) for p in parts])[:-1]
+        reach = [why_unreachable(drop, c.frame.into(p.points_mm), c.frame.turn_into(p.normals), ball_radius_mm)
+                 for p, c, drop in zip(parts, piece.cuts, drops)]
+        split = lambda a: np.split(a, ends, axis=-1)
+        return cls(final=split(final), each=split(depth), rows=split(rows), maker=split(maker), reach=reach)
+
+
+def _tops(piece, k, looked, ground, feeds, samples, spacing_mm):
+    """Samples without weight at the tops of what is left on clamping k's faces, and at the bottoms of all gouges."""
+    final = looked.final[k]
+    beside = lambda j: np.where((looked.rows[k][j] >= 0)[:, None], feeds[j][looked.rows[k][j]], 0.0)
+    feed = np.array([beside(j) for j in range(len(feeds))])[looked.maker[k], np.arange(len(samples))]
+    hills = [(np.where(looked.reach[k] == REACHABLE, final, -np.inf), feed, piece.cut_distance_mm),
+             (-final, feed, lambda p: -piece.cut_distance_mm(p))]
+    if len(piece.cuts) > 1:
+        hills += [(-looked.each[k][j], beside(j), lambda p, c=c: -nearest_moves(c.paths, c.frame.into(p))[0])
+                  for j, c in enumerate(piece.cuts)]
+    tops = [tops_of(ground, samples.points_mm, samples.face, *hill, spacing_mm) for hill in hills]
+    tops += [bottoms_of(ground, samples.points_mm, samples.normals, samples.face, _stands(c),
+                        lambda p, c=c: -nearest_moves(c.paths, c.frame.into(p))[0], spacing_mm) for c in piece.cuts]
+    face, u, v = (np.concatenate([getattr(t, name) for t in tops]) for name in ("face", "u", "v"))
+    places = ground.places(face, u, v)
+    good = np.flatnonzero(places.is_regular)
+    return Samples(points_mm=places.point_mm[good], normals=places.normal[good], weight_mm2=np.zeros(len(good)),
+                   face=face[good], is_border=ground.is_at_rim(face, u, v)[good])
+
+
+def _stands(cut):
+    """Where a clamping's tools have stood: [(tips (n, 3), axis (3,), flat radius, corner radius)], part coordinates."""
+    ends = lambda g: np.concatenate([g[:, :3], g[:, 3:6], (g[g[:, 11] == 0, :3] + g[g[:, 11] == 0, 3:6]) / 2])
+    return [(cut.frame.out(np.unique(ends(p.geometry), axis=0)), cut.frame.rotation[:, 2], p.flat_radius_mm,
+             p.corner_radius_mm) for p in cut.paths if p.corner_radius_mm > 0]
 
 
 def _at_rims(deviation, samples, paths, frame):

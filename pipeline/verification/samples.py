@@ -53,6 +53,10 @@ class Samples:
     def __len__(self):
         return len(self.points_mm)
 
+    def first(self, count):
+        """The first ones."""
+        return Samples(**{name: getattr(self, name)[:count] for name in ("points_mm", "normals", "weight_mm2", "face", "is_border")})
+
     @classmethod
     def joined(cls, parts):
         """Several one after the other."""
@@ -216,10 +220,10 @@ def _inside_of_edge(edge, face, spacing_mm):
     length = np.linalg.norm(inward, axis=1)
     good = length > 1e-12
     step = INSIDE_MM * inward[good] / length[good, None]
-    return uv[good] + _in_parameters(step, du[good], dv[good])
+    return uv[good] + in_parameters(step, du[good], dv[good])
 
 
-def _in_parameters(step, du, dv):
+def in_parameters(step, du, dv):
     """(n, 2) parameters of tangential steps: least squares in the surface's metric."""
     dot = lambda a, b: np.einsum("nc,nc->n", a, b)
     e, f, g, a, b = dot(du, du), dot(du, dv), dot(dv, dv), dot(step, du), dot(step, dv)

@@ -6,6 +6,7 @@ import numpy as np
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
+from cuspline import brep, mesh_quality, solids
 from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree
 from cuspline.simulation.replay import Replay, ZMap, replay
@@ -14,13 +15,16 @@ from cuspline.simulation.swept import swept_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.toolpaths.dropcutter import drop_tips_mm
 from cuspline.verification.certificate import Certificate, certify, gouges_beyond, part_in_wcs
+from cuspline.verification.climbing import Ground, missed_mm
+from cuspline.verification.cusps import Cusps, measured_cusps
 from cuspline.verification.findings import Finding
+from cuspline.verification.in_process import PART
 from cuspline.verification.reach import drop_mesh
-from cuspline.verification.residuals import (Residuals, default_spacing_mm, residuals, unreachable_places,
+from cuspline.verification.residuals import (LIMIT_MM, Residuals, default_spacing_mm, residuals, unreachable_places,
                                              weighted_percentile)
 from cuspline.verification.samples import face_area_mm2, sample_faces
 from cuspline.verification.solids import SolidComparison, compare
-from cuspline.verification.tessellation import tessellate
+from cuspline.verification.tessellation import Tessellation, tessellate
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
 TRACING_MM = 1e-7         # length of a traced ray
@@ -44,6 +48,7 @@ class Options:
     replay_pitch_mm: float | None = None      # of the replay's z-map
     tessellation_mm: float | None = None      # deviation of the design's triangles
     post_rounding_mm: float = 0.0             # stated by the post: half a step of its last decimal
+    mesh_checks: bool = False                 # the third view, by pymeshlab where it is installed
     holder_clearance_mm: float = 1.0
     shank_clearance_mm: float = 0.0
 
@@ -58,8 +63,11 @@ class SetupVerdict:
     solids: SolidComparison
     replay: Replay
     certificate: Certificate
+    cusps: Cusps                      # at ridges between passes
     error_bounds_mm: dict             # part -> mm
     numbers: dict                     # verify.json's contract, without findings
+    stock: StockSolids                # after all clampings
+    mesh: Tessellation                # of the design, part coordinates
     findings: tuple[Finding, ...]
 
     @property
@@ -93,7 +101,7 @@ class Verdict:
         worst = ("gouge_max_mm", "gouge_proven_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "error_bound_mm")
         summed = ("gouge_volume_mm3", "excess_volume_mm3", "points_checked", "area_required_mm2", "area_reached_mm2",
                   "area_unreachable_mm2")
-        together = ("unreachable", "collisions", "findings")
+        together = ("unreachable", "collisions", "findings", "cusps")
         return {"ok": self.ok, **{k: max((p[k] for p in parts), default=0.0) for k in worst},
                 **{k: _rounded(sum(p[k] for p in parts)) for k in summed},
                 "error_bounds_mm": {k: max(p["error_bounds_mm"][k] for p in parts) for k in parts[0]["error_bounds_mm"]}
@@ -146,33 +154,82 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     mesh = tessellate(solid, min(o.tessellation_mm for o in fitted))
     drops = [drop_mesh(c.frame.into(mesh.vertices_mm), mesh.triangles) for c in piece.cuts]
     samples = [sample_faces(faces, o.spacing_mm) for faces, o in zip(shapes, fitted)]
-    judged = residuals(piece, samples, drops, ball_radius_mm, [o.spacing_mm for o in fitted])
+    exact = brep.faces_of(solid)
+    feeds = [p.setup.frame.turn_out(_directions(p.posted)) for p in programs]
+    grounds = [Ground.of_faces([exact[i] for i in chosen]) for chosen in required]
+    judged = residuals(piece, samples, grounds, feeds, drops, ball_radius_mm, [o.spacing_mm for o in fitted])
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles)
     verdicts = []
     for k, (program, (found, own)) in enumerate(zip(programs, judged)):
         history = _replayed(program, tools, before[k], mesh, drops[k], machine, finish, fitted[k])
         proven = certify(program.posted, tools, part_in_wcs(solid, program.setup.frame),
                          tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
+        cusps = _cusps(piece, k, program, found, grounds[k], feeds[k], required[k], finish, len(samples[k]))
         verdicts.append(_judged(program, found, own, history, proven, made, k, mesh, drops[k], required[k], finish,
-                                fitted[k], ball_radius_mm))
+                                fitted[k], ball_radius_mm, cusps))
     return tuple(verdicts)
 
 
-def _judged(program, found, own, history, proven, made, k, mesh, drops, required, finish, options, ball_radius_mm):
+def _cusps(piece, k, program, found, ground, feeds, required, finish, count):
+    """Cusps beside the first `count` samples, the ones that are no tops, where clamping k finished the face."""
+    row, d = found.row[:count], found.deviation_mm[:count]
+    fair = found.is_reachable[:count] & found.is_own[:count] & (row >= 0) & (d <= _allowed(finish) * MISSED)
+    return measured_cusps(ground, found.samples.first(count), np.where(fair, d, -np.inf),
+                          np.where((row >= 0)[:, None], feeds[row], 0.0), piece.cuts[k], program.posted,
+                          piece.cut_distance_mm, lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], found.spacing_mm, required)
+
+
+def _judged(program, found, own, history, proven, made, k, mesh, drops, required, finish, options, ball_radius_mm, cusps):
     """SetupVerdict of clamping k."""
     path_error = max((p.error_mm for c in made.piece.cuts for p in c.paths), default=0.0)
     solid_view = compare(made, k, mesh, drops, required, found, own, excess_mm=_allowed(finish), gouge_mm=finish.gouge_mm,
                          path_error_mm=path_error, ball_radius_mm=ball_radius_mm)
     bounds = {"path_mm": path_error, "tracing_mm": TRACING_MM, "post_rounding_mm": options.post_rounding_mm,
-              "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.volumes.zmap_mm}
+              "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.volumes.zmap_mm,
+              "sampling_mm": _missed_mm(found, finish, program.posted, made.piece.cuts[k].paths)}
     bounds = {name: _rounded(v, 9) for name, v in bounds.items()}
     report = _Reporter(program, finish, found, own)
-    findings = (*history.findings, *report.undecided(history), *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
-                *report.disagreements(solid_view, options.solid_pitch_mm, bounds))
+    checks, doubts = _mesh_checks(made, mesh, found, program, bounds) if options.mesh_checks else ({}, ())
+    findings = (*history.findings, *report.undecided(history), *report.gouges(), *report.unseen_gouges(proven),
+                *report.excess(), *report.disagreements(solid_view, options.solid_pitch_mm, bounds),
+                *doubts)
     return SetupVerdict(setup=program.setup.name, finish=finish, residuals=found, solids=solid_view, replay=history,
-                        certificate=proven, error_bounds_mm=bounds, findings=findings,
+                        certificate=proven, cusps=cusps, error_bounds_mm=bounds, findings=findings, stock=made, mesh=mesh,
                         numbers={**_numbers(found, solid_view, finish, bounds, history),
+                                 "sampling": {"spacing_mm": _rounded(options.spacing_mm), "tops": int(found.is_top.sum())},
+                                 "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
                                  "gouge_proven_mm": _rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict())})
+
+
+def _mesh_checks(made, mesh, found, program, bounds):
+    """What `mesh_quality` says of the design's triangles and of the stock against them, and findings."""
+    if not mesh_quality.is_installed():
+        return {"left_out": mesh_quality.LEFT_OUT}, ()
+    stock, triangles = solids.mesh_of(made.stock(PART))
+    view = mesh_quality.third_view(stock, triangles, mesh, found, program.setup.frame.rotation[:, 2])
+    size = float(np.linalg.norm(np.ptp(stock, axis=0)))
+    allowed, findings = mesh_quality.compared(view, program.setup.name, tessellation_mm=mesh.deviation_mm,
+                                              path_mm=bounds["path_mm"], zmap_mm=bounds["zmap_mm"], size_mm=size)
+    return {"design": mesh_quality.mesh_faults(mesh.vertices_mm, mesh.triangles), "hausdorff": view,
+            "resolution_mm": mesh_quality.RESOLUTION * size, "bounds_mm": allowed}, findings
+
+
+def _missed_mm(found, finish, posted, paths):
+    """How much higher than the highest sample a finished place between samples can be, by `climbing.missed_mm`.
+
+    What a sharp corner leaves is bounded by nothing, and left out.
+    """
+    d, radius = found.deviation_mm, {p.tool.number: p.corner_radius_mm for p in paths if p.corner_radius_mm > 0}
+    cut_with = np.array([radius.get(int(n), np.nan) for n in posted.tool] + [np.nan])[found.row]
+    finished = found.is_reachable & found.is_own & (d <= MISSED * _allowed(finish)) & np.isfinite(cut_with)
+    depth, top = max(0.0, -d.min(initial=0.0)), d[finished].max(initial=0.0)
+    reach = d[finished] + missed_mm(d[finished], depth, found.spacing_mm, cut_with[finished])
+    return max(0.0, reach.max(initial=0.0) - top)
+
+
+def _directions(posted):
+    """(n, 3) from start to end of each move, WCS; zero where either is not known."""
+    return np.nan_to_num(posted.end_mm - posted.start_mm)
 
 
 def _runs(moves):
@@ -245,7 +302,7 @@ def _numbers(found, solid_view, finish, bounds, history):
         "cusp_p99_mm": max(0.0, weighted_percentile(d[finished], found.samples.weight_mm2[finished], 0.99)),
         "gouge_volume_mm3": solid_view.gouge_volume_mm3, "excess_volume_mm3": solid_view.excess_volume_mm3,
         "error_bound_mm": bounds["path_mm"] + bounds["tracing_mm"] + bounds["post_rounding_mm"],
-        "points_checked": len(d), "area_required_mm2": area(slice(None)),
+        "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
         "area_reached_mm2": area(fair & (d <= _allowed(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
         "unreachable": unreachable_places(found),
         "holder_clearance_mm": clearance if np.isfinite(clearance) else None,

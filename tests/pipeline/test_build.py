@@ -54,8 +54,9 @@ def moves(default_part):
 
 def test_the_files_of_the_contract_are_there(default_part):
     names = {p.name for p in default_part.iterdir()}
-    assert {"z_profile.step", "z_profile.glb", "setup-1.ngc", "tools.tbl", "tools.json", "plan.json", "verify.json",
-            "tools.dropped.json", "manifest.json"} == names
+    assert {"z_profile.step", "z_profile.glb", "z_profile.deviation.ply", "setup-1.ngc", "tools.tbl", "tools.json",
+            "plan.json", "verify.json", "tools.dropped.json", "manifest.json",
+            *(f"setup-1.stock-{k}.stl" for k in (1, 2, 3, 4))} == names
 
 
 def test_the_json_files_have_the_keys_of_the_contract(default_part):

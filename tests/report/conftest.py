@@ -157,8 +157,20 @@ def sample_verify():
     return {"ok": True, **total, "area_unreachable_mm2": 21.3,
             "unreachable": [{"area_mm2": 21.3, "place_mm": [42.0, 20.0, 14.0],
                              "reason": "foot of the step: no ball cutter reaches a sharp inner corner"}],
+            "cusps": [{"face": 4, "operation": "finish", "ridges": 800, "wanted_mm": 0.020, "share_within_10_percent": 0.62,
+                       **{k: {"p50": v, "p90": v, "p99": 1.1 * v, "max": 1.2 * v}
+                          for k, v in (("measured_mm", 0.0161), ("formula_mm", 0.016), ("step_mm", 0.8))},
+                       "differs_most": {"place_mm": [14.0, 3.0, 20.0], "by_mm": 0.003, "measured_mm": 0.019, "formula_mm": 0.016}}],
             "error_bounds_mm": {"tessellation_mm": 0.0002, "sweep_mm": 0.0003, "arc_fit_mm": 0.0003, "post_rounding_mm": 0.0001},
             "setups": [{"name": "setup-1", "ok": True, **total}]}
+
+
+def sample_cusps():
+    """Ridges over the whole top, most of them a little below what was asked."""
+    random = np.random.default_rng(11)
+    place = np.column_stack([random.uniform(0, (LENGTH, WIDTH), (800, 2)), np.full(800, TOP)])
+    height = 0.016 + 0.003 * np.sin(place[:, 0] / 9)
+    return {"cusp_place_mm": place, "cusp_height_mm": height, "cusp_formula_mm": np.full(800, 0.016)}
 
 
 def make_bundle():
@@ -175,12 +187,12 @@ def make_bundle():
         finish=Finish(scallop_mm=0.020, profile_tolerance_mm=0.005, gouge_mm=0.003), inputs_sha256="ab" * 32,
         step_file="groove_block.step", step_sha256="9c" * 32, part_box_mm=((0, 0, 0), (LENGTH, WIDTH, TOP)),
         plan=sample_plan(setup), verify=sample_verify(), mesh=mesh, deviation_samples_mm=samples,
-        curvature_per_mm=hollow, setups=(setup,))
+        curvature_per_mm=hollow, setups=(setup,), **sample_cusps())
 
 
 FINDINGS = [
     {"kind": "gouge", "amount_mm": 0.041, "place_mm": [31.5, 12.0, 20.0], "operation": "finish", "line": 3120,
-     "setup": "setup-1", "advice": "the pass enters the surface: check the tool length of T3, then post again"},
+     "setup": "setup-1", "machine_mm": [131.5, 112.0, -80.0], "block": "N3120 G1 X31.5 Y12.0 Z-2.0", "advice": "the pass enters the surface: check the tool length of T3, then post again"},
     {"kind": "holder_contact", "amount_mm": 1.2, "place_mm": [42.0, 20.0, 20.0], "operation": "rough", "line": 711,
      "setup": "setup-1", "advice": "let T1 stand out 42 mm or more"}]
 

@@ -14,7 +14,7 @@ from cuspline.report import page, pictures, plots
 def test_plots_are_the_same_twice_and_carry_no_date(sample_bundle):
     first = plots.all_plots(sample_bundle)
     assert first == plots.all_plots(sample_bundle)
-    assert [name for name, _, _ in first] == ["deviation", "curvature", "feed-setup-1"]
+    assert [name for name, _, _ in first] == ["deviation", "curvature", "cusp-map", "cusp", "feed-setup-1"]
     for _, _, svg in first:
         ElementTree.fromstring(svg)
         assert "dc:date" not in svg
@@ -80,5 +80,6 @@ def test_reports_in_two_folders_are_the_same(sample_bundle, tmp_path):
         trees.append({p.name: p.read_bytes() for p in folder.iterdir()})
     assert trees[0] == trees[1]
     assert {name for name in trees[0] if not name.endswith(".png")} == {
-        "report.html", "setup-sheet.html", "plot-deviation.svg", "plot-curvature.svg", "plot-feed-setup-1.svg"}
+        "report.html", "setup-sheet.html", "plot-deviation.svg", "plot-curvature.svg", "plot-cusp-map.svg", "plot-cusp.svg",
+            "plot-feed-setup-1.svg"}
     assert str(tmp_path).encode() not in trees[0]["report.html"]

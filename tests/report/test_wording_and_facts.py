@@ -81,3 +81,21 @@ def test_minimum_z_is_of_cutting_moves_in_the_wcs(sample_bundle):
     mine = (setup.path.operation == 1) & ~setup.path.is_rapid
     assert facts.minimum_z_mm(setup, 1) == pytest.approx(setup.path.points_mm[mine, 2].min() - 22.0)
     assert facts.minimum_z_mm(setup, 7) is None
+
+
+def test_a_finding_shows_its_block_and_the_axes(refused_bundle):
+    gouge, holder = facts.findings(refused_bundle.verify)
+    assert gouge.block.startswith("N3120") and gouge.machine == "X 131.500  Y 112.000  Z −80.000"
+    assert holder.block == "" and holder.machine == wording.DASH
+
+
+def test_cusps_and_meshes_become_rows(sample_bundle):
+    (row,) = facts.cusp_rows(sample_bundle.verify)
+    assert row["measured"] == "16.10 / 17.71 / 19.32" and row["agrees"] == "62.0 %" and row["differs"] == "3.00"
+    assert facts.cusp_rows({}) == facts.mesh_rows({}) == []
+    assert facts.mesh_rows({"setups": [{"setup": "a", "mesh": {"left_out": "no such thing"}}]}) == [("left out", "no such thing")]
+    view = {"stock_to_design": {"max_mm": 0.01, "mean_mm": 0.003, "points": 12}, "max_residual_mm": 0.01, "mean_residual_mm": 0.003}
+    mesh = {"design": {"triangles": 9, "smallest_angle_deg": 2.5, "flipped": 1, "open_edges": 0},
+            "hausdorff": {**view, "design_to_stock": view["stock_to_design"]}}
+    rows = dict(facts.mesh_rows({"setups": [{"setup": "a", "mesh": mesh}]}))
+    assert rows["a: triangles of the design"] == "9, smallest angle 2.50°, flipped 1"

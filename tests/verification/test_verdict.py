@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from known_programs import arc, feed, program, rapid, raster, tool
 
-from cuspline import brep
+from cuspline import brep, mesh_quality
 from cuspline.design import Finish, Setup, StockBox
 from cuspline.errors import InputError
 from cuspline.program import Plane
@@ -76,6 +76,37 @@ def test_one_deep_pass_is_placed_by_line_and_operation():
     assert abs(found.amount_mm - 0.02) < 1e-5 and found.operation == "finish"
     assert abs(found.line - (10 + k + 1)) <= 1 and abs(found.place_mm[1] - moves[k][1][1]) < 0.3
     assert any(b.kind == "gouge" for b in v.solids.bodies) and kinds(v) == {"gouge"}
+
+
+def test_a_gouge_narrower_than_the_samples_is_placed_with_its_depth():
+    """A plunge of 4 um leaves a dimple of 0.2 mm radius; samples lie up to 0.6 mm apart."""
+    moves = [*passes(10.0), rapid(5.37, 8.05, 14), feed(5.37, 8.05, 9.996), rapid(5.37, 8.05, 14)]
+    (found,) = verdict(moves).findings
+    assert found.kind == "gouge" and found.amount_mm == pytest.approx(0.004, abs=1e-6)
+    assert np.hypot(found.place_mm[0] - 5.37, found.place_mm[1] - 8.05) < 0.01
+    assert found.line in (10 + len(moves) - 2, 10 + len(moves) - 1)
+
+
+def test_the_largest_cusp_is_exact_and_cusps_agree_with_the_formula():
+    v = verdict()
+    cusp = R - np.sqrt(R**2 - STEP**2 / 4)
+    assert v.numbers["cusp_max_mm"] == pytest.approx(cusp, abs=1e-6)
+    (row,) = v.as_dict()["cusps"]
+    assert row["operation"] == "finish" and row["wanted_mm"] == FINISH.scallop_mm and row["ridges"] > 500
+    assert row["share_within_10_percent"] == 1.0 and row["step_mm"]["p50"] == pytest.approx(STEP, abs=1e-6)
+    assert 0 < v.error_bounds_mm["sampling_mm"] and v.numbers["sampling"]["spacing_mm"] == COARSE.spacing_mm
+
+
+def test_the_third_view_agrees_or_is_left_out(monkeypatch):
+    checked = dataclasses.replace(COARSE, mesh_checks=True)
+    if mesh_quality.is_installed():
+        v = verdict(options=checked)
+        mesh, cusp = v.numbers["mesh"], R - np.sqrt(R**2 - STEP**2 / 4)
+        assert v.ok and mesh["design"]["open_edges"] == 0
+        assert cusp / 2 < mesh["hausdorff"]["stock_to_design"]["max_mm"] < cusp + mesh["bounds_mm"]["max_mm"]
+    monkeypatch.setattr(mesh_quality, "is_installed", lambda: False)
+    v = verdict(options=checked)
+    assert v.ok and "not installed" in v.numbers["mesh"]["left_out"]
 
 
 def test_missing_pass_and_missing_area_are_told_apart():
