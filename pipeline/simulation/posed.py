@@ -20,6 +20,8 @@ from cuspline.simulation.tree import morton_order
 
 LONGEST_RADII = 2.0       # sub-steps are at most this many cutter radii long: boxes stay tight
 
+HIGHEST_RADII = 10.0      # where contact normals are looked for on the axis: a lean of 6 degrees meets it there
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PosedPath:
@@ -28,16 +30,15 @@ class PosedPath:
     tool: Tool
     outline: np.ndarray           # (o, 10) see outlines.py
     grown_mm: float               # the cutter's surface lies this much farther out
-    heights_mm: tuple[float, float]     # z0, z1 of posed_tree.py
     geometry: np.ndarray          # (m, 14) sub-steps in Morton order, see posed_pieces.py
     row: np.ndarray               # (m,) row of PostedMoves
-    nodes: np.ndarray             # (k, 32), see posed_tree.py
+    nodes: np.ndarray             # (k, 34), see posed_tree.py
     leaves: int
     error_mm: float               # bound on what chords of arcs and sub-steps of turns may be off
     is_height_field: bool         # upright, and nowhere narrower above: it leaves no stock above where it cut
 
     def __post_init__(self):
-        for name, width, dtype in (("outline", 10, float), ("geometry", 14, float), ("nodes", 32, float)):
+        for name, width, dtype in (("outline", 10, float), ("geometry", 14, float), ("nodes", 34, float)):
             object.__setattr__(self, name, frozen(getattr(self, name), (None, width), name, dtype))
         object.__setattr__(self, "row", frozen(self.row, (len(self.geometry),), "row", np.int64))
 
@@ -79,12 +80,11 @@ def posed_path(posted, rows, tool, turn_error_mm=TURN_ERROR_MM):
     outline = outline_pieces(profile, f"T{tool.number} {tool.cutter.name}")
     radius, height = profile.largest_radius_mm, profile.height_mm
     pieces = posed_pieces(posted, rows, LONGEST_RADII * radius, float(np.hypot(radius, height)), turn_error_mm)
-    first_center = outline[0, 4] if outline[0, 0] else outline[1, 4] if outline[1, 0] else 0.0
-    heights = (float(min(first_center, height)), float(max(height, first_center + radius)))
+    lowest = outline[0, 4] if outline[0, 0] else outline[1, 4] if outline[1, 0] else 0.0
     g = pieces.geometry
-    order = morton_order(g[:, :3] + 0.5 * g[:, 3:6] + heights[0] * (g[:, 6:9] + 0.5 * g[:, 9:12]))
-    nodes, leaves = posed_tree.build_nodes(g[order], outline, *heights)
-    return PosedPath(tool=tool, outline=outline, grown_mm=0.0, heights_mm=heights, geometry=g[order],
+    order = morton_order(g[:, :3] + 0.5 * g[:, 3:6] + lowest * (g[:, 6:9] + 0.5 * g[:, 9:12]))
+    nodes, leaves = posed_tree.build_nodes(g[order], outline, lowest, max(height, lowest + HIGHEST_RADII * radius))
+    return PosedPath(tool=tool, outline=outline, grown_mm=0.0, geometry=g[order],
                      row=pieces.row[order], nodes=nodes, leaves=leaves, error_mm=pieces.error_mm,
                      is_height_field=bool(posted.is_upright[rows].all()) and not profile.is_undercutting)
 
@@ -96,6 +96,6 @@ def posed_forest(paths):
         trees[k] = node, piece, len(p.row), p.leaves, first, first + len(p.outline)
         node, piece, first = node + len(p.nodes), piece + len(p.row), first + len(p.outline)
     stack = lambda arrays, width: np.concatenate([np.zeros((0, width)), *arrays])
-    tools = np.array([(*p.heights_mm, p.grown_mm) for p in paths]).reshape(-1, 3)
-    return (stack([p.geometry for p in paths], 14), stack([p.nodes for p in paths], 32),
-            stack([p.outline for p in paths], 10), trees, tools)
+    grown = np.array([p.grown_mm for p in paths])
+    return (stack([p.geometry for p in paths], 14), stack([p.nodes for p in paths], 34),
+            stack([p.outline for p in paths], 10), trees, grown)

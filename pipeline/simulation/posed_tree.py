@@ -1,20 +1,22 @@
 """Bounding tree over the sub-steps of tilted, turning cutters, and the near-first search in it.
 
-A tree is an implicit binary heap over sub-steps in Morton order.  A node is a row of 32 numbers:
+A tree is an implicit binary heap over sub-steps in Morton order.  A node is a row of 34 numbers:
 
-    0..5     its middle pose: tip, axis
-    6..14    its frame, three unit vectors u v w; w along the normal that it leaves on the part, towards the holder
+    0..2     its middle tip
+    3..11    its frame, three unit vectors u v w; w along the normal that it leaves on the part, towards the holder
+    12..14   its middle axis, in the frame
     15..20   box round the points of the axes at height z0 over the tips, from the middle pose's: low u v w, high u v w
     21..26   the same at height z1
     27       largest angle between an axis and the middle one
-    28..30   from the middle tip to where the cutter touches a plane whose normal is w, from above
-    31       1, or 0 where the node holds nothing
+    28..30   from the middle tip to where the cutter touches a plane whose normal is w, from above, in the frame
+    31, 32   z0, z1, round the height where the normal at that contact meets the axis
+    33       1, or 0 where the node holds nothing
 
 A forest is a tuple of arrays that numba takes as one argument:
 
-    geometry (m, 14), nodes (k, 32), outlines (o, 10),
+    geometry (m, 14), nodes (k, 34), outlines (o, 10),
     trees (t, 6)   first node, first sub-step, sub-steps, leaves, first outline piece, behind the last one
-    tools (t, 3)   z0, z1, how far the cutter's surface is grown
+    grown (t,)     how far the cutter's surface lies out
 """
 
 import math
@@ -23,16 +25,22 @@ import numpy as np
 from numba import njit, prange
 
 from cuspline.simulation.outlines import touching_point
-from cuspline.simulation.posed_kernels import poses_distance, substep_distance
+from cuspline.simulation.posed_kernels import poses_distance, slope_along, substep_distance
 from cuspline.simulation.tree import SLACK_MM
 
 LEAF = 4                  # sub-steps in a leaf
 INHERIT = 1e-3            # weight of the parent's frame where a node's own points leave it open
-COLUMNS = 32
+BESIDE = 1.5              # mm, z0 and z1 of a node are this far from the height of its middle contact's normal
+COLUMNS = 34
 
 
-def build_nodes(geometry, outline, z0, z1):
-    """Nodes (2 leaves - 1, 32) over sub-steps in their given order, and the number of leaves."""
+def build_nodes(geometry, outline, lowest, highest):
+    """Nodes (2 leaves - 1, 34) over sub-steps in their given order, and the number of leaves.
+
+    Args:
+        geometry: (m, 14).   outline: (o, 10).
+        lowest, highest: heights over the tip within which normals at contacts are looked for on the axis.
+    """
     leaves = 1
     while leaves * LEAF < len(geometry):
         leaves *= 2
@@ -40,12 +48,12 @@ def build_nodes(geometry, outline, z0, z1):
     moments = _moments(np.ascontiguousarray(geometry), leaves)
     width = 1
     while width <= leaves:
-        _fill_level(nodes, moments, np.ascontiguousarray(geometry), outline, width, leaves, float(z0), float(z1))
+        _fill_level(nodes, moments, np.ascontiguousarray(geometry), outline, width, leaves, float(lowest), float(highest))
         width *= 2
     return nodes, leaves
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _moments(geometry, leaves):
     """(2 leaves - 1, 28) sums over both ends of all sub-steps: count, tip and axis, products of the six."""
     out = np.zeros((2 * leaves - 1, 28))
@@ -67,7 +75,7 @@ def _moments(geometry, leaves):
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _spread_at(moment, z, out):
     """Covariance (3, 3) of the axis points at height z over the tips."""
     n = moment[0]
@@ -80,7 +88,7 @@ def _spread_at(moment, z, out):
             out[i, j] = out[j, i] = total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _thinnest(C, w):
     """Direction in which a covariance is least, sought from w on: powers of its adjugate."""
     for _ in range(6):
@@ -96,7 +104,7 @@ def _thinnest(C, w):
         w[0], w[1], w[2] = x / length, y / length, z / length
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _touch(w, axis, outline, out):
     """Where the cutter touches a plane with normal w from above, from the tip; its height along -w's axis crossing."""
     nz = -(w[0] * axis[0] + w[1] * axis[1] + w[2] * axis[2])
@@ -108,12 +116,12 @@ def _touch(w, axis, outline, out):
     return z - r * nz / nr if nr > 1e-9 else math.inf
 
 
-@njit(cache=True)
-def _frame(node, moment, before, outline, z0, z1):
+@njit(cache=True, error_model="numpy")
+def _frame(node, axis, moment, before, outline, lowest, highest):
     """Fills the frame: w settles where the axis points that the contact normals meet spread least."""
-    C, w, axis = np.empty((3, 3)), before.copy(), node[3:6]
+    C, w, touch = np.empty((3, 3)), before.copy(), np.empty(3)
     for _ in range(3):
-        z = min(max(_touch(w, axis, outline, node[28:31]), z0), z1)
+        z = min(max(_touch(w, axis, outline, touch), lowest), highest)
         _spread_at(moment, z, C)
         size = INHERIT * (C[0, 0] + C[1, 1] + C[2, 2]) + 1e-12
         for i in range(3):
@@ -122,7 +130,8 @@ def _frame(node, moment, before, outline, z0, z1):
         _thinnest(C, w)
         if w[0] * axis[0] + w[1] * axis[1] + w[2] * axis[2] < 0.0:
             w *= -1.0
-    _touch(w, axis, outline, node[28:31])
+    z = min(max(_touch(w, axis, outline, touch), lowest), highest)
+    node[31], node[32] = max(z - BESIDE, lowest), z + BESIDE
     a = np.zeros(3)
     a[np.argmin(np.abs(w))] = 1.0
     a -= w * (a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
@@ -133,14 +142,19 @@ def _frame(node, moment, before, outline, z0, z1):
         for j in range(3):
             aa, ab, bb = aa + a[i] * C[i, j] * a[j], ab + a[i] * C[i, j] * b[j], bb + b[i] * C[i, j] * b[j]
     turn = 0.5 * math.atan2(2.0 * ab, aa - bb)
-    node[6:9] = math.cos(turn) * a + math.sin(turn) * b
-    node[9:12] = math.cos(turn) * b - math.sin(turn) * a
-    node[12:15] = w
+    node[3:6] = math.cos(turn) * a + math.sin(turn) * b
+    node[6:9] = math.cos(turn) * b - math.sin(turn) * a
+    node[9:12] = w
+    for c in range(3):
+        along = node[3 + 3 * c:6 + 3 * c]
+        node[12 + c] = along[0] * axis[0] + along[1] * axis[1] + along[2] * axis[2]
+        node[28 + c] = along[0] * touch[0] + along[1] * touch[1] + along[2] * touch[2]
 
 
-@njit(cache=True)
-def _enclose(node, geometry, first, last, z0, z1):
+@njit(cache=True, error_model="numpy")
+def _enclose(node, axis, geometry, first, last):
     """Fills boxes and largest angle over sub-steps first..last."""
+    z0, z1 = node[31], node[32]
     node[15:18], node[21:24] = math.inf, math.inf
     node[18:21], node[24:27] = -math.inf, -math.inf
     for t in range(first, last):
@@ -149,23 +163,23 @@ def _enclose(node, geometry, first, last, z0, z1):
         for end in range(2):
             chord = 0.0
             for k in range(3):
-                off = g[6 + k] + end * g[9 + k] - node[3 + k]
+                off = g[6 + k] + end * g[9 + k] - axis[k]
                 chord += off * off
             angle = 2.0 * math.asin(min(1.0, 0.5 * math.sqrt(chord)))
             node[27] = max(node[27], angle if angle < 0.5 * math.pi else math.pi)
             for c in range(3):
                 tip = turn = 0.0
                 for k in range(3):
-                    tip += node[6 + 3 * c + k] * (g[k] + end * g[3 + k] - node[k])
-                    turn += node[6 + 3 * c + k] * (g[6 + k] + end * g[9 + k] - node[3 + k])
+                    tip += node[3 + 3 * c + k] * (g[k] + end * g[3 + k] - node[k])
+                    turn += node[3 + 3 * c + k] * (g[6 + k] + end * g[9 + k] - axis[k])
                 low, high = tip + z0 * turn - z0 * bend, tip + z0 * turn + z0 * bend
                 node[15 + c], node[18 + c] = min(node[15 + c], low), max(node[18 + c], high)
                 low, high = tip + z1 * turn - z1 * bend, tip + z1 * turn + z1 * bend
                 node[21 + c], node[24 + c] = min(node[21 + c], low), max(node[24 + c], high)
 
 
-@njit(cache=True, parallel=True)
-def _fill_level(nodes, moments, geometry, outline, width, leaves, z0, z1):
+@njit(cache=True, parallel=True, error_model="numpy")
+def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highest):
     """Nodes of one level; the level above is there."""
     span = leaves // width * LEAF
     for i in prange(width):
@@ -173,16 +187,17 @@ def _fill_level(nodes, moments, geometry, outline, width, leaves, z0, z1):
         first, last = i * span, min((i + 1) * span, len(geometry))
         if first >= last:
             continue
-        node[0:6] = moment[1:7] / moment[0]
-        length = math.sqrt(node[3] ** 2 + node[4] ** 2 + node[5] ** 2)
-        node[3:6] = node[3:6] / length if length > 1e-9 else geometry[first, 6:9]
-        before = nodes[(width - 2 + i) // 2, 12:15] if width > 1 else node[3:6]
-        _frame(node, moment, before, outline, z0, z1)
-        _enclose(node, geometry, first, last, z0, z1)
-        node[31] = 1.0
+        node[0:3] = moment[1:4] / moment[0]
+        axis = moment[4:7] / moment[0]
+        length = math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+        axis = axis / length if length > 1e-9 else geometry[first, 6:9] / 1.0
+        before = nodes[(width - 2 + i) // 2, 9:12] if width > 1 else axis
+        _frame(node, axis, moment, before, outline, lowest, highest)
+        _enclose(node, axis, geometry, first, last)
+        node[33] = 1.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def tree_of(piece, trees):
     """Number of the tree that holds a sub-step."""
     for k in range(len(trees)):
@@ -191,56 +206,75 @@ def tree_of(piece, trees):
     return -1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def one_distance(px, py, pz, piece, forest, best, waiting):
     """`substep_distance` of one sub-step of the forest, to the grown cutter."""
-    geometry, _, outlines, trees, tools = forest
+    geometry, _, outlines, trees, grown = forest
     k = tree_of(piece, trees)
-    by = tools[k, 2]
-    return substep_distance(px, py, pz, geometry[piece], outlines, trees[k, 4], trees[k, 5], best + by, waiting) - by
+    d, t = substep_distance(px, py, pz, geometry[piece], outlines, trees[k, 4], trees[k, 5], best + grown[k], waiting)
+    return d - grown[k], t
 
 
-@njit(cache=True)
-def nearest_substep(px, py, pz, forest, best, hint, stack, bounds, waiting):
-    """Least signed distance to anything swept, where that is below `best`, and the sub-step it belongs to (-1: none)."""
-    geometry, nodes, outlines, trees, tools = forest
-    found = -1
+@njit(cache=True, error_model="numpy")
+def one_slope(px, py, pz, n, piece, t, forest):
+    """Derivative of the distance to the cutter at the share t of a sub-step, as the point moves along n (3,)."""
+    geometry, _, outlines, trees, _ = forest
+    k = tree_of(piece, trees)
+    return slope_along(px, py, pz, n[0], n[1], n[2], geometry[piece], t, outlines, trees[k, 4], trees[k, 5])
+
+
+@njit(cache=True, error_model="numpy")
+def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, waiting):
+    """Least signed distance to anything swept, where that is below `best`, the sub-step it belongs to (-1: none), where.
+
+    All sub-steps nearer than `keep` are written to kept[1:], and how many to kept[0]; too many: more than there is
+    room for.
+    """
+    geometry, nodes, outlines, trees, grown = forest
+    found, at = -1, 0.5
+    kept[0] = 0
     if hint >= 0:
-        d = one_distance(px, py, pz, hint, forest, best, waiting)
-        if d < best:
-            best, found = d, hint
+        best_of_hint, t = one_distance(px, py, pz, hint, forest, max(best, keep), waiting)
+        if best_of_hint < best:
+            best, found, at = best_of_hint, hint, t
+        if best_of_hint < keep:
+            kept[0], kept[1] = 1, hint
     for k in range(len(trees)):
         base, start, count, leaves, first, last = trees[k]
-        z0, z1, by = tools[k]
+        by = grown[k]
         top = 1
         stack[0], bounds[0] = 0, -math.inf
         while top > 0:
             top -= 1
-            if bounds[top] - SLACK_MM >= best:
+            limit = max(best, keep) + by
+            if bounds[top] - SLACK_MM >= limit:
                 continue
             node = stack[top]
             if node >= leaves - 1:
                 t0 = (node - leaves + 1) * LEAF
-                for t in range(start + t0, start + min(t0 + LEAF, count)):
-                    if t == hint:
+                for piece in range(start + t0, start + min(t0 + LEAF, count)):
+                    if piece == hint:
                         continue
-                    d = substep_distance(px, py, pz, geometry[t], outlines, first, last, best + by, waiting) - by
-                    if d < best:
-                        best, found = d, t
+                    d, t = substep_distance(px, py, pz, geometry[piece], outlines, first, last,
+                                            max(best, keep) + by, waiting)
+                    if d - by < best:
+                        best, found, at = d - by, piece, t
+                    if d - by < keep:
+                        kept[0] += 1
+                        if kept[0] < len(kept):
+                            kept[kept[0]] = piece
                 continue
             left = 2 * node + 1
-            b0 = _bound(px, py, pz, nodes[base + left], outlines, first, last, z0, z1, by)
-            b1 = _bound(px, py, pz, nodes[base + left + 1], outlines, first, last, z0, z1, by)
+            b0 = b1 = math.inf
+            if nodes[base + left, 33] != 0.0:
+                b0 = poses_distance(px, py, pz, nodes[base + left], outlines, first, last, limit)
+            if nodes[base + left + 1, 33] != 0.0:
+                b1 = poses_distance(px, py, pz, nodes[base + left + 1], outlines, first, last, limit)
             near, far = (left, left + 1) if b0 <= b1 else (left + 1, left)
-            if max(b0, b1) - SLACK_MM < best:
+            if max(b0, b1) - SLACK_MM < limit:
                 stack[top], bounds[top] = far, max(b0, b1)
                 top += 1
-            if min(b0, b1) - SLACK_MM < best:
+            if min(b0, b1) - SLACK_MM < limit:
                 stack[top], bounds[top] = near, min(b0, b1)
                 top += 1
-    return best, found
-
-
-@njit(cache=True)
-def _bound(px, py, pz, node, outlines, first, last, z0, z1, by):
-    return poses_distance(px, py, pz, node, outlines, first, last, z0, z1) - by if node[31] != 0.0 else math.inf
+    return best, found, at
