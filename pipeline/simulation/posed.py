@@ -16,7 +16,6 @@ from cuspline.errors import SimulationError
 from cuspline.simulation import posed_tree
 from cuspline.simulation.outlines import outline_distance, outline_pieces
 from cuspline.simulation.posed_pieces import TURN_ERROR_MM, posed_pieces
-from cuspline.simulation.tree import morton_order
 
 LONGEST_RADII = 2.0       # sub-steps are at most this many cutter radii long: boxes stay tight
 
@@ -30,15 +29,15 @@ class PosedPath:
     tool: Tool
     outline: np.ndarray           # (o, 10) see outlines.py
     grown_mm: float               # the cutter's surface lies this much farther out
-    geometry: np.ndarray          # (m, 14) sub-steps in Morton order, see posed_pieces.py
+    geometry: np.ndarray          # (m, 14) sub-steps in the tree's order, see posed_pieces.py
     row: np.ndarray               # (m,) row of PostedMoves
-    nodes: np.ndarray             # (k, 34), see posed_tree.py
+    nodes: np.ndarray             # (k, 41), see posed_tree.py
     leaves: int
     error_mm: float               # bound on what chords of arcs and sub-steps of turns may be off
     is_height_field: bool         # upright, and nowhere narrower above: it leaves no stock above where it cut
 
     def __post_init__(self):
-        for name, width, dtype in (("outline", 10, float), ("geometry", 14, float), ("nodes", 34, float)):
+        for name, width, dtype in (("outline", 10, float), ("geometry", 14, float), ("nodes", 41, float)):
             object.__setattr__(self, name, frozen(getattr(self, name), (None, width), name, dtype))
         object.__setattr__(self, "row", frozen(self.row, (len(self.geometry),), "row", np.int64))
 
@@ -82,7 +81,7 @@ def posed_path(posted, rows, tool, turn_error_mm=TURN_ERROR_MM):
     pieces = posed_pieces(posted, rows, LONGEST_RADII * radius, float(np.hypot(radius, height)), turn_error_mm)
     lowest = outline[0, 4] if outline[0, 0] else outline[1, 4] if outline[1, 0] else 0.0
     g = pieces.geometry
-    order = morton_order(g[:, :3] + 0.5 * g[:, 3:6] + lowest * (g[:, 6:9] + 0.5 * g[:, 9:12]))
+    order = posed_tree.halved_order(g[:, :3] + 0.5 * g[:, 3:6] + lowest * (g[:, 6:9] + 0.5 * g[:, 9:12]))
     nodes, leaves = posed_tree.build_nodes(g[order], outline, lowest, max(height, lowest + HIGHEST_RADII * radius))
     return PosedPath(tool=tool, outline=outline, grown_mm=0.0, geometry=g[order],
                      row=pieces.row[order], nodes=nodes, leaves=leaves, error_mm=pieces.error_mm,
@@ -97,5 +96,5 @@ def posed_forest(paths):
         node, piece, first = node + len(p.nodes), piece + len(p.row), first + len(p.outline)
     stack = lambda arrays, width: np.concatenate([np.zeros((0, width)), *arrays])
     grown = np.array([p.grown_mm for p in paths])
-    return (stack([p.geometry for p in paths], 14), stack([p.nodes for p in paths], 34),
+    return (stack([p.geometry for p in paths], 14), stack([p.nodes for p in paths], 41),
             stack([p.outline for p in paths], 10), trees, grown)

@@ -149,11 +149,15 @@ def _bulge(rc, zc, nr, nz, height, theta, outline, first, last):
         if o[0] == 0.0:
             sine, near = o[4] * nz + o[3] * nr, o[4] * nr - o[3] * nz
             if near > 0.0 and abs(sine) < theta:
-                rise = o[5] * (theta - abs(sine))
-                if sine >= 0.0:
-                    behind += rise
-                if sine <= 0.0:
-                    before += rise
+                left = theta - abs(sine)
+                if abs(sine) < 1e-9:         # the contact is on the line: what lies to its either side
+                    done = min(max((rc - o[1]) * o[3] + (zc - o[2]) * o[4], 0.0), o[5])
+                    behind += done * left
+                    before += (o[5] - done) * left
+                elif sine > 0.0:
+                    behind += o[5] * left
+                else:
+                    before += o[5] * left
         elif o[5] > widest:
             c0, c1 = o[6] * nz - o[7] * nr, nr * o[9] - nz * o[8]
             if (c0 >= -theta or o[6] * nr + o[7] * nz < 0.0) and (c1 >= -theta or o[8] * nr + o[9] * nz < 0.0):
@@ -171,16 +175,16 @@ def poses_distance(px, py, pz, node, outline, first, last, best):
 
         f >= d - n.(Q' - Q) - what the support can rise over its tangent (see _bulge)
 
-    Q is at the height of that meeting, as near as z0 <= z <= z1 allows.  All that is lost grows with the square of the
+    Q is at the height of that meeting, as near as z0 <= z <= z2 allows.  All that is lost grows with the square of the
     node's size.  Everything is reckoned in the node's frame.
     """
     x, y, z = px - node[0], py - node[1], pz - node[2]
     pu = x * node[3] + y * node[4] + z * node[5]
     pv = x * node[6] + y * node[7] + z * node[8]
     pw = x * node[9] + y * node[10] + z * node[11]
-    u = _clamped(pu - node[28], node[15], node[18])
-    v = _clamped(pv - node[29], node[16], node[19])
-    w = _clamped(pw - node[30], node[17], node[20])
+    u = _clamped(pu - node[34], node[21], node[24])
+    v = _clamped(pv - node[35], node[22], node[25])
+    w = _clamped(pw - node[36], node[23], node[26])
     pu, pv, pw = pu - u, pv - v, pw - w
     au, av, aw = node[12], node[13], node[14]
     up = pu * au + pv * av + pw * aw
@@ -189,13 +193,13 @@ def poses_distance(px, py, pz, node, outline, first, last, best):
     d, nr, nz = outline_distance(r, up, outline, first, last)
     share = nr / r if r > 1e-12 else 0.0     # on the axis all gradients round it count as one
     nu, nv, nw = share * eu + nz * au, share * ev + nz * av, share * ew + nz * aw
-    z0, z1 = node[31], node[32]
-    height = _clamped(up - nz * r / nr, z0, z1) if nr > 1e-12 else z0
+    height = _clamped(up - nz * r / nr, node[37], node[39]) if nr > 1e-12 else node[38]
+    i, z0, z1 = (15, node[37], node[38]) if height <= node[38] else (21, node[38], node[39])
     k = (height - z0) / (z1 - z0)
-    u0, u1 = node[15] + k * (node[21] - node[15]) - u, node[18] + k * (node[24] - node[18]) - u
-    v0, v1 = node[16] + k * (node[22] - node[16]) - v, node[19] + k * (node[25] - node[19]) - v
-    w0, w1 = node[17] + k * (node[23] - node[17]) - w, node[20] + k * (node[26] - node[20]) - w
+    u0, u1 = node[i] + k * (node[i + 6] - node[i]) - u, node[i + 3] + k * (node[i + 9] - node[i + 3]) - u
+    v0, v1 = node[i + 1] + k * (node[i + 7] - node[i + 1]) - v, node[i + 4] + k * (node[i + 10] - node[i + 4]) - v
+    w0, w1 = node[i + 2] + k * (node[i + 8] - node[i + 2]) - w, node[i + 5] + k * (node[i + 11] - node[i + 5]) - w
     low = d - _most(nu, u0, u1) - _most(nv, v0, v1) - _most(nw, w0, w1)
-    if low >= best and node[27] > 0.0:
-        low -= _bulge(r - d * nr, up - d * nz, nr, nz, height, node[27], outline, first, last)
+    if low >= best and node[33] > 0.0:
+        low -= _bulge(r - d * nr, up - d * nz, nr, nz, height, node[33], outline, first, last)
     return low

@@ -1,20 +1,22 @@
 """Bounding tree over the sub-steps of tilted, turning cutters, and the near-first search in it.
 
-A tree is an implicit binary heap over sub-steps in Morton order.  A node is a row of 34 numbers:
+A tree is an implicit binary heap over sub-steps, halved again and again across their longest side.  A node is a row
+of 41 numbers:
 
     0..2     its middle tip
     3..11    its frame, three unit vectors u v w; w along the normal that it leaves on the part, towards the holder
     12..14   its middle axis, in the frame
     15..20   box round the points of the axes at height z0 over the tips, from the middle pose's: low u v w, high u v w
     21..26   the same at height z1
-    27       largest angle between an axis and the middle one
-    28..30   from the middle tip to where the cutter touches a plane whose normal is w, from above, in the frame
-    31, 32   z0, z1, round the height where the normal at that contact meets the axis
-    33       1, or 0 where the node holds nothing
+    27..32   the same at height z2
+    33       largest angle between an axis and the middle one
+    34..36   from the middle tip to where the cutter touches a plane whose normal is w, from above, in the frame
+    37..39   z0, z1, z2: the normal at that contact meets the axis at z1
+    40       1, or 0 where the node holds nothing
 
 A forest is a tuple of arrays that numba takes as one argument:
 
-    geometry (m, 14), nodes (k, 34), outlines (o, 10),
+    geometry (m, 14), nodes (k, 41), outlines (o, 10),
     trees (t, 6)   first node, first sub-step, sub-steps, leaves, first outline piece, behind the last one
     grown (t,)     how far the cutter's surface lies out
 """
@@ -30,20 +32,73 @@ from cuspline.simulation.tree import SLACK_MM
 
 LEAF = 4                  # sub-steps in a leaf
 INHERIT = 1e-3            # weight of the parent's frame where a node's own points leave it open
-BESIDE = 1.5              # mm, z0 and z1 of a node are this far from the height of its middle contact's normal
-COLUMNS = 34
+BESIDE = 20.0             # mm, z0 and z2 of a node are this far from z1, where the cutter goes on so far
+COLUMNS = 41
+
+
+def halved_order(points):
+    """(n,) order of points (n, 3) in which every node of the tree is halved across its points' longest side."""
+    order = np.arange(len(points))
+    _halve(np.ascontiguousarray(points), order, LEAF * leaves_for(len(points)))
+    return order
+
+
+def leaves_for(count):
+    """Leaves of a tree over so many sub-steps: a power of two."""
+    leaves = 1
+    while leaves * LEAF < count:
+        leaves *= 2
+    return leaves
+
+
+@njit(cache=True)
+def _halve(points, order, span):
+    while span > LEAF:
+        for lo in range(0, len(order), span):
+            hi, middle = min(lo + span, len(order)), lo + span // 2
+            if middle >= hi:
+                continue
+            longest, axis = -1.0, 0
+            for k in range(3):
+                low, high = math.inf, -math.inf
+                for t in range(lo, hi):
+                    x = points[order[t], k]
+                    low, high = min(low, x), max(high, x)
+                if high - low > longest:
+                    longest, axis = high - low, k
+            _part_at(points, order, lo, hi - 1, middle, axis)
+        span //= 2
+
+
+@njit(cache=True)
+def _part_at(points, order, lo, hi, middle, axis):
+    """Reorders order[lo:hi + 1] so that what comes before `middle` lies no farther along the axis than what follows."""
+    while lo < hi:
+        pivot, i, j = points[order[(lo + hi) // 2], axis], lo, hi
+        while i <= j:
+            while points[order[i], axis] < pivot:
+                i += 1
+            while points[order[j], axis] > pivot:
+                j -= 1
+            if i <= j:
+                order[i], order[j] = order[j], order[i]
+                i, j = i + 1, j - 1
+        if middle <= j:
+            hi = j
+        elif middle >= i:
+            lo = i
+        else:
+            return
 
 
 def build_nodes(geometry, outline, lowest, highest):
-    """Nodes (2 leaves - 1, 34) over sub-steps in their given order, and the number of leaves.
+    """Nodes (2 leaves - 1, 41) over sub-steps in their given order, and the number of leaves.
 
     Args:
         geometry: (m, 14).   outline: (o, 10).
         lowest, highest: heights over the tip within which normals at contacts are looked for on the axis.
     """
-    leaves = 1
-    while leaves * LEAF < len(geometry):
-        leaves *= 2
+    leaves = leaves_for(len(geometry))
     nodes = np.zeros((2 * leaves - 1, COLUMNS))
     moments = _moments(np.ascontiguousarray(geometry), leaves)
     width = 1
@@ -131,7 +186,7 @@ def _frame(node, axis, moment, before, outline, lowest, highest):
         if w[0] * axis[0] + w[1] * axis[1] + w[2] * axis[2] < 0.0:
             w *= -1.0
     z = min(max(_touch(w, axis, outline, touch), lowest), highest)
-    node[31], node[32] = max(z - BESIDE, lowest), z + BESIDE
+    node[37], node[38], node[39] = max(z - BESIDE, lowest - 1.0), z, z + BESIDE
     a = np.zeros(3)
     a[np.argmin(np.abs(w))] = 1.0
     a -= w * (a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
@@ -148,15 +203,14 @@ def _frame(node, axis, moment, before, outline, lowest, highest):
     for c in range(3):
         along = node[3 + 3 * c:6 + 3 * c]
         node[12 + c] = along[0] * axis[0] + along[1] * axis[1] + along[2] * axis[2]
-        node[28 + c] = along[0] * touch[0] + along[1] * touch[1] + along[2] * touch[2]
+        node[34 + c] = along[0] * touch[0] + along[1] * touch[1] + along[2] * touch[2]
 
 
 @njit(cache=True, error_model="numpy")
 def _enclose(node, axis, geometry, first, last):
     """Fills boxes and largest angle over sub-steps first..last."""
-    z0, z1 = node[31], node[32]
-    node[15:18], node[21:24] = math.inf, math.inf
-    node[18:21], node[24:27] = -math.inf, -math.inf
+    for box in range(15, 33, 6):
+        node[box:box + 3], node[box + 3:box + 6] = math.inf, -math.inf
     for t in range(first, last):
         g = geometry[t]
         bend = 0.125 * g[13] * g[13]             # how far a unit axis leaves the chord of its ends
@@ -166,16 +220,16 @@ def _enclose(node, axis, geometry, first, last):
                 off = g[6 + k] + end * g[9 + k] - axis[k]
                 chord += off * off
             angle = 2.0 * math.asin(min(1.0, 0.5 * math.sqrt(chord)))
-            node[27] = max(node[27], angle if angle < 0.5 * math.pi else math.pi)
+            node[33] = max(node[33], angle if angle < 0.5 * math.pi else math.pi)
             for c in range(3):
                 tip = turn = 0.0
                 for k in range(3):
                     tip += node[3 + 3 * c + k] * (g[k] + end * g[3 + k] - node[k])
                     turn += node[3 + 3 * c + k] * (g[6 + k] + end * g[9 + k] - axis[k])
-                low, high = tip + z0 * turn - z0 * bend, tip + z0 * turn + z0 * bend
-                node[15 + c], node[18 + c] = min(node[15 + c], low), max(node[18 + c], high)
-                low, high = tip + z1 * turn - z1 * bend, tip + z1 * turn + z1 * bend
-                node[21 + c], node[24 + c] = min(node[21 + c], low), max(node[24 + c], high)
+                for i in range(3):
+                    box, z = 15 + 6 * i + c, node[37 + i]
+                    node[box] = min(node[box], tip + z * turn - abs(z) * bend)
+                    node[box + 3] = max(node[box + 3], tip + z * turn + abs(z) * bend)
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
@@ -194,7 +248,7 @@ def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highes
         before = nodes[(width - 2 + i) // 2, 9:12] if width > 1 else axis
         _frame(node, axis, moment, before, outline, lowest, highest)
         _enclose(node, axis, geometry, first, last)
-        node[33] = 1.0
+        node[40] = 1.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -266,9 +320,9 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
                 continue
             left = 2 * node + 1
             b0 = b1 = math.inf
-            if nodes[base + left, 33] != 0.0:
+            if nodes[base + left, 40] != 0.0:
                 b0 = poses_distance(px, py, pz, nodes[base + left], outlines, first, last, limit)
-            if nodes[base + left + 1, 33] != 0.0:
+            if nodes[base + left + 1, 40] != 0.0:
                 b1 = poses_distance(px, py, pz, nodes[base + left + 1], outlines, first, last, limit)
             near, far = (left, left + 1) if b0 <= b1 else (left + 1, left)
             if max(b0, b1) - SLACK_MM < limit:
