@@ -1,20 +1,18 @@
-"""Five-axis simulation: signed deviations per CPU second, on the wavy patch cut by a leaning, turning cutter.
+"""Five-axis simulation: signed deviations per CPU second, on a wavy surface cut by a leaning, turning cutter.
 
-Parallel passes along u; the axis leans from the normal by 12 to 18 degrees, and the side to which it leans turns once
-round along every pass.  The samples lie on the patch, where the ball of 6 mm gouges its tightest hollows.
+Parallel passes along x; the axis leans from the normal by 12 to 18 degrees, and the side to which it leans turns once
+round along every pass.  The samples lie on the surface.
 """
 
 import time
 
 import numba
 import numpy as np
-import workload
 
 from cuspline.cutters import Cutter, Holder, HolderSegment, Tool
 from cuspline.posted import PostedMoves
 from cuspline.program import Kind
 from cuspline.simulation.swept import deviation_mm, signed_distance_mm, swept_paths
-from cuspline.surfaces.nurbs import local_shape
 
 GRIDS = ((500, 120), (1000, 240), (2000, 500))      # moves along a pass, passes
 SHAPES = {"ball": (6.0, 6.0), "bull_nose": (6.0, 1.0)}
@@ -22,7 +20,7 @@ LEAN_RAD = np.radians([12.0, 18.0])
 SAMPLES = (400, 250)
 LIMIT_MM = 1.0
 COMPARED = 40
-STEPS = 41                # of a move, for brute force
+NEAR, STEPS = 3000, 21    # moves round a point, and steps of each, for brute force
 
 
 def poses(along, passes, radius_mm, corner_mm):
@@ -74,29 +72,64 @@ def tool(type_, radius_mm, corner_mm):
     return Tool(number=1, cutter=cutter, holder=Holder(name="collet", segments=(segment,)), stick_out_mm=60.0)
 
 
-def brute_distance(points, posted, cutter):
-    """Least distance (n,) of points to the cutter's planes in all directions, at many steps of every near move."""
+def brute_distances_mm(points, posted, cutter):
+    """Least distance (n,) of points to the planes that touch the cutter, at many steps of every near move."""
     gamma = np.linspace(0, np.pi, 20001)
     far = cutter.profile.support(gamma)[0]
-    n_r, n_z = np.sin(gamma), np.cos(gamma)
+    fan = np.stack([np.sin(gamma), np.cos(gamma)])
     out = np.empty(len(points))
     for i, p in enumerate(points):
-        rows = np.flatnonzero(((posted.start_mm - p) ** 2).sum(axis=1) < 12.0 ** 2)
-        share = np.linspace(0, 1, 9)[:, None]
-        for zoom in range(4):
-            d, rows, share = _closest_poses(p, posted, rows, share, gamma, far, zoom)
-        r, z = _in_tool(p, posted, rows, share)
-        out[i] = min((a * n_r + b * n_z - far).max() for a, b in zip(r[:50], z[:50]))
+        center = posted.start_mm + cutter.corner_radius_mm * posted.start_axis
+        rows = np.argsort(((center - p) ** 2).sum(axis=1))[:NEAR]
+        r, z = _in_tool(p, posted, np.repeat(rows, STEPS), np.tile(np.linspace(0, 1, STEPS), NEAR)[:, None])
+        coarse = (np.column_stack([r, z]) @ fan[:, ::50] - far[::50]).max(axis=1)
+        best = np.argsort(coarse)[:200]
+        out[i] = (np.column_stack([r, z])[best] @ fan - far).max(axis=1).min()
     return out
 
 
-def _in_tool(p, posted, rows, share):
-    a, b = posted.start_axis[rows], posted.end_axis[rows]
-    angle = np.arccos(np.clip((a * b).sum(axis=1), -1, 1))[:, None]
-    still = angle < 1e-7
-    sine = np.where(still, 1.0, np.sin(angle))
-    axis = np.where(still, a, (np.sin((1 - share) * angle) * a + np.sin(share * angle) * b) / sine)
+def _in_tool(p, posted, row, share):
+    """(n,) r and z of a point in the cutter at shares (n, 1) of moves; axes turn evenly between both ends."""
+    a, b = posted.start_axis[row], posted.end_axis[row]
+    angle = np.linalg.norm(b - a, axis=1)[:, None]
+    sine = np.where(angle > 1e-7, np.sin(angle), 1.0)
+    axis = np.where(angle > 1e-7, (np.sin((1 - share) * angle) * a + np.sin(share * angle) * b) / sine, a)
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    y = p - posted.start_mm[rows] - share * (posted.end_mm[rows] - posted.start_mm[rows])
+    y = p - posted.start_mm[row] - share * (posted.end_mm[row] - posted.start_mm[row])
     z = (y * axis).sum(axis=1)
     return np.linalg.norm(y - z[:, None] * axis, axis=1), z
+
+
+def measure():
+    """[(what, number, unit)]."""
+    rows, before = [], numba.get_num_threads()
+    numba.set_num_threads(1)
+    for type_, (radius, corner) in SHAPES.items():
+        for grid in GRIDS:
+            rows += _of_one(type_, radius, corner, grid)
+    numba.set_num_threads(before)
+    return rows
+
+
+def _of_one(type_, radius, corner, grid):
+    posted, cutter = moves(*poses(*grid, radius, corner)), tool(type_, radius, corner)
+    start = time.process_time()
+    paths = swept_paths(posted, {1: cutter})
+    build = time.process_time() - start
+    u, v = np.meshgrid(np.linspace(0.06, 0.94, SAMPLES[0]), np.linspace(0.06, 0.94, SAMPLES[1]))
+    points, normals = _points_and_normals(u.ravel(), v.ravel())
+    low, high = points.min(axis=0) - 50.0, points.max(axis=0) + 50.0
+    ask = lambda k: deviation_mm(paths, low, high, points[:k], normals[:k], LIMIT_MM)
+    ask(9)
+    cpu = []
+    for _ in range(2):
+        start = time.process_time()
+        deviation = ask(len(points))
+        cpu.append(time.process_time() - start)
+    some = np.random.default_rng(0).integers(0, len(points), COMPARED)
+    on = points[some] + deviation[some, None] * normals[some]
+    apart = np.abs(signed_distance_mm(paths, on) - brute_distances_mm(on, posted, cutter.cutter)).max()
+    what = f"{type_.replace('_', ' ')}, {len(posted)} moves"
+    return [(f"{what}: tree built in", build, "CPU s"),
+            (f"{what}: signed deviations (goal 50 000)", len(points) / min(cpu), "samples per CPU s"),
+            (f"{what}: against brute force at {COMPARED} samples", apart * 1e3, "µm")]

@@ -21,7 +21,7 @@ import workload
 from peers import HERE, peer_python
 
 RESULTS = HERE / "RESULTS.md"
-OTHERS = ("exact_drop", "certificate", "surface_queries", "scallop")      # each with measure() -> (what, number, unit) rows
+OTHERS = ("exact_drop", "certificate", "surface_queries", "scallop", "five_axis")    # measure() -> (what, number, unit) rows
 PACKAGES = ("numpy", "numba", "llvmlite", "cadquery-ocp", "cadquery")
 
 

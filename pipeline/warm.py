@@ -17,7 +17,8 @@ def steps():
             ("closest points", _closest_points), ("drop-cutter on triangles", _drop_cutter),
             ("drop-cutter on exact surfaces", _exact_drop), ("certificate", _certificate),
             ("arc fitting", _arcs), ("feeds", _feeds),
-            ("planning of a small part", _planning), ("simulation and comparison", _simulation))
+            ("planning of a small part", _planning), ("simulation and comparison", _simulation),
+            ("simulation of tilted cutters", _posed_simulation))
 
 
 def _forget():
@@ -103,6 +104,25 @@ def _arcs():
 def _feeds():
     from cuspline.planning.feeds import _ramped
     _ramped(np.ones(2), np.ones(2), np.zeros(3), 1.0)
+
+
+def _posed_simulation():
+    """One tilted move, asked in every way."""
+    from cuspline.catalogue import find_library
+    from cuspline.posted import PostedMoves
+    from cuspline.program import Kind
+    from cuspline.simulation import swept
+    axis, one = [(0.6, 0.0, 0.8)], np.ones(1)
+    moves = PostedMoves(kind=[Kind.FEED], start_mm=[(0, 0, 0)], end_mm=[(5, 0, 0)], center_mm=np.full((1, 3), np.nan),
+                        plane=0 * one, turns=0 * one, feed_mm_per_min=one, spindle_rpm=one, tool=one,
+                        length_offset_on=one, machine_end_mm=[(5, 0, 0)], line=one, operation=0 * one, operations=("",),
+                        ended=True, start_axis=axis, end_axis=axis)
+    paths = swept.swept_paths(moves, {1: find_library(None).tools[0]})
+    point, up, low, high = [(2.0, 0.0, 1.0)], [(0.0, 0.0, 1.0)], (-9, -9, -9), (9, 9, 9)
+    swept.signed_distance_mm(paths, point)
+    swept.deviation_mm(paths, low, high, point, up, 1.0)
+    swept.stock_height_mm(paths, [(2.0, 0.0)], 9.0)
+    swept.stock_intervals(paths, low, high, point, up)
 
 
 def _simulation():

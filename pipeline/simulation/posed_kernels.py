@@ -16,10 +16,9 @@ from numba import njit
 
 from cuspline.simulation.outlines import outline_distance
 
-CLOSE_MM = 1e-9           # the least distance along a sub-step is found to this,
-CLOSE_SHARE = 1e-4        # and to this share of M,
-CLOSE_TURNING_MM = 1e-7   # but never worse than to this
+CLOSE_MM = 4e-10          # the least distance along a sub-step is found to this
 WAITING = 64              # more intervals than can wait at once: every one is halved at the latest at 1e-15
+WIDEST_RAD = 1.5          # nodes whose axes turn by more are always looked into
 NEAR_END = 0.1            # an interval is never split nearer to its ends than this share
 SMOOTH = 0.05             # how far f may be from a parabola for its slopes to be interpolated
 
@@ -83,7 +82,6 @@ def substep_distance(px, py, pz, g, outline, first, last, best, waiting):
     f0, s0 = pose_distance(px, py, pz, g, 0.0, outline, first, last)
     f1, s1 = pose_distance(px, py, pz, g, 1.0, outline, first, last)
     least, at = (fm, 0.5) if fm <= min(f0, f1) else (f0, 0.0) if f0 <= f1 else (f1, 1.0)
-    close = min(CLOSE_MM + CLOSE_SHARE * M, CLOSE_TURNING_MM)
     _wait(waiting, 0, 0.0, 0.5, f0, fm, s0, sm)
     _wait(waiting, 1, 0.5, 1.0, fm, f1, sm, s1)
     top = 2
@@ -91,7 +89,7 @@ def substep_distance(px, py, pz, g, outline, first, last, best, waiting):
         top -= 1
         l, r, fl, fr, sl, sr = waiting[top]
         low, t = _lowest_possible(l, r, fl, fr, sl, sr, M)
-        if low >= min(least, best) - close or r - l < 1e-15 or top > WAITING - 2:
+        if low >= min(least, best) - CLOSE_MM or r - l < 1e-15 or top > WAITING - 2:
             continue
         t = _split_at(l, r, fl, fr, sl, sr, t)
         f, s = pose_distance(px, py, pz, g, t, outline, first, last)
@@ -166,8 +164,8 @@ def _bulge(rc, zc, nr, nz, height, theta, outline, first, last):
 
 
 @njit(cache=True, error_model="numpy")
-def poses_distance(px, py, pz, node, outline, first, last, best):
-    r"""Lower bound of `pose_distance` over all poses of a tree node (see posed_tree.py), as far as it may reach `best`.
+def poses_distance(px, py, pz, node, outline, first, last):
+    r"""Lower bound of `pose_distance` over all poses of a tree node (see posed_tree.py for its columns).
 
     The node's middle cutter, shifted inside the node's box to where it would touch first, has distance d and
     gradient n.  The plane across n that touches a cutter of the node lies, to first order, as far as the
@@ -199,7 +197,9 @@ def poses_distance(px, py, pz, node, outline, first, last, best):
     u0, u1 = node[i] + k * (node[i + 6] - node[i]) - u, node[i + 3] + k * (node[i + 9] - node[i + 3]) - u
     v0, v1 = node[i + 1] + k * (node[i + 7] - node[i + 1]) - v, node[i + 4] + k * (node[i + 10] - node[i + 4]) - v
     w0, w1 = node[i + 2] + k * (node[i + 8] - node[i + 2]) - w, node[i + 5] + k * (node[i + 11] - node[i + 5]) - w
+    if node[33] > WIDEST_RAD:                # what follows holds for less than a quarter turn
+        return -math.inf
     low = d - _most(nu, u0, u1) - _most(nv, v0, v1) - _most(nw, w0, w1)
-    if low >= best and node[33] > 0.0:
+    if node[33] > 0.0:
         low -= _bulge(r - d * nr, up - d * nz, nr, nz, height, node[33], outline, first, last)
     return low

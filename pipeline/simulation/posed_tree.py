@@ -33,6 +33,8 @@ from cuspline.simulation.tree import SLACK_MM
 LEAF = 4                  # sub-steps in a leaf
 INHERIT = 1e-3            # weight of the parent's frame where a node's own points leave it open
 BESIDE = 20.0             # mm, z0 and z2 of a node are this far from z1, where the cutter goes on so far
+KEPT_SHARE = 1.5          # a point keeps the sub-steps that are within this many times its distance,
+KEPT_LEAST_MM = 2e-5      # and this
 COLUMNS = 41
 
 
@@ -277,22 +279,30 @@ def one_slope(px, py, pz, n, piece, t, forest):
     return slope_along(px, py, pz, n[0], n[1], n[2], geometry[piece], t, outlines, trees[k, 4], trees[k, 5])
 
 
+@njit(cache=True)
+def _worth_keeping(best):
+    """How far a ray from here may still run before it meets the surface, if it is not too slanting."""
+    return KEPT_SHARE * abs(best) + KEPT_LEAST_MM
+
+
 @njit(cache=True, error_model="numpy")
 def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, waiting):
     """Least signed distance to anything swept, where that is below `best`, the sub-step it belongs to (-1: none), where.
 
-    All sub-steps nearer than `keep` are written to kept[1:], and how many to kept[0]; too many: more than there is
-    room for.
+    Last comes a reach, at most `keep`: all sub-steps nearer than this are in kept[1:], kept[0] of them.  The nearer the
+    point is to the surface, the smaller it is; -inf where there was no room, or `keep` was.
     """
     geometry, nodes, outlines, trees, grown = forest
     found, at = -1, 0.5
     kept[0] = 0
+    keep = min(keep, _worth_keeping(best))
     if hint >= 0:
-        best_of_hint, t = one_distance(px, py, pz, hint, forest, max(best, keep), waiting)
-        if best_of_hint < best:
-            best, found, at = best_of_hint, hint, t
-        if best_of_hint < keep:
+        d, t = one_distance(px, py, pz, hint, forest, max(best, keep), waiting)
+        if d < keep:
             kept[0], kept[1] = 1, hint
+        if d < best:
+            best, found, at = d, hint, t
+            keep = min(keep, _worth_keeping(best))
     for k in range(len(trees)):
         base, start, count, leaves, first, last = trees[k]
         by = grown[k]
@@ -300,7 +310,7 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
         stack[0], bounds[0] = 0, -math.inf
         while top > 0:
             top -= 1
-            limit = max(best, keep) + by
+            limit = max(best, keep)
             if bounds[top] - SLACK_MM >= limit:
                 continue
             node = stack[top]
@@ -311,19 +321,22 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
                         continue
                     d, t = substep_distance(px, py, pz, geometry[piece], outlines, first, last,
                                             max(best, keep) + by, waiting)
+                    if d - by < keep:
+                        if kept[0] + 1 == len(kept):
+                            kept[0], keep = 0, -math.inf
+                        else:
+                            kept[0] += 1
+                            kept[kept[0]] = piece
                     if d - by < best:
                         best, found, at = d - by, piece, t
-                    if d - by < keep:
-                        kept[0] += 1
-                        if kept[0] < len(kept):
-                            kept[kept[0]] = piece
+                        keep = min(keep, _worth_keeping(best))
                 continue
             left = 2 * node + 1
             b0 = b1 = math.inf
             if nodes[base + left, 40] != 0.0:
-                b0 = poses_distance(px, py, pz, nodes[base + left], outlines, first, last, limit)
+                b0 = poses_distance(px, py, pz, nodes[base + left], outlines, first, last) - by
             if nodes[base + left + 1, 40] != 0.0:
-                b1 = poses_distance(px, py, pz, nodes[base + left + 1], outlines, first, last, limit)
+                b1 = poses_distance(px, py, pz, nodes[base + left + 1], outlines, first, last) - by
             near, far = (left, left + 1) if b0 <= b1 else (left + 1, left)
             if max(b0, b1) - SLACK_MM < limit:
                 stack[top], bounds[top] = far, max(b0, b1)
@@ -331,4 +344,4 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
             if min(b0, b1) - SLACK_MM < limit:
                 stack[top], bounds[top] = near, min(b0, b1)
                 top += 1
-    return best, found, at
+    return best, found, at, keep

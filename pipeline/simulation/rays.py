@@ -16,24 +16,25 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from cuspline.simulation import tree
 from cuspline.simulation.posed_kernels import WAITING
 from cuspline.simulation.posed_tree import nearest_substep, one_distance, one_slope
 from cuspline.simulation.tracing import CLOSE_MM, GRAZING, PATIENT_STEPS, box_crossings
-from cuspline.simulation.tree import CHUNK, DEPTH, nearest_piece, one_piece_distance
+from cuspline.simulation.tree import CHUNK, nearest_piece, one_piece_distance
 
 UPRIGHT_ARRAYS = 4        # of the world's arrays
 GAP_MM = 2e-5             # stock or air along less of a ray than this may be overlooked
 SLOPE_MM = 1e-6           # over which the slope of the distance to an upright piece is taken along a ray
 SLIDE = 0.1               # a ray that runs in the swept surface is followed in steps of this share of its way there
 KEPT_MM = 0.005           # a point this near to the surface keeps the sub-steps round it for the rest of its ray
-KEPT_SHARE = 1.5          # those within this many times its distance
 KEPT = 64                 # as many of them as there is room for
 
 
 @njit(cache=True, error_model="numpy")
 def scratch():
     """Work space of one thread: stacks of nodes and of intervals, sub-steps kept and up to which distance."""
-    return np.empty(DEPTH, np.int64), np.empty(DEPTH), np.empty((WAITING, 6)), np.zeros(KEPT + 1, np.int64), np.full(1, -1.0)
+    stack, bounds = tree.work()
+    return stack, bounds, np.empty((WAITING, 6)), np.zeros(KEPT + 1, np.int64), np.full(1, -1.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -52,22 +53,23 @@ def _nearest(px, py, pz, world, hint, keep, work):
         d, found = nearest_piece(px, py, pz, upright, hint if hint < behind else -1, stack, bounds)
     reach[0] = -1.0
     if len(posed[0]):
-        keep = keep if d > keep else -math.inf
-        d, substep, t = nearest_substep(px, py, pz, posed, d, hint - behind if hint >= behind else -1, keep, kept,
-                                        stack, bounds, waiting)
+        of_upright = d
+        d, substep, t, left = nearest_substep(px, py, pz, posed, d, hint - behind if hint >= behind else -1, keep, kept,
+                                              stack, bounds, waiting)
         if substep >= 0:
             found, at = behind + substep, t
-        if kept[0] < len(kept):
-            reach[0] = keep
+        if of_upright > left:
+            reach[0] = left
     return d, found, at
 
 
 @njit(cache=True, error_model="numpy")
 def _nearest_kept(px, py, pz, s, world, hint, work):
-    """As `nearest`, s away from where the sub-steps were kept: all others are farther than what is left of the reach."""
+    """As `nearest`, s away from where the sub-steps were kept; -1 if none of them is nearer than the reach that is left,
+    so that others may be."""
     posed, behind = world[UPRIGHT_ARRAYS:], len(world[0])
     _, _, waiting, kept, reach = work
-    d, found, at = reach[0] - s, hint, 0.5
+    d, found, at = reach[0] - s, -1, 0.5
     for i in range(-1, kept[0]):                   # the hint first
         piece = hint - behind if i < 0 else kept[1 + i]
         if i >= 0 and piece == hint - behind:
@@ -92,7 +94,9 @@ def _at(p, n, s, is_all, piece, world, work):
     """Distance at p + s n to everything swept, the piece it belongs to and where; or to the given piece alone."""
     x, y, z = p[0] + s * n[0], p[1] + s * n[1], p[2] + s * n[2]
     if is_all and s < work[4][0] and piece >= len(world[0]):
-        return _nearest_kept(x, y, z, s, world, piece, work)
+        d, found, t = _nearest_kept(x, y, z, s, world, piece, work)
+        if found >= 0:
+            return d, found, t
     if is_all:
         return nearest(x, y, z, world, piece, work)
     d, t = _of_one(x, y, z, piece, world, work)
@@ -175,12 +179,7 @@ def leave(p, n, s, end, d, piece, at, world, work):
 @njit(cache=True, error_model="numpy")
 def _nearest_and_keep(p, world, hint, work):
     """As `nearest`; near the surface, what else is near is kept for the ray from here."""
-    keep = -math.inf
-    if hint >= len(world[0]):
-        d, _ = _of_one(p[0], p[1], p[2], hint, world, work)
-        if abs(d) < KEPT_MM:
-            keep = KEPT_SHARE * abs(d) + GAP_MM
-    return _nearest(p[0], p[1], p[2], world, hint, keep, work)
+    return _nearest(p[0], p[1], p[2], world, hint, KEPT_MM, work)
 
 
 @njit(cache=True, error_model="numpy")
@@ -243,9 +242,12 @@ def highest_stock(xy, top, bottom, world):
         for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
             p = np.array([xy[i, 0], xy[i, 1], top])
             d, hint, at = nearest(p[0], p[1], p[2], world, hint, work)
-            out[i], piece[i] = top, -1
+            out[i], piece[i], s = top, -1, 0.0
+            if abs(d) <= CLOSE_MM:           # flutes that end in the billet's top
+                s = GAP_MM
+                d, hint, at = _at(p, down, s, True, hint, world, work)
             if d < -CLOSE_MM:
-                s, piece[i] = leave(p, down, 0.0, top - bottom, d, hint, at, world, work)
+                s, piece[i] = leave(p, down, s, top - bottom, d, hint, at, world, work)
                 out[i] = top - s
     return out, piece
 
