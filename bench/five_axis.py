@@ -20,7 +20,8 @@ LEAN_RAD = np.radians([12.0, 18.0])
 SAMPLES = (400, 250)
 LIMIT_MM = 1.0
 COMPARED = 40
-NEAR, STEPS = 3000, 21    # moves round a point, and steps of each, for brute force
+WITHIN_MM = 9.0           # brute force: moves round a point,
+NEAR, STEPS = 600, 41     # the nearest half way, and steps of each
 
 
 def poses(along, passes, radius_mm, corner_mm):
@@ -46,7 +47,8 @@ def _points_and_normals(u, v):
     """Points (n, 3) and normals of a wavy blank of 100 x 60 mm, z = 3 sin(2 pi x / 90) cos(2 pi y / 70)."""
     x, y = 100.0 * u, 60.0 * v
     kx, ky = 2 * np.pi / 90.0, 2 * np.pi / 70.0
-    n = np.column_stack([-3 * kx * np.cos(kx * x) * np.cos(ky * y), 3 * ky * np.sin(kx * x) * np.sin(ky * y), 0 * x + 1])
+    n = np.column_stack([-3 * kx * np.cos(kx * x) * np.cos(ky * y), 3 * ky * np.sin(kx * x) * np.sin(ky * y),
+                         np.ones_like(x)])
     return (np.column_stack([x, y, 3 * np.sin(kx * x) * np.cos(ky * y)]),
             n / np.sqrt((n ** 2).sum(axis=1, keepdims=True)))
 
@@ -80,8 +82,10 @@ def brute_distances_mm(points, posted, cutter):
     out = np.empty(len(points))
     for i, p in enumerate(points):
         center = posted.start_mm + cutter.corner_radius_mm * posted.start_axis
-        rows = np.argsort(((center - p) ** 2).sum(axis=1))[:NEAR]
-        r, z = _in_tool(p, posted, np.repeat(rows, STEPS), np.tile(np.linspace(0, 1, STEPS), NEAR)[:, None])
+        near = np.flatnonzero(((center - p) ** 2).sum(axis=1) < WITHIN_MM ** 2)
+        middle = np.column_stack(_in_tool(p, posted, near, np.full((len(near), 1), 0.5)))
+        rows = near[np.argsort((middle @ fan[:, ::200] - far[::200]).max(axis=1))[:NEAR]]
+        r, z = _in_tool(p, posted, np.repeat(rows, STEPS), np.tile(np.linspace(0, 1, STEPS), len(rows))[:, None])
         coarse = (np.column_stack([r, z]) @ fan[:, ::50] - far[::50]).max(axis=1)
         best = np.argsort(coarse)[:200]
         out[i] = (np.column_stack([r, z])[best] @ fan - far).max(axis=1).min()

@@ -21,7 +21,8 @@ import workload
 from peers import HERE, peer_python
 
 RESULTS = HERE / "RESULTS.md"
-OTHERS = ("exact_drop", "certificate", "surface_queries", "scallop", "five_axis")    # measure() -> (what, number, unit) rows
+# each with measure() -> (what, number, unit) rows
+OTHERS = ("exact_drop", "certificate", "surface_queries", "scallop", "five_axis")
 PACKAGES = ("numpy", "numba", "llvmlite", "cadquery-ocp", "cadquery")
 
 

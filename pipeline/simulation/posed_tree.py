@@ -105,7 +105,8 @@ def build_nodes(geometry, outline, lowest, highest):
     moments = _moments(np.ascontiguousarray(geometry), leaves)
     width = 1
     while width <= leaves:
-        _fill_level(nodes, moments, np.ascontiguousarray(geometry), outline, width, leaves, float(lowest), float(highest))
+        _fill_level(nodes, moments, np.ascontiguousarray(geometry), outline, width, leaves, float(lowest),
+                    float(highest))
         width *= 2
     return nodes, leaves
 
@@ -287,7 +288,7 @@ def _worth_keeping(best):
 
 @njit(cache=True, error_model="numpy")
 def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, waiting):
-    """Least signed distance to anything swept, where that is below `best`, the sub-step it belongs to (-1: none), where.
+    """Least signed distance to anything swept, if it is below `best`, the sub-step it belongs to (-1: none), where.
 
     Last comes a reach, at most `keep`: all sub-steps nearer than this are in kept[1:], kept[0] of them.  The nearer the
     point is to the surface, the smaller it is; -inf where there was no room, or `keep` was.

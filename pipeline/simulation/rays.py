@@ -1,7 +1,9 @@
 r"""Distances, deviations and intervals of stock in what upright and tilted cutters have swept together.
 
 The world is the arrays of a forest of tree.py, then those of a forest of posed_tree.py, in one tuple; sub-steps are
-numbered behind the pieces.  Remaining stock = billet minus swept volume.  The distance to the swept volume is 1-Lipschitz, so from a place with
+numbered behind the pieces.
+
+Remaining stock = billet minus swept volume.  The distance to the swept volume is 1-Lipschitz, so from a place with
 distance d the ray meets no surface for d, and back from a place with distance d' none for d':
 
     s ├──── d ────┤  gap  ├─ d' ─┤ s'      a step may be longer than d as long as the gap stays below GAP_MM
@@ -39,7 +41,7 @@ def scratch():
 
 @njit(cache=True, error_model="numpy")
 def nearest(px, py, pz, world, hint, work):
-    """Least signed distance of a point to anything swept, the piece or sub-step it belongs to (-1: nothing), and where."""
+    """Least signed distance of a point to anything swept, the piece or sub-step it belongs to (-1: none), and where."""
     return _nearest(px, py, pz, world, hint, -math.inf, work)
 
 
@@ -65,8 +67,7 @@ def _nearest(px, py, pz, world, hint, keep, work):
 
 @njit(cache=True, error_model="numpy")
 def _nearest_kept(px, py, pz, s, world, hint, work):
-    """As `nearest`, s away from where the sub-steps were kept; -1 if none of them is nearer than the reach that is left,
-    so that others may be."""
+    """As `nearest`, s away from where sub-steps were kept; -1: none is within the reach that is left, others may be."""
     posed, behind = world[UPRIGHT_ARRAYS:], len(world[0])
     _, _, waiting, kept, reach = work
     d, found, at = reach[0] - s, -1, 0.5

@@ -10,8 +10,8 @@ from cuspline.errors import SimulationError
 from cuspline.program import Kind, Plane
 from cuspline.simulation.outlines import outline_pieces
 from cuspline.simulation.posed import posed_path
-from cuspline.simulation.swept import (deviation_mm, is_height_field, nearest_moves, signed_distance_mm, stock_height_mm,
-                                       stock_intervals, swept_paths)
+from cuspline.simulation.swept import (deviation_mm, is_height_field, nearest_moves, signed_distance_mm,
+                                       stock_height_mm, stock_intervals, swept_paths)
 
 BOX = (-50, -50, -30), (50, 50, 30)
 PLAIN = [("ball", None), ("bull_nose", 1.0), ("flat", None)]
@@ -21,8 +21,8 @@ CORPUS = (11, 23, 57)          # seeds of random programs; one that ever failed 
 def shaped(type_, diameter=6.0, corner=None, flute=20.0, neck=1.0, **shape):
     """A tool of any type, with a thin neck."""
     corner = {"ball": diameter / 2, "tapered_ball": diameter / 2, "flat": 0.0}.get(type_, corner or 0.0)
-    cutter = Cutter(name=type_, type=type_, diameter_mm=diameter, corner_radius_mm=corner, flutes=2, flute_length_mm=flute,
-                    neck_diameter_mm=neck, reach_mm=max(flute, 60.0), shank_diameter_mm=diameter,
+    cutter = Cutter(name=type_, type=type_, diameter_mm=diameter, corner_radius_mm=corner, flutes=2,
+                    flute_length_mm=flute, neck_diameter_mm=neck, reach_mm=max(flute, 60.0), shank_diameter_mm=diameter,
                     overall_length_mm=120.0, **shape)
     return Tool(number=1, cutter=cutter, holder=tool("ball", 6).holder, stick_out_mm=80.0)
 
@@ -160,7 +160,8 @@ def test_a_ball_pivoting_about_its_centre_stays_a_ball_below():
 
 def test_an_axis_that_turns_about_its_tip_sweeps_a_sector():
     """A flat cutter's axis sweeps a disk sector: its wall stands R off the sector's plane."""
-    paths = swept_paths(tilted((0, 0, 0), [feed(0, 0, 0)], [(-1, 0, 1), (1, 0, 1)]), {1: shaped("flat", 4.0, flute=10.0)})
+    turned = tilted((0, 0, 0), [feed(0, 0, 0)], [(-1, 0, 1), (1, 0, 1)])
+    paths = swept_paths(turned, {1: shaped("flat", 4.0, flute=10.0)})
     angle, rng = np.linspace(-0.6, 0.6, 50), np.random.default_rng(4)
     radius = rng.uniform(4, 8, 50)
     points = np.column_stack([radius * np.sin(angle), 2 + rng.uniform(-0.5, 3, 50), radius * np.cos(angle)])
@@ -222,7 +223,8 @@ def test_a_lens_leaves_its_large_radius_and_a_tapered_ball_its_flank():
 
 
 def test_flutes_shorter_than_the_slot_leave_what_stood_above_them():
-    paths = swept_paths(program((-40, 0, -8), [feed(40, 0, -8)]), {1: shaped("tapered_ball", 4.0, flute=5.0, taper_deg=6.0)})
+    short = shaped("tapered_ball", 4.0, flute=5.0, taper_deg=6.0)
+    paths = swept_paths(program((-40, 0, -8), [feed(40, 0, -8)]), {1: short})
     flat, offsets = stock_intervals(paths, (-9, -9, -12), (9, 9, 0), [(0, 0, 0)], [(0, 0, 1.0)])
     assert np.abs(flat - [(-12, -8), (-3, 0)]).max() < 1e-7
     assert stock_height_mm(paths, [(0, 0)], 0.0)[0] == 0.0
@@ -285,7 +287,8 @@ def test_a_gouge_deep_in_many_moves_is_measured_to_where_stock_begins():
     """Passes 0.2 mm apart: the floor is 4 mm below, though no single position of the ball holds so much of the ray."""
     ys = np.arange(-4, 4.1, 0.2)
     moves = [feed(x, y, 0) for y in ys for x in (-8, 8)]
-    paths = swept_paths(tilted((-8, -4, 0), moves, np.tile((0.2, 0.1, 1.0), (len(moves) + 1, 1))), {1: shaped("ball", 6)})
+    posted = tilted((-8, -4, 0), moves, np.tile((0.2, 0.1, 1.0), (len(moves) + 1, 1)))
+    paths = swept_paths(posted, {1: shaped("ball", 6)})
     normal = unit(np.array([0.3, 0.5, 1.0]))
     depth = deviation_mm(paths, *BOX, [(0, 0, 4)], [normal], 20.0)[0]
     end = np.array([0, 0, 4]) + depth * normal
