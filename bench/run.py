@@ -21,7 +21,8 @@ import workload
 from peers import HERE, peer_python
 
 RESULTS = HERE / "RESULTS.md"
-OTHERS = ("exact_drop", "certificate", "surface_queries", "scallop", "clearance")   # measure() -> (what, number, unit) rows
+# each with measure() -> (what, number, unit) rows
+OTHERS = ("exact_drop", "certificate", "simulation", "five_axis", "clearance", "surface_queries", "scallop")
 PACKAGES = ("numpy", "numba", "llvmlite", "cadquery-ocp", "cadquery")
 
 

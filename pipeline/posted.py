@@ -12,12 +12,16 @@ from cuspline.arrays import frozen
 from cuspline.errors import SimulationError
 from cuspline.program import Kind
 
+UPRIGHT = (0.0, 0.0, 1.0)
+UNIT = 1e-9               # how far a tool axis may be from length 1
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PostedMoves:
     """Executed moves of one program, one row each, millimetres, cutter tip in the active WCS.
 
-    A start coordinate is NaN while the text has not yet said where that axis stands.
+    A start coordinate is NaN while the text has not yet said where that axis stands.  The tool axis turns along
+    the great circle from where a move begins to where it ends; without axes it is upright, +Z.
     """
 
     kind: np.ndarray                # (n,) program.Kind
@@ -35,6 +39,8 @@ class PostedMoves:
     operation: np.ndarray           # (n,) index into operations; -1 before the first
     operations: tuple[str, ...]     # names out of the text's own `(OPERATION ...)` comments
     ended: bool                     # M2 or M30 was reached
+    start_axis: np.ndarray | None = None    # (n, 3) unit, tip towards holder, WCS; left out: +Z
+    end_axis: np.ndarray | None = None      # (n, 3)
 
     def __post_init__(self):
         n = len(self.kind)
@@ -45,11 +51,22 @@ class PostedMoves:
                 ("length_offset_on", (n,), bool), ("machine_end_mm", (n, 3), float),
                 ("line", (n,), np.int32), ("operation", (n,), np.int32)):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
+        for name in ("start_axis", "end_axis"):
+            given = getattr(self, name)
+            axis = frozen(np.tile(UPRIGHT, (n, 1)) if given is None else given, (n, 3), name)
+            object.__setattr__(self, name, axis)
+            if n and not np.abs((axis ** 2).sum(axis=1) - 1).max() < 2 * UNIT:
+                raise SimulationError(f"{name} must hold unit vectors from the tip towards the holder")
         if not np.isfinite(self.end_mm[self.kind != Kind.RAPID]).all():
             raise SimulationError("a cutting move ends at an unknown place")
 
     def __len__(self):
         return len(self.kind)
+
+    @property
+    def is_upright(self):
+        """(n,) bool: the tool axis is +Z all along the move."""
+        return (self.start_axis == UPRIGHT).all(axis=1) & (self.end_axis == UPRIGHT).all(axis=1)
 
     def operation_name(self, row):
         """Name of the operation that row belongs to; "" before the first."""

@@ -15,15 +15,10 @@ def steps():
     """(what, function) pairs; each function makes its kernels compile."""
     return (("throwing away what was compiled before", _forget), ("surface evaluation", _surfaces),
             ("closest points", _closest_points), ("drop-cutter on triangles", _drop_cutter),
-<<<<<<< HEAD
             ("drop-cutter on exact surfaces", _exact_drop), ("certificate", _certificate),
-            ("arc fitting", _arcs), ("feeds", _feeds),
-            ("planning of a small part", _planning), ("simulation and comparison", _simulation))
-=======
-            ("drop-cutter on exact surfaces", _exact_drop), ("arc fitting", _arcs), ("feeds", _feeds),
-            ("planning of a small part", _planning), ("clearance", _clearance),
-            ("simulation and comparison", _simulation))
->>>>>>> 2e00e55 (Collisions proven between the points of a move: clearance of tools to triangles, stock bounded between the nodes, table and spindle head; beside coal)
+            ("arc fitting", _arcs), ("feeds", _feeds), ("planning of a small part", _planning),
+            ("clearance", _clearance), ("simulation and comparison", _simulation),
+            ("simulation of tilted cutters", _posed_simulation))
 
 
 def _forget():
@@ -121,6 +116,25 @@ def _clearance():
     tool, tips, axes = [[1.0, 1.0, 9.0, 2.0, 0.0]], [[0, 0, 5.0]], [[0, 0, 1.0]]
     tree.distances_mm(tool, tips, axes, 0.1)
     tree.certified_clearance(tool, tips, [[0, 9.0, 5]], axes, [[0.6, 0, 0.8]], 0.1)
+
+
+def _posed_simulation():
+    """One tilted move, asked in every way."""
+    from cuspline.catalogue import find_library
+    from cuspline.posted import PostedMoves
+    from cuspline.program import Kind
+    from cuspline.simulation import swept
+    axis, one = [(0.6, 0.0, 0.8)], np.ones(1)
+    moves = PostedMoves(kind=[Kind.FEED], start_mm=[(0, 0, 0)], end_mm=[(5, 0, 0)], center_mm=np.full((1, 3), np.nan),
+                        plane=0 * one, turns=0 * one, feed_mm_per_min=one, spindle_rpm=one, tool=one,
+                        length_offset_on=one, machine_end_mm=[(5, 0, 0)], line=one, operation=0 * one, operations=("",),
+                        ended=True, start_axis=axis, end_axis=axis)
+    paths = swept.swept_paths(moves, {1: find_library(None).tools[0]})
+    point, up, low, high = [(2.0, 0.0, 1.0)], [(0.0, 0.0, 1.0)], (-9, -9, -9), (9, 9, 9)
+    swept.signed_distance_mm(paths, point)
+    swept.deviation_mm(paths, low, high, point, up, 1.0)
+    swept.stock_height_mm(paths, [(2.0, 0.0)], 9.0)
+    swept.stock_intervals(paths, low, high, point, up)
 
 
 def _simulation():

@@ -116,7 +116,7 @@ class _Arcs:
         return out
 
 
-def _repeat(counts):
+def repeated_parts(counts):
     """(index of the whole, index of the part) for `counts` parts of each whole."""
     whole = np.repeat(np.arange(len(counts)), counts)
     part = np.arange(len(whole)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -131,7 +131,7 @@ def _parts(extent, longest):
 def _lines(start, end, row, longest_mm, deepest_mm):
     counts = np.maximum(_parts(np.hypot(*(end - start)[:, :2].T), longest_mm),
                         _parts(np.maximum(start[:, 2] - end[:, 2], 0.0), deepest_mm))
-    whole, part = _repeat(counts)
+    whole, part = repeated_parts(counts)
     step = (end - start)[whole] / counts[whole, None]
     geometry = np.zeros((len(whole), 12))
     geometry[:, :3] = start[whole] + part[:, None] * step
@@ -147,7 +147,7 @@ def _chords(arcs, longest_mm, deepest_mm):
     radius = np.maximum(arcs.radius0, arcs.radius1)
     widest = 2 * np.arccos(1 - np.minimum(SAGITTA_MM / radius, 0.5))
     counts = _parts(np.abs(arcs.angle1 - arcs.angle0), widest)
-    whole, part = _repeat(counts)
+    whole, part = repeated_parts(counts)
     at = lambda k: arcs.points(whole, arcs.angle0[whole] + k / counts[whole] * (arcs.angle1 - arcs.angle0)[whole])
     geometry, piece, _ = _lines(at(part), at(part + 1), arcs.row[whole], longest_mm, deepest_mm)
     return geometry, piece, SAGITTA_MM
@@ -159,14 +159,14 @@ def _quarters(arcs, longest_mm):
         return np.zeros((0, 12)), np.zeros(0, np.int64), 0.0
     low, high = np.minimum(arcs.angle0, arcs.angle1), np.maximum(arcs.angle0, arcs.angle1)
     first, last = np.floor(low / QUARTER) + 1, np.ceil(high / QUARTER) - 1
-    whole, part = _repeat(np.maximum(last - first + 1, 0).astype(np.int64) + 1)
+    whole, part = repeated_parts(np.maximum(last - first + 1, 0).astype(np.int64) + 1)
     start = np.where(part == 0, low[whole], (first[whole] + part - 1) * QUARTER)
     stop = np.minimum((first[whole] + part) * QUARTER, high[whole])
     per_rad = np.abs((arcs.radius1 - arcs.radius0) / (arcs.angle1 - arcs.angle0))[whole]
     width = stop - start
     counts = np.maximum(_parts(width, ARC_ANGLE_RAD), _parts(width * arcs.radius0[whole], longest_mm))
     counts = np.maximum(counts, _parts(width * per_rad, 2 * SAGITTA_MM))
-    parent, k = _repeat(counts)
+    parent, k = repeated_parts(counts)
     a0 = start[parent] + k * width[parent] / counts[parent]
     a1 = start[parent] + (k + 1) * width[parent] / counts[parent]
     error = float((width * per_rad / counts).max()) / 2

@@ -1,9 +1,13 @@
 """The volume that each cutter sweeps along its posted moves, answered by query.
 
-A cutter takes away everything above its bottom (flutes, then a neck no wider), so what one
-setup leaves is a height field h(x, y), and the swept volume is closed upward.  Two sets of
+An upright ball, bull nose or flat cutter (SweptPath) takes away everything above its bottom (flutes, then a neck no
+wider), so what it leaves is a height field h(x, y), and its swept volume is closed upward.  Two sets of
 formulas answer for it and know nothing of each other: the signed distance of a point, and the
 height over (x, y).
+
+Every other cutter, and every move with a tilted axis (PosedPath, posed.py), takes away what its flutes pass through
+and no more: above flutes shorter than the slot is deep, stock is left.  One formula, the signed distance,
+answers for it; heights and intervals of stock come from rays in it (rays.py).
 """
 
 from dataclasses import dataclass
@@ -14,16 +18,19 @@ from cuspline.arrays import frozen
 from cuspline.cutters import Tool
 from cuspline.errors import SimulationError
 from cuspline.program import Kind
-from cuspline.simulation import tracing, tree
+from cuspline.simulation import rays, tracing, tree
 from cuspline.simulation.pieces import pieces_of
+from cuspline.simulation.posed import PosedPath, posed_forest, posed_path
 
-SIMULATED = ("ball", "bull_nose", "flat")
+CLOSED_UPWARD = ("ball", "bull_nose", "flat")     # types that a SweptPath knows, while they stand upright
 LONGEST_RADII = 2.0       # pieces are at most this many cutter radii long: boxes stay tight
+
+FEW_INTERVALS = 4         # room for intervals of stock on a line; lines with more are asked again, all together
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SweptPath:
-    """All moves of one tool, ready to be queried; WCS, mm."""
+    """Upright moves of one ball, bull nose or flat cutter, ready to be queried; WCS, mm."""
 
     tool: Tool
     flat_radius_mm: float         # a = R - rc
@@ -39,6 +46,11 @@ class SweptPath:
         object.__setattr__(self, "geometry", frozen(self.geometry, (None, 12), "geometry"))
         object.__setattr__(self, "row", frozen(self.row, (None,), "row", np.int64))
         object.__setattr__(self, "blocks", frozen(self.blocks, (None, 8, 8), "blocks"))
+
+    @property
+    def is_height_field(self):
+        """It leaves no stock above where it cut."""
+        return True
 
     def grown(self, by_mm):
         """The same path of a cutter whose surface lies `by_mm` farther out (negative: in).
@@ -73,29 +85,30 @@ def swept_paths(posted, tools):
         posted: PostedMoves.
         tools: dict of tool number -> cutters.Tool.
     Returns:
-        one SweptPath a tool that moves, in order of tool number.
+        tuple in order of tool number: for each tool a SweptPath of what is upright and of its types, and a
+        PosedPath of all else; one that would hold no move is left out.
     Raises:
-        SimulationError: a feed move without a tool, with one that is not given, or with a cutter whose type
-            cannot be simulated; `.rows`.
+        SimulationError: a feed move without a tool or with one that is not given, a cutter whose body is not
+            convex, an axis that turns half round in one move, an arc that is none; `.rows`.
     """
-    _refuse_unknown_shapes(posted, tools)
     lost = (posted.kind != Kind.RAPID) & ~np.isin(posted.tool, list(tools))
     if lost.any():
         k = int(np.flatnonzero(lost)[0])
         raise SimulationError(f"line {posted.line[k]}: feed move with T{posted.tool[k]}, which the tool library "
                               f"does not hold; it holds {sorted(tools)}", rows=np.flatnonzero(lost))
     known = cutting_rows(posted)
-    numbers = [int(n) for n in np.unique(posted.tool[known]) if int(n) in tools]
-    return tuple(_swept(posted, np.flatnonzero(known & (posted.tool == n)), tools[n]) for n in numbers)
+    paths = []
+    for number in (int(n) for n in np.unique(posted.tool[known]) if int(n) in tools):
+        rows, tool = np.flatnonzero(known & (posted.tool == number)), tools[number]
+        plain = posted.is_upright[rows] & (tool.cutter.type in CLOSED_UPWARD)
+        paths += [make(posted, some, tool) for make, some in ((_swept, rows[plain]), (posed_path, rows[~plain]))
+                  if len(some)]
+    return tuple(paths)
 
 
-def _refuse_unknown_shapes(posted, tools):
-    for number in np.unique(posted.tool[cutting_rows(posted)]):
-        if number in tools and tools[number].cutter.type not in SIMULATED:
-            raise SimulationError(
-                f"T{number} {tools[number].cutter.name} is of type {tools[number].cutter.type}, which the simulation "
-                f"does not know yet; it knows {', '.join(SIMULATED)}: choose one of these for this operation",
-                rows=np.flatnonzero(posted.tool == number))
+def is_height_field(paths):
+    """Whether all that these paths leave is a height field: no stock above a place that was cut."""
+    return all(p.is_height_field for p in paths)
 
 
 def _swept(posted, rows, tool):
@@ -111,7 +124,7 @@ def _swept(posted, rows, tool):
 
 
 def _forest(paths):
-    """All paths as one argument of the kernels."""
+    """All SweptPaths as one argument of the kernels."""
     trees, block, piece = np.zeros((len(paths), 5), np.int64), 0, 0
     for k, p in enumerate(paths):
         trees[k] = block, piece, len(p.row), p.levels, p.root
@@ -119,6 +132,14 @@ def _forest(paths):
     stack = lambda arrays, *shape: np.concatenate([np.zeros((0, *shape)), *arrays])
     tools = np.array([(p.flat_radius_mm, p.corner_radius_mm) for p in paths]).reshape(-1, 2)
     return stack([p.geometry for p in paths], 12), stack([p.blocks for p in paths], 8, 8), trees, tools
+
+
+def _world(paths):
+    """(SweptPaths, then PosedPaths), the forest of the first, and both forests for rays.py: None without PosedPaths."""
+    upright = [p for p in paths if not isinstance(p, PosedPath)]
+    posed = [p for p in paths if isinstance(p, PosedPath)]
+    forest = _forest(upright)
+    return (*upright, *posed), forest, forest + posed_forest(posed) if posed else None
 
 
 def _in_morton_order(points, query):
@@ -145,7 +166,7 @@ def signed_distance_mm(paths, points_mm):
     Inside, it is a lower bound of the depth (the deepest in any one piece).
 
     Args:
-        paths: tuple of SweptPath.
+        paths: tuple of SweptPath and PosedPath.
         points_mm: (n, 3) WCS.
     Returns:
         (n,); inf everywhere if nothing moves.
@@ -155,33 +176,37 @@ def signed_distance_mm(paths, points_mm):
 
 def nearest_moves(paths, points_mm):
     """Signed distances (n,) and the row of PostedMoves (n,) each belongs to; -1: nothing moves."""
-    points, forest = _rows3(points_mm, "points_mm"), _forest(paths)
-    d, piece = _in_morton_order(points, lambda order: tree.distances(points[order], forest))
+    points, (paths, forest, world) = _rows3(points_mm, "points_mm"), _world(paths)
+    ask = lambda order: tree.distances(points[order], forest) if world is None else rays.distances(points[order], world)
+    d, piece = _in_morton_order(points, ask)
     return d, _rows_of(paths, piece)
 
 
-def stock_height_mm(paths, xy_mm, top_mm, inflate_mm=0.0):
-    """Exact height of the stock over each (x, y) after all moves.
+def stock_height_mm(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
+    """Exact height of the highest stock over each (x, y) after all moves.
 
     Args:
-        paths: tuple of SweptPath.
+        paths: tuple of SweptPath and PosedPath; with a PosedPath, what lies lower may be hollow.
         xy_mm: (n, 2) WCS.
         top_mm: stock top before the first move.
         inflate_mm: cutters grown by this (the stock eroded, exactly), or shrunk where negative
             (the stock dilated; along ridges between passes by more than that).
+        bottom_mm: of the billet; heights below it (nothing is left) are given as this.
     Returns:
         (n,).
     """
-    return lowest_moves(paths, xy_mm, top_mm, inflate_mm)[0]
+    return lowest_moves(paths, xy_mm, top_mm, inflate_mm, bottom_mm)[0]
 
 
-def lowest_moves(paths, xy_mm, top_mm, inflate_mm=0.0):
+def lowest_moves(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
     """Heights (n,) as `stock_height_mm`, and the row of PostedMoves (n,) that left each; -1: uncut."""
     xy = np.ascontiguousarray(frozen(xy_mm, (None, 2), "xy_mm"))
-    forest = _forest([p.grown(inflate_mm) for p in paths] if inflate_mm else paths)
+    paths, forest, world = _world([p.grown(inflate_mm) for p in paths] if inflate_mm else paths)
     flat = np.column_stack([xy, np.zeros(len(xy))])
-    z, piece = _in_morton_order(flat, lambda order: tree.heights(xy[order], forest, float(top_mm)))
-    return z, _rows_of(paths, piece)
+    ask = lambda order: (tree.heights(xy[order], forest, float(top_mm)) if world is None else
+                         rays.highest_stock(xy[order], float(top_mm), float(bottom_mm), world))
+    z, piece = _in_morton_order(flat, ask)
+    return np.maximum(z, bottom_mm), _rows_of(paths, piece)
 
 
 def deviation_mm(paths, stock_min, stock_max, points_mm, normals, limit_mm):
@@ -192,7 +217,7 @@ def deviation_mm(paths, stock_min, stock_max, points_mm, normals, limit_mm):
     less than a hundredth of its own length, is taken not to meet it.
 
     Args:
-        paths: tuple of SweptPath.
+        paths: tuple of SweptPath and PosedPath.
         stock_min, stock_max: (3,) corners of the billet, WCS.
         points_mm, normals: (n, 3) on the design, unit normals out of the material, WCS.
         limit_mm: longest ray; a deviation of that size means "at least".
@@ -204,8 +229,35 @@ def deviation_mm(paths, stock_min, stock_max, points_mm, normals, limit_mm):
 
 def deviations_and_moves(paths, stock_min, stock_max, points_mm, normals, limit_mm):
     """Deviations (n,) as `deviation_mm`, and the row of PostedMoves (n,) nearest to each point."""
-    points, normals, forest = _rows3(points_mm, "points_mm"), _rows3(normals, "normals"), _forest(paths)
+    points, normals, (paths, forest, world) = _rows3(points_mm, "points_mm"), _rows3(normals, "normals"), _world(paths)
     low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
-    ask = lambda order: tracing.deviations(points[order], normals[order], low, high, float(limit_mm), forest)
+    trace, cut = (tracing.deviations, forest) if world is None else (rays.deviations, world)
+    ask = lambda order: trace(points[order], normals[order], low, high, float(limit_mm), cut)
     d, piece = _in_morton_order(points, ask)
     return d, _rows_of(paths, piece)
+
+
+def stock_intervals(paths, stock_min, stock_max, origins_mm, directions):
+    """All intervals of remaining stock along lines through the billet, after all moves.
+
+    Stock or air along less than 2e-5 mm of a line may be left out; a line that runs in a cut surface counts as
+    cut there.
+
+    Args:
+        paths: tuple of SweptPath and PosedPath.
+        stock_min, stock_max: (3,) corners of the billet, WCS.
+        origins_mm: (n, 3) points on the lines, WCS.   directions: (n, 3) unit vectors along them.
+    Returns:
+        (k, 2) begin and end of intervals along the lines, mm from their origins, growing; (n + 1,) line i holds
+        intervals offsets[i] to offsets[i + 1].
+    """
+    origins, directions = _rows3(origins_mm, "origins_mm"), _rows3(directions, "directions")
+    low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
+    upright = [p for p in paths if not isinstance(p, PosedPath)]
+    world = _forest(upright) + posed_forest([p for p in paths if isinstance(p, PosedPath)])
+    room, count = FEW_INTERVALS, np.zeros(0, np.int64)
+    while not len(count) or count.max() > room:
+        room = max(room, count.max(initial=0))
+        ask = lambda order: rays.stock_along(origins[order], directions[order], low, high, room, world)
+        found, count = _in_morton_order(origins, ask)
+    return found[np.arange(room) < count[:, None]], np.r_[0, np.cumsum(count)]

@@ -193,6 +193,16 @@ def push_children(code, limit, top, stack, bounds):
 
 
 @njit(cache=True)
+def one_piece_distance(px, py, pz, piece, forest):
+    """Signed distance of a point to what is swept along one piece of the forest."""
+    geometry, _, trees, tools = forest
+    for k in range(len(trees)):
+        if trees[k, 1] <= piece < trees[k, 1] + trees[k, 2]:
+            return piece_distance(px, py, pz, geometry[piece], tools[k, 0], tools[k, 1])
+    return math.inf
+
+
+@njit(cache=True)
 def nearest_piece(px, py, pz, forest, hint, stack, bounds, best=math.inf):
     """Least signed distance of a point to anything swept, and the piece it belongs to (-1: nothing below `best`)."""
     geometry, blocks, trees, tools = forest

@@ -186,13 +186,12 @@ def test_stick_out_and_holder_are_never_guessed():
 # simulation -----------------------------------------------------------------------------------------------
 
 
-def test_a_type_that_the_simulation_does_not_know_is_refused_by_number_name_and_type():
+def test_a_tapered_ball_read_from_a_program_is_simulated():
     t = Tool(number=4, cutter=SHAPES["tapered ball"], holder=tool("ball", 10).holder, stick_out_mm=45.0)
     posted = read_program("G21 G54\nT4 M6\nG43 H4\nG0 X0 Y0 Z5\nG1 X9 F100\nM2\n", work_offsets={"G54": (0, 0, 0)},
                           tool_lengths={4: t.length_mm})
-    assert (posted.kind == Kind.FEED).any()
-    with pytest.raises(SimulationError, match="T4 tapered_ball is of type tapered_ball.*knows ball, bull_nose, flat"):
-        swept_paths(posted, {4: t})
+    paths = swept_paths(posted, {4: t})
+    assert [p.tool.number for p in paths] == [4] and paths[0].is_height_field
 
 
 # files ----------------------------------------------------------------------------------------------------
