@@ -9,10 +9,10 @@ from cuspline.errors import SimulationError
 from cuspline.frames import Frame
 from cuspline.program import Kind
 from cuspline.simulation import replay_checks, replay_design, replay_kernel
-from cuspline.simulation.clearance import ClearanceTree, head_frusta
+from cuspline.simulation.clearance import ClearanceTree, flute_segments, head_frusta
 from cuspline.simulation.pieces import pieces_of
-from cuspline.simulation.swept import cutting_rows
 from cuspline.simulation.replay_stock import LEAF
+from cuspline.simulation.swept import CLOSED_UPWARD, cutting_rows
 from cuspline.simulation.tree import morton_order
 from cuspline.verification.findings import Finding
 
@@ -261,10 +261,8 @@ def _script(posted, tools, spindle_head):
     row = stack([p.row for p in pieces], np.zeros(0, np.int64))
     cutter = stack([np.full(len(p), k) for k, p in enumerate(pieces)], np.zeros(0, np.int64))
     order = np.argsort(row, kind="stable")
-    cutters = np.array([(tools[n].cutter.radius_mm - tools[n].cutter.corner_radius_mm,
-                         tools[n].cutter.corner_radius_mm) for n in numbers]).reshape(-1, 2)
-    rows = [(k, *part) for k, n in enumerate(numbers)
-            for part in (_thin_flutes(*cutters[k]), *_parts(tools[n], spindle_head))]
+    cutters = np.array([_surely_cut(tools[n].cutter) for n in numbers]).reshape(-1, 2)
+    rows = [(k, *part) for k, n in enumerate(numbers) for part in (*_flutes(tools[n].cutter), *_parts(tools[n], spindle_head))]
     parts = np.array(rows, dtype=float).reshape(-1, 7)
     return (geometry[order], row[order], cutter[order], posted.kind[row[order]] == Kind.RAPID, cutters,
             np.ascontiguousarray(parts[:, 2:]), np.ascontiguousarray(parts[:, :2].astype(np.int64)))
@@ -273,6 +271,25 @@ def _script(posted, tools, spindle_head):
 def _pieces(posted, rows, tool):
     """A plunge is cut in steps of half a flute length: the neck enters what the flutes have cut before."""
     return pieces_of(posted, rows, tool.cutter.type == "ball", deepest_mm=tool.cutter.flute_length_mm / 2)
+
+
+def _surely_cut(cutter):
+    """(a, rc) of the largest plain column in the cutter's body: it leaves no less stock than the cutter does."""
+    if cutter.type in CLOSED_UPWARD:
+        return cutter.radius_mm - cutter.corner_radius_mm, cutter.corner_radius_mm
+    top = cutter.profile.top_radius_mm
+    if cutter.type == "tapered_ball":
+        return 0.0, cutter.corner_radius_mm
+    return (0.0, top) if cutter.type == "lens" else (min(top, float(cutter.profile.end_mm[0, 0])), 0.0)
+
+
+def _flutes(cutter):
+    """(kind, z0, r0, z1, r1, grow) of the whole cutting part, its surface TOUCH_MM farther in."""
+    if cutter.type in CLOSED_UPWARD:
+        yield _thin_flutes(cutter.radius_mm - cutter.corner_radius_mm, cutter.corner_radius_mm)
+        return
+    for z0, r0, z1, r1, grow in flute_segments(cutter):
+        yield replay_kernel.RAPID, z0 + TOUCH_MM, max(r0 - TOUCH_MM, 0.0), z1, max(r1 - TOUCH_MM, 0.0), grow
 
 
 def _thin_flutes(a, rc):

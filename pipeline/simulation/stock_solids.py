@@ -6,8 +6,10 @@ import numpy as np
 
 from cuspline import solids
 from cuspline.frames import Frame
-from cuspline.simulation.swept import stock_height_mm
+from cuspline.simulation.swept import distance_to, is_height_field, stock_height_mm
 
+LATTICE = 400_000         # cells of the lattice on which stock with undercuts is met
+MET_MM = 1e-5             # how well
 WALL_MM = 1e-4            # grid lines hug vertical walls at this distance
 
 
@@ -20,8 +22,9 @@ class Field:
     ys: np.ndarray
     low: np.ndarray           # (3,) billet
     high: np.ndarray
-    z: np.ndarray             # (ny * nx,)
+    z: np.ndarray             # (ny * nx,) of the highest stock
     solid: object             # Manifold
+    is_height_field: bool     # nothing is hollow below the heights: the solid is what lies under them
 
     def height_at(self, xy_mm):
         """(n,) heights of the solid's facets over places (n, 2) within the grid."""
@@ -57,9 +60,19 @@ class StockSolids:
         cut = self.piece.cuts[k]
         low, high = self.piece.box_in(cut.frame)
         xs, ys = (grid_lines(low[i], high[i], self.pitches_mm[k], self._walls[k][i]) for i in (0, 1))
-        z = stock_height_mm(cut.paths, np.column_stack([np.tile(xs, len(ys)), np.repeat(ys, len(xs))]), high[2], grown_mm)
-        return Field(frame=cut.frame, xs=xs, ys=ys, low=low, high=high, z=z,
-                     solid=solids.height_field(xs, ys, z.reshape(len(ys), len(xs)), low[2]))
+        flat, xy = is_height_field(cut.paths), np.column_stack([np.tile(xs, len(ys)), np.repeat(ys, len(xs))])
+        z = stock_height_mm(cut.paths, xy, high[2], grown_mm, -np.inf if flat else low[2])
+        solid = (solids.height_field(xs, ys, z.reshape(len(ys), len(xs)), low[2]) if flat else
+                 self._hollow(cut, low, high, self.pitches_mm[k], grown_mm))
+        return Field(frame=cut.frame, xs=xs, ys=ys, low=low, high=high, z=z, solid=solid, is_height_field=flat)
+
+    def _hollow(self, cut, low, high, pitch_mm, grown_mm):
+        """Stock with undercuts: the surface is found along the edges of a lattice, in seven directions."""
+        edge = max(pitch_mm, float(np.cbrt(np.prod(high - low) / LATTICE)))
+        left_mm = distance_to(tuple(p.grown(grown_mm) for p in cut.paths))
+        around = edge * np.ones(3)
+        stock = solids.level_set(lambda x, y, z: left_mm(x, y, z), low - around, high + around, edge, MET_MM)
+        return stock ^ solids.box(low, high)
 
     def stock(self, frame, grown_mm=0.0):
         """What all clampings leave, as a Manifold seen from a frame."""

@@ -106,6 +106,11 @@ def swept_paths(posted, tools):
     return tuple(paths)
 
 
+def upright_paths(paths):
+    """The SweptPaths among paths: balls, bull noses and flat cutters that stand upright."""
+    return tuple(p for p in paths if isinstance(p, SweptPath))
+
+
 def is_height_field(paths):
     """Whether all that these paths leave is a height field: no stock above a place that was cut."""
     return all(p.is_height_field for p in paths)
@@ -136,7 +141,7 @@ def _forest(paths):
 
 def _world(paths):
     """(SweptPaths, then PosedPaths), the forest of the first, and both forests for rays.py: None without PosedPaths."""
-    upright = [p for p in paths if not isinstance(p, PosedPath)]
+    upright = upright_paths(paths)
     posed = [p for p in paths if isinstance(p, PosedPath)]
     forest = _forest(upright)
     return (*upright, *posed), forest, forest + posed_forest(posed) if posed else None
@@ -172,6 +177,20 @@ def signed_distance_mm(paths, points_mm):
         (n,); inf everywhere if nothing moves.
     """
     return nearest_moves(paths, points_mm)[0]
+
+
+def distance_to(paths):
+    """`signed_distance_mm` as a function (x, y, z) -> float, for whoever asks point by point."""
+    _, forest, world = _world(paths)
+    world = forest + posed_forest([]) if world is None else world
+    work, found = rays.scratch(), -1
+
+    def distance_mm(x, y, z):
+        nonlocal found
+        d, found, _ = rays.nearest(x, y, z, world, found, work)
+        return d
+
+    return distance_mm
 
 
 def nearest_moves(paths, points_mm):
@@ -253,7 +272,7 @@ def stock_intervals(paths, stock_min, stock_max, origins_mm, directions):
     """
     origins, directions = _rows3(origins_mm, "origins_mm"), _rows3(directions, "directions")
     low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
-    upright = [p for p in paths if not isinstance(p, PosedPath)]
+    upright = upright_paths(paths)
     world = _forest(upright) + posed_forest([p for p in paths if isinstance(p, PosedPath)])
     room, count = FEW_INTERVALS, np.zeros(0, np.int64)
     while not len(count) or count.max() > room:

@@ -16,6 +16,16 @@ def drop_mesh(vertices_mm, triangles):
     return DropMesh.from_triangles(vertices_mm, triangles)
 
 
+def why_unreachable_leaning(closest, points_mm, normals, ball_radius_mm):
+    """(n,) REACHABLE or TOO_NARROW for a ball that may come from any side: it must fit where it touches.
+
+    Args:
+        closest: surfaces.projection.ClosestTree of all faces; points (n, 3) and normals in its frame.
+    """
+    free = closest.closest_points(points_mm + ball_radius_mm * normals).distance_mm
+    return np.where(free < ball_radius_mm - TOLERANCE_MM, TOO_NARROW, REACHABLE)
+
+
 def why_unreachable(mesh, points_mm, normals, ball_radius_mm):
     """(n,) REACHABLE, DOWNWARD or TOO_NARROW for a ball of the given radius.
 

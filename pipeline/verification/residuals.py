@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.arrays import frozen
-from cuspline.simulation.swept import nearest_moves, signed_distance_mm
-from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable
+from cuspline.simulation.swept import is_height_field, nearest_moves, signed_distance_mm, upright_paths
+from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable, why_unreachable_leaning
 from cuspline.verification.clusters import clusters_of
 from cuspline.verification.climbing import bottoms_of, tops_of
 from cuspline.verification.samples import Samples
@@ -56,7 +56,7 @@ def default_spacing_mm(area_mm2):
     return float(np.clip(np.sqrt(PER_SPACING2 * area_mm2 / TARGET), 0.1, 1.0))
 
 
-def residuals(piece, parts, grounds, feeds, drops, ball_radius_mm, spacings_mm):
+def residuals(piece, parts, grounds, feeds, drops, closest, ball_radius_mm, spacings_mm):
     """Deviations and reach of all samples, clamping by clamping, and of the tops and bottoms between them.
 
     Args:
@@ -64,14 +64,16 @@ def residuals(piece, parts, grounds, feeds, drops, ball_radius_mm, spacings_mm):
         parts: one Samples a clamping, of the faces that it cuts; part coordinates.
         grounds: climbing.Ground of the faces that each Samples is of.
         feeds: (m, 3) directions of each clamping's moves, part coordinates.
-        drops: one DropMesh of the design a clamping, in its WCS.   ball_radius_mm: smallest ball of the shop.
+        drops: one DropMesh of the design a clamping, in its WCS.
+        closest: ClosestTree of the design, part coordinates; needed where cutters undercut or lean.
+        ball_radius_mm: smallest ball of the shop.
         spacings_mm: of each clamping's samples.
     Returns:
         list of (Residuals of its faces after all clampings, Residuals of all faces after it alone).
     """
-    looked = _Looked.at(piece, parts, drops, ball_radius_mm)
+    looked = _Looked.at(piece, parts, drops, closest, ball_radius_mm)
     more = [_tops(piece, k, looked, grounds[k], feeds, parts[k], spacings_mm[k]) for k in range(len(parts))]
-    beyond = _Looked.at(piece, more, drops, ball_radius_mm)
+    beyond = _Looked.at(piece, more, drops, closest, ball_radius_mm)
     every = Samples.joined([p for pair in zip(parts, more) for p in pair])
     climbed = np.concatenate([np.full(len(p), flag) for pair in zip(parts, more) for flag, p in zip((False, True), pair)])
     found = []
@@ -99,7 +101,7 @@ class _Looked:
     reach: list               # (n,) in the clamping of the same number
 
     @classmethod
-    def at(cls, piece, parts, drops, ball_radius_mm):
+    def at(cls, piece, parts, drops, closest, ball_radius_mm):
         together = Samples.joined(parts)
         points, normals = together.points_mm, together.normals
         each, rows = piece.deviations_of_cuts(points, normals, LIMIT_MM)
@@ -108,10 +110,16 @@ class _Looked:
         final = np.where(together.is_border & (len(piece.cuts) > 1), np.maximum(final, depth.min(axis=0)),
                          final if len(piece.cuts) > 1 else depth[0])
         ends = np.cumsum([len(p) for p in parts])[:-1]
-        reach = [why_unreachable(drop, c.frame.into(p.points_mm), c.frame.turn_into(p.normals), ball_radius_mm)
-                 for p, c, drop in zip(parts, piece.cuts, drops)]
+        reach = [_reach(p, c, drop, closest, ball_radius_mm) for p, c, drop in zip(parts, piece.cuts, drops)]
         split = lambda a: np.split(a, ends, axis=-1)
         return cls(final=split(final), each=split(depth), rows=split(rows), maker=split(maker), reach=reach)
+
+
+def _reach(samples, cut, drop, closest, ball_radius_mm):
+    """Why no ball of the shop could finish each sample in a clamping; cutters that undercut or lean come from any side."""
+    if is_height_field(cut.paths):
+        return why_unreachable(drop, cut.frame.into(samples.points_mm), cut.frame.turn_into(samples.normals), ball_radius_mm)
+    return why_unreachable_leaning(closest, samples.points_mm, samples.normals, ball_radius_mm)
 
 
 def _tops(piece, k, looked, ground, feeds, samples, spacing_mm):
@@ -138,7 +146,7 @@ def _stands(cut):
     """Where a clamping's tools have stood: [(tips (n, 3), axis (3,), flat radius, corner radius)], part coordinates."""
     ends = lambda g: np.concatenate([g[:, :3], g[:, 3:6], (g[g[:, 11] == 0, :3] + g[g[:, 11] == 0, 3:6]) / 2])
     return [(cut.frame.out(np.unique(ends(p.geometry), axis=0)), cut.frame.rotation[:, 2], p.flat_radius_mm,
-             p.corner_radius_mm) for p in cut.paths if p.corner_radius_mm > 0]
+             p.corner_radius_mm) for p in upright_paths(cut.paths) if p.corner_radius_mm > 0]
 
 
 def _at_rims(deviation, samples, paths, frame):

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline import solids
-from cuspline.simulation.swept import signed_distance_mm, stock_height_mm
+from cuspline.simulation.swept import is_height_field, signed_distance_mm, stock_height_mm
 from cuspline.verification.volumes import Volumes, volumes
 
 LAYERS = 12               # of the faces' height: what lies under a face by more than a layer is not theirs
@@ -85,7 +85,8 @@ def _beyond_excess(made, k, by):
     others = [(c.frame, tuple(p.grown(by) for p in c.paths)) for j, c in enumerate(cuts) if j != k]
 
     def beyond_mm(points):
-        above = stock_height_mm(paths, points[:, :2], top) - points[:, 2]
+        above = (stock_height_mm(paths, points[:, :2], top) - points[:, 2] if is_height_field(paths)
+                 else signed_distance_mm(paths, points))
         far = [signed_distance_mm(grown, frame.into(cuts[k].frame.out(points))) for frame, grown in others]
         return np.min([above, *far], axis=0)
 
@@ -95,6 +96,8 @@ def _beyond_excess(made, k, by):
 def _beyond_gouge(made, k, by):
     """Function of points (n, 3): how far below them clamping k's shrunk cutters have gone."""
     top, paths = made.field(k).high[2], tuple(p.grown(-by) for p in made.piece.cuts[k].paths)
+    if not is_height_field(paths):
+        return lambda points: -signed_distance_mm(paths, points)
     return lambda points: points[:, 2] - stock_height_mm(paths, points[:, :2], top)
 
 

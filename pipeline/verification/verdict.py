@@ -11,8 +11,9 @@ from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree
 from cuspline.simulation.replay import Replay, ZMap, replay
 from cuspline.simulation.stock_solids import StockSolids
-from cuspline.simulation.swept import swept_paths
+from cuspline.simulation.swept import is_height_field, swept_paths, upright_paths
 from cuspline.simulation.workpiece import Workpiece
+from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.dropcutter import drop_tips_mm
 from cuspline.verification.certificate import Certificate, certify, gouges_beyond, part_in_wcs
 from cuspline.verification.climbing import Ground, missed_mm
@@ -157,7 +158,8 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     exact = brep.faces_of(solid)
     feeds = [p.setup.frame.turn_out(_directions(p.posted)) for p in programs]
     grounds = [Ground.of_faces([exact[i] for i in chosen]) for chosen in required]
-    judged = residuals(piece, samples, grounds, feeds, drops, ball_radius_mm, [o.spacing_mm for o in fitted])
+    closest = None if all(is_height_field(c.paths) for c in piece.cuts) else ClosestTree.of_faces(exact)
+    judged = residuals(piece, samples, grounds, feeds, drops, closest, ball_radius_mm, [o.spacing_mm for o in fitted])
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles)
     verdicts = []
     for k, (program, (found, own)) in enumerate(zip(programs, judged)):
@@ -219,7 +221,7 @@ def _missed_mm(found, finish, posted, paths):
 
     What a sharp corner leaves is bounded by nothing, and left out.
     """
-    d, radius = found.deviation_mm, {p.tool.number: p.corner_radius_mm for p in paths if p.corner_radius_mm > 0}
+    d, radius = found.deviation_mm, {p.tool.number: p.corner_radius_mm for p in upright_paths(paths) if p.corner_radius_mm > 0}
     cut_with = np.array([radius.get(int(n), np.nan) for n in posted.tool] + [np.nan])[found.row]
     finished = found.is_reachable & found.is_own & (d <= MISSED * _allowed(finish)) & np.isfinite(cut_with)
     depth, top = max(0.0, -d.min(initial=0.0)), d[finished].max(initial=0.0)

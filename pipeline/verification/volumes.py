@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline import solids
-from cuspline.simulation.swept import stock_height_mm
+from cuspline.simulation.swept import signed_distance_mm, stock_height_mm
 from cuspline.toolpaths.dropcutter import drop_tips_mm
 
 CELLS = 8                 # pitches along the side of a cell in which volumes are compared
@@ -73,6 +73,8 @@ def _facets(field, cut, good, cell, pitch_mm):
 
     One random place in every square of about a pitch: the mean is unbiased whatever ridges run between the nodes.
     """
+    if not field.is_height_field:
+        return _facets_of_hollow(field, cut, good, cell)
     corner = np.argwhere(good)[:, None] * cell + field.low[:2]
     i = np.arange(CELLS)
     step = np.stack(np.meshgrid(i, i, indexing="ij"), axis=-1).reshape(-1, 2)[None] * pitch_mm
@@ -82,6 +84,20 @@ def _facets(field, cut, good, cell, pitch_mm):
     off = stock_height_mm(cut.paths, xy, field.high[2]) - field.height_at(xy)
     each = pitch_mm**2
     return each * float(off.sum()), each * float(np.sqrt((off**2).sum())), float(np.abs(off).mean())
+
+
+def _facets_of_hollow(field, cut, good, cell):
+    """The same of a solid with undercuts: a random place on every facet that looks up."""
+    vertices, triangles = solids.mesh_of(field.solid)
+    corners = vertices[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    size = np.linalg.norm(normal, axis=1)
+    share = np.random.default_rng(SEED).dirichlet((1.0, 1.0, 1.0), len(corners))
+    points = np.einsum("nk,nkc->nc", share, corners)
+    at = np.clip(((points[:, :2] - field.low[:2]) / cell).astype(int), 0, np.array(good.shape) - 1)
+    keep = good[at[:, 0], at[:, 1]] & (normal[:, 2] > 0.5 * size)
+    off, size = signed_distance_mm(cut.paths, points[keep]), size[keep]
+    return float((off * size).sum()), float(np.sqrt(((off * size)**2).sum())), float((np.abs(off) * size).sum() / max(size.sum(), 1e-300))
 
 
 def _triangles(drops, points, area_mm2):
