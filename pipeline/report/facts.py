@@ -170,6 +170,7 @@ def _gouge_fact(bundle):
     verify = bundle.verify
     return Fact(label="Gouge, deepest", value=decimal(verify.get("gouge_max_mm"), 4, "mm"),
                 details=(f"accepted to {decimal(bundle.finish.gouge_mm, 4, 'mm')}",
+                         f"proven of every move: {decimal(verify.get('gouge_proven_mm'), 4, 'mm')}",
                          f"volume {decimal(verify.get('gouge_volume_mm3'), 3, 'mm³')}",
                          f"known to ±{decimal(verify.get('error_bound_mm'), 4, 'mm')}"),
                 state=_state(verify, verify.get("gouge_max_mm"), "gouge"))
@@ -312,12 +313,19 @@ def error_bound_rows(verify):
     return rows + [("bound used for the verdict", decimal(total, 5, "mm"))] if number(total) is not None else rows
 
 
+def stock_rows(verify):
+    """[(setup, operation, file, volume, start of its hash)] of the stock kept after every operation."""
+    return [(row["setup"], row["operation"], row["file"], decimal(row["volume_mm3"], 1, "mm³"), row["sha256"][:16])
+            for row in verify.get("stock") or ()]
+
+
 def measure_rows(bundle):
     """(header, rows): the verifiers' numbers, in total and per setup."""
     named = [(str(s.get("name") or s.get("setup") or f"setup {k + 1}"), s)
              for k, s in enumerate(bundle.verify.get("setups") or ()) if isinstance(s, dict)]
     columns = [("total", bundle.verify), *(named if len(named) > 1 else [])]
-    spell = {"gouge_max_mm": ("deepest gouge", 4, "mm"), "excess_max_mm": ("most material left", 4, "mm"),
+    spell = {"gouge_max_mm": ("deepest gouge", 4, "mm"),
+             "gouge_proven_mm": ("no move goes deeper than (proven)", 4, "mm"), "excess_max_mm": ("most material left", 4, "mm"),
              "cusp_max_mm": ("largest cusp", 4, "mm"), "cusp_p99_mm": ("99 % of cusps below", 4, "mm"),
              "gouge_volume_mm3": ("gouge volume", 3, "mm³"), "excess_volume_mm3": ("excess volume", 3, "mm³"),
              "area_required_mm2": ("area required", 1, "mm²"), "area_reached_mm2": ("area reached", 1, "mm²"),

@@ -49,7 +49,7 @@ def report_html(bundle, images, plots, left_out):
         **_common(bundle, images), left_out=left_out, facts=facts.one_minute(bundle),
         operations=facts.operation_rows(bundle), candidates=facts.candidate_rows(bundle),
         unreachable=facts.unreachable(bundle), bounds=facts.error_bound_rows(bundle.verify),
-        measures=facts.measure_rows(bundle), files=facts.file_rows(bundle),
+        measures=facts.measure_rows(bundle), stock=facts.stock_rows(bundle.verify), files=facts.file_rows(bundle),
         cusps=facts.cusp_rows(bundle.verify), meshes=facts.mesh_rows(bundle.verify),
         captions=[(name, text) for name, text in CAPTIONS.items() if name in images],
         plots=[(caption, image_url("image/svg+xml", svg.encode())) for _, caption, svg in plots],
