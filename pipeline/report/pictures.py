@@ -79,10 +79,10 @@ def picture_scene(bundle):
     edges = mesh.edges_mm or (np.zeros((0, 3)),)
     points, links, colours = [], [], []
     low, high = np.array(bundle.part_box_mm)
-    ceiling_mm = high[2] + PATH_ROOM * np.linalg.norm(high - low)
+    room = PATH_ROOM * np.linalg.norm(high - low)
     for setup in bundle.setups:
         first = sum(map(len, points))
-        path_points, link, colour = _path_segments(setup.path, ceiling_mm)
+        path_points, link, colour = _path_segments(setup.path, low - room, high + room)
         points.append(path_points)
         links.append(link + first)
         colours.append(colour)
@@ -93,13 +93,13 @@ def picture_scene(bundle):
             "path_points": np.vstack(points), "path_links": np.vstack(links), "path_colours": np.vstack(colours)}
 
 
-def _path_segments(path, ceiling_mm):
+def _path_segments(path, low_mm, high_mm):
     """(points, (m, 2) rows joined by a segment, (m, 3) its colour).
 
     Segments at unknown places are left out, and retracts to the tool change, which would make the part small.
     """
     points = np.asarray(path.points_mm, dtype=float)
-    known = np.isfinite(points).all(axis=1) & (points[:, 2] < ceiling_mm)
+    known = ((points > low_mm) & (points < high_mm)).all(axis=1)
     links = np.column_stack([np.arange(len(points) - 1), np.arange(1, len(points))])
     links = links[known[:-1] & known[1:]]
     palette = np.array([[int(c[i:i + 2], 16) for i in (1, 3, 5)] for c in OPERATION_COLOURS], dtype=np.uint8)
