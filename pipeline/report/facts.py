@@ -307,9 +307,7 @@ def error_bound_rows(verify):
     total = verify.get("error_bound_mm")
     if isinstance(total, dict):
         parts, total = {**total, **parts}, None
-    spell = {"sampling": "between samples, but for the climb to the tops"}
-    names = [(str(k).removesuffix("_mm").replace("_", " "), v) for k, v in parts.items()]
-    rows = [(spell.get(name, name), decimal(v, 5, "mm")) for name, v in names]
+    rows = [(str(k).removesuffix("_mm").replace("_", " "), decimal(v, 5, "mm")) for k, v in parts.items()]
     return rows + [("bound used for the verdict", decimal(total, 5, "mm"))] if number(total) is not None else rows
 
 
@@ -326,6 +324,7 @@ def measure_rows(bundle):
     columns = [("total", bundle.verify), *(named if len(named) > 1 else [])]
     spell = {"gouge_max_mm": ("deepest gouge", 4, "mm"),
              "gouge_proven_mm": ("no move goes deeper than (proven)", 4, "mm"), "excess_max_mm": ("most material left", 4, "mm"),
+             "excess_proven_mm": ("proven between samples: no more than", 4, "mm"),
              "cusp_max_mm": ("largest cusp", 4, "mm"), "cusp_p99_mm": ("99 % of cusps below", 4, "mm"),
              "gouge_volume_mm3": ("gouge volume", 3, "mm³"), "excess_volume_mm3": ("excess volume", 3, "mm³"),
              "area_required_mm2": ("area required", 1, "mm²"), "area_reached_mm2": ("area reached", 1, "mm²"),

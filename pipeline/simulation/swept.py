@@ -128,8 +128,8 @@ def _swept(posted, rows, tool):
                      row=pieces.row[order], blocks=blocks, levels=levels, root=root, error_mm=pieces.error_mm)
 
 
-def _forest(paths):
-    """All SweptPaths as one argument of the kernels."""
+def forest_of(paths):
+    """SweptPaths as one argument of the kernels of `tree`: all their pieces, path after path."""
     trees, block, piece = np.zeros((len(paths), 5), np.int64), 0, 0
     for k, p in enumerate(paths):
         trees[k] = block, piece, len(p.row), p.levels, p.root
@@ -143,7 +143,7 @@ def _world(paths):
     """(SweptPaths, then PosedPaths), the forest of the first, and both forests for rays.py: None without PosedPaths."""
     upright = upright_paths(paths)
     posed = [p for p in paths if isinstance(p, PosedPath)]
-    forest = _forest(upright)
+    forest = forest_of(upright)
     return (*upright, *posed), forest, forest + posed_forest(posed) if posed else None
 
 
@@ -273,7 +273,7 @@ def stock_intervals(paths, stock_min, stock_max, origins_mm, directions):
     origins, directions = _rows3(origins_mm, "origins_mm"), _rows3(directions, "directions")
     low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
     upright = upright_paths(paths)
-    world = _forest(upright) + posed_forest([p for p in paths if isinstance(p, PosedPath)])
+    world = forest_of(upright) + posed_forest([p for p in paths if isinstance(p, PosedPath)])
     room, count = FEW_INTERVALS, np.zeros(0, np.int64)
     while not len(count) or count.max() > room:
         room = max(room, count.max(initial=0))

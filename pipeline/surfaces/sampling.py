@@ -63,7 +63,7 @@ def samples_of_faces(faces, spacing_mm, *, geometry=None):
 
 
 def _samples_of_face(patches, trims, face, area_mm2, spacing_mm):
-    patch, box, state = _served_pieces(patches, trims, face, spacing_mm)
+    patch, box, state = served_pieces(patches, trims, face, spacing_mm)
     u, v = in_face_parameters(patches, patch, (box[:, 0] + box[:, 1]) / 2, (box[:, 2] + box[:, 3]) / 2)
     across = state == ACROSS
     is_border = across & ~trims.is_inside(face, u, v)
@@ -81,8 +81,11 @@ def _samples_of_face(patches, trims, face, area_mm2, spacing_mm):
     return (shape.point_mm, normal, weight * (area_mm2 / weight.sum()), np.full(len(u), face), u, v, is_border)
 
 
-def _served_pieces(patches, trims, face, spacing_mm):
-    """Patches (n,), local rectangles (n, 4) and trim states (n,) of pieces that one point each serves."""
+def served_pieces(patches, trims, face, spacing_mm):
+    """Patches (n,), local rectangles (n, 4) and trim states (n,) of pieces of a face that one point each serves.
+
+    No point of a piece is farther than `spacing_mm` from its middle, or half of that across the border.
+    """
     patch, box = whole_patches(patches, face)
     work, done = np.empty((*(patches.patch[patch][:, 2:4].max(axis=0) + 1), 4)), []
     for _ in range(ROUNDS):

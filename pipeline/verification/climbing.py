@@ -10,14 +10,9 @@ Every small cell's most extreme sample is a start.  Starts walk on the surface i
 no step gains, first across the pass beside them, the most promising ones then in all directions; between compass
 directions the best one is searched for, so that a sharp ridge is followed though no compass step stays on it.
 
-What is promised.  A ball of radius R that leaves the height f above a face and goes nowhere deeper than g below it has
-its lowest point within sqrt(2 (f + g) / K) of there, K = 1/R + curvature of a ridge; its own slope there is the largest
-that the stock has: sqrt(2 (f + g) K).  From one place to another, d apart on the face, sqrt(f + g) therefore grows by
-at most d sqrt(K / 2), whatever passes are missing or shifted; a torus has its corner radius for R.  No place is farther
-than the samples' spacing from a sample, so what the samples can miss is bounded (`missed_mm`), away from rims by more
-than that distance.  The bound needs no search.  The search finds every top that has a start on its own hill: on a ridge
-at least one for every cell along it; and it places a top to CLOSE_MM across and along.  Gouges may be narrower still:
-they are looked for below every posted end, too.
+The search finds every top that has a start on its own hill: on a ridge at least one for every cell along it; and it
+places a top to CLOSE_MM across and along.  That nothing stands higher is not for it to say: excess_proof.py proves it.
+Gouges may be narrower still: they are looked for below every posted end, too.
 """
 
 from dataclasses import dataclass, replace
@@ -249,19 +244,3 @@ def bottoms_of(ground, samples_mm, normals, face, centers, depth_of, spacing_mm)
     chosen = chosen[depth[chosen] > 0]
     begin = Tops(face=face[rows[good[chosen]]], u=u[good[chosen]], v=v[good[chosen]], height_mm=depth[chosen])
     return walked(ground, begin, depth_of, FIRST * spacing_mm)
-
-
-def missed_mm(height_mm, depth_mm, spacing_mm, radius_mm, ridge_per_mm=0.0):
-    """How much higher than a sample a place within the spacing can be: see the module.
-
-    Args:
-        height_mm: of the sample, scalar or (n,).   depth_mm: deepest gouge, scalar >= 0.
-        spacing_mm: largest distance from the sample.   radius_mm: ball or corner that cut there, > 0, scalar or (n,).
-        ridge_per_mm: curvature of a ridge of the face there.
-
-    >>> float(missed_mm(0.009, 0.0, 0.1, 5.0).round(6))     # slope 0.06 over 0.1 mm, and 0.1² / (2 · 5)
-    0.007
-    """
-    bend = 1 / np.asarray(radius_mm, float) + np.maximum(ridge_per_mm, 0.0)
-    root = np.sqrt(np.maximum(height_mm, 0.0) + depth_mm)
-    return (root + spacing_mm * np.sqrt(bend / 2)) ** 2 - root * root

@@ -11,16 +11,18 @@ from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree
 from cuspline.simulation.replay import Replay, ZMap, replay
 from cuspline.simulation.stock_solids import StockSolids
-from cuspline.simulation.swept import is_height_field, swept_paths, upright_paths
+from cuspline.simulation.swept import is_height_field, nearest_moves, swept_paths, upright_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.dropcutter import drop_tips_mm
 from cuspline.verification.certificate import Certificate, certify, gouges_beyond, part_in_wcs
-from cuspline.verification.climbing import Ground, missed_mm
+from cuspline.verification.climbing import Ground
+from cuspline.verification.clusters import clusters_of
 from cuspline.verification.cusps import Cusps, measured_cusps
+from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.findings import Finding
 from cuspline.verification.in_process import PART
-from cuspline.verification.reach import drop_mesh
+from cuspline.verification.reach import REACHABLE, drop_mesh, why_unreachable
 from cuspline.verification.residuals import (LIMIT_MM, Residuals, default_spacing_mm, residuals, unreachable_places,
                                              weighted_percentile)
 from cuspline.verification.samples import face_area_mm2, sample_faces
@@ -65,6 +67,7 @@ class SetupVerdict:
     replay: Replay
     certificate: Certificate
     cusps: Cusps                      # at ridges between passes
+    excess_proof: ExcessProof         # that nothing between samples stands higher
     error_bounds_mm: dict             # part -> mm
     numbers: dict                     # verify.json's contract, without findings
     stock: StockSolids                # after all clampings
@@ -99,11 +102,13 @@ class Verdict:
     def as_dict(self):
         """verify.json: the totals, then every setup."""
         parts = [s.as_dict() for s in self.setups]
+        proven = [p["excess_proven_mm"] for p in parts]
         worst = ("gouge_max_mm", "gouge_proven_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "error_bound_mm")
         summed = ("gouge_volume_mm3", "excess_volume_mm3", "points_checked", "area_required_mm2", "area_reached_mm2",
                   "area_unreachable_mm2")
         together = ("unreachable", "collisions", "findings", "cusps")
         return {"ok": self.ok, **{k: max((p[k] for p in parts), default=0.0) for k in worst},
+                "excess_proven_mm": None if None in proven else max(proven, default=0.0),
                 **{k: _rounded(sum(p[k] for p in parts)) for k in summed},
                 "error_bounds_mm": {k: max(p["error_bounds_mm"][k] for p in parts) for k in parts[0]["error_bounds_mm"]}
                 if parts else {},
@@ -167,8 +172,9 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
         proven = certify(program.posted, tools, part_in_wcs(solid, program.setup.frame),
                          tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
         cusps = _cusps(piece, k, program, found, grounds[k], feeds[k], required[k], finish, len(samples[k]))
+        proof = _excess_proof(piece, k, found, grounds[k], drops[k], finish, ball_radius_mm)
         verdicts.append(_judged(program, found, own, history, proven, made, k, mesh, drops[k], required[k], finish,
-                                fitted[k], ball_radius_mm, cusps))
+                                fitted[k], ball_radius_mm, cusps, proof))
     return tuple(verdicts)
 
 
@@ -181,26 +187,33 @@ def _cusps(piece, k, program, found, ground, feeds, required, finish, count):
                           piece.cut_distance_mm, lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], found.spacing_mm, required)
 
 
-def _judged(program, found, own, history, proven, made, k, mesh, drops, required, finish, options, ball_radius_mm, cusps):
+def _judged(program, found, own, history, proven, made, k, mesh, drops, required, finish, options, ball_radius_mm,
+            cusps, proof):
     """SetupVerdict of clamping k."""
     path_error = max((p.error_mm for c in made.piece.cuts for p in c.paths), default=0.0)
     solid_view = compare(made, k, mesh, drops, required, found, own, excess_mm=_allowed(finish), gouge_mm=finish.gouge_mm,
                          path_error_mm=path_error, ball_radius_mm=ball_radius_mm)
     bounds = {"path_mm": path_error, "tracing_mm": TRACING_MM, "post_rounding_mm": options.post_rounding_mm,
-              "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.volumes.zmap_mm,
-              "sampling_mm": _missed_mm(found, finish, program.posted, made.piece.cuts[k].paths)}
+              "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.volumes.zmap_mm}
     bounds = {name: _rounded(v, 9) for name, v in bounds.items()}
     report = _Reporter(program, finish, found, own)
     checks, doubts = _mesh_checks(made, mesh, found, program, bounds) if options.mesh_checks else ({}, ())
     findings = (*history.findings, *report.undecided(history), *report.gouges(), *report.unseen_gouges(proven),
-                *report.excess(), *report.disagreements(solid_view, options.solid_pitch_mm, bounds),
-                *doubts)
+                *report.excess(), *report.unseen_excess(proof, made.piece.cuts[k]),
+                *report.disagreements(solid_view, options.solid_pitch_mm, bounds), *doubts)
     return SetupVerdict(setup=program.setup.name, finish=finish, residuals=found, solids=solid_view, replay=history,
-                        certificate=proven, cusps=cusps, error_bounds_mm=bounds, findings=findings, stock=made, mesh=mesh,
+                        certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,
+                        stock=made, mesh=mesh,
                         numbers={**_numbers(found, solid_view, finish, bounds, history),
-                                 "sampling": {"spacing_mm": _rounded(options.spacing_mm), "tops": int(found.is_top.sum())},
+                                 **_between_samples(proof, found, options),
                                  "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
                                  "gouge_proven_mm": _rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict())})
+
+
+def _between_samples(proof, found, options):
+    """verify.json's numbers of what stands between the samples."""
+    return {"excess_proven_mm": _rounded(proof.height_mm) if np.isfinite(proof.height_mm) else None,
+            "sampling": {"spacing_mm": _rounded(options.spacing_mm), "tops": int(found.is_top.sum()), **proof.as_dict()}}
 
 
 def _mesh_checks(made, mesh, found, program, bounds):
@@ -216,17 +229,14 @@ def _mesh_checks(made, mesh, found, program, bounds):
             "resolution_mm": mesh_quality.RESOLUTION * size, "bounds_mm": allowed}, findings
 
 
-def _missed_mm(found, finish, posted, paths):
-    """How much higher than the highest sample a finished place between samples can be, by `climbing.missed_mm`.
-
-    What a sharp corner leaves is bounded by nothing, and left out.
-    """
-    d, radius = found.deviation_mm, {p.tool.number: p.corner_radius_mm for p in upright_paths(paths) if p.corner_radius_mm > 0}
-    cut_with = np.array([radius.get(int(n), np.nan) for n in posted.tool] + [np.nan])[found.row]
-    finished = found.is_reachable & found.is_own & (d <= MISSED * _allowed(finish)) & np.isfinite(cut_with)
-    depth, top = max(0.0, -d.min(initial=0.0)), d[finished].max(initial=0.0)
-    reach = d[finished] + missed_mm(d[finished], depth, found.spacing_mm, cut_with[finished])
-    return max(0.0, reach.max(initial=0.0) - top)
+def _excess_proof(piece, k, found, ground, drops, finish, ball_radius_mm):
+    """That no place of clamping k's faces stands higher than the highest that was found and is allowed."""
+    own, d = piece.cuts[k], found.deviation_mm
+    others = [c for c in piece.cuts if c is not own]
+    fine = found.is_reachable & (d <= _allowed(finish) + NOISE_MM)
+    reach = lambda p, n: why_unreachable(drops, own.frame.into(p), own.frame.turn_into(n), ball_radius_mm) == REACHABLE
+    return prove_excess(ground, [own, *others], d[fine].max(initial=0.0), _allowed(finish),
+                        lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], reach)
 
 
 def _directions(posted):
@@ -383,6 +393,23 @@ class _Reporter:
                       f"{d[worst]:.4f} mm are left over {area:.2f} mm2, {allowed:.4f} mm are allowed: "
                       "reduce the step, or take a smaller cutter here")
             yield self._finding("missing_area" if missed else "excess", self.found, worst, d[worst], advice)
+
+    def unseen_excess(self, proof, cut):
+        """One finding a connected group of places that only the proof has found to stand too high."""
+        allowed = _allowed(self.finish)
+        told = self.found.samples.points_mm[self.found.is_reachable & (self.found.deviation_mm > allowed + NOISE_MM)]
+        for group in clusters_of(np.vstack([told, proof.higher_mm]), 2 * self.found.spacing_mm):
+            if group.min() < len(told):
+                continue
+            worst = group[proof.amount_mm[group - len(told)].argmax()] - len(told)
+            place = proof.higher_mm[[worst]]
+            row = int(nearest_moves(cut.paths, cut.frame.into(place))[1][0])
+            yield Finding(kind="excess", amount_mm=_rounded(proof.amount_mm[worst]), setup=self.setup,
+                          place_mm=tuple(place[0].round(6).tolist()),
+                          operation=self.posted.operation_name(row) if row >= 0 else "",
+                          line=int(self.posted.line[row]) if row >= 0 else 0,
+                          advice=f"{proof.amount_mm[worst]:.4f} mm are left between the sample points, "
+                          f"{allowed:.4f} mm are allowed: reduce the step, or take a smaller cutter here")
 
     def disagreements(self, view, pitch_mm, bounds):
         """The second verifier must see what the first sees, and the other way round."""

@@ -9,7 +9,7 @@ from cuspline import brep
 from cuspline.frames import Frame
 from cuspline.simulation.swept import swept_paths
 from cuspline.simulation.workpiece import Workpiece
-from cuspline.verification.climbing import Ground, bottoms_of, missed_mm, tops_of
+from cuspline.verification.climbing import Ground, bottoms_of, tops_of
 from cuspline.verification.samples import sample_faces
 
 R, STEP, SPACING = 5.0, 0.6, 0.6
@@ -87,16 +87,15 @@ def test_the_bottom_of_a_gouge_that_no_sample_sees_is_found():
     assert abs(below.height_mm[best] - deep) < 1e-7 and np.hypot(*(place[:2] - (at, 4.0))) < 0.002
 
 
-def test_no_place_of_a_dense_grid_is_higher_than_what_was_found_and_the_bound():
+def test_no_place_of_a_dense_grid_is_higher_than_what_was_found():
     rng = np.random.default_rng(3)
     ys = np.cumsum(rng.uniform(0.4, 0.8, 22)) - 1
     moves = [m for k, y in enumerate(ys) for m in straight(y, *([tuple(rng.uniform(2, 9) + np.array((0, 0.4)))] if k % 3 == 0 else []))]
-    _, heights, sampled, piece = found(moves, tool("ball", 10))
+    _, heights, _, piece = found(moves, tool("ball", 10))
     x, y = np.meshgrid(np.arange(0.05, 12, 0.05), np.arange(0.05, 9, 0.03))
     grid = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 10.0)])
     dense = piece.cut_distance_mm(grid).max()
     assert dense <= heights.max() + FINE_MM
-    assert dense <= sampled + missed_mm(sampled, 0.0, SPACING, R)
 
 
 def test_a_sphere_cut_in_rings_shows_the_cusp_of_the_formula():

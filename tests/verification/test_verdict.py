@@ -14,6 +14,8 @@ from cuspline.design import Finish, Setup, StockBox
 from cuspline.errors import InputError
 from cuspline.program import Plane
 from cuspline.simulation.stock_solids import upright_walls
+from cuspline.verification import residuals
+from cuspline.verification.climbing import Tops
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setup, verify_setups
 
 BLOCK = brep.the_solid(cq.Workplane().box(20, 16, 10, centered=False))
@@ -94,7 +96,30 @@ def test_the_largest_cusp_is_exact_and_cusps_agree_with_the_formula():
     (row,) = v.as_dict()["cusps"]
     assert row["operation"] == "finish" and row["wanted_mm"] == FINISH.scallop_mm and row["ridges"] > 500
     assert row["share_within_10_percent"] == 1.0 and row["step_mm"]["p50"] == pytest.approx(STEP, abs=1e-6)
-    assert 0 < v.error_bounds_mm["sampling_mm"] and v.numbers["sampling"]["spacing_mm"] == COARSE.spacing_mm
+    assert cusp <= v.as_dict()["excess_proven_mm"] <= 1.02 * cusp + 2e-4 and v.excess_proof.is_complete
+    assert v.numbers["sampling"]["spacing_mm"] == COARSE.spacing_mm and v.numbers["sampling"]["cells"] > 0
+    assert Verdict(setups=(v,)).as_dict()["excess_proven_mm"] == v.numbers["excess_proven_mm"]
+
+
+def test_excess_that_no_sample_and_no_climb_sees_is_found_by_the_proof(monkeypatch):
+    """Half a millimetre of one pass is missing: 12.4 um are left on a spot of some hundredths, 12 um are allowed."""
+    y = -0.3 + 14 * STEP
+    moves = passes(10.0)
+    at = next(k for k, m in enumerate(moves) if abs(m[1][1] - y) < 1e-9 and abs(moves[k - 1][1][1] - y) < 1e-9)
+    x0, x1 = sorted((moves[at - 1][1][0], moves[at][1][0]))
+    lift = [feed(8.1, y, 10), rapid(8.1, y, 14), rapid(8.6, y, 14), feed(8.6, y, 10)]
+    moves[at:at] = lift if moves[at][1][0] == x1 else lift[::-1]
+    monkeypatch.setattr(residuals, "tops_of", lambda ground, *_: Tops(face=np.zeros(0, int), u=np.zeros(0), v=np.zeros(0),
+                                                                      height_mm=np.zeros(0)))
+    v = verdict(moves)
+    found = [f for f in v.findings if f.kind == "excess"]
+    aside = (STEP**2 - 0.25**2) / (2 * STEP)
+    highest = R - np.sqrt(R**2 - (STEP - aside)**2)
+    assert len(found) in (1, 2) and v.numbers["excess_max_mm"] < 0.0115          # one on either side of the pass
+    for f in found:
+        assert 0.012 < f.amount_mm <= highest and f.operation == "finish"
+        assert abs(f.place_mm[0] - 8.35) < 0.1 and abs(abs(f.place_mm[1] - y) - aside) < 0.1
+    assert v.numbers["sampling"]["unproven_mm2"]["excess"] > 0 and v.excess_proof.is_complete
 
 
 def test_the_third_view_agrees_or_is_left_out(monkeypatch):

@@ -1,0 +1,46 @@
+"""Pieces of patches moved out along their normals: flat parallelograms, and how far off them the true ones can be."""
+
+import numpy as np
+from numba import njit
+
+from cuspline.surfaces.enclosures import (_add, _cross, _derived, _dot, _inverse, _inverse_root, _less, _mul, _recentred,
+                                          _scaled, _times, _vector, shifted)
+
+
+@njit(cache=True, error_model="numpy")
+def _tangents(work, du, dv, is_rational):
+    """Forms of S (about its middle), Ss, St."""
+    p, ps, pt = _vector(work, du, dv, 0, 0), _vector(work, du, dv, 1, 0), _vector(work, du, dv, 0, 1)
+    if not is_rational:
+        return p, ps, pt
+    i = _inverse(_derived(work, du, dv, 3, 0, 0))
+    p = _times(i, p)
+    return (p, _times(i, _less(ps, _derived(work, du, dv, 3, 1, 0), p)),
+            _times(i, _less(pt, _derived(work, du, dv, 3, 0, 1), p)))
+
+
+@njit(cache=True, error_model="numpy")
+def offset_of_piece(coefficients, patch, sign, by_mm, box, work, out):
+    """A piece moved along its normals: every point of it is middle + s a + t b + r, s and t in [-1, 1], |r| <= rest.
+
+    Args:
+        patch: row of PatchSet.patch; sign: of its face.
+        by_mm: distance out of the material.
+        box: (4,) s low, s high, t low, t high.
+        work: (degree u + 1, degree v + 1, 4) or larger.
+        out: (10,) filled: middle, a, b, rest; rest is inf where nothing bounds it (a pole).  a and b of a piece with a
+            pole are those of the surface itself.
+    """
+    du, dv = patch[2], patch[3]
+    shifted(coefficients, patch, box, work)
+    _recentred(work, du, dv, out)
+    S, Ss, St = _tangents(work, du, dv, patch[4] != 0)
+    N = _cross(Ss, St)
+    per_length = _scaled(sign * by_mm, _inverse_root(_dot(N, N)))
+    rest, bounded = 0.0, per_length[3] < np.inf and S[0][3] + S[1][3] + S[2][3] < np.inf
+    for k in range(3):
+        x = _add(S[k], _mul(N[k], per_length)) if bounded else S[k]
+        out[k] += x[0]
+        out[3 + k], out[6 + k] = x[1], x[2]
+        rest += x[3] * x[3]
+    out[9] = np.sqrt(rest) if bounded else np.inf

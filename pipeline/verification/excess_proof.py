@@ -1,0 +1,202 @@
+"""The proof that no place between samples stands higher than what was found: faces halved into cells until all are cut.
+
+A face moved out along its normals by a height lies all in what was cut away: then the stock stands no higher anywhere,
+measured along the normals as deviations are.  The height is a little more than the highest place known
+(SHARE of it and SLACK_MM, but no more than SLACK_MM above what is allowed).  The faces are cells, each a parallelogram and what the true piece is off it; a cell is
+cut away if a mean of distances to pieces of path says so (excess_kernels.py), or all of its parts are.  A middle that
+is not cut away is a place that stands higher: the height is raised to it, or it is excess.
+
+What is left without a proof, and counted: cells whose middle is excess, or cannot be reached; cells as small as
+FLOOR_MM, which lie at rims where passes end with the face, and at such borders.  A proof holds for upright ball, bull
+nose and flat cutters; what others cut it does not know.  Pieces of path lie off the posted path by its `error_mm`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cuspline.simulation.posed import PosedPath
+from cuspline.simulation.swept import forest_of
+from cuspline.surfaces.pieces import halves, in_face_parameters
+from cuspline.surfaces.sampling import served_pieces
+from cuspline.verification.excess_kernels import ABOVE, ROOM, prove_roots
+
+SHARE = 0.01              # the height proven is higher than the highest place known by this share
+SLACK_MM = 1e-4           # and by this
+ROOT_MM = 0.4             # reach of the first cells
+FLOOR_MM = 0.02
+BORDER_MM = 0.1           # cells whose middle cannot be reached are not halved below this
+NOISE_MM = 1e-6           # a height is exceeded only by more than this
+ROUNDS = 60               # of raising the height, and of halving what cannot be reached
+BATCH = 4000              # roots that there is room for at a time
+REASONS = ("excess", "unreachable", "rim", "inside")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExcessProof:
+    """What is proven of the stock on some faces, part coordinates."""
+
+    height_mm: float          # no place stands higher, but for the areas below; NaN: no upright cutter, nothing proven
+    cells: int                # looked at
+    unproven_mm2: dict        # reason -> area, at most: see REASONS
+    higher_mm: np.ndarray     # (n, 3) places that stand higher than allowed
+    amount_mm: np.ndarray     # (n,) how high they stand
+
+    def as_dict(self):
+        """For verify.json."""
+        return {"cells": self.cells, "unproven_mm2": self.unproven_mm2}
+
+    @property
+    def is_complete(self):
+        """All is proven that can be reached and is no excess."""
+        return bool(np.isfinite(self.height_mm)) and not self.unproven_mm2["rim"] and not self.unproven_mm2["inside"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Cells:
+    """Cells of patches; some were given up."""
+
+    patch: np.ndarray         # (n,)
+    box: np.ndarray           # (n, 4)
+    reason: np.ndarray        # (n,) ABOVE or FLOOR
+    is_rim: np.ndarray        # (n,) bool
+    area_mm2: np.ndarray      # (n,)
+
+    def __len__(self):
+        return len(self.patch)
+
+    def only(self, rows):
+        """The chosen ones."""
+        return _Cells(**{name: value[rows] for name, value in self.__dict__.items()})
+
+    @classmethod
+    def joined(cls, parts):
+        """Several one after the other."""
+        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in cls.__dataclass_fields__})
+
+    def halved(self):
+        """Twice as many, cut across the wider side in parameters as often as across the other."""
+        wide = self.box[:, 3] - self.box[:, 2] >= self.box[:, 1] - self.box[:, 0]
+        patch, box = halves(self.patch, self.box, wide.astype(int))
+        twice = lambda a: np.concatenate([a, a])
+        return _Cells(patch=patch, box=box, reason=twice(self.reason), is_rim=twice(self.is_rim),
+                      area_mm2=twice(self.area_mm2 / 2))
+
+
+def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable, floor_mm=FLOOR_MM):
+    """Prove that no reachable place of some faces stands higher than what is known and allowed.
+
+    Args:
+        ground: climbing.Ground of the faces.
+        cuts: workpiece.Cut values that may have cut them, the one that probably did first.
+        known_mm: a height that is known to be reached, scalar >= 0.   allowed_mm: higher places are excess.
+        deviation_of: function of points and normals (n, 3), part coordinates, to exact deviations (n,).
+        is_reachable: function of the same to (n,) bool.
+        floor_mm: cells no longer than this are not halved.
+    Returns:
+        ExcessProof.
+    """
+    search = _Search(ground, allowed_mm, deviation_of, is_reachable, floor_mm)
+    upright = [c for c in (_upright(c) for c in cuts) if c.paths]
+    if not upright:
+        return ExcessProof(height_mm=np.nan, cells=0, unproven_mm2=dict.fromkeys(REASONS), higher_mm=np.zeros((0, 3)),
+                           amount_mm=np.zeros(0))
+    return search.run(upright, min(known_mm, allowed_mm))
+
+
+def _upright(cut):
+    return replace(cut, paths=tuple(p for p in cut.paths if not isinstance(p, PosedPath)))
+
+
+class _Search:
+    """One run of the proof."""
+
+    def __init__(self, ground, allowed_mm, deviation_of, is_reachable, floor_mm):
+        self.ground, self.allowed, self.floor = ground, allowed_mm, floor_mm
+        self.deviation_of, self.is_reachable = deviation_of, is_reachable
+        self.cells, self.areas, self.higher = 0, dict.fromkeys(REASONS, 0.0), []
+
+    def run(self, cuts, known_mm):
+        self.height = self._raised(known_mm)
+        todo = self._roots()
+        for k, cut in enumerate(cuts):
+            todo = self._proven_by(cut, todo, k == len(cuts) - 1)
+        places, amounts = (np.concatenate(column) for column in zip((np.zeros((0, 3)), np.zeros(0)), *self.higher))
+        return ExcessProof(height_mm=self.height, cells=self.cells, higher_mm=places, amount_mm=amounts,
+                           unproven_mm2={name: round(area, 6) for name, area in self.areas.items()})
+
+    def _raised(self, known_mm):
+        """The height to prove where this one is reached."""
+        return min((1 + SHARE) * known_mm, self.allowed) + SLACK_MM
+
+    def _roots(self):
+        """Cells of all faces to begin with."""
+        patches, trims = self.ground.patches, self.ground.trims
+        parts = [served_pieces(patches, trims, face, ROOT_MM)[:2] for face in range(len(self.ground.domains))]
+        patch, box = (np.concatenate(column) for column in zip(*parts))
+        none = np.zeros(len(patch))
+        return _Cells(patch=patch, box=box, reason=none, is_rim=none.astype(bool), area_mm2=none)
+
+    def _proven_by(self, cut, todo, is_last):
+        """Cells that this cut proves nothing of; of the last one: none, they are counted."""
+        forest, left = forest_of(cut.paths), []
+        frame = np.vstack([cut.frame.rotation, cut.frame.origin_mm])
+        for _ in range(ROUNDS):
+            if not len(todo):
+                break
+            given, crowded = self._given_up(frame, forest, todo)
+            again, rest = self._judged(given)
+            left.append(rest)
+            todo = _Cells.joined([crowded.halved(), again])
+        left = _Cells.joined([*left, todo])
+        if is_last:
+            self._count(left)
+        return left
+
+    def _given_up(self, frame, forest, todo):
+        """Cells that could not be proven, and roots of too many of them."""
+        parts = [self._given_up_of(frame, forest, todo.only(slice(k, k + BATCH))) for k in range(0, len(todo), BATCH)]
+        return tuple(_Cells.joined(column) for column in zip(*parts))
+
+    def _given_up_of(self, frame, forest, todo):
+        patches, trims = self.ground.patches, self.ground.trims
+        cells, count, out = prove_roots(patches.arrays, trims.arrays, frame, forest, todo.patch, todo.box, self.height,
+                                        self.floor)
+        self.cells += int(cells.sum())
+        crowded = count > ROOM
+        rows, places = np.nonzero(np.arange(ROOM) < np.where(crowded, 0, count)[:, None])
+        found = out[rows, places]
+        return _Cells(patch=todo.patch[rows], box=found[:, :4], reason=found[:, 4], is_rim=found[:, 5] > 0,
+                      area_mm2=found[:, 6]), todo.only(crowded)
+
+    def _judged(self, given):
+        """Cells to be tried again, and cells to be left."""
+        above = np.flatnonzero(given.reason == ABOVE)
+        high, rest = given.only(above), given.only(given.reason != ABOVE)
+        points, normals = self._middles(high)
+        d, fair = self.deviation_of(points, normals), self.is_reachable(points, normals)
+        excess = fair & (d > self.allowed + NOISE_MM)
+        self.higher.append((points[excess], d[excess]))
+        self.areas["excess"] += float(high.area_mm2[excess].sum())
+        raises = fair & ~excess & (d > self.height - NOISE_MM)
+        self.height = max(self.height, self._raised(d[raises].max(initial=0.0)))
+        again = raises | (~fair & (high.area_mm2 > BORDER_MM ** 2))
+        self.areas["unreachable"] += float(high.area_mm2[~fair & ~again].sum())
+        beyond = high.only(~fair & again).halved()
+        return _Cells.joined([high.only(raises), beyond]), _Cells.joined([rest, high.only(fair & ~excess & ~raises)])
+
+    def _middles(self, cells):
+        """Points and outward normals (n, 3) in the middles of cells."""
+        middle = (cells.box[:, ::2] + cells.box[:, 1::2]) / 2
+        u, v = in_face_parameters(self.ground.patches, cells.patch, middle[:, 0], middle[:, 1])
+        place = self.ground.places(self.ground.patches.patch[cells.patch, 0], u, v)
+        return place.point_mm, place.normal
+
+    def _count(self, left):
+        """Areas of cells that nothing proved."""
+        points, normals = self._middles(left)
+        known = np.isfinite(normals).all(axis=1)
+        fair = ~known
+        fair[known] = self.is_reachable(points[known], normals[known])
+        for name, chosen in (("unreachable", ~fair), ("rim", fair & left.is_rim), ("inside", fair & ~left.is_rim)):
+            self.areas[name] += float(left.area_mm2[chosen].sum())

@@ -1,0 +1,211 @@
+"""The proven height is never below the truth, close to it, and what stands higher is found however small it is."""
+
+import cadquery as cq
+import numpy as np
+import pytest
+from known_programs import arc, feed, program, rapid, raster, tool
+
+from cuspline import brep
+from cuspline.frames import Frame
+from cuspline.program import Plane
+from cuspline.simulation.distance_kernels import piece_distance
+from cuspline.simulation.swept import swept_paths
+from cuspline.simulation.workpiece import Workpiece
+from cuspline.verification.climbing import Ground
+from cuspline.verification.excess_kernels import _straightened, least_largest
+from cuspline.verification.excess_proof import prove_excess
+
+R, STEP = 5.0, 0.6
+CUSP = R - np.sqrt(R**2 - STEP**2 / 4)
+ALLOWED = 0.012
+HERE = Frame.shift((0, 0, 0))
+YS = -0.3 + STEP * np.arange(17)
+
+
+def upper(solid, kind):
+    return [f for f in brep.faces_of(brep.the_solid(solid)) if f.kind == kind and f.middle.normal[0, 2] > 0.5]
+
+
+TOP = upper(cq.Workplane().box(12, 9, 10, centered=False), "plane")
+
+
+def cut(moves, cutter=tool("ball", 10), frame=HERE, piece=None):
+    piece = piece or Workpiece(min_mm=(-20, -20, 0), max_mm=(20, 20, 20))
+    return piece.after(frame, swept_paths(program((-9, -9, 40), moves), {1: cutter}))
+
+
+def proof(piece, faces=TOP, known=0.0, allowed=ALLOWED, reachable=None, cuts=None):
+    everywhere = lambda p, n: np.ones(len(p), bool)
+    return prove_excess(Ground.of_faces(faces), piece.cuts if cuts is None else cuts, known, allowed,
+                        lambda p, n: piece.deviations(p, n, 2.0)[0], reachable or everywhere)
+
+
+def straight(y, z=10.0, missing=None):
+    """A pass along x, lifted off between two places."""
+    moves = [rapid(-6, y, 14), feed(-6, y, z)]
+    for a, b in missing or ():
+        moves += [feed(a, y, z), rapid(a, y, 14), rapid(b, y, 14), feed(b, y, z)]
+    return [*moves, feed(18, y, z), rapid(18, y, 14)]
+
+
+def dense_mm(piece, face, count=(500, 500)):
+    """Largest deviation on a dense grid inside a face."""
+    ground = Ground.of_faces([face])
+    u0, u1, v0, v1 = ground.domains[0]
+    u, v = (g.ravel() for g in np.meshgrid(np.linspace(u0, u1, count[0] + 2)[1:-1], np.linspace(v0, v1, count[1] + 2)[1:-1]))
+    inside = ground.trims.is_inside(0, u, v)
+    place = ground.places(np.zeros(inside.sum(), int), u[inside], v[inside])
+    return piece.deviations(place.point_mm, place.normal, 2.0)[0].max()
+
+
+def is_close_above(proven, truth):
+    return truth <= proven <= 1.02 * truth + 2e-4
+
+
+@pytest.mark.parametrize("known", [0.0, CUSP])
+@pytest.mark.parametrize("cutter,cusp", [(tool("ball", 10), CUSP), (tool("ball", 6), 3 - np.sqrt(9 - STEP**2 / 4))])
+def test_the_cusp_of_passes_over_a_plane_is_proven(cutter, cusp, known):
+    p = proof(cut(raster((-6, 18), YS, 10.0), cutter), known=min(known, cusp), allowed=0.016)
+    assert is_close_above(p.height_mm, cusp) and p.is_complete and not len(p.higher_mm)
+
+
+def test_passes_askew_to_the_parameters_of_the_face_are_proven_as_well():
+    way, aside = np.array([np.cos(0.6), np.sin(0.6)]), np.array([-np.sin(0.6), np.cos(0.6)])
+    ends = [[(6, 4.5) + s * 20 * way + k * STEP * aside for s in (-1, 1)] for k in range(-16, 17)]
+    moves = [m for k, (a, b) in enumerate(ends) for m in ((feed(*a, 10), feed(*b, 10)) if k % 2 else (feed(*b, 10), feed(*a, 10)))]
+    p = proof(cut(moves))
+    assert is_close_above(p.height_mm, CUSP) and p.is_complete and p.cells < 40_000
+
+
+@pytest.mark.parametrize("cutter,step,cusp", [
+    (tool("bull_nose", 10, 2.0), 6.4, 2 - np.sqrt(4 - 0.2**2)), (tool("flat", 10), 8.0, 0.0)])
+def test_other_cutters_leave_no_more_than_they_do(cutter, step, cusp):
+    p = proof(cut(raster((-6, 18), -0.3 + step * np.arange(3), 10.0), cutter))
+    assert is_close_above(p.height_mm, cusp) and p.is_complete
+
+
+def test_half_a_millimetre_that_was_missed_is_found_and_nothing_else():
+    missing = (5.37, 5.87)
+    aside = (STEP**2 - 0.25**2) / (2 * STEP)
+    highest = R - np.sqrt(R**2 - (STEP - aside)**2)
+    piece = cut([m for k, y in enumerate(YS) for m in straight(y, missing=[missing] if k == 7 else None)])
+    p = proof(piece, known=CUSP)                                     # 12.4 um are left there, 12 um are allowed
+    assert len(p.higher_mm) and p.is_complete and 0 < p.unproven_mm2["excess"] < 0.1
+    assert ALLOWED < p.amount_mm.min() and p.amount_mm.max() <= highest + 1e-6
+    assert np.abs(p.higher_mm[:, 0] - 5.62).max() < 0.1
+    assert np.abs(np.abs(p.higher_mm[:, 1] - YS[7]) - aside).max() < 0.1
+    raised = proof(piece, known=CUSP, allowed=0.02)                  # not excess: then the height must rise above it
+    assert is_close_above(raised.height_mm, highest) and raised.is_complete and not len(raised.higher_mm)
+
+
+def test_a_missing_pass_is_excess_and_the_rest_is_proven():
+    p = proof(cut(raster((-6, 18), np.delete(YS, 7), 10.0)), known=CUSP)
+    assert is_close_above(p.height_mm, CUSP) or p.height_mm == pytest.approx(ALLOWED + 1e-4)
+    assert np.abs(p.higher_mm[:, 1] - YS[7]).max() < STEP and 1 < p.unproven_mm2["excess"] < 12 * STEP * 2
+    assert p.is_complete
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_arcs_over_a_ridge_and_along_a_trough_are_proven(sign):
+    block = cq.Workplane().box(14, 8, 10, centered=(True, True, False))
+    rod = cq.Workplane("XZ").center(0, 0 if sign > 0 else 22).circle(12).extrude(8, both=True)
+    face, = upper(block.translate((0, 0, 4)).intersect(rod) if sign > 0 else block.translate((0, 0, 4)).cut(rod), "cylinder")
+    radius, middle = (17.0, 0.0) if sign > 0 else (7.0, 22.0)
+    half = radius * np.sin(0.95)
+    z = middle + sign * radius * np.cos(0.95) - R
+    moves = []
+    for k, y in enumerate(np.arange(-4.3, 4.9, STEP)):
+        ends = (-half, half) if k % 2 == 0 else (half, -half)
+        clockwise = (ends[0] < 0) == (sign > 0)
+        moves += [feed(ends[0], y, z), arc((ends[1], y, z), (0.0, y, middle - R), Plane.ZX, clockwise=clockwise)]
+    piece = cut(moves)
+    assert (piece.cuts[0].paths[0].geometry[:, 11] == 1).sum() > 50
+    p = proof(piece, [face])
+    assert dense_mm(piece, face) <= p.height_mm and is_close_above(p.height_mm, CUSP) and p.is_complete
+
+
+def over(face, us, vs):
+    """Passes of a ball along v of a face, touching it, in lines too short to count."""
+    ground, moves = Ground.of_faces([face]), []
+    for k, u in enumerate(us):
+        place = ground.places(np.zeros(len(vs), int), np.full(len(vs), u), vs[::-1] if k % 2 else vs)
+        tips = place.point_mm + R * place.normal - (0, 0, R)
+        moves += [feed(*tip) for tip in tips]
+    return moves
+
+
+def test_a_sphere_stands_no_higher_than_proven_but_at_rims_of_the_passes():
+    dome = cq.Workplane().sphere(12).intersect(cq.Workplane().box(10, 10, 12, centered=(True, True, False)))
+    face, = upper(dome, "sphere")
+    u0, u1, v0, v1 = Ground.of_faces([face]).domains[0]
+    piece = cut(over(face, np.arange(u0, u1, 0.05), np.linspace(v0, v1, 200)))
+    p = proof(piece, [face], allowed=0.05)
+    assert is_close_above(p.height_mm, dense_mm(piece, face, (900, 400))) and p.unproven_mm2["inside"] < 0.01
+
+
+def wavy_face():
+    points = [[cq.Vector(x, y, 8 + 0.6 * np.sin(0.5 * x) * np.cos(0.4 * y)) for y in np.linspace(-6, 6, 9)]
+              for x in np.linspace(-6, 6, 9)]
+    top = cq.Face.makeSplineApprox(points)
+    face, = (f for f in brep.faces_of(cq.Solid.extrudeLinear(top, cq.Vector(0, 0, -6)).wrapped) if f.kind != "plane"
+             and f.middle.point_mm[0, 2] > 7 and abs(f.middle.normal[0, 2]) > 0.5)
+    return face
+
+
+def test_a_bspline_stands_no_higher_than_proven():
+    face = wavy_face()
+    u0, u1, v0, v1 = Ground.of_faces([face]).domains[0]
+    vs = np.linspace(v0 - 0.3 * (v1 - v0), v1 + 0.3 * (v1 - v0), 300)
+    piece = cut(over(face, np.linspace(u0, u1, 22), vs))
+    p = proof(piece, [face], allowed=0.05)
+    dense = dense_mm(piece, face, (900, 300))
+    assert is_close_above(p.height_mm, dense) and p.unproven_mm2["inside"] == 0
+    assert p.unproven_mm2["rim"] < 0.5
+
+
+def test_what_another_clamping_has_cut_counts():
+    turned = Frame(rotation=np.array([[0, -1.0, 0], [1, 0, 0], [0, 0, 1]]), origin_mm=(6.0, 0.0, 0.0))
+    left = cut(raster((-9, 6), YS, 10.0))
+    both = cut(raster((-6, 16), -7.0 + STEP * np.arange(22), 10.0), frame=turned, piece=left)
+    p = proof(both)
+    assert is_close_above(p.height_mm, CUSP) and p.is_complete
+    alone = proof(left)
+    assert alone.unproven_mm2["excess"] > 1
+
+
+def test_what_cannot_be_reached_is_left_out_and_counted():
+    left = lambda p, n: p[:, 0] < 7.0
+    piece = cut(raster((-9, 6), YS, 10.0))
+    p = proof(piece, reachable=left)
+    assert 4.0 * 9 < p.unproven_mm2["unreachable"] < 5.2 * 9
+
+
+def test_nothing_is_proven_of_tilted_cutters():
+    lean = np.tile([(0.6, 0.0, 0.8)], (34, 1))
+    moves = raster((-6, 18), YS, 10.0)
+    posted = program((-9, -9, 40), moves, start_axis=lean, end_axis=lean)
+    piece = Workpiece(min_mm=(0, 0, 0), max_mm=(12, 9, 12)).after(HERE, swept_paths(posted, {1: tool("ball", 10)}))
+    p = proof(piece)
+    assert np.isnan(p.height_mm) and not p.is_complete and p.cells == 0
+
+
+def test_a_tangent_sweeps_no_more_than_its_arc_and_as_much_at_the_place():
+    rng, out = np.random.default_rng(2), np.empty(12)
+    for _ in range(300):
+        u = np.sort(rng.uniform(-1, 1, 2)) * 9
+        g = np.array([u[0], 0.5, np.sqrt(81 - u[0]**2), u[1], 0.5, np.sqrt(81 - u[1]**2), 0, 0, 0, 9, 1, 1.0])
+        place = np.array([rng.uniform(*u), 0.5, 2.0]) + (0, 0, np.sqrt(81 - max(abs(u))**2) / 2)
+        _straightened(g, 2.0, *place, out)
+        points = rng.uniform(-12, 12, (50, 3))
+        straight_mm, round_mm = (np.array([piece_distance(*p, h, 0.0, 2.0) for p in points]) for h in (out, g))
+        assert (straight_mm >= round_mm - 1e-9).all()
+
+
+def test_the_mean_of_pieces_is_as_good_as_the_best_of_random_means():
+    rng, mean = np.random.default_rng(4), np.empty(4)
+    for _ in range(100):
+        rows = rng.normal(0, 1, (3, 4))
+        weights = rng.dirichlet(np.ones(3), 4000)
+        least = least_largest(rows, 3, -np.inf, mean)
+        assert mean.max() == pytest.approx(least, abs=1e-12)
+        assert least >= (weights @ rows).max(axis=1).min() - 0.05 and least <= rows.max(axis=1).min()
