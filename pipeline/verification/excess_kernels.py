@@ -1,6 +1,6 @@
 """Cells of a face, moved out by a height, proven to lie in what was cut, or halved: see excess_proof.py.
 
-A piece of path sweeps a convex volume (of an arc that bulges upward the tangent where it is nearest, which sweeps less).
+A piece of path sweeps a convex volume; of an arc that bulges upward its tangent is taken, which sweeps less.
 Signed distance to a convex volume is convex: over a parallelogram it is largest in a corner, and so is every weighted
 mean of several such distances.  A mean that is nowhere positive has no point outside all of the volumes:
 
@@ -24,6 +24,8 @@ from cuspline.surfaces.trims import is_inside
 ABOVE, FLOOR = 0, 1       # why a cell was given up: its middle is not cut away; it is as small as they get
 NEAR = 12                 # pieces of path remembered from cell to cell
 ROOM = 160                # cells given up in one root
+BEYOND = 1.5              # pieces are looked for this far out at corners
+LIFT_MM = 1.0
 DEEPEST = 48              # halvings
 STEEP = 0.05              # an arc whose tangent is steeper than 1 in this is taken for the one place that is nearest
 
@@ -164,8 +166,8 @@ def _into(frame, cell):
 
 @njit(cache=True)
 def _searched(cell, forest, near, search, corner):
-    """Remember the piece nearest to a place of a cell (corner 0..3, middle 4); its distance, and whether it is new."""
-    s, t = (1.0 if corner & 1 else -1.0), (1.0 if corner & 2 else -1.0)
+    """Remember the piece nearest to a place by a cell (corner 0..3, middle 4); its distance, and whether it is new."""
+    s, t = (BEYOND if corner & 1 else -BEYOND), (BEYOND if corner & 2 else -BEYOND)
     if corner == 4:
         s, t = 0.0, 0.0
     hint = near[2] if near[0] > 0 else -1
@@ -190,6 +192,22 @@ def _is_cut(cell, near, forest, search, line, corners, mean):
         return False, 0.0
     count = _corner_distances(cell, near, forest, line, corners)
     return least_largest(corners, count, enough, mean) <= enough, 0.0
+
+
+@njit(cache=True)
+def _is_deep_in_one(cell, near, forest, search, line, corners, mean):
+    """Whether the cell is proven by the piece nearest to a place above it.
+
+    All cutters with a flat bottom that stand over a cell are as near, those that end beside it, too; higher up they
+    are not.
+    """
+    if not cell[9] < math.inf:
+        return False
+    cell[2] += LIFT_MM
+    more = _searched(cell, forest, near, search, 4)[1]
+    cell[2] -= LIFT_MM
+    count = _corner_distances(cell, near, forest, line, corners) if more else 0
+    return count > 0 and least_largest(corners, count, -cell[9], mean) <= -cell[9]
 
 
 @njit(cache=True)
@@ -245,6 +263,8 @@ def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm,
         a = math.sqrt(cell[3] * cell[3] + cell[4] * cell[4] + cell[5] * cell[5])
         b = math.sqrt(cell[6] * cell[6] + cell[7] * cell[7] + cell[8] * cell[8])
         small = 2.0 * max(a, b) <= floor_mm or depth >= DEEPEST
+        if small and above == 0.0 and _is_deep_in_one(cell, near, forest, search, line, corners, mean):
+            continue
         if small or (above > 0.0 and on_face):
             if given < ROOM:
                 out[given, :4] = box

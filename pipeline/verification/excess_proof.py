@@ -1,13 +1,14 @@
 """The proof that no place between samples stands higher than what was found: faces halved into cells until all are cut.
 
 A face moved out along its normals by a height lies all in what was cut away: then the stock stands no higher anywhere,
-measured along the normals as deviations are.  The height is a little more than the highest place known
-(SHARE of it and SLACK_MM, but no more than SLACK_MM above what is allowed).  The faces are cells, each a parallelogram and what the true piece is off it; a cell is
-cut away if a mean of distances to pieces of path says so (excess_kernels.py), or all of its parts are.  A middle that
-is not cut away is a place that stands higher: the height is raised to it, or it is excess.
+measured along the normals as deviations are.  The height is a little more than the highest place known (SHARE of it and
+SLACK_MM, but no more than SLACK_MM above what is allowed).  The faces are cells, each a parallelogram and what the true
+piece is off it; a cell is cut away if a mean of distances to pieces of path says so (excess_kernels.py), or if all of
+its parts are.  A middle that is not cut away is a place that stands higher: the height is raised to it, or it is excess.
 
 What is left without a proof, and counted: cells whose middle is excess, or cannot be reached; cells as small as
-FLOOR_MM, which lie at rims where passes end with the face, and at such borders.  A proof holds for upright ball, bull
+FLOOR_MM, which lie at rims where passes end with the face, round excess, at poles, and where what two clampings have cut
+meets (each is asked alone).  A proof holds for upright ball, bull
 nose and flat cutters; what others cut it does not know.  Pieces of path lie off the posted path by its `error_mm`.
 """
 
@@ -24,7 +25,7 @@ from cuspline.verification.excess_kernels import ABOVE, ROOM, prove_roots
 SHARE = 0.01              # the height proven is higher than the highest place known by this share
 SLACK_MM = 1e-4           # and by this
 ROOT_MM = 0.4             # reach of the first cells
-FLOOR_MM = 0.02
+FLOOR_MM = 0.005
 BORDER_MM = 0.1           # cells whose middle cannot be reached are not halved below this
 NOISE_MM = 1e-6           # a height is exceeded only by more than this
 ROUNDS = 60               # of raising the height, and of halving what cannot be reached
@@ -139,16 +140,18 @@ class _Search:
 
     def _proven_by(self, cut, todo, is_last):
         """Cells that this cut proves nothing of; of the last one: none, they are counted."""
-        forest, left = forest_of(cut.paths), []
+        forest, failed, failed_at = forest_of(cut.paths), [], self.height
         frame = np.vstack([cut.frame.rotation, cut.frame.origin_mm])
-        for _ in range(ROUNDS):
-            if not len(todo):
-                break
+        for _ in range(ROUNDS if len(todo) else 0):
             given, crowded = self._given_up(frame, forest, todo)
             again, rest = self._judged(given)
-            left.append(rest)
+            failed.append(rest)
             todo = _Cells.joined([crowded.halved(), again])
-        left = _Cells.joined([*left, todo])
+            if not len(todo) and self.height > failed_at:           # what failed at less may be proven now
+                todo, failed, failed_at = _Cells.joined(failed), [], self.height
+            if not len(todo):
+                break
+        left = _Cells.joined([*failed, todo])
         if is_last:
             self._count(left)
         return left

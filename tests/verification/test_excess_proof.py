@@ -4,6 +4,7 @@ import cadquery as cq
 import numpy as np
 import pytest
 from known_programs import arc, feed, program, rapid, raster, tool
+from OCP.BRepTools import BRepTools
 
 from cuspline import brep
 from cuspline.frames import Frame
@@ -51,8 +52,9 @@ def straight(y, z=10.0, missing=None):
 def dense_mm(piece, face, count=(500, 500)):
     """Largest deviation on a dense grid inside a face."""
     ground = Ground.of_faces([face])
-    u0, u1, v0, v1 = ground.domains[0]
-    u, v = (g.ravel() for g in np.meshgrid(np.linspace(u0, u1, count[0] + 2)[1:-1], np.linspace(v0, v1, count[1] + 2)[1:-1]))
+    u0, u1, v0, v1 = BRepTools.UVBounds_s(face.nurbs_face)
+    within = lambda low, high, n: low + (high - low) * np.linspace(1e-7, 1 - 1e-7, n)
+    u, v = (g.ravel() for g in np.meshgrid(within(u0, u1, count[0]), within(v0, v1, count[1])))
     inside = ground.trims.is_inside(0, u, v)
     place = ground.places(np.zeros(inside.sum(), int), u[inside], v[inside])
     return piece.deviations(place.point_mm, place.normal, 2.0)[0].max()
@@ -72,7 +74,7 @@ def test_the_cusp_of_passes_over_a_plane_is_proven(cutter, cusp, known):
 def test_passes_askew_to_the_parameters_of_the_face_are_proven_as_well():
     way, aside = np.array([np.cos(0.6), np.sin(0.6)]), np.array([-np.sin(0.6), np.cos(0.6)])
     ends = [[(6, 4.5) + s * 20 * way + k * STEP * aside for s in (-1, 1)] for k in range(-16, 17)]
-    moves = [m for k, (a, b) in enumerate(ends) for m in ((feed(*a, 10), feed(*b, 10)) if k % 2 else (feed(*b, 10), feed(*a, 10)))]
+    moves = [feed(*end, 10) for k, pair in enumerate(ends) for end in (pair if k % 2 else pair[::-1])]
     p = proof(cut(moves))
     assert is_close_above(p.height_mm, CUSP) and p.is_complete and p.cells < 40_000
 
@@ -90,7 +92,7 @@ def test_half_a_millimetre_that_was_missed_is_found_and_nothing_else():
     highest = R - np.sqrt(R**2 - (STEP - aside)**2)
     piece = cut([m for k, y in enumerate(YS) for m in straight(y, missing=[missing] if k == 7 else None)])
     p = proof(piece, known=CUSP)                                     # 12.4 um are left there, 12 um are allowed
-    assert len(p.higher_mm) and p.is_complete and 0 < p.unproven_mm2["excess"] < 0.1
+    assert len(p.higher_mm) and 0 < p.unproven_mm2["excess"] < 0.01 and p.unproven_mm2["inside"] < 0.001
     assert ALLOWED < p.amount_mm.min() and p.amount_mm.max() <= highest + 1e-6
     assert np.abs(p.higher_mm[:, 0] - 5.62).max() < 0.1
     assert np.abs(np.abs(p.higher_mm[:, 1] - YS[7]) - aside).max() < 0.1
@@ -109,14 +111,15 @@ def test_a_missing_pass_is_excess_and_the_rest_is_proven():
 def test_arcs_over_a_ridge_and_along_a_trough_are_proven(sign):
     block = cq.Workplane().box(14, 8, 10, centered=(True, True, False))
     rod = cq.Workplane("XZ").center(0, 0 if sign > 0 else 22).circle(12).extrude(8, both=True)
-    face, = upper(block.translate((0, 0, 4)).intersect(rod) if sign > 0 else block.translate((0, 0, 4)).cut(rod), "cylinder")
+    block = block.translate((0, 0, 4))
+    face, = upper(block.intersect(rod) if sign > 0 else block.cut(rod), "cylinder")
     radius, middle = (17.0, 0.0) if sign > 0 else (7.0, 22.0)
     half = radius * np.sin(0.95)
     z = middle + sign * radius * np.cos(0.95) - R
     moves = []
     for k, y in enumerate(np.arange(-4.3, 4.9, STEP)):
         ends = (-half, half) if k % 2 == 0 else (half, -half)
-        clockwise = (ends[0] < 0) == (sign > 0)
+        clockwise = (ends[0] < 0) != (sign > 0)
         moves += [feed(ends[0], y, z), arc((ends[1], y, z), (0.0, y, middle - R), Plane.ZX, clockwise=clockwise)]
     piece = cut(moves)
     assert (piece.cuts[0].paths[0].geometry[:, 11] == 1).sum() > 50
@@ -134,13 +137,14 @@ def over(face, us, vs):
     return moves
 
 
-def test_a_sphere_stands_no_higher_than_proven_but_at_rims_of_the_passes():
-    dome = cq.Workplane().sphere(12).intersect(cq.Workplane().box(10, 10, 12, centered=(True, True, False)))
-    face, = upper(dome, "sphere")
-    u0, u1, v0, v1 = Ground.of_faces([face]).domains[0]
-    piece = cut(over(face, np.arange(u0, u1, 0.05), np.linspace(v0, v1, 200)))
+def test_a_sphere_stands_no_higher_than_proven_and_its_pole_counts_as_unproven():
+    box = cq.Workplane().box(24, 24, 4, centered=(True, True, False)).translate((0, 0, 9.5))
+    face, = upper(cq.Workplane().sphere(12).intersect(box), "sphere")
+    u0, u1, v0, v1 = BRepTools.UVBounds_s(face.nurbs_face)
+    piece = cut(over(face, np.arange(u0, u1 + 0.1, 0.05), np.linspace(v0, v1, 400)))
     p = proof(piece, [face], allowed=0.05)
-    assert is_close_above(p.height_mm, dense_mm(piece, face, (900, 400))) and p.unproven_mm2["inside"] < 0.01
+    assert is_close_above(p.height_mm, dense_mm(piece, face, (3000, 60)))
+    assert p.unproven_mm2["inside"] < 0.001 and p.unproven_mm2["rim"] < 0.01
 
 
 def wavy_face():
@@ -154,11 +158,11 @@ def wavy_face():
 
 def test_a_bspline_stands_no_higher_than_proven():
     face = wavy_face()
-    u0, u1, v0, v1 = Ground.of_faces([face]).domains[0]
+    u0, u1, v0, v1 = BRepTools.UVBounds_s(face.nurbs_face)
     vs = np.linspace(v0 - 0.3 * (v1 - v0), v1 + 0.3 * (v1 - v0), 300)
     piece = cut(over(face, np.linspace(u0, u1, 22), vs))
     p = proof(piece, [face], allowed=0.05)
-    dense = dense_mm(piece, face, (900, 300))
+    dense = dense_mm(piece, face, (3000, 150))
     assert is_close_above(p.height_mm, dense) and p.unproven_mm2["inside"] == 0
     assert p.unproven_mm2["rim"] < 0.5
 
@@ -168,7 +172,7 @@ def test_what_another_clamping_has_cut_counts():
     left = cut(raster((-9, 6), YS, 10.0))
     both = cut(raster((-6, 16), -7.0 + STEP * np.arange(22), 10.0), frame=turned, piece=left)
     p = proof(both)
-    assert is_close_above(p.height_mm, CUSP) and p.is_complete
+    assert is_close_above(p.height_mm, CUSP) and p.unproven_mm2["inside"] + p.unproven_mm2["excess"] < 0.02
     alone = proof(left)
     assert alone.unproven_mm2["excess"] > 1
 

@@ -119,7 +119,7 @@ def test_excess_that_no_sample_and_no_climb_sees_is_found_by_the_proof(monkeypat
     for f in found:
         assert 0.012 < f.amount_mm <= highest and f.operation == "finish"
         assert abs(f.place_mm[0] - 8.35) < 0.1 and abs(abs(f.place_mm[1] - y) - aside) < 0.1
-    assert v.numbers["sampling"]["unproven_mm2"]["excess"] > 0 and v.excess_proof.is_complete
+    assert 0 < v.numbers["sampling"]["unproven_mm2"]["excess"] < 0.01
 
 
 def test_the_third_view_agrees_or_is_left_out(monkeypatch):
