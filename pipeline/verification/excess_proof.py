@@ -4,20 +4,18 @@ A face moved out along its normals by a height lies all in what was cut away: th
 measured along the normals as deviations are.  The height is a little more than the highest place known (SHARE of it and
 SLACK_MM, but no more than SLACK_MM above what is allowed).  The faces are cells, each a parallelogram and what the true
 piece is off it; a cell is cut away if a mean of distances to pieces of path says so (excess_kernels.py), or if all of
-its parts are.  A middle that is not cut away is a place that stands higher: the height is raised to it, or it is excess.
+its parts are.  A middle that is not cut away is a place that stands higher: it raises the height, or is excess.
 
 What is left without a proof, and counted: cells whose middle is excess, or cannot be reached; cells as small as
-FLOOR_MM, which lie at rims where passes end with the face, round excess, at poles, and where what two clampings have cut
-meets (each is asked alone).  A proof holds for upright ball, bull
-nose and flat cutters; what others cut it does not know.  Pieces of path lie off the posted path by its `error_mm`.
+FLOOR_MM, which lie at rims where passes end with the face, round excess, at poles, and where what two clampings have
+cut meets (each is asked alone).  A proof knows upright ball, bull nose and flat cutters, not what others cut.  Pieces of path lie off the posted path by its `error_mm`.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.simulation.posed import PosedPath
-from cuspline.simulation.swept import forest_of
+from cuspline.simulation.swept import forest_of, upright_paths
 from cuspline.surfaces.pieces import halves, in_face_parameters
 from cuspline.surfaces.sampling import served_pieces
 from cuspline.verification.excess_kernels import ABOVE, ROOM, prove_roots
@@ -98,15 +96,11 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
         ExcessProof.
     """
     search = _Search(ground, allowed_mm, deviation_of, is_reachable, floor_mm)
-    upright = [c for c in (_upright(c) for c in cuts) if c.paths]
+    upright = [replace(c, paths=upright_paths(c.paths)) for c in cuts if upright_paths(c.paths)]
     if not upright:
         return ExcessProof(height_mm=np.nan, cells=0, unproven_mm2=dict.fromkeys(REASONS), higher_mm=np.zeros((0, 3)),
                            amount_mm=np.zeros(0))
     return search.run(upright, min(known_mm, allowed_mm))
-
-
-def _upright(cut):
-    return replace(cut, paths=tuple(p for p in cut.paths if not isinstance(p, PosedPath)))
 
 
 class _Search:

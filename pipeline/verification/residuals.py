@@ -110,16 +110,22 @@ class _Looked:
         final = np.where(together.is_border & (len(piece.cuts) > 1), np.maximum(final, depth.min(axis=0)),
                          final if len(piece.cuts) > 1 else depth[0])
         ends = np.cumsum([len(p) for p in parts])[:-1]
-        reach = [_reach(p, c, drop, closest, ball_radius_mm) for p, c, drop in zip(parts, piece.cuts, drops)]
+        reach = [reach_of(p.points_mm, p.normals, c, drop, closest, ball_radius_mm)
+                 for p, c, drop in zip(parts, piece.cuts, drops)]
         split = lambda a: np.split(a, ends, axis=-1)
         return cls(final=split(final), each=split(depth), rows=split(rows), maker=split(maker), reach=reach)
 
 
-def _reach(samples, cut, drop, closest, ball_radius_mm):
-    """Why no ball of the shop could finish each sample in a clamping; cutters that undercut or lean come from any side."""
+def reach_of(points_mm, normals, cut, drop, closest, ball_radius_mm):
+    """(n,) why no ball of the shop could finish points in a clamping; cutters that undercut or lean come from any side.
+
+    Args:
+        points_mm, normals: (n, 3) part coordinates.   cut: workpiece.Cut.
+        drop, closest: of the design, see `residuals`.   ball_radius_mm: smallest ball of the shop.
+    """
     if is_height_field(cut.paths):
-        return why_unreachable(drop, cut.frame.into(samples.points_mm), cut.frame.turn_into(samples.normals), ball_radius_mm)
-    return why_unreachable_leaning(closest, samples.points_mm, samples.normals, ball_radius_mm)
+        return why_unreachable(drop, cut.frame.into(points_mm), cut.frame.turn_into(normals), ball_radius_mm)
+    return why_unreachable_leaning(closest, points_mm, normals, ball_radius_mm)
 
 
 def _tops(piece, k, looked, ground, feeds, samples, spacing_mm):

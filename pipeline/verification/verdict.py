@@ -22,9 +22,9 @@ from cuspline.verification.cusps import Cusps, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.findings import Finding
 from cuspline.verification.in_process import PART
-from cuspline.verification.reach import REACHABLE, drop_mesh, why_unreachable
-from cuspline.verification.residuals import (LIMIT_MM, Residuals, default_spacing_mm, residuals, unreachable_places,
-                                             weighted_percentile)
+from cuspline.verification.reach import REACHABLE, drop_mesh
+from cuspline.verification.residuals import (LIMIT_MM, Residuals, default_spacing_mm, reach_of, residuals,
+                                             unreachable_places, weighted_percentile)
 from cuspline.verification.samples import face_area_mm2, sample_faces
 from cuspline.verification.solids import SolidComparison, compare
 from cuspline.verification.tessellation import Tessellation, tessellate
@@ -172,7 +172,7 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
         proven = certify(program.posted, tools, part_in_wcs(solid, program.setup.frame),
                          tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
         cusps = _cusps(piece, k, program, found, grounds[k], feeds[k], required[k], finish, len(samples[k]))
-        proof = _excess_proof(piece, k, found, grounds[k], drops[k], finish, ball_radius_mm)
+        proof = _excess_proof(piece, k, found, grounds[k], drops[k], closest, finish, ball_radius_mm)
         verdicts.append(_judged(program, found, own, history, proven, made, k, mesh, drops[k], required[k], finish,
                                 fitted[k], ball_radius_mm, cusps, proof))
     return tuple(verdicts)
@@ -229,12 +229,12 @@ def _mesh_checks(made, mesh, found, program, bounds):
             "resolution_mm": mesh_quality.RESOLUTION * size, "bounds_mm": allowed}, findings
 
 
-def _excess_proof(piece, k, found, ground, drops, finish, ball_radius_mm):
+def _excess_proof(piece, k, found, ground, drop, closest, finish, ball_radius_mm):
     """That no place of clamping k's faces stands higher than the highest that was found and is allowed."""
     own, d = piece.cuts[k], found.deviation_mm
     others = [c for c in piece.cuts if c is not own]
     fine = found.is_reachable & (d <= _allowed(finish) + NOISE_MM)
-    reach = lambda p, n: why_unreachable(drops, own.frame.into(p), own.frame.turn_into(n), ball_radius_mm) == REACHABLE
+    reach = lambda p, n: reach_of(p, n, own, drop, closest, ball_radius_mm) == REACHABLE
     return prove_excess(ground, [own, *others], d[fine].max(initial=0.0), _allowed(finish),
                         lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], reach)
 
