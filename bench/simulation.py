@@ -68,8 +68,7 @@ def posted(tips):
         kind=np.full(n, Kind.FEED), start_mm=tips[:-1], end_mm=tips[1:], center_mm=np.full((n, 3), np.nan),
         plane=np.full(n, Plane.XY), turns=np.zeros(n), feed_mm_per_min=np.full(n, 1000.0),
         spindle_rpm=np.full(n, 9000.0), tool=np.ones(n), length_offset_on=np.ones(n, bool), machine_end_mm=tips[1:],
-        line=np.arange(n) + 1,
-        operation=np.zeros(n), operations=("finish",), ended=True)
+        line=np.arange(n) + 1, operation=np.zeros(n), operations=("finish",), ended=True)
 
 
 def samples():

@@ -164,7 +164,7 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     feeds = [p.setup.frame.turn_out(_directions(p.posted)) for p in programs]
     grounds = [Ground.of_faces([exact[i] for i in chosen]) for chosen in required]
     for program, mine in zip(programs, samples):
-        say(f"{program.setup.name}: {len(mine):,} samples against {len(program.posted):,} moves")
+        say(f"{program.setup.name}: {len(mine):,} samples against {len(program.posted):,} moves, and tops between them")
     judged = residuals(piece, samples, grounds, feeds, drops, ball_radius_mm, [o.spacing_mm for o in fitted])
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles)
     verdicts = []
@@ -177,7 +177,8 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
                          tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
         say(f"{program.setup.name}: cusps beside {len(samples[k]):,} samples")
         cusps = _cusps(piece, k, program, found, grounds[k], feeds[k], required[k], finish, len(samples[k]))
-        say(f"{program.setup.name}: solids on a grid of {fitted[k].solid_pitch_mm:.3f} mm")
+        say(f"{program.setup.name}: solids on a grid of {fitted[k].solid_pitch_mm:.3f} mm"
+            + (", third view" if options.mesh_checks else ""))
         verdicts.append(_judged(program, found, own, history, proven, made, k, mesh, drops[k], required[k], finish,
                                 fitted[k], ball_radius_mm, cusps))
     return tuple(verdicts)
