@@ -70,12 +70,12 @@ def compare(made, k, tessellation, drops, required, found, own, *, excess_mm, go
                                 _beyond_excess(made, k, excess_mm), excess_mm, found, frame, surface_mm)
     more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
                            own, frame, surface_mm)
-    excess, gouge = (made.stock(frame) - design) ^ region, design - field.solid
+    excess, gouge, held = volumes(lambda: (made.stock(frame) - design) ^ region, lambda: design - field.solid, field,
+                                  made.piece.cuts[k], drops, found, surface_mm, path_error_mm, made.pitches_mm[k],
+                                  ball_radius_mm)
     return SolidComparison(
-        excess_volume_mm3=excess.volume(), gouge_volume_mm3=gouge.volume(), bodies=tuple(bodies + more),
-        artefacts=artefacts + others, tessellation_mm=surface_mm, pitch_mm=made.pitches_mm[k],
-        volumes=volumes(excess, gouge, field, made.piece.cuts[k], drops, found, surface_mm, path_error_mm,
-                        made.pitches_mm[k], ball_radius_mm))
+        excess_volume_mm3=excess, gouge_volume_mm3=gouge, bodies=tuple(bodies + more), artefacts=artefacts + others,
+        tessellation_mm=surface_mm, pitch_mm=made.pitches_mm[k], volumes=held)
 
 
 def _beyond_excess(made, k, by):
