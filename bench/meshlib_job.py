@@ -1,8 +1,11 @@
-"""MeshLib's constant cusp on a folder of arrays, in its own environment: python meshlib_job.py folder.
+"""MeshLib on a folder of arrays, in its own environment: python meshlib_job.py folder.
 
 Needs nothing of cuspline.  job.json holds the tasks; vertices.npy and triangles.npy a mesh of the part's top.
-Its positions are the ball's centre; ways above the safe height are left out.  Each task's path is written as
-rows (x, y, z of the tip, number of the pass).
+
+cusp: constant cusp.  Its positions are the ball's centre; ways above the safe height are left out.  Each task's path is
+written as rows (x, y, z of the tip, number of the pass).
+
+swept: what a ball sweeps along the tips of a file, by its distance volume; written are the mesh's vertices.
 """
 
 import json
@@ -32,6 +35,22 @@ def constant_cusp(mesh, task, folder):
     return *seconds, len(rows)
 
 
+def swept(mesh, task, folder):
+    cutter = mrmeshpy.EndMillCutter()
+    cutter.type = mrmeshpy.EndMillCutter.Type.Ball
+    tool = mrmeshpy.EndMillTool(task["length_mm"], 2 * task["radius_mm"], cutter)
+    body = tool.toMesh()
+    path = mrmeshpy.Polyline3(mrmeshnumpy.fromNumpyArray(np.load(folder / task["tips"])))
+    params = mrmeshpy.ComputeSweptVolumeParameters(path, mrmeshpy.MeshPart(body), tool, task["voxel_mm"], 0,
+                                                   mrmeshpy.func_bool_from_float())
+    cpu, wall = time.process_time(), time.perf_counter()
+    found = mrmeshpy.computeSweptVolumeWithDistanceVolume(params)
+    seconds = time.process_time() - cpu, time.perf_counter() - wall
+    vertices = mrmeshnumpy.getNumpyVerts(found)
+    np.save(folder / f"{task['name']} meshlib.npy", vertices)
+    return *seconds, len(vertices)
+
+
 def positions(commands):
     """(n, 4) x, y, z and pass of the linear moves below the safe height; a coordinate not given stays as it is."""
     at, rows, run, is_down = [np.nan] * 3, [], 0, False
@@ -52,7 +71,7 @@ def main(folder):
                                           np.load(folder / "vertices.npy"))
     results = {}
     for task in job["tasks"]:
-        cpu, wall, count = constant_cusp(mesh, task, folder)
+        cpu, wall, count = {"cusp": constant_cusp, "swept": swept}[task["kind"]](mesh, task, folder)
         results[task["name"]] = {"cpu_s": cpu, "wall_s": wall, "count": count}
     (folder / "results meshlib.json").write_text(json.dumps({"version": version("meshlib"), "tasks": results}))
 

@@ -214,7 +214,8 @@ def meshlib_lines(wanted_mm):
     python, held = peer_python()
     if not any(pin.startswith("meshlib") for pin in held):
         return None
-    task = {"name": "cusp", "radius_mm": RADIUS_MM, "voxel_mm": PEER_VOXEL_MM, "step_mm": flat_step_mm(wanted_mm)}
+    task = {"kind": "cusp", "name": "cusp", "radius_mm": RADIUS_MM, "voxel_mm": PEER_VOXEL_MM,
+            "step_mm": flat_step_mm(wanted_mm)}
     with tempfile.TemporaryDirectory() as folder:
         found = run_job(python, "meshlib", Path(folder), patch_mesh(PEER_MESH_MM)[:2], [task], repeats=1)
         rows = np.load(Path(folder) / "cusp meshlib.npy")

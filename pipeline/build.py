@@ -115,6 +115,7 @@ def _made(order, work, say):
     verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say)}
     _stamp_verdict(work, job, verify)
     _write_json(work / "verify.json", verify)
+    say(f"{design.name}: stock coloured by its deviation")
     left_out = _coloured_stock(work / f"{design.name}.deviation.ply", judged, design.finish)
     if order.last_stage == "report":
         say(f"{design.name}: report")

@@ -1,6 +1,6 @@
 """The command line. CAD and kernels are imported only by the commands that need them.
 
-Exit codes: 0 verified, 1 findings, 2 bad input, 3 internal.
+Exit codes: 0 verified, 1 findings, 2 bad input, 3 internal, 130 interrupted.
 """
 
 import json as jsonlib
@@ -16,7 +16,7 @@ from cuspline.errors import CamError, InputError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None,
                   help="From a parametric design to a posted and verified program.")
-FINDINGS, BAD_INPUT, INTERNAL = 1, 2, 3
+FINDINGS, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
 
 
@@ -204,12 +204,20 @@ def _say(text):
     print(f"  {text}", file=sys.stderr, flush=True)
 
 
+def _say_interrupted():
+    print("cuspline: interrupted, nothing half-written is left", file=sys.stderr)
+
+
 def main():
     """Entry point: errors become one clear sentence and an exit code."""
     try:
-        sys.exit(app(standalone_mode=False))
-    except typer.Abort:
-        sys.exit(130)
+        code = app(standalone_mode=False)
+        if code == INTERRUPTED:                 # typer's answer to Ctrl-C
+            _say_interrupted()
+        sys.exit(code)
+    except (typer.Abort, KeyboardInterrupt):
+        _say_interrupted()
+        sys.exit(INTERRUPTED)
     except CamError as error:
         print(f"cuspline: {error}", file=sys.stderr)
         sys.exit(BAD_INPUT)

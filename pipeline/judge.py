@@ -78,11 +78,9 @@ def judge(folder, job, say=lambda text: None, options=Options()):
         wanted = tuple(f for p in job.predicates if p.name in item.setup.faces for f in brep.select_faces(faces, p))
         programs.append(SetupProgram(posted=moves, setup=item.setup, faces=wanted, fixtures=_fixtures(item.setup)))
         extra += _file_findings(item, text, job.machine)
-    say("simulate and compare")
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     setups = verify_setups(programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
-                           ball_radius_mm=job.smallest_ball_radius_mm,
-                           options=options)
+                           ball_radius_mm=job.smallest_ball_radius_mm, options=options, say=say)
     zero = job.machine.wcs_origin_mm
     setups = tuple(replace(v, findings=located(v.findings, p.posted, text, p.setup.frame, zero, lengths))
                    for v, p, text in zip(setups, programs, texts))

@@ -4,6 +4,7 @@ It knows nothing of any post.  What it does not know it refuses, with the line a
 """
 
 import re
+from array import array
 from math import hypot, isfinite, nan, tau
 
 import numpy as np
@@ -22,6 +23,7 @@ PLANES = {"G17": Plane.XY, "G18": Plane.ZX, "G19": Plane.YZ}
 KINDS = {"G0": Kind.RAPID, "G1": Kind.FEED, "G2": Kind.ARC_CW, "G3": Kind.ARC_CCW}
 UNKNOWN = (nan, nan, nan)
 SAME_LENGTH_MM = 1e-9       # rounding of an inch length
+COLUMNS = 21                # numbers kept of a move
 
 
 def read_program(text, *, work_offsets, tool_lengths):
@@ -75,7 +77,7 @@ class _Controller:
         self.names, self.operation = [], -1
         self.line, self.is_machine_move = 0, False
         self.ended = False
-        self.rows = []
+        self.rows = array("d")              # COLUMNS a move
 
     # words ------------------------------------------------------------------------------------------
 
@@ -220,7 +222,7 @@ class _Controller:
         feed = self._feed(length_mm, values) if kind != Kind.RAPID else 0.0
         machine = [t + o for t, o in zip(end, self.offset)]
         machine[2] += self.length_mm
-        self.rows.append((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
+        self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
                           self.turning * self.speed, self.tool, self._is_own_length_on(), *machine,
                           self.line, self.operation))
         self.tip = end
@@ -315,7 +317,7 @@ class _Controller:
 
     def posted_moves(self):
         """All moves as one value."""
-        table = np.array(self.rows, dtype=float).reshape(len(self.rows), 21)
+        table = np.frombuffer(self.rows).reshape(-1, COLUMNS)
         (kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line,
          operation) = np.split(table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20), axis=1)
         return PostedMoves(

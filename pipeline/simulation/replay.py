@@ -57,7 +57,10 @@ class Fixture:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Replay:
-    """The stock's history and what was found on the way."""
+    """The stock's history and what was found on the way.
+
+    Events are tens of a move: their arrays are handed over, not copied.
+    """
 
     zmap: ZMap
     bottom_mm: float
@@ -75,10 +78,10 @@ class Replay:
 
     def __post_init__(self):
         shape, e = (self.zmap.ny, self.zmap.nx), len(self.event_row)
-        for name, form, dtype in (("design_top_mm", shape, float), ("event_row", (e,), np.int64),
-                                  ("event_cell", (e,), np.int64), ("event_z_mm", (e,), float),
+        for name, form, dtype in (("design_top_mm", shape, float), ("event_row", (e,), np.int32),
+                                  ("event_cell", (e,), np.int32), ("event_z_mm", (e,), float),
                                   ("final_z_mm", shape, float)):
-            object.__setattr__(self, name, frozen(getattr(self, name), form, name, dtype))
+            object.__setattr__(self, name, frozen(getattr(self, name), form, name, dtype, name.startswith("event_")))
 
 
 def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, design_top_mm=None, design=None,
@@ -125,26 +128,22 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     lines = _lines(zmap, stock_max)
     events, unsure = replay_kernel.run(
         *script, wanted, TOUCH_MM, boxes, z, *_before(z, lines), lines, _past(script[0], script[2], script[4]), worst,
-        least)
-    events = np.concatenate([_cut_before(stock_top_mm, top), events])
+        least, _cut_before(z, top))
     report = replay_checks.Reporter(posted, setup, frame)
     found = (*report.contacts(worst), *report.states(top), *report.unknown_starts(_highest(top, boxes)),
              *report.travel(machine), *report.table(machine, tools, script), *report.end())
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
-                  event_row=events[:, 0], event_cell=events[:, 1], event_z_mm=events[:, 2], final_z_mm=z,
+                  event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
                   findings=found, holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
                   holder_place_mm=place, undecided_lines=tuple(posted.line[unsure].tolist()),
                   is_table_checked=machine is not None)
 
 
-def _cut_before(stock_top_mm, top):
-    """(e, 3) events of row 0: cells that earlier clampings have lowered."""
-    if stock_top_mm is None:
-        return np.zeros((0, 3))
-    flat = np.ravel(stock_top_mm)
-    cells = np.flatnonzero(flat < top)
-    return np.column_stack([np.zeros(len(cells)), cells, flat[cells]])
+def _cut_before(z, top):
+    """Events of row 0, as the kernel takes them: cells that earlier clampings have lowered."""
+    cells = np.flatnonzero(z.ravel() < top)
+    return np.zeros(len(cells), np.int32), cells.astype(np.int32), z.ravel()[cells]
 
 
 def _highest(top, boxes):

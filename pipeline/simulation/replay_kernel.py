@@ -199,18 +199,25 @@ def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
                 if piece_height(xs[i], ys[j], lifted, thin_a, thin_rc) < z[j, i]:
                     _keep_worst(rapids, row, z[j, i] - h, xs[i], ys[j], h)
             z[j, i] = h
-            if count == len(events):
-                bigger = np.empty((2 * count, 3))
-                bigger[:count] = events
-                events = bigger
-            events[count, 0], events[count, 1], events[count, 2] = row, j * z.shape[1] + i, h
+            if count == len(events[2]):
+                events = _with_room(events, count)
+            events[0][count], events[1][count], events[2][count] = row, j * z.shape[1] + i, h
             count += 1
     return events, count
 
 
 @njit(cache=True)
+def _with_room(events, count):
+    """The same events in arrays of more than twice the length."""
+    room = 2 * count + 1024
+    rows, cells, heights = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room)
+    rows[:count], cells[:count], heights[:count] = events[0], events[1], events[2]
+    return rows, cells, heights
+
+
+@njit(cache=True)
 def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, boxes, z, bounds, sure, lines, past,
-        worst, least):
+        worst, least, events):
     """Replays all pieces in order.
 
     Args:
@@ -224,8 +231,9 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, b
         past: (forest, orders, firsts) of all pieces, see replay_stock.
         worst: (4, rows, 4) of rapid, shank, holder and fixture, takes amount (-inf: none), x, y, z.
         least: (5,) takes the least distance of a holder proven, attained, and its place.
+        events: row (int32), cell (int32), height, each (b,): those before the first move.
     Returns:
-        events (e, 3) row, cell, height; rows (rows,) where a contact between the nodes is not excluded.
+        events of the same form, each (e,), those before the first; rows (rows,) where a contact between the nodes is not excluded.
     """
     xs, ys = lines
     tiles = np.empty(((len(bounds) + TILE - 1) // TILE, (bounds.shape[1] + TILE - 1) // TILE))
@@ -233,7 +241,7 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, b
     doubtful, space = np.empty(bounds.size, np.int64), search_space()
     spot, heights = np.empty(3), np.empty((2, len(xs)))
     unsure = np.zeros(worst.shape[1], np.bool_)
-    events, count, line, highest = np.empty((1024, 3)), 0, np.empty(12), math.inf
+    count, line, highest = len(events[2]), np.empty(12), math.inf
     for p in range(len(geometry)):
         if p % REFRESH == 0:
             highest = _tile_tops(bounds, tiles)
@@ -267,4 +275,4 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, b
                 _keep_worst(worst[kind], row[p], amount, spot[0], spot[1], spot[2])
         events, count = _cut(geometry[p], a, rc, row[p], is_rapid[p], touch, stock, heights, worst[RAPID], events,
                              count)
-    return events[:count].copy(), unsure
+    return (events[0][:count], events[1][:count], events[2][:count]), unsure

@@ -65,17 +65,17 @@ def compare(made, k, tessellation, drops, required, found, own, *, excess_mm, go
     vertices, triangles = frame.into(tessellation.vertices_mm), tessellation.triangles
     design = solids.solid_of(vertices, triangles, "the design's tessellation")
     region = _region(vertices, triangles[np.isin(tessellation.face, required)], low, high)
-    excess, gouge = (made.stock(frame) - design) ^ region, design - field.solid
-    left = (made.stock(frame, excess_mm) - design) ^ region
-    taken = design - made.field(k, -gouge_mm).solid
     surface_mm = tessellation.deviation_mm
-    bodies, artefacts = _bodies("excess", left, _beyond_excess(made, k, excess_mm), excess_mm, found, frame, surface_mm)
-    more, others = _bodies("gouge", taken, _beyond_gouge(made, k, gouge_mm), gouge_mm, own, frame, surface_mm)
+    bodies, artefacts = _bodies("excess", (made.stock(frame, excess_mm) - design) ^ region,      # one large solid at a time
+                                _beyond_excess(made, k, excess_mm), excess_mm, found, frame, surface_mm)
+    more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
+                           own, frame, surface_mm)
+    excess, gouge, held = volumes(lambda: (made.stock(frame) - design) ^ region, lambda: design - field.solid, field,
+                                  made.piece.cuts[k], drops, found, surface_mm, path_error_mm, made.pitches_mm[k],
+                                  ball_radius_mm)
     return SolidComparison(
-        excess_volume_mm3=excess.volume(), gouge_volume_mm3=gouge.volume(), bodies=tuple(bodies + more),
-        artefacts=artefacts + others, tessellation_mm=surface_mm, pitch_mm=made.pitches_mm[k],
-        volumes=volumes(excess, gouge, field, made.piece.cuts[k], drops, found, surface_mm, path_error_mm,
-                        made.pitches_mm[k], ball_radius_mm))
+        excess_volume_mm3=excess, gouge_volume_mm3=gouge, bodies=tuple(bodies + more), artefacts=artefacts + others,
+        tessellation_mm=surface_mm, pitch_mm=made.pitches_mm[k], volumes=held)
 
 
 def _beyond_excess(made, k, by):

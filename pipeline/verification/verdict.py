@@ -131,7 +131,8 @@ def verify_setup(posted, tools, solid, faces, *, setup, fixtures=(), **asked):
     return verify_setups((program,), tools, solid, **asked)[0]
 
 
-def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, machine=None, options=Options()):
+def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, machine=None, options=Options(),
+                  say=lambda text: None):
     """Verdict on the posted programs of all clampings, in the order in which they are cut.
 
     Every face is judged after all programs; each program is replayed on the stock that those before it leave, and
@@ -144,6 +145,7 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
         stock: design.StockBox, part coordinates.
         finish: design.Finish.   ball_radius_mm: smallest ball of the shop's library.
         machine: machines.Machine or None.
+        say: called with what is being done, and how large it is.
     Returns:
         one SetupVerdict a program.
     Raises:
@@ -154,25 +156,38 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     piece = Workpiece(min_mm=stock.min_mm, max_mm=stock.max_mm)
     before, fitted = [], []
     for program, faces in zip(programs, shapes):
+        say(f"{program.setup.name}: index over {len(program.posted):,} moves")
         before.append(piece)
         fitted.append(_fitted(options, faces, *piece.box_in(program.setup.frame), finish))
         piece = piece.after(program.setup.frame, swept_paths(program.posted, tools))
-    mesh = tessellate(solid, min(o.tessellation_mm for o in fitted))
+    finest = min(o.tessellation_mm for o in fitted)
+    say(f"triangles of the design within {finest:.4f} mm")
+    mesh = tessellate(solid, finest)
+    say(f"samples of the faces, {len(mesh.triangles):,} triangles for their reach")
     drops = [drop_mesh(c.frame.into(mesh.vertices_mm), mesh.triangles) for c in piece.cuts]
     samples = [sample_faces(faces, o.spacing_mm) for faces, o in zip(shapes, fitted)]
     exact = brep.faces_of(solid)
     feeds = [p.setup.frame.turn_out(_directions(p.posted)) for p in programs]
     grounds = [Ground.of_faces([exact[i] for i in chosen]) for chosen in required]
+    for program, mine in zip(programs, samples):
+        say(f"{program.setup.name}: {len(mine):,} samples against {len(program.posted):,} moves, and tops between them")
     closest = None if all(is_height_field(c.paths) for c in piece.cuts) else ClosestTree.of_faces(exact)
     judged = residuals(piece, samples, grounds, feeds, drops, closest, ball_radius_mm, [o.spacing_mm for o in fitted])
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles)
     verdicts = []
     for k, (program, (found, own)) in enumerate(zip(programs, judged)):
+        moves = f"{len(program.posted):,} moves"
+        say(f"{program.setup.name}: replay of {moves} on a grid of {fitted[k].replay_pitch_mm:.3f} mm")
         history = _replayed(program, tools, before[k], mesh, drops[k], machine, finish, fitted[k])
+        say(f"{program.setup.name}: certificate of {moves}")
         proven = certify(program.posted, tools, part_in_wcs(solid, program.setup.frame),
                          tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
+        say(f"{program.setup.name}: cusps beside {len(samples[k]):,} samples")
         cusps = _cusps(piece, k, program, found, grounds[k], feeds[k], required[k], finish, len(samples[k]))
+        say(f"{program.setup.name}: proof of what stands between the samples")
         proof = _excess_proof(piece, k, found, grounds[k], drops[k], closest, finish, ball_radius_mm)
+        say(f"{program.setup.name}: solids on a grid of {fitted[k].solid_pitch_mm:.3f} mm"
+            + (", third view" if options.mesh_checks else ""))
         verdicts.append(_judged(program, found, own, history, proven, made, k, mesh, drops[k], required[k], finish,
                                 fitted[k], ball_radius_mm, cusps, proof))
     return tuple(verdicts)

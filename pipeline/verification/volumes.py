@@ -33,15 +33,17 @@ class Volumes:
     zmap_mm: float = 0.0                              # mean height error of the grid there
 
 
-def volumes(excess, gouge, field, cut, drops, found, tessellation_mm, path_error_mm, pitch_mm, ball_radius_mm):
+def volumes(excess_of, gouge_of, field, cut, drops, found, tessellation_mm, path_error_mm, pitch_mm, ball_radius_mm):
     """Compare them.
 
     Args:
-        excess, gouge: Manifolds in the clamping's WCS.
+        excess_of, gouge_of: functions that make the Manifolds, in the clamping's WCS; they are large, one stands at a time.
         field: stock_solids.Field of the clamping.   cut: its workpiece.Cut.   drops: DropMesh of the design in its WCS.
         found: Residuals of its faces.
         tessellation_mm, path_error_mm: deviation of the design's triangles, of the swept paths.
         pitch_mm: of the grid.   ball_radius_mm: hollows tighter than this are not reachable.
+    Returns:
+        volume of all the excess, mm3; of all the gouges; Volumes.
     """
     cell, frame = CELLS * pitch_mm, field.frame
     points, d = frame.into(found.samples.points_mm), found.deviation_mm
@@ -50,22 +52,27 @@ def volumes(excess, gouge, field, cut, drops, found, tessellation_mm, path_error
     at = np.clip(((points[:, :2] - field.low[:2]) / cell).astype(int), 0, shape - 1)
     good = _quiet_cells(at, shape, (np.abs(d) < THIN_MM) & found.is_reachable & found.is_own & (normal_z > 0.5))
     if not good.any():
-        return Volumes()
+        return excess_of().volume(), gouge_of().volume(), Volumes()
     inside = good[at[:, 0], at[:, 1]] & (normal_z > 0.5)
     weight, d = found.samples.weight_mm2[inside], d[inside]
     prism = solids.prism_over([_square(field.low, cell, *c) for c in np.argwhere(good)], field.low[2] - 1, field.high[2] + 1)
-    taken, left = (gouge ^ prism).volume(), (excess ^ prism).volume()
+    excess, left = _whole_and_within(excess_of(), prism)
+    gouge, taken = _whole_and_within(gouge_of(), prism)
     facets, facet_scatter, zmap = _facets(field, cut, good, cell, pitch_mm)
     triangles, triangle_scatter = _triangles(drops, points[inside], weight * normal_z[inside])
     above, below = float((weight * np.maximum(d, 0)).sum()), float((weight * np.maximum(-d, 0)).sum())
     area, scatter = float(weight.sum()), float(np.sqrt(((weight * d) ** 2).sum()))
     bent = float((weight * d * d).sum()) / ball_radius_mm          # a layer over a hollow is smaller than area times height
-    return Volumes(
+    return excess, gouge, Volumes(
         area_mm2=area, excess_mm3=(above, left), gouge_mm3=(below, taken), zmap_mm=zmap,
         bound_mm3=area * (tessellation_mm + path_error_mm + zmap) + 3 * scatter + 1e-6,
         net_mm3=(above - below, left - taken + facets - triangles),
         net_bound_mm3=area * path_error_mm + bent + SIGMAS * float(np.sqrt(scatter**2 + facet_scatter**2 + triangle_scatter**2))
         + 1e-6)
+
+
+def _whole_and_within(solid, prism):
+    return solid.volume(), (solid ^ prism).volume()
 
 
 def _facets(field, cut, good, cell, pitch_mm):

@@ -237,6 +237,24 @@ def test_a_build_killed_at_any_moment_leaves_the_old_outputs(saddle, tmp_path):
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []
 
 
+INTERRUPTIBLE = ("import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+                 "from cuspline.cli import main; main()")       # a shell's background job inherits an ignored SIGINT
+
+
+def test_a_build_interrupted_while_it_verifies_ends_with_one_line_and_code_130(saddle, tmp_path):
+    out, job = copied(saddle, tmp_path / "out"), saddle_job(tmp_path)
+    before, there = bytes_of(out), {p.name for p in tmp_path.iterdir()}
+    process = subprocess.Popen([sys.executable, "-c", INTERRUPTIBLE, "build", str(job), "--stage", "verify", "--out", str(out)],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    said = next(line for line in process.stderr if " samples against " in line)
+    assert (tmp_path / ".out.part").exists() and said.startswith("  saddle: setup-1: ")
+    process.send_signal(signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=60)
+    spoken = [line for line in stderr.splitlines() if not line.startswith("  saddle: ")]
+    assert (process.returncode, stdout, spoken) == (130, "", ["cuspline: interrupted, nothing half-written is left"])
+    assert bytes_of(out) == before and {p.name for p in tmp_path.iterdir()} == there
+
+
 def test_the_command_line_is_imported_without_kernels_and_cad():
     heavy = ("OCP", "cadquery", "build123d", "numba", "matplotlib")
     code = f"import sys, cuspline.cli; print([m for m in {heavy!r} if m in sys.modules])"

@@ -35,12 +35,12 @@ def passes(z, skip=(99, 99), step=STEP):
 
 
 def verdict(moves=None, z=10.0, solid=BLOCK, faces=None, stock=((0, 0, 0), (20, 16, 12)), tools=None, origin=(0, 0, 0),
-            ball=3.0, options=COARSE, **changes):
+            ball=3.0, options=COARSE, say=lambda text: None, **changes):
     posted = program((-6, -0.3, 40), moves or passes(z), **changes)
     setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",), wcs_origin_mm=origin)
     return verify_setup(posted, tools or {1: tool("ball", 2 * R)}, solid, faces or upward(solid), setup=setup,
                         stock=StockBox(min_mm=stock[0], max_mm=stock[1]), finish=FINISH, ball_radius_mm=ball,
-                        options=options)
+                        options=options, say=say)
 
 
 def kinds(result):
@@ -59,6 +59,16 @@ def test_a_good_plane_is_verified_with_its_exact_cusp():
     assert 320 * mean * 0.98 < d["excess_volume_mm3"] < 320 * (mean + sag) * 1.05
     assert d["verifiers"]["compared_area_mm2"] > 100
     json.dumps(Verdict(setups=(v,)).as_dict())
+
+
+def test_every_stage_is_told_with_its_size():
+    said, moves = [], passes(10.0)
+    v = verdict(moves, say=said.append)
+    count = f"{len(moves):,} moves"
+    stages = ("index over " + count, "triangles of the design within 0.0020 mm", "samples of the faces, 12 triangles",
+              f"{v.numbers['points_checked']:,} samples against {count}", f"replay of {count} on a grid of 0.500 mm",
+              "certificate of " + count, "cusps beside ", "solids on a grid of 0.200 mm")
+    assert len(said) == len(stages) and all(stage in text for stage, text in zip(stages, said)), said
 
 
 @pytest.mark.parametrize("depth,found", [(0.5, set()), (2.0, {"gouge"})])
