@@ -55,7 +55,7 @@ def pieces_of(posted, rows, is_ball, longest_mm=np.inf, deepest_mm=np.inf):
     """
     rows = np.asarray(rows, dtype=np.int64)
     is_line = (posted.kind[rows] == Kind.RAPID) | (posted.kind[rows] == Kind.FEED)
-    arcs = _Arcs(posted, rows[~is_line])
+    arcs = Arcs(posted, rows[~is_line])
     exact = is_ball & (arcs.plane != Plane.XY) & (np.abs(arcs.rise) < 1e-9)
     parts = [_lines(posted.start_mm[rows[is_line]], posted.end_mm[rows[is_line]], rows[is_line],
                     longest_mm, deepest_mm),
@@ -66,7 +66,7 @@ def pieces_of(posted, rows, is_ball, longest_mm=np.inf, deepest_mm=np.inf):
     return Pieces(geometry=geometry[order], row=row[order], error_mm=max(p[2] for p in parts))
 
 
-class _Arcs:
+class Arcs:
     """Arcs in their own plane: start and end angle, radii at both, rise along the third axis."""
 
     def __init__(self, posted, rows):
@@ -97,7 +97,7 @@ class _Arcs:
 
     def only(self, mask):
         """The same with the chosen arcs alone."""
-        chosen = object.__new__(_Arcs)
+        chosen = object.__new__(Arcs)
         chosen.__dict__.update({name: value[mask] for name, value in self.__dict__.items()})
         return chosen
 
@@ -123,14 +123,14 @@ def repeated_parts(counts):
     return whole, part
 
 
-def _parts(extent, longest):
+def part_counts(extent, longest):
     """(n,) whole number of parts, at least 1, so that none is longer."""
     return np.maximum(1, np.ceil(extent / longest - 1e-9)).astype(np.int64)
 
 
 def _lines(start, end, row, longest_mm, deepest_mm):
-    counts = np.maximum(_parts(np.hypot(*(end - start)[:, :2].T), longest_mm),
-                        _parts(np.maximum(start[:, 2] - end[:, 2], 0.0), deepest_mm))
+    counts = np.maximum(part_counts(np.hypot(*(end - start)[:, :2].T), longest_mm),
+                        part_counts(np.maximum(start[:, 2] - end[:, 2], 0.0), deepest_mm))
     whole, part = repeated_parts(counts)
     step = (end - start)[whole] / counts[whole, None]
     geometry = np.zeros((len(whole), 12))
@@ -146,7 +146,7 @@ def _chords(arcs, longest_mm, deepest_mm):
         return np.zeros((0, 12)), np.zeros(0, np.int64), 0.0
     radius = np.maximum(arcs.radius0, arcs.radius1)
     widest = 2 * np.arccos(1 - np.minimum(SAGITTA_MM / radius, 0.5))
-    counts = _parts(np.abs(arcs.angle1 - arcs.angle0), widest)
+    counts = part_counts(np.abs(arcs.angle1 - arcs.angle0), widest)
     whole, part = repeated_parts(counts)
     at = lambda k: arcs.points(whole, arcs.angle0[whole] + k / counts[whole] * (arcs.angle1 - arcs.angle0)[whole])
     geometry, piece, _ = _lines(at(part), at(part + 1), arcs.row[whole], longest_mm, deepest_mm)
@@ -164,8 +164,8 @@ def _quarters(arcs, longest_mm):
     stop = np.minimum((first[whole] + part) * QUARTER, high[whole])
     per_rad = np.abs((arcs.radius1 - arcs.radius0) / (arcs.angle1 - arcs.angle0))[whole]
     width = stop - start
-    counts = np.maximum(_parts(width, ARC_ANGLE_RAD), _parts(width * arcs.radius0[whole], longest_mm))
-    counts = np.maximum(counts, _parts(width * per_rad, 2 * SAGITTA_MM))
+    counts = np.maximum(part_counts(width, ARC_ANGLE_RAD), part_counts(width * arcs.radius0[whole], longest_mm))
+    counts = np.maximum(counts, part_counts(width * per_rad, 2 * SAGITTA_MM))
     parent, k = repeated_parts(counts)
     a0 = start[parent] + k * width[parent] / counts[parent]
     a1 = start[parent] + (k + 1) * width[parent] / counts[parent]

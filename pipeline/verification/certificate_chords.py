@@ -6,7 +6,7 @@ import numpy as np
 
 from cuspline.arrays import frozen
 from cuspline.program import Kind
-from cuspline.simulation.pieces import _Arcs, _parts, _repeat
+from cuspline.simulation.pieces import Arcs, part_counts, repeated_parts
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,7 +42,7 @@ def chords_of(posted, rows, sagitta_mm):
     parts = [(posted.start_mm[lines], posted.end_mm[lines], lines, np.tile([0.0, 1.0], (len(lines), 1)),
               np.zeros(len(lines)))]
     if not is_line.all():
-        parts.append(_chords_of_arcs(_Arcs(posted, rows[~is_line]), sagitta_mm))
+        parts.append(_chords_of_arcs(Arcs(posted, rows[~is_line]), sagitta_mm))
     start, end, row, share, off = (np.concatenate(column) for column in zip(*parts))
     order = np.argsort(row, kind="stable")
     return Chords(start_mm=start[order], end_mm=end[order], row=row[order], share=share[order], off_mm=off[order])
@@ -52,8 +52,8 @@ def _chords_of_arcs(arcs, sagitta_mm):
     """A curve p(angle) leaves its chord over w by at most w^2 / 8 of its largest |p''|: r + 2 |r'| for a spiral."""
     swept = arcs.angle1 - arcs.angle0
     bend = np.maximum(arcs.radius0, arcs.radius1) + 2 * np.abs((arcs.radius1 - arcs.radius0) / swept)
-    counts = _parts(np.abs(swept), np.sqrt(8 * sagitta_mm / bend))
-    whole, part = _repeat(counts)
+    counts = part_counts(np.abs(swept), np.sqrt(8 * sagitta_mm / bend))
+    whole, part = repeated_parts(counts)
     share = np.column_stack([part, part + 1]) / counts[whole, None]
     start, end = (arcs.points(whole, arcs.angle0[whole] + s * swept[whole]) for s in share.T)
     return start, end, arcs.row[whole], share, ((swept / counts) ** 2 / 8 * bend)[whole]

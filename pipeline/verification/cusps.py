@@ -15,7 +15,7 @@ import numpy as np
 from cuspline.arrays import frozen
 from cuspline.planning.stepover import scallop_for_stepover_mm
 from cuspline.program import Kind, Plane
-from cuspline.simulation.swept import nearest_moves
+from cuspline.simulation.swept import SweptPath, nearest_moves
 from cuspline.surfaces.projection import refined
 from cuspline.verification.climbing import CELL, CLOSE_MM, FIRST, Tops, hill_rows, unit, walked
 from cuspline.verification.samples import in_parameters
@@ -82,7 +82,7 @@ def measured_cusps(ground, samples, heights_mm, feeds, cut, posted, height_of, e
         spacing_mm: of the samples.
         face_numbers: (f,) of the faces in the solid.
     Returns:
-        Cusps; ridges between passes of one ball only.
+        Cusps; ridges between passes of one upright ball only.
     """
     rows = hill_rows(samples.points_mm, samples.face, heights_mm, CELL * spacing_mm)
     rows = np.sort(rows)[np.unique(np.linspace(0, len(rows) - 1, PLACES).astype(int))] if len(rows) else rows
@@ -96,9 +96,9 @@ def measured_cusps(ground, samples, heights_mm, feeds, cut, posted, height_of, e
     place = ground.places(tops.face, tops.u, tops.v)
     sides = [cut.frame.into(place.point_mm + s * BESIDE_MM * across) for s in (-1, 1)]
     moves = [nearest_moves(cut.paths, p)[1] for p in sides]
-    balls = {p.tool.number: p.corner_radius_mm for p in cut.paths if p.flat_radius_mm == 0}
+    balls = {p.tool.number: p.corner_radius_mm for p in cut.paths if isinstance(p, SweptPath) and p.flat_radius_mm == 0}
     tool = posted.tool[moves[0]]
-    radius = np.array([balls.get(int(n), 0.0) for n in tool], float)
+    radius = np.array([balls.get(int(n), 0.0) for n in tool], float) * np.all([posted.is_upright[m] for m in moves], axis=0)
     centers = [cut.frame.out(centers_mm(posted, m, p, radius)) for m, p in zip(moves, sides)]
     contacts = [refined(ground.patches, tops.face, tops.u, tops.v, c)[2] for c in centers]
     chord = contacts[1] - contacts[0]

@@ -5,15 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.arrays import frozen
-from cuspline.simulation.swept import nearest_moves, signed_distance_mm
+from cuspline.simulation.swept import SweptPath, nearest_moves, signed_distance_mm
 from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable
 from cuspline.verification.clusters import clusters_of
-from cuspline.verification.climbing import bottoms_of, tops_of
+from cuspline.verification.climbing import bottoms_of, tops_of, unit
 from cuspline.verification.samples import Samples
 
 LIMIT_MM = 2.0            # deviations are capped here: far more than any tolerance
 PER_SPACING2 = 17.0       # samples on a square of one spacing
 TARGET = 200_000          # samples wanted on one setup
+ROUNDED = ("ball", "bull_nose", "flat", "tapered_ball")     # cutters with a ball or a torus, if any, at their tip
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -135,10 +136,33 @@ def _tops(piece, k, looked, ground, feeds, samples, spacing_mm):
 
 
 def _stands(cut):
-    """Where a clamping's tools have stood: [(tips (n, 3), axis (3,), flat radius, corner radius)], part coordinates."""
-    ends = lambda g: np.concatenate([g[:, :3], g[:, 3:6], (g[g[:, 11] == 0, :3] + g[g[:, 11] == 0, 3:6]) / 2])
-    return [(cut.frame.out(np.unique(ends(p.geometry), axis=0)), cut.frame.rotation[:, 2], p.flat_radius_mm,
-             p.corner_radius_mm) for p in cut.paths if p.corner_radius_mm > 0]
+    """Where a clamping's tools with a ball or rounded corners have stood.
+
+    Returns:
+        [(tips (n, 3), axes (n, 3), flat radius, corner radius)], part coordinates.
+    """
+    found = []
+    for p in cut.paths:
+        cutter = p.tool.cutter
+        if cutter.corner_radius_mm > 0 and cutter.type in ROUNDED:
+            tips, axes = _ends(p.geometry) if isinstance(p, SweptPath) else _posed_ends(p.geometry)
+            flat = 0.0 if cutter.type == "tapered_ball" else cutter.radius_mm - cutter.corner_radius_mm
+            found.append((cut.frame.out(tips), cut.frame.turn_out(axes), flat, cutter.corner_radius_mm))
+    return found
+
+
+def _ends(g):
+    """Tips (n, 3) and axes (n, 3) where upright pieces begin and end, and in the middle of lines; WCS."""
+    line = g[:, 11] == 0
+    tips = np.unique(np.concatenate([g[:, :3], g[:, 3:6], (g[line, :3] + g[line, 3:6]) / 2]), axis=0)
+    return tips, np.tile((0.0, 0.0, 1.0), (len(tips), 1))
+
+
+def _posed_ends(g):
+    """The same of sub-steps of a tilted, turning cutter."""
+    at = [np.column_stack([g[:, :3] + t * g[:, 3:6], g[:, 6:9] + t * g[:, 9:12]]) for t in (0.0, 0.5, 1.0)]
+    rows = np.unique(np.concatenate(at), axis=0)
+    return rows[:, :3], unit(rows[:, 3:])
 
 
 def _at_rims(deviation, samples, paths, frame):

@@ -219,8 +219,8 @@ def _missed_mm(found, finish, posted, paths):
 
     What a sharp corner leaves is bounded by nothing, and left out.
     """
-    d, radius = found.deviation_mm, {p.tool.number: p.corner_radius_mm for p in paths if p.corner_radius_mm > 0}
-    cut_with = np.array([radius.get(int(n), np.nan) for n in posted.tool] + [np.nan])[found.row]
+    d, radius = found.deviation_mm, {p.tool.number: p.tool.cutter.corner_radius_mm for p in paths}
+    cut_with = np.array([radius.get(int(n)) or np.nan for n in posted.tool] + [np.nan])[found.row]
     finished = found.is_reachable & found.is_own & (d <= MISSED * _allowed(finish)) & np.isfinite(cut_with)
     depth, top = max(0.0, -d.min(initial=0.0)), d[finished].max(initial=0.0)
     reach = d[finished] + missed_mm(d[finished], depth, found.spacing_mm, cut_with[finished])
