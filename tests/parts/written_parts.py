@@ -95,13 +95,13 @@ DRAFT_DEG = 5.0
 
 
 def drafted():
-    """A step whose wall leans by the draft."""
+    """A floor and a wall that leans by the draft, up to the billet's corner."""
     lean = 6 * np.tan(np.radians(DRAFT_DEG))
-    solid = cq.Workplane("YZ").polyline([(0, 0), (16, 0), (16, 10), (8 + lean, 10), (8, 4), (0, 4)]).close().extrude(20)
+    solid = cq.Workplane("YZ").polyline([(0, 0), (8 + lean, 0), (8 + lean, 10), (8, 4), (0, 4)]).close().extrude(20)
     floor = FacePredicate(name="floor", count=1, center_min_mm=(0, 0, 3.9), center_max_mm=(20, 9, 4.1))
     wall = FacePredicate(name="wall", count=1, normal=(0, -1, 0), normal_within_deg=20, center_min_mm=(0, 7, 5),
                          center_max_mm=(20, 9, 9))
-    return _design("drafted", solid, (floor, wall), (20, 16, 10))
+    return _design("drafted", solid, (floor, wall), (20, 8 + lean, 10))
 
 
 def drafted_text():
