@@ -11,7 +11,7 @@ from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree
 from cuspline.simulation.replay import Replay, ZMap, replay
 from cuspline.simulation.stock_solids import StockSolids
-from cuspline.simulation.swept import swept_paths
+from cuspline.simulation.swept import stock_height_mm, swept_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.toolpaths.dropcutter import drop_tips_mm
 from cuspline.verification.certificate import Certificate, certify, gouges_beyond, part_in_wcs
@@ -19,6 +19,7 @@ from cuspline.verification.climbing import Ground, missed_mm
 from cuspline.verification.cusps import Cusps, measured_cusps
 from cuspline.verification.findings import Finding
 from cuspline.verification.in_process import PART
+from cuspline.verification.kept import NOTHING
 from cuspline.verification.reach import drop_mesh
 from cuspline.verification.residuals import (LIMIT_MM, Residuals, default_spacing_mm, residuals, unreachable_places,
                                              weighted_percentile)
@@ -125,7 +126,7 @@ def verify_setup(posted, tools, solid, faces, *, setup, fixtures=(), **asked):
     return verify_setups((program,), tools, solid, **asked)[0]
 
 
-def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, machine=None, options=Options()):
+def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, machine=None, options=Options(), kept=NOTHING):
     """Verdict on the posted programs of all clampings, in the order in which they are cut.
 
     Every face is judged after all programs; each program is replayed on the stock that those before it leave, and
@@ -138,6 +139,7 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
         stock: design.StockBox, part coordinates.
         finish: design.Finish.   ball_radius_mm: smallest ball of the shop's library.
         machine: machines.Machine or None.
+        kept: kept.Kept, where what takes long is looked up first; without it nothing is.
     Returns:
         one SetupVerdict a program.
     Raises:
@@ -157,8 +159,8 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     exact = brep.faces_of(solid)
     feeds = [p.setup.frame.turn_out(_directions(p.posted)) for p in programs]
     grounds = [Ground.of_faces([exact[i] for i in chosen]) for chosen in required]
-    judged = residuals(piece, samples, grounds, feeds, drops, ball_radius_mm, [o.spacing_mm for o in fitted])
-    made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles)
+    judged = residuals(piece, samples, grounds, feeds, drops, ball_radius_mm, [o.spacing_mm for o in fitted], kept)
+    made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles, kept.of(stock_height_mm))
     verdicts = []
     for k, (program, (found, own)) in enumerate(zip(programs, judged)):
         history = _replayed(program, tools, before[k], mesh, drops[k], machine, finish, fitted[k])
