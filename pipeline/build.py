@@ -1,8 +1,9 @@
 """The recipe: the one place that knows all stages, from a design to published files.
 
 Everything is made in a folder beside the outputs and swapped in at the end; a build killed at any
-moment leaves the old outputs or the new ones.  A program with a finding that is not accepted by
-name is not published: it stays in `<outputs>-rejected/` with its report.
+moment leaves the old outputs or the new ones.  What took it long stays in `.<outputs>.kept/` until
+a build is published: the next one goes on from there.  A program with a finding that is not accepted
+by name is not published: it stays in `<outputs>-rejected/` with its report.
 """
 
 import ctypes
@@ -31,6 +32,7 @@ from cuspline.simulation.workpiece import Workpiece
 from cuspline.solids import stl_of
 from cuspline.tooltable import dropped_fields, tool_table
 from cuspline.verification.in_process import PART
+from cuspline.verification.kept import kept_beside
 
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
@@ -86,6 +88,7 @@ def build(order, say=lambda text: None):
         _swap_in(work, target)
         if result.is_ok:
             shutil.rmtree(_rejected(order.out), ignore_errors=True)
+            kept_beside(order.out).remove()
         return Result(folder=target, is_ok=result.is_ok, findings=result.findings, left_out=result.left_out)
     finally:
         shutil.rmtree(work, ignore_errors=True)
@@ -111,8 +114,9 @@ def _made(order, work, say):
     job = _posted(order, plans, work, inputs)
     if order.last_stage == "gcode":
         return _finished(order, work, inputs, job)
-    judged = judge(work, job, lambda text: say(f"{design.name}: {text}"))
-    verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say)}
+    kept = kept_beside(order.out)
+    judged = judge(work, job, lambda text: say(f"{design.name}: {text}"), kept=kept)
+    verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say, kept)}
     _stamp_verdict(work, job, verify)
     _write_json(work / "verify.json", verify)
     say(f"{design.name}: stock coloured by its deviation")
@@ -250,10 +254,10 @@ def _header(order, plan, inputs):
     return lines
 
 
-def _stock_files(work, job, judged, say):
+def _stock_files(work, job, judged, say, kept):
     """Write the stock after every operation; what verify.json says of it."""
     rows = []
-    for state in judged.stock_states(job):
+    for state in judged.stock_states(job, kept):
         say(f"{job.design}: stock after {state.setup} {state.operation}")
         (work / state.file).write_bytes(stl_of(state.solid))
         rows.append({**state.as_dict(), "sha256": _sha256(work / state.file)})

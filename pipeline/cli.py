@@ -58,6 +58,7 @@ def verify(folders: Annotated[list[Path], typer.Argument(help="output folders, o
     """Judge posted files on disk again, against the STEP beside them."""
     from cuspline.job import read_job
     from cuspline.judge import judge
+    from cuspline.verification.kept import kept_until_done
     bad = False
     for folder in folders:
         folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
@@ -68,7 +69,8 @@ def verify(folders: Annotated[list[Path], typer.Argument(help="output folders, o
                 raise InputError(f"{folder / only} is no program of {job.design}; there are "
                                  + ", ".join(p.program for p in job.posted))
             job = job.model_copy(update={"posted": kept})
-        judged = judge(folder, job, _say)
+        with kept_until_done(folder) as kept:
+            judged = judge(folder, job, _say, kept=kept)
         refused = judged.refused(job.accepted)
         _tell(job.design, folder, refused, "", "verify")
         bad |= bool(refused)

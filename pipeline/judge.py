@@ -16,6 +16,7 @@ from cuspline.posts.rs274_reader import read_program
 from cuspline.simulation.replay import Fixture
 from cuspline.verification.findings import Finding, located
 from cuspline.verification.in_process import stock_states
+from cuspline.verification.kept import NOTHING
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
 
 
@@ -34,9 +35,10 @@ class Judged:
         """One PostedMoves a setup."""
         return tuple(p.posted for p in self.programs)
 
-    def stock_states(self, job):
+    def stock_states(self, job, kept=NOTHING):
         """The stock after every operation, one after the other: in_process.StockState."""
-        return stock_states(self.programs, self.tools, job.stock, [s.solids.pitch_mm for s in self.verdict.setups])
+        return stock_states(self.programs, self.tools, job.stock, [s.solids.pitch_mm for s in self.verdict.setups],
+                            kept)
 
     @property
     def findings(self):
@@ -53,7 +55,7 @@ class Judged:
                 "findings": [f.as_dict() for f in self.findings]}
 
 
-def judge(folder, job, say=lambda text: None, options=Options()):
+def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING):
     """Verdict on the files of a folder.
 
     Args:
@@ -61,6 +63,7 @@ def judge(folder, job, say=lambda text: None, options=Options()):
         job: Job.
         say: called with what is being done.
         options: how finely to look; the post's rounding is put in here.
+        kept: kept.Kept of a run before that was interrupted.
     Raises:
         InputError: a file is missing.  ReadError: a program that no machine of this kind would take.
     """
@@ -80,7 +83,8 @@ def judge(folder, job, say=lambda text: None, options=Options()):
         extra += _file_findings(item, text, job.machine)
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     setups = verify_setups(programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
-                           ball_radius_mm=job.smallest_ball_radius_mm, options=options, say=say)
+                           ball_radius_mm=job.smallest_ball_radius_mm, options=options, say=say,
+                           kept=kept)
     zero = job.machine.wcs_origin_mm
     setups = tuple(replace(v, findings=located(v.findings, p.posted, text, p.setup.frame, zero, lengths))
                    for v, p, text in zip(setups, programs, texts))

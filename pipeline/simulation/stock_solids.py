@@ -43,9 +43,12 @@ class Field:
 class StockSolids:
     """Fields of all clampings of a workpiece, each made once."""
 
-    def __init__(self, piece, pitches_mm, wall_vertices_mm=None, wall_triangles=None):
-        """Grid lines hug upright walls of the triangles (part coordinates), if any are given."""
-        self.piece, self.pitches_mm = piece, pitches_mm
+    def __init__(self, piece, pitches_mm, wall_vertices_mm=None, wall_triangles=None, heights=stock_height_mm):
+        """Grid lines hug upright walls of the triangles (part coordinates), if any are given.
+
+        `heights` is swept.stock_height_mm, or answers as it would.
+        """
+        self.piece, self.pitches_mm, self._heights = piece, pitches_mm, heights
         self._walls = [upright_walls(c.frame.into(wall_vertices_mm), wall_triangles) if wall_vertices_mm is not None
                        else ([], []) for c in piece.cuts]
         self._made = {}
@@ -61,7 +64,7 @@ class StockSolids:
         low, high = self.piece.box_in(cut.frame)
         xs, ys = (grid_lines(low[i], high[i], self.pitches_mm[k], self._walls[k][i]) for i in (0, 1))
         flat, xy = is_height_field(cut.paths), np.column_stack([np.tile(xs, len(ys)), np.repeat(ys, len(xs))])
-        z = stock_height_mm(cut.paths, xy, high[2], grown_mm, -np.inf if flat else low[2])
+        z = self._heights(cut.paths, xy, high[2], grown_mm, -np.inf if flat else low[2])
         solid = (solids.height_field(xs, ys, z.reshape(len(ys), len(xs)), low[2]) if flat else
                  self._hollow(cut, low, high, self.pitches_mm[k], grown_mm))
         return Field(frame=cut.frame, xs=xs, ys=ys, low=low, high=high, z=z, solid=solid, is_height_field=flat)

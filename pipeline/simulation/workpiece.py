@@ -57,10 +57,13 @@ class Workpiece:
         found = [nearest_moves(c.paths, c.frame.into(points_mm))[0] for c in self.cuts]
         return np.min([np.full(len(points_mm), np.inf), *found], axis=0)
 
-    def deviations_of_cuts(self, points_mm, normals, limit_mm):
-        """Deviations (cuts, n) and rows of PostedMoves (cuts, n) that each clamping alone would leave: see `swept`."""
-        found = [deviations_and_moves(c.paths, *self.box_in(c.frame), c.frame.into(points_mm), c.frame.turn_into(normals),
-                                      limit_mm) for c in self.cuts]
+    def deviations_of_cuts(self, points_mm, normals, limit_mm, ask=deviations_and_moves):
+        """Deviations (cuts, n) and rows of PostedMoves (cuts, n) that each clamping alone would leave.
+
+        `ask` is swept.deviations_and_moves, or answers as it would.
+        """
+        found = [ask(c.paths, *self.box_in(c.frame), c.frame.into(points_mm), c.frame.turn_into(normals), limit_mm)
+                 for c in self.cuts]
         empty = np.zeros((0, len(points_mm)))
         return np.array([empty, empty.astype(np.int64)]) if not found else tuple(np.array(c) for c in zip(*found))
 

@@ -219,19 +219,20 @@ def bottoms_of(ground, samples_mm, normals, face, centers, depth_of, spacing_mm)
 
     Args:
         ground: Ground.   samples_mm, normals: (n, 3).   face: (n,).
-        centers: [(tips (m, 3), tool axis (3,), flat radius, corner radius)], one a tool.
+        centers: [(tips (m, 3), tool axes (m, 3) or (3,), flat radius, corner radius)], one a tool.
         depth_of: function of points (n, 3) to depths (n,), positive below the face.
         spacing_mm: of the samples.
     Returns:
         Tops whose heights are depths.
     """
     tree, rows, feet = cKDTree(samples_mm), [], []
-    for tips, axis, flat, corner in centers:
-        near = tree.query(tips + corner * axis, distance_upper_bound=flat + corner + spacing_mm)[1]
+    for tips, axes, flat, corner in centers:
+        axes = np.broadcast_to(axes, tips.shape)
+        near = tree.query(tips + corner * axes, distance_upper_bound=flat + corner + spacing_mm)[1]
         there = np.flatnonzero(near < len(samples_mm))
-        level = normals[near[there]] - (normals[near[there]] @ axis)[:, None] * axis
+        axis, normal = axes[there], normals[near[there]]
         rows.append(near[there])
-        feet.append(tips[there] + corner * axis - flat * unit(level))
+        feet.append(tips[there] + corner * axis - flat * unit(normal - (normal * axis).sum(axis=1)[:, None] * axis))
     rows, feet = np.concatenate([np.zeros(0, np.int64), *rows]), np.concatenate([np.zeros((0, 3)), *feet])
     seen, back = np.unique(rows, return_inverse=True)
     u, v, found = ground.parameters(samples_mm[seen], face[seen])

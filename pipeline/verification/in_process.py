@@ -12,8 +12,9 @@ import numpy as np
 from cuspline import solids
 from cuspline.frames import Frame
 from cuspline.simulation.stock_solids import StockSolids
-from cuspline.simulation.swept import swept_paths
+from cuspline.simulation.swept import stock_height_mm, swept_paths
 from cuspline.simulation.workpiece import Workpiece
+from cuspline.verification.kept import NOTHING
 
 SIMPLER_MM = 0.002        # the file's triangles may lie this far off the grid's
 PART = Frame.shift((0.0, 0.0, 0.0))
@@ -42,13 +43,14 @@ class StockState:
                 "volume_mm3": round(self.solid.volume(), 3), "pitch_mm": round(self.pitch_mm, 6), "simplified_mm": SIMPLER_MM}
 
 
-def stock_states(programs, tools, stock, pitches_mm):
+def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
     """Stock after each operation, one at a time: only the one asked for is in memory.
 
     Args:
         programs: verdict.SetupProgram values in the order in which they are cut.
         tools: dict of tool number -> cutters.Tool.   stock: design.StockBox.
         pitches_mm: of each clamping's grid.
+        kept: kept.Kept for the heights of every operation's stock.
     Yields:
         StockState.
     """
@@ -60,7 +62,7 @@ def stock_states(programs, tools, stock, pitches_mm):
         for number, end in enumerate(operation_ends(program.posted), start=1):
             made.update(_told(program.posted, start, end, tools))
             piece = before.after(frame, swept_paths(first_moves(program.posted, end), tools))
-            solid = StockSolids(piece, pitches_mm[:k + 1]).stock(PART)
+            solid = StockSolids(piece, pitches_mm[:k + 1], heights=kept.of(stock_height_mm)).stock(PART)
             yield StockState(setup=name, operation=program.posted.operation_name(end - 1), number=number, piece=piece,
                              solid=solids.simpler(solid, SIMPLER_MM), inputs_sha256=made.hexdigest(), pitch_mm=pitches_mm[k])
             start = end

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.arrays import frozen
-from cuspline.simulation.swept import is_height_field, nearest_moves, signed_distance_mm, upright_paths
+from cuspline.simulation.swept import deviations_and_moves, is_height_field, nearest_moves, signed_distance_mm, upright_paths
+from cuspline.verification.kept import NOTHING
 from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable, why_unreachable_leaning
 from cuspline.verification.clusters import clusters_of
 from cuspline.verification.climbing import bottoms_of, tops_of
@@ -56,7 +57,7 @@ def default_spacing_mm(area_mm2):
     return float(np.clip(np.sqrt(PER_SPACING2 * area_mm2 / TARGET), 0.1, 1.0))
 
 
-def residuals(piece, parts, grounds, feeds, drops, closest, ball_radius_mm, spacings_mm):
+def residuals(piece, parts, grounds, feeds, drops, closest, ball_radius_mm, spacings_mm, kept=NOTHING):
     """Deviations and reach of all samples, clamping by clamping, and of the tops and bottoms between them.
 
     Args:
@@ -68,12 +69,13 @@ def residuals(piece, parts, grounds, feeds, drops, closest, ball_radius_mm, spac
         closest: ClosestTree of the design, part coordinates; needed where cutters undercut or lean.
         ball_radius_mm: smallest ball of the shop.
         spacings_mm: of each clamping's samples.
+        kept: kept.Kept for what takes long.
     Returns:
         list of (Residuals of its faces after all clampings, Residuals of all faces after it alone).
     """
-    looked = _Looked.at(piece, parts, drops, closest, ball_radius_mm)
+    looked = _Looked.at(piece, parts, drops, closest, ball_radius_mm, kept)
     more = [_tops(piece, k, looked, grounds[k], feeds, parts[k], spacings_mm[k]) for k in range(len(parts))]
-    beyond = _Looked.at(piece, more, drops, closest, ball_radius_mm)
+    beyond = _Looked.at(piece, more, drops, closest, ball_radius_mm, kept)
     every = Samples.joined([p for pair in zip(parts, more) for p in pair])
     climbed = np.concatenate([np.full(len(p), flag) for pair in zip(parts, more) for flag, p in zip((False, True), pair)])
     found = []
@@ -101,10 +103,10 @@ class _Looked:
     reach: list               # (n,) in the clamping of the same number
 
     @classmethod
-    def at(cls, piece, parts, drops, closest, ball_radius_mm):
+    def at(cls, piece, parts, drops, closest, ball_radius_mm, kept):
         together = Samples.joined(parts)
         points, normals = together.points_mm, together.normals
-        each, rows = piece.deviations_of_cuts(points, normals, LIMIT_MM)
+        each, rows = piece.deviations_of_cuts(points, normals, LIMIT_MM, kept.of(deviations_and_moves))
         final, maker = piece.deviations(points, normals, LIMIT_MM, each)
         depth = np.array([_at_rims(d, together, c.paths, c.frame) for d, c in zip(each, piece.cuts)])
         final = np.where(together.is_border & (len(piece.cuts) > 1), np.maximum(final, depth.min(axis=0)),

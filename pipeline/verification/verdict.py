@@ -11,7 +11,7 @@ from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree
 from cuspline.simulation.replay import Replay, ZMap, replay
 from cuspline.simulation.stock_solids import StockSolids
-from cuspline.simulation.swept import is_height_field, nearest_moves, swept_paths, upright_paths
+from cuspline.simulation.swept import is_height_field, nearest_moves, stock_height_mm, swept_paths, upright_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.dropcutter import drop_tips_mm
@@ -22,6 +22,7 @@ from cuspline.verification.cusps import Cusps, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.findings import Finding
 from cuspline.verification.in_process import PART
+from cuspline.verification.kept import NOTHING
 from cuspline.verification.reach import REACHABLE, drop_mesh
 from cuspline.verification.residuals import (LIMIT_MM, Residuals, default_spacing_mm, reach_of, residuals,
                                              unreachable_places, weighted_percentile)
@@ -132,7 +133,7 @@ def verify_setup(posted, tools, solid, faces, *, setup, fixtures=(), **asked):
 
 
 def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, machine=None, options=Options(),
-                  say=lambda text: None):
+                  kept=NOTHING, say=lambda text: None):
     """Verdict on the posted programs of all clampings, in the order in which they are cut.
 
     Every face is judged after all programs; each program is replayed on the stock that those before it leave, and
@@ -172,8 +173,9 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     for program, mine in zip(programs, samples):
         say(f"{program.setup.name}: {len(mine):,} samples against {len(program.posted):,} moves, and tops between them")
     closest = None if all(is_height_field(c.paths) for c in piece.cuts) else ClosestTree.of_faces(exact)
-    judged = residuals(piece, samples, grounds, feeds, drops, closest, ball_radius_mm, [o.spacing_mm for o in fitted])
-    made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles)
+    judged = residuals(piece, samples, grounds, feeds, drops, closest, ball_radius_mm, [o.spacing_mm for o in fitted],
+                       kept)
+    made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles, kept.of(stock_height_mm))
     verdicts = []
     for k, (program, (found, own)) in enumerate(zip(programs, judged)):
         moves = f"{len(program.posted):,} moves"

@@ -1,21 +1,31 @@
-"""Every fault put into the default part's posted program or tools turns the verdict as it must.
+"""Every fault put into a part's posted program, its tools or its clamping turns the verdict as it must.
 
-The text on disk is spoilt, nothing else; the verdict comes from the judge that `cuspline verify` asks.
+What is on disk is spoilt, nothing else; the verdict comes from the judge that `cuspline verify` asks.
 """
 
 import json
 import re
-from dataclasses import dataclass
+import shutil
+import sys
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+import written_parts
 from built_parts import copied
+from troublesome_parts import two_sided
+from written_parts import BALL, BOSS_MM, MILL, STRIP_XS_MM, boss_operations, program_text, tapered, written
 
+from cuspline import build as recipe
+from cuspline import catalogue, cli
+from cuspline import judge as judging
+from cuspline.design import Finish
 from cuspline.errors import ReadError
 from cuspline.job import read_job, read_tools
 from cuspline.judge import judge
 from cuspline.posts.rs274_reader import read_program
 from cuspline.program import Kind
+from cuspline.verification.kept import kept_beside
 from cuspline.verification.verdict import Options
 
 SURFACE = Options(spacing_mm=3.0, solid_pitch_mm=1.5)       # some seconds; sees every fault below that it is asked for
@@ -292,3 +302,212 @@ def test_a_holder_one_millimetre_too_long_turns_the_verdict(default_part, tmp_pa
     _, findings = asked(number, shorter + 1.0)
     assert {f.kind for f in findings} == {"holder_contact"}
     assert max(f.amount_mm for f in findings) == pytest.approx(1.0, abs=2 * CLOSE_MM)
+
+
+# parts with programs written by hand, and clampings -----------------------------------------------------
+
+TURNED = Options(spacing_mm=1.0, solid_pitch_mm=0.5, replay_pitch_mm=1.0)
+COARSE = Finish(scallop_mm=0.12, profile_tolerance_mm=0.01, gouge_mm=0.03)      # for the part that is planned here
+DIG_MM = 0.05
+WRONG_LINE_MM = 0.02
+LONG = {"line_mm": 0.68, "repeats": 60}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Whole:
+    """A part in its folder."""
+
+    design: object
+    folder: object
+    options: Options
+
+    @property
+    def text(self):
+        return (self.folder / "setup-1.ngc").read_text()
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory):
+    """Whole values by name; not to be edited."""
+    base = tmp_path_factory.mktemp("whole")
+    boss, drafted, turned = written_parts.boss(), written_parts.drafted(), replace(two_sided(), finish=COARSE)
+    recipe.build(recipe.Order(source=None, design=turned, accepted=(), out=base / "turned", last_stage="gcode",
+                              machine=catalogue.find_machine("mill_3axis"), library=catalogue.find_library(None)))
+    folders = {"boss": written(base / "boss", boss, program_text(*boss_operations()), (MILL, BALL), 3.0),
+               "drafted": written(base / "drafted", drafted, written_parts.drafted_text(), (tapered(5.0),), 2.0),
+               "turned": base / "turned"}
+    designs, options = {"boss": boss, "drafted": drafted, "turned": turned}, {"turned": TURNED}
+    return {name: Whole(design=designs[name], folder=folder, options=options.get(name, SURFACE))
+            for name, folder in folders.items()}
+
+
+def with_radius(number, by_mm):
+    """Tools whose one cutter is said to be larger."""
+    def change(tools):
+        cutter = tools[number]["cutter"]
+        cutter["diameter_mm"] += 2 * by_mm
+        cutter["corner_radius_mm"] += by_mm if cutter["corner_radius_mm"] else 0.0
+    return {"tools": change}
+
+
+def with_taper(taper_deg):
+    return {"tools": lambda tools: tools[3]["cutter"].update(taper_deg=taper_deg)}
+
+
+def with_stick_out(number, stick_out_mm):
+    return {"tools": lambda tools: tools[number].update(stick_out_mm=stick_out_mm)}
+
+
+def with_setup(**changes):
+    """The last clamping is another than the program is for."""
+    return {"setup": changes}
+
+
+def with_text(*operations):
+    return {"text": program_text(*operations)}
+
+
+def y_mirrored(operations):
+    """Y the other way round about the middle of the plate."""
+    turn = lambda block: re.sub(r"Y(-?[\d.]+)", lambda w: f"Y{24 - float(w[1]):g}", block)
+    return [[turn(block) for block in blocks] for blocks in operations]
+
+
+def swapped(operations):
+    return [[re.sub(r"^\(OPERATION .", f"(OPERATION {k}", block) for block in blocks] for k, blocks in enumerate(operations[::-1], 1)]
+
+
+def stopped(operations):
+    """The second operation's spindle is not started."""
+    return [operations[0], [block for block in operations[1] if not block.endswith("M3")]]
+
+
+JAW = {"name": "jaw", "min_mm": (-8.0, 0.0, 0.0), "max_mm": (-1.0, 24.0, 9.0)}
+
+# part, what is spoilt, kind that must be found, name of the program that answers for it
+WHOLE_FAULTS = {
+    "tool table: mill larger": ("boss", with_radius(1, 0.02), "gouge", "setup-1"),
+    "tool table: mill smaller": ("boss", with_radius(1, -0.02), "excess", "setup-1"),
+    "tool table: taper larger": ("drafted", with_taper(5.2), "gouge", "setup-1"),
+    "tool table: taper smaller": ("drafted", with_taper(4.8), "excess", "setup-1"),
+    "holder too long": ("boss", with_stick_out(2, 6.5), "holder_contact", "setup-1"),
+    "program mirrored in Y": ("boss", with_text(*y_mirrored(boss_operations())), "gouge", "setup-1"),
+    "part turned half round in its clamping": (
+        "boss", with_setup(wcs_x=(-1.0, 0.0, 0.0), wcs_origin_mm=(60.0, 24.0, 0.0)), "gouge", "setup-1"),
+    "zero too low": ("boss", with_setup(wcs_origin_mm=(0.0, 0.0, -DIG_MM)), "gouge", "setup-1"),
+    "zero aside in X": ("boss", with_setup(wcs_origin_mm=(DIG_MM, 0.0, 0.0)), "gouge", "setup-1"),
+    "operations in the wrong order": ("boss", with_text(*swapped(boss_operations())), "shank_contact", "setup-1"),
+    "spindle off in one operation": ("boss", with_text(*stopped(boss_operations())), "no_spindle", "setup-1"),
+    "a jaw in the way": ("boss", with_setup(fixtures=(JAW,)), "fixture_contact", "setup-1"),
+    "second clamping not turned over": (
+        "turned", with_setup(wcs_z=(0.0, 0.0, 1.0), wcs_origin_mm=(0.0, 0.0, 4.0)), "gouge", "setup-2"),
+}
+
+
+def spoilt(whole, folder, text=None, tools=None, setup=None):
+    """A copy of a part with other text, tools or last clamping, on disk."""
+    copied(whole.folder, folder)
+    if text is not None:
+        (folder / "setup-1.ngc").write_text(text)
+    if tools is not None:
+        numbered = tools_of(folder)
+        tools(numbered)
+        (folder / "tools.json").write_text(json.dumps({"tools": list(numbered.values())}))
+    if setup is not None:
+        manifest = json.loads((folder / "manifest.json").read_text())
+        manifest["job"]["posted"][-1]["setup"] |= setup
+        (folder / "manifest.json").write_text(json.dumps(manifest))
+    return folder
+
+
+def verified(folder, options, monkeypatch):
+    """(exit code of `cuspline verify`, Judged) of a folder, looked at as finely as asked."""
+    found = []
+
+    def asked(*arguments, **named):
+        found.append(judge(*arguments, **{**named, "options": options}))
+        return found[-1]
+
+    monkeypatch.setattr(judging, "judge", asked)
+    monkeypatch.setattr(sys, "argv", ["cuspline", "verify", str(folder)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    for f in found[0].findings[:12]:
+        print(f.kind, f.amount_mm, f.place_mm, f.operation, f.line, f.advice)
+    return ended.value.code, found[0]
+
+
+def built(whole, folder, found, out, monkeypatch):
+    """recipe.Result of a build that comes to just these files and this verdict."""
+    def post(order, plans, work, inputs):
+        for path in folder.iterdir():
+            if path.suffix in (".ngc", ".json") and path.name != "manifest.json":
+                shutil.copy(path, work)
+        for path in work.glob("*.ngc"):
+            path.write_text(re.sub(r"\(VERDICT: [^)]*\)", f"({recipe.UNVERIFIED})", path.read_text()))
+        return read_job(folder)
+
+    monkeypatch.setattr(recipe, "_planned", lambda order, say: ())
+    monkeypatch.setattr(recipe, "plan_document", lambda order, plans: {})
+    monkeypatch.setattr(recipe, "_posted", post)
+    monkeypatch.setattr(recipe, "judge", lambda *arguments, **named: found)
+    monkeypatch.setattr(recipe, "_coloured_stock", lambda *arguments: "")
+    return recipe.build(recipe.Order(
+        source=None, design=whole.design, accepted=(), out=out, last_stage="verify",
+        machine=catalogue.find_machine("mill_3axis"), library=catalogue.find_library(None)))
+
+
+@pytest.mark.parametrize("name", ["boss", "drafted"])         # test_troublesome_parts has the other
+def test_a_whole_part_as_it_is_is_verified_and_published(parts, tmp_path, monkeypatch, name):
+    whole = parts[name]
+    code, found = verified(whole.folder, whole.options, monkeypatch)
+    assert (code, found.findings) == (0, ())
+    result = built(whole, whole.folder, found, tmp_path / "out", monkeypatch)
+    assert not kept_beside(tmp_path / "out").folder.exists()
+    assert result.is_ok and "(VERDICT: VERIFIED" in (tmp_path / "out" / "setup-1.ngc").read_text()
+
+
+@pytest.mark.parametrize("name", WHOLE_FAULTS)
+def test_a_fault_is_found_ends_with_exit_code_1_and_is_not_published(parts, tmp_path, monkeypatch, name):
+    part, change, wanted, setup = WHOLE_FAULTS[name]
+    folder = spoilt(parts[part], tmp_path / "spoilt", **change)
+    code, found = verified(folder, parts[part].options, monkeypatch)
+    assert code == cli.FINDINGS and (wanted, setup) in {(f.kind, f.setup) for f in found.findings}
+    result = built(parts[part], folder, found, tmp_path / "out", monkeypatch)
+    assert not result.is_ok and not (tmp_path / "out").exists() and kept_beside(tmp_path / "out").folder.exists()
+    assert "(VERDICT: REJECTED" in (tmp_path / "out-rejected" / "setup-1.ngc").read_text()
+
+
+def test_a_holder_that_touches_only_between_the_ends_of_moves_is_found(parts, tmp_path, monkeypatch):
+    """The ball's passes begin and end where a holder of radius 20 is clear of the boss, and pass it in between."""
+    ends, near = np.array(STRIP_XS_MM), BALL.holder.segments[0].lower_diameter_mm / 2
+    assert (np.abs(ends[:, None] - BOSS_MM[:, 0]).min(axis=1) > near + HOLDER_WANTED_MM).all()
+    _, found = verified(spoilt(parts["boss"], tmp_path / "s", **with_stick_out(2, 6.5)), SURFACE, monkeypatch)
+    assert {(f.kind, f.operation) for f in found.findings} == {("holder_contact", "finish")}
+    moves = found.posted[0]
+    for f in found.findings:
+        x = moves.end_mm[moves.line == f.line, 0]
+        assert f.amount_mm == pytest.approx(HOLDER_WANTED_MM - 0.5, abs=1e-3) and np.isin(x, STRIP_XS_MM).all()
+        assert STRIP_XS_MM[0] < f.place_mm[0] < STRIP_XS_MM[1]
+
+
+def test_one_wrong_line_in_a_hundred_thousand_is_found_with_its_line(parts, tmp_path, monkeypatch):
+    """One end of one short line among 60 repeated finishings is 0.02 mm too low, between the samples."""
+    lines = program_text(*boss_operations(**LONG)).splitlines()
+    assert len(lines) > 100_000
+    steps = [k for k, line in enumerate(lines) if line.startswith("X")]
+    wrong = steps[int(0.62 * len(steps)) + 40]
+    while not 5 < float(lines[wrong][1:]) < 20:
+        wrong += 1
+    lines[wrong] += f" Z{6 - WRONG_LINE_MM:g}"
+    lines[wrong + 1] += " Z6"
+    folder = spoilt(parts["boss"], tmp_path / "long", text="\n".join(lines) + "\n")
+    code, found = verified(folder, SURFACE, monkeypatch)
+    (gouge,) = found.findings
+    assert code == cli.FINDINGS and (gouge.kind, gouge.operation) == ("gouge", "finish")
+    assert gouge.line in (wrong + 1, wrong + 2)               # numbers begin at 1; the tip goes down and up again
+    assert gouge.amount_mm == pytest.approx(WRONG_LINE_MM, abs=1e-3)
+    assert gouge.place_mm[0] == pytest.approx(float(lines[wrong].split()[0][1:]), abs=0.5)
+    # no sample of the surface sees it: what climbs below the ends of moves, or the certificate, must
+    own = found.verdict.setups[0].residuals
+    assert own.deviation_mm[~own.is_top].min() > -own.spacing_mm * 1e-3
