@@ -66,7 +66,8 @@ def compare(made, k, tessellation, drops, required, found, own, *, excess_mm, go
     design = solids.solid_of(vertices, triangles, "the design's tessellation")
     region = _region(vertices, triangles[np.isin(tessellation.face, required)], low, high)
     surface_mm = tessellation.deviation_mm
-    bodies, artefacts = _bodies("excess", (made.stock(frame, excess_mm) - design) ^ region,      # one large solid at a time
+    # one large solid stands at a time
+    bodies, artefacts = _bodies("excess", (made.stock(frame, excess_mm) - design) ^ region,
                                 _beyond_excess(made, k, excess_mm), excess_mm, found, frame, surface_mm)
     more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
                            own, frame, surface_mm)

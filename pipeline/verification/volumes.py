@@ -37,7 +37,7 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, tessellation_mm, path
     """Compare them.
 
     Args:
-        excess_of, gouge_of: functions that make the Manifolds, in the clamping's WCS; they are large, one stands at a time.
+        excess_of, gouge_of: functions that make the Manifolds, in the clamping's WCS; one stands at a time.
         field: stock_solids.Field of the clamping.   cut: its workpiece.Cut.   drops: DropMesh of the design in its WCS.
         found: Residuals of its faces.
         tessellation_mm, path_error_mm: deviation of the design's triangles, of the swept paths.
