@@ -11,7 +11,7 @@ from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree
 from cuspline.simulation.replay import Replay, ZMap, replay
 from cuspline.simulation.stock_solids import StockSolids
-from cuspline.simulation.swept import is_height_field, nearest_moves, stock_height_mm, swept_paths, upright_paths
+from cuspline.simulation.swept import is_height_field, nearest_moves, stock_height_mm, swept_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.dropcutter import drop_tips_mm

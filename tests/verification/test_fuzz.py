@@ -57,7 +57,8 @@ def cut(seed):
     grounds = [Ground.of_faces([f for f in exact if any(f.shape.IsSame(s) for s in shapes)]) for shapes in (up, down)]
     found = residuals(piece, [sample_faces(shapes, SPACING_MM) for shapes in (up, down)], grounds,
                       [frame.turn_out(posted.end_mm - posted.start_mm) for posted, frame in programs],
-                      [drop_mesh(frame.into(mesh.vertices_mm), mesh.triangles) for _, frame in programs], 3.0, [SPACING_MM] * 2)
+                      [drop_mesh(frame.into(mesh.vertices_mm), mesh.triangles) for _, frame in programs], None, 3.0,
+                      [SPACING_MM] * 2)
     return programs, [after_all for after_all, _ in found]
 
 
