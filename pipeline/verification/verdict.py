@@ -215,7 +215,7 @@ def _judged(program, found, own, history, proven, made, k, mesh, drops, required
     bounds = {name: _rounded(v, 9) for name, v in bounds.items()}
     report = _Reporter(program, finish, found, own)
     checks, doubts = _mesh_checks(made, mesh, found, program, bounds) if options.mesh_checks else ({}, ())
-    findings = (*history.findings, *report.undecided(history), *report.gouges(), *report.unseen_gouges(proven),
+    findings = (*history.findings, *report.gouges(), *report.unseen_gouges(proven),
                 *report.excess(), *report.unseen_excess(proof, made.piece.cuts[k]),
                 *report.disagreements(solid_view, options.solid_pitch_mm, bounds), *doubts)
     return SetupVerdict(setup=program.setup.name, finish=finish, residuals=found, solids=solid_view, replay=history,
@@ -335,6 +335,7 @@ def _numbers(found, solid_view, finish, bounds, history):
         "area_reached_mm2": area(fair & (d <= _allowed(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
         "unreachable": unreachable_places(found),
         "holder_clearance_mm": clearance if np.isfinite(clearance) else None,
+        "clearance_not_proven_lines": [int(line) for line in history.undecided_lines],
         "verifiers": {
             "compared_area_mm2": held.area_mm2, "bound_mm3": held.bound_mm3, "net_bound_mm3": held.net_bound_mm3,
             "excess_mm3": list(held.excess_mm3), "gouge_mm3": list(held.gouge_mm3), "net_mm3": list(held.net_mm3),
@@ -374,16 +375,6 @@ class _Reporter:
                                 f"the cutter goes {-d[worst]:.4f} mm below the surface, {self.finish.gouge_mm:g} mm are "
                                 f"allowed, over {self.own.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
                                 "take a smaller cutter here, or mend the offset of this pass")
-
-    def undecided(self, history):
-        """One finding an operation whose moves are not proven clear of the stock, though no contact was found."""
-        rows = np.flatnonzero(np.isin(self.posted.line, history.undecided_lines))
-        for operation in np.unique(self.posted.operation[rows]):
-            mine = rows[self.posted.operation[rows] == operation]
-            yield Finding(kind="clearance_not_proven", amount_mm=0.0, place_mm=None, setup=self.setup,
-                          operation=self.posted.operation_name(mine[0]), line=int(self.posted.line[mine[0]]),
-                          advice=f"{len(mine)} moves from this line on pass stock that may stand between the places looked at: "
-                          "look there finer (replay_pitch_mm), or lift these moves")
 
     def unseen_gouges(self, proven):
         """Moves that are not proven to keep to what the finish allows, where no sample tells of them."""

@@ -147,8 +147,7 @@ def test_what_cannot_be_proven_is_listed(hilly_part):
     posted = program((0, 0, 20), moves, tool=[1, 1, 2, 0, 3, 1], start_mm=lost)
     axes = np.tile([0.0, 0.0, 1.0], (6, 1))
     axes[5] = (0.6, 0.0, 0.8)
-    tilted = Tilted(**{name: getattr(posted, name) for name in PostedMoves.__dataclass_fields__}, start_axis=axes,
-                    end_axis=axes)
+    tilted = replace(posted, start_axis=axes, end_axis=axes)
     certificate = certify(tilted, {**BALL, 3: lens}, hilly_part, tolerance_mm=TOLERANCE_MM)
     assert certificate.row.tolist() == [1] and not certificate.is_complete
     assert [row for row, _ in certificate.uncovered] == [0, 2, 3, 4, 5]
@@ -156,12 +155,6 @@ def test_what_cannot_be_proven_is_listed(hilly_part):
         assert word in reason
     some = certify(posted, BALL, hilly_part, tolerance_mm=TOLERANCE_MM, rows=[5, 1])
     assert some.row.tolist() == [1, 5] and some.proven_mm == 0.0
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Tilted(PostedMoves):
-    start_axis: np.ndarray
-    end_axis: np.ndarray
 
 
 def test_the_part_turned_into_the_wcs_is_proven_alike(hills, hilly_part):
