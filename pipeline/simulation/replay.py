@@ -16,7 +16,6 @@ from cuspline.simulation.swept import CLOSED_UPWARD, cutting_rows
 from cuspline.simulation.tree import morton_order
 from cuspline.verification.findings import Finding
 
-RUBBING_MM = 0.001       # a shank as wide as its flutes may rub so much on the stock that these have just cut
 TOUCH_MM = 1e-4           # what may be missing of a distance: rounding of the post, pieces of arcs
 ENDLESS_MM = 1e4          # a part that nothing above makes wider goes on upward by this
 HOLDER_CLEARANCE_MM = 1.0
@@ -128,7 +127,7 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         _against_design(near, script, wanted, design_error_mm + TOUCH_MM, worst, least)
     lines = _lines(zmap, stock_max)
     events, unsure = replay_kernel.run(
-        *script, wanted - np.array([0.0, RUBBING_MM, 0.0]), TOUCH_MM, boxes, z, *_before(z, lines), lines, _past(script[0], script[2], script[4]), worst,
+        *script, wanted, TOUCH_MM, boxes, z, *_before(z, lines), lines, _past(script[0], script[2], script[4]), worst,
         least, _cut_before(z, top))
     report = replay_checks.Reporter(posted, setup, frame)
     found = (*report.contacts(worst), *report.states(top), *report.unknown_starts(_highest(top, boxes)),

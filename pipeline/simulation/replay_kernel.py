@@ -16,6 +16,7 @@ from cuspline.simulation.height_kernels import piece_height
 from cuspline.simulation.replay_stock import (BUDGET, DEPTH_MM, LEAST_MM, SEEN_BUDGET, bulge, part_distance, refine,
                                               runs_in_swept, search_space)
 
+RUBBING_MM = 0.001        # a shank as wide as its flutes may rub so much on the stock that these have just cut
 TILE = 8                  # cells along the side of a tile whose highest bound is kept
 REFRESH = 256             # pieces after which the tiles are looked up again: bounds only fall
 FAR_MM = 50.0             # clearances beyond this are not measured
@@ -258,7 +259,8 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, b
                 _keep_worst(worst[FIXTURE], row[p], depth, line[3], line[4], boxes[f, 5])
             if kind == RAPID and not is_rapid[p]:
                 continue
-            limit = wanted[kind] - (0.0 if kind == RAPID else touch)
+            may_rub = kind == SHANK and wanted[kind] == 0.0
+            limit = wanted[kind] - (0.0 if kind == RAPID else (RUBBING_MM if may_rub else touch))
             enough = max(limit, least[1] - LEAST_MM) if kind == HOLDER else limit
             proven, got, in_doubt = _against_stock(line, part, limit, enough, p, stock, highest, past, doubtful, space,
                                                    spot)
