@@ -228,7 +228,8 @@ def _header(order, plan, inputs):
     """Comment lines that tell the operator what this is."""
     design, setup, machine = order.design, plan.setup, order.machine
     low, high = np.sort(setup.frame.into(np.array([design.stock.min_mm, design.stock.max_mm])), axis=0)
-    ends = np.vstack([o.moves.end_mm for o in plan.program((), setup.name).operations])
+    program = plan.program((), setup.name)
+    ends = np.vstack([o.moves.end_mm for o in program.operations])
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
     lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
              UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
@@ -237,7 +238,7 @@ def _header(order, plan, inputs):
              f"{setup.wcs}: {setup.wcs_in_words}",
              f"STOCK {design.material}: {show(low)} TO {show(high)}",
              f"TIP EXTENTS {show(ends.min(axis=0))} TO {show(ends.max(axis=0))}",
-             f"RAPIDS ACROSS AT Z{plan.program((), setup.name).clearance_z_mm:.3f}",
+             f"RAPIDS ACROSS AT Z{program.clearance_z_mm:.3f}",
              f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
              f"GOUGE {design.finish.gouge_mm} PATH TOLERANCE {machine.control.path_tolerance_mm}"]
     for name, value in design.parameters.model_dump(mode="json").items():

@@ -23,16 +23,23 @@ NEAR_END = 0.1            # an interval is never split nearer to its ends than t
 SMOOTH = 0.05             # how far f may be from a parabola for its slopes to be interpolated
 
 
-@njit(cache=True, error_model="numpy")
-def pose_distance(px, py, pz, g, t, outline, first, last):
-    """Signed distance of a point to the cutter at the share t of a sub-step, and its derivative by t."""
+@njit(cache=True, error_model="numpy", inline="always")
+def _seen_from_axis(px, py, pz, g, t):
+    """A point as the cutter at the share t of a sub-step sees it: its axis (3) and by what that was stretched to a unit,
+    height above the tip, way from the axis (3) and its length."""
     x, y, z = px - g[0] - t * g[3], py - g[1] - t * g[4], pz - g[2] - t * g[5]
     ax, ay, az = g[6] + t * g[9], g[7] + t * g[10], g[8] + t * g[11]
     stretch = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
     ax, ay, az = ax * stretch, ay * stretch, az * stretch
     up = x * ax + y * ay + z * az
     ex, ey, ez = x - up * ax, y - up * ay, z - up * az
-    r = math.sqrt(ex * ex + ey * ey + ez * ez)
+    return ax, ay, az, stretch, up, ex, ey, ez, math.sqrt(ex * ex + ey * ey + ez * ez)
+
+
+@njit(cache=True, error_model="numpy")
+def pose_distance(px, py, pz, g, t, outline, first, last):
+    """Signed distance of a point to the cutter at the share t of a sub-step, and its derivative by t."""
+    ax, ay, az, stretch, up, ex, ey, ez, r = _seen_from_axis(px, py, pz, g, t)
     d, nr, nz = outline_distance(r, up, outline, first, last)
     if r < 1e-12:
         return d, -nz * (ax * g[3] + ay * g[4] + az * g[5])
@@ -105,13 +112,7 @@ def substep_distance(px, py, pz, g, outline, first, last, best, waiting):
 @njit(cache=True, error_model="numpy")
 def slope_along(px, py, pz, nx, ny, nz, g, t, outline, first, last):
     """Derivative of the distance to the cutter at the share t of a sub-step, as the point moves along n."""
-    x, y, z = px - g[0] - t * g[3], py - g[1] - t * g[4], pz - g[2] - t * g[5]
-    ax, ay, az = g[6] + t * g[9], g[7] + t * g[10], g[8] + t * g[11]
-    stretch = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
-    ax, ay, az = ax * stretch, ay * stretch, az * stretch
-    up = x * ax + y * ay + z * az
-    ex, ey, ez = x - up * ax, y - up * ay, z - up * az
-    r = math.sqrt(ex * ex + ey * ey + ez * ez)
+    ax, ay, az, _, up, ex, ey, ez, r = _seen_from_axis(px, py, pz, g, t)
     _, gr, gz = outline_distance(r, up, outline, first, last)
     beside = (ex * nx + ey * ny + ez * nz) / r if r > 1e-12 else 0.0
     return gr * beside + gz * (ax * nx + ay * ny + az * nz)

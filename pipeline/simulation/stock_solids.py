@@ -74,7 +74,7 @@ class StockSolids:
         edge = max(pitch_mm, float(np.cbrt(np.prod(high - low) / LATTICE)))
         left_mm = distance_to(tuple(p.grown(grown_mm) for p in cut.paths))
         around = edge * np.ones(3)
-        stock = solids.level_set(lambda x, y, z: left_mm(x, y, z), low - around, high + around, edge, MET_MM)
+        stock = solids.level_set(left_mm, low - around, high + around, edge, MET_MM)
         return stock ^ solids.box(low, high)
 
     def stock(self, frame, grown_mm=0.0):

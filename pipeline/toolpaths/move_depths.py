@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit, prange
 
 from cuspline.errors import ToolpathError
-from cuspline.surfaces.patches import derive, position
+from cuspline.surfaces.patches import derive, position, scale_derivatives
 from cuspline.surfaces.trims import CHORD_MM
 from cuspline.toolpaths.depth_bounds import depth_at, node_depth, piece_depth
 from cuspline.toolpaths.depth_tree import outside_trim
@@ -322,12 +322,8 @@ def _look(part, leaf, start, end, b, R, rc, known, heap):
         return -np.inf, 0.0
     p = part[1][tag[0]]
     derive(part[0], p[1], p[2], p[3], p[4] != 0, s, t, o)
+    scale_derivatives(o, hs, ht)
     for k in range(3):
-        o[1, k] *= hs
-        o[2, k] *= ht
-        o[3, k] *= hs * hs
-        o[4, k] *= hs * ht
-        o[5, k] *= ht * ht
         middle_half[0, k] = start[k] + 0.5 * (b[1] + b[2]) * (end[k] - start[k])
         middle_half[1, k] = 0.5 * (b[2] - b[1]) * (end[k] - start[k])
     bound = piece_depth(o, row, tag, part[4][tag[0]], b[5], b[6], middle_half[0], middle_half[1], R, rc, b[0],

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from cuspline.surfaces.patches import derive
+from cuspline.surfaces.patches import derive, scale_derivatives
 from cuspline.toolpaths.patch_bounds import BORDER, FACE, OUTSIDE, box_state, cone_box
 from cuspline.toolpaths.patch_contacts import bottom, on_rim
 from cuspline.toolpaths.patch_search import can_meet, fill_plane, in_trim
@@ -193,12 +193,7 @@ def _look_at_box(tree, leaf, si, ti, alpha, beta, is_whole, start, end, t0, t1, 
             return -np.inf, 0.0, t0
     p = tree[1][patch]
     derive(tree[0], p[1], p[2], p[3], p[4] != 0, s, t, o)
-    for j in range(3):
-        o[1, j] *= hs
-        o[2, j] *= ht
-        o[3, j] *= hs * hs
-        o[4, j] *= hs * ht
-        o[5, j] *= ht * ht
+    scale_derivatives(o, hs, ht)
     ax, ay, az = start[0] + t0 * (end[0] - start[0]), start[1] + t0 * (end[1] - start[1]), \
         start[2] + t0 * (end[2] - start[2])
     bx, by, bz = start[0] + t1 * (end[0] - start[0]), start[1] + t1 * (end[1] - start[1]), \

@@ -57,7 +57,7 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
     before, made = Workpiece(min_mm=stock.min_mm, max_mm=stock.max_mm), hashlib.sha256()
     made.update(np.array([stock.min_mm, stock.max_mm], float).tobytes())
     for k, program in enumerate(programs):
-        frame, name, start = program.setup.frame, program.setup.name, 0
+        frame, name, start, piece = program.setup.frame, program.setup.name, 0, before
         made.update(np.concatenate([frame.rotation.ravel(), frame.origin_mm]).tobytes())
         for number, end in enumerate(operation_ends(program.posted), start=1):
             made.update(_told(program.posted, start, end, tools))
@@ -66,7 +66,7 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
             yield StockState(setup=name, operation=program.posted.operation_name(end - 1), number=number, piece=piece,
                              solid=solids.simpler(solid, SIMPLER_MM), inputs_sha256=made.hexdigest(), pitch_mm=pitches_mm[k])
             start = end
-        before = before.after(frame, swept_paths(program.posted, tools))
+        before = piece
 
 
 def operation_ends(posted):

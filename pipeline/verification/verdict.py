@@ -1,6 +1,7 @@
 """The verdict on one setup and on the part: both verifiers, their agreement, the replay, all findings."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from OCP.TopAbs import TopAbs_FACE
@@ -11,33 +12,29 @@ from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree
 from cuspline.simulation.replay import Replay, ZMap, replay
 from cuspline.simulation.stock_solids import StockSolids
-from cuspline.simulation.swept import is_height_field, nearest_moves, stock_height_mm, swept_paths
+from cuspline.simulation.swept import is_height_field, stock_height_mm, swept_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.dropcutter import drop_tips_mm
-from cuspline.verification.certificate import Certificate, certify, gouges_beyond, part_in_wcs
+from cuspline.verification.certificate import Certificate, certify, part_in_wcs
 from cuspline.verification.climbing import Ground
-from cuspline.verification.clusters import clusters_of
 from cuspline.verification.cusps import Cusps, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.findings import Finding
 from cuspline.verification.in_process import PART
 from cuspline.verification.kept import NOTHING
 from cuspline.verification.reach import REACHABLE, drop_mesh
+from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
 from cuspline.verification.residuals import (LIMIT_MM, Residuals, default_spacing_mm, reach_of, residuals,
                                              unreachable_places, weighted_percentile)
-from cuspline.verification.samples import face_area_mm2, sample_faces
+from cuspline.verification.samples import Samples, face_area_mm2, sample_faces
 from cuspline.verification.solids import SolidComparison, compare
 from cuspline.verification.tessellation import Tessellation, tessellate
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
 TRACING_MM = 1e-7         # length of a traced ray
-NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
 PROVEN_SHARE = 1 / 3      # of the allowed gouge: how near to the truth the certificate's bounds come
 FINEST_MM = 2e-4          # the finest that they are asked for
-MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
-MISSED_MM2 = 1.0
-SEEN_PITCHES = 3.0        # a body narrower than this many pitches may slip through the grid
 SOLID_NODES = 120_000     # of the second verifier's grid: some seconds of booleans
 REPLAY_NODES = 60_000
 DESIGN_PIN_MM = 1e-3      # radius of the pin that feels the design's height at a node
@@ -110,7 +107,7 @@ class Verdict:
         together = ("unreachable", "collisions", "findings", "cusps")
         return {"ok": self.ok, **{k: max((p[k] for p in parts), default=0.0) for k in worst},
                 "excess_proven_mm": None if None in proven else max(proven, default=0.0),
-                **{k: _rounded(sum(p[k] for p in parts)) for k in summed},
+                **{k: rounded(sum(p[k] for p in parts)) for k in summed},
                 "error_bounds_mm": {k: max(p["error_bounds_mm"][k] for p in parts) for k in parts[0]["error_bounds_mm"]}
                 if parts else {},
                 **{k: [item for p in parts for item in p[k]] for k in together}, "setups": parts}
@@ -146,16 +143,67 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
         stock: design.StockBox, part coordinates.
         finish: design.Finish.   ball_radius_mm: smallest ball of the shop's library.
         machine: machines.Machine or None.
+        kept: kept.Kept, asked first for what takes long; NOTHING keeps nothing.
         say: called with what is being done, and how large it is.
     Returns:
         one SetupVerdict a program.
     Raises:
         InputError: no faces, or faces of another solid.   SimulationError: a billet that stands askew in a WCS.
     """
+    part, clampings = _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say)
+    for c in clampings:
+        say(f"{c.name}: {len(c.samples):,} samples against {len(c.program.posted):,} moves, and tops between them")
+    judged = residuals(part.piece, [c.samples for c in clampings], [c.ground for c in clampings],
+                       [c.feeds for c in clampings], [c.drops for c in clampings], part.closest, ball_radius_mm,
+                       [c.options.spacing_mm for c in clampings], kept)
+    return tuple(_judged(part, c, found, own, tools, machine, say) for c, (found, own) in zip(clampings, judged))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Part:
+    """What all clampings share."""
+
+    solid: object                     # TopoDS_Solid, part coordinates
+    finish: object
+    ball_radius_mm: float
+    piece: Workpiece                  # after all clampings
+    made: StockSolids                 # the same as solids
+    mesh: Tessellation                # of the design
+    closest: ClosestTree | None       # of the design, where cutters undercut or lean
+
+    @cached_property
+    def path_error_mm(self):
+        return max((p.error_mm for c in self.piece.cuts for p in c.paths), default=0.0)
+
+    @cached_property
+    def mesh_faults(self):
+        return mesh_quality.mesh_faults(self.mesh.vertices_mm, self.mesh.triangles)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Clamping:
+    """One clamping as it is judged."""
+
+    number: int
+    program: SetupProgram
+    options: Options                  # every None replaced
+    required: list                    # numbers of the solid's faces that it cuts
+    before: Workpiece                 # the stock that it finds
+    samples: Samples
+    ground: Ground                    # of its faces
+    feeds: np.ndarray                 # (n, 3) direction of each move, part coordinates; zero where not known
+    drops: object                     # DropMesh of the design, WCS
+
+    @property
+    def name(self):
+        return self.program.setup.name
+
+
+def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say):
+    """_Part, and a _Clamping of each program."""
     shapes = [[getattr(f, "shape", f) for f in p.faces] for p in programs]
     required = [_indices(solid, faces) for faces in shapes]
-    piece = Workpiece(min_mm=stock.min_mm, max_mm=stock.max_mm)
-    before, fitted = [], []
+    piece, before, fitted = Workpiece(min_mm=stock.min_mm, max_mm=stock.max_mm), [], []
     for program, faces in zip(programs, shapes):
         say(f"{program.setup.name}: index over {len(program.posted):,} moves")
         before.append(piece)
@@ -163,122 +211,88 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
         piece = piece.after(program.setup.frame, swept_paths(program.posted, tools))
     finest = min(o.tessellation_mm for o in fitted)
     say(f"triangles of the design within {finest:.4f} mm")
-    mesh = tessellate(solid, finest)
+    mesh, exact = tessellate(solid, finest), brep.faces_of(solid)
     say(f"samples of the faces, {len(mesh.triangles):,} triangles for their reach")
-    drops = [drop_mesh(c.frame.into(mesh.vertices_mm), mesh.triangles) for c in piece.cuts]
-    samples = [sample_faces(faces, o.spacing_mm) for faces, o in zip(shapes, fitted)]
-    exact = brep.faces_of(solid)
-    feeds = [p.setup.frame.turn_out(_directions(p.posted)) for p in programs]
-    grounds = [Ground.of_faces([exact[i] for i in chosen]) for chosen in required]
-    for program, mine in zip(programs, samples):
-        say(f"{program.setup.name}: {len(mine):,} samples against {len(program.posted):,} moves, and tops between them")
-    closest = None if all(is_height_field(c.paths) for c in piece.cuts) else ClosestTree.of_faces(exact)
-    judged = residuals(piece, samples, grounds, feeds, drops, closest, ball_radius_mm, [o.spacing_mm for o in fitted],
-                       kept)
+    clampings = [_Clamping(number=k, program=p, options=o, required=chosen, before=found,
+                           samples=sample_faces(faces, o.spacing_mm), ground=Ground.of_faces([exact[i] for i in chosen]),
+                           feeds=p.setup.frame.turn_out(np.nan_to_num(p.posted.end_mm - p.posted.start_mm)),
+                           drops=drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles))
+                 for k, (p, o, chosen, found, faces) in enumerate(zip(programs, fitted, required, before, shapes))]
+    upright = all(is_height_field(c.paths) for c in piece.cuts)
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles, kept.of(stock_height_mm))
-    verdicts = []
-    for k, (program, (found, own)) in enumerate(zip(programs, judged)):
-        moves = f"{len(program.posted):,} moves"
-        say(f"{program.setup.name}: replay of {moves} on a grid of {fitted[k].replay_pitch_mm:.3f} mm")
-        history = _replayed(program, tools, before[k], mesh, drops[k], machine, finish, fitted[k])
-        say(f"{program.setup.name}: certificate of {moves}")
-        proven = certify(program.posted, tools, part_in_wcs(solid, program.setup.frame),
-                         tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
-        say(f"{program.setup.name}: cusps beside {len(samples[k]):,} samples")
-        cusps = _cusps(piece, k, program, found, grounds[k], feeds[k], required[k], finish, len(samples[k]))
-        say(f"{program.setup.name}: proof of what stands between the samples")
-        proof = _excess_proof(piece, k, found, grounds[k], drops[k], closest, finish, ball_radius_mm)
-        say(f"{program.setup.name}: solids on a grid of {fitted[k].solid_pitch_mm:.3f} mm"
-            + (", third view" if options.mesh_checks else ""))
-        verdicts.append(_judged(program, found, own, history, proven, made, k, mesh, drops[k], required[k], finish,
-                                fitted[k], ball_radius_mm, cusps, proof))
-    return tuple(verdicts)
+    return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm, piece=piece, made=made, mesh=mesh,
+                 closest=None if upright else ClosestTree.of_faces(exact)), clampings
 
 
-def _cusps(piece, k, program, found, ground, feeds, required, finish, count):
-    """Cusps beside the first `count` samples, the ones that are no tops, where clamping k finished the face."""
-    row, d = found.row[:count], found.deviation_mm[:count]
-    fair = found.is_reachable[:count] & found.is_own[:count] & (row >= 0) & (d <= _allowed(finish) * MISSED)
-    return measured_cusps(ground, found.samples.first(count), np.where(fair, d, -np.inf),
-                          np.where((row >= 0)[:, None], feeds[row], 0.0), piece.cuts[k], program.posted,
-                          piece.cut_distance_mm, lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], found.spacing_mm, required)
-
-
-def _judged(program, found, own, history, proven, made, k, mesh, drops, required, finish, options, ball_radius_mm,
-            cusps, proof):
-    """SetupVerdict of clamping k."""
-    path_error = max((p.error_mm for c in made.piece.cuts for p in c.paths), default=0.0)
-    solid_view = compare(made, k, mesh, drops, required, found, own, excess_mm=_allowed(finish), gouge_mm=finish.gouge_mm,
-                         path_error_mm=path_error, ball_radius_mm=ball_radius_mm)
-    bounds = {"path_mm": path_error, "tracing_mm": TRACING_MM, "post_rounding_mm": options.post_rounding_mm,
-              "tessellation_mm": mesh.deviation_mm, "zmap_mm": solid_view.volumes.zmap_mm}
-    bounds = {name: _rounded(v, 9) for name, v in bounds.items()}
-    report = _Reporter(program, finish, found, own)
-    checks, doubts = _mesh_checks(made, mesh, found, program, bounds) if options.mesh_checks else ({}, ())
-    findings = (*history.findings, *report.gouges(), *report.unseen_gouges(proven),
-                *report.excess(), *report.unseen_excess(proof, made.piece.cuts[k]),
-                *report.disagreements(solid_view, options.solid_pitch_mm, bounds), *doubts)
-    return SetupVerdict(setup=program.setup.name, finish=finish, residuals=found, solids=solid_view, replay=history,
-                        certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,
-                        stock=made, mesh=mesh,
-                        numbers={**_numbers(found, solid_view, finish, bounds, history),
-                                 **_between_samples(proof, found, options),
+def _judged(part, c, found, own, tools, machine, say):
+    """SetupVerdict of clamping c; `found` are the residuals of its faces, `own` those of all faces after it alone."""
+    finish, moves = part.finish, f"{len(c.program.posted):,} moves"
+    say(f"{c.name}: replay of {moves} on a grid of {c.options.replay_pitch_mm:.3f} mm")
+    history = _replayed(part, c, tools, machine)
+    say(f"{c.name}: certificate of {moves}")
+    proven = certify(c.program.posted, tools, part_in_wcs(part.solid, c.program.setup.frame),
+                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
+    say(f"{c.name}: cusps beside {len(c.samples):,} samples")
+    cusps = _cusps(part, c, found)
+    say(f"{c.name}: proof of what stands between the samples")
+    proof = _excess_proof(part, c, found)
+    say(f"{c.name}: solids on a grid of {c.options.solid_pitch_mm:.3f} mm" + (", third view" if c.options.mesh_checks else ""))
+    view = compare(part.made, c.number, part.mesh, c.drops, c.required, found, own, excess_mm=allowed_mm(finish),
+                   gouge_mm=finish.gouge_mm, path_error_mm=part.path_error_mm, ball_radius_mm=part.ball_radius_mm)
+    bounds = {"path_mm": part.path_error_mm, "tracing_mm": TRACING_MM, "post_rounding_mm": c.options.post_rounding_mm,
+              "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm}
+    bounds = {name: rounded(v, 9) for name, v in bounds.items()}
+    report = Reporter(c.program, finish, found, own)
+    checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
+    findings = (*history.findings, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
+                *report.unseen_excess(proof, part.piece.cuts[c.number]),
+                *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
+    return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,
+                        cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings, stock=part.made,
+                        mesh=part.mesh,
+                        numbers={**_numbers(found, view, finish, bounds, history), **_between_samples(proof, found, c.options),
                                  "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
-                                 "gouge_proven_mm": _rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict())})
+                                 "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict())})
+
+
+def _cusps(part, c, found):
+    """Cusps beside the samples that are no tops, where clamping c finished the face."""
+    count, piece = len(c.samples), part.piece
+    row, d = found.row[:count], found.deviation_mm[:count]
+    fair = found.is_reachable[:count] & found.is_own[:count] & (row >= 0) & (d <= allowed_mm(part.finish) * MISSED)
+    return measured_cusps(c.ground, found.samples.first(count), np.where(fair, d, -np.inf),
+                          np.where((row >= 0)[:, None], c.feeds[row], 0.0), piece.cuts[c.number], c.program.posted,
+                          piece.cut_distance_mm, lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], found.spacing_mm,
+                          c.required)
 
 
 def _between_samples(proof, found, options):
     """verify.json's numbers of what stands between the samples."""
-    return {"excess_proven_mm": _rounded(proof.height_mm) if np.isfinite(proof.height_mm) else None,
-            "sampling": {"spacing_mm": _rounded(options.spacing_mm), "tops": int(found.is_top.sum()), **proof.as_dict()}}
+    return {"excess_proven_mm": rounded(proof.height_mm) if np.isfinite(proof.height_mm) else None,
+            "sampling": {"spacing_mm": rounded(options.spacing_mm), "tops": int(found.is_top.sum()), **proof.as_dict()}}
 
 
-def _mesh_checks(made, mesh, found, program, bounds):
+def _mesh_checks(part, c, found, bounds):
     """What `mesh_quality` says of the design's triangles and of the stock against them, and findings."""
     if not mesh_quality.is_installed():
         return {"left_out": mesh_quality.LEFT_OUT}, ()
-    stock, triangles = solids.mesh_of(made.stock(PART))
-    view = mesh_quality.third_view(stock, triangles, mesh, found, program.setup.frame.rotation[:, 2])
+    stock, triangles = solids.mesh_of(part.made.stock(PART))
+    view = mesh_quality.third_view(stock, triangles, part.mesh, found, c.program.setup.frame.rotation[:, 2])
     size = float(np.linalg.norm(np.ptp(stock, axis=0)))
-    allowed, findings = mesh_quality.compared(view, program.setup.name, tessellation_mm=mesh.deviation_mm,
+    allowed, findings = mesh_quality.compared(view, c.name, tessellation_mm=part.mesh.deviation_mm,
                                               path_mm=bounds["path_mm"], zmap_mm=bounds["zmap_mm"], size_mm=size)
-    return {"design": mesh_quality.mesh_faults(mesh.vertices_mm, mesh.triangles), "hausdorff": view,
-            "resolution_mm": mesh_quality.RESOLUTION * size, "bounds_mm": allowed}, findings
+    return {"design": part.mesh_faults, "hausdorff": view, "resolution_mm": mesh_quality.RESOLUTION * size,
+            "bounds_mm": allowed}, findings
 
 
-def _excess_proof(piece, k, found, ground, drop, closest, finish, ball_radius_mm):
-    """That no place of clamping k's faces stands higher than the highest that was found and is allowed."""
-    own, d = piece.cuts[k], found.deviation_mm
-    others = [c for c in piece.cuts if c is not own]
-    fine = found.is_reachable & (d <= _allowed(finish) + NOISE_MM)
-    reach = lambda p, n: reach_of(p, n, own, drop, closest, ball_radius_mm) == REACHABLE
-    return prove_excess(ground, [own, *others], d[fine].max(initial=0.0), _allowed(finish),
-                        lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], reach)
-
-
-def _directions(posted):
-    """(n, 3) from start to end of each move, WCS; zero where either is not known."""
-    return np.nan_to_num(posted.end_mm - posted.start_mm)
-
-
-def _runs(moves):
-    """Moves that follow one another, as lists in order of their rows."""
-    found = []
-    for move in sorted(moves, key=lambda m: m.row):
-        if found and move.row == found[-1][-1].row + 1:
-            found[-1].append(move)
-        else:
-            found.append([move])
-    return found
-
-
-def _allowed(finish):
-    """Largest deviation that a finished point may show."""
-    return finish.scallop_mm + finish.profile_tolerance_mm
-
-
-def _rounded(value, decimals=6):
-    return value if isinstance(value, int) else round(float(value), decimals)
+def _excess_proof(part, c, found):
+    """That no place of clamping c's faces stands higher than the highest that was found and is allowed."""
+    own, d, allowed = part.piece.cuts[c.number], found.deviation_mm, allowed_mm(part.finish)
+    others = [cut for cut in part.piece.cuts if cut is not own]
+    fine = found.is_reachable & (d <= allowed + NOISE_MM)
+    reach = lambda p, n: reach_of(p, n, own, c.drops, part.closest, part.ball_radius_mm) == REACHABLE
+    return prove_excess(c.ground, [own, *others], d[fine].max(initial=0.0), allowed,
+                        lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach)
 
 
 def _indices(solid, faces):
@@ -304,25 +318,26 @@ def _fitted(options, faces, low, high, finish):
     return Options(**{**options.__dict__, **{k: v for k, v in fit.items() if getattr(options, k) is None}})
 
 
-def _replayed(program, tools, before, mesh, drops, machine, finish, options):
+def _replayed(part, c, tools, machine):
     """The program replayed on the stock that it finds."""
-    frame = program.setup.frame
-    low, high = before.box_in(frame)
+    program, options, mesh, frame = c.program, c.options, part.mesh, c.program.setup.frame
+    low, high = c.before.box_in(frame)
     zmap = ZMap.over(low, high, options.replay_pitch_mm)
-    design = drop_tips_mm(drops, zmap.xy_mm, DESIGN_PIN_MM, 0.0)
-    design = np.where(np.isfinite(design), design, np.nan).reshape(zmap.ny, zmap.nx)
+    grid = lambda heights: heights.reshape(zmap.ny, zmap.nx)
+    design = drop_tips_mm(c.drops, zmap.xy_mm, DESIGN_PIN_MM, 0.0)
     return replay(program.posted, tools, stock_min=low, stock_max=high, pitch_mm=options.replay_pitch_mm,
-                  stock_top_mm=before.heights_mm(frame, zmap.xy_mm).reshape(zmap.ny, zmap.nx) if before.cuts else None,
-                  design_top_mm=design, design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
-                  design_error_mm=mesh.deviation_mm + finish.gouge_mm, fixtures=program.fixtures, machine=machine,
-                  frame=frame, setup=program.setup.name, holder_clearance_mm=options.holder_clearance_mm,
+                  stock_top_mm=grid(c.before.heights_mm(frame, zmap.xy_mm)) if c.before.cuts else None,
+                  design_top_mm=grid(np.where(np.isfinite(design), design, np.nan)),
+                  design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
+                  design_error_mm=mesh.deviation_mm + part.finish.gouge_mm, fixtures=program.fixtures, machine=machine,
+                  frame=frame, setup=c.name, holder_clearance_mm=options.holder_clearance_mm,
                   shank_clearance_mm=options.shank_clearance_mm)
 
 
 def _numbers(found, solid_view, finish, bounds, history):
     """verify.json's numbers of one setup."""
     d, fair = found.deviation_mm, found.is_reachable
-    finished = fair & (d <= MISSED * _allowed(finish))
+    finished = fair & (d <= MISSED * allowed_mm(finish))
     area = found.area_mm2
     clearance, held = history.holder_clearance_mm, solid_view.volumes
     numbers = {
@@ -332,7 +347,7 @@ def _numbers(found, solid_view, finish, bounds, history):
         "gouge_volume_mm3": solid_view.gouge_volume_mm3, "excess_volume_mm3": solid_view.excess_volume_mm3,
         "error_bound_mm": bounds["path_mm"] + bounds["tracing_mm"] + bounds["post_rounding_mm"],
         "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
-        "area_reached_mm2": area(fair & (d <= _allowed(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
+        "area_reached_mm2": area(fair & (d <= allowed_mm(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
         "unreachable": unreachable_places(found),
         "holder_clearance_mm": clearance if np.isfinite(clearance) else None,
         "clearance_not_proven_lines": [int(line) for line in history.undecided_lines],
@@ -349,125 +364,4 @@ def _tidy(value):
         return {k: _tidy(v) for k, v in value.items()}
     if isinstance(value, list):
         return [_tidy(v) for v in value]
-    return _rounded(value) if isinstance(value, float) else value
-
-
-class _Reporter:
-    """Findings of both verifiers."""
-
-    def __init__(self, program, finish, found, own):
-        self.posted, self.setup, self.frame = program.posted, program.setup.name, program.setup.frame
-        self.finish, self.found, self.own = finish, found, own
-
-    def _finding(self, kind, found, sample, amount, advice):
-        row = int(found.row[sample])
-        place = found.samples.points_mm[sample].round(6)
-        return Finding(kind=kind, amount_mm=_rounded(amount), place_mm=tuple(place.tolist()),
-                       operation=self.posted.operation_name(row) if row >= 0 else "",
-                       line=int(self.posted.line[row]) if row >= 0 else 0, setup=self.setup, advice=advice)
-
-    def gouges(self):
-        """One finding a connected gouge deeper than the finish allows."""
-        d = self.own.deviation_mm
-        for group in self.own.groups(d < -self.finish.gouge_mm - NOISE_MM):
-            worst = group[d[group].argmin()]
-            yield self._finding("gouge", self.own, worst, -d[worst],
-                                f"the cutter goes {-d[worst]:.4f} mm below the surface, {self.finish.gouge_mm:g} mm are "
-                                f"allowed, over {self.own.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
-                                "take a smaller cutter here, or mend the offset of this pass")
-
-    def unseen_gouges(self, proven):
-        """Moves that are not proven to keep to what the finish allows, where no sample tells of them."""
-        d, points = self.own.deviation_mm, self.own.samples.points_mm
-        told = self.frame.into(points[d < -self.finish.gouge_mm - NOISE_MM])
-        for moves in _runs(gouges_beyond(proven, self.finish.gouge_mm)):
-            worst = max(moves, key=lambda m: m.depth_mm)
-            if len(told) and np.linalg.norm(told - worst.place_mm, axis=1).min() <= 2 * self.own.spacing_mm:
-                continue
-            place = self.frame.out(np.array([worst.place_mm]))[0].round(6)
-            yield Finding(kind="gouge", amount_mm=_rounded(worst.depth_mm), place_mm=tuple(place.tolist()),
-                          operation=self.posted.operation_name(worst.row), line=int(self.posted.line[worst.row]),
-                          setup=self.setup, advice=f"between the sample points this move may go {worst.depth_mm:.4f} mm "
-                          f"into the part, {self.finish.gouge_mm:g} mm are allowed; {len(moves)} moves from line "
-                          f"{self.posted.line[moves[0].row]}: lift them, or tighten the segment tolerance")
-
-    def excess(self):
-        """One finding a connected area that a ball could finish and that was left proud."""
-        d, allowed = self.found.deviation_mm, _allowed(self.finish)
-        for group in self.found.groups(self.found.is_reachable & (d > allowed + NOISE_MM)):
-            worst, area = group[d[group].argmax()], self.found.area_mm2(group)
-            missed = np.median(d[group]) > MISSED * allowed and area >= MISSED_MM2
-            advice = (f"{area:.1f} mm2 were never finished: add a pass here, or a smaller cutter" if missed else
-                      f"{d[worst]:.4f} mm are left over {area:.2f} mm2, {allowed:.4f} mm are allowed: "
-                      "reduce the step, or take a smaller cutter here")
-            yield self._finding("missing_area" if missed else "excess", self.found, worst, d[worst], advice)
-
-    def unseen_excess(self, proof, cut):
-        """One finding a connected group of places that only the proof has found to stand too high."""
-        allowed = _allowed(self.finish)
-        told = self.found.samples.points_mm[self.found.is_reachable & (self.found.deviation_mm > allowed + NOISE_MM)]
-        for group in clusters_of(np.vstack([told, proof.higher_mm]), 2 * self.found.spacing_mm):
-            if group.min() < len(told):
-                continue
-            worst = group[proof.amount_mm[group - len(told)].argmax()] - len(told)
-            place = proof.higher_mm[[worst]]
-            row = int(nearest_moves(cut.paths, cut.frame.into(place))[1][0])
-            yield Finding(kind="excess", amount_mm=_rounded(proof.amount_mm[worst]), setup=self.setup,
-                          place_mm=tuple(place[0].round(6).tolist()),
-                          operation=self.posted.operation_name(row) if row >= 0 else "",
-                          line=int(self.posted.line[row]) if row >= 0 else 0,
-                          advice=f"{proof.amount_mm[worst]:.4f} mm are left between the sample points, "
-                          f"{allowed:.4f} mm are allowed: reduce the step, or take a smaller cutter here")
-
-    def disagreements(self, view, pitch_mm, bounds):
-        """The second verifier must see what the first sees, and the other way round."""
-        yield from self._volume_disagreements(view.volumes)
-        yield from self._unseen_by_residuals(view, bounds)
-        yield from self._unseen_by_solids(view, pitch_mm, bounds)
-
-    def _volume_disagreements(self, held):
-        for name, (first, second), bound in (("excess", held.excess_mm3, held.bound_mm3), ("gouge", held.gouge_mm3, held.bound_mm3),
-                                             ("excess less gouge", held.net_mm3, held.net_bound_mm3)):
-            if abs(first - second) > bound:
-                yield Finding(kind="verifiers_disagree", amount_mm=_rounded(abs(first - second) / held.area_mm2), place_mm=None,
-                              operation="", line=0, setup=self.setup, advice=f"{name}: residuals add up to {first:.6f} mm3, "
-                              f"solids to {second:.6f} mm3, more than {bound:.6f} mm3 apart over {held.area_mm2:.0f} mm2: "
-                              "report this as a fault of cuspline")
-
-    def _unseen_by_residuals(self, view, bounds):
-        slack = bounds["tessellation_mm"] + bounds["path_mm"] + NOISE_MM
-        for body in view.bodies:
-            found = self._seen_in(body.kind)
-            d, fair = found.deviation_mm[body.samples], found.is_reachable[body.samples]
-            seen = ((d > _allowed(self.finish) - slack) | ~fair if body.kind == "excess"
-                    else d < -self.finish.gouge_mm + slack)
-            if not seen.any():
-                yield Finding(kind="verifiers_disagree", amount_mm=_rounded(body.depth_mm), place_mm=body.place_mm,
-                              operation="", line=0, setup=self.setup,
-                              advice=f"the solids show a body of {body.kind}, {body.volume_mm3:.6f} mm3, "
-                              f"{body.depth_mm:.4f} mm deep, that no sample point shows: reduce spacing_mm")
-
-    def _seen_in(self, kind):
-        """Residuals that a body of that kind must show in."""
-        return self.found if kind == "excess" else self.own
-
-    def _unseen_by_solids(self, view, pitch_mm, bounds):
-        slack = bounds["tessellation_mm"] + bounds["path_mm"] + 3 * bounds["zmap_mm"]
-        for kind in ("excess", "gouge"):
-            found = self._seen_in(kind)
-            d, samples = found.deviation_mm, found.samples
-            beyond = (found.is_reachable & (d > _allowed(self.finish) + slack) if kind == "excess"
-                      else d < -self.finish.gouge_mm - slack)
-            seen = np.zeros(len(d), dtype=bool)
-            for body in view.bodies:
-                if body.kind == kind:
-                    seen |= ((samples.points_mm > np.array(body.min_mm) - found.spacing_mm).all(axis=1)
-                             & (samples.points_mm < np.array(body.max_mm) + found.spacing_mm).all(axis=1))
-            up = samples.normals @ self.frame.rotation[:, 2]
-            for group in found.groups(beyond & (up > 0.5)):
-                wide = np.ptp(self.frame.into(samples.points_mm[group])[:, :2], axis=0).min() > SEEN_PITCHES * pitch_mm
-                if wide and not seen[group].any():
-                    worst = group[np.abs(d[group]).argmax()]
-                    yield self._finding("verifiers_disagree", found, worst, abs(d[worst]),
-                                        f"sample points show {kind} of {d[worst]:.4f} mm that the solids do not "
-                                        "show: reduce solid_pitch_mm")
+    return rounded(value) if isinstance(value, float) else value

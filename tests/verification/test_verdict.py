@@ -16,6 +16,7 @@ from cuspline.program import Plane
 from cuspline.simulation.stock_solids import upright_walls
 from cuspline.verification import residuals
 from cuspline.verification.climbing import Tops
+from cuspline.verification.reporter import Reporter
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setup, verify_setups
 
 BLOCK = brep.the_solid(cq.Workplane().box(20, 16, 10, centered=False))
@@ -230,14 +231,13 @@ def test_a_blind_verifier_is_a_finding():
     """A body that no sample shows, and volumes that differ, must not pass in silence."""
     v = verdict(z=9.98)
     blind = dataclasses.replace(v.residuals, deviation_mm=np.zeros(len(v.residuals.samples)))
-    from cuspline.verification import verdict as module
     setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",))
     cut = SetupProgram(posted=program((-6, -0.3, 40), passes(9.98)), setup=setup, faces=())
-    report = module._Reporter(cut, FINISH, blind, blind)
+    report = Reporter(cut, FINISH, blind, blind)
     found = list(report.disagreements(v.solids, 0.2, v.error_bounds_mm))
     assert {f.kind for f in found} == {"verifiers_disagree"}
     quiet = dataclasses.replace(v.solids, bodies=(), volumes=dataclasses.replace(v.solids.volumes, gouge_mm3=(0.0, 0.0)))
-    report = module._Reporter(cut, FINISH, v.residuals, v.residuals)
+    report = Reporter(cut, FINISH, v.residuals, v.residuals)
     assert [f.kind for f in report.disagreements(quiet, 0.2, v.error_bounds_mm)] == ["verifiers_disagree"]
 
 

@@ -1,0 +1,155 @@
+"""What both verifiers, the certificate and the proof have found about one clamping, as findings."""
+
+import numpy as np
+
+from cuspline.simulation.swept import nearest_moves
+from cuspline.verification.certificate import gouges_beyond
+from cuspline.verification.clusters import clusters_of
+from cuspline.verification.findings import Finding
+
+NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
+MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
+MISSED_MM2 = 1.0
+SEEN_PITCHES = 3.0        # a body narrower than this many pitches may slip through the grid
+
+
+def allowed_mm(finish):
+    """Largest deviation that a finished point may show."""
+    return finish.scallop_mm + finish.profile_tolerance_mm
+
+
+def rounded(value, decimals=6):
+    """A number for verify.json; whole numbers stay whole."""
+    return value if isinstance(value, int) else round(float(value), decimals)
+
+
+class Reporter:
+    """Findings of both verifiers about one clamping."""
+
+    def __init__(self, program, finish, found, own):
+        self.posted, self.setup, self.frame = program.posted, program.setup.name, program.setup.frame
+        self.finish, self.found, self.own = finish, found, own
+
+    def _finding(self, kind, found, sample, amount, advice):
+        row = int(found.row[sample])
+        place = found.samples.points_mm[sample].round(6)
+        return Finding(kind=kind, amount_mm=rounded(amount), place_mm=tuple(place.tolist()),
+                       operation=self.posted.operation_name(row) if row >= 0 else "",
+                       line=int(self.posted.line[row]) if row >= 0 else 0, setup=self.setup, advice=advice)
+
+    def gouges(self):
+        """One finding a connected gouge deeper than the finish allows."""
+        d = self.own.deviation_mm
+        for group in self.own.groups(d < -self.finish.gouge_mm - NOISE_MM):
+            worst = group[d[group].argmin()]
+            yield self._finding("gouge", self.own, worst, -d[worst],
+                                f"the cutter goes {-d[worst]:.4f} mm below the surface, {self.finish.gouge_mm:g} mm are "
+                                f"allowed, over {self.own.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
+                                "take a smaller cutter here, or mend the offset of this pass")
+
+    def unseen_gouges(self, proven):
+        """Moves that are not proven to keep to what the finish allows, where no sample tells of them."""
+        d, points = self.own.deviation_mm, self.own.samples.points_mm
+        told = self.frame.into(points[d < -self.finish.gouge_mm - NOISE_MM])
+        for moves in _runs(gouges_beyond(proven, self.finish.gouge_mm)):
+            worst = max(moves, key=lambda m: m.depth_mm)
+            if len(told) and np.linalg.norm(told - worst.place_mm, axis=1).min() <= 2 * self.own.spacing_mm:
+                continue
+            place = self.frame.out(np.array([worst.place_mm]))[0].round(6)
+            yield Finding(kind="gouge", amount_mm=rounded(worst.depth_mm), place_mm=tuple(place.tolist()),
+                          operation=self.posted.operation_name(worst.row), line=int(self.posted.line[worst.row]),
+                          setup=self.setup, advice=f"between the sample points this move may go {worst.depth_mm:.4f} mm "
+                          f"into the part, {self.finish.gouge_mm:g} mm are allowed; {len(moves)} moves from line "
+                          f"{self.posted.line[moves[0].row]}: lift them, or tighten the segment tolerance")
+
+    def excess(self):
+        """One finding a connected area that a ball could finish and that was left proud."""
+        d, allowed = self.found.deviation_mm, allowed_mm(self.finish)
+        for group in self.found.groups(self.found.is_reachable & (d > allowed + NOISE_MM)):
+            worst, area = group[d[group].argmax()], self.found.area_mm2(group)
+            missed = np.median(d[group]) > MISSED * allowed and area >= MISSED_MM2
+            advice = (f"{area:.1f} mm2 were never finished: add a pass here, or a smaller cutter" if missed else
+                      f"{d[worst]:.4f} mm are left over {area:.2f} mm2, {allowed:.4f} mm are allowed: "
+                      "reduce the step, or take a smaller cutter here")
+            yield self._finding("missing_area" if missed else "excess", self.found, worst, d[worst], advice)
+
+    def unseen_excess(self, proof, cut):
+        """One finding a connected group of places that only the proof has found to stand too high."""
+        allowed = allowed_mm(self.finish)
+        told = self.found.samples.points_mm[self.found.is_reachable & (self.found.deviation_mm > allowed + NOISE_MM)]
+        for group in clusters_of(np.vstack([told, proof.higher_mm]), 2 * self.found.spacing_mm):
+            if group.min() < len(told):
+                continue
+            worst = group[proof.amount_mm[group - len(told)].argmax()] - len(told)
+            place = proof.higher_mm[[worst]]
+            row = int(nearest_moves(cut.paths, cut.frame.into(place))[1][0])
+            yield Finding(kind="excess", amount_mm=rounded(proof.amount_mm[worst]), setup=self.setup,
+                          place_mm=tuple(place[0].round(6).tolist()),
+                          operation=self.posted.operation_name(row) if row >= 0 else "",
+                          line=int(self.posted.line[row]) if row >= 0 else 0,
+                          advice=f"{proof.amount_mm[worst]:.4f} mm are left between the sample points, "
+                          f"{allowed:.4f} mm are allowed: reduce the step, or take a smaller cutter here")
+
+    def disagreements(self, view, pitch_mm, bounds):
+        """The second verifier must see what the first sees, and the other way round."""
+        yield from self._volume_disagreements(view.volumes)
+        yield from self._unseen_by_residuals(view, bounds)
+        yield from self._unseen_by_solids(view, pitch_mm, bounds)
+
+    def _volume_disagreements(self, held):
+        for name, (first, second), bound in (("excess", held.excess_mm3, held.bound_mm3), ("gouge", held.gouge_mm3, held.bound_mm3),
+                                             ("excess less gouge", held.net_mm3, held.net_bound_mm3)):
+            if abs(first - second) > bound:
+                yield Finding(kind="verifiers_disagree", amount_mm=rounded(abs(first - second) / held.area_mm2), place_mm=None,
+                              operation="", line=0, setup=self.setup, advice=f"{name}: residuals add up to {first:.6f} mm3, "
+                              f"solids to {second:.6f} mm3, more than {bound:.6f} mm3 apart over {held.area_mm2:.0f} mm2: "
+                              "report this as a fault of cuspline")
+
+    def _unseen_by_residuals(self, view, bounds):
+        slack = bounds["tessellation_mm"] + bounds["path_mm"] + NOISE_MM
+        for body in view.bodies:
+            found = self._seen_in(body.kind)
+            d, fair = found.deviation_mm[body.samples], found.is_reachable[body.samples]
+            seen = ((d > allowed_mm(self.finish) - slack) | ~fair if body.kind == "excess"
+                    else d < -self.finish.gouge_mm + slack)
+            if not seen.any():
+                yield Finding(kind="verifiers_disagree", amount_mm=rounded(body.depth_mm), place_mm=body.place_mm,
+                              operation="", line=0, setup=self.setup,
+                              advice=f"the solids show a body of {body.kind}, {body.volume_mm3:.6f} mm3, "
+                              f"{body.depth_mm:.4f} mm deep, that no sample point shows: reduce spacing_mm")
+
+    def _seen_in(self, kind):
+        """Residuals that a body of that kind must show in."""
+        return self.found if kind == "excess" else self.own
+
+    def _unseen_by_solids(self, view, pitch_mm, bounds):
+        slack = bounds["tessellation_mm"] + bounds["path_mm"] + 3 * bounds["zmap_mm"]
+        for kind in ("excess", "gouge"):
+            found = self._seen_in(kind)
+            d, samples = found.deviation_mm, found.samples
+            beyond = (found.is_reachable & (d > allowed_mm(self.finish) + slack) if kind == "excess"
+                      else d < -self.finish.gouge_mm - slack)
+            seen = np.zeros(len(d), dtype=bool)
+            for body in view.bodies:
+                if body.kind == kind:
+                    seen |= ((samples.points_mm > np.array(body.min_mm) - found.spacing_mm).all(axis=1)
+                             & (samples.points_mm < np.array(body.max_mm) + found.spacing_mm).all(axis=1))
+            up = samples.normals @ self.frame.rotation[:, 2]
+            for group in found.groups(beyond & (up > 0.5)):
+                wide = np.ptp(self.frame.into(samples.points_mm[group])[:, :2], axis=0).min() > SEEN_PITCHES * pitch_mm
+                if wide and not seen[group].any():
+                    worst = group[np.abs(d[group]).argmax()]
+                    yield self._finding("verifiers_disagree", found, worst, abs(d[worst]),
+                                        f"sample points show {kind} of {d[worst]:.4f} mm that the solids do not "
+                                        "show: reduce solid_pitch_mm")
+
+
+def _runs(moves):
+    """Moves that follow one another, as lists in order of their rows."""
+    found = []
+    for move in sorted(moves, key=lambda m: m.row):
+        if found and move.row == found[-1][-1].row + 1:
+            found[-1].append(move)
+        else:
+            found.append([move])
+    return found
