@@ -260,7 +260,7 @@ def _script(posted, tools, spindle_head):
     row = stack([p.row for p in pieces], np.zeros(0, np.int64))
     cutter = stack([np.full(len(p), k) for k, p in enumerate(pieces)], np.zeros(0, np.int64))
     order = np.argsort(row, kind="stable")
-    cutters = np.array([_surely_cut(tools[n].cutter) for n in numbers]).reshape(-1, 2)
+    cutters = np.array([surely_cut(tools[n].cutter) for n in numbers]).reshape(-1, 2)
     rows = [(k, *part) for k, n in enumerate(numbers) for part in (*_flutes(tools[n].cutter), *_parts(tools[n], spindle_head))]
     parts = np.array(rows, dtype=float).reshape(-1, 7)
     return (geometry[order], row[order], cutter[order], posted.kind[row[order]] == Kind.RAPID, cutters,
@@ -272,14 +272,17 @@ def _pieces(posted, rows, tool):
     return pieces_of(posted, rows, tool.cutter.type == "ball", deepest_mm=tool.cutter.flute_length_mm / 2)
 
 
-def _surely_cut(cutter):
-    """(a, rc) of the largest plain column in the cutter's body: it leaves no less stock than the cutter does."""
+def surely_cut(cutter):
+    """(flat radius, corner radius) of a plain column, open upward, in the cutter's body: it leaves no less stock, mm."""
     if cutter.type in CLOSED_UPWARD:
         return cutter.radius_mm - cutter.corner_radius_mm, cutter.corner_radius_mm
-    top = cutter.profile.top_radius_mm
+    profile = cutter.profile
     if cutter.type == "tapered_ball":
         return 0.0, cutter.corner_radius_mm
-    return (0.0, top) if cutter.type == "lens" else (min(top, float(cutter.profile.end_mm[0, 0])), 0.0)
+    if cutter.type == "lens":
+        return 0.0, profile.top_radius_mm
+    has_flat_bottom = profile.end_mm[0, 1] == 0.0
+    return (float(profile.end_mm[:, 0].min()) if has_flat_bottom else 0.0), 0.0
 
 
 def _flutes(cutter):

@@ -15,6 +15,8 @@ from cuspline.cutters import Cutter, HolderSegment, Tool, library_from_json
 from cuspline.errors import InputError, SimulationError
 from cuspline.posts.rs274_reader import read_program
 from cuspline.program import Kind
+from cuspline.simulation.outlines import outline_distance, outline_pieces
+from cuspline.simulation.replay import surely_cut
 from cuspline.simulation.swept import swept_paths
 
 PI = np.pi
@@ -246,3 +248,28 @@ def test_the_shops_file_is_written_as_it_was_read():
 def test_every_shape_reads_back_as_it_was_written(tmp_path, shape):
     t = Tool(number=1, cutter=SHAPES[shape], holder=tool("ball", 10).holder, stick_out_mm=45.0)
     assert library_from_json(saved(tmp_path, t.model_dump(mode="json"))).tools[0] == t
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_what_is_surely_cut_lies_in_the_cutter(name):
+    """The replay takes a plain column for cutters it does not know: no point of it may stand outside them."""
+    cutter = SHAPES[name]
+    a, rc = surely_cut(cutter)
+    outline = outline_pieces(cutter.profile, name)
+    z = np.linspace(0.0, cutter.profile.height_mm, 400)
+    r = a + np.sqrt(np.maximum(rc ** 2 - np.maximum(rc - z, 0.0) ** 2, 0.0))
+    assert max(outline_distance(x, y, outline, 0, len(outline))[0] for x, y in zip(r, z)) < 1e-9
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_points_on_the_outline_are_on_it(name):
+    """Rounding puts some of them outside one piece's plane and inside the piece itself: none may come out far away."""
+    profile = SHAPES[name].profile
+    outline, t = outline_pieces(profile, name), np.linspace(0.0, 1.0, 301)[:, None]
+    turn = profile.arc_angles_rad[:, :1] + t.T * np.diff(profile.arc_angles_rad, axis=1)
+    for k in range(len(profile.start_mm)):
+        points = profile.start_mm[k] + t * (profile.end_mm[k] - profile.start_mm[k])
+        if profile.is_arc[k]:
+            points = profile.center_mm[k] + profile.arc_radius_mm[k] * np.column_stack([np.cos(turn[k]), np.sin(turn[k])])
+        far = [outline_distance(abs(r), z, outline, 0, len(outline))[0] for r, z in points]
+        assert np.abs(far).max() < 1e-12
