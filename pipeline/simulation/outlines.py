@@ -25,6 +25,7 @@ from numba import njit
 from cuspline.errors import SimulationError
 
 TURN_RIGHT = 1e-6         # a corner may turn right by this (rad): rounding of an outline's own numbers
+ROUNDING_MM = 1e-10       # of a point on the outline
 
 
 def outline_pieces(profile, name):
@@ -61,11 +62,10 @@ def _arc(start, center, radius, angles):
 def outline_distance(r, z, outline, first, last):
     """Signed distance of (r, z), r >= 0, to the body of pieces first..last, and its gradient (r, z).
 
-    Outside it is the way to the nearest piece or corner.  On the outline rounding may call a point outside by one piece's
-    plane and inside by the piece that it lies on: that piece is then the nearest.
+    Outside it is the way to the nearest piece or corner.  On the outline rounding may call a point outside one piece's
+    plane and inside the piece that it lies on: within ROUNDING_MM of all planes it is taken for inside.
     """
     worst, wr, wz = -math.inf, 0.0, 0.0
-    near, ur, uz = math.inf, 0.0, 0.0
     for k in range(first, last):
         o = outline[k]
         if o[0] == 0.0:
@@ -85,11 +85,9 @@ def outline_distance(r, z, outline, first, last):
                     s, nr, nz = other, o[8], o[9]
         if s > 0.0 and is_over:
             return s, nr, nz
-        if is_over and -s < near:
-            near, ur, uz = -s, nr, nz
         if s > worst:
             worst, wr, wz = s, nr, nz
-    if worst <= 0.0:
+    if worst <= ROUNDING_MM:
         return worst, wr, wz
     least, x0, z0 = math.inf, 0.0, 0.0
     for k in range(first, last):
@@ -98,8 +96,6 @@ def outline_distance(r, z, outline, first, last):
         if square < least:
             least, x0, z0 = square, x, y
     d = math.sqrt(least)
-    if near < d:
-        return -near, ur, uz
     return (d, x0 / d, z0 / d) if d > 0.0 else (0.0, wr, wz)
 
 
