@@ -27,6 +27,7 @@ from cuspline.judge import judge, post_module, posted_moves
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import plan_setup
 from cuspline.report.page import write_report
+from cuspline.refixturing import refixturing_in_words
 from cuspline.simulation.swept import swept_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.solids import stl_of
@@ -177,7 +178,9 @@ def plan_document(order, plans):
     setups = []
     for plan in plans:
         operations = [_operation_document(o) for o in plan.operations]
+        lies = plan.setup.refixturing
         setups.append({"name": plan.setup.name, "operations": operations, "wcs": plan.setup.wcs,
+                       "refixturing": None if lies is None else lies.model_dump(mode="json"),
                        "time_s": round(sum(o["time_s"] for o in operations)
                                        + order.machine.tool_change_s * len(operations), 1),
                        "time_assumptions": TIME_ASSUMPTIONS, "clearance_z_mm": plan.clearance_z_mm,
@@ -227,7 +230,7 @@ def _posted(order, plans, work, inputs):
 def _header(order, plan, inputs):
     """Comment lines that tell the operator what this is."""
     design, setup, machine = order.design, plan.setup, order.machine
-    low, high = np.sort(setup.frame.into(np.array([design.stock.min_mm, design.stock.max_mm])), axis=0)
+    low, high = setup.frame.box_into(design.stock.min_mm, design.stock.max_mm)
     program = plan.program((), setup.name)
     ends = np.vstack([o.moves.end_mm for o in program.operations])
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
@@ -250,6 +253,9 @@ def _header(order, plan, inputs):
             lines.append(f"T{o.tool.number} {o.tool.cutter.name}, D{o.tool.cutter.diameter_mm:g} "
                          f"R{o.tool.cutter.corner_radius_mm:g}, STICK-OUT {o.tool.stick_out_mm:g}, "
                          f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}")
+    lines += [f"MARKER {m.name} {show(setup.frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
+    if setup.refixturing is not None:
+        lines.append(f"PART LIES AS MEASURED: {refixturing_in_words(setup.refixturing)}")
     if order.accepted:
         lines.append(f"ACCEPTED BY NAME: {', '.join(order.accepted)}")
     return lines

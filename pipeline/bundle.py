@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from cuspline import brep
 from cuspline.planning.feeds import times_s
 from cuspline.program import Kind, Moves, Plane
+from cuspline.refixturing import refixturing_in_words
 from cuspline.report.bundle import FaceMesh, PathPoints, ReportBundle, SetupBundle, StockReplay
 from cuspline.report.view_mesh import tessellate_for_view
 from cuspline.surfaces.curvature import sample_faces
@@ -83,16 +84,19 @@ def _setup_bundle(work, job, item, posted, verdict):
     text = (work / item.program).read_bytes()
     known = np.isfinite(posted.end_mm).all(axis=1)
     ends = posted.end_mm[known]
-    corners = item.setup.frame.into(np.array([job.stock.min_mm, job.stock.max_mm]))
+    low, high = item.setup.frame.box_into(job.stock.min_mm, job.stock.max_mm)
     replay = verdict.replay
     zero = item.setup.turn.into(item.setup.frame.origin_mm[None])[0]      # the replay stands in the setup's directions
     origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
+    lies = item.setup.refixturing
     return SetupBundle(
+        markers=tuple((m.name, _triple(item.setup.frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
+        lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
         program_lines=text.count(b"\n"), program_bytes=len(text), machine=job.machine.name,
         control=job.machine.control.post, units=job.machine.control.units, wcs=item.setup.wcs,
         wcs_in_words=item.setup.wcs_in_words, frame=item.setup.frame, operation_first_lines=_first_lines(posted),
-        stock_box_mm=(_triple(corners.min(axis=0)), _triple(corners.max(axis=0))),
+        stock_box_mm=(_triple(low), _triple(high)),
         extents_mm=(_triple(ends.min(axis=0)), _triple(ends.max(axis=0))), path=path,
         replay=StockReplay(
             origin_mm=(float(origin[0]), float(origin[1])), pitch_mm=replay.zmap.pitch_mm, nx=replay.zmap.nx,

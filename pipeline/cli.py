@@ -7,6 +7,7 @@ import json as jsonlib
 import os
 import sys
 import traceback
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -27,6 +28,7 @@ def build(
         machine: Annotated[str, typer.Option(help="name of a machine, or its TOML file")] = "mill_3axis",
         post: Annotated[Optional[str], typer.Option(help="another post than the machine's own")] = None,
         cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
+        measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their clampings (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
         accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
@@ -46,6 +48,9 @@ def build(
     library = catalogue.find_library(cutters)
     source = catalogue.find_design(design)
     made = catalogue.make_design(source, param)
+    if measured is not None:
+        from cuspline.refixturing import read_measured, refixtured_setups
+        made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
     folder = out if out is not None else Path("outputs") / made.name
     result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
                                        accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
@@ -54,10 +59,14 @@ def build(
 
 
 @app.command()
-def verify(folders: Annotated[list[Path], typer.Argument(help="output folders, or programs in them")]):
+def verify(
+        folders: Annotated[list[Path], typer.Argument(help="output folders, or programs in them")],
+        measured: Annotated[Optional[Path], typer.Option(
+            help="markers (CSV): judge the programs as they stand on a part that lies as measured here")] = None):
     """Judge posted files on disk again, against the STEP beside them."""
     from cuspline.job import read_job
     from cuspline.judge import judge
+    from cuspline.refixturing import read_measured
     from cuspline.verification.kept import kept_until_done
     bad = False
     for folder in folders:
@@ -69,6 +78,8 @@ def verify(folders: Annotated[list[Path], typer.Argument(help="output folders, o
                 raise InputError(f"{folder / only} is no program of {job.design}; there are "
                                  + ", ".join(p.program for p in job.posted))
             job = job.model_copy(update={"posted": kept})
+        if measured is not None:
+            job = job.placed(read_measured(measured))
         with kept_until_done(folder) as kept:
             judged = judge(folder, job, _say, kept=kept)
         refused = judged.refused(job.accepted)

@@ -91,6 +91,21 @@ class FixtureBox(Model):
     max_mm: tuple[float, float, float]
 
 
+class Marker(Model):
+    """A place on the part that can be touched in a clamping: a ball's centre, a dowel, a corner."""
+
+    name: str = Field(min_length=1)
+    at_mm: tuple[float, float, float] = Field(description="part coordinates")
+
+
+class Refixturing(Model):
+    """How the part lies by its measured markers, against the clamping as designed (`refixturing.py`)."""
+
+    turn_deg: tuple[float, float, float] = Field(description="of the WCS about X, then Y, then Z")
+    shift_mm: tuple[float, float, float] = Field(description="of the WCS's zero, along its axes as designed")
+    residual_mm: dict[str, float] = Field(description="each marker's distance from where the fit puts it")
+
+
 class Setup(Model):
     """One clamping: where the work coordinate system sits on the part, and which faces are cut."""
 
@@ -111,6 +126,9 @@ class Setup(Model):
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
+    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part lies")
+    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may lie from the rigid part")
+    refixturing: Refixturing | None = Field(None, description="what measured markers came to; None: as designed")
 
     @model_validator(mode="after")
     def _axes_make_a_frame(self):

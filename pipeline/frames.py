@@ -35,6 +35,12 @@ class Frame:
         """(n, 3) outer coordinates → (n, 3) inner coordinates."""
         return (np.asarray(points_mm) - self.origin_mm) @ self.rotation
 
+    def box_into(self, low_mm, high_mm):
+        """(3,) low and (3,) high corner of the smallest inner box that holds an outer one."""
+        corners = np.where([[k >> a & 1 for a in range(3)] for k in range(8)], high_mm, low_mm)
+        inner = self.into(corners)
+        return inner.min(axis=0), inner.max(axis=0)
+
     def turn_out(self, directions):
         """(n, 3) inner directions → (n, 3) outer directions."""
         return np.asarray(directions) @ self.rotation.T

@@ -12,6 +12,7 @@ from cuspline.cutters import Model, Tool, first_complaint
 from cuspline.design import FacePredicate, Finish, Setup, StockBox
 from cuspline.errors import InputError
 from cuspline.machines import Machine
+from cuspline.refixturing import refixtured_setups
 
 
 class PostedFile(Model):
@@ -34,6 +35,12 @@ class Job(Model):
     posted: tuple[PostedFile, ...]
     smallest_ball_radius_mm: float = Field(gt=0)
     accepted: tuple[str, ...] = ()
+
+    def placed(self, measured):
+        """The same programs on a part that lies as its measured markers say (`refixturing.read_measured`)."""
+        setups = refixtured_setups([p.setup for p in self.posted], measured)
+        return self.model_copy(update={"posted": tuple(
+            p.model_copy(update={"setup": s}) for p, s in zip(self.posted, setups))})
 
 
 def read_job(folder):

@@ -6,8 +6,6 @@ The only way to a verdict, for `build` and `verify` alike: nothing comes from th
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from cuspline import brep
 from cuspline.catalogue import find_post
 from cuspline.errors import InputError
@@ -100,8 +98,7 @@ def posted_moves(text, setup, machine, tools):
 
 def _fixtures(setup):
     """The setup's fixtures in its WCS."""
-    into = setup.frame.into
-    corners = [(f.name, np.sort(np.array([into(f.min_mm), into(f.max_mm)]), axis=0)) for f in setup.fixtures]
+    corners = [(f.name, setup.frame.box_into(f.min_mm, f.max_mm)) for f in setup.fixtures]
     return tuple(Fixture(name=name, min_mm=tuple(c[0].tolist()), max_mm=tuple(c[1].tolist())) for name, c in corners)
 
 

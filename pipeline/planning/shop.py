@@ -71,7 +71,7 @@ class Shop:
         self.faces = faces if self.solid is solid else brep.faces_of(self.solid)
         self.piece = before or Workpiece(min_mm=design.stock.min_mm, max_mm=design.stock.max_mm)
         self.stock_min_mm, self.stock_max_mm = self.piece.box_in(setup.turn)
-        self.fixtures = [np.sort(setup.turn.into(np.array([f.min_mm, f.max_mm])), axis=0) for f in setup.fixtures]
+        self.fixtures = [np.array(setup.turn.box_into(f.min_mm, f.max_mm)) for f in setup.fixtures]
         self.plane = SectionPlane.named(setup.section_plane)
         self.material = material_named(design.material)
         mesh = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)

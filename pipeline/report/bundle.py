@@ -66,6 +66,8 @@ class SetupBundle:
     wcs: str
     wcs_in_words: str
     frame: Frame                    # WCS seen from the part
+    markers: tuple                  # (name, (x, y, z) in WCS) of what is touched to find how the part lies
+    lies_in_words: str              # how it was found to lie; "" as designed
     operation_first_lines: tuple[int, ...]  # program line where each operation begins; 0 unknown
     stock_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]   # WCS min, max
     extents_mm: tuple[tuple[float, float, float], tuple[float, float, float]]     # tip extents, WCS

@@ -56,9 +56,15 @@ def zero_rows(bundle, setup):
     """Where the zero is, how large the stock, how far the tool goes, all in WCS."""
     axis = lambda box, k: f"{decimal(box[0][k])} … {decimal(box[1][k])}"
     spans = lambda box: "   ".join(f"{name} {axis(box, k)}" for k, name in enumerate("XYZ"))
+    lies = [("Part lies, as measured", setup.lies_in_words)] if setup.lies_in_words else []
     return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), ("Stock", box_size(setup.stock_box_mm)),
             ("Stock in WCS", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
-            ("Finished part", box_size(bundle.part_box_mm))]
+            ("Finished part", box_size(bundle.part_box_mm)), *lies,
+            *((f"Marker {name}", _place(place)) for name, place in setup.markers)]
+
+
+def _place(place_mm):
+    return "   ".join(f"{axis} {decimal(x)}" for axis, x in zip("XYZ", place_mm))
 
 
 def tool_rows(bundle, setup):
@@ -91,6 +97,9 @@ def checklist(bundle, setup):
     lines = [f"Stock is {bundle.material}, {box_size(setup.stock_box_mm)}, clamped below every cut "
              f"(lowest tip Z {decimal(setup.extents_mm[0][2])})",
              f"{setup.wcs} set: {setup.wcs_in_words}; compared with the picture"]
+    if setup.markers:
+        lines.append("Markers " + ", ".join(name for name, _ in setup.markers) + " touched, and found where this sheet "
+                     "puts them; if not, program posted anew with --measured")
     lines += [f"{row['number']} {row['name']} measured, length in the tool table, stick-out {row['stick_out']} mm, "
               f"holder {row['holder']}" for row in tool_rows(bundle, setup)]
     return lines + [

@@ -15,6 +15,7 @@ from cuspline.simulation.swept import deviations_and_moves, nearest_moves, stock
 
 SAME_MM = 1e-7            # a depth found again deeper by less is the same
 UNCUT = -1
+LEAST_PARALLEL = np.cos(np.radians(10.0))      # a box round a billet further askew would be all air
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,15 +43,15 @@ class Workpiece:
         return Workpiece(min_mm=self.min_mm, max_mm=self.max_mm, cuts=(*self.cuts, Cut(frame=frame, paths=tuple(paths))))
 
     def box_in(self, frame):
-        """(3,) low and (3,) high corner of the billet seen from a frame.
+        """(3,) low and (3,) high corner of the billet seen from a frame; of a box round it where it stands a little askew.
 
         Raises:
-            SimulationError: the billet stands askew in it.
+            SimulationError: the billet stands so far askew that a box round it says nothing.
         """
-        if np.abs(np.abs(frame.rotation).max(axis=0) - 1).max() > 1e-9:
-            raise SimulationError("the stock box is not parallel to the WCS: its sides must follow the setup's axes")
-        corners = frame.into(np.array([self.min_mm, self.max_mm]))
-        return corners.min(axis=0), corners.max(axis=0)
+        if np.abs(frame.rotation).max(axis=0).min() < LEAST_PARALLEL:
+            raise SimulationError("the stock box is not parallel to the WCS: its sides must follow the setup's axes, "
+                                  f"within {np.degrees(np.arccos(LEAST_PARALLEL)):.0f} degrees")
+        return frame.box_into(self.min_mm, self.max_mm)
 
     def cut_distance_mm(self, points_mm):
         """(n,) signed distance to everything cut away: positive where material is left; the billet does not count."""

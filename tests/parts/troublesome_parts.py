@@ -6,7 +6,7 @@ import cadquery as cq
 import numpy as np
 
 from cuspline import brep
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import Design, FacePredicate, Finish, Marker, Parameters, Setup, StockBox
 
 
 def knife_edge():
@@ -82,7 +82,9 @@ def two_sided():
     plate = plate.cut(cq.Workplane().sphere(25).translate((-4, 0, 27))).cut(cq.Workplane().sphere(15).translate((5, 1, -16)))
     solid = brep.the_solid(plate.val(), "two_sided")
     top, bottom = (FacePredicate(name=name, count=2, normal=(0, 0, z), normal_within_deg=70) for name, z in (("top", 1), ("bottom", -1)))
-    common = {"strategy": "parallel", "wcs_in_words": "middle of the plate, on the side up"}
+    markers = tuple(Marker(name=n, at_mm=at) for n, at in (
+        ("left", (-15, 0, 0)), ("right", (15, 0, 0)), ("front", (0, -10, 0)), ("back", (0, 10, 2))))
+    common = {"strategy": "parallel", "markers": markers, "wcs_in_words": "middle of the plate, on the side up"}
     return Design(
         name="two_sided", description="plate with a dish on either side", parameters=Parameters(), solid=solid,
         predicates=(top, bottom), material="aluminium_6061",

@@ -115,7 +115,7 @@ def sample_setup(zmap):
     low, high = points.min(axis=0), points.max(axis=0)
     lift = np.array([0.0, 0.0, STOCK_TOP])
     return SetupBundle(
-        name="setup-1", program_file="setup-1.ngc", program_sha256="3f" * 32, program_lines=6412, program_bytes=183_204,
+        markers=(("dowel", (5.0, 5.0, -STOCK_TOP)),), lies_in_words="", name="setup-1", program_file="setup-1.ngc", program_sha256="3f" * 32, program_lines=6412, program_bytes=183_204,
         machine="router-3x", control="LinuxCNC 2.9", units="mm", wcs="G54",
         wcs_in_words="X0 Y0 at the front left corner of the stock, Z0 on its top", frame=Frame.shift((0, 0, STOCK_TOP)),
         operation_first_lines=(24, 980), stock_box_mm=((0.0, 0.0, -STOCK_TOP), (LENGTH, WIDTH, 0.0)),
