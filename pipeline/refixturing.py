@@ -1,7 +1,7 @@
 """A part clamped anew: its markers, measured in the new clamping, tell where it lies.
 
-The rigid motion from the markers' nominal places to the measured ones is the setup's frame; paths are planned and posted
-for it, the part is not moved.  It serves a part turned over as well as a long one shifted along the bed.
+The rigid motion from the markers' nominal places to the measured ones is the setup's frame; paths are planned and
+posted for it, the part is not moved.  It serves a part turned over as well as a long one shifted along the bed.
 """
 
 import csv
@@ -69,8 +69,8 @@ def refixtured(setup, measured_mm):
     nominal_mm, found_mm = _paired(setup, measured_mm)
     limit = setup.marker_limit_mm
     if _arm_mm(nominal_mm) < ARM_LIMITS * limit:
-        raise InputError(f"{setup.name}: its markers lie in one line within {_arm_mm(nominal_mm):.3f} mm: the turn about "
-                         f"it stays open; measure one that lies at least {2 * ARM_LIMITS * limit:g} mm beside it")
+        raise InputError(f"{setup.name}: its markers lie in one line within {_arm_mm(nominal_mm):.3f} mm: the turn "
+                         f"about it stays open; measure one that lies at least {2 * ARM_LIMITS * limit:g} mm beside it")
     fit, names = fitted_frame(nominal_mm, found_mm), [m.name for m in setup.markers]
     worst = int(fit.residual_mm.argmax())
     if fit.residual_mm[worst] > limit:
@@ -78,8 +78,9 @@ def refixtured(setup, measured_mm):
                          f"others put it, more than {limit:g} mm: {_advice(setup, nominal_mm, found_mm)}")
     turn_deg = np.degrees(_turn_rad(setup.frame.rotation.T @ fit.frame.rotation))
     if np.abs(turn_deg).max() > TURN_LIMIT_DEG:
-        raise InputError(f"{setup.name}: by its markers the part lies {np.abs(turn_deg).max():.3f} degrees off its clamping "
-                         f"as designed, more than {TURN_LIMIT_DEG:g}: markers are mixed up, or a sign is wrong")
+        raise InputError(f"{setup.name}: by its markers the part lies {np.abs(turn_deg).max():.3f} degrees off its "
+                         f"clamping as designed, more than {TURN_LIMIT_DEG:g}: markers are mixed up, or a sign is "
+                         "wrong")
     rotation = fit.frame.rotation
     return setup.model_copy(update={
         "wcs_origin_mm": tuple(fit.frame.origin_mm.tolist()), "wcs_x": tuple(rotation[:, 0].tolist()),
@@ -152,8 +153,8 @@ def _paired(setup, measured_mm):
     """(n, 3) nominal and (n, 3) measured places in one order."""
     names = [m.name for m in setup.markers]
     if len(names) < LEAST_MARKERS:
-        raise InputError(f"{setup.name}: it has {len(names)} markers; a fit needs {LEAST_MARKERS} that are not in one line: "
-                         "name them in the setup's markers")
+        raise InputError(f"{setup.name}: it has {len(names)} markers; a fit needs {LEAST_MARKERS} that are not in one "
+                         "line: name them in the setup's markers")
     odd = sorted(set(measured_mm) ^ set(names))
     if odd:
         what = "is no marker of it" if odd[0] in measured_mm else "is not measured"
@@ -168,9 +169,10 @@ def _arm_mm(points_mm):
 
 def _advice(setup, nominal_mm, found_mm):
     """Whether the measured places fit once one axis is mirrored, or once they are millimetres."""
-    changes = [(np.where(np.arange(3) == axis, -1.0, 1.0), f"with the sign of {name} changed all would fit: they are mirrored")
-               for axis, name in enumerate("XYZ")]
-    changes += [(25.4, "they look like inches; give millimetres"), (10.0, "they look like centimetres; give millimetres")]
+    changes = [(np.where(np.arange(3) == axis, -1.0, 1.0),
+                f"with the sign of {name} changed all would fit: they are mirrored") for axis, name in enumerate("XYZ")]
+    changes += [(25.4, "they look like inches; give millimetres"),
+                (10.0, "they look like centimetres; give millimetres")]
     fits = [(fitted_frame(nominal_mm, found_mm * factor), words) for factor, words in changes]
     near = [(np.trace(setup.frame.rotation.T @ fit.frame.rotation), words) for fit, words in fits
             if fit.residual_mm.max() <= setup.marker_limit_mm]

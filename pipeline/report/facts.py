@@ -333,6 +333,9 @@ def measure_rows(bundle):
             for key, (name, digits, unit) in spell.items()]
     rows.append(("collisions", [grouped(len(c["collisions"])) if isinstance(c.get("collisions"), list) else DASH
                                 for _, c in columns]))
+    steps = [[abs(j["step_max_mm"]) for j in c.get("joints") or ()] for _, c in columns]
+    if any(steps):
+        rows.append(("largest step at a joint between setups", [decimal(max(s, default=None), 4, "mm") for s in steps]))
     return [name for name, _ in columns], rows
 
 

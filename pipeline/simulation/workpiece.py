@@ -43,10 +43,10 @@ class Workpiece:
         return Workpiece(min_mm=self.min_mm, max_mm=self.max_mm, cuts=(*self.cuts, Cut(frame=frame, paths=tuple(paths))))
 
     def box_in(self, frame):
-        """(3,) low and (3,) high corner of the billet seen from a frame; of a box round it where it stands a little askew.
+        """(3,) low and (3,) high corner of the billet seen from a frame; of a box round it where it stands askew.
 
         Raises:
-            SimulationError: the billet stands so far askew that a box round it says nothing.
+            SimulationError: it stands so far askew that a box round it says nothing.
         """
         if np.abs(frame.rotation).max(axis=0).min() < LEAST_PARALLEL:
             raise SimulationError("the stock box is not parallel to the WCS: its sides must follow the setup's axes, "

@@ -22,6 +22,7 @@ from cuspline.verification.cusps import Cusps, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.findings import Finding
 from cuspline.verification.in_process import PART
+from cuspline.verification.joints import joints
 from cuspline.verification.kept import NOTHING
 from cuspline.verification.reach import REACHABLE, drop_mesh
 from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
@@ -104,7 +105,7 @@ class Verdict:
         worst = ("gouge_max_mm", "gouge_proven_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "error_bound_mm")
         summed = ("gouge_volume_mm3", "excess_volume_mm3", "points_checked", "area_required_mm2", "area_reached_mm2",
                   "area_unreachable_mm2")
-        together = ("unreachable", "collisions", "findings", "cusps")
+        together = ("unreachable", "collisions", "findings", "cusps", "joints")
         return {"ok": self.ok, **{k: max((p[k] for p in parts), default=0.0) for k in worst},
                 "excess_proven_mm": None if None in proven else max(proven, default=0.0),
                 **{k: rounded(sum(p[k] for p in parts)) for k in summed},
@@ -156,7 +157,9 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     judged = residuals(part.piece, [c.samples for c in clampings], [c.ground for c in clampings],
                        [c.feeds for c in clampings], [c.drops for c in clampings], part.closest, ball_radius_mm,
                        [c.options.spacing_mm for c in clampings], kept)
-    return tuple(_judged(part, c, found, own, tools, machine, say) for c, (found, own) in zip(clampings, judged))
+    steps = joints([c.name for c in clampings], [own for _, own in judged], MISSED * allowed_mm(finish))
+    return tuple(_judged(part, c, found, own, tools, machine, joined, say)
+                 for c, (found, own), joined in zip(clampings, judged, steps))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -224,8 +227,11 @@ def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, ke
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
 
 
-def _judged(part, c, found, own, tools, machine, say):
-    """SetupVerdict of clamping c; `found` are the residuals of its faces, `own` those of all faces after it alone."""
+def _judged(part, c, found, own, tools, machine, joined, say):
+    """SetupVerdict of clamping c.
+
+    `found` are the residuals of its faces, `own` those of all faces after it alone; `joined`: its joints with earlier ones.
+    """
     finish, moves = part.finish, f"{len(c.program.posted):,} moves"
     say(f"{c.name}: replay of {moves} on a grid of {c.options.replay_pitch_mm:.3f} mm")
     history = _replayed(part, c, tools, machine)
@@ -251,7 +257,7 @@ def _judged(part, c, found, own, tools, machine, say):
                         cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings, stock=part.made,
                         mesh=part.mesh,
                         numbers={**_numbers(found, view, finish, bounds, history), **_between_samples(proof, found, c.options),
-                                 "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
+                                 "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
                                  "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict())})
 
 

@@ -20,8 +20,8 @@ PLACES = {"a": (0.0, 0.0, 0.0), "b": (120.0, 0.0, 5.0), "c": (0.0, 40.0, 0.0), "
 
 
 def setup(**changes):
-    return Setup(**{"name": "setup-2", "wcs_in_words": "end of the vane", "faces": ("tip",), "wcs_origin_mm": (30.0, 2.0, 9.0),
-                    "wcs_z": (0.0, 0.0, -1.0),
+    return Setup(**{"name": "setup-2", "wcs_in_words": "end of the vane", "faces": ("tip",),
+                    "wcs_origin_mm": (30.0, 2.0, 9.0), "wcs_z": (0.0, 0.0, -1.0),
                     "markers": tuple(Marker(name=n, at_mm=at) for n, at in PLACES.items()), **changes})
 
 
@@ -37,7 +37,8 @@ def lying(shift_mm=(0.4, -0.2, 0.1), turn_deg=(0.02, -0.05, 0.3), noise_mm=0.0, 
 def test_a_fit_finds_the_motion_that_was_made():
     rng = np.random.default_rng(1)
     for _ in range(20):
-        points, turned, shift = rng.normal(size=(5, 3)) * 50, Rotation.random(random_state=rng), rng.normal(size=3) * 100
+        points, shift = rng.normal(size=(5, 3)) * 50, rng.normal(size=3) * 100
+        turned = Rotation.random(random_state=rng)
         fit = fitted_frame(points, turned.inv().apply(points - shift))
         assert np.allclose(fit.frame.rotation, turned.as_matrix(), atol=1e-12)
         assert np.allclose(fit.frame.origin_mm, shift, atol=1e-11)
@@ -125,10 +126,11 @@ def test_a_part_that_lies_askew_is_cut_as_designed(tmp_path):
     file.write_text("setup,marker,x_mm,y_mm,z_mm\n" + "".join(
         f"setup-2,{name},{x:.6f},{y:.6f},{z:.6f}\n" for name, (x, y, z) in measured["setup-2"].items()))
     made = {}
-    for name, setups in (("posted anew", refixtured_setups(part.setups, read_measured(file))), ("as designed", part.setups)):
-        order = recipe.Order(source=None, design=replace(part, setups=setups), machine=catalogue.find_machine("mill_3axis"),
-                             library=catalogue.find_library(None), accepted=(), out=tmp_path / name, last_stage="verify")
-        result = recipe.build(order)
+    anew = refixtured_setups(part.setups, read_measured(file))
+    for name, setups in (("posted anew", anew), ("as designed", part.setups)):
+        result = recipe.build(recipe.Order(
+            source=None, design=replace(part, setups=setups), machine=catalogue.find_machine("mill_3axis"),
+            library=catalogue.find_library(None), accepted=(), out=tmp_path / name, last_stage="verify"))
         assert result.is_ok, result.findings
         made[name] = result.folder
     text = (made["posted anew"] / "setup-2.ngc").read_text()

@@ -1,0 +1,44 @@
+"""Joints: where two clampings have finished the same place, the step between what each of them left there."""
+
+import numpy as np
+
+CELL_SPACINGS = 8.0       # edge of the cells over which cusps average out, in spacings of the samples
+LEAST_SAMPLES = 20        # in a cell whose mean is told
+
+
+def joints(names, alone, finished_mm):
+    """Steps between clampings, later less earlier.
+
+    Args:
+        names: of the clampings, in the order in which they are cut.
+        alone: one residuals.Residuals a clamping, of the same samples after it alone.
+        finished_mm: a deviation of at most this, either way, is a place that a clamping has finished.
+    Returns:
+        one list a clamping, of dicts: the earlier clamping, the area that both finished, the mean step over it, the
+        largest mean step over a small cell and its place (part coordinates).  A step is positive where the later one
+        left more.
+    """
+    found = [[] for _ in names]
+    for late in range(len(names)):
+        for early in range(late):
+            fine = (alone[late].samples.weight_mm2 > 0) & ~alone[late].is_top
+            for one in (alone[early], alone[late]):
+                fine &= np.abs(one.deviation_mm) <= finished_mm
+            if fine.any():
+                found[late].append({"setup": names[late], "with": names[early], **_step(alone[early], alone[late], np.flatnonzero(fine))})
+    return found
+
+
+def _step(before, after, rows):
+    """The step over chosen samples."""
+    points, weight = after.samples.points_mm[rows], after.samples.weight_mm2[rows]
+    step = after.deviation_mm[rows] - before.deviation_mm[rows]
+    cell = np.floor(points / (CELL_SPACINGS * after.spacing_mm)).astype(np.int64)
+    _, cell, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    cell = cell.reshape(-1)
+    total = lambda values: np.bincount(cell, weights=weight * values, minlength=len(count)) / area
+    area = np.bincount(cell, weights=weight, minlength=len(count))
+    mean = np.where(count >= LEAST_SAMPLES, total(step), 0.0)
+    worst = int(np.abs(mean).argmax())
+    return {"area_mm2": float(weight.sum()), "step_mean_mm": float(np.average(step, weights=weight)),
+            "step_max_mm": float(mean[worst]), "place_mm": [float(total(points[:, a])[worst]) for a in range(3)]}

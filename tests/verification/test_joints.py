@@ -1,0 +1,65 @@
+"""The step between clampings that have finished the same place."""
+
+import numpy as np
+import pytest
+
+from cuspline.verification.joints import joints
+from cuspline.verification.residuals import Residuals
+from cuspline.verification.samples import Samples
+
+LENGTH_MM, OVERLAP_MM, LEFT_MM = 100.0, (40.0, 60.0), 2.0
+
+
+def samples():
+    """A strip along x, half a millimetre from sample to sample."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(0.25, LENGTH_MM, 0.5), np.arange(0.25, 10, 0.5)))
+    n = len(x)
+    return Samples(points_mm=np.column_stack([x, y, 0 * x]), normals=np.tile((0, 0, 1.0), (n, 1)),
+                   weight_mm2=np.full(n, 0.25), face=np.zeros(n, int), is_border=np.zeros(n, bool))
+
+
+def alone(cut, height):
+    """Residuals after a clamping that finished where `cut`, to the given height."""
+    at = samples()
+    n = len(at)
+    return Residuals(samples=at, deviation_mm=np.where(cut(at.points_mm[:, 0]), height(at.points_mm), LEFT_MM),
+                     reach=np.zeros(n, int), row=np.zeros(n, int), is_own=np.ones(n, bool), is_top=np.zeros(n, bool),
+                     spacing_mm=0.5)
+
+
+def cusps(points, phase=0.0):
+    return 0.002 * (1 + np.sin(np.pi * (points[:, 0] + phase)))        # half a ridge a millimetre
+
+
+def left(height=cusps):
+    return alone(lambda x: x < OVERLAP_MM[1], height)
+
+
+def right(height):
+    return alone(lambda x: x > OVERLAP_MM[0], height)
+
+
+def test_a_step_is_found_through_the_cusps():
+    found = joints(["a", "b"], [left(), right(lambda p: cusps(p, 0.3) + 0.0015)], 0.02)
+    assert found[0] == [] and found[1][0]["with"] == "a"
+    assert found[1][0]["area_mm2"] == pytest.approx(20 * 10)
+    assert found[1][0]["step_mean_mm"] == pytest.approx(0.0015, abs=1e-5)
+    assert found[1][0]["step_max_mm"] == pytest.approx(0.0015, abs=2e-4)
+
+
+def test_a_turned_part_steps_most_at_the_end_of_the_overlap():
+    tilt = lambda p: cusps(p) - 1e-4 * (p[:, 0] - 40)
+    found = joints(["a", "b"], [left(), right(tilt)], 0.02)[1][0]
+    assert found["step_mean_mm"] == pytest.approx(-0.001, abs=1e-6)
+    assert found["step_max_mm"] == pytest.approx(-0.0018, abs=2e-4) and found["place_mm"][0] > 56
+
+
+def test_clampings_that_share_no_place_have_no_joint():
+    apart = alone(lambda x: x > 70, cusps)
+    assert joints(["a", "b"], [left(), apart], 0.02) == [[], []]
+
+
+def test_three_clampings_are_compared_pair_by_pair():
+    everything = alone(lambda x: x > 0, cusps)
+    found = joints(["a", "b", "c"], [left(), right(cusps), everything], 0.02)
+    assert [[j["with"] for j in js] for js in found] == [[], ["a"], ["a", "b"]]
