@@ -9,6 +9,7 @@ from pydantic import Field, model_serializer, model_validator
 from cuspline.cutters import Model
 from cuspline.errors import DesignError
 from cuspline.frames import Frame
+from cuspline.surfaces.circular_tip import CircularTip
 
 
 UNIT = 1e-9               # how exact unit vectors must be
@@ -145,6 +146,7 @@ class Design:
     stock: StockBox
     finish: Finish
     setups: tuple[Setup, ...]
+    tip: CircularTip | None = None          # a vane's tip in closed form, part coordinates; None: any other part
 
     def __post_init__(self):
         known = {p.name for p in self.predicates}
