@@ -27,6 +27,7 @@ SPANS_A_HALF_CELL = 4
 FIT_MM = 1e-4                   # from the blended line and radius; the B-rep's poles are the spline's own
 FIT_ROUNDS = 5                  # doublings of a segment's spans
 LOOKS_A_SPAN = 12
+LOOKS_A_VANE = 20001
 DIFFERENCE = 1 / 400            # of a segment: step of the differences that give slope and bend at its ends
 
 
@@ -295,3 +296,32 @@ def _looks(knots):
     breaks = np.unique(knots)
     share = (np.arange(LOOKS_A_SPAN) + 0.5) / LOOKS_A_SPAN
     return (breaks[:-1, None] + share * np.diff(breaks)[:, None]).ravel()
+
+
+# what cannot be -------------------------------------------------------------------------------------------
+
+
+def refuse_impossible(line, other, half_width_mm, flank_deg, axis_z_mm):
+    """Vanes that meet their neighbours, or whose body is narrower than their tip.
+
+    Args:
+        line: TipLine of the vane;  other: of the vanes beside it.
+        half_width_mm, flank_deg, axis_z_mm: body, flanks and height of the beam axis.
+    Raises:
+        DesignError: names the cell.
+    """
+    x = np.linspace(line.from_mm, line.to_mm, LOOKS_A_VANE)
+    r, R = line.aperture_mm(x), line.radius_mm(x)
+    widest = int(np.argmax(R))
+    if R[widest] * np.cos(np.radians(flank_deg)) >= half_width_mm:
+        raise DesignError(f"{line.cell_at(x[widest])}: the tip of radius {R[widest]:.4f} mm is wider than the body of "
+                          f"{2 * half_width_mm:g} mm: raise thickness_mm or lower rho_mm")
+    low = int(np.argmin(r))
+    if r[low] <= 0:
+        raise DesignError(f"{line.cell_at(x[low])}: the tip crosses the beam axis: lower the modulation or raise a")
+    # two circles at right angles: centres r + R from the axis each
+    gap = np.hypot(r + R, other.aperture_mm(x) + other.radius_mm(x)) - R - other.radius_mm(x)
+    near = int(np.argmin(gap))
+    if gap[near] <= 0:
+        raise DesignError(f"{line.cell_at(x[near])}: neighbouring vanes run into each other (gap {gap[near]:.4f} mm at "
+                          f"x = {x[near]:.3f} mm): lower rho_mm or the modulation")
