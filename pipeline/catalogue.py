@@ -17,14 +17,14 @@ from pydantic import Field, ValidationError
 import cuspline.designs
 import cuspline.posts
 from cuspline.cutters import Model, first_complaint, library_from_json
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import DEFAULT_MACHINE, Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.errors import CamError, DesignError, InputError
 from cuspline.machines import machine_from_toml
 
 DESIGNS = Path(cuspline.designs.__file__).parent
 POSTS = Path(cuspline.posts.__file__).parent
 READERS = ("rs274", "fanuc_")      # parts of readers beside the posts
-DEFAULT_MACHINE, DEFAULT_LIBRARY = "mill_3axis", "tools"
+DEFAULT_LIBRARY = "tools"
 
 
 @dataclass(frozen=True, kw_only=True)
