@@ -103,6 +103,8 @@ def _made(order, work, say):
     step = work / f"{design.name}.step"
     brep.write_step(solid, step, design.name)
     inputs = inputs_hash(order, step)
+    for companion in design.companions:
+        brep.write_step(companion.make(), work / f"{design.name}.{companion.name}.step", f"{design.name} {companion.name}")
     shape = shape_of(solid)
     write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":

@@ -17,13 +17,14 @@ from pydantic import Field, ValidationError
 import cuspline.designs
 import cuspline.posts
 from cuspline.cutters import Model, first_complaint, library_from_json
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import DEFAULT_MACHINE, Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.errors import CamError, DesignError, InputError
 from cuspline.machines import machine_from_toml
 
 DESIGNS = Path(cuspline.designs.__file__).parent
 POSTS = Path(cuspline.posts.__file__).parent
-DEFAULT_MACHINE, DEFAULT_LIBRARY = "mill_3axis", "tools"
+READERS = ("rs274", "fanuc_")      # parts of readers beside the posts
+DEFAULT_LIBRARY = "tools"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +75,7 @@ def machine_names():
 
 def post_names():
     """Names of the posts in posts/."""
-    return sorted(p.stem for p in POSTS.glob("*.py") if not p.stem.startswith(("_", "rs274")))
+    return sorted(p.stem for p in POSTS.glob("*.py") if not p.stem.startswith(("_", *READERS)))
 
 
 def find_design(name_or_file):
@@ -199,3 +200,11 @@ def make_design(source, assignments):
         raise DesignError(f"design {source.name}: its function `design` returned {type(made).__name__}, "
                           "it must return a cuspline.design.Design")
     return made
+
+
+def reader_of(machine):
+    """The function that reads what a machine's post writes: (text, *, work_offsets, tool_lengths) -> PostedMoves.
+
+    It is found by the dialect that the post names; nothing else of the post is asked.
+    """
+    return importlib.import_module(f"cuspline.posts.{find_post(machine.control.post).READER}").read_program

@@ -25,7 +25,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
 def build(
         design: Annotated[str, typer.Argument(help="name of a design, a .py file, or a .toml job for a STEP part")],
         param: Annotated[list[str], typer.Option("-p", "--param", help="name=value, repeatable")] = [],
-        machine: Annotated[str, typer.Option(help="name of a machine, or its TOML file")] = "mill_3axis",
+        machine: Annotated[Optional[str], typer.Option(
+            help="name of a machine, or its TOML file; else the design's own")] = None,
         post: Annotated[Optional[str], typer.Option(help="another post than the machine's own")] = None,
         cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
         measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their clampings (CSV)")] = None,
@@ -41,16 +42,18 @@ def build(
     unknown = sorted(set(accept) - set(KINDS))
     if unknown:
         raise InputError(f"--accept {unknown[0]!r} is no kind of finding; there are {', '.join(KINDS)}")
-    chosen = catalogue.find_machine(machine)
-    if post is not None:
-        catalogue.find_post(post)
-        chosen = chosen.model_copy(update={"control": chosen.control.model_copy(update={"post": post})})
-    library = catalogue.find_library(cutters)
     source = catalogue.find_design(design)
+    if machine is not None:
+        catalogue.find_machine(machine)         # a wrong name is told before the part is built
     made = catalogue.make_design(source, param)
     if measured is not None:
         from cuspline.refixturing import read_measured, refixtured_setups
         made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
+    chosen = catalogue.find_machine(machine if machine is not None else made.machine)
+    if post is not None:
+        catalogue.find_post(post)
+        chosen = chosen.model_copy(update={"control": chosen.control.model_copy(update={"post": post})})
+    library = catalogue.find_library(cutters)
     folder = out if out is not None else Path("outputs") / made.name
     result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
                                        accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)

@@ -1,7 +1,7 @@
 """A Design: the B-rep with what must be known to cut it. The truth is the B-rep."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Callable, Literal
 
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
@@ -9,9 +9,11 @@ from pydantic import Field, model_serializer, model_validator
 from cuspline.cutters import Model
 from cuspline.errors import DesignError
 from cuspline.frames import Frame
+from cuspline.surfaces.circular_tip import CircularTip
 
 
 UNIT = 1e-9               # how exact unit vectors must be
+DEFAULT_MACHINE = "mill_3axis"
 
 
 class Parameters(Model):
@@ -150,6 +152,14 @@ class Setup(Model):
         return Frame(rotation=np.column_stack([x, np.cross(z, x), z]), origin_mm=np.zeros(3))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Companion:
+    """A shape that is written beside the part and is not cut: an assembly it belongs to."""
+
+    name: str                   # its file is <design>.<name>.step
+    make: Callable              # function () -> TopoDS shape, millimetres; called when the file is written
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
     """A part ready to be planned."""
@@ -163,6 +173,9 @@ class Design:
     stock: StockBox
     finish: Finish
     setups: tuple[Setup, ...]
+    tip: CircularTip | None = None          # a vane's tip in closed form, part coordinates; None: any other part
+    machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
+    companions: tuple[Companion, ...] = ()
 
     def __post_init__(self):
         known = {p.name for p in self.predicates}

@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_serializer, model_validator
 
 from cuspline.cutters import Model, first_complaint
 from cuspline.errors import InputError
@@ -40,9 +40,19 @@ class Control(Model):
     decimals_feed: int = Field(1, ge=0, le=3)
     line_length: int = Field(252, ge=40, description="longest block the control takes, characters")
     program_store_bytes: int = Field(gt=0)
+    sub_programs: bool = Field(True, description="repeated passes as sub-programs and calls; false: move by move")
     path_tolerance_mm: float = Field(gt=0, description="blending tolerance programmed with G64 P")
     arc_max_radius_mm: float = Field(1e4, gt=0, description="flatter arcs go out as lines")
     arc_min_length_mm: float = Field(1e-3, gt=0, description="shorter arcs go out as lines")
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_usual(self, dump):
+        return {k: v for k, v in dump(self).items() if (k, v) != ("sub_programs", True)}
+
+    @property
+    def resolution_mm(self):
+        """One step of the last decimal of a length."""
+        return 10.0 ** -self.decimals_mm if self.units == "mm" else 25.4 * 10.0 ** -self.decimals_inch
 
 
 class Machine(Model):

@@ -113,6 +113,9 @@ class MoveWriter:
         self.here_mm = self.start_mm.copy()
         self._rows = []
 
+    def __len__(self):
+        return len(self._rows)
+
     def _add(self, kind, end_mm, center_mm, plane, feed):
         self.here_mm = np.array(end_mm, dtype=float)
         self._rows.append((kind, self.here_mm, center_mm, plane, feed))
@@ -150,6 +153,7 @@ class Operation:
     spindle_rpm: float
     coolant: str              # "off", "mist", "flood"
     moves: Moves
+    passes: object = None     # pass_templates.TemplatedPasses that come to the same moves; None: only the moves
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

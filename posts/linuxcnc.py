@@ -1,37 +1,16 @@
-"""Post for LinuxCNC (RS-274/NGC), three axes.
+"""Post for LinuxCNC (RS-274/NGC), three axes; repeated passes as O-word sub-programs.
 
-Blocks are built as lists of words first and joined to text second.  Facts of the controller that
-this post respects: units on a line of their own before anything else; every line below the
-machine's line length; a path tolerance always with G64 (a bare G64 cuts corners by millimetres);
-arc radii compared after rounding, arcs it would refuse cut into chords; M2 at the end.
+Facts of the controller that this post respects: units on a line of their own before anything else; every line
+below the machine's line length; a path tolerance always with G64 (a bare G64 cuts corners by millimetres); arc
+radii compared after rounding, arcs it would refuse cut into chords; sub-programs before their first call; M2 at the end.
 """
 
-import math
-from dataclasses import dataclass
-
-import numpy as np
-
-from cuspline.errors import PostError
-from cuspline.program import Kind, Plane
+from cuspline.posts._program_files import Dialect, posted
+from cuspline.posts._sub_programs import Variables
 
 EXTENSION = "ngc"
+READER = "rs274_reader"
 TOLERANCE_DECIMALS = 7
-INCH_MM = 25.4
-# LinuxCNC refuses an arc whose radii at start and end differ by more than 0.0283 mm and 0.1 %
-# (0.0014 in); a tenth of that leaves room for what other versions may ask
-ARC_RADIUS_MISMATCH_MM = 0.00283
-PLANE_WORD = {Plane.XY: "G17", Plane.ZX: "G18", Plane.YZ: "G19"}
-NEARLY_FULL_RAD = math.radians(350)     # rounding must not turn a full circle into none: two halves
-COOLANT_WORD = {"off": "M9", "mist": "M7", "flood": "M8"}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Posted:
-    """A posted program and what the post had to do to it."""
-
-    text: str
-    arcs_as_lines: int          # arcs that went out as G1 because the rounded block would be refused
-    largest_rounding_mm: float  # largest distance of a rounded end point from the planned one
 
 
 def post(program, machine):
@@ -46,221 +25,43 @@ def post(program, machine):
         PostError: a line longer than the control takes, a spindle speed outside the machine's range, a
             feed that rounds to nothing, an operation that does not start and end at the clearance height.
     """
-    writer = _Writer(machine)
-    _head(writer, program)
-    for number, operation in enumerate(program.operations, 1):
-        _operation(writer, program, operation, number)
-    writer.block("M5")
-    writer.block("M9")
-    writer.block("G53", "G0", "Z0")
-    writer.block("M2")
-    text = "\n".join(writer.lines) + "\n"
-    _check_lines(writer.lines, machine)
-    return Posted(text=text, arcs_as_lines=writer.arcs_as_lines, largest_rounding_mm=writer.largest_rounding_mm)
+    return posted(program, machine, _LinuxCNC())
 
 
-def _head(writer, program):
-    """Comments, then a known state: units, plane, absolute, no compensation, path tolerance."""
-    control = writer.machine.control
-    for line in program.header:
-        writer.comment(line)
-    writer.block("G21" if control.units == "mm" else "G20")
-    writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80")
-    writer.block("G64", "P" + writer.length(control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
-    writer.block(program.wcs)
+class _LinuxCNC(Dialect):
+    """O-words; #1 to #30 are a call's own."""
 
+    point = ""
+    variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
 
-def _operation(writer, program, operation, number):
-    """Tool change at the top of the machine, spindle and length offset before anything moves down."""
-    tool, spindle = operation.tool, writer.machine.spindle
-    if not spindle.min_rpm <= operation.spindle_rpm <= spindle.max_rpm:
-        raise PostError(f"operation {operation.name}: {operation.spindle_rpm:.0f} rpm, the spindle of "
-                        f"{writer.machine.name} runs {spindle.min_rpm:.0f} to {spindle.max_rpm:.0f} rpm")
-    writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
-    if writer.tool != tool.number:
+    def head(self, writer, program, file_number):
+        """Comments, then a known state: units, plane, absolute, no compensation, path tolerance."""
+        control = writer.machine.control
+        for line in program.header:
+            writer.comment(line)
+        writer.block("G21" if control.units == "mm" else "G20")
+        writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80")
+        writer.block("G64", "P" + writer.length(control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
+        writer.block(program.wcs)
+
+    def up(self, writer):
+        writer.block("G53", "G0", "Z0")
+
+    def foot(self, writer):
         writer.block("M5")
         writer.block("M9")
-        writer.block("G53", "G0", "Z0")
-        writer.block(f"T{tool.number}", "M6")
-        writer.block("G43", f"H{tool.number}")
-        writer.tool = tool.number
-    writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
-    writer.block(COOLANT_WORD[operation.coolant])
-    writer.forget_position()
-    _moves(writer, program, operation.moves)
+        self.up(writer)
+        writer.block("M2")
 
+    def sub_program(self, writer, label, comment, blocks):
+        writer.comment(comment.upper())
+        writer.block(f"o{label} sub")
+        for block in blocks:
+            writer.block(block)
+        writer.block(f"o{label} endsub")
 
-def _moves(writer, program, moves):
-    """The start above the work, then every move; XY before Z, so that nothing is cut on the way."""
-    for what, z in (("starts", moves.start_mm[2]), ("ends", moves.end_mm[-1, 2] if len(moves) else np.inf)):
-        if z < program.clearance_z_mm - 1e-6:
-            raise PostError(f"an operation {what} at Z{z:.3f}, below the clearance height "
-                            f"Z{program.clearance_z_mm:.3f}: begin and end operations above the work")
-    writer.block("G0", *writer.words(moves.start_mm, (0, 1)))
-    writer.block("G0", *writer.words(moves.start_mm, (2,)))
-    writer.here_mm = moves.start_mm
-    for k in range(len(moves)):
-        writer.move(moves.kind[k], moves.end_mm[k], moves.center_mm[k], moves.plane[k], moves.feed_mm_per_min[k])
+    def call(self, label, numbers):
+        return f"o{label} call " + " ".join(f"[{n}]" for n in numbers)
 
-
-class _Writer:
-    """Lines so far and the modal state that the control is in."""
-
-    def __init__(self, machine):
-        self.machine = machine
-        control = machine.control
-        self.scale = 1.0 if control.units == "mm" else 1.0 / INCH_MM
-        self.decimals = control.decimals_mm if control.units == "mm" else control.decimals_inch
-        self.lines, self.tool = [], None
-        self.here_mm = np.zeros(3)
-        self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
-        self.plane, self.feed = Plane.XY, None
-        self.forget_position()
-
-    def forget_position(self):
-        """After a tool change every axis word is written again."""
-        self.motion, self.axis_words = None, [None] * 3
-
-    def block(self, *words):
-        self.lines.append(" ".join(words))
-
-    def comment(self, text):
-        """ASCII, no nested brackets, split to the line length."""
-        clean = " ".join(text.translate({ord("("): "[", ord(")"): "]"}).encode("ascii", "replace").decode().split())
-        room = self.machine.control.line_length - 4
-        for k in range(0, max(len(clean), 1), room):
-            self.lines.append(f"({clean[k:k + room]})")
-
-    def length(self, value_mm, decimals=None):
-        """A length as the control reads it; never an exponent, never minus zero."""
-        text = f"{value_mm * self.scale:.{decimals or self.decimals}f}"
-        text = text.rstrip("0").rstrip(".") if "." in text else text
-        return "0" if text in ("-0", "") else text
-
-    def rounded_mm(self, value_mm):
-        """What the control will read, in mm."""
-        return round(value_mm * self.scale, self.decimals) / self.scale
-
-    def words(self, point_mm, axes=(0, 1, 2)):
-        """Axis words that differ from where the control stands."""
-        out = []
-        for k in axes:
-            text = self.length(point_mm[k])
-            if text != self.axis_words[k]:
-                out.append("XYZ"[k] + text)
-                self.axis_words[k] = text
-        return out
-
-    def move(self, kind, end_mm, center_mm, plane, feed):
-        self.largest_rounding_mm = max(self.largest_rounding_mm,
-                                       math.dist([self.rounded_mm(v) for v in end_mm], end_mm))
-        if kind >= Kind.ARC_CW:
-            self._curved(kind, end_mm, center_mm, Plane(plane), feed)
-        else:
-            self._straight("G0" if kind == Kind.RAPID else "G1", end_mm, feed)
-
-    def _straight(self, motion, end_mm, feed):
-        words = self.words(end_mm)
-        if words:
-            self.block(*self._motion(motion), *words, *(self._feed(feed) if motion == "G1" else ()))
-        self.here_mm = np.asarray(end_mm)
-
-    def _curved(self, kind, end_mm, center_mm, plane, feed):
-        """An arc as the control takes it: whole, in two halves, or as chords within the path tolerance."""
-        arc = _Arc(self.here_mm, end_mm, center_mm, plane, kind)
-        if arc.sweep_rad > NEARLY_FULL_RAD:
-            self._curved(kind, arc.at(0.5), center_mm, plane, feed)
-            self._curved(kind, end_mm, center_mm, plane, feed)
-        elif self._arc_is_accepted(end_mm, center_mm, plane):
-            self._arc(kind, end_mm, center_mm, plane, feed)
-        else:
-            self.arcs_as_lines += 1
-            for point in arc.chords(self.machine.control.path_tolerance_mm):
-                self._straight("G1", point, feed)
-
-    def _motion(self, word):
-        """The motion word where it changes."""
-        if word == self.motion:
-            return ()
-        self.motion = word
-        return (word,)
-
-    def _feed(self, feed_mm_per_min):
-        text = f"{feed_mm_per_min * self.scale:.{self.machine.control.decimals_feed}f}"
-        if float(text) == 0:
-            raise PostError(f"a feed of {feed_mm_per_min:g} mm/min is nothing with "
-                            f"{self.machine.control.decimals_feed} decimals: raise it, or decimals_feed")
-        if text == self.feed:
-            return ()
-        self.feed = text
-        return ("F" + text,)
-
-    def _arc_words(self, end_mm, center_mm, plane):
-        """Rounded start, end and centre offsets of an arc in its plane, mm."""
-        a, b, _ = plane.axes
-        start = [self.rounded_mm(self.here_mm[k]) for k in (a, b)]
-        end = [self.rounded_mm(end_mm[k]) for k in (a, b)]
-        offset = [self.rounded_mm(center_mm[k] - s) for k, s in zip((a, b), start)]
-        return start, end, offset
-
-    def _arc_is_accepted(self, end_mm, center_mm, plane):
-        """The controller's own rule on the rounded words: both radii agree, the arc has a length."""
-        control = self.machine.control
-        start, end, offset = self._arc_words(end_mm, center_mm, plane)
-        r0 = math.hypot(*offset)
-        r1 = math.hypot(end[0] - start[0] - offset[0], end[1] - start[1] - offset[1])
-        chord = math.dist(start, end)
-        return (abs(r0 - r1) <= ARC_RADIUS_MISMATCH_MM and control.arc_min_length_mm < chord
-                and r0 <= control.arc_max_radius_mm)
-
-    def _arc(self, kind, end_mm, center_mm, plane, feed):
-        if plane != self.plane:
-            self.block(PLANE_WORD[plane])
-            self.plane = plane
-        a, b, third = plane.axes
-        _, _, offset = self._arc_words(end_mm, center_mm, plane)
-        names = {0: "I", 1: "J", 2: "K"}
-        # an arc names both its axes: some controls take a missing one for a full circle
-        for k in (a, b):
-            self.axis_words[k] = None
-        words = self.words(end_mm, sorted((a, b)) + ([third] if abs(end_mm[third] - self.here_mm[third]) > 1e-9 else []))
-        centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
-        self.block(*self._motion("G2" if kind == Kind.ARC_CW else "G3"), *words, *centre, *self._feed(feed))
-        self.here_mm = np.asarray(end_mm)
-
-
-class _Arc:
-    """Points along an arc or helix of the Program."""
-
-    def __init__(self, start_mm, end_mm, center_mm, plane, kind):
-        self.start_mm, self.end_mm, self.center_mm, self.plane = start_mm, np.asarray(end_mm), center_mm, plane
-        a, b, _ = plane.axes
-        x, y = start_mm[a] - center_mm[a], start_mm[b] - center_mm[b]
-        u, v = end_mm[a] - center_mm[a], end_mm[b] - center_mm[b]
-        self.radius_mm, self.from_rad = math.hypot(x, y), math.atan2(y, x)
-        self.side = -1.0 if kind == Kind.ARC_CW else 1.0
-        sweep = self.side * (math.atan2(v, u) - self.from_rad) % (2 * math.pi)
-        self.sweep_rad = sweep if sweep > 1e-9 else 2 * math.pi
-
-    def at(self, share):
-        """Point after a share of the sweep."""
-        a, b, third = self.plane.axes
-        angle = self.from_rad + self.side * share * self.sweep_rad
-        point = np.empty(3)
-        point[a] = self.center_mm[a] + self.radius_mm * math.cos(angle)
-        point[b] = self.center_mm[b] + self.radius_mm * math.sin(angle)
-        point[third] = self.start_mm[third] + share * (self.end_mm[third] - self.start_mm[third])
-        return point
-
-    def chords(self, tolerance_mm):
-        """End points of the chords that stay within the tolerance, the arc's own end last."""
-        largest = 2 * math.acos(max(1 - tolerance_mm / max(self.radius_mm, tolerance_mm), 0.0))
-        count = math.ceil(self.sweep_rad / largest)
-        return [self.at(k / count) for k in range(1, count)] + [self.end_mm]
-
-
-def _check_lines(lines, machine):
-    for number, line in enumerate(lines, 1):
-        if len(line) >= machine.control.line_length:
-            raise PostError(f"line {number} has {len(line)} characters, {machine.name} takes fewer than "
-                            f"{machine.control.line_length}")
+    def setting(self, block, comment):
+        return f"{block} ({comment})"

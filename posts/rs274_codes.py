@@ -8,8 +8,8 @@ from typing import NamedTuple
 from cuspline.posts.rs274_expressions import Complaint
 
 ORDER = ("feed mode", "feed", "speed", "select tool", "tool change", "spindle", "coolant", "plane",
-         "units", "cutter compensation", "tool length", "work offset", "path control", "distance",
-         "arc distance", "canned cycle", "non-modal", "motion", "move", "stopping")
+         "units", "cutter compensation", "tool length", "work offset", "path control", "corner mode", "distance",
+         "reference", "arc distance", "canned cycle", "non-modal", "motion", "move", "stopping")
 
 
 class Code(NamedTuple):

@@ -1,8 +1,9 @@
-"""Values in RS-274 text: numbers, #parameters, and + - * / in brackets.
+"""Values in RS-274 text: numbers, #parameters, + - * / in brackets, and SQRT[...].
 
 A value read here is a float, or a function of the parameters that are set when its block is executed.
 """
 
+import math
 import operator
 import re
 
@@ -47,7 +48,7 @@ class Scanner:
         found = NUMBER.match(self.code, self.at)
         if not found:
             raise Complaint(f'a number expected, "{self.code[self.at:]}" found',
-                            "write digits, #parameter, or an expression of + - * / in brackets")
+                            "write digits, #parameter, an expression of + - * / in brackets, or SQRT[...]")
         self.at = found.end()
         return float(found[0])
 
@@ -60,6 +61,9 @@ def value_at(scanner):
         return value_at(scanner)
     if scanner.take("#"):
         return _parameter(value_at(scanner))
+    if scanner.code.startswith("sqrt[", scanner.at):
+        scanner.at += len("sqrt")
+        return _root(value_at(scanner))
     if scanner.take("["):
         inside = _sum_at(scanner)
         scanner.expect("]")
@@ -86,6 +90,15 @@ def _joined(operate, left, right):
             return operate(evaluated(left, parameters), evaluated(right, parameters))
         except ZeroDivisionError:
             raise Complaint("a division by zero", "check the parameters of this call") from None
+    return value
+
+
+def _root(inside):
+    def value(parameters):
+        number = evaluated(inside, parameters)
+        if number < 0:
+            raise Complaint(f"the square root of {number:g}", "check the parameters of this call")
+        return math.sqrt(number)
     return value
 
 

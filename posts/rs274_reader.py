@@ -45,7 +45,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     ([9.0, 2.0, 3.0], [2, 3])
     """
     blocks = blocks_of(text)
-    controller = _Controller(work_offsets, tool_lengths)
+    controller = Controller(work_offsets, tool_lengths, code_of)
     for block, words in executed(blocks):
         try:
             controller.execute(block, words)
@@ -59,10 +59,12 @@ def read_program(text, *, work_offsets, tool_lengths):
     return controller.posted_moves()
 
 
-class _Controller:
+class Controller:
     """The modal state, block after block, and the moves made so far."""
 
-    def __init__(self, work_offsets, tool_lengths):
+    def __init__(self, work_offsets, tool_lengths, code_of):
+        """`code_of`: function (letter, number) -> rs274_codes.Code of what the control knows."""
+        self.code_of = code_of
         self.work_offsets, self.tool_lengths = work_offsets, tool_lengths
         self.tip = UNKNOWN                  # in the active WCS
         self.unit_mm = None                 # the text has to say it
@@ -89,7 +91,7 @@ class _Controller:
         codes, values = [], {}
         for letter, value in words:
             if letter in "gm":
-                codes.append(code_of(letter, value))
+                codes.append(self.code_of(letter, value))
                 continue
             if letter in values:
                 raise Complaint(f"two {letter.upper()} words", "leave one of them")
@@ -105,10 +107,10 @@ class _Controller:
     def _steps(self, codes, values):
         """The block's codes in the order of execution, with the move where there is one."""
         motion = next((code.name for code in codes if code.group == "motion"), "")
-        is_length_given = any(code.name == "G43.1" for code in codes)
-        is_move = motion or not (is_length_given or MOVING_LETTERS.isdisjoint(values))
-        if is_length_given and motion:
-            raise Complaint(f"G43.1 and {motion} share one Z", "write two blocks")
+        has_axes = next((code.name for code in codes if code.name in ("G43.1", "G28")), "")
+        is_move = motion or not (has_axes or MOVING_LETTERS.isdisjoint(values))
+        if has_axes and motion:
+            raise Complaint(f"{has_axes} and {motion} share one Z", "write two blocks")
         taken = TAKEN_BY_MOTION[motion or self.motion] if is_move else TAKEN_ALWAYS
         if not values.keys() <= taken:
             _refuse_unused(values.keys() - taken.union(*(code.takes for code in codes)))
@@ -188,6 +190,15 @@ class _Controller:
             raise Complaint("G64 without P lets the machine leave the path by any amount",
                             "write the tolerance: G64 P0.01")
 
+    def go_home(self, name, values):
+        """G28: rapid to the machine's reference, its zero, in the axes named; only from where they stand."""
+        axes = [c for c in "xyz" if c in values]
+        if not axes or self.is_absolute or any(values[c] for c in axes):
+            raise Complaint("G28 by way of another place", "write G91 G28 Z0. (and X0. Y0.), then G90")
+        shift = (*self.offset[:2], self.offset[2] + self.length_mm)
+        start, end = self.tip, tuple(-s if c in axes else t for c, s, t in zip("xyz", shift, self.tip))
+        self._add(Kind.RAPID, start, end, UNKNOWN, 0, 0.0)
+
     def set_distance(self, name, values):
         self.is_absolute = name == "G90"
 
@@ -220,6 +231,9 @@ class _Controller:
         else:
             end, center, turns, length_mm = self._arc(kind == Kind.ARC_CW, start, end, values)
         feed = self._feed(length_mm, values) if kind != Kind.RAPID else 0.0
+        self._add(kind, start, end, center, turns, feed)
+
+    def _add(self, kind, start, end, center, turns, feed):
         machine = [t + o for t, o in zip(end, self.offset)]
         machine[2] += self.length_mm
         self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
@@ -334,14 +348,15 @@ def _refuse_unused(letters):
 
 
 ACTIONS = {
-    "feed mode": _Controller.set_feed_mode, "feed": _Controller.set_feed, "speed": _Controller.set_speed,
-    "select tool": _Controller.select_tool, "tool change": _Controller.change_tool,
-    "spindle": _Controller.turn_spindle, "coolant": _Controller.pass_over,
-    "plane": _Controller.set_plane, "units": _Controller.set_units,
-    "cutter compensation": _Controller.pass_over, "tool length": _Controller.set_length,
-    "work offset": _Controller.set_wcs, "path control": _Controller.set_path_control,
-    "distance": _Controller.set_distance, "arc distance": _Controller.set_arc_distance,
-    "canned cycle": _Controller.cancel_cycle,
-    "non-modal": _Controller.do_once, "motion": _Controller.set_motion,
-    "move": _Controller.move, "stopping": _Controller.stop,
+    "feed mode": Controller.set_feed_mode, "feed": Controller.set_feed, "speed": Controller.set_speed,
+    "select tool": Controller.select_tool, "tool change": Controller.change_tool,
+    "spindle": Controller.turn_spindle, "coolant": Controller.pass_over,
+    "plane": Controller.set_plane, "units": Controller.set_units,
+    "cutter compensation": Controller.pass_over, "tool length": Controller.set_length,
+    "work offset": Controller.set_wcs, "path control": Controller.set_path_control,
+    "corner mode": Controller.pass_over, "reference": Controller.go_home,
+    "distance": Controller.set_distance, "arc distance": Controller.set_arc_distance,
+    "canned cycle": Controller.cancel_cycle,
+    "non-modal": Controller.do_once, "motion": Controller.set_motion,
+    "move": Controller.move, "stopping": Controller.stop,
 }

@@ -1,0 +1,2 @@
+class EightTerm:
+    pass

@@ -1,0 +1,271 @@
+"""Cell tables of RFQs: a CSV with units in its header, PARMTEQM's output text, or cells reckoned from a law.
+
+What a table can contradict itself in is looked at here: cells that overlap, lengths and apertures in another unit
+than the header says, values out of their range.  Every refusal names the cell.
+"""
+
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.constants import c as LIGHT_M_PER_S, physical_constants
+
+from cuspline.designs._rfq_potential import aperture_of_r0_mm
+from cuspline.errors import DesignError, InputError
+
+AMU_MEV = physical_constants["atomic mass constant energy equivalent in MeV"][0]
+UNIT_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+KINDS = {"": "accelerating", "R": "matching", "T": "transition", "M": "straight", "F": "fringe"}
+PLACE_ROUNDING_MM = 0.11        # PARMTEQM prints Z to 0.01 cm; the sum of the lengths may drift by that
+SPEED_SHARE = 0.5               # a cell's length may be off half the way of a particle by so much before it is another unit
+# columns of PARMTEQM's table behind the cell's number
+PARMTEQM_COLUMNS = ("V", "Wsyn", "Sig0T", "Sig0L", "A10", "Phi", "a", "m", "B", "L", "Z", "A0", "RFdef", "Oct", "A1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """One cell of an RFQ."""
+
+    number: int
+    kind: str                   # a value of KINDS
+    aperture_mm: float          # a, the smallest distance of a tip from the axis; in a matching cell that at its end
+    modulation: float           # m
+    length_mm: float            # L
+    energy_mev: float | None = None     # of the synchronous particle at its end
+    end_mm: float | None = None         # Z as the table says it, from the wall where the beam enters
+    a10: float | None = None            # acceleration term as the table says it (circular tips' multipole)
+    a01: float | None = None            # quadrupole term, likewise
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellTable:
+    """The cells of one RFQ in the order of the beam, the first one at the wall where the beam enters."""
+
+    name: str
+    cells: tuple[Cell, ...]
+
+    def __post_init__(self):
+        kinds = [c.kind for c in self.cells]
+        if "accelerating" not in kinds:
+            raise InputError(f"{self.name}: there is no accelerating cell in the table")
+        order = [list(KINDS.values()).index(k) if k != "accelerating" else 0.5 for k in kinds]
+        ranks = [0.0 if k == "matching" else r for k, r in zip(kinds, order)]
+        for before, cell, a, b in zip(self.cells, self.cells[1:], ranks, ranks[1:]):
+            if b < a:
+                raise InputError(f"{self.name}, cell {cell.number}: a cell of kind {cell.kind} cannot follow one of kind "
+                                 f"{before.kind}; the order is matching, accelerating, transition, straight, fringe")
+
+    def of_kind(self, kind):
+        """Tuple of the cells of one kind."""
+        return tuple(c for c in self.cells if c.kind == kind)
+
+    @property
+    def starts_mm(self):
+        """(n,) where each cell begins, from the wall where the beam enters."""
+        return np.cumsum([0.0] + [c.length_mm for c in self.cells])[:-1]
+
+    @property
+    def r0_end_mm(self):
+        """Aperture that the matching section ends with; the first accelerating cell's own where there is none."""
+        matching = self.of_kind("matching")
+        return matching[-1].aperture_mm if matching else None
+
+
+def read_table(path):
+    """A CellTable from a CSV or from PARMTEQM's output text, told apart by what stands in it.
+
+    Args:
+        path: file.  A CSV has a header row whose names carry units, as `a[cm]`, and the columns cell, a, m, L at
+            least; Z and Wsyn are checked where they stand.  Rows may begin with #.
+    Raises:
+        InputError: missing file, no table in it, a value that cannot be; names the cell.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(errors="replace")
+    except OSError as error:
+        raise InputError(f"cell table {path} cannot be read ({error.strerror})") from None
+    rows = _parmteqm_rows(path.name, text) if _is_parmteqm(text) else _csv_rows(path.name, text)
+    cells = [_cell(path.name, row) for row in rows]
+    _refuse_gaps(path.name, cells)
+    return CellTable(name=path.name, cells=tuple(c for c in cells if c.length_mm > 0))
+
+
+def _is_parmteqm(text):
+    return text.lstrip().lower().startswith("parmteqm") or "RFQ parameters for each cell" in text
+
+
+# PARMTEQM ------------------------------------------------------------------------------------------
+
+
+def _parmteqm_rows(name, text):
+    """[{column: text}] between the two headings of PARMTEQM's table; lengths in cm."""
+    blocks = re.split(r"^ *Cell +V +Wsyn.*$", text, flags=re.MULTILINE)
+    if len(blocks) < 2:
+        raise InputError(f"{name}: PARMTEQM's table is not there (a line 'Cell  V  Wsyn ...' begins it)")
+    rows = []
+    for line in blocks[1].splitlines():
+        found = re.match(r" *(\d+)([A-Z]?) +(.*)$", line)
+        if not found:
+            continue
+        number, letter, values = int(found[1]), found[2], found[3].split()
+        row = {"cell": f"{number}{letter}", "_unit": "cm"}
+        if letter == "F":                           # V, phase advance, A10, m, L, Z: it has no aperture
+            row |= dict(zip(("V", "m", "L", "Z"), (values[0], *values[-3:])))
+        else:
+            row |= dict(zip(PARMTEQM_COLUMNS, values))
+        rows.append(row)
+    if not rows:
+        raise InputError(f"{name}: PARMTEQM's table holds no cells")
+    return rows
+
+
+# CSV -----------------------------------------------------------------------------------------------
+
+
+def _csv_rows(name, text):
+    """[{column without unit: text}] of a CSV; `_unit` is that of a, L and Z."""
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    reader = csv.reader(lines)
+    header = next(reader, [])
+    columns = [re.match(r"([^\[]*)(?:\[(.*)\])?$", h.strip()) for h in header]
+    names = [c[1].strip() if c else "" for c in columns]
+    units = {c[1].strip(): c[2] for c in columns if c}
+    missing = [c for c in ("cell", "a", "m", "L") if c not in names]
+    if missing:
+        raise InputError(f"{name}: the table has no column {missing[0]!r}; it needs cell, a, m and L, with units as "
+                         "a[cm] or a[mm]")
+    given = {units[c] for c in ("a", "L", "Z") if c in units}
+    if len(given) != 1 or None in given or not given <= set(UNIT_MM):
+        raise InputError(f"{name}: the columns a, L and Z must all carry one unit, one of {', '.join(UNIT_MM)}, as in "
+                         f"a[cm]; the header says {', '.join(sorted(map(str, given)))}")
+    return [{**dict(zip(names, values)), "_unit": next(iter(given))} for values in reader]
+
+
+# cells ---------------------------------------------------------------------------------------------
+
+
+def _cell(name, row):
+    found = re.match(r"(\d+)([A-Z]?)$", row["cell"].strip())
+    if not found or found[2] not in KINDS:
+        raise InputError(f"{name}: {row['cell']!r} is no cell: a number, and behind it nothing or one of "
+                         + ", ".join(k for k in KINDS if k))
+    number, kind = int(found[1]), KINDS[found[2]]
+
+    def value(column, is_needed=False):
+        text = (row.get(column) or "").strip()
+        if not text and not is_needed:
+            return None
+        try:
+            return float(text)
+        except ValueError:
+            raise InputError(f"{name}, cell {number}: column {column} holds {text!r}, a number is needed") from None
+
+    scale = UNIT_MM[row["_unit"]]
+    length = value("L", number > 0) or 0.0
+    aperture = value("a", number > 0 and kind != "fringe")
+    modulation = value("m", kind == "accelerating" and number > 0) or 1.0
+    end = value("Z")
+    if number > 0 and length <= 0:
+        raise InputError(f"{name}, cell {number}: its length is {length:g}, it must be above 0")
+    if aperture is not None and aperture <= 0:
+        raise InputError(f"{name}, cell {number}: its aperture is {aperture:g}, it must be above 0")
+    if modulation < 1:
+        raise InputError(f"{name}, cell {number}: its modulation is {modulation:g}, it is 1 or above")
+    return Cell(number=number, kind=kind, aperture_mm=(aperture or 0.0) * scale, modulation=modulation,
+                length_mm=length * scale, energy_mev=value("Wsyn"), end_mm=None if end is None else end * scale,
+                a10=value("A10"), a01=value("A0"))
+
+
+def _refuse_gaps(name, cells):
+    """Cells must follow each other: by their numbers, and where the table says where they end, in place."""
+    end = 0.0
+    for before, cell in zip([None, *cells], cells):
+        if before is not None and cell.number != before.number + 1:
+            raise InputError(f"{name}, cell {cell.number}: it follows cell {before.number}; cells are numbered one by one")
+        if cell.end_mm is not None and cell.length_mm > 0:
+            begins = cell.end_mm - cell.length_mm
+            if abs(begins - end) > PLACE_ROUNDING_MM:
+                what = "overlaps" if begins < end else "leaves a gap behind"
+                raise InputError(
+                    f"{name}, cell {cell.number}: it {what} cell {cell.number - 1}: it is {cell.length_mm:.3f} mm long and "
+                    f"ends at {cell.end_mm:.3f} mm, so it begins at {begins:.3f} mm, but the cell before ends at "
+                    f"{end:.3f} mm; correct L or Z")
+        end = cell.end_mm if cell.end_mm is not None else end + cell.length_mm
+
+
+def half_wave_mm(energy_mev, mass_amu, frequency_mhz):
+    """Way of a particle in half an RF period: beta lambda / 2, relativistic."""
+    rest = mass_amu * AMU_MEV
+    gamma = 1.0 + energy_mev / rest
+    return np.sqrt(1.0 - gamma ** -2) * LIGHT_M_PER_S / (2.0 * frequency_mhz * 1e6) * 1e3
+
+
+def refuse_wrong_units(table, mass_amu, frequency_mhz):
+    """Compare every accelerating cell's length with half the way of its particle in an RF period.
+
+    Raises:
+        InputError: it is off by so much that the table must be in another unit, or for another ion or frequency.
+    """
+    for cell in table.of_kind("accelerating"):
+        if cell.energy_mev is None:
+            continue
+        wanted = half_wave_mm(cell.energy_mev, mass_amu, frequency_mhz)
+        ratio = cell.length_mm / wanted
+        if abs(ratio - 1.0) > SPEED_SHARE:
+            unit = next((f"the table's lengths look {a} times {b}: its header may say cm for mm, or mm for cm"
+                         for a, b, f in (("10", "too large", 10.0), ("10", "too small", 0.1))
+                         if abs(ratio / f - 1.0) <= SPEED_SHARE), "check frequency_mhz, ion_mass_amu and the table's units")
+            raise InputError(
+                f"{table.name}, cell {cell.number}: it is {cell.length_mm:.4g} mm long, but at {cell.energy_mev:g} MeV "
+                f"{mass_amu:g} amu go {wanted:.4g} mm in half a period of {frequency_mhz:g} MHz; {unit}")
+
+
+# a law ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellLaw:
+    """What an RFQ's cells are reckoned from where there is no table."""
+
+    frequency_mhz: float
+    mass_amu: float
+    charge: float
+    energy_mev: float           # of the ion as it enters
+    voltage_kv: float           # between vanes
+    r0_mm: float
+    modulation_max: float
+    cells: int                  # accelerating ones
+    ramp_cells: int             # over which modulation and phase rise
+    matching_cells: int
+    phase_deg: float            # synchronous phase behind the ramp; it begins at -90
+
+
+def table_of_law(law, name="law"):
+    """Cells along which a synchronous particle is carried: m from 1 and the phase from -90 degrees rise evenly.
+
+    Energy gain of a cell: q (pi/4) A10 V cos(phase); length: half the way of the particle in a period.  The aperture
+    follows from r0, m and L.
+    Source: Crandall, Stokes and Wangler's two-term potential (FORMULAS 1b); the rise is ours.
+    """
+    energy, cells = law.energy_mev, []
+    length = half_wave_mm(energy, law.mass_amu, law.frequency_mhz)
+    for k in range(law.matching_cells):
+        share = (k + 1) / law.matching_cells
+        cells.append(Cell(number=k + 1, kind="matching", modulation=1.0, length_mm=float(length), energy_mev=energy,
+                          aperture_mm=float(law.r0_mm / np.sin(np.pi / 2 * share) ** 1.5)))
+    for k in range(law.cells):
+        number, rise = law.matching_cells + k + 1, min((k + 1) / law.ramp_cells, 1.0)
+        m = 1.0 + (law.modulation_max - 1.0) * rise
+        phase = np.radians(-90.0 + (law.phase_deg + 90.0) * rise)
+        length = float(half_wave_mm(energy, law.mass_amu, law.frequency_mhz))
+        try:
+            a, a10 = aperture_of_r0_mm(law.r0_mm, m, length)
+        except DesignError as error:
+            raise DesignError(f"{name}, cell {number}: {error}") from None
+        energy += law.charge * np.pi / 4 * a10 * law.voltage_kv * 1e-3 * np.cos(phase)
+        cells.append(Cell(number=number, kind="accelerating", aperture_mm=float(a), modulation=float(m),
+                          length_mm=length, energy_mev=float(energy), a10=float(a10)))
+    return CellTable(name=name, cells=tuple(cells))

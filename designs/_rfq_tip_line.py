@@ -1,0 +1,327 @@
+r"""The tip line of a whole vane: cells put one behind the other, their joints blended, and a spline through it all.
+
+    each cell's own tip       ___                ___
+                             /   \__  step      /
+    the vane's               ‾‾‾‾   ‾‾\________/       from mid-cell to mid-cell value, slope and bend meet in the mean
+
+Two neighbouring cells have their own a, m and L, so their tips meet with a small step.  Half of it is given to each,
+over the half cell beside the joint; in mid-cell the tip is the cell's own.  x is the table's Z, mm from the wall where
+the beam enters.
+"""
+
+from dataclasses import dataclass
+from typing import Callable
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from cuspline.designs._rfq_eight_term import EightTerm
+from cuspline.designs._rfq_potential import (
+    MATCHING_ROOT, Transition, TwoTerm, equipotential_matcher_mm, thin_matcher_mm)
+from cuspline.errors import DesignError
+from cuspline.surfaces.circular_tip import CircularTip
+
+DEGREE = 5
+JOINT_KNOTS = 3                 # of one place: the blend is smooth to the second derivative there
+SPANS_A_HALF_CELL = 4
+FIT_MM = 1e-4                   # from the blended line and radius; the B-rep's poles are the spline's own
+FIT_ROUNDS = 5                  # doublings of a segment's spans
+LOOKS_A_SPAN = 12
+LOOKS_A_VANE = 20001
+DIFFERENCE = 1 / 400            # of a segment: step of the differences that give slope and bend at its ends
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """One cell's own tip; functions of (n,) mm from its beginning."""
+
+    name: str                   # "cell 36", "matching section"
+    start_mm: float
+    length_mm: float
+    aperture_mm: Callable       # distance of the crest from the axis
+    radius_mm: float            # transverse radius of the tip
+    spans: int = SPANS_A_HALF_CELL
+
+    @property
+    def end_mm(self):
+        return self.start_mm + self.length_mm
+
+    def ends(self):
+        """((value, slope, bend) at the beginning, the same at the end)."""
+        h = DIFFERENCE * self.length_mm
+        rows = []
+        for at in (0.0, self.length_mm):
+            f = self.aperture_mm(at + h * np.arange(-3, 4))
+            slope = np.dot(f, [-1, 9, -45, 0, 45, -9, 1]) / (60 * h)
+            bend = np.dot(f, [2, -27, 270, -490, 270, -27, 2]) / (180 * h * h)
+            rows.append(np.array([f[3], slope, bend]))
+        return rows
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TipLine:
+    """Aperture r(x) and transverse radius R(x) of one vane, blended."""
+
+    segments: tuple[Segment, ...]
+    from_mm: float              # the vane begins
+    to_mm: float                # and ends here, x of the table
+
+    def __post_init__(self):
+        ends = [s.ends() for s in self.segments]
+        jumps = [b[0] - a[1] for a, b in zip(ends, ends[1:])]
+        steps = [b.radius_mm - a.radius_mm for a, b in zip(self.segments, self.segments[1:])]
+        none = np.zeros(3)
+        object.__setattr__(self, "_before", [none, *(-j / 2 for j in jumps)])      # what a segment's beginning gives
+        object.__setattr__(self, "_behind", [*(j / 2 for j in jumps), none])
+        object.__setattr__(self, "_radius_before", [0.0, *(-s / 2 for s in steps)])
+        object.__setattr__(self, "_radius_behind", [*(s / 2 for s in steps), 0.0])
+
+    def _by_segment(self, x_mm, at):
+        """Values of a function (segment number, its segment, local z) of the segment that holds each x."""
+        x = np.asarray(x_mm, float)
+        starts = np.array([s.start_mm for s in self.segments])
+        owner = np.clip(np.searchsorted(starts, x, side="right") - 1, 0, len(starts) - 1)
+        out = np.empty(len(x))
+        for k in np.unique(owner):
+            rows = owner == k
+            out[rows] = at(k, self.segments[k], x[rows] - starts[k])
+        return out
+
+    def own_aperture_mm(self, x_mm):
+        """(n,) what the cell's own potential gives, without blending."""
+        return self._by_segment(x_mm, lambda k, s, z: s.aperture_mm(z))
+
+    def aperture_mm(self, x_mm):
+        """(n,) distance of the crest from the beam axis."""
+        def at(k, s, z):
+            half = s.length_mm / 2
+            return (s.aperture_mm(z) + _blend(self._before[k], 1 - z / half, -half)
+                    + _blend(self._behind[k], z / half - 1, half))
+        return self._by_segment(x_mm, at)
+
+    def radius_mm(self, x_mm):
+        """(n,) transverse radius of the tip."""
+        def at(k, s, z):
+            half = s.length_mm / 2
+            return (s.radius_mm + _blend(np.array([self._radius_before[k], 0, 0]), 1 - z / half, -half)
+                    + _blend(np.array([self._radius_behind[k], 0, 0]), z / half - 1, half))
+        return self._by_segment(x_mm, at)
+
+    def cell_at(self, x_mm):
+        """Name of the segment that holds x."""
+        starts = np.array([s.start_mm for s in self.segments])
+        return self.segments[int(np.clip(np.searchsorted(starts, x_mm, side="right") - 1, 0, len(starts) - 1))].name
+
+    def largest_blend(self):
+        """(mm, name of the segment): how far at most the blended tip lies from the cell's own."""
+        worst = max(((self._blend_of(k), k) for k in range(len(self.segments))), default=(0.0, 0))
+        return worst[0], self.segments[worst[1]].name
+
+    def _blend_of(self, k):
+        s = self.segments[k]
+        x = s.start_mm + s.length_mm * np.linspace(0.0, 1.0 - 1e-12, 101)
+        x = x[(x >= self.from_mm) & (x <= self.to_mm)]
+        return float(np.abs(self.aperture_mm(x) - self.own_aperture_mm(x)).max(initial=0.0))
+
+
+def _blend(gives, share, half_mm):
+    """Quintic that leaves nothing at share 0 and value, slope, bend as given at share 1; nothing below 0.
+
+    Args:
+        gives: (3,) value, slope, bend by x.
+        share: (n,) from the cell's middle (0) to its joint (1).
+        half_mm: x over share; negative toward the cell's beginning.
+    """
+    value, slope, bend = gives[0], gives[1] * half_mm, gives[2] * half_mm * half_mm
+    c0, c1 = value, slope - 3 * value
+    c2 = (bend - 6 * c0 - 6 * c1) / 2
+    t = np.clip(share, 0.0, None)
+    return t ** 3 * (c0 + c1 * (t - 1) + c2 * (t - 1) ** 2)
+
+
+# segments of a table --------------------------------------------------------------------------------------
+
+
+def tip_line(table, *, vane, law, matcher, radius_of, entry_aperture_mm, from_mm=None, to_mm=None):
+    """The tip line of one vane.
+
+    Args:
+        table: CellTable.
+        vane: "x" begins the first accelerating cell at its narrowest, "y" at its widest.
+        law: "two_term" or "eight_term".
+        matcher: "thin" or "equipotential": the matching section's profile.
+        radius_of: function (r0_mm of a cell) -> transverse radius of its tip.
+        entry_aperture_mm: the vane begins where the matching section has opened to this.
+        from_mm, to_mm: cut to this range of the table's Z; None: the vane's own ends.
+    Raises:
+        DesignError: a cell whose tip cannot be; names it.
+    """
+    segments, first = [], 0.0
+    matching, place = table.of_kind("matching"), 0.0
+    sign = 1 if vane == "x" else -1
+    if matching:
+        place = sum(c.length_mm for c in matching)
+        r0 = matching[-1].aperture_mm
+        segments.append(Segment(name="matching section", start_mm=0.0, length_mm=place, radius_mm=radius_of(r0),
+                                aperture_mm=_matcher(matcher, place, r0), spans=4 * SPANS_A_HALF_CELL))
+        first = _opening_mm(place, r0, entry_aperture_mm)
+    last = None
+    for cell in table.cells:
+        if cell.kind == "accelerating":
+            last = _named(cell, lambda: TwoTerm(aperture_mm=cell.aperture_mm, modulation=cell.modulation,
+                                                length_mm=cell.length_mm))
+            tip = last if law == "two_term" else _named(cell, lambda: EightTerm.fitted(last, radius_of(last.r0_mm)))
+            aperture, radius = _of(tip, sign), radius_of(last.r0_mm)
+            sign = -sign
+        elif cell.kind == "transition":
+            tip = Transition(aperture_mm=last.aperture_mm, modulation=last.modulation, r0_mm=cell.aperture_mm,
+                             length_mm=cell.length_mm)
+            aperture, radius = _of(tip, sign), radius_of(cell.aperture_mm)
+        elif cell.kind == "straight":
+            aperture, radius = (lambda z, a=cell.aperture_mm: np.full_like(z, a)), radius_of(cell.aperture_mm)
+        else:
+            continue
+        segments.append(Segment(name=f"cell {cell.number}", start_mm=place, length_mm=cell.length_mm,
+                                aperture_mm=aperture, radius_mm=radius))
+        place += cell.length_mm
+    low = first if from_mm is None else max(from_mm, first)
+    high = place if to_mm is None else min(to_mm, place)
+    if high - low < 1.0:
+        raise DesignError(f"the vane reaches from {first:.3f} to {place:.3f} mm of the table; from_mm {low:g} and to_mm "
+                          f"{high:g} leave nothing of it")
+    return TipLine(segments=tuple(segments), from_mm=low, to_mm=high)
+
+
+def _of(tip, sign):
+    return lambda z: tip.tip_mm(z, sign)
+
+
+def _named(cell, make):
+    try:
+        return make()
+    except DesignError as error:
+        raise DesignError(f"cell {cell.number}: {error}") from None
+
+
+def _matcher(kind, length_mm, r0_mm):
+    """Aperture of the matching section; the thin-vane formula where the equipotential has no root."""
+    thin = lambda z: thin_matcher_mm(np.maximum(z, 1e-3 * length_mm), length_mm, r0_mm)
+    if kind == "thin":
+        return thin
+    # from the first root on the two are blended in their logarithms, over a sixth of the section
+    low, high = MATCHING_ROOT + 0.01, MATCHING_ROOT + 0.01 + 1 / 6
+    z = length_mm * np.linspace(low, 1.02, 161)
+    mirrored = np.where(z > length_mm, 2 * length_mm - z, z)        # even about its end
+    ratio = np.log(equipotential_matcher_mm(mirrored, length_mm, r0_mm) / thin(mirrored))
+    spline = make_interp_spline(z, ratio, k=DEGREE)
+
+    def aperture(at):
+        at = np.asarray(at, float)
+        share = np.clip((at / length_mm - low) / (high - low), 0.0, 1.0)
+        rise = share ** 3 * (10 - 15 * share + 6 * share ** 2)
+        return thin(at) * np.exp(rise * spline(np.clip(at, z[0], z[-1])))
+
+    return aperture
+
+
+def _opening_mm(length_mm, r0_mm, aperture_mm):
+    """Where the thin matching section has the given aperture."""
+    if aperture_mm <= r0_mm:
+        raise DesignError(f"entry_aperture_mm {aperture_mm:g} must exceed r0 = {r0_mm:.4f} mm")
+    return 2 * length_mm / np.pi * np.arcsin((r0_mm / aperture_mm) ** (2 / 3))
+
+
+# the spline -----------------------------------------------------------------------------------------------
+
+
+def fitted_tip(line, axis_z_mm, flank_half_angle_rad, half_width_mm):
+    """CircularTip of a tip line, base at z = 0 and the beam axis at z = axis_z_mm.
+
+    Centre height and radius are interpolated at the Greville abscissae of one knot row, so that a B-rep with these
+    poles has x as its parameter; spans are halved until both are closer than FIT_MM everywhere.
+
+    Args:
+        line: TipLine.
+        half_width_mm: the flanks reach down to where they are so wide.
+    """
+    spans = [s.spans for s in line.segments]
+    for _ in range(FIT_ROUNDS):
+        knots = _knots(line, spans)
+        greville = np.array([knots[i + 1:i + DEGREE + 1].mean() for i in range(len(knots) - DEGREE - 1)])
+        greville[0], greville[-1] = knots[0], knots[-1]
+        radius = line.radius_mm(greville)
+        values = np.column_stack([axis_z_mm - line.aperture_mm(greville) - radius, radius])
+        splines = make_interp_spline(greville, values, k=DEGREE, t=knots)
+        looks = _looks(knots)
+        exact = np.column_stack([axis_z_mm - line.aperture_mm(looks) - line.radius_mm(looks), line.radius_mm(looks)])
+        miss = np.abs(splines(looks) - exact).max(axis=1)
+        starts = [s.start_mm for s in line.segments]
+        owner = np.clip(np.searchsorted(starts, looks, side="right") - 1, 0, len(spans) - 1)
+        worst = np.zeros(len(spans))
+        np.maximum.at(worst, owner, miss)
+        if worst.max() < FIT_MM:
+            return _tip(knots, splines.c, flank_half_angle_rad, half_width_mm)
+        spans = [2 * n if w >= FIT_MM else n for n, w in zip(spans, worst)]
+    raise DesignError(f"the tip line at x = {looks[miss.argmax()]:.3f} mm ({line.cell_at(looks[miss.argmax()])}) is not "
+                      f"smooth enough for a spline: it is missed by {miss.max() * 1e3:.3f} um")
+
+
+def _tip(knots, poles, angle, half_width_mm):
+    tip = CircularTip(degree=DEGREE, knots_mm=knots, center_poles_mm=poles[:, 0], radius_poles_mm=poles[:, 1],
+                      flank_half_angle_rad=angle, foot_z_mm=0.0)
+    y, z = tip.tangency_mm(_looks(knots))
+    foot = float((z - (half_width_mm - y) / np.tan(angle)).min())
+    return CircularTip(degree=DEGREE, knots_mm=knots, center_poles_mm=poles[:, 0], radius_poles_mm=poles[:, 1],
+                       flank_half_angle_rad=angle, foot_z_mm=foot)
+
+
+def _knots(line, spans):
+    """Clamped knots from one end of the vane to the other: joints and middles of cells three times, spans between."""
+    rows = [np.repeat(line.from_mm, DEGREE + 1)]
+    for segment, count in zip(line.segments, spans):
+        middle = segment.start_mm + segment.length_mm / 2
+        for low, high in ((segment.start_mm, middle), (middle, segment.end_mm)):
+            low, high = max(low, line.from_mm), min(high, line.to_mm)
+            if high - low < 1e-6:
+                continue
+            count_here = max(1, round(count * (high - low) / (segment.length_mm / 2)))
+            rows.append(low + (high - low) * np.arange(1, count_here) / count_here)
+            rows.append(np.repeat(high, JOINT_KNOTS))
+    rows[-1] = np.repeat(line.to_mm, DEGREE + 1)
+    return np.concatenate(rows)
+
+
+def _looks(knots):
+    """Places between the knots."""
+    breaks = np.unique(knots)
+    share = (np.arange(LOOKS_A_SPAN) + 0.5) / LOOKS_A_SPAN
+    return (breaks[:-1, None] + share * np.diff(breaks)[:, None]).ravel()
+
+
+# what cannot be -------------------------------------------------------------------------------------------
+
+
+def refuse_impossible(line, other, half_width_mm, flank_deg, axis_z_mm):
+    """Vanes that meet their neighbours, or whose body is narrower than their tip.
+
+    Args:
+        line: TipLine of the vane;  other: of the vanes beside it.
+        half_width_mm, flank_deg, axis_z_mm: body, flanks and height of the beam axis.
+    Raises:
+        DesignError: names the cell.
+    """
+    x = np.linspace(line.from_mm, line.to_mm, LOOKS_A_VANE)
+    r, R = line.aperture_mm(x), line.radius_mm(x)
+    widest = int(np.argmax(R))
+    if R[widest] * np.cos(np.radians(flank_deg)) >= half_width_mm:
+        raise DesignError(f"{line.cell_at(x[widest])}: the tip of radius {R[widest]:.4f} mm is wider than the body of "
+                          f"{2 * half_width_mm:g} mm: raise thickness_mm or lower rho_mm")
+    low = int(np.argmin(r))
+    if r[low] <= 0:
+        raise DesignError(f"{line.cell_at(x[low])}: the tip crosses the beam axis: lower the modulation or raise a")
+    # two circles at right angles: centres r + R from the axis each
+    gap = np.hypot(r + R, other.aperture_mm(x) + other.radius_mm(x)) - R - other.radius_mm(x)
+    near = int(np.argmin(gap))
+    if gap[near] <= 0:
+        raise DesignError(f"{line.cell_at(x[near])}: neighbouring vanes run into each other (gap {gap[near]:.4f} mm at "
+                          f"x = {x[near]:.3f} mm): lower rho_mm or the modulation")

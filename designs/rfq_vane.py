@@ -1,0 +1,163 @@
+r"""RFQ vane: from a cell table, or from a few numbers, to the tip that a beam sees.
+
+      z ▲ toward the beam                      side                            front
+        │   beam axis  ─ · ─ · ─ · ─ · ─ · ─ · ─ · ─ · ─ · ─ · ─ · ─        ─ · ─ + ─ · ─
+        │        matching section   cells, longer and deeper                      a
+        │       ____/‾‾‾‾‾\__/‾‾\__/‾‾‾\___/‾‾‾‾\____/‾‾‾‾‾‾‾‾‾          R  /‾‾\
+        │      /                                                           /    \ flanks
+        │     |                                                      B    |      |
+        └─────┴──────────────────────────────────────────────► x          └──────┘ A
+
+x is the table's Z, from the wall where the beam enters; the base stands at z = 0, the beam axis at z = B.
+Source: cells, tips and transition by the two-term potential (FORMULAS 1b); tip and flanks as Crandall and Stovall cut
+them, circular in every transverse plane.
+"""
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from cuspline.design import Companion, Design, FacePredicate, Finish, FixtureBox, Parameters, Setup, StockBox
+from cuspline.designs._rfq_solid import quadrupole, vane_solid
+from cuspline.designs._rfq_table import CellLaw, read_table, refuse_wrong_units, table_of_law
+from cuspline.designs._rfq_tip_line import fitted_tip, refuse_impossible, tip_line
+from cuspline.errors import DesignError
+
+DATA = Path(__file__).parent / "data"
+TABLES = {"isodar_32p8": DATA / "rfq_isodar_32p8MHz_cells.csv"}
+PANEL_CELLS = 6             # faces are split every so many cells
+FLANK_MARGIN_MM = 2.0       # of the body's side that stays below the lowest foot of the flanks, above the jaws
+
+# what a preset gives in place of the defaults; a parameter that is given stands before it
+PRESETS = {
+    "isodar_32p8": {"table": "isodar_32p8"},
+    # CERN PIXE-RFQ, arXiv:2011.09920 table 1 (frequency, ion, energy, voltage, r0 = rho); its cells are not published:
+    # these are reckoned by our law
+    "hydrogen_750": {
+        "table": "law", "frequency_mhz": 749.48, "ion_mass_amu": 1.007276, "energy_in_mev": 0.020, "voltage_kv": 35.0,
+        "r0_mm": 1.439, "rho_mm": 1.439, "modulation_max": 1.25, "cells": 40, "ramp_cells": 40, "matching_cells": 4,
+        "thickness_mm": 8.0, "axis_height_mm": 30.0, "entry_aperture_mm": 4.0, "flank_deg": 10.0, "stock_top_mm": 1.0,
+        "grip_mm": 8.0, "scallop_mm": 0.003, "profile_tolerance_mm": 0.0008},
+}
+
+
+class RfqVane(Parameters):
+    """One vane of an RFQ; lengths along it are the table's Z."""
+
+    preset: Literal["isodar_32p8", "hydrogen_750"] = Field("isodar_32p8", description="which machine the defaults are of")
+    table: str = Field("isodar_32p8", description="cell table: a name, 'law' for reckoned cells, or a CSV or PARMTEQM file")
+    vane: Literal["x", "y"] = Field("x", description="x begins the first modulated cell at its narrowest, y at its widest")
+    law: Literal["two_term", "eight_term"] = Field("two_term", description="potential whose equipotential the tip line is")
+    matcher: Literal["thin", "equipotential"] = Field(
+        "thin", description="matching section: thin-vane formula (as PARMTEQM prints it), or its equipotential where "
+        "that has a root, the thin-vane formula nearer to the wall")
+    rho_mm: float = Field(7.2885, gt=0.1, le=30, description="transverse radius of the tip")
+    rho_follows_r0: bool = Field(False, description="let the radius follow each cell's r0 instead, in the ratio it has "
+                                 "to r0_mm")
+    flank_deg: float = Field(10.0, ge=2, le=40, description="flanks from the vertical: the vane widens away from the beam")
+    thickness_mm: float = Field(20.0, gt=1, le=120, description="A, of the body")
+    axis_height_mm: float = Field(100.0, gt=5, le=400, description="B, beam axis above the base")
+    entry_aperture_mm: float = Field(41.1, gt=1, le=200, description="the vane begins where its matching section has "
+                                     "opened to this; nearer to the wall nothing stands")
+    from_mm: float = Field(0.0, ge=0, description="cut the vane to the table's Z from here")
+    to_mm: float = Field(1e5, gt=0, description="to here")
+    frequency_mhz: float = Field(32.8, gt=1, le=3000, description="of the RF, for the table's units and for reckoned cells")
+    ion_mass_amu: float = Field(2.0, gt=0.5, le=300, description="of the ion")
+    ion_charge: float = Field(1.0, ge=1, le=100, description="of the ion, for reckoned cells")
+    energy_in_mev: float = Field(0.015, gt=0, le=10, description="reckoned cells: energy of the ion as it enters")
+    voltage_kv: float = Field(22.0, gt=0, le=500, description="reckoned cells: between vanes")
+    r0_mm: float = Field(9.718, gt=0.2, le=60, description="middle aperture, of reckoned cells and for rho_follows_r0")
+    modulation_max: float = Field(1.7, ge=1, le=4, description="reckoned cells: m at the end of the ramp")
+    cells: int = Field(50, ge=1, le=1000, description="reckoned cells: modulated ones")
+    ramp_cells: int = Field(40, ge=1, le=1000, description="reckoned cells: over so many m and the phase rise")
+    matching_cells: int = Field(4, ge=0, le=12, description="reckoned cells: of the matching section")
+    phase_deg: float = Field(-30.0, ge=-90, le=-10, description="reckoned cells: synchronous phase behind the ramp")
+    stock_top_mm: float = Field(1.5, ge=0, le=20, description="billet above the highest crest")
+    grip_mm: float = Field(25.0, ge=1, le=200, description="height of the jaws above the base")
+    scallop_mm: float = Field(0.005, ge=0.001, le=0.1, description="largest cusp left")
+    profile_tolerance_mm: float = Field(0.001, ge=0.0002, le=0.02, description="path against true surface")
+    gouge_mm: float = Field(0.0025, ge=0.0005, le=0.02, description="deepest accepted cut below the surface")
+    material: str = Field("copper_ofhc", description="work material, a name of `materials`")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _preset_gives_the_defaults(cls, given):
+        return {**PRESETS.get(given.get("preset", "isodar_32p8"), {}), **given}
+
+
+def table_of(p):
+    """CellTable that the parameters name, its units checked against the ion's way."""
+    if p.table == "law":
+        return table_of_law(CellLaw(
+            frequency_mhz=p.frequency_mhz, mass_amu=p.ion_mass_amu, charge=p.ion_charge, energy_mev=p.energy_in_mev,
+            voltage_kv=p.voltage_kv, r0_mm=p.r0_mm, modulation_max=p.modulation_max, cells=p.cells,
+            ramp_cells=p.ramp_cells, matching_cells=p.matching_cells, phase_deg=p.phase_deg))
+    table = read_table(TABLES.get(p.table, p.table))
+    refuse_wrong_units(table, p.ion_mass_amu, p.frequency_mhz)
+    return table
+
+
+def line_of(p, vane=None):
+    """TipLine of a vane, by default the parameters' own."""
+    radius_of = (lambda r0: p.rho_mm * r0 / p.r0_mm) if p.rho_follows_r0 else (lambda r0: p.rho_mm)
+    return tip_line(table_of(p), vane=vane or p.vane, law=p.law, matcher=p.matcher, radius_of=radius_of,
+                    entry_aperture_mm=p.entry_aperture_mm, from_mm=p.from_mm, to_mm=p.to_mm)
+
+
+def tip_of(p, line):
+    """CircularTip of a line, in part coordinates."""
+    return fitted_tip(line, p.axis_height_mm, np.radians(p.flank_deg), p.thickness_mm / 2)
+
+
+def solid_of(p, line, tip):
+    """TopoDS solid of a vane."""
+    return vane_solid(tip, p.thickness_mm / 2, [s.start_mm for s in line.segments][1::PANEL_CELLS])
+
+
+def assembly(p):
+    """TopoDS compound of all four vanes round the beam, which runs along +z."""
+    lines = [line_of(p, vane) for vane in "xy"]
+    return quadrupole(*(solid_of(p, line, tip_of(p, line)) for line in lines), p.axis_height_mm)
+
+
+def design(p: RfqVane) -> Design:
+    """The vane, ready to be planned: tip and flanks are finished, sides and base finished before."""
+    line, other = line_of(p), line_of(p, "y" if p.vane == "x" else "x")
+    refuse_impossible(line, other, p.thickness_mm / 2, p.flank_deg, p.axis_height_mm)
+    tip = tip_of(p, line)
+    if tip.foot_z_mm < p.grip_mm + FLANK_MARGIN_MM:
+        low = line.cell_at(tip.range_mm[0])
+        raise DesignError(f"the flanks come down to {tip.foot_z_mm:.2f} mm above the base, the jaws reach up to "
+                          f"{p.grip_mm:g} mm and need {FLANK_MARGIN_MM:g} mm less than that (deepest near {low}): raise "
+                          "axis_height_mm or flank_deg, lower grip_mm, thickness_mm or entry_aperture_mm")
+    half, (start, end) = p.thickness_mm / 2, tip.range_mm
+    top = float(tip.crest_z_mm(np.linspace(start, end, 20001)).max())
+    return Design(
+        name="rfq_vane", description=_description(p, line), parameters=p, solid=solid_of(p, line, tip), tip=tip,
+        predicates=(FacePredicate(name="tip and flanks", at_least=3, kinds=("bspline",)),),
+        material=p.material, machine="mill_long_bed",
+        stock=StockBox(min_mm=(start, -half, 0.0), max_mm=(end, half, top + p.stock_top_mm)),
+        finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
+        setups=(Setup(name="setup-1", wcs="G54", faces=("tip and flanks",), section_plane="YZ",
+                      wcs_origin_mm=(start, 0.0, 0.0), fixtures=_jaws(p, start, end),
+                      wcs_in_words="X0 at the vane's end toward the beam's source, Y0 in its mid-plane, Z0 on its base"),),
+        companions=(Companion(name="quadrupole", make=lambda: assembly(p)),))
+
+
+def _description(p, line):
+    blend, where = line.largest_blend()
+    said = (f"RFQ {p.vane} vane, {p.table}: {p.law.replace('_', '-')} tip from Z {line.from_mm:.3f} to {line.to_mm:.3f} mm, "
+            f"joints blended by at most {blend * 1e3:.0f} um ({where})")
+    if line.segments[0].name == "matching section":
+        said += (", thin-vane matching section" if p.matcher == "thin" else
+                 ", matching section on its equipotential, by the thin-vane formula where that has no root")
+    return said
+
+
+def _jaws(p, start, end):
+    """The jaws grip the body's sides along the whole vane."""
+    half = p.thickness_mm / 2
+    return tuple(FixtureBox(name=name, min_mm=(start, low, -30.0), max_mm=(end, high, p.grip_mm))
+                 for name, low, high in (("fixed jaw", -half - 40.0, -half), ("moving jaw", half, half + 40.0)))
