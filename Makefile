@@ -44,7 +44,7 @@ $(DESIGNS): %: outputs/%$(VARIANT)/manifest.json
 step: $(STEPS) ## only the STEP files, into outputs/<design>-step/
 
 test: .venv/.kernels ## set-up, then the whole test suite; ARGS="-k arcs" narrows it
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope $(ARGS)
 
 doctor: .venv/.project ## check the environment for what breaks silently
 	$(BIN)/cuspline doctor
