@@ -46,6 +46,7 @@ class PlannedOperation:
     coolant: str
     moves: Moves                # with capped feeds, in the part as it lies in its setup (`setup.turn`)
     facts: dict                 # numbers for plan.json
+    passes: object = None       # pass_templates.TemplatedPasses that come to the moves; None: only the moves
 
     @cached_property
     def swept_mm(self):
@@ -124,12 +125,22 @@ class Shop:
 
     def operation(self, name, tool, rpm, moves, facts):
         """Cap the feeds, measure length and time."""
-        moves = moves.with_feed(feeds.capped_feeds(moves, self.machine))
+        return self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts)
+
+    def operation_of_passes(self, name, tool, rpm, passes, facts):
+        """The same for templated passes: each feed register gets the lowest of the capped feeds it stands for."""
+        moves, _, register = passes.moves_and_items()
+        capped = feeds.capped_feeds(moves, self.machine)
+        passes = passes.with_registers(**{n: capped[register == n].min() for n in set(register) - {""}})
+        return self._measured(name, tool, rpm, passes.moves(), facts, passes)
+
+    def _measured(self, name, tool, rpm, moves, facts, passes=None):
         cutting = moves.kind != Kind.RAPID
         facts = {**facts, "length_mm": round(float(feeds.move_lengths_mm(moves)[cutting].sum()), 3),
                  "time_s": round(float(feeds.times_s(moves, self.machine).sum()), 1),
                  "moves": len(moves), "arcs": int((moves.kind >= Kind.ARC_CW).sum())}
-        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.material.coolant, moves=moves, facts=facts)
+        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.material.coolant, moves=moves, facts=facts,
+                                passes=passes)
 
 
 def path_tolerance_mm(finish):
