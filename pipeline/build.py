@@ -141,9 +141,9 @@ def _planned(order, say):
         plans.append(plan)
         if setup is not design.setups[-1]:
             say(f"{design.name}: stock after {setup.name}")
-            text = post_module(order.machine).post(plan.program((), setup.name), order.machine).text
+            texts = post_module(order.machine).post(plan.program((), setup.name), order.machine).texts
             tools = {o.tool.number: o.tool for o in plan.operations}
-            piece = piece.after(setup.frame, swept_paths(posted_moves(text, setup, order.machine, tools), tools))
+            piece = piece.after(setup.frame, swept_paths(posted_moves(texts, setup, order.machine, tools), tools))
     return plans
 
 
@@ -215,10 +215,13 @@ def _posted(order, plans, work, inputs):
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
     posted = []
     for plan in plans:
-        name = f"{plan.setup.name}.{post.EXTENSION}"
         program = plan.program(_header(order, plan, inputs), f"{order.design.name} {plan.setup.name}")
-        (work / name).write_text(post.post(program, order.machine).text)
-        posted.append(PostedFile(setup=plan.setup, program=name))
+        texts = post.post(program, order.machine).texts
+        names = [f"{plan.setup.name}.{post.EXTENSION}"] if len(texts) == 1 else [
+            f"{plan.setup.name}-{k:02d}.{post.EXTENSION}" for k in range(1, len(texts) + 1)]
+        for name, text in zip(names, texts):
+            (work / name).write_text(text)
+        posted.append(PostedFile(setup=plan.setup, program=names[0], continued=tuple(names[1:])))
     balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
     return Job(design=order.design.name, step=f"{order.design.name}.step", material=order.design.material,
                predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
@@ -272,11 +275,11 @@ def _stamp_verdict(work, job, verify):
     verdict = "VERIFIED" if verify["ok"] else "REJECTED"
     line = (f"VERDICT: {verdict}, GOUGE {verify['gouge_max_mm']:.4f} CUSP {verify['cusp_max_mm']:.4f} "
             f"BOUND {verify['error_bound_mm']:.5f} MM, {verify['points_checked']} POINTS")
-    for item in job.posted:
-        path = work / item.program
+    for name in (name for item in job.posted for name in item.files):
+        path = work / name
         text = path.read_text()
         if text.count(f"({UNVERIFIED})") != 1:
-            raise PostError(f"{item.program}: the header has lost its verdict line")
+            raise PostError(f"{name}: the header has lost its verdict line")
         path.write_text(text.replace(f"({UNVERIFIED})", f"({line})"))
 
 

@@ -80,7 +80,7 @@ def _view_deviation(judged, view, indices):
 
 def _setup_bundle(work, job, item, posted, verdict):
     path, row_of = drawn_path(posted, item.setup.frame, job.machine)
-    text = (work / item.program).read_bytes()
+    text, *more = ((work / name).read_bytes() for name in item.files)
     known = np.isfinite(posted.end_mm).all(axis=1)
     ends = posted.end_mm[known]
     corners = item.setup.frame.into(np.array([job.stock.min_mm, job.stock.max_mm]))
@@ -89,7 +89,8 @@ def _setup_bundle(work, job, item, posted, verdict):
     origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
     return SetupBundle(
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
-        program_lines=text.count(b"\n"), program_bytes=len(text), machine=job.machine.name,
+        program_lines=text.count(b"\n"), program_bytes=len(text), continued=tuple(
+            (name, hashlib.sha256(t).hexdigest()) for name, t in zip(item.continued, more)), machine=job.machine.name,
         control=job.machine.control.post, units=job.machine.control.units, wcs=item.setup.wcs,
         wcs_in_words=item.setup.wcs_in_words, frame=item.setup.frame, operation_first_lines=_first_lines(posted),
         stock_box_mm=(_triple(corners.min(axis=0)), _triple(corners.max(axis=0))),

@@ -67,10 +67,10 @@ def verify(folders: Annotated[list[Path], typer.Argument(help="output folders, o
         folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
         job = read_job(folder)
         if only is not None:
-            kept = tuple(p for p in job.posted if p.program == only)
+            kept = tuple(p for p in job.posted if only in p.files)
             if not kept:
                 raise InputError(f"{folder / only} is no program of {job.design}; there are "
-                                 + ", ".join(p.program for p in job.posted))
+                                 + ", ".join(name for p in job.posted for name in p.files))
             job = job.model_copy(update={"posted": kept})
         with kept_until_done(folder) as kept:
             judged = judge(folder, job, _say, kept=kept)

@@ -74,8 +74,8 @@ def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):
         along, steps, register_mm=radius + over_mm, ball_radius_mm=radius, half_width_mm=half_mm,
         clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed, slow_mm_per_min=PLUNGE_SHARE * feed,
         restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
-    intervals = [s.interval_mm for s in along]
-    facts = {"allowance_mm": max(over_mm, 0.0), "scallop_mm": ridge_mm, "register_mm": round(radius + over_mm, 6),
+    intervals = [float(s.interval_mm) for s in along]
+    facts = {"allowance_mm": over_mm if over_mm > 0 else 0.0, "scallop_mm": ridge_mm, "register_mm": round(radius + over_mm, 6),
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(max(intervals), 6),
              "stepover_min_mm": round(min(intervals), 6), "passes": len(steps), "section_plane": "YZ",
              "matching_passes": int(steps.is_matching.sum()), "restart_points": len(passes.restarts),

@@ -66,6 +66,7 @@ class SetupBundle:
     wcs: str
     wcs_in_words: str
     frame: Frame                    # WCS seen from the part
+    continued: tuple[tuple[str, str], ...] = ()     # (file, SHA-256) of a set's further files, run in that order
     operation_first_lines: tuple[int, ...]  # program line where each operation begins; 0 unknown
     stock_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]   # WCS min, max
     extents_mm: tuple[tuple[float, float, float], tuple[float, float, float]]     # tip extents, WCS
