@@ -37,8 +37,8 @@ PRESETS = {
     # these are reckoned by our law
     "hydrogen_750": {
         "table": "law", "frequency_mhz": 749.48, "ion_mass_amu": 1.007276, "energy_in_mev": 0.020, "voltage_kv": 35.0,
-        "r0_mm": 1.439, "rho_mm": 1.439, "modulation_max": 1.25, "cells": 40, "ramp_cells": 40, "matching_cells": 4,
-        "thickness_mm": 8.0, "axis_height_mm": 30.0, "entry_aperture_mm": 4.0, "flank_deg": 10.0, "stock_top_mm": 1.0,
+        "r0_mm": 1.439, "rho_mm": 1.439, "modulation_max": 1.1, "cells": 40, "ramp_cells": 40, "matching_cells": 4,
+        "thickness_mm": 5.0, "axis_height_mm": 30.0, "entry_aperture_mm": 4.0, "flank_deg": 10.0, "stock_top_mm": 1.0,
         "grip_mm": 8.0, "scallop_mm": 0.003, "profile_tolerance_mm": 0.0008},
 }
 
