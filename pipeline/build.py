@@ -34,6 +34,7 @@ from cuspline.tooltable import dropped_fields, tool_table
 from cuspline.verification.in_process import PART
 from cuspline.verification.kept import kept_beside
 
+TIP_PARTS = ("crest", "sides")
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
@@ -193,7 +194,15 @@ def plan_document(order, plans):
     return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
             "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
-            "setups": setups}
+            **({"tip": _tip_document(design.tip)} if design.tip is not None else {}), "setups": setups}
+
+
+def _tip_document(tip):
+    """A vane's tip: the smallest hollow of its crest and of its sides, each with its place."""
+    rows = {f"{name}_concave_radius_mm": _finite(radius) for name, (radius, _) in zip(TIP_PARTS, tip.tightest_hollows())}
+    places = {f"{name}_concave_place_mm": [round(float(x), 4) for x in place]
+              for name, (_, place) in zip(TIP_PARTS, tip.tightest_hollows())}
+    return {"range_mm": [round(x, 6) for x in tip.range_mm], "foot_z_mm": round(tip.foot_z_mm, 6), **rows, **places}
 
 
 def _operation_document(o):

@@ -46,7 +46,7 @@ class SetupPlan:
 def _by_sections(shop):
     """Operations in section planes: one ball that fits everywhere, and the smallest where it is held off."""
     finish, work = shop.design.finish, shop.finishing_work()
-    ball, candidates, reach = choose_ball(shop.library, shop.samples, shop.hollow.radius_mm, shop.mesh,
+    ball, candidates, reach = choose_ball(shop.finishing_library, shop.samples, shop.hollow.radius_mm, shop.mesh,
                                           ROUGH_ALLOWANCE_MM, work)
     semi = lambda: section_finishing.finish(shop, "semi-finish", ball, SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, (), reach)
     operations = roughed(shop, ball, reach.is_reached, semi)
@@ -60,7 +60,7 @@ def _by_sections(shop):
 
 def _free_form(shop):
     """Operations over regions: the fastest chain of balls, each smaller one where the one before leaves too much."""
-    chain, candidates, reached = choose_finishing(shop.library, shop.samples, shop.mesh, ROUGH_ALLOWANCE_MM,
+    chain, candidates, reached = choose_finishing(shop.finishing_library, shop.samples, shop.mesh, ROUGH_ALLOWANCE_MM,
                                                   shop.finishing_work())
     tools = [link.tool for link in chain]
     semi = lambda: freeform_finishing.finish(shop, "semi-finish", tools[0], SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, ())

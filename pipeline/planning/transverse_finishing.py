@@ -29,7 +29,7 @@ def operations(shop):
         CutterDoesNotFit: no ball fits, or the tip line's valley is tighter than it.
     """
     tip, half_mm = _vane(shop)
-    ball, candidates, reach = choose_ball(shop.library, shop.samples, shop.hollow.radius_mm, shop.mesh,
+    ball, candidates, reach = choose_ball(shop.finishing_library, shop.samples, shop.hollow.radius_mm, shop.mesh,
                                           ROUGH_ALLOWANCE_MM, shop.finishing_work())
     made = [o for o in roughed(shop, ball, reach.is_reached, lambda: None) if o is not None]
     allowance, plating = shop.setup.allowance_mm, shop.setup.plating_mm
