@@ -75,6 +75,11 @@ class RfqVane(Parameters):
     matching_cells: int = Field(4, ge=0, le=12, description="reckoned cells: of the matching section")
     phase_deg: float = Field(-30.0, ge=-90, le=-10, description="reckoned cells: synchronous phase behind the ramp")
     ball_mm: float = Field(0.0, ge=0, le=100, description="diameter of the finishing ball; 0: the largest that fits")
+    strategy: Literal["sections", "transverse_arcs"] = Field(
+        "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an arc in "
+        "each transverse plane, told by sub-programs and three numbers a step")
+    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: left by the rough passes")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later, left out of the metal")
     stock_top_mm: float = Field(1.5, ge=0, le=20, description="billet above the highest crest")
     grip_mm: float = Field(25.0, ge=1, le=200, description="height of the jaws above the base")
     scallop_mm: float = Field(0.005, ge=0.001, le=0.1, description="largest cusp left")
@@ -143,6 +148,7 @@ def design(p: RfqVane) -> Design:
         stock=StockBox(min_mm=(start, -half, 0.0), max_mm=(end, half, top + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
         setups=(Setup(name="setup-1", wcs="G54", faces=("tip and flanks",), section_plane="YZ", ball_mm=p.ball_mm or None,
+                      strategy=p.strategy, allowance_mm=p.allowance_mm, plating_mm=p.plating_mm,
                       wcs_origin_mm=(start, 0.0, 0.0), fixtures=_jaws(p, start, end),
                       wcs_in_words="X0 at the vane's end toward the beam's source, Y0 in its mid-plane, Z0 on its base"),),
         companions=(Companion(name="quadrupole", make=lambda: assembly(p)),))

@@ -81,6 +81,31 @@ def verify(folders: Annotated[list[Path], typer.Argument(help="output folders, o
 
 
 @app.command()
+def restart(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
+            point: Annotated[Optional[str], typer.Argument(help="restart point, such as N2003; none: list them")] = None,
+            to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
+    """Begin a program of repeated passes at one of its restart points."""
+    from cuspline.posts._restart import restart_points, restarted
+    try:
+        text = program.read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"program {program} cannot be read: {error}; name a posted program") from None
+    if point is None:
+        print(" ".join(f"N{k}" for k in restart_points(text)) or "no restart points")
+        return
+    if not point.upper().removeprefix("N").isdigit():
+        raise InputError(f"restart point {point!r}: write it as in the program, such as N2003")
+    begun = restarted(text, int(point.upper().removeprefix("N")))
+    if to is None:
+        print(begun, end="")
+        return
+    try:
+        to.write_text(begun)
+    except OSError as error:
+        raise InputError(f"--to {to}: cannot be written ({error.strerror}); name another file") from None
+
+
+@app.command()
 def designs(json: AsJson = False):
     """List the designs with their parameters."""
     from cuspline import catalogue
