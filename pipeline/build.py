@@ -194,7 +194,7 @@ def plan_document(order, plans):
     return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
             "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
-            **({"tip": _tip_document(design.tip)} if design.tip is not None else {}), "setups": setups}
+            **({"tip": _tip_document(order.design.tip)} if order.design.tip is not None else {}), "setups": setups}
 
 
 def _tip_document(tip):
