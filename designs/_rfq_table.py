@@ -18,7 +18,7 @@ from cuspline.errors import DesignError, InputError
 AMU_MEV = physical_constants["atomic mass constant energy equivalent in MeV"][0]
 UNIT_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 KINDS = {"": "accelerating", "R": "matching", "T": "transition", "M": "straight", "F": "fringe"}
-PLACE_ROUNDING_MM = 0.11        # PARMTEQM prints Z to 0.01 cm; the sum of the lengths may drift by that
+PLACE_ROUNDING_MM, PLACE_SHARE = 0.11, 0.006    # PARMTEQM prints Z to 0.01 cm: of a cell of some centimetres that much
 SPEED_SHARE = 0.5               # a cell's length may be off half the way of a particle by so much before it is another unit
 # columns of PARMTEQM's table behind the cell's number
 PARMTEQM_COLUMNS = ("V", "Wsyn", "Sig0T", "Sig0L", "A10", "Phi", "a", "m", "B", "L", "Z", "A0", "RFdef", "Oct", "A1")
@@ -187,7 +187,7 @@ def _refuse_gaps(name, cells):
             raise InputError(f"{name}, cell {cell.number}: it follows cell {before.number}; cells are numbered one by one")
         if cell.end_mm is not None and cell.length_mm > 0:
             begins = cell.end_mm - cell.length_mm
-            if abs(begins - end) > PLACE_ROUNDING_MM:
+            if abs(begins - end) > max(PLACE_ROUNDING_MM, PLACE_SHARE * cell.length_mm):
                 what = "overlaps" if begins < end else "leaves a gap behind"
                 raise InputError(
                     f"{name}, cell {cell.number}: it {what} cell {cell.number - 1}: it is {cell.length_mm:.3f} mm long and "

@@ -37,8 +37,8 @@ PRESETS = {
     # these are reckoned by our law
     "hydrogen_750": {
         "table": "law", "frequency_mhz": 749.48, "ion_mass_amu": 1.007276, "energy_in_mev": 0.020, "voltage_kv": 35.0,
-        "r0_mm": 1.439, "rho_mm": 1.439, "modulation_max": 1.25, "cells": 40, "ramp_cells": 40, "matching_cells": 4,
-        "thickness_mm": 8.0, "axis_height_mm": 30.0, "entry_aperture_mm": 4.0, "flank_deg": 10.0, "stock_top_mm": 1.0,
+        "r0_mm": 1.439, "rho_mm": 1.439, "modulation_max": 1.1, "cells": 40, "ramp_cells": 40, "matching_cells": 4,
+        "thickness_mm": 5.0, "axis_height_mm": 30.0, "entry_aperture_mm": 4.0, "flank_deg": 10.0, "stock_top_mm": 1.0,
         "grip_mm": 8.0, "scallop_mm": 0.003, "profile_tolerance_mm": 0.0008},
 }
 
@@ -74,6 +74,12 @@ class RfqVane(Parameters):
     ramp_cells: int = Field(40, ge=1, le=1000, description="reckoned cells: over so many m and the phase rise")
     matching_cells: int = Field(4, ge=0, le=12, description="reckoned cells: of the matching section")
     phase_deg: float = Field(-30.0, ge=-90, le=-10, description="reckoned cells: synchronous phase behind the ramp")
+    ball_mm: float = Field(0.0, ge=0, le=100, description="diameter of the finishing ball; 0: the largest that fits")
+    strategy: Literal["sections", "transverse_arcs"] = Field(
+        "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an arc in "
+        "each transverse plane, told by sub-programs and three numbers a step")
+    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: left by the rough passes")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later, left out of the metal")
     stock_top_mm: float = Field(1.5, ge=0, le=20, description="billet above the highest crest")
     grip_mm: float = Field(25.0, ge=1, le=200, description="height of the jaws above the base")
     scallop_mm: float = Field(0.005, ge=0.001, le=0.1, description="largest cusp left")
@@ -132,6 +138,7 @@ def design(p: RfqVane) -> Design:
         raise DesignError(f"the flanks come down to {tip.foot_z_mm:.2f} mm above the base, the jaws reach up to "
                           f"{p.grip_mm:g} mm and need {FLANK_MARGIN_MM:g} mm less than that (deepest near {low}): raise "
                           "axis_height_mm or flank_deg, lower grip_mm, thickness_mm or entry_aperture_mm")
+    _refuse_ball(p, line, tip)
     half, (start, end) = p.thickness_mm / 2, tip.range_mm
     top = float(tip.crest_z_mm(np.linspace(start, end, 20001)).max())
     return Design(
@@ -140,10 +147,20 @@ def design(p: RfqVane) -> Design:
         material=p.material, machine="mill_long_bed",
         stock=StockBox(min_mm=(start, -half, 0.0), max_mm=(end, half, top + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
-        setups=(Setup(name="setup-1", wcs="G54", faces=("tip and flanks",), section_plane="YZ",
+        setups=(Setup(name="setup-1", wcs="G54", faces=("tip and flanks",), section_plane="YZ", ball_mm=p.ball_mm or None,
+                      strategy=p.strategy, allowance_mm=p.allowance_mm, plating_mm=p.plating_mm,
                       wcs_origin_mm=(start, 0.0, 0.0), fixtures=_jaws(p, start, end),
                       wcs_in_words="X0 at the vane's end toward the beam's source, Y0 in its mid-plane, Z0 on its base"),),
         companions=(Companion(name="quadrupole", make=lambda: assembly(p)),))
+
+
+def _refuse_ball(p, line, tip):
+    """A ball that is asked for must be smaller than every hollow."""
+    (crest, at_crest), (side, at_side) = tip.tightest_hollows()
+    radius, place, where = min((crest, at_crest, "on its crest"), (side, at_side, "on its sides"), key=lambda h: h[0])
+    if p.ball_mm / 2 >= radius:
+        raise DesignError(f"{line.cell_at(place[0])}: a ball of radius {p.ball_mm / 2:g} mm is too big for the valley of "
+                          f"{radius:.2f} mm {where}, at Z {place[0]:.2f} mm: lower ball_mm")
 
 
 def _description(p, line):

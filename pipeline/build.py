@@ -35,6 +35,7 @@ from cuspline.tooltable import dropped_fields, tool_table
 from cuspline.verification.in_process import PART
 from cuspline.verification.kept import kept_beside
 
+TIP_PARTS = ("crest", "sides")
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
@@ -142,9 +143,9 @@ def _planned(order, say):
         plans.append(plan)
         if setup is not design.setups[-1]:
             say(f"{design.name}: stock after {setup.name}")
-            text = post_module(order.machine).post(plan.program((), setup.name), order.machine).text
+            texts = post_module(order.machine).post(plan.program((), setup.name), order.machine).texts
             tools = {o.tool.number: o.tool for o in plan.operations}
-            piece = piece.after(setup.frame, swept_paths(posted_moves(text, setup, order.machine, tools), tools))
+            piece = piece.after(setup.frame, swept_paths(posted_moves(texts, setup, order.machine, tools), tools))
     return plans
 
 
@@ -196,7 +197,15 @@ def plan_document(order, plans):
     return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
             "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
-            "setups": setups}
+            **({"tip": _tip_document(order.design.tip)} if order.design.tip is not None else {}), "setups": setups}
+
+
+def _tip_document(tip):
+    """A vane's tip: the smallest hollow of its crest and of its sides, each with its place."""
+    rows = {f"{name}_concave_radius_mm": _finite(radius) for name, (radius, _) in zip(TIP_PARTS, tip.tightest_hollows())}
+    places = {f"{name}_concave_place_mm": [round(float(x), 4) for x in place]
+              for name, (_, place) in zip(TIP_PARTS, tip.tightest_hollows())}
+    return {"range_mm": [round(x, 6) for x in tip.range_mm], "foot_z_mm": round(tip.foot_z_mm, 6), **rows, **places}
 
 
 def _operation_document(o):
@@ -218,10 +227,13 @@ def _posted(order, plans, work, inputs):
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
     posted = []
     for plan in plans:
-        name = f"{plan.setup.name}.{post.EXTENSION}"
         program = plan.program(_header(order, plan, inputs), f"{order.design.name} {plan.setup.name}")
-        (work / name).write_text(post.post(program, order.machine).text)
-        posted.append(PostedFile(setup=plan.setup, program=name))
+        texts = post.post(program, order.machine).texts
+        names = [f"{plan.setup.name}.{post.EXTENSION}"] if len(texts) == 1 else [
+            f"{plan.setup.name}-{k:02d}.{post.EXTENSION}" for k in range(1, len(texts) + 1)]
+        for name, text in zip(names, texts):
+            (work / name).write_text(text)
+        posted.append(PostedFile(setup=plan.setup, program=names[0], continued=tuple(names[1:])))
     balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
     return Job(design=order.design.name, step=f"{order.design.name}.step", material=order.design.material,
                predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
@@ -278,11 +290,11 @@ def _stamp_verdict(work, job, verify):
     verdict = "VERIFIED" if verify["ok"] else "REJECTED"
     line = (f"VERDICT: {verdict}, GOUGE {verify['gouge_max_mm']:.4f} CUSP {verify['cusp_max_mm']:.4f} "
             f"BOUND {verify['error_bound_mm']:.5f} MM, {verify['points_checked']} POINTS")
-    for item in job.posted:
-        path = work / item.program
+    for name in (name for item in job.posted for name in item.files):
+        path = work / name
         text = path.read_text()
         if text.count(f"({UNVERIFIED})") != 1:
-            raise PostError(f"{item.program}: the header has lost its verdict line")
+            raise PostError(f"{name}: the header has lost its verdict line")
         path.write_text(text.replace(f"({UNVERIFIED})", f"({line})"))
 
 

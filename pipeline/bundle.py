@@ -81,7 +81,7 @@ def _view_deviation(judged, view, indices):
 
 def _setup_bundle(work, job, item, posted, verdict):
     path, row_of = drawn_path(posted, item.setup.frame, job.machine)
-    text = (work / item.program).read_bytes()
+    text, *more = ((work / name).read_bytes() for name in item.files)
     known = np.isfinite(posted.end_mm).all(axis=1)
     ends = posted.end_mm[known]
     low, high = item.setup.frame.box_into(job.stock.min_mm, job.stock.max_mm)
@@ -93,7 +93,8 @@ def _setup_bundle(work, job, item, posted, verdict):
         markers=tuple((m.name, _triple(item.setup.frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
-        program_lines=text.count(b"\n"), program_bytes=len(text), machine=job.machine.name,
+        program_lines=text.count(b"\n"), program_bytes=len(text), continued=tuple(
+            (name, hashlib.sha256(t).hexdigest()) for name, t in zip(item.continued, more)), machine=job.machine.name,
         control=job.machine.control.post, units=job.machine.control.units, wcs=item.setup.wcs,
         wcs_in_words=item.setup.wcs_in_words, frame=item.setup.frame, operation_first_lines=_first_lines(posted),
         stock_box_mm=(_triple(low), _triple(high)),

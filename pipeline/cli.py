@@ -76,10 +76,10 @@ def verify(
         folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
         job = read_job(folder)
         if only is not None:
-            kept = tuple(p for p in job.posted if p.program == only)
+            kept = tuple(p for p in job.posted if only in p.files)
             if not kept:
                 raise InputError(f"{folder / only} is no program of {job.design}; there are "
-                                 + ", ".join(p.program for p in job.posted))
+                                 + ", ".join(name for p in job.posted for name in p.files))
             job = job.model_copy(update={"posted": kept})
         if measured is not None:
             job = job.placed(read_measured(measured))
@@ -89,6 +89,31 @@ def verify(
         _tell(job.design, folder, refused, "", "verify")
         bad |= bool(refused)
     raise typer.Exit(FINDINGS if bad else 0)
+
+
+@app.command()
+def restart(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
+            point: Annotated[Optional[str], typer.Argument(help="restart point, such as N2003; none: list them")] = None,
+            to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
+    """Begin a program of repeated passes at one of its restart points."""
+    from cuspline.posts._restart import restart_points, restarted
+    try:
+        text = program.read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"program {program} cannot be read: {error}; name a posted program") from None
+    if point is None:
+        print(" ".join(f"N{k}" for k in restart_points(text)) or "no restart points")
+        return
+    if not point.upper().removeprefix("N").isdigit():
+        raise InputError(f"restart point {point!r}: write it as in the program, such as N2003")
+    begun = restarted(text, int(point.upper().removeprefix("N")))
+    if to is None:
+        print(begun, end="")
+        return
+    try:
+        to.write_text(begun)
+    except OSError as error:
+        raise InputError(f"--to {to}: cannot be written ({error.strerror}); name another file") from None
 
 
 @app.command()

@@ -117,14 +117,20 @@ class Setup(Model):
     wcs_origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)     # in part coordinates
     wcs_x: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction of the WCS's X, part coordinates")
     wcs_z: tuple[float, float, float] = Field((0.0, 0.0, 1.0), description="direction of its Z, towards the spindle")
-    strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral"] = Field(
+    strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral",
+                      "transverse_arcs"] = Field(
         "sections", description="finishing passes: arcs and lines in section planes; on any part: parallel at an angle, "
-        "constant scallop height, along the faces' border, one spiral")
+        "constant scallop height, along the faces' border, one spiral; on a vane: arcs across as its controller lays them")
     section_plane: Literal["ZX", "YZ"] = Field("ZX", description="sections: plane in which the finishing passes run")
     pass_angle_deg: float = Field(0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
     steep_deg: float = Field(65.0, ge=20, le=90, description="walls steeper than this get waterline passes "
                              "(all strategies but sections); 90: none do")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
+    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: what the rough passes leave; the register "
+                                "is larger than the ball by it")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later; the register of the finish "
+                              "is smaller than the ball by it")
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the ball that finishes; None: the largest that fits")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
@@ -139,6 +145,12 @@ class Setup(Model):
             raise ValueError(f"setup {self.name!r}: wcs_x {self.wcs_x} and wcs_z {self.wcs_z} must be unit vectors "
                              "square to each other")
         return self
+
+    @model_serializer(mode="wrap")
+    def _only_what_arcs_ask(self, dump):
+        row = dump(self)
+        unsaid = [k for k in ("allowance_mm", "plating_mm") if row[k] == type(self).model_fields[k].default]
+        return {k: v for k, v in row.items() if k not in unsaid}
 
     @property
     def frame(self):

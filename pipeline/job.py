@@ -6,7 +6,7 @@
 import json
 from pathlib import Path
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_serializer
 
 from cuspline.cutters import Model, Tool, first_complaint
 from cuspline.design import FacePredicate, Finish, Setup, StockBox
@@ -16,10 +16,20 @@ from cuspline.refixturing import refixtured_setups
 
 
 class PostedFile(Model):
-    """One setup's program on disk."""
+    """One setup's program on disk: a file, or a numbered set that is run file after file."""
 
     setup: Setup
-    program: str = Field(description="file name")
+    program: str = Field(description="file name, of a set the first")
+    continued: tuple[str, ...] = Field((), description="files of the set that follow, in order")
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_not_there(self, dump):
+        return {k: v for k, v in dump(self).items() if k != "continued" or v}
+
+    @property
+    def files(self):
+        """All file names in the order in which they are run."""
+        return (self.program, *self.continued)
 
 
 class Job(Model):

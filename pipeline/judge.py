@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cuspline import brep
-from cuspline.catalogue import find_post
+from cuspline.catalogue import find_post, reader_of
 from cuspline.errors import InputError
 from cuspline.job import read_tools
-from cuspline.posts.rs274_reader import read_program
+from cuspline.posted import PostedMoves
 from cuspline.simulation.replay import Fixture
 from cuspline.verification.findings import Finding, located
 from cuspline.verification.in_process import stock_states
@@ -72,28 +72,45 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING):
     programs, extra, texts = [], [], []
     lengths = {n: t.length_mm for n, t in tools.items()}
     for item in job.posted:
-        say(f"{item.setup.name}: read {item.program}")
-        text = _text(folder / item.program)
-        moves = posted_moves(text, item.setup, job.machine, tools)
-        texts.append(text)
+        say(f"{item.setup.name}: read {', '.join(item.files)}")
+        parts = {name: _text(folder / name) for name in item.files}
+        moves = posted_moves(tuple(parts.values()), item.setup, job.machine, tools)
+        texts.append(parts)
         wanted = tuple(f for p in job.predicates if p.name in item.setup.faces for f in brep.select_faces(faces, p))
         programs.append(SetupProgram(posted=moves, setup=item.setup, faces=wanted, fixtures=_fixtures(item.setup)))
-        extra += _file_findings(item, text, job.machine)
+        extra += [f for name, text in parts.items() for f in _file_findings(item, name, text, job.machine)]
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     setups = verify_setups(programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
                            ball_radius_mm=job.smallest_ball_radius_mm, options=options, say=say,
                            kept=kept)
     zero = job.machine.wcs_origin_mm
-    setups = tuple(replace(v, findings=located(v.findings, p.posted, text, p.setup.frame, zero, lengths))
-                   for v, p, text in zip(setups, programs, texts))
+    setups = tuple(replace(v, findings=_in_files(located(v.findings, p.posted, "".join(parts.values()), p.setup.frame, zero,
+                                                         lengths), parts)) for v, p, parts in zip(setups, programs, texts))
     return Judged(verdict=Verdict(setups=setups), solid=solid, programs=tuple(programs), tools=tools,
                   extra=tuple(extra))
 
 
-def posted_moves(text, setup, machine, tools):
-    """PostedMoves of a program's text on a machine that knows the tools and the setup's zero."""
-    return read_program(text, work_offsets={setup.wcs: machine.wcs_origin_mm},
-                        tool_lengths={n: t.length_mm for n, t in tools.items()})
+def posted_moves(texts, setup, machine, tools):
+    """PostedMoves of a program's texts, run one after the other, on a machine that knows the tools and the setup's zero."""
+    read = reader_of(machine)
+    parts = [read(text, work_offsets={setup.wcs: machine.wcs_origin_mm},
+                  tool_lengths={n: t.length_mm for n, t in tools.items()}) for text in texts]
+    return PostedMoves.joined(parts, [text.count("\n") for text in texts])
+
+
+def _in_files(findings, parts):
+    """The same with the lines of a set counted in their own files, which the block's text then names."""
+    if len(parts) == 1:
+        return findings
+    ends = np.cumsum([text.count("\n") for text in parts.values()])
+    placed = []
+    for f in findings:
+        k = int(np.searchsorted(ends, f.line))
+        if 0 < f.line and k < len(ends):
+            first = int(ends[k - 1]) if k else 0
+            f = replace(f, line=f.line - first, block=f"{list(parts)[k]}: {f.block}")
+        placed.append(f)
+    return tuple(placed)
 
 
 def _fixtures(setup):
@@ -118,12 +135,12 @@ def _half_decimal_mm(control):
     return 25.4 * 0.5 * 10.0 ** -control.decimals_inch
 
 
-def _file_findings(item, text, machine):
+def _file_findings(item, name, text, machine):
     """A program larger than the control's store."""
     size, room = len(text.encode()), machine.control.program_store_bytes
     if size > room:
         yield Finding(kind="program_too_long", amount_mm=0.0, place_mm=None, operation="", line=0,
-                      setup=item.setup.name, advice=f"{item.program} has {size} bytes, the store of {machine.name} "
+                      setup=item.setup.name, advice=f"{name} has {size} bytes, the store of {machine.name} "
                       f"holds {room}: raise the scallop height, or feed it through the control's buffer")
 
 

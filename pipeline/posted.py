@@ -4,7 +4,7 @@ This is the only input of simulation and verification.  It is made by a reader i
 from the text on disk, never from the Program.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -67,6 +67,24 @@ class PostedMoves:
     def is_upright(self):
         """(n,) bool: the tool axis is +Z all along the move."""
         return (self.start_axis == UPRIGHT).all(axis=1) & (self.end_axis == UPRIGHT).all(axis=1)
+
+    @classmethod
+    def joined(cls, parts, line_counts):
+        """The programs of a set as one, run one after the other; lines count on from file to file.
+
+        Args:
+            parts: PostedMoves.   line_counts: lines of each one's text.
+        """
+        if len(parts) == 1:
+            return parts[0]
+        names = tuple(dict.fromkeys(name for p in parts for name in p.operations))
+        number = [np.array([names.index(name) for name in p.operations] + [-1], int)[p.operation] for p in parts]
+        before = np.concatenate([[0], np.cumsum(line_counts)])
+        columns = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)
+                   if isinstance(getattr(parts[0], f.name), np.ndarray)}
+        columns |= {"operation": np.concatenate(number),
+                    "line": np.concatenate([p.line + first for p, first in zip(parts, before)])}
+        return cls(operations=names, ended=all(p.ended for p in parts), **columns)
 
     def operation_name(self, row):
         """Name of the operation that row belongs to; "" before the first."""

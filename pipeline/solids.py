@@ -7,6 +7,8 @@ from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType
 
 from cuspline.errors import SimulationError
 
+POLYGONS_AT_ONCE, SECTIONS_AT_ONCE = 500, 8     # of a union in the plane
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Body:
@@ -148,8 +150,21 @@ def stl_of(solid):
 
 def prism_over(polygons_mm, low_mm, high_mm):
     """What stands over a union of plane polygons (each (k, 2), counter-clockwise) between two heights."""
-    section = CrossSection([np.asarray(p, dtype=np.float64) for p in polygons_mm], FillRule.NonZero)
+    section = _united_sections([np.asarray(p, dtype=np.float64) for p in polygons_mm])
     return section.extrude(high_mm - low_mm).translate((0.0, 0.0, low_mm))
+
+
+def _united_sections(polygons):
+    """The union as a CrossSection; neighbours first, since the time for one union grows with the square of its size."""
+    middles = np.array([p.mean(axis=0) for p in polygons]).reshape(-1, 2)
+    along = middles[:, int(np.argmax(np.ptp(middles, axis=0)))] if len(polygons) else np.zeros(0)
+    order = np.argsort(along, kind="stable")
+    parts = [CrossSection([polygons[i] for i in order[k:k + POLYGONS_AT_ONCE]], FillRule.NonZero)
+             for k in range(0, len(order), POLYGONS_AT_ONCE)] or [CrossSection()]
+    while len(parts) > 1:
+        parts = [CrossSection.batch_boolean(parts[k:k + SECTIONS_AT_ONCE], OpType.Add)
+                 for k in range(0, len(parts), SECTIONS_AT_ONCE)]
+    return parts[0]
 
 
 def bodies_of(solid, least_mm3):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.planning import freeform_finishing, section_finishing
+from cuspline.planning import freeform_finishing, section_finishing, transverse_finishing
 from cuspline.planning.cutter_choice import choose_ball, choose_rest_ball
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing_plan import roughed
@@ -39,13 +39,14 @@ class SetupPlan:
             name=name, setup=self.setup.name, wcs=self.setup.wcs, wcs_in_words=self.setup.wcs_in_words,
             clearance_z_mm=float(self.clearance_z_mm - zero[2]), header=tuple(header),
             operations=tuple(Operation(name=o.name, tool=o.tool, spindle_rpm=o.rpm, coolant=o.coolant,
-                                       moves=_moved(o.moves, into)) for o in self.operations))
+                                       moves=_moved(o.moves, into), passes=_shifted(o.passes, into))
+                             for o in self.operations))
 
 
 def _by_sections(shop):
     """Operations in section planes: one ball that fits everywhere, and the smallest where it is held off."""
     finish, work = shop.design.finish, shop.finishing_work()
-    ball, candidates, reach = choose_ball(shop.library, shop.samples, shop.hollow.radius_mm, shop.mesh,
+    ball, candidates, reach = choose_ball(shop.finishing_library, shop.samples, shop.hollow.radius_mm, shop.mesh,
                                           ROUGH_ALLOWANCE_MM, work)
     semi = lambda: section_finishing.finish(shop, "semi-finish", ball, SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, (), reach)
     operations = roughed(shop, ball, reach.is_reached, semi)
@@ -59,7 +60,7 @@ def _by_sections(shop):
 
 def _free_form(shop):
     """Operations over regions: the fastest chain of balls, each smaller one where the one before leaves too much."""
-    chain, candidates, reached = choose_finishing(shop.library, shop.samples, shop.mesh, ROUGH_ALLOWANCE_MM,
+    chain, candidates, reached = choose_finishing(shop.finishing_library, shop.samples, shop.mesh, ROUGH_ALLOWANCE_MM,
                                                   shop.finishing_work())
     tools = [link.tool for link in chain]
     semi = lambda: freeform_finishing.finish(shop, "semi-finish", tools[0], SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, ())
@@ -81,6 +82,11 @@ def _moved(moves, into):
     return replace(moves, start_mm=into(moves.start_mm), end_mm=into(moves.end_mm), center_mm=into(moves.center_mm))
 
 
+def _shifted(passes, into):
+    """Templated passes seen from the WCS, which lies as the part does in its setup."""
+    return passes and passes.shifted(into(np.zeros((1, 3)))[0])
+
+
 def plan_setup(design, setup, machine, library, before=None):
     """Plan one setup.
 
@@ -98,7 +104,7 @@ def plan_setup(design, setup, machine, library, before=None):
     for name, scallop_mm in (("semi-finish", SEMI_SCALLOP_MM), ("finish", design.finish.scallop_mm)):
         ridge_for_step_mm(name, scallop_mm, design.finish)
     shop = Shop(design, setup, machine, library, before)
-    cut = _by_sections if setup.strategy == "sections" else _free_form
+    cut = {"sections": _by_sections, "transverse_arcs": transverse_finishing.operations}.get(setup.strategy, _free_form)
     operations, reached = cut(shop)
     return SetupPlan(setup=setup, operations=tuple(operations), clearance_z_mm=shop.clearance_z_mm,
                      hollow=_placed(shop.hollow, setup), inner_edges=tuple(

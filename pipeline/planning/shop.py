@@ -32,6 +32,7 @@ CLEARANCE_MM = 5.0          # of rapids above stock and fixtures
 APPROACH_MM = 1.0           # above stock and fixtures the tool begins to feed down
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 RAMP_RAD = np.radians(3.0)
+UNIT = 1e-6                 # mm: diameters that are the same
 TOOL_CHANGE_S = 60.0        # one more tool, its approach and its passes' overlap included
 PLUNGE_SHARE = 0.3          # of the cutting feed, going down
 
@@ -46,6 +47,7 @@ class PlannedOperation:
     coolant: str
     moves: Moves                # with capped feeds, in the part as it lies in its setup (`setup.turn`)
     facts: dict                 # numbers for plan.json
+    passes: object = None       # pass_templates.TemplatedPasses that come to the moves; None: only the moves
 
     @cached_property
     def swept_mm(self):
@@ -80,6 +82,22 @@ class Shop:
         self.hollow = tightest_hollow(self.faces, self.wanted, geometry=self.geometry)
         self.box = brep.bounding_box_mm(self.solid)
         self.clearance_z_mm = float(max([self.stock_max_mm[2], *(high[2] for _, high in self.fixtures)])) + CLEARANCE_MM
+
+    @cached_property
+    def finishing_library(self):
+        """The library as far as its balls may finish: all, or those of the diameter that the setup asks for.
+
+        Raises:
+            PlanError: it has none of that diameter.
+        """
+        asked = self.setup.ball_mm
+        if asked is None:
+            return self.library
+        tools = tuple(t for t in self.library.tools if t.cutter.type != "ball" or abs(t.cutter.diameter_mm - asked) < UNIT)
+        if not any(t.cutter.type == "ball" for t in tools):
+            there = ", ".join(f"{t.cutter.diameter_mm:g}" for t in self.library.of_type("ball"))
+            raise PlanError(f"{self.setup.name}: the tool library has no ball of {asked:g} mm; there are {there} mm")
+        return self.library.model_copy(update={"tools": tools})
 
     @cached_property
     def geometry(self):
@@ -124,12 +142,22 @@ class Shop:
 
     def operation(self, name, tool, rpm, moves, facts):
         """Cap the feeds, measure length and time."""
-        moves = moves.with_feed(feeds.capped_feeds(moves, self.machine))
+        return self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts)
+
+    def operation_of_passes(self, name, tool, rpm, passes, facts):
+        """The same for templated passes: each feed register gets the lowest of the capped feeds it stands for."""
+        moves, _, register = passes.moves_and_items()
+        capped = feeds.capped_feeds(moves, self.machine)
+        passes = passes.with_registers(**{n: capped[register == n].min() for n in set(register) - {""}})
+        return self._measured(name, tool, rpm, passes.moves(), facts, passes)
+
+    def _measured(self, name, tool, rpm, moves, facts, passes=None):
         cutting = moves.kind != Kind.RAPID
         facts = {**facts, "length_mm": round(float(feeds.move_lengths_mm(moves)[cutting].sum()), 3),
                  "time_s": round(float(feeds.times_s(moves, self.machine).sum()), 1),
                  "moves": len(moves), "arcs": int((moves.kind >= Kind.ARC_CW).sum())}
-        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.material.coolant, moves=moves, facts=facts)
+        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.material.coolant, moves=moves, facts=facts,
+                                passes=passes)
 
 
 def path_tolerance_mm(finish):

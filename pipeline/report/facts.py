@@ -377,5 +377,6 @@ def mesh_rows(verify):
 
 def file_rows(bundle):
     """[(file, full SHA-256)] that tie this paper to the files."""
-    return [(bundle.step_file, bundle.step_sha256), *((s.program_file, s.program_sha256) for s in bundle.setups),
+    programs = [row for s in bundle.setups for row in ((s.program_file, s.program_sha256), *s.continued)]
+    return [(bundle.step_file, bundle.step_sha256), *programs,
             ("inputs (parameters, machine, cutters)", bundle.inputs_sha256)]

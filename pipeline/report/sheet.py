@@ -38,7 +38,7 @@ def _sheet(bundle, setup):
     return SetupSheet(
         name=setup.name, job=job_rows(bundle, setup), zero=zero_rows(bundle, setup), drawing=wcs_drawing(bundle, setup),
         tools=tool_rows(bundle, setup), operations=rows, checklist=checklist(bundle, setup),
-        files=[(setup.program_file, setup.program_sha256), (bundle.step_file, bundle.step_sha256),
+        files=[(setup.program_file, setup.program_sha256), *setup.continued, (bundle.step_file, bundle.step_sha256),
                ("inputs", bundle.inputs_sha256)])
 
 
@@ -48,7 +48,8 @@ def job_rows(bundle, setup):
     position = [s.name for s in bundle.setups].index(setup.name) + 1
     return [("Part", bundle.design), ("Setup", f"{setup.name}, {position} of {len(bundle.setups)}"),
             ("Material", bundle.material), ("Machine", setup.machine), ("Control", setup.control),
-            ("Program", f"{setup.program_file}, {grouped(setup.program_lines)} lines, {file_size(setup.program_bytes)}"),
+            ("Program", f"{setup.program_file}, {grouped(setup.program_lines)} lines, {file_size(setup.program_bytes)}"
+                        + (f", then {', '.join(name for name, _ in setup.continued)}" if setup.continued else "")),
             ("Units", setup.units), ("Time", duration(plan.get("time_s")))]
 
 

@@ -19,7 +19,10 @@ from scipy.interpolate import BSpline
 
 from cuspline.arrays import frozen
 from cuspline.errors import DesignError
+from cuspline.surfaces.nurbs import local_shape
 
+LOOKS_A_SPAN, LOOKS_ROUND = 24, 19      # places between knots and round half the arc at which hollows are looked for
+SIDE_RAD = np.radians(30.0)             # beyond this from the crest the arc counts as side
 RISE = 1e-9         # knots closer together than this are one knot, mm
 
 
@@ -98,6 +101,36 @@ class CircularTip:
     def crest_z_mm(self, x_mm):
         """(n,) z0 + R, the tip line in the mid-plane."""
         return self.center_z_mm(x_mm) + self.radius_mm(x_mm)
+
+    def hollow_per_mm(self, x_mm, turn_rad):
+        """(n,) the most hollow principal curvature of the arc: negative in a hollow, as everywhere."""
+        x, turn = np.broadcast_arrays(np.asarray(x_mm, float), np.asarray(turn_rad, float))
+        sine, cosine, none, one = np.sin(turn), np.cos(turn), np.zeros(x.shape), np.ones(x.shape)
+        R, R1, R2 = self.radius_mm(x), self.radius_slope(x), self.radius_bend_per_mm(x)
+        rows = [(x, R * sine, self.center_z_mm(x) + R * cosine),
+                (none, R * cosine, -R * sine), (one, R1 * sine, self.center_slope(x) + R1 * cosine),
+                (none, -R * sine, -R * cosine), (none, R1 * cosine, -R1 * sine),
+                (none, R2 * sine, self.center_bend_per_mm(x) + R2 * cosine)]
+        shape = local_shape(np.stack([np.stack(row, axis=-1) for row in rows], axis=1), flip=True)
+        return shape.curvature_low_per_mm
+
+    def tightest_hollows(self):
+        """((radius_mm, (3,) place) along the crest, the same on the arc's sides), inf where nothing is hollow.
+
+        The first one is the valley of the tip line, that limits the cutter at first sight; the second one what the
+        sides add to that.  Found by looking, not proven: `curvature.tightest_hollow` proves it on the B-rep.
+        """
+        breaks = np.unique(self.knots_mm)
+        share = np.linspace(0.0, 1.0, LOOKS_A_SPAN, endpoint=False)
+        x = np.r_[(breaks[:-1, None] + share * np.diff(breaks)[:, None]).ravel(), breaks[-1]]
+        sides = np.repeat(np.linspace(SIDE_RAD, self.half_arc_rad, LOOKS_ROUND), len(x))
+        found = []
+        for along, turn in ((x, np.zeros(len(x))), (np.tile(x, LOOKS_ROUND), sides)):
+            curvature = self.hollow_per_mm(along, turn)
+            k = int(curvature.argmin())
+            radius = -1.0 / curvature[k] if curvature[k] < 0 else np.inf
+            found.append((float(radius), self.point_mm(along[k:k + 1], turn[k:k + 1])[0]))
+        return tuple(found)
 
     @property
     def half_arc_rad(self):

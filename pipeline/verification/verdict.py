@@ -38,6 +38,8 @@ PROVEN_SHARE = 1 / 3      # of the allowed gouge: how near to the truth the cert
 FINEST_MM = 2e-4          # the finest that they are asked for
 SOLID_NODES = 120_000     # of the second verifier's grid: some seconds of booleans
 REPLAY_NODES = 60_000
+MESH_TRIANGLES = 500_000  # of the design: on a longer part they lie farther off, and the bounds say so
+COARSER = 10.0            # times the deviation: a mesh that tells how many triangles there will be
 DESIGN_PIN_MM = 1e-3      # radius of the pin that feels the design's height at a node
 
 
@@ -213,6 +215,8 @@ def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, ke
         fitted.append(_fitted(options, faces, *piece.box_in(program.setup.frame), finish))
         piece = piece.after(program.setup.frame, swept_paths(program.posted, tools))
     finest = min(o.tessellation_mm for o in fitted)
+    if options.tessellation_mm is None:
+        finest = _affordable_mm(solid, finest)
     say(f"triangles of the design within {finest:.4f} mm")
     mesh, exact = tessellate(solid, finest), brep.faces_of(solid)
     say(f"samples of the faces, {len(mesh.triangles):,} triangles for their reach")
@@ -322,6 +326,12 @@ def _fitted(options, faces, low, high, finish):
            "replay_pitch_mm": float(np.clip(np.sqrt(plan / REPLAY_NODES), 0.1, 1.0)),
            "tessellation_mm": float(np.clip(finish.profile_tolerance_mm, 0.002, 0.01))}
     return Options(**{**options.__dict__, **{k: v for k, v in fit.items() if getattr(options, k) is None}})
+
+
+def _affordable_mm(solid, deviation_mm):
+    """The deviation asked, or what keeps to MESH_TRIANGLES: their number goes with its inverse."""
+    expected = COARSER * len(tessellate(solid, COARSER * deviation_mm).triangles)
+    return deviation_mm * max(1.0, expected / MESH_TRIANGLES)
 
 
 def _replayed(part, c, tools, machine):

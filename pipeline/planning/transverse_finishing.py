@@ -1,0 +1,99 @@
+"""A vane as its controller lays it out: rough both ways and finish climb by arcs across, after the billet is cleared.
+
+The main program of these passes is data and calls (toolpaths/arc_templates.py).  They are exact in the mid-plane;
+what they make of the rest is computed and told (toolpaths/cutter_surface.py), and the verdict measures it.
+"""
+
+import numpy as np
+
+from cuspline.errors import PlanError
+from cuspline.planning.cutter_choice import choose_ball
+from cuspline.planning.roughing_plan import roughed
+from cuspline.planning.shop import PLUNGE_SHARE, ROUGH_ALLOWANCE_MM, finite, ridge_for_step_mm
+from cuspline.toolpaths.arc_templates import BESIDE_MM, templated_passes
+from cuspline.toolpaths.cutter_surface import cut_map
+from cuspline.toolpaths.transverse_arcs import arc_steps, stretches
+
+ROUGH_RIDGE_MM = 0.05       # of the rough passes
+RESTART_STEPS = 50          # a restart point every so many; even, so that each begins clockwise
+MAP_PITCH_RADII = 0.05      # along the vane, of the map that extremes are taken from
+MAP_ROWS = 500              # of it that plan.json shows
+BODY_SHARE = 1e-6           # of a millimetre: rounding of the box
+
+
+def operations(shop):
+    """(operations, (n,) bool which samples are reached) of a vane.
+
+    Raises:
+        PlanError: the design is no vane, lies another way in this setup, or its billet is wider than its body.
+        CutterDoesNotFit: no ball fits, or the tip line's valley is tighter than it.
+    """
+    tip, half_mm = _vane(shop)
+    ball, candidates, reach = choose_ball(shop.finishing_library, shop.samples, shop.hollow.radius_mm, shop.mesh,
+                                          ROUGH_ALLOWANCE_MM, shop.finishing_work())
+    made = [o for o in roughed(shop, ball, reach.is_reached, lambda: None) if o is not None]
+    allowance, plating = shop.setup.allowance_mm, shop.setup.plating_mm
+    ridge_mm = ridge_for_step_mm("finish", shop.design.finish.scallop_mm, shop.design.finish)
+    made.append(_passes(shop, "rough passes", ball, tip, half_mm, allowance, ROUGH_RIDGE_MM, {}))
+    radius = ball.cutter.radius_mm
+    facts = {"candidates": [c.as_dict() for c in candidates], "plating_mm": plating,
+             "min_concave_radius_mm": finite(shop.hollow.radius_mm),
+             "min_concave_place_mm": shop.in_part(shop.hollow.place_mm),
+             "cut_map": map_facts(cut_map(tip, radius, radius - plating, MAP_PITCH_RADII * radius))}
+    made.append(_passes(shop, "finish", ball, tip, half_mm, -plating, ridge_mm, facts))
+    return made, reach.is_reached
+
+
+def _vane(shop):
+    """(CircularTip in the frame of the setup's moves, half width of the body)."""
+    tip, setup = shop.design.tip, shop.setup
+    if tip is None:
+        raise PlanError(f"{setup.name}: transverse arcs follow a vane's tip, and {shop.design.name} says none "
+                        "(Design.tip): choose another strategy")
+    if np.abs(setup.turn.rotation - np.eye(3)).max() > 1e-9:
+        raise PlanError(f"{setup.name}: transverse arcs need the vane along the machine's X, its tip up: wcs_x is "
+                        f"{setup.wcs_x}, wcs_z {setup.wcs_z}; make them (1, 0, 0) and (0, 0, 1)")
+    half = float(max(-shop.box[0][1], shop.box[1][1]))
+    wide = float(max(-shop.stock_min_mm[1], shop.stock_max_mm[1]))
+    if wide > half + BESIDE_MM - BODY_SHARE:
+        raise PlanError(f"{setup.name}: transverse arcs go down beside the body, {half:.3f} mm from the mid-plane, and the "
+                        f"billet reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
+    if setup.plating_mm > shop.design.finish.gouge_mm:
+        raise PlanError(f"{setup.name}: a plating of {setup.plating_mm:g} mm leaves the metal that far below the plated "
+                        f"surface, and finish.gouge_mm accepts {shop.design.finish.gouge_mm:g} mm: raise it")
+    return tip, half
+
+
+def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):
+    """One operation; the register is larger than the ball by `over_mm`."""
+    radius, control = ball.cutter.radius_mm, shop.machine.control
+    along = stretches(tip, radius, ridge_mm, control.resolution_mm)
+    steps = arc_steps(tip, radius, np.concatenate([s.planes for s in along]))
+    rpm, feed = shop.speeds(ball, is_rough=False)
+    passes = templated_passes(
+        along, steps, register_mm=radius + over_mm, ball_radius_mm=radius, half_width_mm=half_mm,
+        clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed, slow_mm_per_min=PLUNGE_SHARE * feed,
+        restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
+    intervals = [float(s.interval_mm) for s in along]
+    facts = {"allowance_mm": over_mm if over_mm > 0 else 0.0, "scallop_mm": ridge_mm, "register_mm": round(radius + over_mm, 6),
+             "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(max(intervals), 6),
+             "stepover_min_mm": round(min(intervals), 6), "passes": len(steps), "section_plane": "YZ",
+             "matching_passes": int(steps.is_matching.sum()), "restart_points": len(passes.restarts),
+             "strategy": shop.setup.strategy, "links": "zig-zag" if over_mm > 0 else "one-way", **facts}
+    return shop.operation_of_passes(name, ball, rpm, passes, facts)
+
+
+def map_facts(found):
+    """The deviation map as plan.json shows it: extremes by section, and rows enough to draw."""
+    rows = np.unique(np.linspace(0, len(found.deviation_mm) - 1, MAP_ROWS).round().astype(int))
+    facts = {"x_mm": found.place_mm[rows, 0, 0].round(4).tolist(),
+             "deviation_mm": [[None if np.isnan(d) else round(float(d), 6) for d in row] for row in found.deviation_mm[rows]],
+             "columns": "crest to tangency at even angles, then the flank", "folded": int(found.is_folded.sum())}
+    for name, mine in (("general", ~found.is_matching), ("matching", found.is_matching)):
+        if mine.any():
+            deviation, place = found.deviation_mm[mine], found.place_mm[mine]
+            low, high = (np.unravel_index(f(deviation), deviation.shape) for f in (np.nanargmin, np.nanargmax))
+            facts[name] = {"lowest_mm": round(float(deviation[low]), 6), "lowest_place_mm": place[low].round(4).tolist(),
+                           "highest_mm": round(float(deviation[high]), 6),
+                           "highest_place_mm": place[high].round(4).tolist()}
+    return facts

@@ -1,0 +1,253 @@
+r"""Passes over a vane tip as a controller lays them: an arc in each transverse plane, flanks to either side.
+
+    z ▲        .-'''-.   centre of the ball: arc of radius |T - C| + r about C, a step apart in x
+      │      .'  ___  '.
+      │     /  /  ·C \  \    T = (Y, Z)   tangency of the finished section
+      │    /  T       T  \   r            the tool-radius register: the controller adds it
+      │   |  /         \  |
+      │  /  /___________\  \ A            half width of the body, where the flanks end
+      └──────────────────────► y
+
+A step is at a constant interval in the CENTRE's x; the contact under it in the mid-plane is found by iteration, so the
+mid-plane is exact and all else nearly so (cutter_surface.py says by how much).  Y, Z, C are the section at the contact,
+C lowered by what the slope leans the ball out of the plane: C = z_ball - R - Rc.
+
+Where the tip runs steeply (the radial matching section) that would lift the flanks with the crest, and the register would
+act along z, not along the normal.  There the ball's contact with the FLANK in the same plane is found too, and the arc is
+the one that meets the true offset at the crest and along the flanks.  Such a step has two numbers more, swell and lift:
+radius |T - C| + r swell, centre C + r lift, so that crest and flanks follow the offset for any register, to first order:
+
+    swell + lift = sqrt(1 + s²),   swell + lift sin α = sqrt(1 + s² sin² α)   s the slope, α the flanks' angle
+
+Source: FORMULAS 1 (Crandall and Stovall); the matching section's arc is ours, from the support function of the offset's
+section.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.arrays import frozen
+from cuspline.errors import CutterDoesNotFit
+from cuspline.planning.stepover import stepover_for_scallop_mm
+
+STEEP_SLOPE = 0.3           # above it a step is one of the matching section: the register would be 4 % short along the normal
+BRACKET_SAMPLES = 20_001    # of the tip line: a bracket for every contact, and the check that the ball fits
+ROUNDS = 60                 # Newton from the middle of a bracket needs five; halving alone forty
+CONTACT_MM = 1e-11
+LOOKS_ROUND = 7             # angles round the arc at which the step is chosen
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ArcSteps:
+    """One row a transverse plane; the tip's frame, mm."""
+
+    center_x_mm: np.ndarray     # (n,) the ball's centre
+    contact_x_mm: np.ndarray    # (n,) where it touches the crest
+    y_mm: np.ndarray            # (n,) Y, tangency of arc and flank
+    z_mm: np.ndarray            # (n,) Z
+    c_mm: np.ndarray            # (n,) C, height of the arc's centre
+    swell: np.ndarray           # (n,) register's share in the arc's radius; 1 in the general section
+    lift: np.ndarray            # (n,) register's share in the centre's height; 0 in the general section
+    is_matching: np.ndarray     # (n,) bool: steep
+
+    def __post_init__(self):
+        n = len(self.center_x_mm)
+        for name in ("center_x_mm", "contact_x_mm", "y_mm", "z_mm", "c_mm", "swell", "lift"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (n,), name))
+        object.__setattr__(self, "is_matching", frozen(self.is_matching, (n,), "is_matching", bool))
+
+    def __len__(self):
+        return len(self.center_x_mm)
+
+    @property
+    def radius_mm(self):
+        """(n,) |T - C|: of the arc before the register is added."""
+        return np.hypot(self.y_mm, self.z_mm - self.c_mm)
+
+    def centers_mm(self, register_mm, turn_rad):
+        """(n, k, 3) centres of the ball on the arc, at angles (k,) or (n, k) from the crest toward +y."""
+        turn = np.broadcast_to(turn_rad, (len(self), np.shape(turn_rad)[-1]))
+        radius = (self.radius_mm + self.swell * register_mm)[:, None]
+        height = (self.c_mm + self.lift * register_mm)[:, None]
+        x = np.broadcast_to(self.center_x_mm[:, None], turn.shape)
+        return np.stack([x, radius * np.sin(turn), height + radius * np.cos(turn)], axis=-1)
+
+
+def crest_slope(tip, x_mm):
+    """(n,) slope of the tip line."""
+    return tip.center_slope(x_mm) + tip.radius_slope(x_mm)
+
+
+def crest_bend_per_mm(tip, x_mm):
+    """(n,) second derivative of the tip line."""
+    return tip.center_bend_per_mm(x_mm) + tip.radius_bend_per_mm(x_mm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Line:
+    """A line along the tip that a ball rolls on: crest, or flank seen along its own normal in the transverse plane."""
+
+    slope: object               # function x -> rise over run
+    bend: object                # its derivative
+    square: float               # of the normal's part in the transverse plane, before scaling: n_x = -slope / root
+
+    def center_x_mm(self, ball_radius_mm, x_mm):
+        slope = self.slope(x_mm)
+        return x_mm - ball_radius_mm * slope / np.sqrt(self.square + slope ** 2)
+
+    def turning_per_mm(self, x_mm):
+        """-dn_x/dx: one over the radius of a valley in the plane of the normal."""
+        return self.bend(x_mm) * self.square / (self.square + self.slope(x_mm) ** 2) ** 1.5
+
+
+def _crest(tip):
+    return _Line(slope=lambda x: crest_slope(tip, x), bend=lambda x: crest_bend_per_mm(tip, x), square=1.0)
+
+
+def _flank(tip):
+    sine, cosine = np.sin(tip.flank_half_angle_rad), np.cos(tip.flank_half_angle_rad)
+    return _Line(slope=lambda x: (tip.radius_slope(x) + sine * tip.center_slope(x)) / cosine,
+                 bend=lambda x: (tip.radius_bend_per_mm(x) + sine * tip.center_bend_per_mm(x)) / cosine,
+                 square=1.0 / cosine ** 2)
+
+
+def center_x_of_contact_mm(tip, ball_radius_mm, x_mm):
+    """(n,) x of the ball's centre while it touches the crest at x: x + Rc n_x."""
+    return _crest(tip).center_x_mm(ball_radius_mm, x_mm)
+
+
+def contacts_mm(tip, ball_radius_mm, center_x_mm):
+    """Where the ball touches the crest while its centre stands at x: safeguarded Newton in the mid-plane.
+
+    Args:
+        tip: CircularTip.
+        ball_radius_mm: Rc > 0.
+        center_x_mm: (n,); centres beyond those over the tip's ends count as over the ends.
+    Returns:
+        (n,) xs with xs + Rc n_x(xs) = xc.
+    Raises:
+        CutterDoesNotFit: a valley of the tip line is tighter than the ball: the map from xs to xc turns back there.
+    Source: FORMULAS 1.
+    """
+    return _contacts_mm(_crest(tip), "the tip line", tip.range_mm, ball_radius_mm, center_x_mm)
+
+
+def _contacts_mm(line, name, range_mm, ball_radius_mm, center_x_mm):
+    target, table = np.asarray(center_x_mm, float), np.linspace(*range_mm, BRACKET_SAMPLES)
+    _refuse_tight_valley(line, name, ball_radius_mm, table)
+    centers = line.center_x_mm(ball_radius_mm, table)
+    target = np.clip(target, centers[0], centers[-1])
+    after = np.clip(np.searchsorted(centers, target), 1, len(table) - 1)
+    low, high = table[after - 1].copy(), table[after].copy()
+    x = (low + high) / 2
+    for _ in range(ROUNDS):
+        off = line.center_x_mm(ball_radius_mm, x) - target
+        low, high = np.where(off < 0, x, low), np.where(off > 0, x, high)
+        newton = x - off / np.maximum(1.0 - ball_radius_mm * line.turning_per_mm(x), 1e-9)
+        step = np.where((newton > low) & (newton < high), newton, (low + high) / 2) - x
+        step = np.where(off == 0.0, 0.0, step)
+        x = x + step
+        if np.abs(step).max(initial=0.0) < CONTACT_MM:
+            break
+    return x
+
+
+def _refuse_tight_valley(line, name, ball_radius_mm, x):
+    turning = line.turning_per_mm(x)
+    worst = int(turning.argmax())
+    if turning[worst] * ball_radius_mm >= 1.0:
+        raise CutterDoesNotFit(
+            f"transverse arcs: ball radius {ball_radius_mm:.3f} mm, but the valley of {name} at x = {x[worst]:.3f} mm has "
+            f"a radius of {1 / turning[worst]:.3f} mm; choose a smaller ball",
+            rows=np.flatnonzero(turning * ball_radius_mm >= 1.0))
+
+
+def arc_steps(tip, ball_radius_mm, center_x_mm):
+    """The controller's numbers at each transverse plane.
+
+    Args:
+        tip: CircularTip.   ball_radius_mm: Rc, which the mid-plane is exact for.
+        center_x_mm: (n,) planes.
+    Returns:
+        ArcSteps.
+    Raises:
+        CutterDoesNotFit: see `contacts_mm`.
+    """
+    xs = contacts_mm(tip, ball_radius_mm, center_x_mm)
+    slope, radius, angle = crest_slope(tip, xs), tip.radius_mm(xs), tip.flank_half_angle_rad
+    secant, steep = np.sqrt(1.0 + slope ** 2), np.abs(slope) > STEEP_SLOPE
+    ball_z = tip.crest_z_mm(xs) + ball_radius_mm / secant           # over the crest, exactly
+    c, swell, lift = ball_z - radius - ball_radius_mm, np.ones(len(xs)), np.zeros(len(xs))
+    if steep.any():
+        swell[steep], lift[steep], radius[steep], c[steep] = _steep(
+            tip, ball_radius_mm, np.asarray(center_x_mm, float)[steep], ball_z[steep], secant[steep])
+    return ArcSteps(center_x_mm=center_x_mm, contact_x_mm=xs, y_mm=radius * np.cos(angle), z_mm=c + radius * np.sin(angle),
+                    c_mm=c, swell=swell, lift=lift, is_matching=steep)
+
+
+def _steep(tip, ball_radius_mm, center_x_mm, ball_z_mm, secant):
+    """(swell, lift, radius, C) of the arcs that meet the offset at the crest and along the flanks."""
+    line, sine, cosine = _flank(tip), np.sin(tip.flank_half_angle_rad), np.cos(tip.flank_half_angle_rad)
+    xf = _contacts_mm(line, "the flanks", tip.range_mm, ball_radius_mm, center_x_mm)
+    flank = np.sqrt(1.0 + line.slope(xf) ** 2 / line.square)        # 1 over the normal's part in the plane
+    y, z = tip.tangency_mm(xf)
+    reach = y * cosine + z * sine + ball_radius_mm / flank          # of the ball's centre, square to the flank
+    g = (reach - ball_z_mm * sine) / (1.0 - sine)
+    lift = (secant - flank) / (1.0 - sine)
+    swell = secant - lift
+    return swell, lift, g - ball_radius_mm * swell, ball_z_mm - g - ball_radius_mm * lift
+
+
+def widest_interval_mm(tip, ball_radius_mm, ridge_mm, x_mm):
+    """(n,) interval in the centre's x at which neighbouring arcs leave ridges of the given height round contacts x.
+
+    Looked at round the arc: the crest is not always the worst place, for on the arc's sides the surface runs less steeply
+    but no flatter.
+
+    Source: FORMULAS 4; contacts a chord apart along the surface lie chord · cos(slope) apart in x, centres
+    1 + Rc κ times that.
+    """
+    turns = np.linspace(0.0, tip.half_arc_rad, LOOKS_ROUND)
+    slope, bend = crest_slope(tip, x_mm)[:, None] * np.cos(turns), crest_bend_per_mm(tip, x_mm)[:, None] * np.cos(turns)
+    ridge = -bend / (1.0 + slope ** 2) ** 1.5
+    chord = stepover_for_scallop_mm(ball_radius_mm, ridge_mm, np.maximum(ridge, -0.98 / ball_radius_mm).ravel())
+    spread = np.minimum(1.0 + ball_radius_mm * ridge, 1.0)
+    return (chord.reshape(ridge.shape) / np.sqrt(1.0 + slope ** 2) * np.maximum(spread, 0.02)).min(axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """Planes at one interval; the last one may stand closer to the one before."""
+
+    first_mm: float
+    interval_mm: float
+    planes: tuple[float, ...]
+
+
+def stretches(tip, ball_radius_mm, ridge_mm, resolution_mm):
+    """Stretches of constant interval from end to end of the tip: matching sections finer than the general one.
+
+    Args:
+        ridge_mm: highest ridge between neighbouring arcs.
+        resolution_mm: intervals are whole multiples of it, so that a controller that counts makes no error.
+    Returns:
+        tuple of Stretch, in x.
+    """
+    x = np.linspace(*tip.range_mm, BRACKET_SAMPLES)
+    _refuse_tight_valley(_crest(tip), "the tip line", ball_radius_mm, x)
+    allowed, center = widest_interval_mm(tip, ball_radius_mm, ridge_mm, x), center_x_of_contact_mm(tip, ball_radius_mm, x)
+    bounds = [0, *(np.flatnonzero(np.diff(np.abs(crest_slope(tip, x)) > STEEP_SLOPE)) + 1), len(x) - 1]
+    made, start = [], _on_grid(center[0], resolution_mm)
+    for a, b in zip(bounds[:-1], bounds[1:]):
+        end, is_last = float(center[b]), b == len(x) - 1
+        interval = max(np.floor(allowed[a:b + 1].min() / resolution_mm), 1.0) * resolution_mm
+        count = max(int(np.ceil((end - start) / interval - 1e-9)), 1)
+        planes = start + interval * np.arange(count)
+        made.append(Stretch(first_mm=start, interval_mm=interval, planes=tuple(planes.tolist())))
+        start = end if is_last else _on_grid(planes[-1] + interval, resolution_mm)
+    return (*made, Stretch(first_mm=start, interval_mm=made[-1].interval_mm, planes=(start,)))
+
+
+def _on_grid(value, resolution_mm):
+    return float(np.ceil(value / resolution_mm - 1e-9) * resolution_mm)
