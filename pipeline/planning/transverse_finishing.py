@@ -6,6 +6,7 @@ what they make of the rest is computed and told (toolpaths/cutter_surface.py), a
 
 import numpy as np
 
+from cuspline import brep
 from cuspline.errors import PlanError
 from cuspline.planning.cutter_choice import choose_ball
 from cuspline.planning.roughing_plan import roughed
@@ -61,7 +62,13 @@ def _vane(shop):
     if setup.plating_mm > shop.design.finish.gouge_mm:
         raise PlanError(f"{setup.name}: a plating of {setup.plating_mm:g} mm leaves the metal that far below the plated "
                         f"surface, and finish.gouge_mm accepts {shop.design.finish.gouge_mm:g} mm: raise it")
-    return tip, half
+    return tip.between(*_range_mm(shop)), half
+
+
+def _range_mm(shop):
+    """(first, last) x of the faces that this setup cuts."""
+    boxes = [brep.bounding_box_mm(shop.faces[i].shape) for i in shop.wanted]
+    return min(low[0] for low, _ in boxes), max(high[0] for _, high in boxes)
 
 
 def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):

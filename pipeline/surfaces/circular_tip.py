@@ -11,11 +11,11 @@ r"""A vane tip: a circle in every transverse plane, straight flanks tangent to i
 Source: FORMULAS 1 (Crandall and Stovall); the flanks' angle is ours.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from cuspline.arrays import frozen
 from cuspline.errors import DesignError
@@ -23,6 +23,7 @@ from cuspline.surfaces.nurbs import local_shape
 
 LOOKS_A_SPAN, LOOKS_ROUND = 24, 19      # places between knots and round half the arc at which hollows are looked for
 SIDE_RAD = np.radians(30.0)             # beyond this from the crest the arc counts as side
+LEAST_MM = 1e-6     # a clipped tip begins at a knot that is nearer than this
 RISE = 1e-9         # knots closer together than this are one knot, mm
 
 
@@ -61,6 +62,24 @@ class CircularTip:
     def range_mm(self):
         """(first, last) x of the tip."""
         return float(self.knots_mm[0]), float(self.knots_mm[-1])
+
+    def between(self, low_mm, high_mm):
+        """The same tip from x = low to high alone; itself where that is all of it.
+
+        The splines lie in the space of the clipped knots, so interpolating them there gives them back.
+        """
+        first, last = self.range_mm
+        low, high, k = max(low_mm, first), min(high_mm, last), self.degree
+        if high - low < LEAST_MM:
+            raise ValueError(f"no tip between {low_mm:g} and {high_mm:g} mm: it goes from {first:g} to {last:g} mm")
+        if low - first < LEAST_MM and last - high < LEAST_MM:
+            return self
+        inner = self.knots_mm[(self.knots_mm > low + LEAST_MM) & (self.knots_mm < high - LEAST_MM)]
+        knots = np.r_[[low] * (k + 1), inner, [high] * (k + 1)]
+        greville = np.clip([knots[i + 1:i + k + 1].mean() for i in range(len(knots) - k - 1)], low, high)
+        clipped = lambda poles: make_interp_spline(greville, BSpline(self.knots_mm, poles, k)(greville), k, knots).c
+        return replace(self, knots_mm=knots, center_poles_mm=clipped(self.center_poles_mm),
+                       radius_poles_mm=clipped(self.radius_poles_mm))
 
     @cached_property
     def _splines(self):

@@ -111,3 +111,16 @@ def test_arrays_are_copied_and_read_only():
     assert tip.center_poles_mm.max() == 1.0
     with pytest.raises(ValueError):
         tip.radius_poles_mm[0] = 2.0
+
+
+def test_a_part_of_a_tip_is_the_same_tip():
+    tip = tip_of(lambda x: 30.0 + np.sin(0.7 * x), lambda x: 4.0 + 0.3 * np.cos(0.4 * x), spans=23)
+    low, high = tip.range_mm
+    a, b = low + 0.31 * (high - low), low + 0.77 * (high - low)
+    part, x = tip.between(a, b), np.linspace(a, b, 501)
+    assert part.range_mm == pytest.approx((a, b), abs=1e-12)
+    for name in ("center_z_mm", "radius_mm", "center_slope", "radius_slope", "center_bend_per_mm", "radius_bend_per_mm"):
+        assert np.allclose(getattr(part, name)(x), getattr(tip, name)(x), atol=1e-9, rtol=0), name
+    assert tip.between(low - 5, high + 5) is tip
+    with pytest.raises(ValueError, match="no tip between"):
+        tip.between(high + 1, high + 2)
