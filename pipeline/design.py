@@ -110,7 +110,7 @@ class Setup(Model):
     steep_deg: float = Field(65.0, ge=20, le=90, description="walls steeper than this get waterline passes "
                              "(all strategies but sections); 90: none do")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the ball that finishes; None: the largest that fits")
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball; None: the largest that fits")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
