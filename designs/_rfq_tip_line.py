@@ -187,8 +187,8 @@ def tip_line(table, *, vane, law, matcher, radius_of, entry_aperture_mm, from_mm
     low = first if from_mm is None else max(from_mm, first)
     high = place if to_mm is None else min(to_mm, place)
     if high - low < 1.0:
-        raise DesignError(f"the vane reaches from {first:.3f} to {place:.3f} mm of the table; from_mm {low:g} and to_mm "
-                          f"{high:g} leave nothing of it")
+        raise DesignError(f"the vane reaches from {first:.3f} to {place:.3f} mm of the table; from_mm {low:g} and "
+                          f"to_mm {high:g} leave nothing of it")
     return TipLine(segments=tuple(segments), from_mm=low, to_mm=high)
 
 
@@ -262,8 +262,8 @@ def fitted_tip(line, axis_z_mm, flank_half_angle_rad, half_width_mm):
         if worst.max() < FIT_MM:
             return _tip(knots, splines.c, flank_half_angle_rad, half_width_mm)
         spans = [2 * n if w >= FIT_MM else n for n, w in zip(spans, worst)]
-    raise DesignError(f"the tip line at x = {looks[miss.argmax()]:.3f} mm ({line.cell_at(looks[miss.argmax()])}) is not "
-                      f"smooth enough for a spline: it is missed by {miss.max() * 1e3:.3f} um")
+    raise DesignError(f"the tip line at x = {looks[miss.argmax()]:.3f} mm ({line.cell_at(looks[miss.argmax()])}) is "
+                      f"not smooth enough for a spline: it is missed by {miss.max() * 1e3:.3f} um")
 
 
 def _tip(knots, poles, angle, half_width_mm):

@@ -130,7 +130,7 @@ class Setup(Model):
                                 "is larger than the ball by it")
     plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later; the register of the finish "
                               "is smaller than the ball by it")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the ball that finishes; None: the largest that fits")
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball; None: the largest that fits")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
