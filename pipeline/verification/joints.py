@@ -1,8 +1,10 @@
 """Joints: where two clampings have finished the same place, the step between what each of them left there."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 CELL_SPACINGS = 8.0       # edge of the cells over which cusps average out, in spacings of the samples
+EDGE_SPACINGS = 8.0       # nearer than this to what one of them left unfinished its last pass fades out: no joint
 LEAST_SAMPLES = 20        # in a cell whose mean is told
 
 
@@ -21,12 +23,23 @@ def joints(names, alone, finished_mm):
     found = [[] for _ in names]
     for late in range(len(names)):
         for early in range(late):
-            fine = (alone[late].samples.weight_mm2 > 0) & ~alone[late].is_top
-            for one in (alone[early], alone[late]):
-                fine &= np.abs(one.deviation_mm) <= finished_mm
-            if fine.any():
-                found[late].append({"setup": names[late], "with": names[early], **_step(alone[early], alone[late], np.flatnonzero(fine))})
+            rows = _in_both(alone[early], alone[late], finished_mm)
+            if len(rows):
+                found[late].append({"setup": names[late], "with": names[early],
+                                    **_step(alone[early], alone[late], rows)})
     return found
+
+
+def _in_both(before, after, finished_mm):
+    """Rows of samples that both finished, away from the border of what they did."""
+    inner = (after.samples.weight_mm2 > 0) & ~after.is_top
+    fine = np.maximum(np.abs(before.deviation_mm), np.abs(after.deviation_mm)) <= finished_mm
+    rows, left = np.flatnonzero(inner & fine), after.samples.points_mm[inner & ~fine]
+    if not len(rows) or not len(left):
+        return rows
+    edge = EDGE_SPACINGS * after.spacing_mm
+    away, _ = cKDTree(left).query(after.samples.points_mm[rows], distance_upper_bound=edge)
+    return rows[away > edge]
 
 
 def _step(before, after, rows):

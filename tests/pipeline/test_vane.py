@@ -7,20 +7,25 @@ import pytest
 
 from cuspline import brep, catalogue
 from cuspline.build import Order, build
+from cuspline.job import read_job
+from cuspline.judge import judge
 
 
-@pytest.fixture(scope="module")
-def vane(tmp_path_factory):
-    """(Design, output folder): 12 mm round the joint of cells 49 and 50, whose tips differ most."""
+def made(folder, *parameters):
+    """(Design, output folder) of a part of the vane, verified."""
     source = catalogue.find_design("rfq_vane")
-    design = catalogue.make_design(source, ["from_mm=994", "to_mm=1006", "scallop_mm=0.012", "axis_height_mm=70",
-                                            "grip_mm=15"])
-    folder = tmp_path_factory.mktemp("vane") / "out"
+    design = catalogue.make_design(source, ["scallop_mm=0.012", "axis_height_mm=70", "grip_mm=15", *parameters])
     result = build(Order(source=source, design=design, accepted=(), out=folder,
                          machine=catalogue.find_machine(design.machine), library=catalogue.find_library(None),
                          last_stage="verify"))
     assert result.findings == ()
     return design, result.folder
+
+
+@pytest.fixture(scope="module")
+def vane(tmp_path_factory):
+    """12 mm round the joint of cells 49 and 50, whose tips differ most."""
+    return made(tmp_path_factory.mktemp("vane") / "out", "from_mm=994", "to_mm=1006")
 
 
 def test_the_posted_program_cuts_the_tip(vane):
@@ -54,3 +59,17 @@ def test_the_quadrupole_is_written_beside_the_vane(vane):
     with pytest.raises(brep.DesignError, match="4 solids"):
         brep.the_solid(brep.read_step(path))
     assert np.ptp(brep.bounding_box_mm(design.solid), axis=0)[0] == pytest.approx(12.0, abs=1e-3)
+
+
+def test_a_vane_longer_than_the_bed_shows_no_step_at_the_joint_unless_it_is_clamped_wrong(tmp_path):
+    """Two clampings; the second is then judged on a vane that lies 10 um lower than the program was posted for."""
+    design, folder = made(tmp_path / "out", "from_mm=990", "to_mm=1020", "bed_travel_mm=20", "overlap_mm=8")
+    verify = json.loads((folder / "verify.json").read_text())
+    joint, = verify["joints"]
+    assert (joint["setup"], joint["with"]) == ("setup-2", "setup-1") and joint["area_mm2"] > 100
+    assert abs(joint["step_mean_mm"]) < 0.001 and abs(joint["step_max_mm"]) < 0.004
+    second = design.setups[1]
+    seen = second.frame.into(np.array([m.at_mm for m in second.markers])) - (0.0, 0.0, 0.010)
+    lower = {"setup-2": {m.name: tuple(p) for m, p in zip(second.markers, seen)}}
+    wrong, = judge(folder, read_job(folder).placed(lower)).as_dict(())["joints"]
+    assert wrong["step_mean_mm"] - joint["step_mean_mm"] == pytest.approx(0.010, abs=0.003)
