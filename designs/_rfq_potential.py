@@ -15,7 +15,7 @@ from scipy.special import iv
 from cuspline.errors import DesignError
 
 STEPS = 80              # of the safeguarded Newton iteration; it ends long before
-CLOSE = 1e-15           # relative change at which it has ended
+CLOSE = 1e-14           # relative change at which it has ended
 MATCHING_ROOT = 0.38    # of the matching section's length: closer to the wall its equipotential has no root
 
 
