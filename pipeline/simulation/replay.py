@@ -218,30 +218,22 @@ def _pins(zmap, heights, bottom):
 def _against_design(design, script, wanted, allowed_mm, worst, least):
     """Shank and holder of every cutter against the design: `worst` takes contacts, `least` the holder's distance."""
     geometry, row, cutter, _, _, parts, kinds = script
-    lines = np.empty((len(geometry), 12))
-    for g, out in zip(geometry, lines):
-        replay_kernel.chord(g, out)
     for k in np.unique(cutter):
-        pieces = np.flatnonzero(cutter == k)
+        mine = cutter == k
+        lines = replay_kernel.chords(geometry[mine])
         for kind in (replay_kernel.SHANK, replay_kernel.HOLDER):
             segments = parts[(kinds[:, 0] == k) & (kinds[:, 1] == kind)]
             if not len(segments):
                 continue
-            amounts, places = np.full(len(pieces), -np.inf), np.full((len(pieces), 3), np.nan)
             is_holder = kind == replay_kernel.HOLDER
             proven, got, spot = replay_design.sweep(
-                design.arrays, np.ascontiguousarray(lines[pieces, :6]), np.ascontiguousarray(segments),
-                wanted[kind] - allowed_mm, least[1] if is_holder else -np.inf,
-                replay_design.TOLERANCE_MM, amounts, places)
+                design.arrays, lines, row[mine], np.ascontiguousarray(segments), wanted[kind] - allowed_mm,
+                least[1] if is_holder else -np.inf, replay_design.TOLERANCE_MM, worst[kind])
             if is_holder and got < least[1]:
                 least[1:] = got, *spot
             if is_holder:
                 least[0] = min(least[0], proven)
-            hit = np.flatnonzero(amounts > 0)
-            for p in hit[np.argsort(amounts[hit], kind="stable")]:
-                table = worst[kind, row[pieces[p]]]
-                if amounts[p] + allowed_mm > table[0]:
-                    table[:] = amounts[p] + allowed_mm, *places[p]
+    worst[:, :, 0] += allowed_mm             # where there is none, -inf stays
 
 
 def _script(posted, tools, spindle_head):

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from cuspline.simulation.clearance_kernels import least_distance, workspace
+from cuspline.simulation.replay_stock import DEEP_MM, SHARE, beyond
 
 TOLERANCE_MM = 1e-3       # of an amount, and of the least clearance
 GROUP = 64                # pieces looked at as one, at most
@@ -35,14 +36,16 @@ def upright(place, lines, first, last):
 
 
 @njit(cache=True)
-def sweep(mesh, lines, segments, wanted, least, tolerance, amounts, places):
+def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
     """Contacts of pieces in order, and the least distance of them all.
 
     Args:
-        mesh: see clearance_kernels.   lines: (m, 6) ends of the pieces.   segments: (k, 5).
+        mesh: see clearance_kernels.   lines: (m, 6) ends of the pieces.   rows: (m,) their moves, growing.
+        segments: (k, 5).
         wanted: distance below which a piece is in contact.
         least: distances beyond it do not matter; -inf: only contacts are asked for.
-        amounts, places: (m,) and (m, 3), take how much is missing where something is.
+        worst: (moves, 4) takes how much is missing where something is, and where: too little by the tolerance at most,
+            or by SHARE of it where it is more than DEEP_MM.
     Returns:
         (proven lower bound of the least distance, the least attained, (3,) its point).
     """
@@ -54,8 +57,9 @@ def sweep(mesh, lines, segments, wanted, least, tolerance, amounts, places):
         while waiting > 0:
             waiting -= 1
             first, last = spans[waiting]
+            table = worst[rows[first]]
             upright(place, lines, first, last)
-            enough = max(wanted, least - tolerance)
+            enough = max(beyond(wanted, table[0]) if rows[first] == rows[last - 1] else wanted, least - tolerance)
             if last - first > 1:
                 bound, _, found = least_distance(mesh, place, segments, enough + 2.0 * tolerance, enough + tolerance,
                                                  tolerance, hint, work)
@@ -68,14 +72,18 @@ def sweep(mesh, lines, segments, wanted, least, tolerance, amounts, places):
                 spans[waiting + 1, 0], spans[waiting + 1, 1] = first, middle
                 waiting += 2
                 continue
-            bound, got, found = least_distance(mesh, place, segments, enough + tolerance, -math.inf, tolerance, hint,
-                                               work)
-            hint = found if found >= 0 else hint
+            bound, rough, floor = -math.inf, tolerance, wanted - DEEP_MM
+            while bound == -math.inf:        # deeper than the floor: asked again, as roughly as that is deep
+                bound, got, found = least_distance(mesh, place, segments, enough + tolerance, floor, rough, hint, work)
+                rough, floor = SHARE * (wanted - got), 2.0 * got - wanted
+                if found < 0:
+                    continue
+                hint = found
+                if got < least:
+                    least = got
+                    spot[:] = work[3]
+                if wanted - got > max(table[0], 0.0):
+                    table[0] = wanted - got
+                    table[1:] = work[3]
             proven = min(proven, bound)
-            if found >= 0 and got < least:
-                least = got
-                spot[:] = work[3]
-            if found >= 0 and got < wanted:
-                amounts[first] = wanted - got
-                places[first] = work[3]
     return proven, least, spot

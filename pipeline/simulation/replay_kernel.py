@@ -13,12 +13,13 @@ from numba import njit
 
 from cuspline.simulation.distance_kernels import corner_distance
 from cuspline.simulation.height_kernels import piece_height
-from cuspline.simulation.replay_stock import (BUDGET, DEPTH_MM, LEAST_MM, SEEN_BUDGET, bulge, part_distance, refine,
-                                              runs_in_swept, search_space)
+from cuspline.simulation.replay_stock import (BUDGET, DEPTH_MM, LEAST_MM, SEEN_BUDGET, SHARE, beyond, bulge,
+                                              part_distance, refine, runs_in_swept, search_space)
 
 RUBBING_MM = 0.001        # a shank as wide as its flutes may rub so much on the stock that these have just cut
-TILE = 8                  # cells along the side of a tile whose highest bound is kept
-REFRESH = 256             # pieces after which the tiles are looked up again: bounds only fall
+TILE = 8                  # cells along the side of a tile whose highest bound is kept: where a piece cuts no lower it
+                          # is left alone
+REFRESH = 256             # pieces after which the highest of the tiles is looked up again: it only falls
 FAR_MM = 50.0             # clearances beyond this are not measured
 NOISE_MM = 1e-6           # heights closer than this are the same
 RAPID, SHANK, HOLDER, FIXTURE = range(4)
@@ -38,27 +39,23 @@ def chord(g, out):
 
 
 @njit(cache=True)
-def _tile_tops(bounds, tiles):
-    """Fills the highest bound of each tile, and gives the highest of all."""
-    highest = -math.inf
-    for j in range(len(tiles)):
-        for i in range(tiles.shape[1]):
-            top = -math.inf
-            for n in range(j * TILE, min((j + 1) * TILE, len(bounds))):
-                for m in range(i * TILE, min((i + 1) * TILE, bounds.shape[1])):
-                    top = max(top, bounds[n, m])
-            tiles[j, i] = top
-            highest = max(highest, top)
-    return highest
+def chords(geometry):
+    """(m, 6) ends of all pieces as `chord` gives them."""
+    lines, line = np.empty((len(geometry), 6)), np.empty(12)
+    for p in range(len(geometry)):
+        chord(geometry[p], line)
+        lines[p] = line[:6]
+    return lines
 
 
 @njit(cache=True)
-def _span(low, high, lines):
-    """First and last + 1 grid line between two coordinates; all lines but the last are evenly spaced."""
-    origin, pitch, count = lines[0], lines[1] - lines[0], len(lines)
-    first = max(0, int(math.ceil((low - origin) / pitch - 1e-9)))
-    last = min(count - 1, int(math.floor((high - origin) / pitch + 1e-9)) + 1)
-    return first, last + 1 if high >= lines[count - 1] - 1e-9 else last
+def _tile_top(bounds, tj, ti):
+    """Highest bound of a tile."""
+    top = -math.inf
+    for j in range(tj * TILE, min((tj + 1) * TILE, len(bounds))):
+        for i in range(ti * TILE, min((ti + 1) * TILE, bounds.shape[1])):
+            top = max(top, bounds[j, i])
+    return top
 
 
 @njit(cache=True)
@@ -136,7 +133,7 @@ def _at_nodes(line, part, doubtful, count, stock, spot):
 
 
 @njit(cache=True)
-def _against_stock(line, part, wanted, enough, before, stock, highest, past, doubtful, space, spot):
+def _against_stock(line, part, wanted, enough, before, stock, highest, past, doubtful, space, spot, budget):
     """One part over one piece: (proven lower bound, least attained or inf, whether contact stays possible unseen)."""
     forest, orders, firsts = past
     count, proven = _doubtful_cells(line, part, enough, stock, highest, doubtful)
@@ -144,7 +141,8 @@ def _against_stock(line, part, wanted, enough, before, stock, highest, past, dou
         return proven, math.inf, False
     best = _at_nodes(line, part, doubtful, count, stock, spot)
     is_seen = best < wanted
-    enough = best - DEPTH_MM if is_seen else min(enough, max(wanted, best - LEAST_MM))
+    deeper = max(DEPTH_MM, SHARE * (wanted - best))
+    enough = min(enough, best - deeper) if is_seen else min(enough, max(wanted, best - LEAST_MM))
     if enough == wanted and runs_in_swept(line, part, before, forest, orders, firsts, space[0]):
         return min(proven, enough), best, False
     _, bounds, sure, _, xs, ys = stock
@@ -164,35 +162,54 @@ def _against_stock(line, part, wanted, enough, before, stock, highest, past, dou
 
 
 @njit(cache=True)
+def _gap(x, low, high):
+    return max(low - x, x - high, 0.0)
+
+
+@njit(cache=True)
 def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
     """Lowers nodes and bounds by one piece; gives the events (grown when full) and their number."""
-    z, bounds, _, _, xs, ys = stock
-    radius = a + rc
-    i0, i1 = _span(min(g[0], g[3]) - radius, max(g[0], g[3]) + radius, xs)
-    j0, j1 = _span(min(g[1], g[4]) - radius, max(g[1], g[4]) + radius, ys)
-    low, more = min(g[2], g[5]), bulge(g)
+    _, bounds, _, tiles, xs, ys = stock
+    radius, low = a + rc, min(g[2], g[5])
+    i0, i1 = _cells(min(g[0], g[3]) - radius, max(g[0], g[3]) + radius, xs)
+    j0, j1 = _cells(min(g[1], g[4]) - radius, max(g[1], g[4]) + radius, ys)
+    if i0 == i1 or j0 == j1:
+        return events, count
+    for tj in range(j0 // TILE, (j1 - 1) // TILE + 1):
+        for ti in range(i0 // TILE, (i1 - 1) // TILE + 1):
+            if tiles[tj, ti] > low:
+                events, count, tiles[tj, ti] = _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids,
+                                                         events, count)
+    return events, count
+
+
+@njit(cache=True)
+def _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
+    """`_cut` within one tile, and its highest bound then; nodes on its far sides belong to the tiles there."""
+    z, bounds, _, tiles, xs, ys = stock
+    j0, j1 = tj * TILE, min((tj + 1) * TILE, len(bounds))
+    i0, i1 = ti * TILE, min((ti + 1) * TILE, bounds.shape[1])
+    low, more, top = min(g[2], g[5]), bulge(g), tiles[tj, ti]
     thin_rc = max(rc - touch, 0.0)
     thin_a = a - (touch - (rc - thin_rc))
-    for j in range(j0, j1):
+    mx, my = 0.5 * (g[0] + g[3]), 0.5 * (g[1] + g[4])
+    reach = a + rc + NOISE_MM + 0.5 * math.sqrt((g[3] - g[0]) * (g[3] - g[0]) + (g[4] - g[1]) * (g[4] - g[1]))
+    if _gap(mx, xs[i0], xs[i1]) ** 2 + _gap(my, ys[j0], ys[j1]) ** 2 > reach * reach:
+        return events, count, top
+    for j in range(j0, j1 + 1):
         now, before = heights[j % 2], heights[(j + 1) % 2]
-        for i in range(i0, i1):
-            now[i] = math.inf
-            least = -math.inf
-            for n in range(max(j - 1, 0), min(j + 1, len(bounds))):
-                for m in range(max(i - 1, 0), min(i + 1, bounds.shape[1])):
-                    least = max(least, bounds[n, m])
-            is_node = i < z.shape[1] and j < len(z)
-            if least > low or (is_node and z[j, i] - low > NOISE_MM):
-                now[i] = piece_height(xs[i], ys[j], g, a, rc)
-            else:
-                now[i] = -math.inf                  # nothing here is higher than the piece goes anywhere
+        for i in range(i0, i1 + 1):
+            h = math.inf
+            if (xs[i] - mx) * (xs[i] - mx) + (ys[j] - my) * (ys[j] - my) <= reach * reach:
+                h = piece_height(xs[i], ys[j], g, a, rc)
+            now[i - i0] = h
             if j > j0 and i > i0:
-                highest = max(max(now[i], now[i - 1]), max(before[i], before[i - 1])) + more
-                if low < bounds[j - 1, i - 1]:
-                    bounds[j - 1, i - 1] = min(bounds[j - 1, i - 1], max(highest, low))
-            if not is_node or not now[i] < z[j, i] - NOISE_MM or z[j, i] - low <= NOISE_MM:
+                k = i - i0
+                highest = max(max(h, now[k - 1]), max(before[k], before[k - 1])) + more
+                bounds[j - 1, i - 1] = min(bounds[j - 1, i - 1], max(highest, low))
+            is_own = (i < i1 or i1 == bounds.shape[1]) and (j < j1 or j1 == len(bounds))
+            if not is_own or i >= z.shape[1] or j >= len(z) or h >= z[j, i] - NOISE_MM:
                 continue
-            h = now[i]
             if is_rapid:
                 lifted = g.copy()
                 for k in (2, 5, 8):
@@ -204,7 +221,7 @@ def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
                 events = _with_room(events, count)
             events[0][count], events[1][count], events[2][count] = row, j * z.shape[1] + i, h
             count += 1
-    return events, count
+    return events, count, _tile_top(bounds, tj, ti)
 
 
 @njit(cache=True)
@@ -240,12 +257,15 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, b
     tiles = np.empty(((len(bounds) + TILE - 1) // TILE, (bounds.shape[1] + TILE - 1) // TILE))
     stock = z, bounds, sure, tiles, xs, ys
     doubtful, space = np.empty(bounds.size, np.int64), search_space()
-    spot, heights = np.empty(3), np.empty((2, len(xs)))
+    for tj in range(len(tiles)):
+        for ti in range(tiles.shape[1]):
+            tiles[tj, ti] = _tile_top(bounds, tj, ti)
+    spot, heights = np.empty(3), np.empty((2, TILE + 1))
     unsure = np.zeros(worst.shape[1], np.bool_)
     count, line, highest = len(events[2]), np.empty(12), math.inf
     for p in range(len(geometry)):
         if p % REFRESH == 0:
-            highest = _tile_tops(bounds, tiles)
+            highest = tiles.max()
         chord(geometry[p], line)
         a, rc = cutters[cutter[p], 0], cutters[cutter[p], 1]
         for c in range(len(parts)):
@@ -262,8 +282,10 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, b
             may_rub = kind == SHANK and wanted[kind] == 0.0
             limit = wanted[kind] - (0.0 if kind == RAPID else (RUBBING_MM if may_rub else touch))
             enough = max(limit, least[1] - LEAST_MM) if kind == HOLDER else limit
+            if kind != RAPID and worst[kind, row[p], 0] > 0.0:     # this move touches already: how much deeper?
+                enough = min(enough, beyond(wanted[kind], worst[kind, row[p], 0]))
             proven, got, in_doubt = _against_stock(line, part, limit, enough, p, stock, highest, past, doubtful, space,
-                                                   spot)
+                                                   spot, SEEN_BUDGET if unsure[row[p]] else BUDGET)
             if kind == HOLDER:
                 least[0] = min(least[0], proven)
                 if got < least[1]:

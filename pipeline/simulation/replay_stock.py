@@ -16,13 +16,21 @@ from cuspline.simulation.height_kernels import piece_height
 
 CELL_MM = 0.02            # parts of cells are not quartered below it: a thinner fin can stay unseen, and is counted
 DEPTH_MM = 0.02           # how much deeper than the depth found a contact can be, while the budget lasts
+DEEP_MM = 0.1             # a contact deeper than this is wrong, whatever the rest: it is told within SHARE of its depth
+SHARE = 0.03
 LEAST_MM = 0.01           # how far the proven least clearance can lie below one that is attained
 LEAF = 4                  # pieces in a leaf of the trees of earlier pieces
 DEPTH = 128               # more than twice the depth of any tree
 CLOSE_MM = 1e-9
 END = 1e-9                # share of a piece within which a tip stands at its end
-SEEN_BUDGET = 200         # the same where a node shows a contact already, and only its depth is looked for
 BUDGET = 4000             # parts of cells looked at for one piece; what is left then counts as undecided
+SEEN_BUDGET = 200         # the same where a node shows a contact, and only its depth is looked for, or the move is undecided
+
+
+@njit(cache=True)
+def beyond(wanted, missing):
+    """Distance below which a contact says more than one of which so much is missing (below 0: none) has said."""
+    return wanted - max(missing, 0.0) * (1.0 + SHARE if missing > DEEP_MM else 1.0)
 
 
 @njit(cache=True)

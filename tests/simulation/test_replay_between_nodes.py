@@ -13,8 +13,8 @@ from cuspline.cutters import Holder, HolderSegment
 from cuspline.machines import Machine
 from cuspline.program import Plane
 from cuspline.simulation.clearance import ClearanceTree
-from cuspline.simulation.replay import Fixture, replay
-from cuspline.simulation.replay_stock import CELL_MM
+from cuspline.simulation.replay import HOLDER_CLEARANCE_MM, Fixture, replay
+from cuspline.simulation.replay_stock import CELL_MM, DEEP_MM, DEPTH_MM, SHARE
 
 LOW, HIGH = (-20.0, -10.0, -20.0), (20.0, 10.0, 0.0)
 FIN = 0.2, 0.25           # nodes stand every 0.5 mm
@@ -112,6 +112,35 @@ def test_a_holder_too_long_in_the_middle_of_a_move_only():
     found = bad.findings[0]
     assert kinds(bad) == ["holder_contact"] and abs(found.amount_mm - 0.3) < 1.1e-3 and found.line == 12
     assert -1 <= found.place_mm[0] <= 1 and found.advice
+
+
+@pytest.mark.parametrize("missing", [0.04, 0.3, 2.5, 5.5])
+def test_deep_contacts_are_told_within_a_share_and_small_ones_exactly(missing):
+    """A wide holder over a thin pillar of the design: it is as deep in as it is too low, until its side is nearer."""
+    pillar = ClearanceTree.of_triangles(*box((-1, 14, -20), (1, 16, 20)))
+    over = [rapid(-60, 0, 30), rapid(-60, 0, 0.5), feed(60, 0, 0.5)]
+    found = run(over, {1: tool("ball", 6, stick_out=19.5 - missing, flute=3.0)}, design=pillar,
+                shank_clearance_mm=-50.0).findings
+    amount = max(f.amount_mm for f in found if f.kind == "holder_contact") - HOLDER_CLEARANCE_MM
+    assert missing - max(1e-3, SHARE * (missing + HOLDER_CLEARANCE_MM)) <= amount <= missing + 1e-9
+    assert missing > DEEP_MM or amount >= missing - 1e-3
+
+
+@pytest.mark.parametrize("top,share", [(2.97, 0.0), (6.0, SHARE)])
+def test_a_move_in_pieces_is_told_as_the_same_moves_one_by_one(top, share):
+    """A half circle past three pillars of the design, one after the other 0.02 and 1 mm higher; over a ramp of stock."""
+    posts = [box((x - 1, 19, -20), (x + 1, 21, top + more))[0] for x, more in ((-12, 0.0), (0, 0.02), (12, 1.0))]
+    triangles = np.vstack([np.array(box((0, 0, 0), (1, 1, 1))[1]) + 8 * k for k in range(3)])
+    design, ramp = ClearanceTree.of_triangles(np.vstack(posts), triangles), np.linspace(-3, 0, 81) + np.zeros((41, 1))
+    tools, angles = {1: tool("flat", 6, stick_out=3.5, flute=3.0)}, np.linspace(np.pi, 0, 181)
+    for z, options in ((0.0, {"design": design}), (-top, {"stock_top_mm": ramp})):
+        turn = np.column_stack([20 * np.cos(angles), 20 * np.sin(angles), np.full(181, z)]).round(12)
+        amounts = []
+        for ends in (turn[-1:], turn[1:]):
+            moves = [rapid(*turn[0]), *(arc(tuple(end), (0, 0, z), Plane.XY, clockwise=True) for end in ends)]
+            found = run(moves, tools, shank_clearance_mm=-50.0, **options).findings
+            amounts.append(max(f.amount_mm for f in found if f.kind == "holder_contact"))
+        assert amounts[0] == pytest.approx(amounts[1], rel=share, abs=1e-3 if "design" in options else DEPTH_MM)
 
 
 def test_deviation_of_the_design_is_no_contact():
