@@ -317,7 +317,7 @@ def _half_way(hub, rolling, blades):
     """
     at, low, high = root_width(rolling)
     land = 2 * np.pi / blades - (high - low)
-    along = fair_spline(at[::6], ((low + high) / 2)[::6], LAND / 2 * land.min(), bending=2)
+    along = fair_spline(at[::12], ((low + high) / 2)[::12], LAND / 2 * land.min(), bending=2)
     fore, aft = hub.ends_mm
     reach = RUN_OUT * (at[-1] - at[0])
 
@@ -325,7 +325,7 @@ def _half_way(hub, rolling, blades):
         edge = np.clip(x, along.t[0], along.t[-1])
         return along(edge) + along.derivative()(edge) * reach * np.tanh((x - edge) / reach)
 
-    x = np.unique(np.r_[np.linspace(fore, aft, SIDE_SITES), at[::12]])
+    x = np.unique(np.r_[np.linspace(fore, aft, SIDE_SITES), at[::24]])
     found = fair_spline(x, beyond(x), LAND / 4 * land.min(), domain=(fore, aft), bending=2)
     half = np.pi / blades
     if (found(at) - half >= low).any() or (found(at) + half <= high).any():

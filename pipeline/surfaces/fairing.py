@@ -8,7 +8,8 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 DEGREE = 5
-STEPS = 40              # of the bisection for the stiffness
+STEPS = 14              # of the bisection for the stiffness, over STIFFNESS
+STIFFNESS = (-12.0, 8.0)        # decimal logarithm of the weight of the bending
 
 
 def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=((), ()), slope_at_start=None,
@@ -41,20 +42,20 @@ def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=(
     rows, values = _end_conditions(knots, low, high, zero_derivatives, slope_at_start, y.shape[1:])
     through = BSpline.design_matrix(x, knots, DEGREE).toarray()
     energy = _energy(knots, inner, bending)
+    exact = _Constrained(energy, np.vstack([rows, through]), np.concatenate([values, y]))
     if within == 0.0:
-        return BSpline(knots, _least(energy, np.vstack([rows, through]), np.concatenate([values, y])), DEGREE)
-    soft, stiff = -12.0, 8.0        # decimal logarithm of the weight of the bending
-    best = None
+        return BSpline(knots, exact.least(1.0), DEGREE)
+    bound, best = _Constrained(energy, rows, values, through, y), None
+    soft, stiff = STIFFNESS
     for _ in range(STEPS):
         middle = (soft + stiff) / 2
-        found = _least(10.0 ** middle * energy + through.T @ through, rows, values, through.T @ y)
+        found = bound.least(10.0 ** middle)
         if np.abs(through @ found - y).max() <= within:
             soft, best = middle, found
         else:
             stiff = middle
-    if best is None:                # the end conditions or the sites leave no room: go through the values
-        best = _least(energy, np.vstack([rows, through]), np.concatenate([values, y]))
-    return BSpline(knots, best, DEGREE)
+    # no room left by the end conditions or by too few knots: as near to the values as can be
+    return BSpline(knots, exact.least(1.0) if best is None else best, DEGREE)
 
 
 def _end_conditions(knots, low, high, zero_derivatives, slope_at_start, tail):
@@ -78,15 +79,24 @@ def _energy(knots, sites, order):
     return derived.T @ ((half[:, None] * weights).ravel()[:, None] * derived) * (sites[-1] - sites[0]) ** (2 * order - 1)
 
 
-def _least(energy, rows, values, pull=0.0):
-    """Coefficients c of least c'Ac/2 - pull'c that keep rows @ c = values; (rows may repeat themselves)."""
-    flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
-    particular = np.linalg.lstsq(rows, flat, rcond=None)[0] if len(rows) else np.zeros((len(energy), flat.shape[1]))
-    free = _null_space(rows, len(energy))
-    wanted = np.reshape(pull, (-1, flat.shape[1])) if np.ndim(pull) else 0.0
-    inner = free.T @ energy @ free
-    step = np.linalg.lstsq(inner, free.T @ (wanted - energy @ particular), rcond=1e-15)[0]
-    return (particular + free @ step).reshape(-1, *values.shape[1:])
+class _Constrained:
+    """Coefficients c of least stiffness c'Ac/2 + |Bc - y|^2/2 that keep rows @ c = values; rows may repeat themselves."""
+
+    def __init__(self, energy, rows, values, through=None, y=None):
+        size, self._tail = len(energy), values.shape[1:]
+        flat = values.reshape(len(values), int(np.prod(self._tail)))
+        self._start = np.linalg.lstsq(rows, flat, rcond=None)[0] if len(rows) else np.zeros((size, flat.shape[1]))
+        self._free = _null_space(rows, size)
+        self._energy, self._force = self._free.T @ energy @ self._free, self._free.T @ (energy @ self._start)
+        self._pull, self._miss = 0.0, 0.0
+        if through is not None:
+            seen = through @ self._free
+            self._pull = seen.T @ seen
+            self._miss = seen.T @ (y.reshape(len(y), -1) - through @ self._start)
+
+    def least(self, stiffness):
+        step = np.linalg.lstsq(stiffness * self._energy + self._pull, self._miss - stiffness * self._force, rcond=1e-15)[0]
+        return (self._start + self._free @ step).reshape(-1, *self._tail)
 
 
 def _null_space(rows, size):
