@@ -63,6 +63,8 @@ class PropellerSolid:
     fillet: Fillet
     errors: FilletErrors
     outward: float                  # +1 where Su x Sv points out of blade 1
+    half_way: BSpline               # over x: polar angle half way between the sides of blade 1's root
+    cuts: HubCuts
 
 
 def propeller_solid(blade, hub, law, cuts=HubCuts()):
@@ -88,7 +90,8 @@ def propeller_solid(blade, hub, law, cuts=HubCuts()):
     solid, faces = builder.solid()
     solid, faces = _cut(solid, faces, hub, cuts, table.name)
     marked = brep.marked(solid, faces)
-    return PropellerSolid(solid=marked, blade=blade, hub=hub, fillet=fillet, errors=errors, outward=outward)
+    return PropellerSolid(solid=marked, blade=blade, hub=hub, fillet=fillet, errors=errors, outward=outward,
+                          half_way=sector.half_way, cuts=cuts)
 
 
 def _rolled_fillet(blade, outward, hub, law):
@@ -238,10 +241,10 @@ class _Sectors:
     def __init__(self, builder, hub, rolling, blades):
         self._builder, self._hub, self._blades = builder, hub, blades
         self._fore, self._aft = hub.ends_mm
-        self._middle = _half_way(hub, rolling, blades)
+        self.half_way = _half_way(hub, rolling, blades)
         x = np.linspace(self._fore, self._aft, 400)
-        self._start = float(np.mean([self._middle(x).min(), self._middle(x).max()])) - np.pi
-        if np.ptp(self._middle(x)) + 2 * np.pi / blades > 2 * np.pi:
+        self._start = float(np.mean([self.half_way(x).min(), self.half_way(x).max()])) - np.pi
+        if np.ptp(self.half_way(x)) + 2 * np.pi / blades > 2 * np.pi:
             raise DesignError(f"the hub is {self._aft - self._fore:.1f} mm long: its {blades} sectors wind round it more "
                               "than once; shorten the hub or raise the pitch")
         self._borders = [self._border(2 * np.pi * k / blades) for k in range(blades)]
@@ -249,11 +252,11 @@ class _Sectors:
 
     def _angle(self, x):
         """Polar angle of the border before blade 1."""
-        return self._middle(x) - np.pi / self._blades
+        return self.half_way(x) - np.pi / self._blades
 
     def _border(self, turn):
         """(edge, vertex at the fore end, vertex at the aft end)."""
-        sites = np.unique(self._middle.t)
+        sites = np.unique(self.half_way.t)
         x = np.unique(np.concatenate([sites[:-1] + share * np.diff(sites) for share in (0, 1 / 3, 2 / 3)] + [sites[-1:]]))
         points = self._hub.points(self._angle(x) + turn, x)
         fore, aft = self._builder.vertex(points[0]), self._builder.vertex(points[-1])
@@ -264,7 +267,7 @@ class _Sectors:
         turn = 2 * np.pi * k / self._blades
         (left, left_fore, left_aft), (right, right_fore, right_aft) = self._borders[k], self._borders[(k + 1) % self._blades]
         width, start = 2 * np.pi / self._blades, self._start + turn
-        side = lambda shift: plane_curve(self._scaled(_graph_of(self._middle, shift - np.pi / self._blades - self._start)))
+        side = lambda shift: plane_curve(self._scaled(_graph_of(self.half_way, shift - np.pi / self._blades - self._start)))
         rims = []
         for x, a, b in ((self._fore, left_fore, right_fore), (self._aft, left_aft, right_aft)):
             low = float(self._angle(x)) - self._start
