@@ -70,6 +70,7 @@ class FormAndMeanLine:
 
     half_thickness: BSpline     # over theta, odd at 0: share of the greatest thickness
     camber: BSpline             # over theta, even: share of the greatest camber
+    ordinates: tuple            # the table's own: x/c, half-thickness, camber, slope of the camber, (n,) each
 
     def half(self, theta, rho):
         return self.half_thickness(theta)
@@ -97,6 +98,7 @@ class OffsetShapes:
     half_laws: BSpline          # over r/R: coefficients (k,)
     middle_laws: BSpline
     has_round_nose: bool        # thickness is 0 at the leading edge itself
+    ordinates: tuple            # the table's own: r/R (m,); m arrays each of x/c, face, back
 
     def half(self, theta, rho):
         return self._at(self.half_laws, theta, rho)
@@ -182,16 +184,18 @@ def _number(text, path, column, row):
 def naca66_a08():
     """Modified NACA 66 thickness (its leading-edge radius imposed) on the a = 0.8 mean line."""
     rows = table(DATA / "propeller_naca66mod_a08.csv")
-    return form_and_mean_line(rows["x_c"], rows["half_thickness_t0"], rows["camber_f0"], NACA_LEADING_RADIUS)
+    return form_and_mean_line(rows["x_c"], rows["half_thickness_t0"], rows["camber_f0"], rows["camber_slope_f0"],
+                              NACA_LEADING_RADIUS)
 
 
-def form_and_mean_line(x_c, half_thickness, camber, leading_radius, rounding=ROUNDING):
+def form_and_mean_line(x_c, half_thickness, camber, camber_slope, leading_radius, rounding=ROUNDING):
     """FormAndMeanLine through tabulated ordinates.
 
     Args:
         x_c: (n,) rising from 0 to 1.
         half_thickness: (n,) shares of the greatest thickness; 0 at x/c = 0.
         camber: (n,) shares of the greatest camber; 0 at both ends.
+        camber_slope: (n,) d(camber)/d(x/c), only to measure by; NaN where it is not told.
         leading_radius: radius of the nose times chord / (greatest thickness)^2; along the mean line.
         rounding: how far the ordinates may be off.
     """
@@ -199,7 +203,8 @@ def form_and_mean_line(x_c, half_thickness, camber, leading_radius, rounding=ROU
     return FormAndMeanLine(
         half_thickness=fair_spline(theta, half_thickness, rounding, zero_derivatives=(ODD, EVEN),
                                    slope_at_start=np.sqrt(leading_radius / 2)),
-        camber=fair_spline(theta, camber, rounding, zero_derivatives=((0, *EVEN), (0, *EVEN))))
+        camber=fair_spline(theta, camber, rounding, zero_derivatives=((0, *EVEN), (0, *EVEN))),
+        ordinates=(x_c, half_thickness, camber, camber_slope))
 
 
 def offset_shapes(radii, x_c, face, back, thickness, rounding=ROUNDING):
@@ -222,7 +227,9 @@ def offset_shapes(radii, x_c, face, back, thickness, rounding=ROUNDING):
         middles.append(fair_spline(theta, (high + low) / 2 / t, rounding, sites=sites, zero_derivatives=(EVEN, EVEN)))
     laws = lambda splines: fair_spline(radii, np.array([s.c for s in splines]), bending=2)
     return OffsetShapes(knots=halves[0].t, half_laws=laws(halves), middle_laws=laws(middles),
-                        has_round_nose=bool(is_round))
+                        has_round_nose=bool(is_round),
+                        ordinates=(np.asarray(radii), x_c, [f / t for f, t in zip(face, thickness)],
+                                   [b / t for b, t in zip(back, thickness)]))
 
 
 def _spread(angles):

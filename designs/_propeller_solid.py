@@ -404,3 +404,20 @@ def _tools(hub, cuts, name):
         axis = gp_Ax2(gp_Pnt(fore - CLEAR_MM, *map(float, center)), gp_Dir(1, 0, 0))
         tools.append(("bolt hole", BRepPrimAPI_MakeCylinder(axis, cuts.bolt_mm / 2, length).Shape()))
     return tools
+
+
+def volume_of_cuts_mm3(hub, cuts):
+    """What bore, keyway and bolt holes take away, by their formulas; the keyway's share by Gauss points along the hub."""
+    fore, aft = hub.ends_mm
+    length = aft - fore
+    first = cuts.bore_mm / 2
+    last = first + length * np.tan(cuts.bore_half_angle_rad)
+    bore = np.pi / 3 * length * (first * first + first * last + last * last)
+    bolts = cuts.bolts * np.pi / 4 * cuts.bolt_mm ** 2 * length
+    if cuts.key_width_mm <= 0:
+        return bore + bolts
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    radius, half = first + (last - first) * (1 + nodes) / 2, cuts.key_width_mm / 2
+    under = half * np.sqrt(radius ** 2 - half ** 2) + radius ** 2 * np.arcsin(half / radius)
+    height = max(first, last) + cuts.key_depth_mm
+    return bore + bolts + float(np.sum(weights * length / 2 * (2 * half * height - under)))
