@@ -105,7 +105,7 @@ def _made(order, work, say):
     step = work / f"{design.name}.step"
     brep.write_step(solid, step, design.name)
     inputs = inputs_hash(order, step)
-    shape = shape_of(solid)
+    shape = shape_of(solid, is_all_edges=not design.setups)
     write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":
         return _finished(order, work, inputs, None)

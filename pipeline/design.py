@@ -145,7 +145,7 @@ class Figure:
     @property
     def is_kept(self):
         """Whether it is near enough; what is no number is not."""
-        return abs(self.measured - self.wanted) <= self.allowed
+        return bool(abs(self.measured - self.wanted) <= self.allowed)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
