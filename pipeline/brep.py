@@ -78,7 +78,7 @@ def the_solid(shape, name="the part"):
     solid = TopoDS.Solid_s(solids[0])
     if not BRepCheck_Analyzer(solid).IsValid():
         raise DesignError(f"{name} is not a valid solid (BRepCheck): check for self-intersections and open edges")
-    loosest = ShapeAnalysis_ShapeTolerance().Tolerance(solid, 1)
+    loosest = loosest_tolerance_mm(solid)
     if loosest > LARGEST_TOLERANCE_MM:
         raise DesignError(f"{name} is only closed within {loosest:.4g} mm, {LARGEST_TOLERANCE_MM} mm are allowed: "
                           "heal its edges, or build the faces anew")
@@ -361,6 +361,20 @@ def volume_mm3(solid):
     properties = GProp_GProps()
     BRepGProp.VolumeProperties_s(solid, properties, 1e-6)
     return properties.Mass()
+
+
+def mass_properties(solid):
+    """(volume mm³, centre (3,) mm, inertia (3, 3) mm⁵ about the centre), of unit density, by adaptive integration."""
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(solid, properties, 1e-6)
+    center, matrix = properties.CentreOfMass(), properties.MatrixOfInertia()
+    return (properties.Mass(), np.array([center.X(), center.Y(), center.Z()]),
+            np.array([[matrix.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)]))
+
+
+def loosest_tolerance_mm(solid):
+    """The largest tolerance of any face, edge or vertex."""
+    return ShapeAnalysis_ShapeTolerance().Tolerance(solid, 1)
 
 
 def bounding_box_mm(shape):

@@ -12,7 +12,7 @@ import importlib.metadata
 import json
 import os
 import shutil
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +28,12 @@ from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import plan_setup
 from cuspline.report.page import write_report
 from cuspline.refixturing import refixturing_in_words
+from cuspline.report.pictures import render_shape
 from cuspline.simulation.swept import swept_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.solids import stl_of
 from cuspline.tooltable import dropped_fields, tool_table
+from cuspline.verification.findings import Finding
 from cuspline.verification.in_process import PART
 from cuspline.verification.kept import kept_beside
 
@@ -62,6 +64,7 @@ class Result:
     is_ok: bool
     findings: tuple
     left_out: str               # what could not be made here, in words; "" nothing
+    told: str = ""              # what the build came to, where it is not the stage that was asked for
 
 
 def build(order, say=lambda text: None):
@@ -91,7 +94,7 @@ def build(order, say=lambda text: None):
         if result.is_ok:
             shutil.rmtree(_rejected(order.out), ignore_errors=True)
             kept_beside(order.out).remove()
-        return Result(folder=target, is_ok=result.is_ok, findings=result.findings, left_out=result.left_out)
+        return replace(result, folder=target)
     finally:
         shutil.rmtree(work, ignore_errors=True)
 
@@ -107,10 +110,12 @@ def _made(order, work, say):
     for companion in design.companions:
         name = f"{design.name}.{companion.name}"
         brep.write_step(companion.make(), work / f"{name}.step", name)
-    shape = shape_of(solid)
+    shape = shape_of(solid, is_all_edges=not design.setups)
     write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":
         return _finished(order, work, inputs, None)
+    if not design.setups:
+        return _measured(order, work, inputs, step, shape, say)
     plans = _planned(order, say)
     _write_json(work / "plan.json", plan_document(order, plans))
     if order.last_stage == "plan":
@@ -132,6 +137,28 @@ def _made(order, work, say):
         _, without = write_report(bundle, work)
         left_out = "; ".join(words for words in (left_out, without) if words)
     return _finished(order, work, inputs, job, judged.refused(order.accepted), left_out)
+
+
+def _measured(order, work, inputs, step, shape, say):
+    """A design without setups: its solid is read back and measured, nothing is planned."""
+    design = order.design
+    say(f"{design.name}: solid read back from STEP and measured")
+    report = design.measure(brep.the_solid(brep.read_step(step), step.name))
+    off = tuple(f for f in report.figures if not f.is_kept)
+    findings = tuple(Finding(
+        kind="solid_off", amount_mm=abs(f.measured - f.wanted), place_mm=None, operation="", line=0, setup="",
+        advice=f"{f.what}: {f.measured:.6g} {f.unit} measured, {f.wanted:.6g} wanted, {f.allowed:.2g} allowed") for f in off)
+    refused = tuple(f for f in findings if f.kind not in order.accepted)
+    _write_json(work / "solid.json", {
+        "design": design.name, "ok": not refused, "units": "mm", "accepted": list(order.accepted),
+        "figures": [{**asdict(f), "ok": f.is_kept} for f in report.figures], **report.facts})
+    if design.draw is not None:
+        design.draw(work)
+    say(f"{design.name}: pictures")
+    left_out = render_shape(shape, work)
+    told = (f"solid {'CHECKED' if not refused else 'REJECTED'}, {len(report.figures) - len(off)} of {len(report.figures)} "
+            "figures kept; no setup, so nothing is planned or posted")
+    return replace(_finished(order, work, inputs, None, refused, left_out), told=told)
 
 
 def _planned(order, say):

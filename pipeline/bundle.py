@@ -14,6 +14,7 @@ from cuspline.report.view_mesh import tessellate_for_view
 from cuspline.surfaces.curvature import sample_faces
 
 VIEW_DEFLECTION_MM = 0.02
+BARE_DEFLECTION_MM, THIN_EDGE_RAD = 0.05, 0.6     # normals are the surface's own: facets this coarse look round
 VIEW_EDGE_MM = 2.0          # the deviation map is drawn from vertex to vertex
 DRAWN_SAGITTA_MM = 0.02
 WORST_WITHIN_MM = 1.0
@@ -24,8 +25,14 @@ def view_of(solid):
     return tessellate_for_view(solid, VIEW_DEFLECTION_MM, longest_edge_mm=VIEW_EDGE_MM)
 
 
-def shape_of(solid):
-    """Mesh of the bare shape, for the glTF."""
+def shape_of(solid, is_all_edges=False):
+    """Mesh of the bare shape, for the glTF.
+
+    Args:
+        is_all_edges: it has thin round edges all over, as blades have: facets turn further there.
+    """
+    if is_all_edges:
+        return tessellate_for_view(solid, BARE_DEFLECTION_MM, angle_rad=THIN_EDGE_RAD)
     return tessellate_for_view(solid, VIEW_DEFLECTION_MM)
 
 

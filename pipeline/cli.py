@@ -57,7 +57,7 @@ def build(
     folder = out if out is not None else Path("outputs") / made.name
     result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
                                        accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
-    _tell(made.name, result.folder, result.findings, result.left_out, stage)
+    _tell(made.name, result.folder, result.findings, result.left_out, stage, result.told)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
 
 
@@ -225,11 +225,13 @@ def _print(rows, as_json, lines):
         print("\n".join(line for row in rows for line in lines(row)))
 
 
-def _tell(name, folder, findings, left_out, stage):
+def _tell(name, folder, findings, left_out, stage, told=""):
     """The verdict in a few lines."""
     if left_out:
         print(f"note: {left_out}")
-    if stage in ("verify", "report"):
+    if told:
+        print(f"{name}: {told} ({folder})")
+    elif stage in ("verify", "report"):
         print(f"{name}: {'VERIFIED' if not findings else f'REJECTED, {len(findings)} findings'} ({folder})")
     else:
         print(f"{name}: {stage} made, nothing verified ({folder})")

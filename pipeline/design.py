@@ -172,9 +172,33 @@ class Companion:
     make: Callable              # function () -> TopoDS shape, millimetres; called when the file is written
 
 
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One figure measured on a solid beside what it should be."""
+
+    what: str
+    measured: float
+    wanted: float
+    allowed: float              # largest difference
+    unit: str = ""
+
+    @property
+    def is_kept(self):
+        """Whether it is near enough; what is no number is not."""
+        return bool(abs(self.measured - self.wanted) <= self.allowed)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SolidReport:
+    """What was measured on a solid as it stands in its STEP file."""
+
+    figures: tuple[Figure, ...]
+    facts: dict                 # what is only told: mass, centre, ...; as it goes into solid.json
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
-    """A part ready to be planned."""
+    """A part ready to be planned; or, without setups, one whose solid alone is checked."""
 
     name: str
     description: str
@@ -188,8 +212,12 @@ class Design:
     tip: CircularTip | None = None          # a vane's tip in closed form, part coordinates; None: any other part
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
     companions: tuple[Companion, ...] = ()
+    measure: object = None                  # function (solid read back from its STEP file) -> SolidReport
+    draw: object = None                     # function (folder): writes drawings
 
     def __post_init__(self):
+        if not self.setups and self.measure is None:
+            raise DesignError(f"design {self.name} has no setup and nothing to measure its solid by: give it one of them")
         known = {p.name for p in self.predicates}
         for setup in self.setups:
             missing = [f for f in setup.faces if f not in known]

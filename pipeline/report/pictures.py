@@ -55,6 +55,23 @@ def render_pictures(bundle, out_dir):
     return Pictures(files=files, left_out=f"no picture of: {', '.join(missing)}" if missing else "")
 
 
+def render_shape(view, out_dir):
+    """PNG pictures of a bare part from four sides: iso, front, side, back.
+
+    Args:
+        view: view_mesh.ViewMesh.
+    Returns:
+        "" or why there are none; never raises because of the renderer.
+    """
+    with tempfile.TemporaryDirectory(dir=out_dir, prefix=".pictures-") as scratch:
+        job = Path(scratch) / "scene.npz"
+        np.savez(job, vertices=view.vertices_mm, normals=view.normals, triangles=view.triangles)
+        failure = _run_child(job, Path(scratch))
+        for rendered in Path(scratch).glob("*.png"):
+            os.replace(rendered, Path(out_dir) / rendered.name)
+    return failure
+
+
 def _run_child(job, out_dir):
     """Runs the renderer; "" or the reason why there are no pictures."""
     environment = dict(os.environ)

@@ -23,6 +23,8 @@ from vtkmodules.vtkRenderingCore import (vtkActor, vtkLightKit, vtkPolyDataMappe
 WIDTH, HEIGHT, SUPERSAMPLING = 1400, 900, 2
 PART_SHARE = 0.88       # of the width, where a colour bar stands beside the part
 ISO, TOP = ((1.0, -1.35, 1.05), (0.0, 0.0, 1.0)), ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))    # (towards the eye, up)
+SIDES = {"iso": ((-1.0, -0.9, 0.5), ISO[1]), "front": ((-1.0, 0.0, 0.0), ISO[1]), "side": ((0.0, -1.0, 0.0), ISO[1]),
+         "back": ((1.0, -0.7, 0.4), ISO[1])}
 STEEL, EDGE = (0.70, 0.75, 0.82), (0.06, 0.08, 0.12)
 # deviation colours as in viewer.js: dark beyond the scale, blue gouged, pale at zero, red left
 RAMP = ((-1.0, (0.13, 0.40, 0.78)), (0.0, (0.91, 0.93, 0.89)), (1.0, (0.85, 0.16, 0.12)))
@@ -39,6 +41,13 @@ def render_all(scene, out_dir):
              "paths": photograph((part, edges, paths), *ISO), "deviation": photograph((judged, edges), *ISO, bar)}
     for name, pixels in shots.items():
         write_png(pixels, Path(out_dir) / f"{name}.png")
+
+
+def render_shape(scene, out_dir):
+    """Writes a bare part from SIDES: iso.png, front.png and so on."""
+    part = surface_actor(scene["vertices"], scene["normals"], scene["triangles"])
+    for name, (towards_eye, up) in SIDES.items():
+        write_png(photograph((part,), towards_eye, up), Path(out_dir) / f"{name}.png")
 
 
 def surface_actor(vertices, normals, triangles):
@@ -231,4 +240,5 @@ def _line_actor(data, width):
 
 
 if __name__ == "__main__":
-    render_all(dict(np.load(sys.argv[1])), sys.argv[2])
+    given = dict(np.load(sys.argv[1]))
+    (render_all if "scale_um" in given else render_shape)(given, sys.argv[2])

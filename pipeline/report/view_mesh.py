@@ -35,7 +35,7 @@ class ViewMesh(NamedTuple):
     face_index: np.ndarray                  # (n,) which face, in OCP's own order, a vertex lies on
 
 
-def tessellate_for_view(solid, deflection_mm, longest_edge_mm=None):
+def tessellate_for_view(solid, deflection_mm, longest_edge_mm=None, angle_rad=ANGLE_RAD):
     """Facets and edges of a solid as a picture needs them.
 
     Args:
@@ -43,6 +43,7 @@ def tessellate_for_view(solid, deflection_mm, longest_edge_mm=None):
         deflection_mm: largest distance between facet and surface, scalar > 0.
         longest_edge_mm: facets are divided until no edge is longer; a map of deviations needs
             vertices on flat faces too. None: facets as large as the deflection allows.
+        angle_rad: largest turn between neighbouring facets.
     Returns:
         ViewMesh; its vertices and normals are the exact surface's.
     Raises:
@@ -50,7 +51,7 @@ def tessellate_for_view(solid, deflection_mm, longest_edge_mm=None):
     """
     # copied without its mesh: a mesh left by someone else would be reused whatever its deflection
     shape = BRepBuilderAPI_Copy(solid, False, False).Shape()
-    BRepMesh_IncrementalMesh(shape, deflection_mm, False, ANGLE_RAD, False)
+    BRepMesh_IncrementalMesh(shape, deflection_mm, False, angle_rad, False)
     patches = [_face_patch(TopoDS.Face_s(f), row, longest_edge_mm) for row, f in enumerate(_parts_of(shape, TopAbs_FACE))]
     if not patches:
         raise DesignError("the shape has no face: there is nothing to draw")

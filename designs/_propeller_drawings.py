@@ -1,0 +1,77 @@
+"""Drawings of a propeller as its designer knows them: outlines projected, from the side and expanded; sections."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from cuspline.designs._propeller_sections import section_loop
+from cuspline.report.plots import in_our_style
+
+HIGH = 400          # points along an outline
+LOOP = np.linspace(-np.pi, np.pi, 801)
+INK, PALE = "#1b2330", "#7d93ab"
+
+
+def draw_propeller(made, folder):
+    """Writes outlines.svg and sections.svg into a folder."""
+    for name, plot in (("outlines", outlines), ("sections", sections)):
+        figure = in_our_style(plot)(made)
+        figure.savefig(folder / f"{name}.svg", format="svg", metadata={"Date": None, "Creator": None})
+
+
+def outlines(made):
+    """Figure: one blade seen from aft and from the side with the hub, and its expanded outline."""
+    table, blade = made.blade.table, made.blade
+    figure = Figure(figsize=(12, 4.6), layout="constrained")
+    aft, side, expanded = figure.subplots(1, 3)
+    rho = np.linspace(float(made.hub.profile(0.0)) / table.radius_mm, 1.0, HIGH)
+    grid_u, grid_r = (g.ravel() for g in np.meshgrid(np.linspace(-np.pi, np.pi, 181), 1 - np.linspace(
+        np.sqrt(1 - rho[0]), 0, 240) ** 2 if table.has_round_tip else rho, indexing="ij"))
+    points = blade.points_mm(grid_u, grid_r).reshape(181, -1, 3)
+    for k in range(table.blades):
+        a = 2 * np.pi * k / table.blades
+        turned = points @ np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]])
+        for axes, column, style in ((aft, 1, PALE if k else INK), (side, 0, PALE if k else INK)):
+            for edge in (np.argmin, np.argmax):
+                row = edge(turned[..., column], axis=0)
+                line = turned[row, np.arange(turned.shape[1])]
+                axes.plot(line[:, column], line[:, 2], color=style, linewidth=1.2 if not k else 0.6)
+    x = np.linspace(*made.hub.ends_mm, 100)
+    radius = made.hub.profile(x)
+    turn = np.linspace(0, 2 * np.pi, 200)
+    aft.plot(radius.max() * np.cos(turn), radius.max() * np.sin(turn), color=INK, linewidth=0.8)
+    side.plot(np.r_[x[0], x, x[-1], x[-1], x[::-1], x[0]], np.r_[0, radius, 0, 0, -radius[::-1], 0], color=INK, linewidth=0.8)
+    chord, pitch = blade.laws.chord_mm(rho), blade.laws.pitch_mm(rho)
+    r = rho * table.radius_mm
+    middle = blade.laws.skew(rho) * np.hypot(r, pitch / (2 * np.pi))      # along the helix from the generator line
+    expanded.plot(middle - chord / 2, r, color=INK, label="leading edge")
+    expanded.plot(middle + chord / 2, r, color=PALE, label="trailing edge")
+    expanded.plot(middle, r, color=PALE, linestyle=":", label="middle of the chord")
+    expanded.legend()
+    for axes, title, xlabel in ((aft, "From aft", "y, mm"), (side, "From the side", "x downstream, mm"),
+                                (expanded, "Expanded outline", "from the generator line, mm")):
+        axes.set_aspect("equal")
+        axes.set_title(title)
+        axes.set_xlabel(xlabel)
+        axes.set_ylabel("r, mm" if axes is expanded else "z, mm")
+    aft.invert_xaxis()          # seen against the X axis, z up: y to the left
+    figure.suptitle(f"{table.name}, {table.blades} blades, D {table.diameter_mm:g} mm, "
+                    f"{'right' if table.is_right_handed else 'left'}-handed")
+    return figure
+
+
+def sections(made):
+    """Figure: sections at the table's radii, nose to the left, back up, at the pitch line."""
+    table, laws = made.blade.table, made.blade.laws
+    inside = [float(r) for r in table.r_R if r < 1]
+    figure = Figure(figsize=(9, 1.1 * len(inside)), layout="constrained")
+    widest = max(float(laws.chord_mm(np.array([r]))[0]) for r in inside)
+    for axes, rho in zip(figure.subplots(len(inside), 1), inside[::-1]):
+        at = np.full(len(LOOP), rho)
+        chord = laws.chord_mm(at)
+        s, n = section_loop(table.shape, table.edge, LOOP, at, laws.thickness_share(at), laws.camber_share(at))
+        axes.fill((s - 0.5) * chord, n * chord, facecolor="#dfe5ec", edgecolor=INK, linewidth=0.8)
+        axes.set_aspect("equal")
+        axes.set_xlim(-0.52 * widest, 0.52 * widest)
+        axes.set_title(f"r/R {rho:g}: chord {chord[0]:.2f}, pitch {laws.pitch_mm(at)[0]:.2f}, "
+                       f"greatest thickness {laws.thickness_share(at)[0] * chord[0]:.3f} mm")
+    return figure

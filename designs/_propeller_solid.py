@@ -1,0 +1,423 @@
+r"""The whole propeller as one solid: blades, fillets and hub with shared edges.
+
+Each blade's loop is cut into four columns of faces.  The hub is cut into one sector a blade, along helical
+lines that keep half way between the roots:
+
+     tip        |  4 faces that meet in the tip
+     faces      |  face | leading edge | back | trailing edge
+     fillets    |   "         "            "         "
+     hub        |  one sector round all four
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCone, BRepPrimAPI_MakeCylinder
+from OCP.TopAbs import TopAbs_FACE
+from OCP.TopTools import TopTools_ListOfShape
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+from scipy.interpolate import BSpline, make_interp_spline
+
+from cuspline import brep
+from cuspline.designs._propeller_blade import DEGREE, TIP_SHARE, Blade
+from cuspline.designs._propeller_root import OUTERMOST_CONTACT, rolled_round_root, root_width
+from cuspline.errors import DesignError
+from cuspline.shells import (ShellBuilder, Side, circle_round_x, cone_round_x, cylinder_round_x, plane_across_x,
+                             plane_circle, plane_curve, plane_line, rational_curve, revolved_round_x, spline_curve,
+                             spline_surface)
+from cuspline.surfaces.closed_splines import piece, surface_piece
+from cuspline.surfaces.fairing import fair_spline
+from cuspline.surfaces.nurbs import NurbsSurface
+from cuspline.surfaces.rolling_ball import Fillet, FilletErrors, Revolved, fillet_errors, fillet_of, rolled
+
+BALLS_A_SPAN = 3            # of the blade's spans round the loop
+SIDE_SITES = 33             # of a sector's helical border
+RUN_OUT = 0.25              # of the root's length, within which a border turns straight beyond it
+CLEAR_MM = 1.0              # by which tools stand out of the hub
+LEAST_WALL_SHARE = 0.05     # of the hub's radius, left outside its holes
+LAND = 0.2                  # share of the free land that a border must keep to a root
+BELOW = 0.03                # of v: how far the blade's faces go on under their border
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HubCuts:
+    """What is cut out of the hub; 0: not."""
+
+    bore_mm: float = 0.0                # diameter at the fore end
+    bore_half_angle_rad: float = 0.0    # the bore grows downstream for a positive angle
+    key_width_mm: float = 0.0
+    key_depth_mm: float = 0.0           # above the bore
+    bolts: int = 0
+    bolt_mm: float = 0.0                # diameter
+    bolt_circle_mm: float = 0.0         # diameter
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PropellerSolid:
+    """The solid and what it was built from."""
+
+    solid: object                   # MarkedSolid, its faces named
+    blade: Blade
+    hub: Revolved
+    fillet: Fillet
+    errors: FilletErrors
+    outward: float                  # +1 where Su x Sv points out of blade 1
+    half_way: BSpline               # over x: polar angle half way between the sides of blade 1's root
+    cuts: HubCuts
+
+
+def propeller_solid(blade, hub, law, cuts=HubCuts()):
+    """Build the solid.
+
+    Args:
+        blade: Blade, its innermost radius below the hub.
+        hub: Revolved.
+        law: RadiusLaw.
+        cuts: HubCuts.
+    Raises:
+        DesignError: the fillet or a cut does not fit; says where and what would.
+    """
+    outward = 1.0 if blade.table.is_right_handed else -1.0
+    fillet, errors = _rolled_fillet(blade, outward, hub, law)
+    builder, table = ShellBuilder(), blade.table
+    sector = _Sectors(builder, hub, fillet.rolling, table.blades)
+    for k in range(table.blades):
+        turn = 2 * np.pi * k / table.blades
+        border = _add_blade(builder, k + 1, _turned_blade(blade, turn), _turned_fillet(fillet, turn), outward)
+        sector.add(k, border)
+    sector.add_ends()
+    solid, faces = builder.solid()
+    solid, faces = _cut(solid, faces, hub, cuts, table.name)
+    marked = brep.marked(solid, faces)
+    return PropellerSolid(solid=marked, blade=blade, hub=hub, fillet=fillet, errors=errors, outward=outward,
+                          half_way=sector.half_way, cuts=cuts)
+
+
+def _rolled_fillet(blade, outward, hub, law):
+    """(Fillet, FilletErrors)."""
+    knots = np.unique(blade.surface.knots_u)
+    rolled_round_root(blade, outward, hub, law)
+    share = np.arange(BALLS_A_SPAN) / BALLS_A_SPAN
+    u = (knots[:-1, None] + np.diff(knots)[:, None] * share).ravel()
+    fillet = fillet_of(rolled_round_root(blade, outward, hub, law, u), 2 * np.pi)
+    middle = (u + np.r_[u[1:], u[0] + 2 * np.pi]) / 2
+    between = rolled(blade.surface, outward, hub, law, middle, (0.0, OUTERMOST_CONTACT))
+    return fillet, fillet_errors(fillet, blade.surface, outward, between)
+
+
+# blades ----------------------------------------------------------------------------------------
+
+
+def _about_x(turn):
+    return np.array([[1, 0, 0], [0, np.cos(turn), -np.sin(turn)], [0, np.sin(turn), np.cos(turn)]])
+
+
+def _turned(surface, turn):
+    poles = surface.poles.copy()
+    poles[..., :3] = poles[..., :3] @ _about_x(turn).T
+    return replace(surface, poles=poles)
+
+
+def _turned_blade(blade, turn):
+    return replace(blade, surface=_turned(blade.surface, turn))
+
+
+def _turned_fillet(fillet, turn):
+    return replace(fillet, surface=_turned(fillet.surface, turn))
+
+
+def _add_blade(builder, number, blade, fillet, outward):
+    """Faces of one blade and its fillet; returns the border on the hub: [(edge, spline of angle and x), ...]."""
+    columns, surface = blade.columns, blade.surface
+    starts = np.array([first for _, first, _ in columns])
+    top = float(blade.v_at(1 - TIP_SHARE)) if blade.table.has_round_tip else 1.0
+    at = lambda u, v: surface.derivatives(np.array([u]), np.array([v]))[0, 0]
+    across = lambda u, t: fillet.surface.derivatives(np.array([u]), np.array([t]))[0, 0]
+    level = fillet.on_blade(starts)[:, 0]
+    root, foot = ([builder.vertex(across(u, t)) for u in starts] for t in (0.0, 1.0))
+    shoulder = [builder.vertex(at(u, top)) for u in starts]
+    meridians = [_meridian(surface, u) for u in starts]
+    edges = [builder.edge(m, v, top, a, b) for m, v, a, b in zip(meridians, level, root, shoulder)]
+    arcs = [builder.edge(_arc(fillet.surface, u), 0.0, 1.0, a, b) for u, a, b in zip(starts, root, foot)]
+    tip, tops = None, None
+    if blade.table.has_round_tip:
+        tip = builder.vertex(at(starts[0], 1.0))
+        tops = [builder.edge(m, top, 1.0, a, tip) for m, a in zip(meridians, shoulder)]
+    border, rim = [], []
+    for k, (name, low, high) in enumerate(columns):
+        n = (k + 1) % len(columns)
+        cut = surface_piece(surface, low, high, _floor(fillet, low, high), top)
+        ball = surface_piece(fillet.surface, low, high, 0.0, 1.0)
+        on_blade, on_hub = piece(fillet.on_blade, low, high), piece(fillet.on_hub, low, high)
+        upper = builder.edge(_row(ball, 0), low, high, root[k], root[n])
+        lower = builder.edge(_row(ball, -1), low, high, foot[k], foot[n])
+        crest = builder.edge(_row(cut, -1), low, high, shoulder[k], shoulder[n])
+        builder.face(f"blade {number} {name}", spline_surface(cut), [[
+            Side(edge=upper, curve=plane_curve(_graph(on_blade))),
+            Side(edge=edges[n], curve=plane_line((high, 0), (0, 1))),
+            Side(edge=crest, curve=plane_line((0, top), (1, 0)), is_forward=False),
+            Side(edge=edges[k], curve=plane_line((low, 0), (0, 1)), is_forward=False)]], outward < 0)
+        builder.face(f"fillet {number}", spline_surface(ball), [[
+            Side(edge=upper, curve=plane_line((0, 0), (1, 0))),
+            Side(edge=arcs[n], curve=plane_line((high, 0), (0, 1))),
+            Side(edge=lower, curve=plane_line((0, 1), (1, 0)), is_forward=False),
+            Side(edge=arcs[k], curve=plane_line((low, 0), (0, 1)), is_forward=False)]], outward > 0)
+        border.append((lower, on_hub))
+        rim.append(crest)
+        if tip is not None:
+            cap, pole = surface_piece(surface, low, high, top, 1.0), builder.pole(tip)
+            builder.face(f"blade {number} tip", spline_surface(cap), [[
+                Side(edge=crest, curve=plane_line((0, top), (1, 0))),
+                Side(edge=tops[n], curve=plane_line((high, 0), (0, 1))),
+                Side(edge=pole, curve=_flat_line(low, high), is_forward=False),
+                Side(edge=tops[k], curve=plane_line((low, 0), (0, 1)), is_forward=False)]], outward < 0)
+    if tip is None:
+        _add_flat_tip(builder, f"blade {number} tip", blade, rim)
+    return border
+
+
+def _floor(fillet, low, high):
+    """v a little below the border of a column."""
+    return max(0.0, float(fillet.on_blade(np.linspace(low, high, 50)).min()) - BELOW)
+
+
+def _meridian(surface, u):
+    """The blade's curve of constant u, over v."""
+    return spline_curve(BSpline(surface.knots_v, BSpline(surface.knots_u, surface.poles, surface.degree_u)(u)[:, :3],
+                                surface.degree_v))
+
+
+def _arc(surface, u):
+    return rational_curve(surface.knots_v, 2, BSpline(surface.knots_u, surface.poles, surface.degree_u)(u))
+
+
+def _row(surface, k):
+    """The border of a surface at its first or last v, over u."""
+    return spline_curve(BSpline(surface.knots_u, surface.poles[:, k, :3], surface.degree_u))
+
+
+def _graph(spline):
+    """(u, f(u)) of a spline (1,) as a spline of the plane."""
+    k = spline.k
+    places = np.array([spline.t[i + 1:i + k + 1].mean() for i in range(len(spline.c))])
+    return BSpline(spline.t, np.column_stack([places, spline.c]), k)
+
+
+def _flat_line(low, high):
+    """The line v = 1 over a parameter from 0 to 1."""
+    return plane_curve(BSpline([0.0, 0.0, 1.0, 1.0], np.array([[low, 1.0], [high, 1.0]]), 1))
+
+
+def _add_flat_tip(builder, name, blade, rim):
+    """The tip of a blade that has a chord there: on the cylinder of the propeller's radius."""
+    curves = []
+    for edge, (_, low, high) in zip(rim, blade.columns):
+        sites = np.unique(np.r_[low, blade.surface.knots_u[(blade.surface.knots_u > low) & (blade.surface.knots_u < high)], high])
+        u = np.unique(np.concatenate([sites, (sites[1:] + sites[:-1]) / 2]))
+        p = blade.surface.derivatives(u, np.ones(len(u)))[:, 0]
+        curves.append((edge, u, np.arctan2(p[:, 2], p[:, 1]), p[:, 0]))
+    reference = curves[0][2][0]
+    near = lambda angle: reference + np.remainder(angle - reference + np.pi, 2 * np.pi) - np.pi
+    loop = np.concatenate([np.column_stack([near(a), x]) for _, _, a, x in curves])
+    start = loop[:, 0].mean() - np.pi
+    sides = [Side(edge=edge, is_forward=_area(loop) > 0, curve=plane_curve(
+        make_interp_spline(u, np.column_stack([near(a) - start, x]), DEGREE))) for edge, u, a, x in curves]
+    builder.face(name, cylinder_round_x(blade.table.radius_mm, start), [sides if _area(loop) > 0 else sides[::-1]])
+
+
+def _area(loop):
+    """Signed area of a closed polygon (n, 2)."""
+    x, y = loop.T
+    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)
+
+
+# hub -------------------------------------------------------------------------------------------
+
+
+class _Sectors:
+    """The hub's faces, one sector a blade; neighbours share their helical borders."""
+
+    def __init__(self, builder, hub, rolling, blades):
+        self._builder, self._hub, self._blades = builder, hub, blades
+        self._fore, self._aft = hub.ends_mm
+        self.half_way = _half_way(hub, rolling, blades)
+        x = np.linspace(self._fore, self._aft, 400)
+        self._start = float(np.mean([self.half_way(x).min(), self.half_way(x).max()])) - np.pi
+        if np.ptp(self.half_way(x)) + 2 * np.pi / blades > 2 * np.pi:
+            raise DesignError(f"the hub is {self._aft - self._fore:.1f} mm long: its {blades} sectors wind round it more "
+                              "than once; shorten the hub or raise the pitch")
+        self._borders = [self._border(2 * np.pi * k / blades) for k in range(blades)]
+        self._rims = []
+
+    def _angle(self, x):
+        """Polar angle of the border before blade 1."""
+        return self.half_way(x) - np.pi / self._blades
+
+    def _border(self, turn):
+        """(edge, vertex at the fore end, vertex at the aft end)."""
+        sites = np.unique(self.half_way.t)
+        x = np.unique(np.concatenate([sites[:-1] + share * np.diff(sites) for share in (0, 1 / 3, 2 / 3)] + [sites[-1:]]))
+        points = self._hub.points(self._angle(x) + turn, x)
+        fore, aft = self._builder.vertex(points[0]), self._builder.vertex(points[-1])
+        return self._builder.edge(spline_curve(make_interp_spline(x, points, DEGREE)), x[0], x[-1], fore, aft), fore, aft
+
+    def add(self, k, root):
+        """The sector round blade k's root, [(edge, spline of polar angle and x), ...]."""
+        turn = 2 * np.pi * k / self._blades
+        (left, left_fore, left_aft), (right, right_fore, right_aft) = self._borders[k], self._borders[(k + 1) % self._blades]
+        width, start = 2 * np.pi / self._blades, self._start + turn
+        side = lambda shift: plane_curve(self._scaled(_graph_of(self.half_way, shift - np.pi / self._blades - self._start)))
+        rims = []
+        for x, a, b in ((self._fore, left_fore, right_fore), (self._aft, left_aft, right_aft)):
+            low = float(self._angle(x)) - self._start
+            rims.append(self._builder.edge(circle_round_x(x, self._hub.profile(x), start), low, low + width, a, b))
+        level = [plane_line((0, x * self._stretch), (1, 0)) for x in (self._fore, self._aft)]
+        outer = [Side(edge=rims[0], curve=level[0]), Side(edge=right, curve=side(width)),
+                 Side(edge=rims[1], curve=level[1], is_forward=False), Side(edge=left, curve=side(0.0), is_forward=False)]
+        # the border is told for blade 1: its polar angles stand at `start` of any blade
+        curves = [(edge, BSpline(s.t, s.c - [self._start, 0.0], s.k)) for edge, s in root]
+        loop = np.concatenate([s(np.linspace(s.t[0], s.t[-1], 200)[:-1]) for _, s in curves])
+        is_forward = _area(loop) < 0
+        inner = [Side(edge=edge, curve=plane_curve(self._scaled(s)), is_forward=is_forward) for edge, s in curves]
+        self._builder.face("hub", self._surface(start), [outer, inner if is_forward else inner[::-1]])
+        self._rims.append((rims, start))
+
+    def add_ends(self):
+        for end, (name, x) in enumerate((("hub fore end", self._fore), ("hub aft end", self._aft))):
+            radius = float(self._hub.profile(x))
+            self._builder.face(name, plane_across_x(x), [[
+                Side(edge=rims[end], curve=plane_circle(radius, start)) for rims, start in self._rims]], end == 0)
+
+    @property
+    def _stretch(self):
+        """Parameter of the hub's surface along its profile, per mm of x."""
+        return 1 / np.cos(self._hub.half_angle_rad) if self._hub.half_angle_rad else 1.0
+
+    def _scaled(self, spline):
+        return BSpline(spline.t, spline.c * [1.0, self._stretch], spline.k)
+
+    def _surface(self, start):
+        if self._hub.half_angle_rad is None:
+            return revolved_round_x(self._hub.profile, start)
+        radius = float(self._hub.profile(0.0))
+        return (cone_round_x(radius, self._hub.half_angle_rad, start) if self._hub.half_angle_rad
+                else cylinder_round_x(radius, start))
+
+
+def _graph_of(spline, shift):
+    """(f(x) + shift, x) of a spline () as a spline of the plane."""
+    k = spline.k
+    places = np.array([spline.t[i + 1:i + k + 1].mean() for i in range(len(spline.c))])
+    return BSpline(spline.t, np.column_stack([spline.c + shift, places]), k)
+
+
+def _half_way(hub, rolling, blades):
+    """Spline of the polar angle half way between a root's sides, over x from end to end of the hub.
+
+    Raises:
+        DesignError: between two roots there is no room for it.
+    """
+    at, low, high = root_width(rolling)
+    land = 2 * np.pi / blades - (high - low)
+    along = fair_spline(at[::12], ((low + high) / 2)[::12], LAND / 2 * land.min(), bending=2)
+    fore, aft = hub.ends_mm
+    reach = RUN_OUT * (at[-1] - at[0])
+
+    def beyond(x):      # outside the root it turns straight, so that a long hub is not wound round
+        edge = np.clip(x, along.t[0], along.t[-1])
+        return along(edge) + along.derivative()(edge) * reach * np.tanh((x - edge) / reach)
+
+    x = np.unique(np.r_[np.linspace(fore, aft, SIDE_SITES), at[::24]])
+    found = fair_spline(x, beyond(x), LAND / 4 * land.min(), domain=(fore, aft), bending=2)
+    half = np.pi / blades
+    if (found(at) - half >= low).any() or (found(at) + half <= high).any():
+        raise DesignError(f"the roots of neighbouring blades leave too little of the hub between them: "
+                          f"{np.degrees(land.min()):.2f} deg at the narrowest; use a smaller fillet, a larger hub, or less chord")
+    return found
+
+
+def _cut(solid, faces, hub, cuts, name):
+    """The solid without bore, keyway and bolt holes; its named faces after that."""
+    tools = _tools(hub, cuts, name)
+    if not tools:
+        return solid, faces
+    cut, arguments, knives = BRepAlgoAPI_Cut(), TopTools_ListOfShape(), TopTools_ListOfShape()
+    arguments.Append(solid)
+    for _, tool in tools:
+        knives.Append(tool)
+    cut.SetArguments(arguments)
+    cut.SetTools(knives)
+    cut.Build()
+    if not cut.IsDone():
+        raise DesignError(f"propeller {name}: bore, keyway or bolt holes cannot be cut from the hub")
+    result = cut.Shape()
+    left = brep.explore(result, TopAbs_FACE)
+    found = []
+    for label, face in faces + [(label, f) for label, tool in tools for f in brep.explore(tool, TopAbs_FACE)]:
+        after = list(cut.Modified(face)) or [face]
+        found += [(label, f) for f in after if any(f.IsSame(other) for other in left)]
+    return result, found
+
+
+def _tools(hub, cuts, name):
+    """[(name, TopoDS shape)] of what is to be cut away.
+
+    Raises:
+        DesignError: it would break through the hub.
+    """
+    fore, aft = hub.ends_mm
+    thinnest = float(hub.profile(np.linspace(fore, aft, 200)).min())
+    grow = np.tan(cuts.bore_half_angle_rad)
+    first, last = cuts.bore_mm / 2, cuts.bore_mm / 2 + (aft - fore) * grow
+    widest, narrowest = max(first, last), min(first, last)
+    length, tools = aft - fore + 2 * CLEAR_MM, []
+
+    def refuse(what, reach):
+        if reach >= thinnest - LEAST_WALL_SHARE * thinnest:
+            raise DesignError(f"propeller {name}: the {what} reaches out to a radius of {reach:.3f} mm, the hub is only "
+                              f"{thinnest:.3f} mm there; make it smaller")
+
+    if cuts.bore_mm > 0:
+        refuse("bore", widest)
+        if narrowest <= 0:
+            raise DesignError(f"propeller {name}: the tapered bore closes before it is through the hub")
+        axis = gp_Ax2(gp_Pnt(fore - CLEAR_MM, 0, 0), gp_Dir(1, 0, 0))
+        shape = (BRepPrimAPI_MakeCone(axis, first - CLEAR_MM * grow, last + CLEAR_MM * grow, length) if grow
+                 else BRepPrimAPI_MakeCylinder(axis, first, length)).Shape()
+        tools.append(("bore", shape))
+    if cuts.key_width_mm > 0:
+        refuse("keyway", float(np.hypot(widest + cuts.key_depth_mm, cuts.key_width_mm / 2)))
+        if cuts.bore_mm <= cuts.key_width_mm:
+            raise DesignError(f"propeller {name}: a keyway of {cuts.key_width_mm:g} mm needs a bore wider than that, "
+                              f"it is {cuts.bore_mm:g} mm")
+        half = cuts.key_width_mm / 2
+        tools.append(("keyway", BRepPrimAPI_MakeBox(gp_Pnt(fore - CLEAR_MM, -half, 0),
+                                                    gp_Pnt(aft + CLEAR_MM, half, widest + cuts.key_depth_mm)).Shape()))
+    for k in range(cuts.bolts):
+        refuse("bolt circle", (cuts.bolt_circle_mm + cuts.bolt_mm) / 2)
+        if (cuts.bolt_circle_mm - cuts.bolt_mm) / 2 <= widest:
+            raise DesignError(f"propeller {name}: bolt holes of {cuts.bolt_mm:g} mm on a circle of {cuts.bolt_circle_mm:g} mm "
+                              "run into the bore; widen the circle")
+        angle = 2 * np.pi * (k + 0.5) / cuts.bolts
+        center = cuts.bolt_circle_mm / 2 * np.array([np.cos(angle), np.sin(angle)])
+        axis = gp_Ax2(gp_Pnt(fore - CLEAR_MM, *map(float, center)), gp_Dir(1, 0, 0))
+        tools.append(("bolt hole", BRepPrimAPI_MakeCylinder(axis, cuts.bolt_mm / 2, length).Shape()))
+    return tools
+
+
+def volume_of_cuts_mm3(hub, cuts):
+    """What bore, keyway and bolt holes take away, by their formulas; the keyway's share by Gauss points along the hub."""
+    fore, aft = hub.ends_mm
+    length = aft - fore
+    first = cuts.bore_mm / 2
+    last = first + length * np.tan(cuts.bore_half_angle_rad)
+    bore = np.pi / 3 * length * (first * first + first * last + last * last)
+    bolts = cuts.bolts * np.pi / 4 * cuts.bolt_mm ** 2 * length
+    if cuts.key_width_mm <= 0:
+        return bore + bolts
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    radius, half = first + (last - first) * (1 + nodes) / 2, cuts.key_width_mm / 2
+    under = half * np.sqrt(radius ** 2 - half ** 2) + radius ** 2 * np.arcsin(half / radius)
+    height = max(first, last) + cuts.key_depth_mm
+    return bore + bolts + float(np.sum(weights * length / 2 * (2 * half * height - under)))

@@ -1,0 +1,25 @@
+"""DTMB propeller 4119: three blades without skew and rake, 12 in, a standard of propeller research.
+
+Table and sources: data/propeller_dtmb4119.csv.  Shaft along X, downstream; blade 1 along Z.
+"""
+
+from pydantic import Field
+
+from cuspline.design import Design
+from cuspline.designs._propeller_design import PropellerParameters, propeller_design
+from cuspline.designs._propeller_tables import DTMB_4119_MM, dtmb_4119
+
+HUB_RATIO = 0.2
+
+
+class Dtmb4119(PropellerParameters):
+    """Size of the model, and what the table leaves open: hub, fillet, edges."""
+
+    diameter_mm: float = Field(DTMB_4119_MM, ge=50, le=1000, description="12 in as published")
+    bore_mm: float = Field(25.4, ge=0, description="diameter at the fore end; 0: none")
+
+
+def design(p: Dtmb4119) -> Design:
+    """The propeller; its solid is checked against the table, it has no setup yet."""
+    return propeller_design("dtmb_4119", "DTMB propeller 4119, three blades", p,
+                            dtmb_4119(p.diameter_mm, p.is_right_handed, p.edge), HUB_RATIO)

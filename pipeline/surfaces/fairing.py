@@ -1,0 +1,106 @@
+"""Fair splines through tables: as smooth as the table's own rounding allows, so that curvature does not ripple.
+
+Among all quintic splines that keep within the rounding of the given values, nearly the one of least
+bending, the integral of the squared third (or second) derivative.
+"""
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+DEGREE = 5
+STEPS = 14              # of the bisection for the stiffness, over STIFFNESS
+STIFFNESS = (-12.0, 8.0)        # decimal logarithm of the weight of the bending
+
+
+def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=((), ()), slope_at_start=None,
+                bending=3):
+    """Quintic spline through values, smoothed as far as their rounding allows.
+
+    Args:
+        x: (n,) rising.
+        y: (n,) or (n, m) values.
+        within: how far the spline may pass from a value; 0: through all of them.
+        domain: (low, high) that the spline spans; None: that of x.
+        sites: (k,) rising knots, the ends of the domain among them; None: the values' places and their middles.
+        zero_derivatives: orders of the derivatives that vanish at the low and at the high end of the domain:
+            ((1, 3), ()) makes it even about its low end, ((0, 2, 4), ()) odd.
+        slope_at_start: first derivative at the low end of the domain; None: free.
+        bending: order of the derivative that is kept small, 2 or 3.
+    Returns:
+        scipy BSpline.
+
+    >>> x = np.linspace(0.0, 1.0, 6)
+    >>> bool(abs(fair_spline(x, x ** 2)(0.33) - 0.33 ** 2) < 1e-9)
+    True
+    """
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    if sites is None:
+        sites = np.unique(x if domain is None else np.r_[domain[0], x[(x > domain[0]) & (x < domain[1])], domain[1]])
+        sites = np.sort(np.r_[sites, (sites[1:] + sites[:-1]) / 2])
+    low, high, inner = sites[0], sites[-1], sites
+    knots = np.r_[[low] * DEGREE, inner, [high] * DEGREE]
+    rows, values = _end_conditions(knots, low, high, zero_derivatives, slope_at_start, y.shape[1:])
+    through = BSpline.design_matrix(x, knots, DEGREE).toarray()
+    energy = _energy(knots, inner, bending)
+    exact = _Constrained(energy, np.vstack([rows, through]), np.concatenate([values, y]))
+    if within == 0.0:
+        return BSpline(knots, exact.least(1.0), DEGREE)
+    bound, best = _Constrained(energy, rows, values, through, y), None
+    soft, stiff = STIFFNESS
+    for _ in range(STEPS):
+        middle = (soft + stiff) / 2
+        found = bound.least(10.0 ** middle)
+        if np.abs(through @ found - y).max() <= within:
+            soft, best = middle, found
+        else:
+            stiff = middle
+    # no room left by the end conditions or by too few knots: as near to the values as can be
+    return BSpline(knots, exact.least(1.0) if best is None else best, DEGREE)
+
+
+def _end_conditions(knots, low, high, zero_derivatives, slope_at_start, tail):
+    """Rows and right sides of the conditions at the ends of the domain."""
+    unit = BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE)
+    rows = [unit.derivative(k)(end) if k else unit(end)
+            for end, orders in zip((low, high), zero_derivatives) for k in orders]
+    values = [np.zeros(tail)] * len(rows)
+    if slope_at_start is not None:
+        rows.append(unit.derivative()(low))
+        values.append(np.full(tail, slope_at_start))
+    return np.array(rows).reshape(-1, unit.c.shape[0]), np.array(values).reshape(-1, *tail)
+
+
+def _energy(knots, sites, order):
+    """(n, n) integral of the products of two basis functions' derivatives, exact by Gauss points in every span."""
+    nodes, weights = np.polynomial.legendre.leggauss(DEGREE)
+    half = np.diff(sites) / 2
+    places = (sites[:-1] + half)[:, None] + half[:, None] * nodes
+    derived = BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE).derivative(order)(places.ravel())
+    return derived.T @ ((half[:, None] * weights).ravel()[:, None] * derived) * (sites[-1] - sites[0]) ** (2 * order - 1)
+
+
+class _Constrained:
+    """Coefficients c of least stiffness c'Ac/2 + |Bc - y|^2/2 that keep rows @ c = values; rows may repeat themselves."""
+
+    def __init__(self, energy, rows, values, through=None, y=None):
+        size, self._tail = len(energy), values.shape[1:]
+        flat = values.reshape(len(values), int(np.prod(self._tail)))
+        self._start = np.linalg.lstsq(rows, flat, rcond=None)[0] if len(rows) else np.zeros((size, flat.shape[1]))
+        self._free = _null_space(rows, size)
+        self._energy, self._force = self._free.T @ energy @ self._free, self._free.T @ (energy @ self._start)
+        self._pull, self._miss = 0.0, 0.0
+        if through is not None:
+            seen = through @ self._free
+            self._pull = seen.T @ seen
+            self._miss = seen.T @ (y.reshape(len(y), -1) - through @ self._start)
+
+    def least(self, stiffness):
+        step = np.linalg.lstsq(stiffness * self._energy + self._pull, self._miss - stiffness * self._force, rcond=1e-15)[0]
+        return (self._start + self._free @ step).reshape(-1, *self._tail)
+
+
+def _null_space(rows, size):
+    if not len(rows):
+        return np.eye(size)
+    _, strength, basis = np.linalg.svd(rows)
+    return basis[(strength > 1e-12 * strength[0]).sum():].T

@@ -1,0 +1,249 @@
+r"""A ball of changing radius rolls round a blade's root, touching the blade and a surface of revolution.
+
+                  blade
+           n  ^  /
+              | / p1                 C(u) = S(u, v) + r(u) n(u, v),  dist(C, hub) = r(u)   gives v(u)
+        C  o--|*                     p1 = S, p2 = foot of C on the hub
+           |  /
+        ___*_/______ hub             fillet: what all balls together leave standing
+           p2
+
+The balls' envelope touches ball u along a circle in the plane square to C', centred r r' / |C'| behind C; it passes
+through both contacts, and its arc between them is square to both normals, so the fillet is tangent to blade and hub
+for any smooth r(u).  The arcs are rational quadratic; their homogeneous poles are interpolated along u.
+Frame: the axis of revolution is X.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from cuspline.surfaces.closed_splines import periodic_spline
+from cuspline.surfaces.nurbs import NurbsSurface, local_shape
+
+DEGREE = 5
+SCAN = 48                   # places in v between which the contact is bracketed
+STEPS = 60                  # of the bracketed Newton iteration
+ARC_KNOTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+WIDEST_ARC_RAD = np.radians(170.0)      # beyond, the ball is wedged between blade and hub
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Revolved:
+    """A surface of revolution about X, by its radius over x."""
+
+    profile: BSpline            # degree >= 3, clamped
+    half_angle_rad: float | None    # a cone (0: a cylinder); None: a curved profile
+
+    @property
+    def ends_mm(self):
+        return self.profile.t[0], self.profile.t[-1]
+
+    def foot(self, points):
+        """Closest points in the half planes of some points, going on beyond its ends.
+
+        Args:
+            points: (n, 3).
+        Returns:
+            (n,) x of the foot, (n,) polar angle from Y to Z, (n, 3) outward normal there, (n,) signed distance.
+        """
+        x, rho = points[:, 0], np.hypot(points[:, 1], points[:, 2])
+        first, second = self.profile.derivative(), self.profile.derivative(2)
+        t = x.copy()
+        for _ in range(30):
+            radius, slope = self.profile(t), first(t)
+            step = ((t - x) + (radius - rho) * slope) / np.maximum(1 + slope ** 2 + (radius - rho) * second(t), 0.1)
+            t = t - step
+            if np.abs(step).max() < 1e-13 * max(1.0, np.abs(t).max()):
+                break
+        radius, slope = self.profile(t), first(t)
+        angle = np.arctan2(points[:, 2], points[:, 1])
+        root = np.sqrt(1 + slope ** 2)
+        normal = np.stack([-slope, np.cos(angle), np.sin(angle)], axis=1) / root[:, None]
+        return t, angle, normal, ((x - t) * -slope + (rho - radius)) / root
+
+    def points(self, angle, x):
+        """(n, 3) points of the surface."""
+        radius = self.profile(x)
+        return np.stack([x, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+    def hollow_radius_mm(self, x):
+        """(n,) radius of curvature of the profile where it is hollow seen from outside; inf elsewhere."""
+        slope, bend = self.profile.derivative()(x), self.profile.derivative(2)(x)
+        curvature = bend / (1 + slope ** 2) ** 1.5
+        return np.where(curvature > 0, 1 / np.maximum(curvature, 1e-300), np.inf)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Rolling:
+    """Balls at parameters u, one row each."""
+
+    u: np.ndarray               # (n,)
+    radius_mm: np.ndarray       # (n,)
+    v: np.ndarray               # (n,) of the contact on the blade; NaN: the ball finds no place
+    center_mm: np.ndarray       # (n, 3)
+    contact_mm: np.ndarray      # (n, 3) p1
+    blade_normal: np.ndarray    # (n, 3) out of the blade
+    foot_mm: np.ndarray         # (n, 3) p2
+    foot_angle: np.ndarray      # (n,) polar angle, without jumps
+    hub_normal: np.ndarray      # (n, 3)
+    motion_mm: np.ndarray       # (n, 3) dC/du
+    radius_slope: np.ndarray    # (n,) dr/du
+    hollow_mm: np.ndarray       # (n,) tightest hollow of the blade at p1, inf on ridges
+
+
+def rolled(surface, outward, hub, law, u, v_range):
+    """Where the ball touches.
+
+    Args:
+        surface: NurbsSurface of the blade, closed along u.
+        outward: +1 where Su x Sv points out of the blade, -1 where into it.
+        hub: Revolved.
+        law: function u (n,) -> radius mm (n,), its derivative (n,).
+        u: (n,).
+        v_range: (low, high), from inside the hub outward.
+    Returns:
+        Rolling; rows where the ball finds no place hold NaN.
+    """
+    u = np.asarray(u, float)
+    radius, radius_slope = law(u)
+    v = _contact_parameters(surface, outward, hub, radius, u, v_range)
+    found = np.isfinite(v)
+    d = surface.derivatives(u, np.where(found, v, v_range[1]))
+    s, su, sv = d[:, 0], d[:, 1], d[:, 2]
+    n, nu, nv = _normals(d, outward)
+    center = s + radius[:, None] * n
+    x, angle, hub_normal, _ = hub.foot(center)
+    dot = lambda a, b: np.einsum("ij,ij->i", a, b)
+    cu = su + radius[:, None] * nu + radius_slope[:, None] * n
+    cv = sv + radius[:, None] * nv
+    motion = cu - cv * ((dot(hub_normal, cu) - radius_slope) / dot(hub_normal, cv))[:, None]
+    hollow = -local_shape(d, outward < 0).curvature_low_per_mm
+    blank = lambda a: np.where(found.reshape(-1, *[1] * (a.ndim - 1)), a, np.nan)
+    return Rolling(u=u, radius_mm=radius, v=v, center_mm=blank(center), contact_mm=blank(s), blade_normal=n,
+                   foot_mm=blank(hub.points(angle, x)), foot_angle=np.unwrap(angle), hub_normal=hub_normal,
+                   motion_mm=motion, radius_slope=radius_slope,
+                   hollow_mm=np.where(hollow > 0, 1 / np.maximum(hollow, 1e-300), np.inf))
+
+
+def _contact_parameters(surface, outward, hub, radius, u, v_range):
+    """v at which the ball rests on blade and hub: the outermost place, by Newton steps inside a bracket."""
+    def excess(v, rows=slice(None)):
+        d = surface.derivatives(u[rows], v)
+        n, _, nv = _normals(d, outward)
+        _, _, normal, distance = hub.foot(d[:, 0] + radius[rows, None] * n)
+        return distance - radius[rows], np.einsum("ij,ij->i", normal, d[:, 2] + radius[rows, None] * nv)
+
+    v = np.linspace(*v_range, SCAN)
+    grid_u, grid_v = np.meshgrid(np.arange(len(u)), v, indexing="ij")
+    below = excess(grid_v.ravel(), grid_u.ravel())[0].reshape(grid_v.shape) < 0
+    rising = below[:, :-1] & ~below[:, 1:]
+    last = SCAN - 2 - np.argmax(rising[:, ::-1], axis=1)
+    low, high = v[last], v[last + 1]
+    at = (low + high) / 2
+    for _ in range(STEPS):
+        value, slope = excess(at)
+        low, high = np.where(value < 0, at, low), np.where(value < 0, high, at)
+        newton = at - value / np.where(slope == 0, 1.0, slope)
+        inside = (newton > low) & (newton < high)
+        nearer = np.where(inside, newton, (low + high) / 2)
+        if np.abs(nearer - at).max() < 1e-15:
+            break
+        at = nearer
+    return np.where(rising.any(axis=1), at, np.nan)
+
+
+def _normals(d, outward):
+    """Unit normals out of the blade and their derivatives along u and v."""
+    su, sv, suu, suv, svv = (d[:, k] for k in range(1, 6))
+    cross = outward * np.cross(su, sv)
+    length = np.linalg.norm(cross, axis=1)[:, None]
+    n = cross / length
+
+    def derived(change):
+        change = outward * change / length
+        return change - n * np.einsum("ij,ij->i", n, change)[:, None]
+
+    return n, derived(np.cross(suu, sv) + np.cross(su, suv)), derived(np.cross(suv, sv) + np.cross(su, svv))
+
+
+# the fillet ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fillet:
+    """The surface between blade and hub and its borders on both."""
+
+    surface: NurbsSurface       # u as on the blade; across it 0 at the blade, 1 at the hub
+    on_blade: BSpline           # u -> v of the blade (1,)
+    on_hub: BSpline             # u -> polar angle, x (2,)
+    rolling: Rolling            # at the knots
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilletErrors:
+    """Measured between the knots, against the ball found anew there."""
+
+    blade_border_mm: float      # fillet's border from the blade's contact
+    hub_border_mm: float
+    ball_mm: float              # distance of the fillet from the ball it should touch
+    blade_angle_deg: float      # between the fillet's normal and the blade's
+    hub_angle_deg: float
+
+
+def arc_poles(rolling):
+    """(n, 3, 4) homogeneous poles of the arcs from blade to hub."""
+    speed2 = np.einsum("ij,ij->i", rolling.motion_mm, rolling.motion_mm)
+    behind = (rolling.radius_mm * rolling.radius_slope / speed2)[:, None] * rolling.motion_mm
+    middle = rolling.center_mm - behind
+    a, b = rolling.contact_mm - middle, rolling.foot_mm - middle
+    size2 = np.einsum("ij,ij->i", a, a)
+    half = np.sqrt((1 + np.einsum("ij,ij->i", a, b) / size2) / 2)       # cosine of half the arc
+    corner = middle + (a + b) / (2 * half ** 2)[:, None]
+    one = np.ones(len(half))
+    return np.stack([np.column_stack([rolling.contact_mm, one]), np.column_stack([corner * half[:, None], half]),
+                     np.column_stack([rolling.foot_mm, one])], axis=1)
+
+
+def fillet_of(rolling, period):
+    """Fillet through arcs at rising parameters round one whole turn."""
+    poles = arc_poles(rolling)
+    around = periodic_spline(rolling.u, poles, period)
+    turn = rolling.foot_angle
+    borders = periodic_spline(rolling.u, np.column_stack([rolling.v, turn, rolling.foot_mm[:, 0]]), period)
+    surface = NurbsSurface(degree_u=DEGREE, degree_v=2, knots_u=around.t, knots_v=ARC_KNOTS, poles=around.c)
+    return Fillet(surface=surface, on_blade=BSpline(borders.t, borders.c[:, :1], DEGREE),
+                  on_hub=BSpline(borders.t, borders.c[:, 1:], DEGREE), rolling=rolling)
+
+
+def fillet_errors(fillet, blade, outward, between):
+    """FilletErrors of a fillet.
+
+    Args:
+        fillet: Fillet.
+        blade: NurbsSurface of the blade.
+        outward: as for `rolled`.
+        between: Rolling at other parameters than the fillet's knots.
+    """
+    count, across = len(between.u), np.linspace(0.0, 1.0, 9)
+    u, t = np.repeat(between.u, len(across)), np.tile(across, count)
+    points = fillet.surface.derivatives(u, t)
+    shape = local_shape(points)
+    places = points[:, 0].reshape(count, len(across), 3)
+    off = np.linalg.norm(places - between.center_mm[:, None], axis=2) - between.radius_mm[:, None]
+    normals = shape.normal.reshape(count, len(across), 3)
+    return FilletErrors(
+        blade_border_mm=_longest(places[:, 0] - between.contact_mm),
+        hub_border_mm=_longest(places[:, -1] - between.foot_mm), ball_mm=float(np.abs(off).max()),
+        blade_angle_deg=_widest_deg(normals[:, 0], between.blade_normal),
+        hub_angle_deg=_widest_deg(normals[:, -1], between.hub_normal))
+
+
+def _longest(vectors):
+    return float(np.linalg.norm(vectors, axis=1).max())
+
+
+def _widest_deg(a, b):
+    """Largest angle between lines, by the sine: exact where it is small."""
+    return float(np.degrees(np.arcsin(np.minimum(np.linalg.norm(np.cross(a, b), axis=1), 1.0)).max()))
