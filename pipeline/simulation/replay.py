@@ -91,8 +91,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
 
     Contacts are judged over the whole of every move, not at its ends, nor at the nodes alone.  What is left of the
     stock between the nodes is bounded cell by cell; where a bound does not clear a move the cell is quartered down
-    to `replay_stock.CELL_MM` (0.02 mm) until it does or a point shows a contact.  A fin of stock thinner than that can
-    stay unseen: moves for which this is not excluded are listed in `undecided_lines`.
+    to `replay_stock.CELL_MM` (0.5 um) until it does or a point shows a contact.  A fin of stock thinner than that can
+    stay unseen: moves for which this is not excluded are listed in `undecided_lines`, and are findings.
 
     Args:
         posted: PostedMoves.   tools: dict of tool number -> cutters.Tool.
@@ -129,8 +129,9 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     events, unsure = replay_kernel.run(
         *script, wanted, TOUCH_MM, boxes, z, *_before(z, lines), lines, _past(script[0], script[2], script[4]), worst,
         least, _cut_before(z, top))
+    unsure &= ~(worst[:, :, 0] > 0).any(axis=0)
     report = replay_checks.Reporter(posted, setup, frame)
-    found = (*report.contacts(worst), *report.states(top), *report.unknown_starts(_highest(top, boxes)),
+    found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top), *report.unknown_starts(_highest(top, boxes)),
              *report.travel(machine), *report.table(machine, tools, script), *report.end())
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,

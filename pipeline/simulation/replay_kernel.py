@@ -143,7 +143,7 @@ def _against_stock(line, part, wanted, enough, before, stock, highest, past, dou
     is_seen = best < wanted
     deeper = max(DEPTH_MM, SHARE * (wanted - best))
     enough = min(enough, best - deeper) if is_seen else min(enough, max(wanted, best - LEAST_MM))
-    if enough == wanted and runs_in_swept(line, part, before, forest, orders, firsts, space[0]):
+    if enough == wanted and runs_in_swept(line, part, wanted, before, forest, orders, firsts, space):
         return min(proven, enough), best, False
     _, bounds, sure, _, xs, ys = stock
     doubt, left, here = False, SEEN_BUDGET if is_seen else BUDGET, np.empty(3)

@@ -14,7 +14,9 @@ from numba import njit
 from cuspline.simulation.clearance_kernels import swept_distance
 from cuspline.simulation.height_kernels import piece_height
 
-CELL_MM = 0.02            # parts of cells are not quartered below it: a thinner fin can stay unseen, and is counted
+CELL_MM = 0.0005          # parts of cells are not quartered below it, half of what a shank may rub: a thinner fin can
+                          # stay unseen, and is counted
+CLEAR_CELL_MM = 0.02      # the same where only the least clearance is looked for
 DEPTH_MM = 0.02           # how much deeper than the depth found a contact can be, while the budget lasts
 DEEP_MM = 0.1             # a contact deeper than this is wrong, whatever the rest: it is told within SHARE of its depth
 SHARE = 0.03
@@ -22,9 +24,10 @@ LEAST_MM = 0.01           # how far the proven least clearance can lie below one
 LEAF = 4                  # pieces in a leaf of the trees of earlier pieces
 DEPTH = 128               # more than twice the depth of any tree
 CLOSE_MM = 1e-9
+STRETCH_MM = 0.001        # of a way in what was swept: no shorter ones are looked at
 END = 1e-9                # share of a piece within which a tip stands at its end
 BUDGET = 4000             # parts of cells looked at for one piece; what is left then counts as undecided
-SEEN_BUDGET = 200         # the same where a node shows a contact, and only its depth is looked for, or the move is undecided
+SEEN_BUDGET = 200         # the same where a node shows a contact and its depth is looked for, or the move is undecided
 
 
 @njit(cache=True)
@@ -134,11 +137,8 @@ def earlier_cover(x, y, hx, hy, bound, before, line, part, enough, forest, order
 
 
 @njit(cache=True)
-def _holds(x, y, z, part, g, a, rc, is_upright):
-    """Whether an upright part standing at a tip lies in what one piece has swept (sufficient, not necessary)."""
-    room = a + rc - part[4] - max(part[1], part[3])
-    if room < 0.0:
-        return False
+def _holds(x, y, z, room, g, rc, is_upright):
+    """Whether a column from a point upward, its radius less by `room`, lies in what one piece swept (sufficient)."""
     dx, dy = g[3] - g[0], g[4] - g[1]
     square, t = dx * dx + dy * dy, 0.0
     low = min(g[2], g[5])
@@ -148,22 +148,22 @@ def _holds(x, y, z, part, g, a, rc, is_upright):
     ex, ey = x - g[0] - t * dx, y - g[1] - t * dy
     if not is_upright or END < t < 1.0 - END:       # the ends of an arc are exact, the chord between them is not
         low += bulge(g)
-    return ex * ex + ey * ey <= room * room and z + part[0] >= low + rc - CLOSE_MM
+    return ex * ex + ey * ey <= room * room and z >= low + rc - CLOSE_MM
 
 
 @njit(cache=True)
-def runs_in_swept(line, part, before, forest, orders, firsts, work):
-    """Whether the whole way of a part lies in what ONE earlier piece has swept.
+def _is_in_one(way, radius, before, forest, orders, firsts, stack):
+    """Whether a column of this radius stays in what ONE earlier piece has swept, on a way of (6,) x y z x y z.
 
     Over a line or a hanging arc that is convex, so both ends of the way decide; under an arc above its centre lies
     its chord, lifted.
     """
     geometry, nodes, trees, tools = forest
-    stack, is_upright = work[0], line[0] == line[3] and line[1] == line[4]
+    is_upright = way[0] == way[3] and way[1] == way[4]
     for k in range(len(trees)):
         node0, piece0, count, leaves = trees[k, 0], trees[k, 1], trees[k, 2], trees[k, 3]
-        a, rc = tools[k, 0], tools[k, 1]
-        room = a + rc - part[4] - max(part[1], part[3])
+        rc = tools[k, 1]
+        room = tools[k, 0] + rc - radius
         if room < 0.0:
             continue
         waiting, stack[0] = 1, 0
@@ -171,9 +171,9 @@ def runs_in_swept(line, part, before, forest, orders, firsts, work):
             waiting -= 1
             node = stack[waiting]
             row = nodes[node0 + node]
-            if (firsts[node0 + node] >= before or row[4] + rc > min(line[2], line[5]) + part[0] + CLOSE_MM
-                    or row[0] - room > min(line[0], line[3]) or row[1] + room < max(line[0], line[3])
-                    or row[2] - room > min(line[1], line[4]) or row[3] + room < max(line[1], line[4])):
+            if (firsts[node0 + node] >= before or row[4] + rc > min(way[2], way[5]) + CLOSE_MM
+                    or row[0] - room > min(way[0], way[3]) or row[1] + room < max(way[0], way[3])
+                    or row[2] - room > min(way[1], way[4]) or row[3] + room < max(way[1], way[4])):
                 continue
             if node < leaves - 1:
                 stack[waiting], stack[waiting + 1] = 2 * node + 1, 2 * node + 2
@@ -182,10 +182,39 @@ def runs_in_swept(line, part, before, forest, orders, firsts, work):
             t0 = (node - leaves + 1) * LEAF
             for t in range(piece0 + t0, piece0 + min(t0 + LEAF, count)):
                 g = geometry[t]
-                if (orders[t] < before and _holds(line[0], line[1], line[2], part, g, a, rc, is_upright)
-                        and _holds(line[3], line[4], line[5], part, g, a, rc, is_upright)):
+                if (orders[t] < before and _holds(way[0], way[1], way[2], room, g, rc, is_upright)
+                        and _holds(way[3], way[4], way[5], room, g, rc, is_upright)):
                     return True
     return False
+
+
+@njit(cache=True)
+def runs_in_swept(line, part, wanted, before, forest, orders, firsts, space):
+    """Whether a part keeps its distance because every stretch of its way lies in what one earlier piece has swept.
+
+    A way retraced over other corner points is halved at these: down to STRETCH_MM, where what may be missing of the
+    distance (a shank rubs) bridges them.
+    """
+    stack, spans = space[0][0], space[1]
+    radius, up = max(part[1], part[3]) + part[4] + wanted, part[0] - wanted
+    way, spans[0, 0], spans[0, 1], waiting = np.empty(6), 0.0, 1.0, 1
+    length = math.sqrt((line[3] - line[0]) ** 2 + (line[4] - line[1]) ** 2 + (line[5] - line[2]) ** 2)
+    while waiting > 0:
+        waiting -= 1
+        first, last = spans[waiting, 0], spans[waiting, 1]
+        for k in range(3):
+            lift = up if k == 2 else 0.0
+            way[k] = line[k] + first * (line[3 + k] - line[k]) + lift
+            way[3 + k] = line[k] + last * (line[3 + k] - line[k]) + lift
+        if _is_in_one(way, radius, before, forest, orders, firsts, stack):
+            continue
+        if (last - first) * length <= STRETCH_MM:
+            return False
+        middle = 0.5 * (first + last)
+        spans[waiting, 0], spans[waiting, 1] = middle, last
+        spans[waiting + 1, 0], spans[waiting + 1, 1] = first, middle
+        waiting += 2
+    return True
 
 
 @njit(cache=True)
@@ -234,7 +263,7 @@ def refine(x, y, hx, hy, bound, sure, before, line, part, wanted, enough, forest
             enough = min(enough, max(got - LEAST_MM, wanted) if got >= wanted else got - DEPTH_MM)
         if lower >= enough:
             proven = min(proven, lower)
-        elif 2.0 * max(hx, hy) <= CELL_MM:
+        elif 2.0 * max(hx, hy) <= (CELL_MM if lower < wanted else CLEAR_CELL_MM):
             proven, doubt = min(proven, lower), doubt or lower < wanted
         else:
             nx, ny = (2, 1) if hx > 1.5 * hy else ((1, 2) if hy > 1.5 * hx else (2, 2))

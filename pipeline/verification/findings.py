@@ -6,7 +6,7 @@ import numpy as np
 
 KINDS = ("gouge", "excess", "missing_area", "rapid_through_stock", "holder_contact", "shank_contact",
          "fixture_contact", "travel_exceeded", "no_spindle", "no_length_offset", "unknown_start", "not_ended",
-         "program_too_long", "verifiers_disagree", "solid_off")
+         "program_too_long", "verifiers_disagree", "clearance_not_proven", "solid_off")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -82,7 +82,7 @@ def test_a_fin_below_the_smallest_cell_is_found_or_listed():
     for shift in np.linspace(0, CELL_MM, 7):
         fin = 0.2 + shift, 0.2 + shift + CELL_MM / 4
         result = run([*halves(fin), rapid(-14, 0, 5), rapid(-14, 0, -4), rapid(14, 0, -4)], TOOLS)
-        assert kinds(result) == ["rapid_through_stock"] or result.undecided_lines == (36,)
+        assert kinds(result) == (["clearance_not_proven"] if result.undecided_lines == (36,) else ["rapid_through_stock"])
 
 
 def test_order_of_operations_decides_between_nodes_too():
@@ -128,7 +128,7 @@ def test_deep_contacts_are_told_within_a_share_and_small_ones_exactly(missing):
 
 @pytest.mark.parametrize("top,share", [(2.97, 0.0), (6.0, SHARE)])
 def test_a_move_in_pieces_is_told_as_the_same_moves_one_by_one(top, share):
-    """A half circle past three pillars of the design, one after the other 0.02 and 1 mm higher; over a ramp of stock."""
+    """A half circle past three pillars of the design, the second 0.02 and the third 1 mm higher; over a ramp of stock."""
     posts = [box((x - 1, 19, -20), (x + 1, 21, top + more))[0] for x, more in ((-12, 0.0), (0, 0.02), (12, 1.0))]
     triangles = np.vstack([np.array(box((0, 0, 0), (1, 1, 1))[1]) + 8 * k for k in range(3)])
     design, ramp = ClearanceTree.of_triangles(np.vstack(posts), triangles), np.linspace(-3, 0, 81) + np.zeros((41, 1))
@@ -170,6 +170,26 @@ def test_retraced_and_lifted_rapids_are_no_contact():
     for cutter in (tool("ball", 6), tool("bull_nose", 6, 1.0), tool("flat", 6)):
         result = run([*dome, rapid(15, 0, 5), *hollow, *slope], {1: cutter})
         assert kinds(result) == [] and result.undecided_lines == ()
+
+
+def test_a_shank_retraces_a_slot_over_other_corner_points():
+    """The lower pass has other points on the same way; 0.0005 mm aside its shank rubs, 0.005 mm aside it touches."""
+    upper = [rapid(-30, 1, 5), feed(-30, 1, -4.5), feed(-5, 1, -4.5), feed(25, 11, -4.5), rapid(25, 11, 5),
+             rapid(-30, 1, 5)]
+    for aside, wanted in ((0.0, []), (0.0005, []), (0.005, ["shank_contact"])):
+        x = np.array([-30, -20, -5, 4, 25])
+        lower = [feed(a, 1 + aside + max(0, a + 5) / 3, -9.0) for a in x]
+        back = [feed(a, 1 + aside + max(0, a + 5) / 3, -9.0) for a in (10, -5, -11, -30)]
+        result = run([*upper, *lower, *back], {1: tool("flat", 6, neck=6.0, flute=5.0, stick_out=60.0)})
+        assert kinds(result)[:1] == wanted and (wanted or result.undecided_lines == ())
+
+
+def test_a_small_holder_in_a_wider_slot_still_keeps_its_distance():
+    """Floor at -8 in a slot of 10 mm; the slim holder of 6 mm runs in it 0.6 mm above the floor."""
+    slot = [rapid(-30, 0.2, 5), feed(-30, 0.2, -8), feed(30, 0.2, -8), rapid(30, 0.2, 5)]
+    deeper = [rapid(-30, 0.2, 5), rapid(-30, 0.2, -13.4), feed(30, 0.2, -13.4)]
+    found = run([*slot, *deeper], TOOLS, numbers=[1] * 4 + [2] * 3).findings
+    assert {f.kind: f.amount_mm for f in found}["holder_contact"] == pytest.approx(0.4, abs=1e-3)
 
 
 def test_a_fixture_between_the_points_of_an_arc_is_found():
@@ -234,7 +254,7 @@ def test_a_step_left_by_an_earlier_clamping_is_no_contact_that_is_sure():
     assert kinds(run(down(5.6), slot, stock_top_mm=before)) == []
     assert kinds(run(down(4.9), slot, stock_top_mm=before)) == ["rapid_through_stock"]
     between = run(down(5.2), slot, stock_top_mm=before)
-    assert kinds(between) == [] and between.undecided_lines == (11,)
+    assert kinds(between) == ["clearance_not_proven"] and between.undecided_lines == (11,)
 
 
 def test_clearance_over_a_floor_is_the_gap_to_the_floor():
