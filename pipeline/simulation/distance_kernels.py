@@ -167,9 +167,7 @@ def _child_distances_of_ball(px, py, pz, rc, out):
         gx, gy = x + up * sx, y + up * sy
         dx, dy = min(max(-gx, xl - x), xh - x), min(max(-gy, yl - y), yh - y)
         plane = x * x + y * y + up * up + dx * (2.0 * gx + dx) + dy * (2.0 * gy + dy)
-        out[64 + j] = max(plane, ex * ex + ey * ey + ez * ez)
-    for j in range(8):
-        out[64 + j] = math.sqrt(out[64 + j]) - rc
+        out[64 + j] = math.sqrt(max(plane, ex * ex + ey * ey + ez * ez)) - rc
 
 
 @njit(cache=True, error_model="numpy")

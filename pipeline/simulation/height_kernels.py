@@ -14,6 +14,8 @@ from numba import njit
 
 from cuspline.simulation.distance_kernels import VERTICAL_MM
 
+STEEP = 0.003             # a tangent to p is taken where no more than this share of rc² is left below the root
+
 
 @njit(cache=True)
 def _bottom(d, a, rc):
@@ -126,6 +128,35 @@ def child_heights(x, y, block, a, rc, out):
     for i in range(8):
         for j in range(8):
             out[8 * i + j] = block[i, j]
+    if a == 0.0:
+        _child_heights_of_ball(x, y, rc, out)
+    else:
+        _child_heights_of_disk(x, y, a, rc, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _child_heights_of_ball(x, y, rc, out):
+    """p is convex by 1/rc at least, in x and in y."""
+    for j in range(8):
+        xl, xh, yl, yh = out[j] - x, out[8 + j] - x, out[16 + j] - y, out[24 + j] - y
+        ex, ey = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
+        square = ex * ex + ey * ey
+        box = out[32 + j] + rc - math.sqrt(max(rc * rc - square, 0.0))
+        sx, sy = out[40 + j], out[48 + j]
+        reach = rc / math.sqrt(1.0 + sx * sx + sy * sy)
+        px, py = min(max(-sx * reach, xl), xh), min(max(-sy * reach, yl), yh)
+        rest = rc * rc - px * px - py * py
+        root = math.sqrt(max(rest, 1e-300))
+        gx, gy = sx + px / root, sy + py / root
+        dx, dy = min(max(-gx * rc, xl - px), xh - px), min(max(-gy * rc, yl - py), yh - py)
+        tangent = (out[56 + j] + sx * (x + px) + sy * (y + py) + rc - root
+                   + dx * (gx + 0.5 * dx / rc) + dy * (gy + 0.5 * dy / rc))
+        bound = max(box, tangent) if rest > STEEP * rc * rc else box
+        out[64 + j] = math.inf if square > rc * rc else bound
+
+
+@njit(cache=True, error_model="numpy")
+def _child_heights_of_disk(x, y, a, rc, out):
     radius, limit = a + rc, a + 0.98 * rc
     for j in range(8):
         xl, xh, yl, yh = out[j] - x, out[8 + j] - x, out[16 + j] - y, out[24 + j] - y

@@ -34,7 +34,7 @@ class Pieces:
     error_mm: float           # largest distance between a piece and the posted arc
 
     def __post_init__(self):
-        object.__setattr__(self, "geometry", frozen(self.geometry, (None, 12), "geometry"))
+        object.__setattr__(self, "geometry", frozen(self.geometry, (None, 12), "geometry", is_handed_over=True))
         object.__setattr__(self, "row", frozen(self.row, (len(self.geometry),), "row", np.int64))
 
     def __len__(self):
@@ -55,6 +55,9 @@ def pieces_of(posted, rows, is_ball, longest_mm=np.inf, deepest_mm=np.inf):
     """
     rows = np.asarray(rows, dtype=np.int64)
     is_line = (posted.kind[rows] == Kind.RAPID) | (posted.kind[rows] == Kind.FEED)
+    if is_line.all():
+        geometry, row, error = _lines(posted.start_mm[rows], posted.end_mm[rows], rows, longest_mm, deepest_mm)
+        return Pieces(geometry=geometry, row=row, error_mm=error)
     arcs = Arcs(posted, rows[~is_line])
     exact = is_ball & (arcs.plane != Plane.XY) & (np.abs(arcs.rise) < 1e-9)
     parts = [_lines(posted.start_mm[rows[is_line]], posted.end_mm[rows[is_line]], rows[is_line],
@@ -131,6 +134,8 @@ def part_counts(extent, longest):
 def _lines(start, end, row, longest_mm, deepest_mm):
     counts = np.maximum(part_counts(np.hypot(*(end - start)[:, :2].T), longest_mm),
                         part_counts(np.maximum(start[:, 2] - end[:, 2], 0.0), deepest_mm))
+    if counts.max(initial=1) == 1:
+        return np.concatenate([start, end, np.zeros((len(start), 6))], axis=1), row, 0.0
     whole, part = repeated_parts(counts)
     step = (end - start)[whole] / counts[whole, None]
     geometry = np.zeros((len(whole), 12))

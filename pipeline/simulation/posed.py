@@ -13,7 +13,7 @@ from scipy.optimize import minimize_scalar
 from cuspline.arrays import frozen
 from cuspline.cutters import Tool
 from cuspline.errors import SimulationError
-from cuspline.simulation import posed_tree
+from cuspline.simulation import posed_tree, tree
 from cuspline.simulation.outlines import outline_distance, outline_pieces
 from cuspline.simulation.posed_pieces import TURN_ERROR_MM, posed_pieces
 
@@ -81,7 +81,7 @@ def posed_path(posted, rows, tool, turn_error_mm=TURN_ERROR_MM):
     pieces = posed_pieces(posted, rows, LONGEST_RADII * radius, float(np.hypot(radius, height)), turn_error_mm)
     lowest = outline[0, 4] if outline[0, 0] else outline[1, 4] if outline[1, 0] else 0.0
     g = pieces.geometry
-    order = posed_tree.halved_order(g[:, :3] + 0.5 * g[:, 3:6] + lowest * (g[:, 6:9] + 0.5 * g[:, 9:12]))
+    order = tree.halved_order(g[:, :3] + 0.5 * g[:, 3:6] + lowest * (g[:, 6:9] + 0.5 * g[:, 9:12]), posed_tree.LEAF)
     nodes, leaves = posed_tree.build_nodes(g[order], outline, lowest, max(height, lowest + HIGHEST_RADII * radius))
     return PosedPath(tool=tool, outline=outline, grown_mm=0.0, geometry=g[order],
                      row=pieces.row[order], nodes=nodes, leaves=leaves, error_mm=pieces.error_mm,

@@ -38,59 +38,12 @@ KEPT_LEAST_MM = 2e-5      # and this
 COLUMNS = 41
 
 
-def halved_order(points):
-    """(n,) order of points (n, 3) in which every node of the tree is halved across its points' longest side."""
-    order = np.arange(len(points))
-    _halve(np.ascontiguousarray(points), order, LEAF * leaves_for(len(points)))
-    return order
-
-
 def leaves_for(count):
     """Leaves of a tree over so many sub-steps: a power of two."""
     leaves = 1
     while leaves * LEAF < count:
         leaves *= 2
     return leaves
-
-
-@njit(cache=True)
-def _halve(points, order, span):
-    while span > LEAF:
-        for lo in range(0, len(order), span):
-            hi, middle = min(lo + span, len(order)), lo + span // 2
-            if middle >= hi:
-                continue
-            longest, axis = -1.0, 0
-            for k in range(3):
-                low, high = math.inf, -math.inf
-                for t in range(lo, hi):
-                    x = points[order[t], k]
-                    low, high = min(low, x), max(high, x)
-                if high - low > longest:
-                    longest, axis = high - low, k
-            _part_at(points, order, lo, hi - 1, middle, axis)
-        span //= 2
-
-
-@njit(cache=True)
-def _part_at(points, order, lo, hi, middle, axis):
-    """Reorders order[lo:hi + 1] so that what comes before `middle` lies no farther along the axis than what follows."""
-    while lo < hi:
-        pivot, i, j = points[order[(lo + hi) // 2], axis], lo, hi
-        while i <= j:
-            while points[order[i], axis] < pivot:
-                i += 1
-            while points[order[j], axis] > pivot:
-                j -= 1
-            if i <= j:
-                order[i], order[j] = order[j], order[i]
-                i, j = i + 1, j - 1
-        if middle <= j:
-            hi = j
-        elif middle >= i:
-            lo = i
-        else:
-            return
 
 
 def build_nodes(geometry, outline, lowest, highest):

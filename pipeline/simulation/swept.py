@@ -35,17 +35,17 @@ class SweptPath:
     tool: Tool
     flat_radius_mm: float         # a = R - rc
     corner_radius_mm: float       # rc
-    geometry: np.ndarray          # (m, 12) pieces in Morton order, see pieces.py
+    geometry: np.ndarray          # (m, 12) pieces in the tree's order, see pieces.py
     row: np.ndarray               # (m,) row of PostedMoves
     blocks: np.ndarray            # (k, 8, 8), see tree.py
     levels: int                   # of blocks
-    root: int                     # children of the root
+    second: int                   # blocks of the second level
     error_mm: float               # bound on what chords and rounded arcs may be off
 
     def __post_init__(self):
-        object.__setattr__(self, "geometry", frozen(self.geometry, (None, 12), "geometry"))
+        object.__setattr__(self, "geometry", frozen(self.geometry, (None, 12), "geometry", is_handed_over=True))
         object.__setattr__(self, "row", frozen(self.row, (None,), "row", np.int64))
-        object.__setattr__(self, "blocks", frozen(self.blocks, (None, 8, 8), "blocks"))
+        object.__setattr__(self, "blocks", frozen(self.blocks, (None, 8, 8), "blocks", is_handed_over=True))
 
     @property
     def is_height_field(self):
@@ -122,17 +122,18 @@ def _swept(posted, rows, tool):
     pieces = pieces_of(posted, rows, cutter.type == "ball", LONGEST_RADII * cutter.radius_mm)
     g = pieces.geometry
     low = np.minimum(g[:, 2], g[:, 5])
-    order = tree.morton_order(np.column_stack([g[:, 0] + g[:, 3], g[:, 1] + g[:, 4], 2 * low]) / 2)
-    blocks, levels, root = tree.build_blocks(g[order])
-    return SweptPath(tool=tool, flat_radius_mm=a, corner_radius_mm=cutter.radius_mm - a, geometry=g[order],
-                     row=pieces.row[order], blocks=blocks, levels=levels, root=root, error_mm=pieces.error_mm)
+    order = tree.halved_order(np.column_stack([g[:, 0] + g[:, 3], g[:, 1] + g[:, 4], 2 * low]) / 2, tree.WIDTH)
+    g = g[order]
+    blocks, levels, second = tree.build_blocks(g)
+    return SweptPath(tool=tool, flat_radius_mm=a, corner_radius_mm=cutter.radius_mm - a, geometry=g,
+                     row=pieces.row[order], blocks=blocks, levels=levels, second=second, error_mm=pieces.error_mm)
 
 
 def forest_of(paths):
     """SweptPaths as one argument of the kernels of `tree`: all their pieces, path after path."""
     trees, block, piece = np.zeros((len(paths), 5), np.int64), 0, 0
     for k, p in enumerate(paths):
-        trees[k] = block, piece, len(p.row), p.levels, p.root
+        trees[k] = block, piece, len(p.row), p.levels, p.second
         block, piece = block + len(p.blocks), piece + len(p.row)
     stack = lambda arrays, *shape: np.concatenate([np.zeros((0, *shape)), *arrays])
     tools = np.array([(p.flat_radius_mm, p.corner_radius_mm) for p in paths]).reshape(-1, 2)

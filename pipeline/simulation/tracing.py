@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit, prange
 
 from cuspline.simulation.distance_kernels import child_distances, piece_distance
-from cuspline.simulation.tree import (CHUNK, DEPTH, SLACK_MM, block_of, is_leaf, nearest_piece, open_root, pieces_of_leaf,
-                                      push_children, work)
+from cuspline.simulation.tree import (CHUNK, DEPTH, SLACK_MM, block_of, nearest_piece, open_root, piece_of, push_children,
+                                      work)
 
 CLOSE_MM = 1e-8           # where tracing stops short of the surface
 SETTLED_MM = 1e-10        # how well a surface is met
@@ -87,18 +87,16 @@ def first_entry(p, n, limit, forest, hint, stack, bounds):
     for pick in range(2):                    # first the hint alone, then all trees
         for k in range(len(trees)):
             tree = trees[k]
-            a, rc, first, count, levels = tools[k, 0], tools[k, 1], tree[1], tree[2], tree[3]
-            top = 0
+            a, rc, first, count = tools[k, 0], tools[k, 1], tree[1], tree[2]
+            top, t = 0, -1
             if pick == 0:
                 if not first <= hint < first + count:
                     continue
-                t0, t1 = hint, hint + 1
+                t = hint
             elif count > 0:
-                top, t0, t1 = open_root(tree[4], stack, bounds), 0, 0
-            else:
-                continue
+                top = open_root(stack, bounds)
             while True:
-                for t in range(t0, t1):
+                if t >= 0:
                     d = piece_distance(p[0], p[1], p[2], geometry[t], a, rc)
                     if d <= CLOSE_MM:
                         return -1.0, t
@@ -106,15 +104,15 @@ def first_entry(p, n, limit, forest, hint, stack, bounds):
                         there = _entry(p, n, d, best, geometry[t], a, rc)
                         if there < best:
                             best, found = there, t
-                t0, t1 = 0, 0
+                t = -1
                 if top == 0:
                     break
                 top -= 1
                 if bounds[top] - SLACK_MM >= best:
                     continue
                 code = stack[top]
-                if is_leaf(code, levels):
-                    t0, t1 = pieces_of_leaf(code, tree)
+                t = piece_of(code, tree)
+                if t >= 0:
                     continue
                 child_distances(p[0], p[1], p[2], blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
                 top = push_children(code, best + SLACK_MM, top, stack, bounds)

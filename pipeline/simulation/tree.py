@@ -1,7 +1,7 @@
 """Bounding trees over pieces of path, one per cutter, and the near-first search in them.
 
-A tree has eight children a node, over runs of pieces in Morton order; only its root may have fewer.  All children of
-a node stand together, one column each, so that their bounds come out of one sweep over 64 numbers:
+A tree has eight children a node, over runs of pieces in the order of `halved_order`; the last nodes' children are single
+pieces.  All children of a node stand together, one column each, so that their bounds come out of one sweep over 64 numbers:
 
     0..3   xl, xh, yl, yh     rectangle round the tips
     4      lowest tip
@@ -10,7 +10,7 @@ a node stand together, one column each, so that their bounds come out of one swe
 A forest is a tuple of arrays that numba takes as one argument:
 
     geometry (m, 12), blocks (k, 8, 8) number and child, trees (t, 5) first block, first piece, pieces, levels of blocks,
-    children of the root; tools (t, 2) a, rc
+    blocks of the second level (level l > 0 has eight times more than the one above); tools (t, 2) a, rc
 
 A search works in a stack and in bounds, the last BLOCK of which hold a block and what comes of it (see `work`).
 """
@@ -24,8 +24,8 @@ from cuspline.simulation.distance_kernels import child_distances, piece_distance
 from cuspline.simulation.height_kernels import child_heights, piece_height
 
 WIDTH = 8                 # children of a node
-LEAF = 4                  # pieces in a leaf
 PLANE_SPAN = 4096         # nodes over more pieces carry no plane
+STEEPEST = 10.0           # slope of a plane
 SLACK_MM = 1e-10          # a node is left out only if it is farther by this: rounding of its bound
 FAR_MM = 1e9              # where children stand that hold nothing
 CHUNK = 64                # points answered one after the other, each helped by the one before
@@ -55,16 +55,78 @@ def _spread(bits):
     return bits
 
 
+def halved_order(points, run):
+    """(n,) order of points (n, 3) in which runs of `run`, times any power of two, are halves of the run twice as long, cut
+    across its longest side: tighter boxes than along a Z-curve, whose runs jump."""
+    rows = np.empty((len(points), 4))
+    rows[:, :3], rows[:, 3] = points, np.arange(len(points))
+    _halve(rows, run)
+    return rows[:, 3].astype(np.int64)
+
+
+@njit(cache=True)
+def _halve(rows, run):
+    span = run
+    while span < len(rows):
+        span *= 2
+    todo, spans, top = np.zeros(64, np.int64), np.full(64, span), 1
+    while top > 0:                                         # one half to its end before the other: in the processor's cache
+        top -= 1
+        lo, span = todo[top], spans[top]
+        hi, middle = min(lo + span, len(rows)), lo + span // 2
+        if middle < hi:
+            _part_at(rows, lo, hi - 1, middle, _longest_side(rows, lo, hi))
+            if span > 2 * run:
+                todo[top], spans[top] = middle, span // 2
+                top += 1
+        if span > 2 * run:
+            todo[top], spans[top] = lo, span // 2
+            top += 1
+
+
+@njit(cache=True)
+def _longest_side(rows, lo, hi):
+    xl, xh, yl, yh, zl, zh = math.inf, -math.inf, math.inf, -math.inf, math.inf, -math.inf
+    for t in range(lo, hi):
+        xl, xh = min(xl, rows[t, 0]), max(xh, rows[t, 0])
+        yl, yh = min(yl, rows[t, 1]), max(yh, rows[t, 1])
+        zl, zh = min(zl, rows[t, 2]), max(zh, rows[t, 2])
+    if xh - xl >= max(yh - yl, zh - zl):
+        return 0
+    return 1 if yh - yl >= zh - zl else 2
+
+
+@njit(cache=True)
+def _part_at(rows, lo, hi, middle, axis):
+    """Reorders rows lo..hi so that what comes before `middle` lies no farther along the axis than what follows."""
+    while lo < hi:
+        pivot, i, j = rows[(lo + hi) // 2, axis], lo, hi
+        while i <= j:
+            while rows[i, axis] < pivot:
+                i += 1
+            while rows[j, axis] > pivot:
+                j -= 1
+            if i <= j:
+                for k in range(4):
+                    rows[i, k], rows[j, k] = rows[j, k], rows[i, k]
+                i, j = i + 1, j - 1
+        if middle <= j:
+            hi = j
+        elif middle >= i:
+            lo = i
+        else:
+            return
+
+
 def build_blocks(geometry):
-    """Blocks (k, 8, 8) over pieces in their given order, the levels of blocks and the children of the root."""
-    leaves = max(1, -(-len(geometry) // LEAF))
-    levels = 0
-    while WIDTH ** (levels + 1) < leaves:
+    """Blocks (k, 8, 8) over pieces in their given order, the levels of blocks and the blocks of the second level."""
+    levels = 1
+    while WIDTH ** levels < len(geometry):
         levels += 1
-    root = -(-leaves // WIDTH ** levels)
-    blocks = np.empty((sum(root * WIDTH ** k for k in range(levels)), WIDTH, WIDTH))
-    _fill_blocks(np.ascontiguousarray(geometry), levels, root, blocks)
-    return blocks, levels, root
+    second = -(-len(geometry) // WIDTH ** (levels - 1))
+    blocks = np.empty((1 + sum(second * WIDTH ** k for k in range(levels - 1)), WIDTH, WIDTH))
+    _fill_blocks(geometry, levels, second, blocks)
+    return blocks, levels, second
 
 
 @njit(cache=True)
@@ -93,16 +155,16 @@ def _slope_of(n, mx, my, mz, xx, xy, yy, xz, yz):
     if not det > 0.0:
         return 0.0, 0.0
     sx, sy = (yy * xz - xy * yz) / det, (xx * yz - xy * xz) / det
-    if not sx * sx + sy * sy < 100.0:
+    if not sx * sx + sy * sy < STEEPEST * STEEPEST:
         return 0.0, 0.0
     return sx, sy
 
 
 @njit(cache=True, error_model="numpy")
-def _fill_blocks(geometry, levels, root, blocks):
-    m, span, row = len(geometry), LEAF, len(blocks)
-    for level in range(levels - 1, -1, -1):                # from the leaves up
-        count = root * WIDTH ** level
+def _fill_blocks(geometry, levels, second, blocks):
+    m, span, row = len(geometry), 1, len(blocks)
+    for level in range(levels - 1, -1, -1):                # from the pieces up
+        count = second * WIDTH ** (level - 1) if level > 0 else 1
         row -= count
         for i in range(count * WIDTH):
             _fill_node(geometry, i * span, min((i + 1) * span, m), span <= PLANE_SPAN, blocks[row + i // WIDTH], i % WIDTH)
@@ -123,12 +185,20 @@ def _fill_node(geometry, first, last, has_plane, block, j):
         xl, xh = min(xl, g[0], g[3]), max(xh, g[0], g[3])
         yl, yh = min(yl, g[1], g[4]), max(yh, g[1], g[4])
         low = min(low, g[2], g[5])
-        if has_plane:
+        if has_plane and last - first > 1:
             for k in (0, 3):
                 x, y, z = g[k] - x0, g[k + 1] - y0, g[k + 2] - z0
                 mx, my, mz = mx + x, my + y, mz + z
                 xx, xy, yy, xz, yz = xx + x * x, xy + x * y, yy + y * y, xz + x * z, yz + y * z
-    sx, sy = _slope_of(2.0 * (last - first), mx, my, mz, xx, xy, yy, xz, yz) if has_plane else (0.0, 0.0)
+    sx = sy = 0.0
+    if last - first == 1:
+        g = geometry[first]
+        x, y, z = g[3] - x0, g[4] - y0, g[5] - z0
+        square = x * x + y * y
+        if z * z < STEEPEST * STEEPEST * square:
+            sx, sy = x * z / square, y * z / square
+    elif has_plane:
+        sx, sy = _slope_of(2.0 * (last - first), mx, my, mz, xx, xy, yy, xz, yz)
     c = math.inf
     if sx == 0.0 and sy == 0.0:
         c = low
@@ -146,30 +216,26 @@ def work():
 
 
 @njit(cache=True)
-def open_root(root, stack, bounds):
-    """Put the root's children on the stack; how many."""
-    for i in range(root):
-        stack[i], bounds[i] = i << LEVEL_BITS, -math.inf
-    return root
+def open_root(stack, bounds):
+    """Put the root on the stack; how many nodes are there."""
+    stack[0], bounds[0] = 0, -math.inf
+    return 1
 
 
 @njit(cache=True)
-def is_leaf(code, levels):
-    return code & (2 ** LEVEL_BITS - 1) == levels
+def piece_of(code, tree):
+    """The piece that an open node is, or -1: it has a block."""
+    is_piece = code & (2 ** LEVEL_BITS - 1) == tree[3]
+    return tree[1] + (code >> LEVEL_BITS) if is_piece else -1
 
 
 @njit(cache=True)
 def block_of(code, tree):
     """Row of an open node's block: levels stand one after the other, the root's first."""
-    level, root = code & (2 ** LEVEL_BITS - 1), tree[4]
-    return tree[0] + root * ((1 << 3 * level) - 1) // (WIDTH - 1) + (code >> LEVEL_BITS)      # 1 << 3: WIDTH
-
-
-@njit(cache=True)
-def pieces_of_leaf(code, tree):
-    """First and end of an open leaf's pieces."""
-    first = (code >> LEVEL_BITS) * LEAF
-    return tree[1] + first, tree[1] + min(first + LEAF, tree[2])
+    level = code & (2 ** LEVEL_BITS - 1)
+    if level == 0:
+        return tree[0]
+    return tree[0] + 1 + tree[4] * ((1 << 3 * (level - 1)) - 1) // (WIDTH - 1) + (code >> LEVEL_BITS)     # 1 << 3: WIDTH
 
 
 @njit(cache=True)
@@ -210,25 +276,24 @@ def nearest_piece(px, py, pz, forest, hint, stack, bounds, best=math.inf):
     for pick in range(2):                    # first the hint alone, then all trees
         for k in range(len(trees)):
             tree = trees[k]
-            a, rc, first, count, levels = tools[k, 0], tools[k, 1], tree[1], tree[2], tree[3]
+            a, rc, first, count = tools[k, 0], tools[k, 1], tree[1], tree[2]
             if pick == 0:
                 if first <= hint < first + count:
                     d = piece_distance(px, py, pz, geometry[hint], a, rc)
                     if d < best:
                         best, found = d, hint
                 continue
-            top = open_root(tree[4], stack, bounds) if count > 0 else 0
+            top = open_root(stack, bounds) if count > 0 else 0
             while top > 0:
                 top -= 1
                 if bounds[top] - SLACK_MM >= best:
                     continue
                 code = stack[top]
-                if is_leaf(code, levels):
-                    t0, t1 = pieces_of_leaf(code, tree)
-                    for t in range(t0, t1):
-                        d = piece_distance(px, py, pz, geometry[t], a, rc)
-                        if d < best:
-                            best, found = d, t
+                t = piece_of(code, tree)
+                if t >= 0:
+                    d = piece_distance(px, py, pz, geometry[t], a, rc)
+                    if d < best:
+                        best, found = d, t
                     continue
                 child_distances(px, py, pz, blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
                 top = push_children(code, best + SLACK_MM, top, stack, bounds)
@@ -243,25 +308,24 @@ def lowest_piece(x, y, forest, top_mm, hint, stack, bounds):
     for pick in range(2):
         for k in range(len(trees)):
             tree = trees[k]
-            a, rc, first, count, levels = tools[k, 0], tools[k, 1], tree[1], tree[2], tree[3]
+            a, rc, first, count = tools[k, 0], tools[k, 1], tree[1], tree[2]
             if pick == 0:
                 if first <= hint < first + count:
                     z = piece_height(x, y, geometry[hint], a, rc)
                     if z < best:
                         best, found = z, hint
                 continue
-            top = open_root(tree[4], stack, bounds) if count > 0 else 0
+            top = open_root(stack, bounds) if count > 0 else 0
             while top > 0:
                 top -= 1
                 if bounds[top] - SLACK_MM >= best:
                     continue
                 code = stack[top]
-                if is_leaf(code, levels):
-                    t0, t1 = pieces_of_leaf(code, tree)
-                    for t in range(t0, t1):
-                        z = piece_height(x, y, geometry[t], a, rc)
-                        if z < best:
-                            best, found = z, t
+                t = piece_of(code, tree)
+                if t >= 0:
+                    z = piece_height(x, y, geometry[t], a, rc)
+                    if z < best:
+                        best, found = z, t
                     continue
                 child_heights(x, y, blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
                 top = push_children(code, best + SLACK_MM, top, stack, bounds)
