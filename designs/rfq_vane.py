@@ -145,6 +145,7 @@ def design(p: RfqVane) -> Design:
         setups=(Setup(name="setup-1", wcs="G54", faces=("tip and flanks",), section_plane="YZ",
                       ball_mm=p.ball_mm or None, wcs_origin_mm=(start, 0.0, 0.0), fixtures=_jaws(p, start, end),
                       wcs_in_words="X0 at the end where the beam enters, Y0 in the mid-plane, Z0 on the base"),),
+        where=lambda place_mm: line.cell_at(place_mm[0]),
         companions=(Companion(name="quadrupole", make=lambda: assembly(p)),))
 
 

@@ -159,6 +159,7 @@ class Design:
     tip: CircularTip | None = None          # a vane's tip in closed form, part coordinates; None: any other part
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
     companions: tuple[Companion, ...] = ()
+    where: Callable = lambda place_mm: ""   # (3,) part coordinates -> a name for people: the cell of a vane
 
     def __post_init__(self):
         known = {p.name for p in self.predicates}
