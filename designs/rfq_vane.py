@@ -153,6 +153,7 @@ def design(p: RfqVane) -> Design:
         stock=StockBox(min_mm=(start, -half, 0.0), max_mm=(end, half, top + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
         setups=tuple(_setup(p, spans, k) for k in range(len(spans))),
+        where=lambda place_mm: line.cell_at(place_mm[0]),
         companions=(Companion(name="quadrupole", make=lambda: assembly(p)),))
 
 

@@ -214,6 +214,7 @@ class Design:
     companions: tuple[Companion, ...] = ()
     measure: object = None                  # function (solid read back from its STEP file) -> SolidReport
     draw: object = None                     # function (folder): writes drawings
+    where: Callable = lambda place_mm: ""   # (3,) part coordinates -> a name for people: the cell of a vane
 
     def __post_init__(self):
         if not self.setups and self.measure is None:

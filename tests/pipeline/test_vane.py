@@ -25,8 +25,8 @@ def made(folder, *parameters, stage="verify"):
 
 @pytest.fixture(scope="module")
 def vane(tmp_path_factory):
-    """12 mm round the joint of cells 49 and 50, whose tips differ most."""
-    return made(tmp_path_factory.mktemp("vane") / "out", "from_mm=994", "to_mm=1006")
+    """6 mm round the joint of cells 49 and 50, whose tips differ most."""
+    return made(tmp_path_factory.mktemp("vane") / "out", "from_mm=997", "to_mm=1003")
 
 
 def test_the_posted_program_cuts_the_tip(vane):
@@ -41,8 +41,9 @@ def test_the_hollows_of_crest_and_sides_are_told_with_their_places(vane):
     plan = json.loads((folder / "plan.json").read_text())
     crest, sides = plan["tip"]["crest_concave_radius_mm"], plan["tip"]["sides_concave_radius_mm"]
     assert crest == pytest.approx(plan["min_concave_radius_mm"], rel=0.01) and sides > crest
+    assert plan["tip"]["crest_concave_where"] in ("cell 49", "cell 50")
     x, y, z = plan["tip"]["crest_concave_place_mm"]
-    assert 994 <= x <= 1006 and y == 0 and z == pytest.approx(float(design.tip.crest_z_mm([x])[0]), abs=1e-3)
+    assert 997 <= x <= 1003 and y == 0 and z == pytest.approx(float(design.tip.crest_z_mm([x])[0]), abs=1e-3)
 
 
 def test_passes_lie_in_transverse_planes_and_are_tangent_arcs(vane):
@@ -59,7 +60,7 @@ def test_the_quadrupole_is_written_beside_the_vane(vane):
     assert path.name in manifest["files"] and manifest["machine"] == "mill_long_bed"
     with pytest.raises(brep.DesignError, match="4 solids"):
         brep.the_solid(brep.read_step(path))
-    assert np.ptp(brep.bounding_box_mm(design.solid), axis=0)[0] == pytest.approx(12.0, abs=1e-3)
+    assert np.ptp(brep.bounding_box_mm(design.solid), axis=0)[0] == pytest.approx(6.0, abs=1e-3)
 
 
 def test_a_vane_longer_than_the_bed_shows_no_step_at_the_joint_unless_it_is_clamped_wrong(tmp_path):
