@@ -71,7 +71,7 @@ def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):
     steps = arc_steps(tip, radius, np.concatenate([s.planes for s in along]))
     rpm, feed = shop.speeds(ball, is_rough=False)
     passes = templated_passes(
-        along, steps, register_mm=radius + over_mm, ball_radius_mm=radius, half_width_mm=half_mm,
+        along, steps, flank_rad=tip.flank_half_angle_rad, register_mm=radius + over_mm, ball_radius_mm=radius, half_width_mm=half_mm,
         clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed, slow_mm_per_min=PLUNGE_SHARE * feed,
         restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
     intervals = [float(s.interval_mm) for s in along]
