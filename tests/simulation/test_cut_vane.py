@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from known_passes import LENGTHS, ZERO, machine
 from known_vanes import BALL, BALL_MM, RIDGE_MM, passes, steep_tip, tip_of, vane_program, wavy_tip
-from scipy.interpolate import LinearNDInterpolator
 
 from cuspline.catalogue import find_machine, find_post, reader_of
 from cuspline.posts._restart import restart_points, restarted
@@ -34,16 +33,19 @@ def simulated(texts, mill, points, normals):
 
 
 def predicted(tip, register_mm, x, turn):
-    """(n,) the map's deviation at places of the arc; NaN outside of it."""
+    """(n,) the map's deviation at places of the arc: along each of its columns, then across; NaN where it is not sure."""
     found = cut_map(tip, BALL_MM, register_mm, 0.1)
     assert not found.is_folded.any()
-    joints = found.place_mm[np.flatnonzero(np.diff(found.is_matching)), 0, 0]     # there the neighbour may reach lower
-    apart = np.abs(x - joints[0]) > JOINT_MM if len(joints) else np.full(len(x), True)
-    place, deviation = found.place_mm[:, :-1].reshape(-1, 3), found.deviation_mm[:, :-1].ravel()
-    known = np.isfinite(deviation)
-    around = np.arctan2(place[:, 1], place[:, 2] - tip.center_z_mm(place[:, 0]))
-    at = LinearNDInterpolator(np.column_stack([place[:, 0], 5 * around])[known], deviation[known])
-    return np.where(apart & (np.abs(turn) < 0.985 * tip.half_arc_rad), at(np.column_stack([x, 5 * np.abs(turn)])), np.nan)
+    place, deviation = found.place_mm[:, :-1], found.deviation_mm[:, :-1]
+    around = np.arctan2(place[..., 1], place[..., 2] - tip.center_z_mm(place[..., 0]))
+    columns = range(deviation.shape[1])
+    at_x = lambda values: np.column_stack([np.interp(x, place[:, k, 0], values[:, k], np.nan, np.nan) for k in columns])
+    turns, left = at_x(around), at_x(deviation)
+    out = np.array([np.interp(abs(t), row, d) for t, row, d in zip(turn, turns, left)])
+    joints = place[np.flatnonzero(np.diff(found.is_matching)), 0, 0]     # there the neighbour may reach lower
+    sure = np.abs(turn) < 0.985 * tip.half_arc_rad
+    sure &= np.abs(x - joints[0]) > JOINT_MM if len(joints) else True
+    return np.where(sure, out, np.nan)
 
 
 @pytest.mark.parametrize("shape", [wavy_tip, steep_tip])
@@ -56,7 +58,7 @@ def test_the_simulated_vane_is_the_computed_one_and_cusps(shape, register_mm, po
     text = find_post(post).post(vane_program(tip, register_mm=register_mm), mill).text
     left, map_mm = simulated([text], mill, points, normals), predicted(tip, register_mm, x, turn)
     inside = np.isfinite(map_mm)
-    assert inside.mean() > 0.88
+    assert inside.mean() > 0.8
     over = (left - map_mm)[inside]
     assert over.min() > -ROUNDING_MM - MAP_MM
     assert over.max() < RIDGE_MM + ROUNDING_MM + MAP_MM
