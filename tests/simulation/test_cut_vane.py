@@ -39,11 +39,14 @@ def predicted(tip, register_mm, x, turn):
     place, deviation = found.place_mm[:, :-1], found.deviation_mm[:, :-1]
     around = np.arctan2(place[..., 1], place[..., 2] - tip.center_z_mm(place[..., 0]))
     columns = range(deviation.shape[1])
-    at_x = lambda values: np.column_stack([np.interp(x, place[:, k, 0], values[:, k], np.nan, np.nan) for k in columns])
+    known = [np.flatnonzero(np.isfinite(deviation[:, k])) for k in columns]
+    known = [rows[place[rows, k, 0].argsort()] for k, rows in zip(columns, known)]       # feet may pass each other at a joint
+    at_x = lambda values: np.column_stack([np.interp(x, place[rows, k, 0], values[rows, k], np.nan, np.nan)
+                                           for k, rows in zip(columns, known)])
     turns, left = at_x(around), at_x(deviation)
     out = np.array([np.interp(abs(t), row, d) for t, row, d in zip(turn, turns, left)])
     joints = place[np.flatnonzero(np.diff(found.is_matching)), 0, 0]     # there the neighbour may reach lower
-    sure = np.abs(turn) < 0.985 * tip.half_arc_rad
+    sure = np.isfinite(turns).all(axis=1) & (np.abs(turn) < 0.985 * tip.half_arc_rad)
     sure &= np.abs(x - joints[0]) > JOINT_MM if len(joints) else True
     return np.where(sure, out, np.nan)
 
