@@ -46,7 +46,7 @@ def predicted(tip, register_mm, x, turn):
     turns, left = at_x(around), at_x(deviation)
     out = np.array([np.interp(abs(t), row, d) for t, row, d in zip(turn, turns, left)])
     joints = place[np.flatnonzero(np.diff(found.is_matching)), 0, 0]     # there the neighbour may reach lower
-    sure = np.isfinite(turns).all(axis=1) & (np.abs(turn) < 0.985 * tip.half_arc_rad)
+    sure = np.isfinite(turns).all(axis=1) & (np.abs(turn) < 0.985 * np.minimum(turns.max(axis=1), tip.half_arc_rad))
     sure &= np.abs(x - joints[0]) > JOINT_MM if len(joints) else True
     return np.where(sure, out, np.nan)
 
@@ -61,7 +61,7 @@ def test_the_simulated_vane_is_the_computed_one_and_cusps(shape, register_mm, po
     text = find_post(post).post(vane_program(tip, register_mm=register_mm), mill).text
     left, map_mm = simulated([text], mill, points, normals), predicted(tip, register_mm, x, turn)
     inside = np.isfinite(map_mm)
-    assert inside.mean() > 0.8
+    assert inside.mean() > 0.75
     over = (left - map_mm)[inside]
     assert over.min() > -ROUNDING_MM - MAP_MM
     assert over.max() < RIDGE_MM + ROUNDING_MM + MAP_MM
