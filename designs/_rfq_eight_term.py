@@ -58,7 +58,8 @@ class EightTerm:
 
     def potential(self, x_mm, y_mm, z_mm):
         """(n,) 2U/V at places across (x, y) and along (z) the beam; the vane at y = 0, x > 0 stands at +1."""
-        return _terms(np.hypot(x_mm, y_mm), np.arctan2(y_mm, x_mm), z_mm, self.wave_per_mm, self.r0_mm) @ self.coefficients
+        r, theta = np.hypot(x_mm, y_mm), np.arctan2(y_mm, x_mm)
+        return _terms(r, theta, z_mm, self.wave_per_mm, self.r0_mm) @ self.coefficients
 
     def level(self, z_mm):
         """(n,) value of the potential that the tip line keeps to."""
@@ -67,7 +68,7 @@ class EightTerm:
         return ends.mean() + (ends[0] - ends[1]) / 2 * np.cos(self.wave_per_mm * np.asarray(z_mm, float))
 
     def tip_mm(self, z_mm, sign):
-        """(n,) distance of a tip from the axis; `sign` +1: the vane that begins at a, -1: the one that begins at m a."""
+        """(n,) distance of a tip from the axis; `sign` +1: of the vane that begins at a, -1: at m a."""
         z = np.asarray(z_mm, float)
         z = z if sign > 0 else self.length_mm - z
         k, r0, level = self.wave_per_mm, self.r0_mm, self.level(z)

@@ -15,7 +15,7 @@ from scipy.special import iv
 from cuspline.errors import DesignError
 
 STEPS = 80              # of the safeguarded Newton iteration; it ends long before
-CLOSE = 1e-15           # relative change at which it has ended
+CLOSE = 1e-14           # relative change at which it has ended
 MATCHING_ROOT = 0.38    # of the matching section's length: closer to the wall its equipotential has no root
 
 
@@ -51,12 +51,12 @@ class TwoTerm:
     def __post_init__(self):
         if self.quadrupole <= 0:
             raise DesignError(f"a = {self.aperture_mm:.4f} mm, m = {self.modulation:g} and L = {self.length_mm:.4f} mm "
-                              f"leave no quadrupole (X = {self.quadrupole:.4g}): the modulation is too strong for so short "
-                              "a cell")
+                              f"leave no quadrupole (X = {self.quadrupole:.4g}): the modulation is too strong for so "
+                              "short a cell")
         if self._rises(self.aperture_mm * self.modulation) <= 0:
-            raise DesignError(f"the tip crosses itself: at m a = {self.aperture_mm * self.modulation:.4f} mm its line turns "
-                              f"back (L = {self.length_mm:.4f} mm): lower the modulation {self.modulation:g}, or lengthen "
-                              "the cell")
+            raise DesignError(f"the tip crosses itself: at m a = {self.aperture_mm * self.modulation:.4f} mm its line "
+                              f"turns back (L = {self.length_mm:.4f} mm): lower the modulation {self.modulation:g}, or "
+                              "lengthen the cell")
 
     @property
     def wave_per_mm(self):
@@ -96,7 +96,8 @@ class TwoTerm:
         wave = sign * self.acceleration * np.cos(k * z)
         value = lambda r: X * (r / a) ** 2 + wave * iv(0, k * r) - 1.0
         slope = lambda r: 2 * X * r / a ** 2 + wave * k * iv(1, k * r)
-        return tip_line(value, slope, np.full_like(z, a * (1 - 1e-9)), np.full_like(z, a * self.modulation * (1 + 1e-9)))
+        low, high = a * (1 - 1e-9), a * self.modulation * (1 + 1e-9)
+        return tip_line(value, slope, np.full_like(z, low), np.full_like(z, high))
 
     def slope(self, z_mm, sign):
         """(n,) dr/dz of a tip."""

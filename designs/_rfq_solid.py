@@ -57,7 +57,7 @@ def vane_solid(tip, half_width_mm, joints_mm):
         sewing.Add(_end_face(arc, flanks, x, half_width_mm))
     sewing.Perform()
     if sewing.NbFreeEdges():
-        raise DesignError(f"the vane's faces leave {sewing.NbFreeEdges()} open edges: check the flank angle and the width")
+        raise DesignError(f"the vane's faces leave {sewing.NbFreeEdges()} open edges: check flank angle and width")
     solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell_s(sewing.SewedShape())).Solid()
     BRepLib.OrientClosedSolid_s(solid)
     return solid
@@ -100,9 +100,9 @@ def _flank_surfaces(tip, half_width_mm):
 def _side_surfaces(tip, half_width_mm):
     """As the flanks, but down the body's side from the foot to the base: their upper border is the foot's curve."""
     foot, x = _foot_poles(tip, half_width_mm), _greville(tip)
-    return [_surface(tip, np.stack([np.column_stack([x, np.full_like(x, s * half_width_mm), foot]),
-                                    np.column_stack([x, np.full_like(x, s * half_width_mm), np.zeros_like(x)])], axis=1),
-                     (0.0, 1.0), (2, 2), 1) for s in (1, -1)]
+    rows = lambda y, z: np.column_stack([x, np.full_like(x, y), z])
+    return [_surface(tip, np.stack([rows(y, foot), rows(y, 0 * x)], axis=1), (0.0, 1.0), (2, 2), 1)
+            for y in (half_width_mm, -half_width_mm)]
 
 
 def _greville(tip):
@@ -140,7 +140,7 @@ def _integers(values):
 
 def _segment(surface, a, b):
     """The same surface from x = a to b, exactly: its poles are new, its points are not."""
-    part = Geom_BSplineSurface.DownCast_s(surface.Copy()) if hasattr(Geom_BSplineSurface, "DownCast_s") else surface.Copy()
+    part = surface.Copy()
     part.Segment(a, b, 0.0, 1.0)
     return part
 
@@ -170,7 +170,8 @@ def _end_face(arc, flanks, x, half_width_mm):
 
 
 def _polygon(corners):
-    return BRepBuilderAPI_MakeFace(_wire([_line(a, b) for a, b in zip(corners, [*corners[1:], corners[0]])]), True).Face()
+    edges = [_line(a, b) for a, b in zip(corners, [*corners[1:], corners[0]])]
+    return BRepBuilderAPI_MakeFace(_wire(edges), True).Face()
 
 
 def _line(a, b):

@@ -19,7 +19,7 @@ AMU_MEV = physical_constants["atomic mass constant energy equivalent in MeV"][0]
 UNIT_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 KINDS = {"": "accelerating", "R": "matching", "T": "transition", "M": "straight", "F": "fringe"}
 PLACE_ROUNDING_MM, PLACE_SHARE = 0.11, 0.006    # PARMTEQM prints Z to 0.01 cm: of a cell of some centimetres that much
-SPEED_SHARE = 0.5               # a cell's length may be off half the way of a particle by so much before it is another unit
+SPEED_SHARE = 0.5               # a cell's length off half the way of its particle by more: another unit
 # columns of PARMTEQM's table behind the cell's number
 PARMTEQM_COLUMNS = ("V", "Wsyn", "Sig0T", "Sig0L", "A10", "Phi", "a", "m", "B", "L", "Z", "A0", "RFdef", "Oct", "A1")
 
@@ -54,8 +54,9 @@ class CellTable:
         ranks = [0.0 if k == "matching" else r for k, r in zip(kinds, order)]
         for before, cell, a, b in zip(self.cells, self.cells[1:], ranks, ranks[1:]):
             if b < a:
-                raise InputError(f"{self.name}, cell {cell.number}: a cell of kind {cell.kind} cannot follow one of kind "
-                                 f"{before.kind}; the order is matching, accelerating, transition, straight, fringe")
+                raise InputError(f"{self.name}, cell {cell.number}: a cell of kind {cell.kind} cannot follow one of "
+                                 f"kind {before.kind}; the order is matching, accelerating, transition, straight, "
+                                 "fringe")
 
     def of_kind(self, kind):
         """Tuple of the cells of one kind."""
@@ -184,14 +185,15 @@ def _refuse_gaps(name, cells):
     end = 0.0
     for before, cell in zip([None, *cells], cells):
         if before is not None and cell.number != before.number + 1:
-            raise InputError(f"{name}, cell {cell.number}: it follows cell {before.number}; cells are numbered one by one")
+            raise InputError(f"{name}, cell {cell.number}: it follows cell {before.number}; they are numbered one "
+                             "by one")
         if cell.end_mm is not None and cell.length_mm > 0:
             begins = cell.end_mm - cell.length_mm
             if abs(begins - end) > max(PLACE_ROUNDING_MM, PLACE_SHARE * cell.length_mm):
                 what = "overlaps" if begins < end else "leaves a gap behind"
                 raise InputError(
-                    f"{name}, cell {cell.number}: it {what} cell {cell.number - 1}: it is {cell.length_mm:.3f} mm long and "
-                    f"ends at {cell.end_mm:.3f} mm, so it begins at {begins:.3f} mm, but the cell before ends at "
+                    f"{name}, cell {cell.number}: it {what} cell {cell.number - 1}: it is {cell.length_mm:.3f} mm long "
+                    f"and ends at {cell.end_mm:.3f} mm, so it begins at {begins:.3f} mm, but the cell before ends at "
                     f"{end:.3f} mm; correct L or Z")
         end = cell.end_mm if cell.end_mm is not None else end + cell.length_mm
 
@@ -217,7 +219,7 @@ def refuse_wrong_units(table, mass_amu, frequency_mhz):
         if abs(ratio - 1.0) > SPEED_SHARE:
             unit = next((f"the table's lengths look {a} times {b}: its header may say cm for mm, or mm for cm"
                          for a, b, f in (("10", "too large", 10.0), ("10", "too small", 0.1))
-                         if abs(ratio / f - 1.0) <= SPEED_SHARE), "check frequency_mhz, ion_mass_amu and the table's units")
+                         if abs(ratio / f - 1.0) <= SPEED_SHARE), "check frequency_mhz, ion_mass_amu and units")
             raise InputError(
                 f"{table.name}, cell {cell.number}: it is {cell.length_mm:.4g} mm long, but at {cell.energy_mev:g} MeV "
                 f"{mass_amu:g} amu go {wanted:.4g} mm in half a period of {frequency_mhz:g} MHz; {unit}")

@@ -5,7 +5,8 @@ r"""The tip line of a whole vane: cells put one behind the other, their joints b
     the vane's               ‾‾‾‾   ‾‾\________/       from mid-cell to mid-cell value, slope and bend meet in the mean
 
 Two neighbouring cells have their own a, m and L, so their tips meet with a small step.  Half of it is given to each,
-over the half cell beside the joint; in mid-cell the tip is the cell's own.  x is the table's Z, mm from the wall where
+over the half cell beside the joint (over no more than the neighbour's half where a segment is much longer); in mid-cell
+the tip is the cell's own.  x is the table's Z, mm from the wall where
 the beam enters.
 """
 
@@ -28,6 +29,7 @@ FIT_MM = 1e-4                   # from the blended line and radius; the B-rep's 
 FIT_ROUNDS = 5                  # doublings of a segment's spans
 LOOKS_A_SPAN = 12
 LOOKS_A_VANE = 20001
+MUCH_LONGER = 1.5               # than its neighbour: then the blend reaches only as far as the neighbour's
 DIFFERENCE = 1 / 400            # of a segment: step of the differences that give slope and bend at its ends
 
 
@@ -70,7 +72,11 @@ class TipLine:
         ends = [s.ends() for s in self.segments]
         jumps = [b[0] - a[1] for a, b in zip(ends, ends[1:])]
         steps = [b.radius_mm - a.radius_mm for a, b in zip(self.segments, self.segments[1:])]
-        none = np.zeros(3)
+        none, lengths = np.zeros(3), [s.length_mm for s in self.segments]
+        reach = lambda own, other: own / 2 if own <= MUCH_LONGER * other else other / 2
+        object.__setattr__(self, "reaches_mm", [        # of the blends at each segment's beginning and end
+            (reach(own, before), reach(own, behind))
+            for before, own, behind in zip([lengths[0], *lengths], lengths, [*lengths[1:], lengths[-1]])])
         object.__setattr__(self, "_before", [none, *(-j / 2 for j in jumps)])      # what a segment's beginning gives
         object.__setattr__(self, "_behind", [*(j / 2 for j in jumps), none])
         object.__setattr__(self, "_radius_before", [0.0, *(-s / 2 for s in steps)])
@@ -94,17 +100,17 @@ class TipLine:
     def aperture_mm(self, x_mm):
         """(n,) distance of the crest from the beam axis."""
         def at(k, s, z):
-            half = s.length_mm / 2
-            return (s.aperture_mm(z) + _blend(self._before[k], 1 - z / half, -half)
-                    + _blend(self._behind[k], z / half - 1, half))
+            before, behind = self.reaches_mm[k]
+            return (s.aperture_mm(z) + _blend(self._before[k], 1 - z / before, -before)
+                    + _blend(self._behind[k], 1 - (s.length_mm - z) / behind, behind))
         return self._by_segment(x_mm, at)
 
     def radius_mm(self, x_mm):
         """(n,) transverse radius of the tip."""
         def at(k, s, z):
-            half = s.length_mm / 2
-            return (s.radius_mm + _blend(np.array([self._radius_before[k], 0, 0]), 1 - z / half, -half)
-                    + _blend(np.array([self._radius_behind[k], 0, 0]), z / half - 1, half))
+            before, behind = self.reaches_mm[k]
+            return (s.radius_mm + _blend(np.array([self._radius_before[k], 0, 0]), 1 - z / before, -before)
+                    + _blend(np.array([self._radius_behind[k], 0, 0]), 1 - (s.length_mm - z) / behind, behind))
         return self._by_segment(x_mm, at)
 
     def cell_at(self, x_mm):
@@ -124,15 +130,15 @@ class TipLine:
         return float(np.abs(self.aperture_mm(x) - self.own_aperture_mm(x)).max(initial=0.0))
 
 
-def _blend(gives, share, half_mm):
+def _blend(gives, share, reach_mm):
     """Quintic that leaves nothing at share 0 and value, slope, bend as given at share 1; nothing below 0.
 
     Args:
         gives: (3,) value, slope, bend by x.
-        share: (n,) from the cell's middle (0) to its joint (1).
-        half_mm: x over share; negative toward the cell's beginning.
+        share: (n,) from where the blend begins (0) to the joint (1).
+        reach_mm: x over share; negative toward the cell's beginning.
     """
-    value, slope, bend = gives[0], gives[1] * half_mm, gives[2] * half_mm * half_mm
+    value, slope, bend = gives[0], gives[1] * reach_mm, gives[2] * reach_mm * reach_mm
     c0, c1 = value, slope - 3 * value
     c2 = (bend - 6 * c0 - 6 * c1) / 2
     t = np.clip(share, 0.0, None)
@@ -187,8 +193,8 @@ def tip_line(table, *, vane, law, matcher, radius_of, entry_aperture_mm, from_mm
     low = first if from_mm is None else max(from_mm, first)
     high = place if to_mm is None else min(to_mm, place)
     if high - low < 1.0:
-        raise DesignError(f"the vane reaches from {first:.3f} to {place:.3f} mm of the table; from_mm {low:g} and to_mm "
-                          f"{high:g} leave nothing of it")
+        raise DesignError(f"the vane reaches from {first:.3f} to {place:.3f} mm of the table; from_mm {low:g} and "
+                          f"to_mm {high:g} leave nothing of it")
     return TipLine(segments=tuple(segments), from_mm=low, to_mm=high)
 
 
@@ -262,8 +268,8 @@ def fitted_tip(line, axis_z_mm, flank_half_angle_rad, half_width_mm):
         if worst.max() < FIT_MM:
             return _tip(knots, splines.c, flank_half_angle_rad, half_width_mm)
         spans = [2 * n if w >= FIT_MM else n for n, w in zip(spans, worst)]
-    raise DesignError(f"the tip line at x = {looks[miss.argmax()]:.3f} mm ({line.cell_at(looks[miss.argmax()])}) is not "
-                      f"smooth enough for a spline: it is missed by {miss.max() * 1e3:.3f} um")
+    raise DesignError(f"the tip line at x = {looks[miss.argmax()]:.3f} mm ({line.cell_at(looks[miss.argmax()])}) is "
+                      f"not smooth enough for a spline: it is missed by {miss.max() * 1e3:.3f} um")
 
 
 def _tip(knots, poles, angle, half_width_mm):
@@ -276,15 +282,16 @@ def _tip(knots, poles, angle, half_width_mm):
 
 
 def _knots(line, spans):
-    """Clamped knots from one end of the vane to the other: joints and middles of cells three times, spans between."""
+    """Clamped knots from one end of the vane to the other: three of them at joints and where blends begin."""
     rows = [np.repeat(line.from_mm, DEGREE + 1)]
-    for segment, count in zip(line.segments, spans):
-        middle = segment.start_mm + segment.length_mm / 2
-        for low, high in ((segment.start_mm, middle), (middle, segment.end_mm)):
+    for segment, count, (before, behind) in zip(line.segments, spans, line.reaches_mm):
+        half = segment.length_mm / 2
+        breaks = np.unique(np.round([0.0, before, half, 2 * half - behind, 2 * half], 9)) + segment.start_mm
+        for low, high in zip(breaks[:-1], breaks[1:]):
             low, high = max(low, line.from_mm), min(high, line.to_mm)
             if high - low < 1e-6:
                 continue
-            count_here = max(1, round(count * (high - low) / (segment.length_mm / 2)))
+            count_here = max(1, round(count * (high - low) / half))
             rows.append(low + (high - low) * np.arange(1, count_here) / count_here)
             rows.append(np.repeat(high, JOINT_KNOTS))
     rows[-1] = np.repeat(line.to_mm, DEGREE + 1)

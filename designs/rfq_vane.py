@@ -46,24 +46,24 @@ PRESETS = {
 class RfqVane(Parameters):
     """One vane of an RFQ; lengths along it are the table's Z."""
 
-    preset: Literal["isodar_32p8", "hydrogen_750"] = Field("isodar_32p8", description="which machine the defaults are of")
-    table: str = Field("isodar_32p8", description="cell table: a name, 'law' for reckoned cells, or a CSV or PARMTEQM file")
-    vane: Literal["x", "y"] = Field("x", description="x begins the first modulated cell at its narrowest, y at its widest")
-    law: Literal["two_term", "eight_term"] = Field("two_term", description="potential whose equipotential the tip line is")
+    preset: Literal["isodar_32p8", "hydrogen_750"] = Field("isodar_32p8", description="whose defaults")
+    table: str = Field("isodar_32p8", description="cells: a table's name, 'law', or a CSV or PARMTEQM file")
+    vane: Literal["x", "y"] = Field("x", description="x begins the first cell at its narrowest, y at its widest")
+    law: Literal["two_term", "eight_term"] = Field("two_term", description="potential that the tip follows")
     matcher: Literal["thin", "equipotential"] = Field(
         "thin", description="matching section: thin-vane formula (as PARMTEQM prints it), or its equipotential where "
         "that has a root, the thin-vane formula nearer to the wall")
     rho_mm: float = Field(7.2885, gt=0.1, le=30, description="transverse radius of the tip")
     rho_follows_r0: bool = Field(False, description="let the radius follow each cell's r0 instead, in the ratio it has "
                                  "to r0_mm")
-    flank_deg: float = Field(10.0, ge=2, le=40, description="flanks from the vertical: the vane widens away from the beam")
+    flank_deg: float = Field(10.0, ge=2, le=40, description="flanks from the vertical, wider away from the beam")
     thickness_mm: float = Field(20.0, gt=1, le=120, description="A, of the body")
     axis_height_mm: float = Field(100.0, gt=5, le=400, description="B, beam axis above the base")
     entry_aperture_mm: float = Field(41.1, gt=1, le=200, description="the vane begins where its matching section has "
                                      "opened to this; nearer to the wall nothing stands")
     from_mm: float = Field(0.0, ge=0, description="cut the vane to the table's Z from here")
     to_mm: float = Field(1e5, gt=0, description="to here")
-    frequency_mhz: float = Field(32.8, gt=1, le=3000, description="of the RF, for the table's units and for reckoned cells")
+    frequency_mhz: float = Field(32.8, gt=1, le=3000, description="of the RF: table's units, reckoned cells")
     ion_mass_amu: float = Field(2.0, gt=0.5, le=300, description="of the ion")
     ion_charge: float = Field(1.0, ge=1, le=100, description="of the ion, for reckoned cells")
     energy_in_mev: float = Field(0.015, gt=0, le=10, description="reckoned cells: energy of the ion as it enters")
@@ -136,8 +136,8 @@ def design(p: RfqVane) -> Design:
     if tip.foot_z_mm < p.grip_mm + FLANK_MARGIN_MM:
         low = line.cell_at(tip.range_mm[0])
         raise DesignError(f"the flanks come down to {tip.foot_z_mm:.2f} mm above the base, the jaws reach up to "
-                          f"{p.grip_mm:g} mm and need {FLANK_MARGIN_MM:g} mm less than that (deepest near {low}): raise "
-                          "axis_height_mm or flank_deg, lower grip_mm, thickness_mm or entry_aperture_mm")
+                          f"{p.grip_mm:g} mm and need {FLANK_MARGIN_MM:g} mm less than that (deepest near {low}): "
+                          "raise axis_height_mm or flank_deg, lower grip_mm, thickness_mm or entry_aperture_mm")
     _refuse_ball(p, line, tip)
     half, (start, end) = p.thickness_mm / 2, tip.range_mm
     top = float(tip.crest_z_mm(np.linspace(start, end, 20001)).max())
@@ -147,10 +147,11 @@ def design(p: RfqVane) -> Design:
         material=p.material, machine="mill_long_bed",
         stock=StockBox(min_mm=(start, -half, 0.0), max_mm=(end, half, top + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
-        setups=(Setup(name="setup-1", wcs="G54", faces=("tip and flanks",), section_plane="YZ", ball_mm=p.ball_mm or None,
-                      strategy=p.strategy, allowance_mm=p.allowance_mm, plating_mm=p.plating_mm,
-                      wcs_origin_mm=(start, 0.0, 0.0), fixtures=_jaws(p, start, end),
-                      wcs_in_words="X0 at the vane's end toward the beam's source, Y0 in its mid-plane, Z0 on its base"),),
+        setups=(Setup(name="setup-1", wcs="G54", faces=("tip and flanks",), section_plane="YZ",
+                      ball_mm=p.ball_mm or None, strategy=p.strategy, allowance_mm=p.allowance_mm,
+                      plating_mm=p.plating_mm, wcs_origin_mm=(start, 0.0, 0.0), fixtures=_jaws(p, start, end),
+                      wcs_in_words="X0 at the end where the beam enters, Y0 in the mid-plane, Z0 on the base"),),
+        where=lambda place_mm: line.cell_at(place_mm[0]),
         companions=(Companion(name="quadrupole", make=lambda: assembly(p)),))
 
 
@@ -159,15 +160,16 @@ def _refuse_ball(p, line, tip):
     (crest, at_crest), (side, at_side) = tip.tightest_hollows()
     radius, place, where = min((crest, at_crest, "on its crest"), (side, at_side, "on its sides"), key=lambda h: h[0])
     if p.ball_mm / 2 >= radius:
-        raise DesignError(f"{line.cell_at(place[0])}: a ball of radius {p.ball_mm / 2:g} mm is too big for the valley of "
-                          f"{radius:.2f} mm {where}, at Z {place[0]:.2f} mm: lower ball_mm")
+        raise DesignError(f"{line.cell_at(place[0])}: a ball of radius {p.ball_mm / 2:g} mm is too big for the valley "
+                          f"of {radius:.2f} mm {where}, at Z {place[0]:.2f} mm: lower ball_mm")
 
 
 def _description(p, line):
     blend, where = line.largest_blend()
-    said = (f"RFQ {p.vane} vane, {p.table}: {p.law.replace('_', '-')} tip from Z {line.from_mm:.3f} to {line.to_mm:.3f} mm, "
-            f"joints blended by at most {blend * 1e3:.0f} um ({where})")
-    if line.segments[0].name == "matching section":
+    law = p.law.replace("_", "-")
+    said = (f"RFQ {p.vane} vane, {p.table}: {law} tip from Z {line.from_mm:.3f} to {line.to_mm:.3f} mm, joints "
+            f"blended by at most {blend * 1e3:.0f} um ({where})")
+    if line.cell_at(line.from_mm) == "matching section":
         said += (", thin-vane matching section" if p.matcher == "thin" else
                  ", matching section on its equipotential, by the thin-vane formula where that has no root")
     return said

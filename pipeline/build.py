@@ -104,7 +104,8 @@ def _made(order, work, say):
     brep.write_step(solid, step, design.name)
     inputs = inputs_hash(order, step)
     for companion in design.companions:
-        brep.write_step(companion.make(), work / f"{design.name}.{companion.name}.step", f"{design.name} {companion.name}")
+        name = f"{design.name}.{companion.name}"
+        brep.write_step(companion.make(), work / f"{name}.step", name)
     shape = shape_of(solid)
     write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":
@@ -194,15 +195,18 @@ def plan_document(order, plans):
     return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
             "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
-            **({"tip": _tip_document(order.design.tip)} if order.design.tip is not None else {}), "setups": setups}
+            **({"tip": _tip_document(order.design)} if order.design.tip is not None else {}), "setups": setups}
 
 
-def _tip_document(tip):
+def _tip_document(design):
     """A vane's tip: the smallest hollow of its crest and of its sides, each with its place."""
-    rows = {f"{name}_concave_radius_mm": _finite(radius) for name, (radius, _) in zip(TIP_PARTS, tip.tightest_hollows())}
-    places = {f"{name}_concave_place_mm": [round(float(x), 4) for x in place]
-              for name, (_, place) in zip(TIP_PARTS, tip.tightest_hollows())}
-    return {"range_mm": [round(x, 6) for x in tip.range_mm], "foot_z_mm": round(tip.foot_z_mm, 6), **rows, **places}
+    tip = design.tip
+    rows = {"range_mm": [round(x, 6) for x in tip.range_mm], "foot_z_mm": round(tip.foot_z_mm, 6)}
+    for name, (radius, place) in zip(TIP_PARTS, tip.tightest_hollows()):
+        rows[f"{name}_concave_radius_mm"] = _finite(radius)
+        rows[f"{name}_concave_place_mm"] = [round(float(x), 4) for x in place]
+        rows[f"{name}_concave_where"] = design.where(place)
+    return rows
 
 
 def _operation_document(o):

@@ -115,7 +115,7 @@ class Setup(Model):
                                 "is larger than the ball by it")
     plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later; the register of the finish "
                               "is smaller than the ball by it")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the ball that finishes; None: the largest that fits")
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball; None: the largest that fits")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
@@ -170,6 +170,7 @@ class Design:
     tip: CircularTip | None = None          # a vane's tip in closed form, part coordinates; None: any other part
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
     companions: tuple[Companion, ...] = ()
+    where: Callable = lambda place_mm: ""   # (3,) part coordinates -> a name for people: the cell of a vane
 
     def __post_init__(self):
         known = {p.name for p in self.predicates}

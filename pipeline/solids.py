@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from cuspline.errors import SimulationError
 
@@ -169,11 +171,20 @@ def _united_sections(polygons):
 
 def bodies_of(solid, least_mm3):
     """Connected pieces above a volume, largest first."""
-    found = [_body(piece) for piece in solid.decompose() if piece.volume() > least_mm3]
+    vertices, triangles = mesh_of(solid)
+    if not len(triangles):
+        return []
+    a, b, c = (vertices - vertices.mean(axis=0))[triangles].transpose(1, 0, 2)
+    share = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+    links = coo_array((np.ones(2 * len(triangles), bool), (triangles[:, [0, 1]].ravel(), triangles[:, [1, 2]].ravel())),
+                      shape=(len(vertices), len(vertices)))
+    count, piece = connected_components(links, directed=False)
+    of_triangle = piece[triangles[:, 0]]
+    volumes, areas = (np.bincount(of_triangle, weights=w, minlength=count) for w in (share, area))
+    order = np.argsort(piece, kind="stable")
+    rows = np.split(order, np.cumsum(np.bincount(piece, minlength=count))[:-1])
+    found = [Body(volume_mm3=float(volumes[k]), area_mm2=float(areas[k]), min_mm=vertices[rows[k]].min(axis=0),
+                  max_mm=vertices[rows[k]].max(axis=0), vertices_mm=vertices[rows[k]])
+             for k in np.flatnonzero(volumes > least_mm3)]
     return sorted(found, key=lambda b: (-b.volume_mm3, tuple(b.min_mm)))
-
-
-def _body(piece):
-    vertices = np.asarray(piece.to_mesh64().vert_properties)[:, :3]
-    return Body(volume_mm3=piece.volume(), area_mm2=piece.surface_area(), min_mm=vertices.min(axis=0),
-                max_mm=vertices.max(axis=0), vertices_mm=vertices)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cuspline.errors import CutterDoesNotFit
 from cuspline.planning import freeform_finishing, section_finishing, transverse_finishing
 from cuspline.planning.cutter_choice import choose_ball, choose_rest_ball
 from cuspline.planning.finishing_chain import choose_finishing
@@ -105,7 +106,11 @@ def plan_setup(design, setup, machine, library, before=None):
         ridge_for_step_mm(name, scallop_mm, design.finish)
     shop = Shop(design, setup, machine, library, before)
     cut = {"sections": _by_sections, "transverse_arcs": transverse_finishing.operations}.get(setup.strategy, _free_form)
-    operations, reached = cut(shop)
+    try:
+        operations, reached = cut(shop)
+    except CutterDoesNotFit as error:
+        where = design.where(_placed(shop.hollow, setup).place_mm)
+        raise CutterDoesNotFit(f"{where}: {error}" if where else str(error), rows=error.rows) from None
     return SetupPlan(setup=setup, operations=tuple(operations), clearance_z_mm=shop.clearance_z_mm,
                      hollow=_placed(shop.hollow, setup), inner_edges=tuple(
                          _placed(e, setup) for e in inner_edges(shop.faces, set(shop.wanted))),

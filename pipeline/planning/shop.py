@@ -32,7 +32,7 @@ CLEARANCE_MM = 5.0          # of rapids above stock and fixtures
 APPROACH_MM = 1.0           # above stock and fixtures the tool begins to feed down
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 RAMP_RAD = np.radians(3.0)
-UNIT = 1e-6                 # mm: diameters that are the same
+SAME_MM = 1e-6              # diameters that are the same
 TOOL_CHANGE_S = 60.0        # one more tool, its approach and its passes' overlap included
 PLUNGE_SHARE = 0.3          # of the cutting feed, going down
 
@@ -93,7 +93,8 @@ class Shop:
         asked = self.setup.ball_mm
         if asked is None:
             return self.library
-        tools = tuple(t for t in self.library.tools if t.cutter.type != "ball" or abs(t.cutter.diameter_mm - asked) < UNIT)
+        tools = tuple(t for t in self.library.tools
+                      if t.cutter.type != "ball" or abs(t.cutter.diameter_mm - asked) < SAME_MM)
         if not any(t.cutter.type == "ball" for t in tools):
             there = ", ".join(f"{t.cutter.diameter_mm:g}" for t in self.library.of_type("ball"))
             raise PlanError(f"{self.setup.name}: the tool library has no ball of {asked:g} mm; there are {there} mm")

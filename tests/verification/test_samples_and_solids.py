@@ -3,6 +3,7 @@
 import cadquery as cq
 import numpy as np
 import pytest
+from manifold3d import Manifold, OpType
 from scipy.spatial import cKDTree
 
 from cuspline import brep, solids
@@ -89,6 +90,33 @@ def test_bodies_are_told_apart():
                               np.array([(5, 0), (7, 0), (7, 1), (5, 1)])], 0.0, 2.0)
     found = solids.bodies_of(pair, 1e-6)
     assert [round(b.volume_mm3, 9) for b in found] == [4.0, 2.0]
+
+
+def test_bodies_are_those_of_the_kernel():
+    """Two ways: components of the mesh, and manifold3d's own decomposition, which takes the square of their number."""
+    rng = np.random.default_rng(3)
+    balls = [Manifold.sphere(r, 16).translate(tuple(p)) for r, p in zip(rng.uniform(0.1, 0.6, 60),
+                                                                      rng.uniform(1e3, 1e3 + 8, (60, 3)))]
+    solid = Manifold.batch_boolean(balls, OpType.Add) - Manifold.cube((4.0, 4.0, 4.0)).translate((1002, 1002, 1002))
+    found = solids.bodies_of(solid, 1e-6)
+    known = sorted((p for p in solid.decompose() if p.volume() > 1e-6), key=lambda p: -p.volume())
+    assert len(found) == len(known) > 30
+    for body, piece in zip(found, known):
+        assert body.volume_mm3 == pytest.approx(piece.volume(), abs=1e-9)
+        assert body.area_mm2 == pytest.approx(piece.surface_area(), abs=1e-9)
+        assert len(body.vertices_mm) == piece.num_vert()
+
+
+def test_a_union_in_the_plane_is_the_same_in_any_portions(monkeypatch):
+    rng = np.random.default_rng(4)
+    corners = rng.uniform(0, 50, (400, 1, 2)) * [1.0, 0.1] + rng.uniform(-1.5, 1.5, (400, 3, 2))
+    e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    corners = corners[e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0] > 1e-3]
+    volumes = []
+    for size in (10, 10_000):
+        monkeypatch.setattr(solids, "POLYGONS_AT_ONCE", size)
+        volumes.append(solids.prism_over(list(corners), 0.0, 2.0).volume())
+    assert volumes[0] == pytest.approx(volumes[1], abs=1e-5) and volumes[0] > 100
 
 
 def test_an_open_mesh_is_refused():
