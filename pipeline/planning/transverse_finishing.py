@@ -40,7 +40,7 @@ def operations(shop):
     facts = {"candidates": [c.as_dict() for c in candidates], "plating_mm": plating,
              "min_concave_radius_mm": finite(shop.hollow.radius_mm),
              "min_concave_place_mm": shop.in_part(shop.hollow.place_mm),
-             "cut_map": map_facts(cut_map(tip, radius, radius - plating, MAP_PITCH_RADII * radius))}
+             "cut_map": map_facts(cut_map(tip, radius, radius - plating, MAP_PITCH_RADII * radius), tip.half_arc_rad)}
     made.append(_passes(shop, "finish", ball, tip, half_mm, -plating, ridge_mm, facts))
     return made, reach.is_reached
 
@@ -78,7 +78,7 @@ def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):
     steps = arc_steps(tip, radius, np.concatenate([s.planes for s in along]))
     rpm, feed = shop.speeds(ball, is_rough=False)
     passes = templated_passes(
-        along, steps, register_mm=radius + over_mm, ball_radius_mm=radius, half_width_mm=half_mm,
+        along, steps, flank_rad=tip.flank_half_angle_rad, register_mm=radius + over_mm, ball_radius_mm=radius, half_width_mm=half_mm,
         clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed, slow_mm_per_min=PLUNGE_SHARE * feed,
         restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
     intervals = [float(s.interval_mm) for s in along]
@@ -90,10 +90,10 @@ def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):
     return shop.operation_of_passes(name, ball, rpm, passes, facts)
 
 
-def map_facts(found):
+def map_facts(found, half_arc_rad):
     """The deviation map as plan.json shows it: extremes by section, and rows enough to draw."""
     rows = np.unique(np.linspace(0, len(found.deviation_mm) - 1, MAP_ROWS).round().astype(int))
-    facts = {"x_mm": found.place_mm[rows, 0, 0].round(4).tolist(),
+    facts = {"half_arc_deg": round(float(np.degrees(half_arc_rad)), 6), "x_mm": found.place_mm[rows, 0, 0].round(4).tolist(),
              "deviation_mm": [[None if np.isnan(d) else round(float(d), 6) for d in row] for row in found.deviation_mm[rows]],
              "columns": "crest to tangency at even angles, then the flank", "folded": int(found.is_folded.sum())}
     for name, mine in (("general", ~found.is_matching), ("matching", found.is_matching)):

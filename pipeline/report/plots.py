@@ -39,6 +39,8 @@ def all_plots(bundle):
                                                                       bundle.finish.scallop_mm, bundle.part_box_mm)),
              ("cusp", "Height of the cusps against the height asked and the formula's",
               cusp_histogram(bundle.cusp_height_mm, bundle.cusp_formula_mm, bundle.finish.scallop_mm))]
+    plots += [(f"cut-map-{s.name}", f"What transverse arcs leave of the tip, cusps apart: {s.name}, {op.get('name')}",
+               cut_map_plot(op["cut_map"])) for s, _, op in operations(bundle) if op.get("cut_map")]
     plots += [(f"feed-{s.name}", f"Feed over time, {s.name}", feed_plot(s.path, _names(bundle, s)))
               for s in bundle.setups if len(s.path.time_s)]
     return plots
@@ -126,6 +128,34 @@ def cusp_histogram(height_mm, formula_mm, wanted_mm):
     axes.legend(loc="upper left")
     axes.set_xlabel(f"cusp [µm]   (n = {len(height_mm)})")
     axes.set_ylabel("ridges")
+    return _svg(figure)
+
+
+@in_our_style
+def cut_map_plot(found):
+    """Deviation of the envelope of transverse arcs from a vane tip, along the vane and round its arc, extremes named.
+
+    Args:
+        found: plan.json's `cut_map`.
+    Returns:
+        SVG text; the map is a picture in it.
+    """
+    x, rows = np.array(found["x_mm"], float), np.array(found["deviation_mm"], float) * 1000
+    turns = np.linspace(0, found["half_arc_deg"], rows.shape[1] - 1)
+    both = np.column_stack([rows[:, -1:], rows[:, -2:0:-1], rows[:, :-1], rows[:, -1:]])
+    step = turns[1]
+    around = np.concatenate([[-turns[-1] - step], -turns[:0:-1], turns, [turns[-1] + step]])
+    general = found.get("general") or found["matching"]
+    limit = 1000 * max(abs(general["lowest_mm"]), abs(general["highest_mm"]), 1e-6)
+    figure, axes = _figure()
+    mesh = axes.pcolormesh(x, around, np.ma.masked_invalid(both.T), cmap="RdBu_r", vmin=-limit, vmax=limit,
+                           shading="nearest", rasterized=True)
+    axes.grid(False)
+    axes.set(xlabel="X [mm]", ylabel="round the tip [deg], flanks outermost")
+    figure.colorbar(mesh, ax=axes, label="left [µm]", extend="both")
+    said = [f"{name} {1000 * found[name]['lowest_mm']:+.1f} … {1000 * found[name]['highest_mm']:+.1f} µm"
+            for name in ("general", "matching") if name in found]
+    axes.set_title("; ".join(said))
     return _svg(figure)
 
 

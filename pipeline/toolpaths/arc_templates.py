@@ -7,6 +7,8 @@ Rough passes cut both ways, from foot to foot.  Finish passes run clockwise seen
 uncut side toward +x a spindle that turns right cuts climb; then up, rapid back, down beside the body.
 """
 
+import math
+
 from cuspline.pass_templates import (
     Call, Go, Let, PassTemplate, Quantity, Register, Restart, Root, TemplatedPasses, terms)
 from cuspline.program import Kind, Plane
@@ -27,8 +29,7 @@ def _section(is_matching):
     (radius,) = terms("radius")
     center = [Let("g", radius + r * swell), Let("h", c + r * lift - ball)] if is_matching else \
         [Let("g", radius + r), Let("h", c - ball)]
-    return (Let("radius", Root(y * y + (z - c) * (z - c))), Let("ny", y / radius), Let("nz", (z - c) / radius),
-            *center, Let("ty", g * ny), Let("tz", h + g * nz),
+    return (Let("radius", Root(y * y + (z - c) * (z - c))), *center, Let("ty", g * ny), Let("tz", h + g * nz),
             Let("fy", half + r * ny), Let("fz", tz - (fy - ty) * ny / nz))
 
 
@@ -57,12 +58,14 @@ FINISH = {m: _template("finish clockwise", m, (*DOWN, *_stroke(1, slow))) for m 
 LEAVE = PassTemplate("leave", (), (UP,))
 
 
-def templated_passes(stretches, steps, *, register_mm, ball_radius_mm, half_width_mm, clearance_z_mm, feed_mm_per_min,
+def templated_passes(stretches, steps, *, flank_rad, register_mm, ball_radius_mm, half_width_mm, clearance_z_mm, feed_mm_per_min,
                      slow_mm_per_min, restart_steps, is_rough):
     """All passes of one operation.
 
     Args:
         stretches: Stretch values.   steps: ArcSteps of their planes, in the same order.
+        flank_rad: angle of the flanks from the vertical.  It is a register, not reckoned from Y, Z, C: rounding of those
+            would turn the flanks.
         register_mm: tool-radius register: true radius, and the allowance more or the plating less.
         ball_radius_mm: of the tool: how far the tip lies below its centre.
         half_width_mm: of the body.   clearance_z_mm: of rapids across.
@@ -89,6 +92,8 @@ def templated_passes(stretches, steps, *, register_mm, ball_radius_mm, half_widt
     registers = (
         Register(Quantity("r", meaning="tool radius register"), register_mm),
         Register(Quantity("ball", meaning="tip below the ball's centre"), ball_radius_mm),
+        Register(Quantity("ny", "", meaning="flank's normal, across"), math.cos(flank_rad)),
+        Register(Quantity("nz", "", meaning="flank's normal, up"), math.sin(flank_rad)),
         Register(Quantity("half", meaning="half width of the body"), half_width_mm + OVERRUN_MM),
         Register(Quantity("mid", axis=1, meaning="mid-plane"), 0.0),
         Register(Quantity("x", axis=0, meaning="plane, counts on"), stretches[0].first_mm),

@@ -2,7 +2,8 @@
 
 The centre runs over c(x, t) = (x, g sin t, h + g cos t), g(x) the arc's radius and h(x) its centre's height, both with
 the register in them.  Its unit normal n_c is along (-(g' + h' cos t), sin t, cos t); the ball touches s = c - Rc n_c.
-On the flanks n_c is the same all the way down.  Where the envelope turns back on itself (the ball is larger than a
+On the flanks n_c is the same all the way down.  Where general and matching section meet, the arcs jump: within a ball's
+radius the neighbour may reach lower than the map says.  Where the envelope turns back on itself (the ball is larger than a
 hollow of the cutter surface allows) the true cut is deeper than s: those places are marked.
 
 Source: FORMULAS 1 (Crandall and Stovall): "s = c - Rc n_c", n_c by differentiating along and across.
@@ -16,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from cuspline.arrays import frozen
 from cuspline.toolpaths.transverse_arcs import arc_steps, center_x_of_contact_mm, contacts_mm, crest_slope, STEEP_SLOPE
 
-ROUND = 13                  # angles from the crest to the tangency
+ROUND = 25                  # angles from the crest to the tangency
 PROJECTIONS = 6             # each leaves the square of the error before
 LEAST_NODES = 8
 
@@ -28,8 +29,9 @@ class CutMap:
     Columns run from the crest to the tangency, the last is the flank (the same all the way down, taken at the tangency).
     """
 
-    place_mm: np.ndarray        # (n, k, 3) s_actual, the tip's frame
-    deviation_mm: np.ndarray    # (n, k) of s_actual from the design, positive where material is left; NaN beyond its ends
+    place_mm: np.ndarray        # (n, k, 3) on the design, under s_actual; the tip's frame
+    deviation_mm: np.ndarray    # (n, k) of s_actual along the normal there, positive where material is left; NaN beyond its
+                                # ends
     is_folded: np.ndarray       # (n, k) bool: the envelope turns back; more is cut there
     is_matching: np.ndarray     # (n,) bool
 
@@ -74,14 +76,15 @@ def _part(tip, ball_radius_mm, register_mm, center_x_mm):
     places = centers - ball_radius_mm * normal
     folded = np.zeros(turn.shape[1:] + center_x_mm.shape, bool).T
     folded[1:] = (np.diff(places, axis=0) * np.diff(centers, axis=0)).sum(axis=-1) <= 0
-    deviation = np.column_stack([tip_deviation_mm(tip, places[:, :-1]), flank_deviation_mm(tip, places[:, -1])])
+    (feet, deviation), (flank_feet, flank) = tip_deviation_mm(tip, places[:, :-1]), flank_deviation_mm(tip, places[:, -1:])
+    places, deviation = np.concatenate([feet, flank_feet], axis=1), np.concatenate([deviation, flank], axis=1)
     low, high = tip.range_mm
     deviation[(places[..., 0] < low) | (places[..., 0] > high)] = np.nan
     return places, deviation, folded, steps.is_matching
 
 
 def tip_deviation_mm(tip, points_mm):
-    """(...,) signed distance of points (..., 3) from the tip's arc surface, positive outside; near the surface.
+    """Feet (..., 3) on the tip's arc surface and signed distances (...,) of points (..., 3) near it, positive outside.
 
     Newton along the gradient of hypot(y, z - z0) - R to the foot, then the distance from the foot.
     """
@@ -94,7 +97,7 @@ def tip_deviation_mm(tip, points_mm):
 
 
 def flank_deviation_mm(tip, points_mm):
-    """(...,) signed distance of points (..., 3) from the flank on the side of +y, positive outside."""
+    """Feet (..., 3) on the flank on the side of +y and signed distances (...,) of points (..., 3), positive outside."""
     cosine, sine = np.cos(tip.flank_half_angle_rad), np.sin(tip.flank_half_angle_rad)
 
     def gradient(p):
@@ -106,7 +109,7 @@ def flank_deviation_mm(tip, points_mm):
 
 
 def _distance(points_mm, gradient):
-    """Signed distance by walking to the foot on the level set 0 and squaring the arm up to the normal there."""
+    """Foot and signed distance by walking to the foot on the level set 0 and squaring the arm up to the normal there."""
     foot = np.array(points_mm, float)
     for _ in range(PROJECTIONS):
         value, slope = gradient(foot)
@@ -117,4 +120,4 @@ def _distance(points_mm, gradient):
         foot = foot + aside - (value / square)[..., None] * slope
     _, slope = gradient(foot)
     normal = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
-    return ((points_mm - foot) * normal).sum(axis=-1)
+    return foot, ((points_mm - foot) * normal).sum(axis=-1)

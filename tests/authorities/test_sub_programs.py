@@ -1,7 +1,9 @@
 """LinuxCNC's interpreter executes the sub-programs of templated passes as our reader reads them."""
 
+import numpy as np
 import pytest
 from known_passes import LENGTHS, ZERO, machine, program
+from known_vanes import steep_tip, vane_program
 
 from cuspline.posts._restart import restart_points, restarted
 from cuspline.posts.linuxcnc import post
@@ -35,3 +37,16 @@ def test_linuxcnc_takes_every_restart_and_every_file_of_a_set(judged):
         assert judged(restarted(text, point)).ended
     for part in post(program(), machine(program_store_bytes=950)).texts:
         assert judged(part).ended
+
+
+def test_linuxcnc_cuts_a_vane_of_calls_move_by_move_as_the_long_hand_says(judged):
+    """General and matching section, rough both ways and finish: the interpreter's moves are those of the program."""
+    told = vane_program(steep_tip())
+    compact, long_hand = (judged(post(told, machine(sub_programs=is_compact)).text) for is_compact in (True, False))
+    for k, operation in enumerate(told.operations):
+        rows = [m.operation == k for m in (compact, long_hand)]
+        arcs = [m.end_mm[r & (m.kind >= 2)] for m, r in zip((compact, long_hand), rows)]
+        planned = operation.moves.end_mm[operation.moves.kind >= 2]
+        assert arcs[0].shape == arcs[1].shape == planned.shape
+        assert np.abs(arcs[0] - planned).max() < 4e-4 and np.abs(arcs[1] - planned).max() < 1e-4
+    assert len(post(told, machine()).text) < 0.6 * len(post(told, machine(sub_programs=False)).text)

@@ -2,50 +2,24 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import make_interp_spline
+from known_vanes import BALL_MM, HALF_MM, RESOLUTION_MM, RIDGE_MM, passes, planes, steep_tip, tip_of, wavy_tip
 
 from cuspline.errors import CutterDoesNotFit
 from cuspline.pass_templates import Call, Restart
 from cuspline.program import Kind
-from cuspline.surfaces.circular_tip import CircularTip
-from cuspline.toolpaths.arc_templates import OVERRUN_MM, templated_passes
+from cuspline.toolpaths.arc_templates import OVERRUN_MM
 from cuspline.toolpaths.cutter_surface import cut_map, flank_deviation_mm, tip_deviation_mm
 from cuspline.toolpaths.transverse_arcs import (
-    STEEP_SLOPE, arc_steps, center_x_of_contact_mm, contacts_mm, crest_slope, stretches, widest_interval_mm)
-
-BALL_MM, RIDGE_MM, RESOLUTION_MM, HALF_MM = 3.0, 0.004, 1e-4, 9.0
-
-
-def tip_of(center_z, radius=lambda x: 5.0 + 0 * x, length_mm=40.0, degree=5):
-    """CircularTip through functions of x."""
-    x = np.linspace(0.0, length_mm, 161)
-    center, wide = (make_interp_spline(x, f(x), k=degree) for f in (center_z, radius))
-    return CircularTip(degree=degree, knots_mm=center.t, center_poles_mm=center.c, radius_poles_mm=wide.c,
-                       flank_half_angle_rad=np.radians(10.0), foot_z_mm=10.0)
-
+    STEEP_SLOPE, arc_steps, center_x_of_contact_mm, contacts_mm, crest_slope, widest_interval_mm)
 
 @pytest.fixture(scope="module")
 def wavy():
-    """Slopes up to 0.16, valleys of radius 24 mm."""
-    return tip_of(lambda x: 40.0 + np.cos(x / 6.0) * 1.0, lambda x: 5.0 + 0.2 * np.sin(x / 9.0))
+    return wavy_tip()
 
 
 @pytest.fixture(scope="module")
 def steep():
-    """Steep at the start as a radial matching section, level behind."""
-    return tip_of(lambda x: 40.0 - 12.0 * np.exp(-x / 8.0))
-
-
-def planes(tip, ball_mm=BALL_MM, ridge_mm=RIDGE_MM):
-    along = stretches(tip, ball_mm, ridge_mm, RESOLUTION_MM)
-    return along, arc_steps(tip, ball_mm, np.concatenate([s.planes for s in along]))
-
-
-def passes(tip, register_mm=BALL_MM, is_rough=False, **changes):
-    along, steps = planes(tip)
-    asked = {"register_mm": register_mm, "ball_radius_mm": BALL_MM, "half_width_mm": HALF_MM, "clearance_z_mm": 60.0,
-             "feed_mm_per_min": 800.0, "slow_mm_per_min": 240.0, "restart_steps": 50, "is_rough": is_rough} | changes
-    return templated_passes(along, steps, **asked), steps
+    return steep_tip()
 
 
 # the iteration ----------------------------------------------------------------------------------------
@@ -175,9 +149,10 @@ def test_distances_are_those_along_the_normal(wavy):
     rng = np.random.default_rng(3)
     x, turn, off = rng.uniform(5, 35, 400), rng.uniform(-1.3, 1.3, 400), rng.uniform(-0.3, 0.3, 400)
     points = wavy.point_mm(x, turn) + off[:, None] * wavy.normal(x, turn)
-    assert np.abs(tip_deviation_mm(wavy, points) - off).max() < 1e-10
+    assert np.abs(tip_deviation_mm(wavy, points)[1] - off).max() < 1e-10
+    assert np.abs(tip_deviation_mm(wavy, points)[0] - wavy.point_mm(x, turn)).max() < 1e-8
     points = wavy.flank_point_mm(x, 33.0) + off[:, None] * wavy.flank_normal(x)
-    assert np.abs(flank_deviation_mm(wavy, points) - off).max() < 1e-10
+    assert np.abs(flank_deviation_mm(wavy, points)[1] - off).max() < 1e-10
 
 
 def test_a_level_tip_is_cut_exactly():
