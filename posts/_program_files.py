@@ -16,6 +16,9 @@ from cuspline.posts._sub_programs import (
 from cuspline.posts._writing import COOLANT_WORD, Posted, Writer, check_lines
 
 
+LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
+
+
 class Dialect(ABC):
     """How one kind of control wants things written."""
 
@@ -135,7 +138,7 @@ class _Files:
             if self.texts:
                 writer.comment(f"FROM RESTART POINT N{restart_number(number, operation.passes.items[span[0]].number)}")
         writer.lines += main_lines(operation.passes, span, self.subs, number, self.dialect.call, writer)
-        if self._bytes() <= self.machine.control.program_store_bytes:
+        if self._bytes() + LATER_BYTES <= self.machine.control.program_store_bytes:
             return True
         del writer.lines[before[0]:], writer.tail[before[1]:]
         self.defined, self.under_way = before[2], before[3]
