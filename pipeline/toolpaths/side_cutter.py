@@ -1,4 +1,4 @@
-r"""Transverse arcs with a circular side cutter: a disc with radiused teeth on a right-angle head, its axis along the vane.
+r"""Transverse arcs with a circular side cutter: a disc with radiused teeth on a right-angle head, axis along the vane.
 
         ┌────────┐ head, hangs from the spindle            the disc turns in the transverse plane: seen from +x it is a
         │        ├──┐                                      circle of radius W + rt that rolls over the tip like the
@@ -6,9 +6,9 @@ r"""Transverse arcs with a circular side cutter: a disc with radiused teeth on a
         └────────┘ ▐│▌ circle of radius W
     ──────────────────────────── x ►
 
-A ball of radius rt whose centre is spread round a circle of radius W in the plane: with rt in place of the ball's radius
-contacts, interval, Y, Z, C and the register stay as they are, and W is added to the arc's radius alone.  Teeth so small
-leave room in valleys no ball of the disc's size would enter, at the disc's cutting speed.
+A ball of radius rt whose centre is spread round a circle of radius W in the plane: with rt in place of the ball's
+radius contacts, interval, Y, Z, C and the register stay as they are, and W is added to the arc's radius alone.  Teeth
+so small leave room in valleys no ball of the disc's size would enter, at the disc's cutting speed.
 What the head and the disc may not meet is the holding fixture: that is asked over the whole of every move.
 
 Source: the motive and the trouble, Crandall and Stovall ("interference with holding fixtures has been a problem").
@@ -38,12 +38,12 @@ class SideCutter:
     def __post_init__(self):
         if not 0 < 2 * self.tooth_radius_mm <= self.width_mm or not self.tooth_radius_mm < self.disc_radius_mm:
             raise PlanError(f"side cutter: teeth of radius {self.tooth_radius_mm:g} mm do not go on a disc of radius "
-                            f"{self.disc_radius_mm:g} mm and width {self.width_mm:g} mm: 0 < 2 tooth radius <= width, and "
-                            "tooth radius < disc radius")
+                            f"{self.disc_radius_mm:g} mm and width {self.width_mm:g} mm: 0 < 2 tooth radius <= width, "
+                            "and tooth radius < disc radius")
         if abs(self.width_mm - 2 * self.tooth_radius_mm) > 1e-9:
             raise PlanError(f"side cutter: a width of {self.width_mm:g} mm leaves a flat between teeth of radius "
-                            f"{self.tooth_radius_mm:g} mm, and a flat gouges wherever the tip line slopes: full teeth have "
-                            "half the width as their radius")
+                            f"{self.tooth_radius_mm:g} mm, and a flat gouges wherever the tip line slopes: full teeth "
+                            "have half the width as their radius")
 
     @property
     def wheel_mm(self):
@@ -63,7 +63,8 @@ def with_wheel(passes, cutter):
         TemplatedPasses.
     """
     if passes.register("ball").value != 0:
-        raise PlanError("side cutter: the program drives the disc's middle, so its passes are told with ball_radius_mm 0")
+        raise PlanError("side cutter: the program drives the disc's middle, so its passes are told with "
+                        "ball_radius_mm 0")
     g, fy, beside, wheel, ny = terms("g fy beside wheel ny")
     grown = {"g": lambda t: t + wheel, "fy": lambda t: t + wheel * ny}
     templates = tuple(replace(t, body=tuple(
@@ -120,9 +121,9 @@ def refuse_interference(moves, cutter, fixtures):
     worst = min(nearest_to_fixtures(moves, cutter, fixtures), key=lambda n: n.clearance_mm, default=None)
     if worst is not None and worst.clearance_mm < CLEARANCE_MM:
         place = " ".join(f"{a}{v:.3f}" for a, v in zip("XYZ", worst.center_mm))
-        raise PlanError(f"side cutter: its {worst.part} comes within {worst.clearance_mm:.2f} mm of the {worst.fixture} with "
-                        f"the disc's middle at {place}, {CLEARANCE_MM:g} mm are wanted: clamp lower, raise the vane, or "
-                        "take a smaller disc or head")
+        raise PlanError(f"side cutter: its {worst.part} comes within {worst.clearance_mm:.2f} mm of the "
+                        f"{worst.fixture} with the disc's middle at {place}, {CLEARANCE_MM:g} mm are wanted: clamp lower, "
+                        "raise the vane, or take a smaller disc or head")
 
 
 def _disc_mm(centers, cutter, low, high):

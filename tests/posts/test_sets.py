@@ -1,13 +1,14 @@
 """A numbered set read back: its files one after the other, every line in its own file."""
 
 import numpy as np
-from known_passes import LENGTHS, ZERO, machine, program
+import pytest
+from known_passes import BALL, CLEARANCE_MM, LENGTHS, ZERO, machine, program
 
-from cuspline.catalogue import reader_of
+from cuspline.catalogue import find_post, reader_of
 from cuspline.judge import _in_files
 from cuspline.posted import PostedMoves
 from cuspline.posts.linuxcnc import post
-from cuspline.program import Kind
+from cuspline.program import Kind, MoveWriter, Operation, Program
 from cuspline.verification.findings import Finding
 
 
@@ -42,3 +43,33 @@ def test_a_finding_names_the_file_and_its_own_line():
     first, = _in_files((Finding(**{**finding.as_dict(), "line": 3, "block": "G17"}),), parts)
     assert (first.line, first.block) == (3, "setup-1-01.ngc: G17")
     assert _in_files((finding,), {"setup-1.ngc": texts[0]}) == (finding,)
+
+
+def hops(count=40):
+    """Plain strokes with a retract to the clearance height after each."""
+    w = MoveWriter((0, 0, CLEARANCE_MM))
+    for k in range(count):
+        w.rapid((k, 0, CLEARANCE_MM))
+        w.feed((k, 0, 1 / 3), 300)
+        w.feed((k, 50.123, 1 / 3), 900)
+        w.rapid((k, 50.123, CLEARANCE_MM))
+    return w.moves()
+
+
+@pytest.mark.parametrize("name", ["linuxcnc", "fanuc"])
+def test_plain_moves_are_split_where_the_tool_stands_high(name):
+    told = Program(name="hops", setup="setup-1", wcs="G55", wcs_in_words="", clearance_z_mm=CLEARANCE_MM, header=("HOPS",),
+                   operations=(Operation(name="rough", tool=BALL, spindle_rpm=8000.0, coolant="off", moves=hops()),))
+    large, small = machine(name), machine(name, program_store_bytes=1200)
+    whole, parts = find_post(name).post(told, large), find_post(name).post(told, small).texts
+    assert len(whole.texts) == 1 and len(parts) > 1 and max(len(t) for t in parts) <= 1200
+    cut = lambda texts: np.vstack([np.column_stack([m.start_mm, m.end_mm, m.feed_mm_per_min])[m.kind == Kind.FEED] for m in (
+        reader_of(large)(t, work_offsets=ZERO, tool_lengths=LENGTHS) for t in texts)])
+    assert np.array_equal(cut(parts), cut(whole.texts))
+
+
+def test_a_stroke_longer_than_the_store_stays_whole():
+    """No place to split: the judge says that the program is too long."""
+    told = Program(name="one", setup="setup-1", wcs="G55", wcs_in_words="", clearance_z_mm=CLEARANCE_MM, header=(),
+                   operations=(Operation(name="rough", tool=BALL, spindle_rpm=8000.0, coolant="off", moves=hops(1)),))
+    assert len(post(told, machine(program_store_bytes=100)).texts) == 1
