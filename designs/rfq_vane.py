@@ -76,10 +76,11 @@ class RfqVane(Parameters):
     phase_deg: float = Field(-30.0, ge=-90, le=-10, description="reckoned cells: synchronous phase behind the ramp")
     ball_mm: float = Field(0.0, ge=0, le=100, description="diameter of the finishing ball; 0: the largest that fits")
     strategy: Literal["sections", "transverse_arcs"] = Field(
-        "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an arc in "
-        "each transverse plane, told by sub-programs and three numbers a step")
+        "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an arc "
+        "in each transverse plane, told by sub-programs and three numbers a step")
     allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: left by the rough passes")
     plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later, left out of the metal")
+    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
     stock_top_mm: float = Field(1.5, ge=0, le=20, description="billet above the highest crest")
     grip_mm: float = Field(25.0, ge=1, le=200, description="height of the jaws above the base")
     scallop_mm: float = Field(0.005, ge=0.001, le=0.1, description="largest cusp left")
@@ -147,7 +148,7 @@ def design(p: RfqVane) -> Design:
         material=p.material, machine="mill_long_bed",
         stock=StockBox(min_mm=(start, -half, 0.0), max_mm=(end, half, top + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
-        setups=(Setup(name="setup-1", wcs="G54", faces=("tip and flanks",), section_plane="YZ",
+        setups=(Setup(name="setup-1", wcs="G54", faces=("tip and flanks",), section_plane="YZ", passes=p.passes,
                       ball_mm=p.ball_mm or None, strategy=p.strategy, allowance_mm=p.allowance_mm,
                       plating_mm=p.plating_mm, wcs_origin_mm=(start, 0.0, 0.0), fixtures=_jaws(p, start, end),
                       wcs_in_words="X0 at the end where the beam enters, Y0 in the mid-plane, Z0 on the base"),),
