@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 from known_passes import BALL, CLEARANCE_MM, LENGTHS, ZERO, machine, program
+from typer.testing import CliRunner
 
 from cuspline.catalogue import find_post, reader_of
+from cuspline.cli import app
 from cuspline.judge import _in_files
 from cuspline.posted import PostedMoves
+from cuspline.posts._restart import restarted
 from cuspline.posts.linuxcnc import post
 from cuspline.program import Kind, MoveWriter, Operation, Program
 from cuspline.verification.findings import Finding
@@ -73,3 +76,14 @@ def test_a_stroke_longer_than_the_store_stays_whole():
     told = Program(name="one", setup="setup-1", wcs="G55", wcs_in_words="", clearance_z_mm=CLEARANCE_MM, header=(),
                    operations=(Operation(name="rough", tool=BALL, spindle_rpm=8000.0, coolant="off", moves=hops(1)),))
     assert len(post(told, machine(program_store_bytes=100)).texts) == 1
+
+
+def test_the_command_lists_restart_points_and_begins_at_one(tmp_path):
+    (tmp_path / "a.ngc").write_text(post(program(), machine()).text)
+    run = lambda *more: CliRunner().invoke(app, ["restart", str(tmp_path / "a.ngc"), *more])
+    assert run().output.split() == ["N1001", "N1002", "N1003", "N2001", "N2002", "N2003"]
+    assert run("n2002").output == restarted((tmp_path / "a.ngc").read_text(), 2002)
+    assert run("N2003", "--to", str(tmp_path / "b.ngc")).exit_code == 0
+    assert (tmp_path / "b.ngc").read_text().count("call") < 6
+    assert "write it as in the program, such as N2003" in str(run("second").exception)
+    assert "N7 is not in this program" in str(run("N7").exception)
