@@ -77,12 +77,13 @@ class RfqVane(Parameters):
     phase_deg: float = Field(-30.0, ge=-90, le=-10, description="reckoned cells: synchronous phase behind the ramp")
     ball_mm: float = Field(0.0, ge=0, le=100, description="diameter of the finishing ball; 0: the largest that fits")
     strategy: Literal["sections", "transverse_arcs"] = Field(
-        "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an arc in "
-        "each transverse plane, told by sub-programs and three numbers a step")
+        "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an arc "
+        "in each transverse plane, told by sub-programs and three numbers a step")
     allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: left by the rough passes")
     plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later, left out of the metal")
-    bed_travel_mm: float = Field(1400.0, ge=20, le=1e4, description="longest stretch that the bed reaches in one clamping; "
-                                 "a longer vane is shifted along it")
+    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
+    bed_travel_mm: float = Field(1400.0, ge=20, le=1e4, description="longest stretch that the bed reaches in one clamping; a "
+                                 "longer vane is shifted along it")
     overlap_mm: float = Field(10.0, gt=0, le=200, description="cut by both of two neighbouring clampings")
     stock_top_mm: float = Field(1.5, ge=0, le=20, description="billet above the highest crest")
     grip_mm: float = Field(25.0, ge=1, le=200, description="height of the jaws above the base")
@@ -164,8 +165,8 @@ def _setup(p, spans, k):
             "X0 at the end where the beam enters")
     return Setup(
         name=f"setup-{k + 1}", wcs=WORK_OFFSETS[k], faces=(predicates(spans)[k].name,), section_plane="YZ",
-        ball_mm=p.ball_mm or None, strategy=p.strategy, allowance_mm=p.allowance_mm, plating_mm=p.plating_mm,
-        wcs_origin_mm=(first, 0.0, 0.0), fixtures=_jaws(p, start, spans[-1][1]),
+        passes=p.passes, ball_mm=p.ball_mm or None, strategy=p.strategy, allowance_mm=p.allowance_mm,
+        plating_mm=p.plating_mm, wcs_origin_mm=(first, 0.0, 0.0), fixtures=_jaws(p, start, spans[-1][1]),
         markers=markers(spans[k], p.thickness_mm / 2, p.grip_mm),
         wcs_in_words=f"{zero}, Y0 in the mid-plane, Z0 on the base")
 

@@ -93,7 +93,7 @@ def verify(
 
 @app.command()
 def restart(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
-            point: Annotated[Optional[str], typer.Argument(help="restart point, such as N2003; none: list them")] = None,
+            point: Annotated[Optional[str], typer.Argument(help="restart point, as N2003; none: list them")] = None,
             to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
     """Begin a program of repeated passes at one of its restart points."""
     from cuspline.posts._restart import restart_points, restarted

@@ -188,6 +188,21 @@ def tangent_corner(d, r, alpha, beta):
     return float(e), float(f)
 
 
+def side_profile(d, corner_radius, h):
+    """Outline of a circular side cutter with radiused teeth: a disc, both of its rims rounded; mm.
+
+    Raises:
+        ValueError: the rims do not fit into its width.
+    """
+    if not 0 < 2 * corner_radius <= h + SAME_MM or not corner_radius < d / 2:
+        raise ValueError("a side cutter has 0 < 2 corner_radius_mm <= flute_length_mm, its width, and "
+                         "corner_radius_mm < diameter_mm/2")
+    e, rim = d / 2 - corner_radius, d / 2
+    low, high = corner_radius, max(h - corner_radius, corner_radius)
+    return chain((np.zeros(2), (e, 0.0), None), ((e, 0.0), (rim, low), (e, low)), ((rim, low), (rim, high), None),
+                 ((rim, high), (e, high + corner_radius), (e, high)))
+
+
 def lens_profile(d, tip_radius, corner_radius, h):
     """Outline of a lens cutter: a large tip radius, rounded into the side by a small one; mm.
 

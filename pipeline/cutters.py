@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_serializer, model_validator
 
-from cuspline.cutter_profile import apt_profile, lens_profile, tangent_corner
+from cuspline.cutter_profile import apt_profile, lens_profile, side_profile, tangent_corner
 from cuspline.errors import InputError
 from cuspline.tool_units import in_mm
 
@@ -45,7 +45,7 @@ class Holder(Model):
 
 # what says the shape of each type beside diameter, corner radius and flute length
 SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg",), "tapered_ball": ("taper_deg",),
-                "lens": ("tip_radius_mm",),
+                "lens": ("tip_radius_mm",), "side": (),
                 "apt": ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm")}
 OPTIONAL = ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm", "tip_radius_mm",
             "shaft_segments")
@@ -59,7 +59,7 @@ class Cutter(Model):
     """
 
     name: str
-    type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "apt"]
+    type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "side", "apt"]
     diameter_mm: float = Field(gt=0)
     corner_radius_mm: float = Field(ge=0, description="0 flat, diameter/2 ball")
     flutes: int = Field(ge=1)
@@ -128,10 +128,10 @@ class Cutter(Model):
         """APT's (d, r, e, f, alpha, beta, h), mm and radians; beta < 0 leans inward.
 
         Raises:
-            InputError: a lens cutter, whose bottom is no straight line.
+            InputError: a lens cutter, whose bottom is no straight line; a side cutter, whose two rims are round.
         """
-        if self.type == "lens":
-            raise InputError(f"{self.name}: a lens cutter has no seven-parameter form")
+        if self.type in ("lens", "side"):
+            raise InputError(f"{self.name}: a {self.type} cutter has no seven-parameter form")
         d, r = self.diameter_mm, self.corner_radius_mm
         alpha, beta = np.radians(self.tip_angle_deg or 0.0), np.radians(self.taper_deg or 0.0)
         if self.type == "apt":
@@ -148,6 +148,8 @@ class Cutter(Model):
         Raises:
             ValueError: the measures do not go together.
         """
+        if self.type == "side":
+            return side_profile(self.diameter_mm, self.corner_radius_mm, self.flute_length_mm)
         if self.type == "lens":
             return lens_profile(self.diameter_mm, self.tip_radius_mm, self.corner_radius_mm, self.flute_length_mm)
         return apt_profile(*self.apt)

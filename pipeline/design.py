@@ -120,16 +120,16 @@ class Setup(Model):
     strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral",
                       "transverse_arcs"] = Field(
         "sections", description="finishing passes: arcs and lines in section planes; on any part: parallel at an angle, "
-        "constant scallop height, along the faces' border, one spiral; on a vane: arcs across as its controller lays them")
+        "constant scallop height, along the faces' border, one spiral; on a vane: its controller's arcs across")
     section_plane: Literal["ZX", "YZ"] = Field("ZX", description="sections: plane in which the finishing passes run")
     pass_angle_deg: float = Field(0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
     steep_deg: float = Field(65.0, ge=20, le=90, description="walls steeper than this get waterline passes "
                              "(all strategies but sections); 90: none do")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
-    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: what the rough passes leave; the register "
-                                "is larger than the ball by it")
-    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later; the register of the finish "
-                              "is smaller than the ball by it")
+    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: what the rough passes leave; the "
+                                "register is larger than the ball by it")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later; the register of the "
+                              "finish is smaller than the ball by it")
     ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball; None: the largest that fits")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 

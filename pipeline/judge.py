@@ -84,14 +84,15 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING):
                            ball_radius_mm=job.smallest_ball_radius_mm, options=options, say=say,
                            kept=kept)
     zero = job.machine.wcs_origin_mm
-    setups = tuple(replace(v, findings=_in_files(located(v.findings, p.posted, "".join(parts.values()), p.setup.frame, zero,
-                                                         lengths), parts)) for v, p, parts in zip(setups, programs, texts))
+    place = lambda v, p, parts: _in_files(
+        located(v.findings, p.posted, "".join(parts.values()), p.setup.frame, zero, lengths), parts)
+    setups = tuple(replace(v, findings=place(v, p, parts)) for v, p, parts in zip(setups, programs, texts))
     return Judged(verdict=Verdict(setups=setups), solid=solid, programs=tuple(programs), tools=tools,
                   extra=tuple(extra))
 
 
 def posted_moves(texts, setup, machine, tools):
-    """PostedMoves of a program's texts, run one after the other, on a machine that knows the tools and the setup's zero."""
+    """PostedMoves of a program's texts, run one after the other, on a machine that knows tools and the setup's zero."""
     read = reader_of(machine)
     parts = [read(text, work_offsets={setup.wcs: machine.wcs_origin_mm},
                   tool_lengths={n: t.length_mm for n, t in tools.items()}) for text in texts]

@@ -246,14 +246,14 @@ class TemplatedPasses:
     def shifted(self, by_mm):
         """The same passes seen from a zero that lies elsewhere: every coordinate grows by (3,) `by_mm`."""
         move = lambda quantity, value: value + by_mm[quantity.axis] if quantity.axis is not None else value
-        arguments = {t.name: t.arguments for t in self.templates}
+        of = {t.name: t.arguments for t in self.templates}
         quantity = {r.name: r.quantity for r in self.registers}
         return replace(
             self, start_mm=tuple(float(a + b) for a, b in zip(self.start_mm, by_mm)),
             registers=tuple(replace(r, value=float(move(r.quantity, r.value))) for r in self.registers),
             items=tuple(replace(i, values=tuple((n, float(move(quantity[n], v))) for n, v in i.values))
                         if isinstance(i, Restart) else
-                        replace(i, arguments=tuple(float(move(q, v)) for q, v in zip(arguments[i.template], i.arguments)))
+                        replace(i, arguments=tuple(float(move(q, v)) for q, v in zip(of[i.template], i.arguments)))
                         for i in self.items))
 
     def rounded(self, rounding):

@@ -1,4 +1,6 @@
-"""A Program as text in a control's dialect: one file, or a numbered set that is split at restart points.
+"""A Program as text in a control's dialect: one file, or a numbered set.
+
+It is split at restart points, and among plain moves where the tool stands at the clearance height.
 
     head        comments, known state                         )
     operation   tool, spindle, sub-programs, registers, start  ) in every file of a set
@@ -14,6 +16,9 @@ from cuspline.errors import PostError
 from cuspline.posts._sub_programs import (
     SubPrograms, Variables, calls_between, largest_rounding_mm, main_lines, restart_number)
 from cuspline.posts._writing import COOLANT_WORD, Posted, Writer, check_lines
+
+
+LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
 
 
 class Dialect(ABC):
@@ -101,12 +106,27 @@ class _Files:
                       largest_rounding_mm=self.largest_rounding_mm)
 
     def add_moves(self, operation, number):
-        """An operation move by move."""
+        """An operation move by move; where the store is full, a new file begins at the clearance height."""
+        moves = operation.moves
         self._begin(operation, number, is_alone=False)
-        self._go_to_start(operation.moves.start_mm)
-        moves, writer = operation.moves, self.writer
-        for k in range(len(moves)):
-            writer.move(moves.kind[k], moves.end_mm[k], moves.center_mm[k], moves.plane[k], moves.feed_mm_per_min[k])
+        self._go_to_start(moves.start_mm)
+        high = np.flatnonzero(moves.starts_mm[:, 2] >= self.program.clearance_z_mm - 1e-6)
+        bounds = [0, *high[high > 0].tolist(), len(moves)]
+        for first, end in zip(bounds[:-1], bounds[1:]):
+            before = self.writer.state()
+            self._write(moves, first, end)
+            if first and self._bytes() + LATER_BYTES > self.machine.control.program_store_bytes:
+                self.writer.go_back_to(before)
+                self._close()
+                self._open()
+                self._begin(operation, number, is_alone=True)
+                self._go_to_start(moves.starts_mm[first])
+                self._write(moves, first, end)
+
+    def _write(self, moves, first, end):
+        for k in range(first, end):
+            self.writer.move(moves.kind[k], moves.end_mm[k], moves.center_mm[k], moves.plane[k],
+                             moves.feed_mm_per_min[k])
 
     def add_passes(self, operation, number):
         """An operation as calls; where the store is full, a new file begins at a restart point."""
@@ -118,9 +138,9 @@ class _Files:
             self._close()
             self._open()
             if not self._try(operation, number, span):
-                raise PostError(f"operation {operation.name}: from one restart point to the next it needs more than the "
-                                f"{self.machine.control.program_store_bytes} bytes that {self.machine.name} stores; put "
-                                "restart points closer together")
+                raise PostError(f"operation {operation.name}: from one restart point to the next it needs more than "
+                                f"the {self.machine.control.program_store_bytes} bytes that {self.machine.name} stores; "
+                                "put restart points closer together")
         # arcs and feeds of the sub-programs have left another state than the writer knows
         self.writer.plane = self.writer.feed = None
         self.writer.largest_rounding_mm = max(self.writer.largest_rounding_mm, largest_rounding_mm(passes, self.writer))
@@ -135,7 +155,7 @@ class _Files:
             if self.texts:
                 writer.comment(f"FROM RESTART POINT N{restart_number(number, operation.passes.items[span[0]].number)}")
         writer.lines += main_lines(operation.passes, span, self.subs, number, self.dialect.call, writer)
-        if self._bytes() <= self.machine.control.program_store_bytes:
+        if self._bytes() + LATER_BYTES <= self.machine.control.program_store_bytes:
             return True
         del writer.lines[before[0]:], writer.tail[before[1]:]
         self.defined, self.under_way = before[2], before[3]

@@ -52,8 +52,8 @@ class SubPrograms:
 
     def settings(self, passes, writer):
         """(block, comment) that gives each register its value."""
-        return [(f"#{self.registers[r.name]}={number_text(r.value, r.quantity.unit, writer)}", r.quantity.meaning or r.name)
-                for r in passes.registers]
+        return [(f"#{self.registers[r.name]}={number_text(r.value, r.quantity.unit, writer)}",
+                 r.quantity.meaning or r.name) for r in passes.registers]
 
     def restart(self, item, passes, operation_number, writer):
         """Blocks of a restart point, the first with its block number."""
@@ -131,7 +131,8 @@ class _Spelled:
     def __init__(self, template, registers, variables, writer):
         self.template, self.variables, self.writer = template, variables, writer
         own = [n for n in template.locals if n not in registers]
-        for what, wanted, room in (("arguments", template.arguments, variables.arguments), ("locals", own, variables.locals)):
+        for what, wanted, room in (("arguments", template.arguments, variables.arguments),
+                                   ("locals", own, variables.locals)):
             if len(wanted) > len(room):
                 raise PostError(f"sub-program {template.name!r} needs {len(wanted)} {what}, the control has {len(room)}")
         self.number = {**registers, **{a.name: n for a, n in zip(template.arguments, variables.arguments)}}
@@ -159,8 +160,8 @@ class _Spelled:
         words = []
         for axis, center in sorted(zip(step.plane.axes[:2], step.center)):
             if self.ends[axis] is None or step.ends[axis] is None:
-                raise PostError(f"sub-program {self.template.name!r}: an arc begins or ends at a {'XYZ'[axis]} that the "
-                                "sub-program does not say")
+                raise PostError(f"sub-program {self.template.name!r}: an arc begins or ends at a {'XYZ'[axis]} that "
+                                "the sub-program does not say")
             words.append("IJK"[axis] + self._value(center - self.ends[axis]))
         return words
 

@@ -1,4 +1,4 @@
-"""What the posts share: words and blocks, rounding, arcs that a control accepts, and a program in as many files as it needs.
+"""What the posts share: words and blocks, rounding, and arcs that a control accepts.
 
 Blocks are built as lists of words first and joined to text second.  Arc radii are compared after rounding; arcs that
 a control would refuse are cut into chords.
@@ -56,6 +56,16 @@ class Writer:
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
         self.plane, self.feed = Plane.XY, None
         self.forget_position()
+
+    def state(self):
+        """What `go_back_to` needs to forget all that is written from here on."""
+        return len(self.lines), {**self.__dict__, "axis_words": list(self.axis_words)}
+
+    def go_back_to(self, state):
+        """Forget what was written since."""
+        count, values = state
+        self.__dict__.update(values)
+        del self.lines[count:]
 
     def forget_position(self):
         """After a tool change every axis word is written again."""

@@ -2,7 +2,8 @@
 
 Facts of the controller that this post respects: units on a line of their own before anything else; every line
 below the machine's line length; a path tolerance always with G64 (a bare G64 cuts corners by millimetres); arc
-radii compared after rounding, arcs it would refuse cut into chords; sub-programs before their first call; M2 at the end.
+radii compared after rounding, arcs it would refuse cut into chords; sub-programs before their first call; M2 at the
+end.
 """
 
 from cuspline.posts._program_files import Dialect, posted

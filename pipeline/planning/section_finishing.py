@@ -10,6 +10,8 @@ from cuspline.toolpaths.pass_links import LinkRules, moves_of_passes
 from cuspline.toolpaths.profile_passes import ProfilePlanner, planes_across, smallest_step
 from cuspline.toolpaths.rest_passes import rest_passes
 
+ROWS_BESIDE = 2.0           # largest gaps between samples, that are looked at beside every step
+
 
 def finish(shop, name, tool, allowance_mm, scallop_mm, candidates, reach):
     """Section passes over all faces wanted with one ball."""
@@ -95,4 +97,6 @@ def _plane_step(shop, radius_mm, ridge_mm):
     allowed = chord * slope * np.minimum(spread, 1.0)
     at = samples.point_mm[usable][:, k] + radius_mm * samples.normal[usable][:, k]
     smallest = float(allowed.min())
-    return smallest_step(at, allowed, margin_mm=smallest, elsewhere_mm=smallest)
+    # on a long face the samples lie farther apart than the planes: those on both sides count for what lies between
+    apart = float(np.diff(np.sort(at)).max(initial=0.0))
+    return smallest_step(at, allowed, margin_mm=max(smallest, ROWS_BESIDE * apart), elsewhere_mm=smallest)

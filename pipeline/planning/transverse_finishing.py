@@ -57,11 +57,11 @@ def _vane(shop):
     half = float(max(-shop.box[0][1], shop.box[1][1]))
     wide = float(max(-shop.stock_min_mm[1], shop.stock_max_mm[1]))
     if wide > half + BESIDE_MM - BODY_SHARE:
-        raise PlanError(f"{setup.name}: transverse arcs go down beside the body, {half:.3f} mm from the mid-plane, and the "
-                        f"billet reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
+        raise PlanError(f"{setup.name}: transverse arcs go down beside the body, {half:.3f} mm from the mid-plane, and "
+                        f"the billet reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
     if setup.plating_mm > shop.design.finish.gouge_mm:
-        raise PlanError(f"{setup.name}: a plating of {setup.plating_mm:g} mm leaves the metal that far below the plated "
-                        f"surface, and finish.gouge_mm accepts {shop.design.finish.gouge_mm:g} mm: raise it")
+        raise PlanError(f"{setup.name}: a plating of {setup.plating_mm:g} mm leaves the metal that far below the "
+                        f"plated surface, and finish.gouge_mm accepts {shop.design.finish.gouge_mm:g} mm: raise it")
     return tip.between(*_range_mm(shop)), half
 
 
@@ -78,11 +78,13 @@ def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):
     steps = arc_steps(tip, radius, np.concatenate([s.planes for s in along]))
     rpm, feed = shop.speeds(ball, is_rough=False)
     passes = templated_passes(
-        along, steps, flank_rad=tip.flank_half_angle_rad, register_mm=radius + over_mm, ball_radius_mm=radius, half_width_mm=half_mm,
+        along, steps, flank_rad=tip.flank_half_angle_rad, register_mm=radius + over_mm, ball_radius_mm=radius,
+        half_width_mm=half_mm,
         clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed, slow_mm_per_min=PLUNGE_SHARE * feed,
         restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
     intervals = [float(s.interval_mm) for s in along]
-    facts = {"allowance_mm": over_mm if over_mm > 0 else 0.0, "scallop_mm": ridge_mm, "register_mm": round(radius + over_mm, 6),
+    facts = {"allowance_mm": over_mm if over_mm > 0 else 0.0, "scallop_mm": ridge_mm,
+             "register_mm": round(radius + over_mm, 6),
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(max(intervals), 6),
              "stepover_min_mm": round(min(intervals), 6), "passes": len(steps), "section_plane": "YZ",
              "matching_passes": int(steps.is_matching.sum()), "restart_points": len(passes.restarts),
@@ -93,14 +95,17 @@ def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):
 def map_facts(found, half_arc_rad):
     """The deviation map as plan.json shows it: extremes by section, and rows enough to draw."""
     rows = np.unique(np.linspace(0, len(found.deviation_mm) - 1, MAP_ROWS).round().astype(int))
-    facts = {"half_arc_deg": round(float(np.degrees(half_arc_rad)), 6), "x_mm": found.place_mm[rows, 0, 0].round(4).tolist(),
-             "deviation_mm": [[None if np.isnan(d) else round(float(d), 6) for d in row] for row in found.deviation_mm[rows]],
+    shown = lambda row: [None if np.isnan(d) else round(float(d), 6) for d in row]
+    facts = {"half_arc_deg": round(float(np.degrees(half_arc_rad)), 6),
+             "x_mm": found.place_mm[rows, 0, 0].round(4).tolist(),
+             "deviation_mm": [shown(row) for row in found.deviation_mm[rows]],
              "columns": "crest to tangency at even angles, then the flank", "folded": int(found.is_folded.sum())}
     for name, mine in (("general", ~found.is_matching), ("matching", found.is_matching)):
         if mine.any():
             deviation, place = found.deviation_mm[mine], found.place_mm[mine]
             low, high = (np.unravel_index(f(deviation), deviation.shape) for f in (np.nanargmin, np.nanargmax))
-            facts[name] = {"lowest_mm": round(float(deviation[low]), 6), "lowest_place_mm": place[low].round(4).tolist(),
+            facts[name] = {"lowest_mm": round(float(deviation[low]), 6),
+                           "lowest_place_mm": place[low].round(4).tolist(),
                            "highest_mm": round(float(deviation[high]), 6),
                            "highest_place_mm": place[high].round(4).tolist()}
     return facts

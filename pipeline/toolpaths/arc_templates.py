@@ -1,4 +1,4 @@
-"""Transverse arcs as pass templates: sub-programs clockwise and counter-clockwise, general and matching, rough and finish.
+"""Transverse arcs as pass templates: clockwise and counter-clockwise, general and matching section, rough and finish.
 
 The main program is then data and calls: three numbers a step (Y, Z, C; in the matching section swell and lift too), the
 plane's x counts on by itself, and a restart point says it anew every so many steps.
@@ -58,14 +58,14 @@ FINISH = {m: _template("finish clockwise", m, (*DOWN, *_stroke(1, slow))) for m 
 LEAVE = PassTemplate("leave", (), (UP,))
 
 
-def templated_passes(stretches, steps, *, flank_rad, register_mm, ball_radius_mm, half_width_mm, clearance_z_mm, feed_mm_per_min,
-                     slow_mm_per_min, restart_steps, is_rough):
+def templated_passes(stretches, steps, *, flank_rad, register_mm, ball_radius_mm, half_width_mm, clearance_z_mm,
+                     feed_mm_per_min, slow_mm_per_min, restart_steps, is_rough):
     """All passes of one operation.
 
     Args:
         stretches: Stretch values.   steps: ArcSteps of their planes, in the same order.
-        flank_rad: angle of the flanks from the vertical.  It is a register, not reckoned from Y, Z, C: rounding of those
-            would turn the flanks.
+        flank_rad: angle of the flanks from the vertical.  It is a register, not reckoned from Y, Z, C: rounding of
+            those would turn the flanks.
         register_mm: tool-radius register: true radius, and the allowance more or the plating less.
         ball_radius_mm: of the tool: how far the tip lies below its centre.
         half_width_mm: of the body.   clearance_z_mm: of rapids across.

@@ -2,9 +2,9 @@
 
 The centre runs over c(x, t) = (x, g sin t, h + g cos t), g(x) the arc's radius and h(x) its centre's height, both with
 the register in them.  Its unit normal n_c is along (-(g' + h' cos t), sin t, cos t); the ball touches s = c - Rc n_c.
-On the flanks n_c is the same all the way down.  Where general and matching section meet, the arcs jump: within a ball's
-radius the neighbour may reach lower than the map says.  Where the envelope turns back on itself (the ball is larger than a
-hollow of the cutter surface allows) the true cut is deeper than s: those places are marked.
+On the flanks n_c is the same all the way down.  Where general and matching section meet, the arcs jump: within a
+ball's radius the neighbour may reach lower than the map says.  Where the envelope turns back on itself (the ball is
+larger than a hollow of the cutter surface allows) the true cut is deeper than s: those places are marked.
 
 Source: FORMULAS 1 (Crandall and Stovall): "s = c - Rc n_c", n_c by differentiating along and across.
 """
@@ -26,12 +26,11 @@ LEAST_NODES = 8
 class CutMap:
     """What a ball leaves of a tip, on the side of +y; the other side is its mirror image.
 
-    Columns run from the crest to the tangency, the last is the flank (the same all the way down, taken at the tangency).
+    Columns run from the crest to the tangency, the last is the flank (the same all the way down, taken at its top).
     """
 
     place_mm: np.ndarray        # (n, k, 3) on the design, under s_actual; the tip's frame
-    deviation_mm: np.ndarray    # (n, k) of s_actual along the normal there, positive where material is left; NaN beyond its
-                                # ends
+    deviation_mm: np.ndarray    # (n, k) of s_actual along the normal there, positive: left; NaN beyond the tip's ends
     is_folded: np.ndarray       # (n, k) bool: the envelope turns back; more is cut there
     is_matching: np.ndarray     # (n,) bool
 
@@ -76,7 +75,8 @@ def _part(tip, ball_radius_mm, register_mm, center_x_mm):
     places = centers - ball_radius_mm * normal
     folded = np.zeros(turn.shape[1:] + center_x_mm.shape, bool).T
     folded[1:] = (np.diff(places, axis=0) * np.diff(centers, axis=0)).sum(axis=-1) <= 0
-    (feet, deviation), (flank_feet, flank) = tip_deviation_mm(tip, places[:, :-1]), flank_deviation_mm(tip, places[:, -1:])
+    feet, deviation = tip_deviation_mm(tip, places[:, :-1])
+    flank_feet, flank = flank_deviation_mm(tip, places[:, -1:])
     places, deviation = np.concatenate([feet, flank_feet], axis=1), np.concatenate([deviation, flank], axis=1)
     low, high = tip.range_mm
     deviation[(places[..., 0] < low) | (places[..., 0] > high)] = np.nan
@@ -109,7 +109,7 @@ def flank_deviation_mm(tip, points_mm):
 
 
 def _distance(points_mm, gradient):
-    """Foot and signed distance by walking to the foot on the level set 0 and squaring the arm up to the normal there."""
+    """Foot and signed distance: walks to the foot on the level set 0 and squares the arm up to the normal there."""
     foot = np.array(points_mm, float)
     for _ in range(PROJECTIONS):
         value, slope = gradient(foot)

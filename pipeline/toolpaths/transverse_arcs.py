@@ -12,10 +12,11 @@ A step is at a constant interval in the CENTRE's x; the contact under it in the 
 mid-plane is exact and all else nearly so (cutter_surface.py says by how much).  Y, Z, C are the section at the contact,
 C lowered by what the slope leans the ball out of the plane: C = z_ball - R - Rc.
 
-Where the tip runs steeply (the radial matching section) that would lift the flanks with the crest, and the register would
-act along z, not along the normal.  There the ball's contact with the FLANK in the same plane is found too, and the arc is
-the one that meets the true offset at the crest and along the flanks.  Such a step has two numbers more, swell and lift:
-radius |T - C| + r swell, centre C + r lift, so that crest and flanks follow the offset for any register, to first order:
+Where the tip runs steeply (the radial matching section) that would lift the flanks with the crest, and the register
+would act along z, not along the normal.  There the ball's contact with the FLANK in the same plane is found too, and
+the arc is the one that meets the true offset at the crest and along the flanks.  Such a step has two numbers more,
+swell and lift: radius |T - C| + r swell, centre C + r lift, so that crest and flanks follow the offset for any
+register, to first order:
 
     swell + lift = sqrt(1 + s²),   swell + lift sin α = sqrt(1 + s² sin² α)   s the slope, α the flanks' angle
 
@@ -31,7 +32,7 @@ from cuspline.arrays import frozen
 from cuspline.errors import CutterDoesNotFit
 from cuspline.planning.stepover import stepover_for_scallop_mm
 
-STEEP_SLOPE = 0.3           # above it a step is one of the matching section: the register would be 4 % short along the normal
+STEEP_SLOPE = 0.3           # steeper is matching section: the register would be 4 % short along the normal
 BRACKET_SAMPLES = 20_001    # of the tip line: a bracket for every contact, and the check that the ball fits
 ROUNDS = 60                 # Newton from the middle of a bracket needs five; halving alone forty
 CONTACT_MM = 1e-11
@@ -158,8 +159,8 @@ def _refuse_tight_valley(line, name, ball_radius_mm, x):
     worst = int(turning.argmax())
     if turning[worst] * ball_radius_mm >= 1.0:
         raise CutterDoesNotFit(
-            f"transverse arcs: ball radius {ball_radius_mm:.3f} mm, but the valley of {name} at x = {x[worst]:.3f} mm has "
-            f"a radius of {1 / turning[worst]:.3f} mm; choose a smaller ball",
+            f"transverse arcs: ball radius {ball_radius_mm:.3f} mm, but the valley of {name} at x = {x[worst]:.3f} mm "
+            f"has a radius of {1 / turning[worst]:.3f} mm; choose a smaller ball",
             rows=np.flatnonzero(turning * ball_radius_mm >= 1.0))
 
 
@@ -182,8 +183,8 @@ def arc_steps(tip, ball_radius_mm, center_x_mm):
     if steep.any():
         swell[steep], lift[steep], radius[steep], c[steep] = _steep(
             tip, ball_radius_mm, np.asarray(center_x_mm, float)[steep], ball_z[steep], secant[steep])
-    return ArcSteps(center_x_mm=center_x_mm, contact_x_mm=xs, y_mm=radius * np.cos(angle), z_mm=c + radius * np.sin(angle),
-                    c_mm=c, swell=swell, lift=lift, is_matching=steep)
+    return ArcSteps(center_x_mm=center_x_mm, contact_x_mm=xs, y_mm=radius * np.cos(angle),
+                    z_mm=c + radius * np.sin(angle), c_mm=c, swell=swell, lift=lift, is_matching=steep)
 
 
 def _steep(tip, ball_radius_mm, center_x_mm, ball_z_mm, secant):
@@ -202,8 +203,8 @@ def _steep(tip, ball_radius_mm, center_x_mm, ball_z_mm, secant):
 def widest_interval_mm(tip, ball_radius_mm, ridge_mm, x_mm):
     """(n,) interval in the centre's x at which neighbouring arcs leave ridges of the given height round contacts x.
 
-    Looked at round the arc: the crest is not always the worst place, for on the arc's sides the surface runs less steeply
-    but no flatter.
+    Looked at round the arc: the crest is not always the worst place, for on the arc's sides the surface runs less
+    steeply but no flatter.
 
     Source: FORMULAS 4; contacts a chord apart along the surface lie chord · cos(slope) apart in x, centres
     1 + Rc κ times that.
@@ -236,7 +237,8 @@ def stretches(tip, ball_radius_mm, ridge_mm, resolution_mm):
     """
     x = np.linspace(*tip.range_mm, BRACKET_SAMPLES)
     _refuse_tight_valley(_crest(tip), "the tip line", ball_radius_mm, x)
-    allowed, center = widest_interval_mm(tip, ball_radius_mm, ridge_mm, x), center_x_of_contact_mm(tip, ball_radius_mm, x)
+    allowed = widest_interval_mm(tip, ball_radius_mm, ridge_mm, x)
+    center = center_x_of_contact_mm(tip, ball_radius_mm, x)
     bounds = [0, *(np.flatnonzero(np.diff(np.abs(crest_slope(tip, x)) > STEEP_SLOPE)) + 1), len(x) - 1]
     made, start = [], _on_grid(center[0], resolution_mm)
     for a, b in zip(bounds[:-1], bounds[1:]):

@@ -35,7 +35,7 @@ def test_linuxcnc_takes_every_restart_and_every_file_of_a_set(judged):
     text = post(program(), machine()).text
     for point in restart_points(text):
         assert judged(restarted(text, point)).ended
-    for part in post(program(), machine(program_store_bytes=950)).texts:
+    for part in post(program(), machine(program_store_bytes=1110)).texts:
         assert judged(part).ended
 
 

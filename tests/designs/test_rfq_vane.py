@@ -5,6 +5,7 @@ Values in tests/designs/rfq/ were computed apart from this project's code (roots
 
 import csv
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,9 @@ from cuspline.designs._rfq_tip_line import Segment, TipLine, fitted_tip
 from cuspline.designs.rfq_vane import TABLES, RfqVane, assembly, design, line_of, table_of
 from cuspline.errors import CamError, CutterDoesNotFit, DesignError, InputError
 from cuspline.planning.plan import plan_setup
-from cuspline.surfaces.curvature import tightest_hollow
+from cuspline.planning.section_finishing import _plane_step
+from cuspline.surfaces.curvature import sample_faces, tightest_hollow
+from cuspline.surfaces.sections import SectionPlane
 
 VALUES = Path(__file__).parent / "rfq"
 TABLE = read_table(TABLES["isodar_32p8"])
@@ -363,3 +366,18 @@ def test_a_shop_without_a_ball_for_the_valley_is_told_the_cell():
     large = library.model_copy(update={"tools": tuple(t for t in library.tools if t.cutter.diameter_mm > 5)})
     with pytest.raises(CutterDoesNotFit, match=r"^cell 4\d: no ball of the library"):
         plan_setup(made, made.setups[0], machine, large)
+
+
+def test_planes_are_as_far_apart_as_the_cusp_allows_however_long_the_vane(whole):
+    """Curvature is sampled 3 to 5 mm apart on a long face; between samples the step is theirs, not the vane's least."""
+    _, made = whole
+    faces = brep.faces_of(brep.the_solid(made.solid))
+    samples = sample_faces(faces, [k for k, f in enumerate(faces) if f.kind == "bspline"], 0)
+    step_at = _plane_step(SimpleNamespace(samples=samples, plane=SectionPlane.named("YZ")), 8.0, 0.004)
+    flat = 2 * np.sqrt(2 * 8.0 * 0.004)     # 0.506 mm
+    straight = step_at(1285.0, 1285.5)      # the last cell's tip is level
+    assert straight == pytest.approx(flat, rel=1e-3)
+    places = np.arange(110.0, 1300.0, 7.3)
+    steps = np.array([step_at(x, x + 0.4) for x in places])
+    assert steps.min() > 0.4 and steps.max() <= flat * 1.0001
+    assert step_at(20.0, 20.2) < 0.2        # steep at the matching section's opening

@@ -40,8 +40,9 @@ def planes(tip, ball_mm=BALL_MM, ridge_mm=RIDGE_MM):
 def passes(tip, register_mm=BALL_MM, is_rough=False, ridge_mm=RIDGE_MM, **changes):
     """(TemplatedPasses, ArcSteps)."""
     along, steps = planes(tip, ridge_mm=ridge_mm)
-    asked = {"flank_rad": tip.flank_half_angle_rad, "register_mm": register_mm, "ball_radius_mm": BALL_MM, "half_width_mm": HALF_MM,
-             "clearance_z_mm": CLEARANCE_MM, "feed_mm_per_min": 800.0, "slow_mm_per_min": 240.0, "restart_steps": 50,
+    asked = {"flank_rad": tip.flank_half_angle_rad, "register_mm": register_mm, "ball_radius_mm": BALL_MM,
+             "half_width_mm": HALF_MM, "clearance_z_mm": CLEARANCE_MM,
+             "feed_mm_per_min": 800.0, "slow_mm_per_min": 240.0, "restart_steps": 50,
              "is_rough": is_rough} | changes
     return templated_passes(along, steps, **asked), steps
 

@@ -112,7 +112,7 @@ def test_a_restart_point_that_is_not_there_is_refused():
 
 @pytest.mark.parametrize("post", ["linuxcnc", "fanuc"])
 def test_a_program_beyond_the_store_becomes_a_set_that_cuts_the_same(post):
-    mill = machine(post, program_store_bytes=950)
+    mill = machine(post, program_store_bytes=1110)
     whole = find_post(post).post(program(), machine(post))
     posted = find_post(post).post(program(), mill)
     assert len(posted.texts) > 2 and max(len(t) for t in posted.texts) <= 950
@@ -129,7 +129,7 @@ def test_a_program_beyond_the_store_becomes_a_set_that_cuts_the_same(post):
 @pytest.mark.parametrize("post", ["linuxcnc", "fanuc"])
 def test_a_store_smaller_than_one_span_is_refused(post):
     with pytest.raises(PostError, match="put restart points closer together"):
-        find_post(post).post(program(), machine(post, program_store_bytes=600))
+        find_post(post).post(program(), machine(post, program_store_bytes=760))
 
 
 # what templates refuse --------------------------------------------------------------------------------

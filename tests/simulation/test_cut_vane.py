@@ -33,7 +33,7 @@ def simulated(texts, mill, points, normals):
 
 
 def predicted(tip, register_mm, x, turn):
-    """(n,) the map's deviation at places of the arc: along each of its columns, then across; NaN where it is not sure."""
+    """(n,) the map's deviation at places of the arc: along its columns, then across; NaN where it is not sure."""
     found = cut_map(tip, BALL_MM, register_mm, 0.1)
     assert not found.is_folded.any()
     place, deviation = found.place_mm[:, :-1], found.deviation_mm[:, :-1]
@@ -131,7 +131,7 @@ TAPE_CHARACTERS_PER_INCH, STEP_INCHES, REEL_FEET = 10, 3.7, 800
 
 
 def test_a_reel_of_tape_holds_the_steps_that_the_source_says():
-    """800 ft at 3.7 in a step are 2594 steps, 1.297 m at 0.5 mm; a step of ours is shorter, the sub-programs stand behind."""
+    """800 ft at 3.7 in a step are 2594 steps; a step of ours is shorter, and the sub-programs stand behind."""
     tape = find_machine("mill_paper_tape")
     assert tape.control.program_store_bytes == REEL_FEET * 12 * TAPE_CHARACTERS_PER_INCH
     assert int(REEL_FEET * 12 / STEP_INCHES) == 2594

@@ -1,0 +1,89 @@
+"""A numbered set read back: its files one after the other, every line in its own file."""
+
+import numpy as np
+import pytest
+from known_passes import BALL, CLEARANCE_MM, LENGTHS, ZERO, machine, program
+from typer.testing import CliRunner
+
+from cuspline.catalogue import find_post, reader_of
+from cuspline.cli import app
+from cuspline.judge import _in_files
+from cuspline.posted import PostedMoves
+from cuspline.posts._restart import restarted
+from cuspline.posts.linuxcnc import post
+from cuspline.program import Kind, MoveWriter, Operation, Program
+from cuspline.verification.findings import Finding
+
+
+def read_set():
+    mill = machine(program_store_bytes=1110)
+    texts = post(program(), mill).texts
+    parts = [reader_of(mill)(t, work_offsets=ZERO, tool_lengths=LENGTHS) for t in texts]
+    return texts, parts, PostedMoves.joined(parts, [t.count("\n") for t in texts])
+
+
+def test_a_set_is_its_files_one_after_the_other():
+    texts, parts, whole = read_set()
+    assert len(texts) > 2 and len(whole) == sum(len(p) for p in parts)
+    assert whole.operations == ("rough", "finish") and whole.ended
+    assert [whole.operation_name(k) for k in np.flatnonzero(whole.kind >= Kind.ARC_CW)] == 12 * ["rough"] + 12 * ["finish"]
+    lines = "".join(texts).splitlines()
+    assert all("G2 " in lines[n - 1] for n in whole.line[whole.kind >= Kind.ARC_CW])
+    assert not PostedMoves.joined([*parts[:-1], PostedMoves(**{**parts[-1].__dict__, "ended": False})],
+                                  [t.count("\n") for t in texts]).ended
+
+
+def test_a_finding_names_the_file_and_its_own_line():
+    texts, _, whole = read_set()
+    parts = {f"setup-1-{k:02d}.ngc": t for k, t in enumerate(texts, 1)}
+    at = int(whole.line[np.flatnonzero(whole.kind >= Kind.ARC_CW)[-1]])
+    block = "".join(texts).splitlines()[at - 1]
+    finding = Finding(kind="excess", amount_mm=0.1, place_mm=None, operation="finish", line=at, setup="setup-1", advice="",
+                      block=block)
+    found, = _in_files((finding,), parts)
+    name, _, said = found.block.partition(": ")
+    assert name == list(parts)[-1] and parts[name].splitlines()[found.line - 1] == said == block
+    first, = _in_files((Finding(**{**finding.as_dict(), "line": 3, "block": "G17"}),), parts)
+    assert (first.line, first.block) == (3, "setup-1-01.ngc: G17")
+    assert _in_files((finding,), {"setup-1.ngc": texts[0]}) == (finding,)
+
+
+def hops(count=40):
+    """Plain strokes with a retract to the clearance height after each."""
+    w = MoveWriter((0, 0, CLEARANCE_MM))
+    for k in range(count):
+        w.rapid((k, 0, CLEARANCE_MM))
+        w.feed((k, 0, 1 / 3), 300)
+        w.feed((k, 50.123, 1 / 3), 900)
+        w.rapid((k, 50.123, CLEARANCE_MM))
+    return w.moves()
+
+
+@pytest.mark.parametrize("name", ["linuxcnc", "fanuc"])
+def test_plain_moves_are_split_where_the_tool_stands_high(name):
+    told = Program(name="hops", setup="setup-1", wcs="G55", wcs_in_words="", clearance_z_mm=CLEARANCE_MM, header=("HOPS",),
+                   operations=(Operation(name="rough", tool=BALL, spindle_rpm=8000.0, coolant="off", moves=hops()),))
+    large, small = machine(name), machine(name, program_store_bytes=1200)
+    whole, parts = find_post(name).post(told, large), find_post(name).post(told, small).texts
+    assert len(whole.texts) == 1 and len(parts) > 1 and max(len(t) for t in parts) <= 1200
+    cut = lambda texts: np.vstack([np.column_stack([m.start_mm, m.end_mm, m.feed_mm_per_min])[m.kind == Kind.FEED] for m in (
+        reader_of(large)(t, work_offsets=ZERO, tool_lengths=LENGTHS) for t in texts)])
+    assert np.array_equal(cut(parts), cut(whole.texts))
+
+
+def test_a_stroke_longer_than_the_store_stays_whole():
+    """No place to split: the judge says that the program is too long."""
+    told = Program(name="one", setup="setup-1", wcs="G55", wcs_in_words="", clearance_z_mm=CLEARANCE_MM, header=(),
+                   operations=(Operation(name="rough", tool=BALL, spindle_rpm=8000.0, coolant="off", moves=hops(1)),))
+    assert len(post(told, machine(program_store_bytes=100)).texts) == 1
+
+
+def test_the_command_lists_restart_points_and_begins_at_one(tmp_path):
+    (tmp_path / "a.ngc").write_text(post(program(), machine()).text)
+    run = lambda *more: CliRunner().invoke(app, ["restart", str(tmp_path / "a.ngc"), *more])
+    assert run().output.split() == ["N1001", "N1002", "N1003", "N2001", "N2002", "N2003"]
+    assert run("n2002").output == restarted((tmp_path / "a.ngc").read_text(), 2002)
+    assert run("N2003", "--to", str(tmp_path / "b.ngc")).exit_code == 0
+    assert (tmp_path / "b.ngc").read_text().count("call") < 6
+    assert "write it as in the program, such as N2003" in str(run("second").exception)
+    assert "N7 is not in this program" in str(run("N7").exception)
