@@ -101,14 +101,14 @@ def outline_distance(r, z, outline, first, last):
 
 @njit(cache=True, error_model="numpy")
 def touching_point(nr, nz, outline, first, last):
-    """Point (r, z) of the body that lies farthest in a direction (nr, nz), nr >= 0."""
-    best, br, bz = -math.inf, 0.0, 0.0
+    """Point (r, z) of the body that lies farthest in a direction (nr, nz), nr >= 0, and the outline's radius there."""
+    best, br, bz, radius = -math.inf, 0.0, 0.0, 0.0
     for k in range(first, last):
         o = outline[k]
-        r, z = o[1], o[2]
+        r, z, bend = o[1], o[2], 0.0
         if o[0] != 0.0 and o[6] * nz - o[7] * nr >= 0.0 and nr * o[9] - nz * o[8] >= 0.0:
-            r, z = o[3] + o[5] * nr, o[4] + o[5] * nz
+            r, z, bend = o[3] + o[5] * nr, o[4] + o[5] * nz, o[5]
         far = r * nr + z * nz
         if far > best:
-            best, br, bz = far, r, z
-    return br, bz
+            best, br, bz, radius = far, r, z, bend
+    return br, bz, radius

@@ -36,6 +36,7 @@ BESIDE = 20.0             # mm, z0 and z2 of a node are this far from z1, where 
 KEPT_SHARE = 1.5          # a point keeps the sub-steps that are within this many times its distance,
 KEPT_LEAST_MM = 2e-5      # and this
 COLUMNS = 41
+ROUND = 0.5               # ratio of a contact's radii of curvature that still counts as round
 
 
 def leaves_for(count):
@@ -117,14 +118,15 @@ def _thinnest(C, w):
 
 @njit(cache=True, error_model="numpy")
 def _touch(w, axis, outline, out):
-    """Where the cutter touches a plane with normal w from above, from the tip; its height along -w's axis crossing."""
+    """Where the cutter touches a plane with normal w from above, from the tip; at what height the normal there meets the
+    axis; the outline's radius of curvature there over the way along the normal to the axis."""
     nz = -(w[0] * axis[0] + w[1] * axis[1] + w[2] * axis[2])
     ex, ey, ez = -w[0] - nz * axis[0], -w[1] - nz * axis[1], -w[2] - nz * axis[2]
     nr = math.sqrt(ex * ex + ey * ey + ez * ez)
-    r, z = touching_point(nr, nz, outline, 0, len(outline))
+    r, z, bend = touching_point(nr, nz, outline, 0, len(outline))
     share = r / nr if nr > 1e-9 else 0.0
     out[0], out[1], out[2] = share * ex + z * axis[0], share * ey + z * axis[1], share * ez + z * axis[2]
-    return z - r * nz / nr if nr > 1e-9 else math.inf
+    return (z - r * nz / nr, bend * nr / max(r, 1e-9)) if nr > 1e-9 else (math.inf, 1.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -132,7 +134,7 @@ def _frame(node, axis, moment, before, outline, lowest, highest):
     """Fills the frame: w settles where the axis points that the contact normals meet spread least."""
     C, w, touch = np.empty((3, 3)), before.copy(), np.empty(3)
     for _ in range(3):
-        z = min(max(_touch(w, axis, outline, touch), lowest), highest)
+        z = min(max(_touch(w, axis, outline, touch)[0], lowest), highest)
         _spread_at(moment, z, C)
         size = INHERIT * (C[0, 0] + C[1, 1] + C[2, 2]) + 1e-12
         for i in range(3):
@@ -141,7 +143,8 @@ def _frame(node, axis, moment, before, outline, lowest, highest):
         _thinnest(C, w)
         if w[0] * axis[0] + w[1] * axis[1] + w[2] * axis[2] < 0.0:
             w *= -1.0
-    z = min(max(_touch(w, axis, outline, touch), lowest), highest)
+    z, ratio = _touch(w, axis, outline, touch)
+    z = min(max(z, lowest), highest)
     node[37], node[38], node[39] = max(z - BESIDE, lowest - 1.0), z, z + BESIDE
     a = np.zeros(3)
     a[np.argmin(np.abs(w))] = 1.0
@@ -153,6 +156,8 @@ def _frame(node, axis, moment, before, outline, lowest, highest):
         for j in range(3):
             aa, ab, bb = aa + a[i] * C[i, j] * a[j], ab + a[i] * C[i, j] * b[j], bb + b[i] * C[i, j] * b[j]
     turn = 0.5 * math.atan2(2.0 * ab, aa - bb)
+    if ratio < ROUND:                        # u along the cutter's meridian: what lies off along v does not pull along u
+        turn = math.atan2(b @ axis, a @ axis)
     node[3:6] = math.cos(turn) * a + math.sin(turn) * b
     node[6:9] = math.cos(turn) * b - math.sin(turn) * a
     node[9:12] = w

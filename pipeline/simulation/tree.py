@@ -245,15 +245,13 @@ def push_children(code, limit, top, stack, bounds):
     nearest, least = -1, limit
     for j in range(WIDTH):
         b = bounds[DEPTH + 8 * WIDTH + j]
-        if b < least:
-            nearest, least = j, b
+        nearest, least = j if b < least else nearest, b if b < least else least
     if nearest < 0:
         return top
     for j in range(WIDTH):
         b = bounds[DEPTH + 8 * WIDTH + j]
-        if j != nearest and b < limit:
-            stack[top], bounds[top] = (node * WIDTH + j) << LEVEL_BITS | (level + 1), b
-            top += 1
+        stack[top], bounds[top] = (node * WIDTH + j) << LEVEL_BITS | (level + 1), b
+        top += (b < limit) & (j != nearest)                # no branch, which would be guessed wrong
     stack[top], bounds[top] = (node * WIDTH + nearest) << LEVEL_BITS | (level + 1), least
     return top + 1
 
