@@ -57,9 +57,9 @@ class PropellerTable:
             if low.any() or len(getattr(self, name)) != len(self.r_R):
                 raise DesignError(f"propeller {self.name}: {name} must be positive at every radius inside the tip, it is "
                                   f"not at r/R {self.r_R[:-1][low].tolist()}")
-        if self.blades < 2 or self.diameter_mm <= 0:
+        if self.blades < 3 or self.diameter_mm <= 0:
             raise DesignError(f"propeller {self.name}: {self.blades} blades, diameter {self.diameter_mm:g} mm: "
-                              "it needs at least 2 blades and a positive diameter")
+                              "it needs at least 3 blades and a positive diameter")
 
     @property
     def radius_mm(self):

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from cuspline.designs._propeller_sections import section_loop
 from cuspline.report.plots import in_our_style
 
-HIGH = 400          # points along an outline
+HIGH = 300          # points along an outline
 LOOP = np.linspace(-np.pi, np.pi, 801)
 INK, PALE = "#1b2330", "#7d93ab"
 
@@ -19,26 +19,27 @@ def draw_propeller(made, folder):
 
 
 def outlines(made):
-    """Figure: one blade seen from aft and from the side with the hub, and its expanded outline."""
+    """Figure: the propeller seen from aft, its edges from the side with the hub, and a blade's expanded outline."""
     table, blade = made.blade.table, made.blade
     figure = Figure(figsize=(12, 4.6), layout="constrained")
     aft, side, expanded = figure.subplots(1, 3)
-    rho = np.linspace(float(made.hub.profile(0.0)) / table.radius_mm, 1.0, HIGH)
-    grid_u, grid_r = (g.ravel() for g in np.meshgrid(np.linspace(-np.pi, np.pi, 181), 1 - np.linspace(
-        np.sqrt(1 - rho[0]), 0, 240) ** 2 if table.has_round_tip else rho, indexing="ij"))
-    points = blade.points_mm(grid_u, grid_r).reshape(181, -1, 3)
+    least = float(made.hub.profile(0.0)) / table.radius_mm
+    rho = blade.rho_at(np.linspace(float(blade.v_at(least)), 1.0, HIGH))
+    hand = -1.0 if table.is_right_handed else 1.0
+    points = blade.points_mm(*(g.ravel() for g in np.meshgrid(LOOP[::4], rho, indexing="ij"))).reshape(-1, HIGH, 3)
+    turn = np.unwrap(np.arctan2(hand * points[..., 1], points[..., 2]), axis=0)
+    edges = [points[len(points) // 2], points[0]]
     for k in range(table.blades):
-        a = 2 * np.pi * k / table.blades
-        turned = points @ np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]])
-        for axes, column, style in ((aft, 1, PALE if k else INK), (side, 0, PALE if k else INK)):
-            for edge in (np.argmin, np.argmax):
-                row = edge(turned[..., column], axis=0)
-                line = turned[row, np.arange(turned.shape[1])]
-                axes.plot(line[:, column], line[:, 2], color=style, linewidth=1.2 if not k else 0.6)
+        a, style = 2 * np.pi * k / table.blades, {"color": PALE if k else INK, "linewidth": 0.6 if k else 1.2}
+        for widest in (turn.min(axis=0), turn.max(axis=0)):
+            aft.plot(rho * table.radius_mm * hand * np.sin(widest + a), rho * table.radius_mm * np.cos(widest + a), **style)
+        for edge in edges:
+            line = edge @ np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]])
+            side.plot(line[:, 0], line[:, 2], **style)
     x = np.linspace(*made.hub.ends_mm, 100)
     radius = made.hub.profile(x)
-    turn = np.linspace(0, 2 * np.pi, 200)
-    aft.plot(radius.max() * np.cos(turn), radius.max() * np.sin(turn), color=INK, linewidth=0.8)
+    round_hub = np.linspace(0, 2 * np.pi, 200)
+    aft.plot(radius.max() * np.cos(round_hub), radius.max() * np.sin(round_hub), color=INK, linewidth=0.8)
     side.plot(np.r_[x[0], x, x[-1], x[-1], x[::-1], x[0]], np.r_[0, radius, 0, 0, -radius[::-1], 0], color=INK, linewidth=0.8)
     chord, pitch = blade.laws.chord_mm(rho), blade.laws.pitch_mm(rho)
     r = rho * table.radius_mm
@@ -53,7 +54,6 @@ def outlines(made):
         axes.set_title(title)
         axes.set_xlabel(xlabel)
         axes.set_ylabel("r, mm" if axes is expanded else "z, mm")
-    aft.invert_xaxis()          # seen against the X axis, z up: y to the left
     figure.suptitle(f"{table.name}, {table.blades} blades, D {table.diameter_mm:g} mm, "
                     f"{'right' if table.is_right_handed else 'left'}-handed")
     return figure

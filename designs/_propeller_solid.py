@@ -23,16 +23,16 @@ from cuspline import brep
 from cuspline.designs._propeller_blade import DEGREE, TIP_SHARE, Blade
 from cuspline.designs._propeller_root import OUTERMOST_CONTACT, rolled_round_root, root_width
 from cuspline.errors import DesignError
-from cuspline.shells import (ShellBuilder, Side, circle_round_x, cone_round_x, cylinder_round_x, plane_across_x,
-                             plane_circle, plane_curve, plane_line, rational_curve, revolved_round_x, spline_curve,
-                             spline_surface)
+from cuspline.shells import (ShellBuilder, Side, cylinder_round_x, plane_across_x, plane_curve, plane_line, plane_rational,
+                             rational_curve, spline_curve, spline_surface)
 from cuspline.surfaces.closed_splines import piece, surface_piece
 from cuspline.surfaces.fairing import fair_spline
 from cuspline.surfaces.nurbs import NurbsSurface
-from cuspline.surfaces.rolling_ball import Fillet, FilletErrors, Revolved, fillet_errors, fillet_of, rolled
+from cuspline.surfaces.rolling_ball import ARC_KNOTS, Fillet, FilletErrors, Revolved, fillet_errors, fillet_of, rolled
 
 BALLS_A_SPAN = 3            # of the blade's spans round the loop
 SIDE_SITES = 33             # of a sector's helical border
+SIDE_SHARES = (0.0, 1 / 3, 2 / 3)       # of the way between them, where its surface is laid through
 RUN_OUT = 0.25              # of the root's length, within which a border turns straight beyond it
 CLEAR_MM = 1.0              # by which tools stand out of the hub
 LEAST_WALL_SHARE = 0.05     # of the hub's radius, left outside its holes
@@ -236,80 +236,77 @@ def _area(loop):
 
 
 class _Sectors:
-    """The hub's faces, one sector a blade; neighbours share their helical borders."""
+    """The hub's faces, one sector a blade; neighbours share their helical borders.
+
+    Parameters of a sector: across it t from 0 to 1 over rational arcs, along it x.  So its borders are lines of
+    constant parameter for any profile, however far the roots wind round the hub: on the polar angle of a cylinder a
+    long root of low pitch would reach round more than once.
+    """
 
     def __init__(self, builder, hub, rolling, blades):
-        self._builder, self._hub, self._blades = builder, hub, blades
-        self._fore, self._aft = hub.ends_mm
+        self._builder, self._hub, self._half, self._blades = builder, hub, np.pi / blades, blades
         self.half_way = _half_way(hub, rolling, blades)
-        x = np.linspace(self._fore, self._aft, 400)
-        self._start = float(np.mean([self.half_way(x).min(), self.half_way(x).max()])) - np.pi
-        if np.ptp(self.half_way(x)) + 2 * np.pi / blades > 2 * np.pi:
-            raise DesignError(f"the hub is {self._aft - self._fore:.1f} mm long: its {blades} sectors wind round it more "
-                              "than once; shorten the hub or raise the pitch")
-        self._borders = [self._border(2 * np.pi * k / blades) for k in range(blades)]
+        sites = np.unique(self.half_way.t)
+        self._x = _between(sites, SIDE_SHARES)
+        self._ends = [builder.vertex(p) for p in self._places(0, -1.0)[[0, -1]]]
+        self._borders = []
+        for k in range(blades):
+            ends = self._ends if k == 0 else [builder.vertex(p) for p in self._places(k, -1.0)[[0, -1]]]
+            curve = make_interp_spline(self._x, self._places(k, -1.0), DEGREE)
+            self._borders.append((builder.edge(spline_curve(curve), self._x[0], self._x[-1], *ends), *ends))
         self._rims = []
 
-    def _angle(self, x):
-        """Polar angle of the border before blade 1."""
-        return self.half_way(x) - np.pi / self._blades
+    def _places(self, k, side):
+        """(n, 3) places along a border of sector k, side -1 or +1, or outside the hub over its middle, 0."""
+        angle = self.half_way(self._x) + 2 * np.pi * k / self._blades + side * self._half
+        return self._hub.points(angle, self._x)
 
-    def _border(self, turn):
-        """(edge, vertex at the fore end, vertex at the aft end)."""
-        sites = np.unique(self.half_way.t)
-        x = np.unique(np.concatenate([sites[:-1] + share * np.diff(sites) for share in (0, 1 / 3, 2 / 3)] + [sites[-1:]]))
-        points = self._hub.points(self._angle(x) + turn, x)
-        fore, aft = self._builder.vertex(points[0]), self._builder.vertex(points[-1])
-        return self._builder.edge(spline_curve(make_interp_spline(x, points, DEGREE)), x[0], x[-1], fore, aft), fore, aft
+    def _surface(self, k):
+        """NurbsSurface of sector k: exact arcs across, interpolated along x."""
+        low, high, weight = self._places(k, -1.0), self._places(k, 1.0), np.cos(self._half)
+        over = self._places(k, 0.0) * [weight, 1.0, 1.0]        # homogeneous: the radius is R / weight there
+        ones = np.ones((len(low), 1))
+        rows = np.stack([np.hstack([low, ones]), np.hstack([over, weight * ones]), np.hstack([high, ones])])
+        along = make_interp_spline(self._x, rows.transpose(1, 0, 2), DEGREE)
+        return NurbsSurface(degree_u=2, degree_v=DEGREE, knots_u=ARC_KNOTS, knots_v=along.t,
+                            poles=along.c.transpose(1, 0, 2))
 
     def add(self, k, root):
-        """The sector round blade k's root, [(edge, spline of polar angle and x), ...]."""
-        turn = 2 * np.pi * k / self._blades
+        """The sector round blade k's root, [(edge, spline of polar angle and x for blade 1), ...]."""
+        surface = self._surface(k)
         (left, left_fore, left_aft), (right, right_fore, right_aft) = self._borders[k], self._borders[(k + 1) % self._blades]
-        width, start = 2 * np.pi / self._blades, self._start + turn
-        side = lambda shift: plane_curve(self._scaled(_graph_of(self.half_way, shift - np.pi / self._blades - self._start)))
-        rims = []
-        for x, a, b in ((self._fore, left_fore, right_fore), (self._aft, left_aft, right_aft)):
-            low = float(self._angle(x)) - self._start
-            rims.append(self._builder.edge(circle_round_x(x, self._hub.profile(x), start), low, low + width, a, b))
-        level = [plane_line((0, x * self._stretch), (1, 0)) for x in (self._fore, self._aft)]
-        outer = [Side(edge=rims[0], curve=level[0]), Side(edge=right, curve=side(width)),
-                 Side(edge=rims[1], curve=level[1], is_forward=False), Side(edge=left, curve=side(0.0), is_forward=False)]
-        # the border is told for blade 1: its polar angles stand at `start` of any blade
-        curves = [(edge, BSpline(s.t, s.c - [self._start, 0.0], s.k)) for edge, s in root]
+        arcs = [surface.poles[:, end] for end in (0, -1)]
+        rims = [self._builder.edge(rational_curve(ARC_KNOTS, 2, arc), 0.0, 1.0, a, b)
+                for arc, a, b in zip(arcs, (left_fore, left_aft), (right_fore, right_aft))]
+        fore, aft = self._x[[0, -1]]
+        outer = [Side(edge=rims[0], curve=plane_line((0, fore), (1, 0))),
+                 Side(edge=right, curve=plane_line((1, 0), (0, 1))),
+                 Side(edge=rims[1], curve=plane_line((0, aft), (1, 0)), is_forward=False),
+                 Side(edge=left, curve=plane_line((0, 0), (0, 1)), is_forward=False)]
+        curves = [(edge, self._unrolled(spline)) for edge, spline in root]
         loop = np.concatenate([s(np.linspace(s.t[0], s.t[-1], 200)[:-1]) for _, s in curves])
         is_forward = _area(loop) < 0
-        inner = [Side(edge=edge, curve=plane_curve(self._scaled(s)), is_forward=is_forward) for edge, s in curves]
-        self._builder.face("hub", self._surface(start), [outer, inner if is_forward else inner[::-1]])
-        self._rims.append((rims, start))
+        inner = [Side(edge=edge, curve=plane_curve(s), is_forward=is_forward) for edge, s in curves]
+        self._builder.face("hub", spline_surface(surface), [outer, inner if is_forward else inner[::-1]])
+        self._rims.append((rims, arcs))
+
+    def _unrolled(self, border):
+        """A root's border in a sector's parameters: along an arc of half angle h, tan(a/2) = (2 t - 1) tan(h/2)."""
+        u = _between(np.unique(border.t), (0.0, 0.5))
+        angle, x = border(u).T
+        t = (1 + np.tan((angle - self.half_way(x)) / 2) / np.tan(self._half / 2)) / 2
+        return make_interp_spline(u, np.column_stack([t, x]), DEGREE)
 
     def add_ends(self):
-        for end, (name, x) in enumerate((("hub fore end", self._fore), ("hub aft end", self._aft))):
-            radius = float(self._hub.profile(x))
-            self._builder.face(name, plane_across_x(x), [[
-                Side(edge=rims[end], curve=plane_circle(radius, start)) for rims, start in self._rims]], end == 0)
-
-    @property
-    def _stretch(self):
-        """Parameter of the hub's surface along its profile, per mm of x."""
-        return 1 / np.cos(self._hub.half_angle_rad) if self._hub.half_angle_rad else 1.0
-
-    def _scaled(self, spline):
-        return BSpline(spline.t, spline.c * [1.0, self._stretch], spline.k)
-
-    def _surface(self, start):
-        if self._hub.half_angle_rad is None:
-            return revolved_round_x(self._hub.profile, start)
-        radius = float(self._hub.profile(0.0))
-        return (cone_round_x(radius, self._hub.half_angle_rad, start) if self._hub.half_angle_rad
-                else cylinder_round_x(radius, start))
+        for end, name in enumerate(("hub fore end", "hub aft end")):
+            sides = [Side(edge=rims[end], curve=plane_rational(ARC_KNOTS, 2, arcs[end][:, 1:])) for rims, arcs in self._rims]
+            self._builder.face(name, plane_across_x(self._x[-end]), [sides], end == 0)
 
 
-def _graph_of(spline, shift):
-    """(f(x) + shift, x) of a spline () as a spline of the plane."""
-    k = spline.k
-    places = np.array([spline.t[i + 1:i + k + 1].mean() for i in range(len(spline.c))])
-    return BSpline(spline.t, np.column_stack([spline.c + shift, places]), k)
+def _between(sites, shares):
+    """Rising places: every site, and inner ones at shares of the way to the next."""
+    inner = [sites[:-1] + share * np.diff(sites) for share in shares]
+    return np.unique(np.concatenate([*inner, sites[-1:]]))
 
 
 def _half_way(hub, rolling, blades):

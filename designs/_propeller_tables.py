@@ -61,7 +61,7 @@ def own_propeller(blades, area_ratio, pitch_ratio, diameter_mm, hub_ratio, *, is
     B-series; modified NACA 66 sections on the a = 0.8 mean line.
 
     Args:
-        blades: 2 to 9.
+        blades: 3 to 9.
         area_ratio: expanded blade area outside the hub / disc area.
         skew_deg: of the tip against the root, towards the trailing edge; grows with the square of the way from the hub.
         rake_deg: of the generator line, downstream.

@@ -15,7 +15,7 @@ from cuspline.designs._propeller_tables import from_files, own_propeller
 class Propeller(PropellerParameters):
     """A highly skewed five-bladed propeller unless told otherwise."""
 
-    blades: int = Field(5, ge=2, le=9)
+    blades: int = Field(5, ge=3, le=9)
     area_ratio: float = Field(0.7, ge=0.2, le=1.2, description="expanded blade area over disc area")
     pitch_ratio: float = Field(1.1, ge=0.4, le=2.0, description="pitch over diameter from 0.7 R outward")
     root_pitch_share: float = Field(0.9, ge=0.6, le=1.2, description="pitch at the hub over that")

@@ -82,7 +82,9 @@ def the_solid(shape, name="the part"):
     if loosest > LARGEST_TOLERANCE_MM:
         raise DesignError(f"{name} is only closed within {loosest:.4g} mm, {LARGEST_TOLERANCE_MM} mm are allowed: "
                           "heal its edges, or build the faces anew")
-    if volume_mm3(solid) <= 0:
+    rough = GProp_GProps()
+    BRepGProp.VolumeProperties_s(solid, rough)      # off by per cents, but its sign tells the side
+    if rough.Mass() <= 0:
         raise DesignError(f"{name} has no positive volume: its shell is inside out")
     marks = marks_of(shape, explore(solid, TopAbs_FACE))
     return solid if marks is None else MarkedSolid(solid, marks)

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from OCP.BRep import BRep_Builder
-from OCP.Geom import (Geom_BSplineCurve, Geom_BSplineSurface, Geom_Circle, Geom_ConicalSurface, Geom_CylindricalSurface,
-                      Geom_Plane, Geom_SurfaceOfRevolution)
-from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Circle, Geom2d_Line
-from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax22d, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
+from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface, Geom_CylindricalSurface, Geom_Plane
+from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Line
+from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
 from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
@@ -21,8 +20,8 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_So
 from cuspline.errors import DesignError
 
 TIGHTEST_MM = 1e-7          # the kernel's own confusion
-LOOKS = 41                  # places at which an edge's curves are compared
-MARGIN = 1.5                # on the difference found there
+LOOKS = 192                 # places at which an edge's curves are compared: several between any two knots of ours
+MARGIN = 2.0                # on the difference found there
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -153,9 +152,13 @@ def plane_line(origin, direction):
     return Geom2d_Line(gp_Pnt2d(*map(float, origin)), gp_Dir2d(*map(float, direction)))
 
 
-def plane_circle(radius, start_rad):
-    """Geom2d circle round 0, counter-clockwise from a polar angle."""
-    return Geom2d_Circle(gp_Ax22d(gp_Pnt2d(0, 0), gp_Dir2d(np.cos(start_rad), np.sin(start_rad)), True), float(radius))
+def plane_rational(knots, degree, poles):
+    """Geom2d curve of homogeneous poles (n, 3)."""
+    points, weights = TColgp_Array1OfPnt2d(1, len(poles)), TColStd_Array1OfReal(1, len(poles))
+    for k, (x, y, w) in enumerate(poles.tolist(), 1):
+        points.SetValue(k, gp_Pnt2d(x / w, y / w))
+        weights.SetValue(k, w)
+    return Geom2d_BSplineCurve(points, weights, *_knots(knots), degree)
 
 
 def spline_surface(nurbs):
@@ -183,11 +186,6 @@ def _knots(flat):
     return knots, multiplicities
 
 
-def circle_round_x(x_mm, radius_mm, start_rad):
-    """Geom circle round the X axis, from Y towards Z, its parameter 0 at the polar angle `start_rad`."""
-    return Geom_Circle(gp_Ax2(gp_Pnt(float(x_mm), 0, 0), gp_Dir(1, 0, 0), _radial(start_rad)), float(radius_mm))
-
-
 def plane_across_x(x_mm):
     """Geom plane x = constant; parameters y, z; normal +X."""
     return Geom_Plane(gp_Ax3(gp_Pnt(float(x_mm), 0, 0), gp_Dir(1, 0, 0), gp_Dir(0, 1, 0)))
@@ -195,29 +193,7 @@ def plane_across_x(x_mm):
 
 def cylinder_round_x(radius_mm, start_rad):
     """Geom cylinder; parameters polar angle from `start_rad`, x."""
-    return Geom_CylindricalSurface(_frame(start_rad), float(radius_mm))
-
-
-def cone_round_x(radius_mm, half_angle_rad, start_rad):
-    """Geom cone of a radius at x = 0, growing with x for a positive angle; parameters polar angle, x / cos(angle)."""
-    return Geom_ConicalSurface(_frame(start_rad), float(half_angle_rad), float(radius_mm))
-
-
-def revolved_round_x(profile, start_rad):
-    """Geom surface of revolution of a radius over x; parameters polar angle from `start_rad`, x.
-
-    Args:
-        profile: clamped scipy BSpline with (n,) radii.
-    """
-    k = profile.k
-    x = np.array([profile.t[i + 1:i + k + 1].mean() for i in range(len(profile.c))])
-    across = profile.c[:, None] * [[np.cos(start_rad), np.sin(start_rad)]]
-    poles = np.column_stack([x, across, np.ones(len(x))])
-    return Geom_SurfaceOfRevolution(rational_curve(profile.t, k, poles), gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(1, 0, 0)))
-
-
-def _frame(start_rad):
-    return gp_Ax3(gp_Pnt(0, 0, 0), gp_Dir(1, 0, 0), _radial(start_rad))
+    return Geom_CylindricalSurface(gp_Ax3(gp_Pnt(0, 0, 0), gp_Dir(1, 0, 0), _radial(start_rad)), float(radius_mm))
 
 
 def _radial(angle_rad):

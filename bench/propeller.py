@@ -1,0 +1,135 @@
+"""Propeller solids over the whole family: every one valid to the gates, or refused by name.
+
+Usage: make bench ARGS=propeller, or python bench/propeller.py.
+"""
+
+import itertools
+import multiprocessing
+import os
+import time
+from collections import Counter
+
+RADII = {       # of the fillet at leading edge, face, trailing edge, back; mm for a diameter of 300 mm
+    "even": (4.0, 4.0, 4.0, 4.0), "thin at the edges 1:4": (2.0, 8.0, 2.0, 8.0),
+    "thin on the face 1:4": (4.0, 2.0, 4.0, 8.0), "large 1:4": (6.0, 12.0, 3.0, 12.0)}
+EDGES = ("round", "square", "anti-singing")
+VOLUME_SHARE, DEVIATION_MM, TOLERANCE_MM = 1e-5, 2e-3, 1e-3
+REASONS = (("next blade", "neighbouring blades"), ("fore end", "hub end"), ("aft end", "hub end"), ("hollow", "hollow"),
+           ("blade before", "neighbouring blades"), ("own blade", "own blade"),
+           ("wedged", "acute root"), ("crosses itself", "acute root"), ("faster", "law too steep"),
+           ("leave too little of the hub", "neighbouring blades"), ("wind round", "hub too long"))
+
+
+def parameter_sets():
+    """[(family, keywords for `made`)]: at least 100."""
+    sets = []
+    for n, (blades, area, pitch) in enumerate(itertools.product(range(3, 8), (0.45, 0.55, 0.75, 0.95), (0.6, 1.0, 1.4))):
+        sets.append(("B-series", dict(kind="b", blades=blades, area_ratio=area, pitch_ratio=pitch, number=n,
+                                      diameter_mm=(100.0, 250.0, 1000.0)[n % 3])))
+    for n, (blades, skew, size) in enumerate(itertools.product(range(3, 8), (0.0, 36.0, 72.0), (100.0, 300.0, 1000.0))):
+        sets.append((f"own, skew {skew:.0f} deg", dict(kind="own", blades=blades, skew_deg=skew, diameter_mm=size, number=n,
+                                                        area_ratio=(0.5, 0.7, 0.85)[n % 3],
+                                                        pitch_ratio=(0.8, 1.1, 1.5)[n // 3 % 3])))
+    sets += [("DTMB 4119", dict(kind="4119", diameter_mm=size, number=n)) for n, size in enumerate((100.0, 304.8, 1000.0) * 2)]
+    return sets
+
+
+def made(*, kind, diameter_mm, number, radii, blades=3, area_ratio=0.5, pitch_ratio=1.0, skew_deg=0.0):
+    """PropellerSolid of one set and one law; hand, edge, taper and rake change with its number."""
+    import numpy as np
+
+    from cuspline.designs import _propeller_tables as tables
+    from cuspline.designs._propeller_design import blade_over
+    from cuspline.designs._propeller_root import radius_round_root, straight_hub
+    from cuspline.designs._propeller_sections import TrailingEdge
+    from cuspline.designs._propeller_solid import propeller_solid
+
+    edge, hand = TrailingEdge(kind=EDGES[number % 3]), number % 2 == 0
+    rake, taper = (0.0, 10.0, -5.0)[number // 2 % 3], np.radians((0.0, 3.0, -3.0)[number // 3 % 3])
+    if kind == "b":
+        table = tables.b_series(blades, area_ratio, pitch_ratio, diameter_mm, hand, edge=edge)
+        ratio = tables.B_SERIES_HUB.get(blades, tables.OTHER_HUB)
+    elif kind == "own":
+        ratio = 0.2
+        table = tables.own_propeller(blades, area_ratio, pitch_ratio, diameter_mm, ratio, is_right_handed=hand,
+                                     skew_deg=skew_deg, rake_deg=rake, root_pitch_share=0.9, edge=edge)
+    else:
+        table, ratio = tables.dtmb_4119(diameter_mm, hand, edge), 0.2
+    scale = diameter_mm / 300
+    hub = straight_hub(-0.24 * diameter_mm, 0.22 * diameter_mm, ratio * diameter_mm / 2, float(taper))
+    return propeller_solid(blade_over(table, hub), hub, radius_round_root(*(r * scale for r in radii)))
+
+
+def judged(solid):
+    """{gate: measured} of a PropellerSolid, and the gates that it breaks."""
+    from OCP.TopAbs import TopAbs_SHELL
+
+    from cuspline import brep
+    from cuspline.designs._propeller_checks import definition_deviation_mm, fillet_figures
+    from cuspline.designs._propeller_mesh import extrapolated_volume_mm3
+    volume = brep.volume_mm3(solid.solid)
+    found = {"tolerance": brep.loosest_tolerance_mm(solid.solid),
+             "volume": abs(volume / extrapolated_volume_mm3(solid) - 1), "definition": definition_deviation_mm(solid),
+             "shells": len(brep.explore(solid.solid, TopAbs_SHELL)), **{f.what: f.measured for f in fillet_figures(solid)}}
+    broken = [name for name, limit in (("tolerance", TOLERANCE_MM), ("volume", VOLUME_SHARE), ("definition", DEVIATION_MM),
+                                       ("shells", 1)) if not found[name] <= limit]
+    return found, broken + [f.what for f in fillet_figures(solid) if not f.is_kept]
+
+
+def tried(case):
+    """One row of the grid: (family, law, outcome, what, measured, seconds)."""
+    from cuspline.errors import DesignError
+    (family, given), law = case
+    start = time.process_time()
+    try:
+        found, broken = judged(made(**given, radii=RADII[law]))
+        outcome, what = ("failed", ", ".join(broken)) if broken else ("valid", "")
+    except DesignError as error:
+        found, what = {}, str(error)
+        reason = next((name for words, name in REASONS if words in what), "")
+        outcome = f"refused: {reason}" if reason else "failed"
+    return family, law, outcome, f"{given}: {what}" if what else "", found, time.process_time() - start
+
+
+def run_grid(workers=2, say=print):
+    """All rows; every process keeps to one thread."""
+    os.environ["NUMBA_NUM_THREADS"] = "1"
+    cases = [(s, law) for s in parameter_sets() for law in RADII]
+    rows = []
+    with multiprocessing.get_context("spawn").Pool(workers) as pool:
+        for k, row in enumerate(pool.imap(tried, cases), 1):
+            rows.append(row)
+            if row[2] != "valid":
+                say(f"{k}/{len(cases)} {row[0]}, {row[1]}: {row[2]} {row[3]}", flush=True)
+    return rows
+
+
+def measure():
+    """(what, number, unit) rows."""
+    rows = run_grid()
+    found = [("sets of parameters, each with 4 laws of the fillet's radius", len(parameter_sets()), ""),
+             ("solids asked for", len(rows), ""), ("valid to every gate", sum(r[2] == "valid" for r in rows), ""),
+             ("refused by name", sum(r[2].startswith("refused") for r in rows), ""),
+             ("neither", sum(r[2] == "failed" for r in rows), "")]
+    for reason, count in sorted(Counter(r[2] for r in rows if r[2].startswith("refused")).items()):
+        found.append((reason, count, ""))
+    for name in dict.fromkeys(r[0] for r in rows):
+        mine = [r for r in rows if r[0] == name]
+        found.append((f"{name}: valid of {len(mine)}", sum(r[2] == "valid" for r in mine), ""))
+    for name in RADII:
+        mine = [r for r in rows if r[1] == name]
+        found.append((f"fillet {name}: valid of {len(mine)}", sum(r[2] == "valid" for r in mine), ""))
+    valid = [r[4] for r in rows if r[2] == "valid"]
+    units = {"tolerance": "mm", "volume": "", "definition": "mm", "shells": ""}
+    titles = {"tolerance": "loosest tolerance", "volume": "kernel's volume against the mesh's, relative",
+              "definition": "blade from its definition"}
+    for name in valid[0]:
+        unit = units.get(name, "deg" if "normal" in name else "mm")
+        found.append((f"worst of all: {titles.get(name, name)}", max(v[name] for v in valid), unit))
+    found.append(("CPU seconds a solid with its checks, mean", sum(r[5] for r in rows) / len(rows), "s"))
+    return found
+
+
+if __name__ == "__main__":
+    for what, number, unit in measure():
+        print(f"{what}: {number:.4g} {unit}".strip())

@@ -1,0 +1,377 @@
+"""Propellers: the table on the solid, the family, refusals that are true, files that others can read."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from cuspline import brep, build, catalogue
+from cuspline.designs import _propeller_tables as tables
+from cuspline.designs._propeller_blade import blade_of, loop_angles, radial_laws
+from cuspline.designs._propeller_checks import (definition_deviation_mm, fillet_figures, section_on_solid, solid_report,
+                                                table_points)
+from cuspline.designs._propeller_design import blade_over
+from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
+from cuspline.designs._propeller_root import (curved_hub, obstacle, radius_round_root, rolled_round_root, straight_hub)
+from cuspline.designs._propeller_sections import TrailingEdge, naca66_a08, section_loop
+from cuspline.designs._propeller_solid import HubCuts, propeller_solid, volume_of_cuts_mm3
+from cuspline.errors import DesignError
+from cuspline.solids import solid_of
+from cuspline.surfaces.nurbs import local_shape
+from cuspline.surfaces.rolling_ball import rolled
+
+
+def made_of(table, hub_ratio=0.2, radii=(4.0, 8.0, 4.0, 8.0), cuts=HubCuts(), length=0.46):
+    size = table.diameter_mm
+    hub = straight_hub(-length * size / 2, length * size / 2, hub_ratio * size / 2)
+    return propeller_solid(blade_over(table, hub), hub, radius_round_root(*(r * size / 300 for r in radii)), cuts)
+
+
+@pytest.fixture(scope="module")
+def dtmb():
+    return made_of(tables.dtmb_4119(), radii=(3.0, 8.0, 4.0, 12.0), cuts=HubCuts(bore_mm=25.4, key_width_mm=6.0,
+                                                                              key_depth_mm=3.0))
+
+
+@pytest.fixture(scope="module")
+def dtmb_file(dtmb, tmp_path_factory):
+    path = tmp_path_factory.mktemp("propeller") / "dtmb.step"
+    brep.write_step(dtmb.solid, path, "dtmb")
+    return path
+
+
+# DTMB 4119 -----------------------------------------------------------------------------------------------
+
+
+def test_dtmb_4119_keeps_every_figure_as_read_back_from_its_file(dtmb, dtmb_file):
+    """Points of the table within 2 µm at all radii, area ratio, pitch, thickness, fillet, volume, mesh."""
+    report = solid_report(dtmb, brep.the_solid(brep.read_step(dtmb_file)), 7.6)
+    print({f.what: f.measured for f in report.figures})
+    assert [f for f in report.figures if not f.is_kept] == []
+    points = [f for f in report.figures if f.what.startswith("table points")]
+    assert len(points) >= 9 and all(f.allowed == 0.002 for f in points)
+    assert 0.604 <= report.facts["expanded_area_ratio"] <= 0.607
+    assert sum(f.what.startswith("fillet") and f.measured <= 1e-3 for f in report.figures) == 5
+    assert report.facts["centre_mm"][1] == pytest.approx(0, abs=1e-3)
+    inertia = np.array(report.facts["inertia_kg_mm2"])
+    assert inertia[0, 0] > 1.2 * inertia[1, 1] and inertia[1, 1] == pytest.approx(inertia[2, 2], rel=2e-3)
+
+
+def test_a_solid_of_another_thickness_is_told(dtmb, dtmb_file):
+    table = tables.dtmb_4119()
+    thicker = type(table)(**{**{k: getattr(table, k) for k in table.__dataclass_fields__},
+                             "thickness_D": table.thickness_D * 1.002})
+    blade = blade_over(thicker, dtmb.hub)
+    other = type(dtmb)(**{**{k: getattr(dtmb, k) for k in dtmb.__dataclass_fields__}, "blade": blade})
+    broken = [f.what for f in solid_report(other, brep.the_solid(brep.read_step(dtmb_file)), 7.6).figures if not f.is_kept]
+    assert any(w.startswith("table points on the solid") for w in broken) and any("thickness" in w for w in broken)
+    assert any("random points" in w for w in broken)
+
+
+def test_every_face_has_its_name(dtmb):
+    names = [f.mark.name for f in brep.faces_of(dtmb.solid)]
+    for k in (1, 2, 3):
+        assert [names.count(f"blade {k} {part}") for part in ("face", "back", "leading edge", "trailing edge", "tip")] == [
+            1, 1, 1, 1, 4]
+        assert names.count(f"fillet {k}") == 4
+    assert names.count("hub") == 3 and names.count("bore") >= 1 and names.count("keyway") == 3
+    assert names.count("hub fore end") == names.count("hub aft end") == 1
+
+
+def test_the_back_looks_upstream_and_the_leading_edge_leads(dtmb):
+    faces = {f.mark.name: f for f in brep.faces_of(dtmb.solid)}
+    assert faces["blade 1 back"].middle.normal[0, 0] < -0.5 and faces["blade 1 face"].middle.normal[0, 0] > 0.5
+    # right-handed: seen from aft, z up, y to the right, it turns clockwise: blade 1 moves towards +y
+    assert faces["blade 1 leading edge"].middle.point_mm[0, 1] > 10 > faces["blade 1 trailing edge"].middle.point_mm[0, 1]
+
+
+def entities(text):
+    return {int(k): body for k, body in re.findall(r"#(\d+)\s*=\s*(.*?);\s*(?=#|ENDSEC)", text.replace("\n", ""), re.S)}
+
+
+def test_the_step_file_holds_the_blade_for_a_reader_that_is_not_the_kernel(dtmb, dtmb_file):
+    """Parsed as text, evaluated by scipy, compared with the definition."""
+    found = entities(dtmb_file.read_text().split("DATA;")[1])
+    face = next(b for b in found.values() if b.startswith("ADVANCED_FACE('blade 1 back'"))
+    spline = found[int(re.findall(r"#(\d+)", face)[-1])]
+    head, poles, tail = re.match(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d+,\d+),\((\(.*?\))\),(\..*)\)$", spline).groups()
+    ku, kv = map(int, head.split(","))
+    coordinates = lambda k: [float(x) for x in re.search(r"\(([^()]*)\)\)$", found[k])[1].split(",")]
+    grid = np.array([[coordinates(int(k)) for k in re.findall(r"#(\d+)", row)] for row in re.findall(r"\(([^()]*)\)", poles)])
+    mu, mv, tu, tv = (np.array([float(x) for x in row.split(",")]) for row in re.findall(r"\(([^()]*)\)", tail))
+    tu, tv = np.repeat(tu, mu.astype(int)), np.repeat(tv, mv.astype(int))
+    u, v = np.random.default_rng(7).uniform((0.4, 0.3), (2.7, 0.8), (300, 2)).T
+    bu, bv = (BSpline.design_matrix(x, t, k).toarray() for x, t, k in ((u, tu, ku), (v, tv, kv)))
+    places = np.einsum("ni,nj,ijc->nc", bu, bv, grid)
+    wanted = dtmb.blade.points_mm(u, dtmb.blade.rho_at(v))
+    assert np.linalg.norm(places - wanted, axis=1).max() < 5e-4
+
+
+def test_the_mesh_is_closed_and_its_error_is_of_second_order(dtmb):
+    mesh = propeller_mesh(dtmb, 0.02)
+    assert mesh.deviation_mm <= 0.02
+    whole = extrapolated_volume_mm3(dtmb)
+    assert solid_of(mesh.vertices_mm, mesh.triangles).volume() == pytest.approx(whole, rel=1e-4)
+    assert brep.volume_mm3(dtmb.solid) == pytest.approx(whole - volume_of_cuts_mm3(dtmb.hub, dtmb.cuts), rel=1e-5)
+
+
+# sections ------------------------------------------------------------------------------------------------
+
+
+def curvature_along(shape, edge, sigma, thickness=0.1, camber=0.02):
+    s, n = section_loop(shape, edge, sigma, np.full(len(sigma), 0.5), np.full(len(sigma), thickness),
+                        np.full(len(sigma), camber))
+    d = lambda a: np.gradient(a, sigma, edge_order=2)
+    return (d(s) * d(d(n)) - d(n) * d(d(s))) / np.hypot(d(s), d(n)) ** 3
+
+
+def extremes(values, least):
+    """Turns of a curve that rise or fall by more than `least`."""
+    kept, direction, turns = values[0], 0, 0
+    for value in values:
+        if direction >= 0 and value < kept - least or direction <= 0 and value > kept + least:
+            turns += direction != 0
+            direction, kept = (-1 if value < kept else 1), value
+        elif (value - kept) * direction > 0:
+            kept = value
+    return turns
+
+
+def test_the_nose_has_the_tabulated_radius():
+    sigma = np.linspace(-0.02, 0.02, 401)
+    for thickness in (0.2, 0.05):
+        curvature = abs(curvature_along(naca66_a08(), TrailingEdge(), sigma, thickness, 0.0)[200])
+        assert 1 / curvature == pytest.approx(0.448 * thickness ** 2, rel=1e-3)
+
+
+def test_curvature_does_not_ripple_along_a_section():
+    """Between the edges: a few turns on the back, none of which the table's own rounding would make."""
+    sigma = np.linspace(0.5, 2.55, 3001)
+    curvature = curvature_along(naca66_a08(), TrailingEdge(), sigma, camber=0.0)
+    assert extremes(curvature, 0.08 * np.ptp(curvature)) <= 3
+    # a spline through the rounded ordinates ripples more
+    from cuspline.designs._propeller_sections import form_and_mean_line
+    x, half, camber, slope = naca66_a08().ordinates
+    stiff = curvature_along(form_and_mean_line(x, half, camber, slope, 0.448, rounding=0.0), TrailingEdge(), sigma, camber=0.0)
+    roughness = lambda c: np.abs(np.diff(c, 2)).sum()
+    assert roughness(curvature) < 0.6 * roughness(stiff)
+
+
+def test_radial_laws_do_not_ripple():
+    laws, rho = radial_laws(tables.dtmb_4119(), 0.19), np.linspace(0.2, 1.0, 2001)
+    for law in (laws.chord, laws.pitch, laws.thickness):
+        second = law.derivative(2)(rho)
+        assert extremes(second, 0.1 * np.ptp(second)) <= 4
+
+
+@pytest.mark.parametrize("kind", ["round", "square", "anti-singing"])
+def test_the_trailing_edge_ends_as_asked(kind):
+    """Thickness 0.0666 of the greatest by the table, measured where the rounding has ended; and the end's own shape."""
+    shape, edge, thickness = naca66_a08(), TrailingEdge(kind=kind), 0.1
+    tail = 0.0666 * thickness / 2
+    sigma = np.pi - np.linspace(0.0, 0.9, 40001)
+    back, face = (section_loop(shape, edge, s * sigma, np.full(len(sigma), 0.5), np.full(len(sigma), thickness),
+                               np.zeros(len(sigma))) for s in (1, -1))
+    apart = back[1] - face[1]
+    if kind == "anti-singing":
+        row = np.argmin(np.abs(1 - back[0] - 3 * tail))
+        assert apart[row] < 0.85 * 2 * thickness * shape.half(2 * np.arcsin(np.sqrt(back[0][row:row + 1])), 0.5)[0]
+        assert np.abs(face[1][row] + apart[row] / 2) > 0            # the bevel is on the back alone
+        assert -face[1][row] == pytest.approx(thickness * shape.half(2 * np.arcsin(np.sqrt(face[0][row:row + 1])), 0.5)[0], rel=1e-3)
+        return
+    row = np.argmin(np.abs(1 - back[0] - 3 * tail))
+    assert apart[row] == pytest.approx(2 * thickness * shape.half(2 * np.arcsin(np.sqrt(back[0][row:row + 1])), 0.5)[0], rel=1e-3)
+    half_way = back[1][np.argmin(np.abs(1 - back[0] - 0.1 * tail))] / tail
+    assert half_way > 0.75 if kind == "square" else half_way == pytest.approx(np.sqrt(1 - 0.9 ** 2), abs=0.03)
+
+
+def test_a_square_end_and_the_loop_angles_go_together():
+    for kind in ("round", "square"):
+        angles = loop_angles(naca66_a08(), TrailingEdge(kind=kind), 1.0)
+        assert (np.diff(angles) > 1e-3).all() and angles[-1] < angles[0] + 2 * np.pi
+
+
+# the family ----------------------------------------------------------------------------------------------
+
+
+def assert_sound(made):
+    """The gates of every solid; `propeller_solid` itself refuses what BRepCheck or tolerances speak against."""
+    assert brep.loosest_tolerance_mm(made.solid) <= 1e-3
+    assert brep.volume_mm3(made.solid) == pytest.approx(extrapolated_volume_mm3(made), rel=1e-5)
+    assert definition_deviation_mm(made) <= 0.002
+    assert [f for f in fillet_figures(made) if not f.is_kept] == []
+
+
+@pytest.mark.parametrize("make, ratio, radii", [
+    (lambda: tables.b_series(4, 0.55, 1.0, 250.0), 0.167, (2.0, 8.0, 2.0, 8.0)),
+    (lambda: tables.b_series(5, 0.75, 0.8, 1000.0, False, edge=TrailingEdge(kind="square")), 0.167, (4.0, 2.0, 4.0, 8.0)),
+    (lambda: tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, skew_deg=72.0), 0.2, (4.0, 4.0, 4.0, 4.0)),
+    (lambda: tables.own_propeller(7, 0.7, 1.1, 100.0, 0.2, skew_deg=36.0, edge=TrailingEdge(kind="anti-singing")), 0.2,
+     (1.5, 3.0, 1.5, 3.0))],
+    ids=["B4-55", "B5-75 left-handed square", "5 blades skew 72", "7 blades anti-singing"])
+def test_the_family_is_sound(make, ratio, radii):
+    assert_sound(made_of(make(), ratio, radii))
+
+
+@pytest.mark.parametrize("blades, area", [(4, 0.55), (5, 0.75), (3, 0.5), (7, 0.85)])
+def test_b_screws_have_the_area_of_their_name(blades, area):
+    """The tip, where the table leaves the outline open, too."""
+    ratio = tables.expanded_area_ratio(tables.b_series(blades, area, 1.0, 250.0), 0.167)
+    assert ratio == pytest.approx(area, rel=0.01)
+
+
+def test_a_left_handed_propeller_is_the_mirror_image():
+    right, left = (blade_of(tables.dtmb_4119(is_right_handed=hand), 0.19) for hand in (True, False))
+    u, v = np.random.default_rng(2).uniform((-2.8, 0.0), (3.3, 1.0), (200, 2)).T
+    assert np.abs(right.surface.derivatives(u, v)[:, 0] * [1, -1, 1] - left.surface.derivatives(u, v)[:, 0]).max() < 1e-9
+
+
+def test_skew_brings_its_rake_with_it():
+    """The generator line moves along the helix of the nose-tail line: x by skew times pitch / 2 pi."""
+    plain, skewed = (tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, skew_deg=s) for s in (0.0, 36.0))
+    a, b = (blade_of(t, 0.19) for t in (plain, skewed))
+    rho = np.array([0.9])
+    skew = b.laws.skew(rho)[0]
+    assert skew == pytest.approx(np.radians(36.0) * (0.7 / 0.8) ** 2, rel=1e-6)
+    move = (b.points_mm(np.array([0.0]), rho) - a.points_mm(np.array([0.0]), rho))[0]
+    assert move[0] == pytest.approx(skew * 1.1 * 300 / (2 * np.pi), rel=1e-9) and move[0] > 0
+
+
+def test_offsets_measured_from_a_propeller_give_it_back(tmp_path):
+    """Reverse engineering: face and back of DTMB 4119 as plain offsets."""
+    table = tables.dtmb_4119()
+    columns = ["r_R,c_D,P_D,skew_deg,rake_D,f0_c"] + [f"{r},{c},{p},0,0,0" for r, c, p in zip(
+        table.r_R, table.chord_D, table.pitch_D)]
+    (tmp_path / "radii.csv").write_text("\n".join(columns))
+    x = (1 - np.cos(np.linspace(0, np.pi, 40))) / 2
+    rows, sigma = ["r_R,x_c,face_c,back_c"], np.linspace(0.0, np.pi - 1e-9, 4001)
+    laws = radial_laws(table, 0.2)
+    for rho in table.r_R[:-1]:
+        at = np.full(len(sigma), rho)
+        sides = [section_loop(table.shape, table.edge, s * sigma, at, laws.thickness_share(at), laws.camber_share(at))
+                 for s in (-1, 1)]
+        low, high = (np.interp(x, s, n) for s, n in sides)
+        low[-1], high[-1] = (-1, 1) * 0.0333 * laws.thickness_share(np.array([rho]))
+        rows += [f"{rho},{a},{b},{c}" for a, b, c in zip(x, low, high)]
+    (tmp_path / "offsets.csv").write_text("\n".join(rows))
+    again = tables.from_files(tmp_path / "radii.csv", table.diameter_mm, 3, offsets_csv=tmp_path / "offsets.csv")
+    a, b = (blade_of(t, 0.2) for t in (table, again))
+    u, rho = np.repeat([-2.0, -1.2, 1.2, 2.0], 5), np.tile([0.3, 0.45, 0.6, 0.75, 0.9], 4)
+    d = a.surface.derivatives(u, a.v_at(rho))
+    off = np.einsum("ij,ij->i", b.points_mm(u, rho) - d[:, 0], local_shape(d).normal)
+    assert np.abs(off).max() < 0.05           # chordwise shift of stations and offsets to four figures
+
+
+def test_a_tip_with_a_chord_is_closed_on_its_cylinder():
+    table = tables.dtmb_4119()
+    chord = table.chord_D.copy()
+    chord[-1] = 0.15
+    wide = type(table)(**{**{k: getattr(table, k) for k in table.__dataclass_fields__}, "chord_D": chord,
+                          "thickness_D": np.r_[table.thickness_D[:-1], 0.006]})
+    made = made_of(wide)
+    tips = [f for f in brep.faces_of(made.solid) if f.mark.name == "blade 1 tip"]
+    assert [f.kind for f in tips] == ["cylinder"]
+    assert_sound(made)
+
+
+def test_a_curved_hub_with_taper_bore_and_bolts():
+    table = tables.dtmb_4119()
+    x = np.linspace(-70, 70, 9)
+    hub = curved_hub(x, 0.1 * table.diameter_mm - 6 * (x / 70) ** 2)
+    cuts = HubCuts(bore_mm=18.0, bore_half_angle_rad=0.03, bolts=6, bolt_mm=3.0, bolt_circle_mm=38.0)
+    made = propeller_solid(blade_over(table, hub), hub, radius_round_root(4, 8, 4, 8), cuts)
+    assert brep.volume_mm3(made.solid) == pytest.approx(
+        extrapolated_volume_mm3(made) - volume_of_cuts_mm3(hub, cuts), rel=1e-5)
+    assert [f.mark.name for f in brep.faces_of(made.solid)].count("bolt hole") == 6
+
+
+# refusals ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("make, length, radii, wanted", [
+    (lambda: tables.dtmb_4119(), 0.30, (4.0, 8.0, 12.0, 8.0), "hub's aft end"),
+    (lambda: tables.dtmb_4119(), 0.30, (12.0, 8.0, 4.0, 8.0), "hub's fore end"),
+    (lambda: tables.own_propeller(7, 0.8, 1.1, 300.0, 0.2), 0.46, (4.0, 12.0, 4.0, 12.0), "next blade")],
+    ids=["aft end", "fore end", "neighbour"])
+def test_a_radius_that_does_not_fit_is_named_with_the_one_that_does(make, length, radii, wanted):
+    table = make()
+    with pytest.raises(DesignError) as told:
+        made_of(table, radii=radii, length=length)
+    message = str(told.value)
+    assert "blade 1" in message and wanted in message and ("edge" in message or "% of the chord" in message), message
+    asked, fits = (float(re.search(pattern, message)[1]) for pattern in (r"radius ([\d.]+) mm", r"fits there is ([\d.]+) mm"))
+    assert 0.1 * asked < fits < asked
+    size = table.diameter_mm
+    hub = straight_hub(-length * size / 2, length * size / 2, 0.1 * size)
+    blade, law = blade_over(table, hub), radius_round_root(*(r * size / 300 for r in radii))
+    u = np.unique(blade.surface.knots_u)[:-1]
+    for share, is_fitting in ((0.995 * fits / asked, True), (1.02 * fits / asked, False)):
+        rolling = rolled(blade.surface, 1.0, hub, law.scaled(share), u, (0.0, 0.6))
+        assert (obstacle(blade, hub, rolling) is None) is is_fitting
+
+
+def test_roots_that_collide_without_any_fillet_are_refused():
+    with pytest.raises(DesignError, match="no radius fits|too little of the hub"):
+        made_of(tables.own_propeller(9, 1.2, 1.1, 300.0, 0.13), 0.13, (1.0, 1.0, 1.0, 1.0))
+
+
+def test_a_hollow_of_the_hub_that_is_tighter_than_the_ball_is_refused():
+    table, x = tables.dtmb_4119(), np.linspace(-80, 80, 41)
+    hub = curved_hub(x, 30.0 + 3.0 * np.exp(-((x - 49) / 5) ** 2))
+    with pytest.raises(DesignError, match="hollow of the hub's profile|does not fit|no place"):
+        rolled_round_root(blade_over(table, hub), 1.0, hub, radius_round_root(8, 8, 8, 8))
+
+
+@pytest.mark.parametrize("text, wanted", [
+    ("r_R,c_D,P_D,skew_deg\n0.2,0.3,1.1,0\n1,0,1,0\n", "rake_D"),
+    ("r_R,c_D,P_D,skew_deg,rake_D,t0_D,f0_c\n0.2,0.3,x,0,0,0.06,0\n1,0,1,0,0,0,0\n", "'x' is no number"),
+    ("r_R,c_D,P_D,skew_deg,rake_D,t0_D,f0_c\n0.2,0.3,1,0,0,0.06,0\n0.9,0.2,1,0,0,0.01,0\n", "end at 1")],
+    ids=["column", "number", "tip"])
+def test_a_wrong_table_is_refused_by_name(text, wanted, tmp_path):
+    (tmp_path / "mine.csv").write_text(text)
+    with pytest.raises(DesignError, match=wanted):
+        tables.from_files(tmp_path / "mine.csv", 300.0, 3)
+
+
+def test_cuts_that_break_through_the_hub_are_refused():
+    hub = straight_hub(-60.0, 60.0, 30.0)
+    from cuspline.designs._propeller_solid import _tools
+    for cuts, wanted in ((HubCuts(bore_mm=59.0), "bore"), (HubCuts(bore_mm=50.0, key_width_mm=10.0, key_depth_mm=5.0), "keyway"),
+                         (HubCuts(bore_mm=20.0, bolts=4, bolt_mm=6.0, bolt_circle_mm=24.0), "run into the bore")):
+        with pytest.raises(DesignError, match=wanted):
+            _tools(hub, cuts, "test")
+
+
+# a design without setups ---------------------------------------------------------------------------------
+
+
+def test_the_build_ends_with_a_measured_solid(tmp_path):
+    source = catalogue.find_design("dtmb_4119")
+    order = build.Order(source=source, design=catalogue.make_design(source, ["diameter_mm=120", "bore_mm=0", *(
+        f"fillet_{where}_mm=2" for where in ("leading_edge", "face", "trailing_edge", "back"))]),
+        machine=catalogue.find_machine("mill_3axis"), library=catalogue.find_library(None), accepted=(),
+        out=tmp_path / "out", last_stage="report")
+    result = build.build(order)
+    told = json.loads((tmp_path / "out/solid.json").read_text())
+    assert result.is_ok and "nothing is planned" in result.told and told["ok"]
+    assert {"outlines.svg", "sections.svg", "dtmb_4119.step", "dtmb_4119.glb", "manifest.json"} <= {
+        p.name for p in (tmp_path / "out").iterdir()}
+    assert len(told["figures"]) > 30 and all(f["ok"] for f in told["figures"])
+
+
+def test_table_points_are_the_tables_own(dtmb):
+    """One of them by hand: r/R 0.7, x/c 0.5, back."""
+    rho, x, side, places = next(row for row in table_points(dtmb.blade.table) if row[0] == 0.7)
+    row = np.flatnonzero((x == 0.5) & (side > 0))[0]
+    chord, pitch, r = 0.4622 * 304.8, 1.084 * 304.8, 0.7 * 152.4
+    slope = 0.09129429258 * 0.02003
+    lift = 0.4962 * 0.05418 * chord / np.hypot(1, slope)
+    xi, n = -lift * slope, 0.9992991001 * 0.02003 * chord + lift
+    phi = np.arctan(pitch / (2 * np.pi * r))
+    assert places[row, 0] == pytest.approx(xi * np.sin(phi) - n * np.cos(phi), abs=1e-9)
+    turn = (xi * np.cos(phi) + n * np.sin(phi)) / r
+    assert places[row, 1:] == pytest.approx([-r * np.sin(turn), r * np.cos(turn)], abs=1e-9)
+    one = [f for f in brep.faces_of(dtmb.solid) if f.mark.name.startswith("blade 1 ")]
+    assert section_on_solid(dtmb, one, 0.7, np.array([0.0, 1.0, np.pi])).shape == (3, 2)
