@@ -292,7 +292,8 @@ def _excess_proof(part, c, found):
     fine = found.is_reachable & (d <= allowed + NOISE_MM)
     reach = lambda p, n: reach_of(p, n, own, c.drops, part.closest, part.ball_radius_mm) == REACHABLE
     return prove_excess(c.ground, [own, *others], d[fine].max(initial=0.0), allowed,
-                        lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach)
+                        lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach,
+                        area_mm2=rounded(c.samples.weight_mm2.sum()))
 
 
 def _indices(solid, faces):
