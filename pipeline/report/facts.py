@@ -331,6 +331,12 @@ def measure_rows(bundle):
              "points_checked": ("points checked", None, "")}
     rows = [(name, [grouped(c.get(key)) if digits is None else decimal(c.get(key), digits, unit) for _, c in columns])
             for key, (name, digits, unit) in spell.items()]
+    known = lambda c, *keys: c if not keys else known(c[keys[0]], *keys[1:]) if keys[0] in (c or {}) else {}
+    whole = lambda c: [s for s in c.get("setups") or [c] if isinstance(s, dict)]
+    rows.append(("moves without a proven bound", [grouped(sum(
+        sum(known(s, "certificate", "not_covered").values()) for s in whole(c))) for _, c in columns]))
+    rows.append(("area without a proof", [decimal(sum(
+        sum(known(s, "sampling", "unproven_mm2").values()) for s in whole(c)), 1, "mm²") for _, c in columns]))
     rows.append(("collisions", [grouped(len(c["collisions"])) if isinstance(c.get("collisions"), list) else DASH
                                 for _, c in columns]))
     steps = [[abs(j["step_max_mm"]) for j in c.get("joints") or ()] for _, c in columns]

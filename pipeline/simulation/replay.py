@@ -15,8 +15,10 @@ from cuspline.simulation.replay_stock import LEAF
 from cuspline.simulation.swept import CLOSED_UPWARD, cutting_rows
 from cuspline.simulation.tree import morton_order
 from cuspline.verification.findings import Finding
+from cuspline.verification.kept import NOTHING
 
 TOUCH_MM = 1e-4           # what may be missing of a distance: rounding of the post, pieces of arcs
+PARTS = 4                 # of a cell's side, for the bound of the stock that earlier clampings have left in it
 ENDLESS_MM = 1e4          # a part that nothing above makes wider goes on upward by this
 HOLDER_CLEARANCE_MM = 1.0
 SHANK_CLEARANCE_MM = 0.0  # the neck follows the flutes into the slot they cut
@@ -84,9 +86,10 @@ class Replay:
             object.__setattr__(self, name, frozen(getattr(self, name), form, name, dtype, name.startswith("event_")))
 
 
-def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, design_top_mm=None, design=None,
-           design_error_mm=0.0, fixtures=(), machine=None, frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
-           holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM):
+def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, stock_within_mm=None,
+           design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
+           frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
+           holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, kept=NOTHING):
     """Replays a posted program move by move on a z-map of the stock.
 
     Contacts are judged over the whole of every move, not at its ends, nor at the nodes alone.  What is left of the
@@ -99,7 +102,9 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         stock_min, stock_max: (3,) corners of the billet, WCS.
         pitch_mm: distance of the nodes.
         stock_top_mm: (ny, nx) height of the stock at the nodes before the first move; None: the whole billet.  Between
-            them it is taken to be no higher than at the nodes round about, and no contact to be sure above the lowest.
+            them no contact is taken to be sure above the lowest node round about.
+        stock_within_mm: function of places (n, 2) and a radius to heights (n,) that no stock so near exceeds before the
+            first move, see `Workpiece.highest_within_mm`; None: all that is between the nodes may stand to the top.
         design_top_mm: (ny, nx) height of the finished design at the nodes of
             `ZMap.over(stock_min, stock_max, pitch_mm)`, NaN beside it; None: not known.
         design: ClearanceTree of the finished design, WCS; None: pins of the heights design_top_mm.
@@ -110,6 +115,7 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         frame: the WCS seen from the part, for the places of findings.
         holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
             counts as part of the holder.
+        kept: kept.Kept, asked first; NOTHING keeps nothing.
     Raises:
         SimulationError: a feed move with a tool that is not given.
     """
@@ -120,25 +126,33 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     wanted = np.array([0.0, shank_clearance_mm, holder_clearance_mm])
     boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures], dtype=float).reshape(-1, 6)
     script = _script(posted, tools, () if machine is None else machine.spindle_head)
-    worst = np.full((4, len(posted), 4), -np.inf)
-    least = np.array([replay_kernel.FAR_MM, replay_kernel.FAR_MM, np.nan, np.nan, np.nan])
     near = _pins(zmap, heights, float(stock_min[2])) if design is None else design
-    if near is not None:
-        _against_design(near, script, wanted, design_error_mm + TOUCH_MM, worst, least)
     lines = _lines(zmap, stock_max)
-    events, unsure = replay_kernel.run(
-        *script, wanted, TOUCH_MM, boxes, z, *_before(z, lines), lines, _past(script[0], script[2], script[4]), worst,
-        least, _cut_before(z, top))
-    unsure &= ~(worst[:, :, 0] > 0).any(axis=0)
+    *events, z, worst, least, unsure = kept.of(_history)(
+        script, len(posted), wanted, boxes, z, _before(z, lines, top, stock_within_mm), lines, _cut_before(z, top),
+        near, float(design_error_mm + TOUCH_MM))
     report = replay_checks.Reporter(posted, setup, frame)
-    found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top), *report.unknown_starts(_highest(top, boxes)),
-             *report.travel(machine), *report.table(machine, tools, script), *report.end())
+    found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
+             *report.unknown_starts(_highest(top, boxes)), *report.travel(machine),
+             *report.table(machine, tools, script), *report.end())
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
                   findings=found, holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
                   holder_place_mm=place, undecided_lines=tuple(posted.line[unsure].tolist()),
                   is_table_checked=machine is not None)
+
+
+def _history(script, moves, wanted, boxes, z, before, lines, events, design, allowed_mm):
+    """(row, cell, height of the events, heights in the end, worst, least, undecided), see `replay_kernel.run`."""
+    worst, z = np.full((4, moves, 4), -np.inf), z.copy()
+    least = np.array([replay_kernel.FAR_MM, replay_kernel.FAR_MM, np.nan, np.nan, np.nan])
+    if design is not None:
+        _against_design(design, script, wanted, allowed_mm, worst, least)
+    bounds, sure = before
+    events, unsure = replay_kernel.run(*script, wanted, TOUCH_MM, boxes, z, bounds.copy(), sure, lines,
+                                       _past(script[0], script[2], script[4]), worst, least, events)
+    return *events, z, worst, least, unsure & ~(worst[:, :, 0] > 0).any(axis=0)
 
 
 def _cut_before(z, top):
@@ -160,11 +174,20 @@ def _lines(zmap, stock_max):
     return tuple(lines)
 
 
-def _before(z, lines):
-    """What is known of each cell before the first move: no higher than its highest node, no lower than its lowest."""
+def _before(z, lines, top, within):
+    """What is known of each cell before the first move: a height it does not exceed, and one that it surely reaches."""
     wide = np.pad(z, [(0, len(lines[1]) - len(z)), (0, len(lines[0]) - z.shape[1])], mode="edge")
     corners = np.array([wide[:-1, :-1], wide[1:, :-1], wide[:-1, 1:], wide[1:, 1:]])
-    return corners.max(axis=0), corners.min(axis=0)
+    bounds = np.full(corners.shape[1:], top)
+    j, i = np.nonzero((corners < top).any(axis=0))
+    if within is not None and len(j):
+        middle, half = (np.column_stack([(s * a[k + 1] + a[k]) / 2 for k, a in zip((i, j), lines)]) for s in (1, -1))
+        share = (2 * np.arange(PARTS) + 1) / PARTS - 1
+        places = [middle + np.abs(half) * (a, b) for a in share for b in share]
+        radius = float(np.hypot(*half.T).max()) / PARTS
+        found = within(np.concatenate(places), radius).reshape(PARTS ** 2, -1).max(axis=0)
+        bounds[j, i] = np.maximum(found, corners[:, j, i].max(axis=0)).clip(max=top)
+    return bounds, corners.min(axis=0)
 
 
 def _past(geometry, cutter, cutters):

@@ -91,8 +91,8 @@ class Reporter:
         """Moves of which neither a contact with the stock nor its absence is shown."""
         for group in self._gathered(self.runs(is_unsure, np.ones(len(self.posted), dtype=bool))):
             yield self.finding("clearance_not_proven", group[0], 0.0, self.posted.end_mm[group[0]],
-                               "keep neck, shank and holder farther from the stock here, a rapid higher above it: a longer "
-                               f"reach, a thinner shank, a wider slot ({len(group)} moves)")
+                               "keep neck, shank and holder farther from the stock here, a rapid higher above it: a "
+                               f"longer reach, a thinner shank, a wider slot ({len(group)} moves)")
 
     def states(self, top_mm):
         """Spindle and tool length offset: both on whenever the tool feeds, the offset below the stock top too."""

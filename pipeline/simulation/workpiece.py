@@ -4,6 +4,7 @@ Stock = billet minus what each clamping's cutters swept.  Each clamping answers 
 in part coordinates.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,3 +113,19 @@ class Workpiece:
         up = np.tile((0.0, 0.0, 1.0), (len(xy), 1))
         depth, _ = self.deviations(frame.out(tops), frame.turn_out(up), float(high[2] - low[2]))
         return np.where(depth < 0, np.maximum(high[2] + depth, low[2]), high[2])
+
+    def highest_within_mm(self, frame, xy_mm, radius_mm):
+        """(n,) height that no stock within a radius of (x, y) exceeds, as `heights_mm`.
+
+        What cutters smaller by the radius all round sweep lies so deep in what the true ones sweep.
+        """
+        smaller = [Cut(frame=c.frame, paths=tuple(_smaller(c.paths, radius_mm))) for c in self.cuts]
+        cuts = tuple(c for c in smaller if c.paths)
+        return Workpiece(min_mm=self.min_mm, max_mm=self.max_mm, cuts=cuts).heights_mm(frame, xy_mm)
+
+
+def _smaller(paths, by_mm):
+    """Paths of cutters smaller all round; of those of which nothing is left, none."""
+    for path in paths:
+        with suppress(SimulationError):
+            yield path.grown(-by_mm)

@@ -17,6 +17,7 @@ from cuspline.toolpaths.depth_tree import DepthTree
 from cuspline.toolpaths.exact_drop import ExactPart
 from cuspline.toolpaths.move_depths import move_depths
 from cuspline.verification.certificate_chords import chords_of
+from cuspline.verification.kept import NOTHING
 
 PROVABLE = ("ball", "bull_nose", "flat")
 SAGITTA_SHARE = 0.1         # of the tolerance: what the chords of arcs may take of it
@@ -98,7 +99,7 @@ def part_in_wcs(solid, frame):
     return ExactPart.of_solid(brep.seen_from(brep.the_solid(solid), frame))
 
 
-def certify(posted, tools, part, *, tolerance_mm, rows=None):
+def certify(posted, tools, part, *, tolerance_mm, rows=None, kept=NOTHING):
     """Prove how deep the moves of a posted program cut into the part at most.
 
     The bound of a move is never below its true gouge, and at most the tolerance above it, or a fiftieth of the gouge
@@ -111,6 +112,7 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None):
         part: exact_drop.ExactPart of all faces of the solid, WCS (see `part_in_wcs`).
         tolerance_mm: of the bounds, >= 1.2e-4; a tenth of it goes to chords of arcs.
         rows: (k,) rows of interest; all if None.
+        kept: kept.Kept, asked first for each tool's moves; NOTHING keeps nothing.
     Returns:
         Certificate.
     Raises:
@@ -127,7 +129,7 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None):
         for number in np.unique(posted.tool[known]).tolist():
             own = known[posted.tool[known] == number]
             _prove(tree, chords_of(posted, own, sagitta_mm), tools[number].cutter, tolerance_mm - sagitta_mm,
-                   bound, share, place)
+                   bound, share, place, kept.of(move_depths))
     return Certificate(row=known, kind=posted.kind[known], bound_mm=bound[known], share=share[known],
                        place_mm=place[known], tolerance_mm=float(tolerance_mm), sagitta_mm=sagitta_mm,
                        uncovered=tuple((int(row), reason) for row, reason in zip(rows, reasons) if reason is not None))
@@ -155,11 +157,11 @@ def _reasons(posted, tools, rows):
     return [reason(row) for row in rows.tolist()]
 
 
-def _prove(tree, chords, cutter, tolerance_mm, bound, share, place):
-    """Fill in the rows of the chords: what the deepest chord of each says."""
+def _prove(tree, chords, cutter, tolerance_mm, bound, share, place, ask):
+    """Fill in the rows of the chords: what the deepest chord of each says; `ask` answers as move_depths."""
     R = cutter.radius_mm
     rc = {"ball": R, "flat": 0.0}.get(cutter.type, cutter.corner_radius_mm)
-    depth, along, point = move_depths(tree, chords.start_mm, chords.end_mm, R, rc, tolerance_mm)
+    depth, along, point = ask(tree, chords.start_mm, chords.end_mm, R, rc, tolerance_mm)
     depth = depth + chords.off_mm
     deepest = np.lexsort((depth, chords.row))
     deepest = deepest[np.diff(chords.row[deepest], append=-1) != 0]

@@ -41,10 +41,11 @@ class ExcessProof:
     unproven_mm2: dict        # reason -> area, at most: see REASONS
     higher_mm: np.ndarray     # (n, 3) places that stand higher than allowed
     amount_mm: np.ndarray     # (n,) how high they stand
+    uncovered: tuple = ()     # cutters and axes of which nothing is proven: what they alone have cut counts as unproven
 
     def as_dict(self):
         """For verify.json."""
-        return {"cells": self.cells, "unproven_mm2": self.unproven_mm2}
+        return {"cells": self.cells, "unproven_mm2": self.unproven_mm2, "not_covered": list(self.uncovered)}
 
     @property
     def is_complete(self):
@@ -83,7 +84,8 @@ class _Cells:
                       area_mm2=twice(self.area_mm2 / 2))
 
 
-def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable, floor_mm=FLOOR_MM):
+def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable, floor_mm=FLOOR_MM,
+                 area_mm2=np.nan):
     """Prove that no reachable place of some faces stands higher than what is known and allowed.
 
     Args:
@@ -93,15 +95,19 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
         deviation_of: function of points and normals (n, 3), part coordinates, to exact deviations (n,).
         is_reachable: function of the same to (n,) bool.
         floor_mm: cells no longer than this are not halved.
+        area_mm2: of the faces: all of it is unproven where no cutter is known.
     Returns:
         ExcessProof.
     """
+    posed = {p.tool.number: p.tool.cutter.type for c in cuts for p in c.paths if not upright_paths((p,))}
+    uncovered = tuple(f"T{n}, {kind}: only upright ball, bull nose and flat cutters are known to the proof"
+                      for n, kind in sorted(posed.items()))
     search = _Search(ground, allowed_mm, deviation_of, is_reachable, floor_mm)
     upright = [replace(c, paths=upright_paths(c.paths)) for c in cuts if upright_paths(c.paths)]
     if not upright:
-        return ExcessProof(height_mm=np.nan, cells=0, unproven_mm2=dict.fromkeys(REASONS), higher_mm=np.zeros((0, 3)),
-                           amount_mm=np.zeros(0))
-    return search.run(upright, min(known_mm, allowed_mm))
+        return ExcessProof(height_mm=np.nan, cells=0, higher_mm=np.zeros((0, 3)), amount_mm=np.zeros(0),
+                           unproven_mm2={**dict.fromkeys(REASONS, 0.0), "inside": area_mm2}, uncovered=uncovered)
+    return replace(search.run(upright, min(known_mm, allowed_mm)), uncovered=uncovered)
 
 
 class _Search:

@@ -1,7 +1,7 @@
 """The verdict on one setup and on the part: both verifiers, their agreement, the replay, all findings."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from OCP.TopAbs import TopAbs_FACE
@@ -160,7 +160,7 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
                        [c.feeds for c in clampings], [c.drops for c in clampings], part.closest, ball_radius_mm,
                        [c.options.spacing_mm for c in clampings], kept)
     steps = joints([c.name for c in clampings], [own for _, own in judged], MISSED * allowed_mm(finish))
-    return tuple(_judged(part, c, found, own, tools, machine, joined, say)
+    return tuple(_judged(part, c, found, own, tools, machine, joined, kept, say)
                  for c, (found, own), joined in zip(clampings, judged, steps))
 
 
@@ -231,17 +231,17 @@ def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, ke
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
 
 
-def _judged(part, c, found, own, tools, machine, joined, say):
+def _judged(part, c, found, own, tools, machine, joined, kept, say):
     """SetupVerdict of clamping c.
 
     `found` are the residuals of its faces, `own` those of all faces after it alone; `joined`: its joints with earlier ones.
     """
     finish, moves = part.finish, f"{len(c.program.posted):,} moves"
     say(f"{c.name}: replay of {moves} on a grid of {c.options.replay_pitch_mm:.3f} mm")
-    history = _replayed(part, c, tools, machine)
+    history = _replayed(part, c, tools, machine, kept)
     say(f"{c.name}: certificate of {moves}")
     proven = certify(c.program.posted, tools, part_in_wcs(part.solid, c.program.setup.frame),
-                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
+                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), kept=kept)
     say(f"{c.name}: cusps beside {len(c.samples):,} samples")
     cusps = _cusps(part, c, found)
     say(f"{c.name}: proof of what stands between the samples")
@@ -302,7 +302,8 @@ def _excess_proof(part, c, found):
     fine = found.is_reachable & (d <= allowed + NOISE_MM)
     reach = lambda p, n: reach_of(p, n, own, c.drops, part.closest, part.ball_radius_mm) == REACHABLE
     return prove_excess(c.ground, [own, *others], d[fine].max(initial=0.0), allowed,
-                        lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach)
+                        lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach,
+                        area_mm2=rounded(c.samples.weight_mm2.sum()))
 
 
 def _indices(solid, faces):
@@ -334,7 +335,7 @@ def _affordable_mm(solid, deviation_mm):
     return deviation_mm * max(1.0, expected / MESH_TRIANGLES)
 
 
-def _replayed(part, c, tools, machine):
+def _replayed(part, c, tools, machine, kept):
     """The program replayed on the stock that it finds."""
     program, options, mesh, frame = c.program, c.options, part.mesh, c.program.setup.frame
     low, high = c.before.box_in(frame)
@@ -343,11 +344,12 @@ def _replayed(part, c, tools, machine):
     design = drop_tips_mm(c.drops, zmap.xy_mm, DESIGN_PIN_MM, 0.0)
     return replay(program.posted, tools, stock_min=low, stock_max=high, pitch_mm=options.replay_pitch_mm,
                   stock_top_mm=grid(c.before.heights_mm(frame, zmap.xy_mm)) if c.before.cuts else None,
+                  stock_within_mm=partial(c.before.highest_within_mm, frame),
                   design_top_mm=grid(np.where(np.isfinite(design), design, np.nan)),
                   design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
                   design_error_mm=mesh.deviation_mm + part.finish.gouge_mm, fixtures=program.fixtures, machine=machine,
                   frame=frame, setup=c.name, holder_clearance_mm=options.holder_clearance_mm,
-                  shank_clearance_mm=options.shank_clearance_mm)
+                  shank_clearance_mm=options.shank_clearance_mm, kept=kept)
 
 
 def _numbers(found, solid_view, finish, bounds, history):

@@ -11,10 +11,13 @@ from test_clearance import box
 from cuspline.catalogue import DEFAULT_MACHINE, find_machine
 from cuspline.cutters import Holder, HolderSegment
 from cuspline.machines import Machine
+from cuspline.frames import Frame
 from cuspline.program import Plane
 from cuspline.simulation.clearance import ClearanceTree
-from cuspline.simulation.replay import HOLDER_CLEARANCE_MM, Fixture, replay
+from cuspline.simulation.replay import HOLDER_CLEARANCE_MM, Fixture, ZMap, replay
 from cuspline.simulation.replay_stock import CELL_MM, DEEP_MM, DEPTH_MM, SHARE
+from cuspline.simulation.swept import swept_paths
+from cuspline.simulation.workpiece import Workpiece
 
 LOW, HIGH = (-20.0, -10.0, -20.0), (20.0, 10.0, 0.0)
 FIN = 0.2, 0.25           # nodes stand every 0.5 mm
@@ -82,7 +85,7 @@ def test_a_fin_below_the_smallest_cell_is_found_or_listed():
     for shift in np.linspace(0, CELL_MM, 7):
         fin = 0.2 + shift, 0.2 + shift + CELL_MM / 4
         result = run([*halves(fin), rapid(-14, 0, 5), rapid(-14, 0, -4), rapid(14, 0, -4)], TOOLS)
-        assert kinds(result) == (["clearance_not_proven"] if result.undecided_lines == (36,) else ["rapid_through_stock"])
+        assert kinds(result) == ["clearance_not_proven" if result.undecided_lines == (36,) else "rapid_through_stock"]
 
 
 def test_order_of_operations_decides_between_nodes_too():
@@ -128,7 +131,7 @@ def test_deep_contacts_are_told_within_a_share_and_small_ones_exactly(missing):
 
 @pytest.mark.parametrize("top,share", [(2.97, 0.0), (6.0, SHARE)])
 def test_a_move_in_pieces_is_told_as_the_same_moves_one_by_one(top, share):
-    """A half circle past three pillars of the design, the second 0.02 and the third 1 mm higher; over a ramp of stock."""
+    """A half circle past three pillars of the design, the second 0.02, the third 1 mm higher; over a ramp of stock."""
     posts = [box((x - 1, 19, -20), (x + 1, 21, top + more))[0] for x, more in ((-12, 0.0), (0, 0.02), (12, 1.0))]
     triangles = np.vstack([np.array(box((0, 0, 0), (1, 1, 1))[1]) + 8 * k for k in range(3)])
     design, ramp = ClearanceTree.of_triangles(np.vstack(posts), triangles), np.linspace(-3, 0, 81) + np.zeros((41, 1))
@@ -247,14 +250,27 @@ def test_proven_clearance_does_not_depend_on_the_pitch():
 
 def test_a_step_left_by_an_earlier_clamping_is_no_contact_that_is_sure():
     """Stock 8 mm lower from x = 0.5 on; where the step stands between the nodes at 0 and 0.5 nobody knows."""
-    before = np.zeros((41, 81))
-    before[:, 41:] = -8.0
+    top = np.zeros((41, 81))
+    top[:, 41:] = -8.0
+    before = {"stock_top_mm": top, "stock_within_mm": lambda xy, radius: np.where(xy[:, 0] < 0.3 + radius, 0.0, -8.0)}
     down = lambda x: [rapid(x, 0, 5), rapid(x, 0, -4), rapid(x, 0, 5)]
     slot = {1: TOOLS[1]}
-    assert kinds(run(down(5.6), slot, stock_top_mm=before)) == []
-    assert kinds(run(down(4.9), slot, stock_top_mm=before)) == ["rapid_through_stock"]
-    between = run(down(5.2), slot, stock_top_mm=before)
+    assert kinds(run(down(5.6), slot, **before)) == []
+    assert kinds(run(down(4.9), slot, **before)) == ["rapid_through_stock"]
+    between = run(down(5.2), slot, **before)
     assert kinds(between) == ["clearance_not_proven"] and between.undecided_lines == (11,)
+
+
+@pytest.mark.parametrize("fin,wanted", [(FIN, ["clearance_not_proven"]), ((0.4, 0.0), [])], ids=["fin", "no fin"])
+def test_a_fin_that_an_earlier_clamping_leaves_between_the_nodes_is_not_overlooked(fin, wanted):
+    here = Frame.shift((0.0, 0.0, 0.0))
+    piece = Workpiece(min_mm=LOW, max_mm=HIGH).after(here, swept_paths(program((-60, 0, 50), halves(fin)), TOOLS))
+    nodes = ZMap.over(LOW, HIGH, 0.5)
+    heights = piece.heights_mm(here, nodes.xy_mm).reshape(nodes.ny, nodes.nx)
+    assert heights.max() < -7.9 or fin != FIN             # no node shows it
+    across = [rapid(-14, 0, 5), rapid(-14, 0, -4), rapid(14, 0, -4), rapid(14, 0, 5)]
+    assert kinds(run(across, TOOLS, stock_top_mm=heights,
+                     stock_within_mm=lambda xy, radius: piece.highest_within_mm(here, xy, radius))) == wanted
 
 
 def test_clearance_over_a_floor_is_the_gap_to_the_floor():

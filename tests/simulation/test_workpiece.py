@@ -56,6 +56,20 @@ def test_material_is_what_no_clamping_has_taken():
     assert stock.after(ABOVE, ()).cut_distance_mm(points) == pytest.approx(distance)
 
 
+@pytest.mark.parametrize("seen_from", [ABOVE, FROM_X, BELOW], ids=["above", "from x", "below"])
+def test_no_stock_within_a_radius_is_higher_than_its_bound(seen_from):
+    stock, rng = piece((ABOVE, slot_from_above(-1.0)), (FROM_X, pocket_from_x(25))), np.random.default_rng(4)
+    low, high = stock.box_in(seen_from)
+    xy = rng.uniform(low[:2], high[:2], (400, 2))
+    for radius in (0.4, 0.02, 3.0):                 # of the last one nothing is left of the cutter of radius 2
+        bound = stock.highest_within_mm(seen_from, xy, radius)
+        angle, way = rng.uniform(0, 2 * np.pi, (30, 400)), radius * np.sqrt(rng.uniform(0, 1, (30, 400)))
+        beside = xy + np.stack([way * np.cos(angle), way * np.sin(angle)], axis=-1)
+        heights = stock.heights_mm(seen_from, beside.clip(low[:2], high[:2]).reshape(-1, 2)).reshape(30, 400)
+        assert (heights.max(axis=0) <= bound + 1e-6).all()
+        assert np.mean(bound > heights.max(axis=0) + 2 * radius) < (0.4 * radius if radius < 2 else 1.1)
+
+
 def test_a_gouge_is_followed_from_one_clamping_into_another():
     stock = piece((ABOVE, slot_from_above()), (FROM_X, pocket_from_x(9)))
     points, up = np.array([[15, 8, 12.0], [5, 8, 12], [15, 8, 6], [15, 2, 12]]), np.tile((0, 0, 1.0), (4, 1))

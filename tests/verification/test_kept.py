@@ -10,9 +10,11 @@ from known_programs import feed, program, rapid, raster, tool
 
 from cuspline import brep, cli
 from cuspline.design import Finish, Setup, StockBox
+from cuspline.simulation import replay as replaying
 from cuspline.simulation import swept
 from cuspline.solids import stl_of
-from cuspline.verification import in_process, kept, residuals, verdict
+from cuspline.toolpaths import move_depths
+from cuspline.verification import certificate, in_process, kept, residuals, verdict
 from cuspline.verification.kept import NOTHING, Kept, kept_beside, told
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
 
@@ -50,14 +52,16 @@ def outcome(store):
 def asked(monkeypatch):
     """Names of the long questions that were not answered out of a store."""
     names = []
-    for name, modules in (("deviations_and_moves", [residuals]), ("stock_height_mm", [verdict, in_process])):
-        real = getattr(swept, name)
+    for source, name, modules in ((swept, "deviations_and_moves", [residuals]), (replaying, "_history", [replaying]),
+                                  (swept, "stock_height_mm", [verdict, in_process]),
+                                  (move_depths, "move_depths", [certificate])):
+        real = getattr(source, name)
 
         def counted(*arguments, name=name, real=real):
             names.append(name)
             return real(*arguments)
 
-        counted.__qualname__, counted.__module__ = name, swept.__name__
+        counted.__qualname__, counted.__module__ = name, source.__name__
         for module in modules:
             monkeypatch.setattr(module, name, counted)
     return names
@@ -94,6 +98,30 @@ def test_a_run_that_was_broken_off_goes_on_where_it_stopped(tmp_path, asked, mon
     monkeypatch.setattr(Kept, "_write", write)
     asked.clear()
     assert outcome(store) == whole and len(asked) == total - 6
+
+
+def test_damaged_answers_are_made_anew_and_another_move_or_tool_is_asked_anew(tmp_path, asked):
+    """Replay and certificate of one program; then with one file after the other spoilt, another end, another tool."""
+    store, part = Kept(tmp_path / "kept"), certificate.part_in_wcs(BLOCK, SETUPS[0].frame)
+
+    def both(kept, end=(26, 3, 9), tools=TOOLS):
+        posted = program((-6, 2, 40), [rapid(-6, 2, 9.5), feed(*end), rapid(26, 16, 14)])
+        history = replaying.replay(posted, tools, stock_min=STOCK.min_mm, stock_max=STOCK.max_mm, pitch_mm=1.0,
+                                   kept=kept)
+        proven = certificate.certify(posted, tools, part, tolerance_mm=0.001, kept=kept)
+        heights = (getattr(history, name).tobytes() for name in ("event_row", "event_z_mm", "final_z_mm"))
+        return (*heights, history.findings, history.holder_clearance_mm, proven.bound_mm.tobytes(),
+                proven.place_mm.tobytes())
+
+    want = both(store)
+    assert asked == ["_history", "move_depths"] and both(store) == want == both(NOTHING)
+    for path in files(store):
+        path.write_bytes(path.read_bytes()[:-1] + b"?")
+        asked.clear()
+        assert both(store) == want and len(asked) == 1
+    for change in ({"end": (26, 3, 9 + 1e-12)}, {"tools": {1: tool("ball", 10.5)}}):
+        asked.clear()
+        assert both(store, **change) == both(NOTHING, **change) and len(asked) == 4
 
 
 def square(values):
