@@ -118,8 +118,11 @@ def _thinnest(C, w):
 
 @njit(cache=True, error_model="numpy")
 def _touch(w, axis, outline, out):
-    """Where the cutter touches a plane with normal w from above, from the tip; at what height the normal there meets the
-    axis; the outline's radius of curvature there over the way along the normal to the axis."""
+    """Where the cutter touches a plane with normal w from above, from the tip, into `out`.
+
+    Returns at what height the normal there meets the axis, and the outline's radius of curvature there over the way
+    along the normal to the axis.
+    """
     nz = -(w[0] * axis[0] + w[1] * axis[1] + w[2] * axis[2])
     ex, ey, ez = -w[0] - nz * axis[0], -w[1] - nz * axis[1], -w[2] - nz * axis[2]
     nr = math.sqrt(ex * ex + ey * ey + ez * ez)
@@ -156,7 +159,7 @@ def _frame(node, axis, moment, before, outline, lowest, highest):
         for j in range(3):
             aa, ab, bb = aa + a[i] * C[i, j] * a[j], ab + a[i] * C[i, j] * b[j], bb + b[i] * C[i, j] * b[j]
     turn = 0.5 * math.atan2(2.0 * ab, aa - bb)
-    if ratio < ROUND:                        # u along the cutter's meridian: what lies off along v does not pull along u
+    if ratio < ROUND:                        # u along the cutter's meridian: off along v does not pull along u
         turn = math.atan2(b @ axis, a @ axis)
     node[3:6] = math.cos(turn) * a + math.sin(turn) * b
     node[6:9] = math.cos(turn) * b - math.sin(turn) * a

@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit, prange
 
 from cuspline.simulation.distance_kernels import child_distances, piece_distance
-from cuspline.simulation.tree import (CHUNK, DEPTH, SLACK_MM, block_of, nearest_piece, open_root, piece_of, push_children,
-                                      work)
+from cuspline.simulation.tree import (CHUNK, DEPTH, SLACK_MM, block_of, nearest_piece, open_root, piece_of,
+                                      push_children, work)
 
 CLOSE_MM = 1e-8           # where tracing stops short of the surface
 SETTLED_MM = 1e-10        # how well a surface is met

@@ -1,7 +1,8 @@
 """Bounding trees over pieces of path, one per cutter, and the near-first search in them.
 
-A tree has eight children a node, over runs of pieces in the order of `halved_order`; the last nodes' children are single
-pieces.  All children of a node stand together, one column each, so that their bounds come out of one sweep over 64 numbers:
+A tree has eight children a node, over runs of pieces in the order of `halved_order`; the last nodes' children are
+single pieces.  All children of a node stand together, one column each, so that their bounds come out of one sweep
+over 64 numbers:
 
     0..3   xl, xh, yl, yh     rectangle round the tips
     4      lowest tip
@@ -56,8 +57,10 @@ def _spread(bits):
 
 
 def halved_order(points, run):
-    """(n,) order of points (n, 3) in which runs of `run`, times any power of two, are halves of the run twice as long, cut
-    across its longest side: tighter boxes than along a Z-curve, whose runs jump."""
+    """(n,) order of points (n, 3) in which runs of `run`, times any power of two, are halves of the run twice as long.
+
+    Each is cut across its longest side: tighter boxes than along a Z-curve, whose runs jump.
+    """
     rows = np.empty((len(points), 4))
     rows[:, :3], rows[:, 3] = points, np.arange(len(points))
     _halve(rows, run)
@@ -70,7 +73,7 @@ def _halve(rows, run):
     while span < len(rows):
         span *= 2
     todo, spans, top = np.zeros(64, np.int64), np.full(64, span), 1
-    while top > 0:                                         # one half to its end before the other: in the processor's cache
+    while top > 0:                                         # one half to its end before the other: stays in the cache
         top -= 1
         lo, span = todo[top], spans[top]
         hi, middle = min(lo + span, len(rows)), lo + span // 2
@@ -235,7 +238,8 @@ def block_of(code, tree):
     level = code & (2 ** LEVEL_BITS - 1)
     if level == 0:
         return tree[0]
-    return tree[0] + 1 + tree[4] * ((1 << 3 * (level - 1)) - 1) // (WIDTH - 1) + (code >> LEVEL_BITS)     # 1 << 3: WIDTH
+    above = tree[4] * ((1 << 3 * (level - 1)) - 1) // (WIDTH - 1)                 # 1 << 3: WIDTH
+    return tree[0] + 1 + above + (code >> LEVEL_BITS)
 
 
 @njit(cache=True)
