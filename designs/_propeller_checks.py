@@ -37,13 +37,11 @@ def solid_report(made, solid, density_g_per_cm3):
         solid: the same as read back from its file; its faces carry their names.
     """
     faces = brep.faces_of(solid)
-    one = [f for f in faces if f.mark.name.startswith("blade 1 ")]
-    tree = ClosestTree.of_faces(one)
     volume, center, inertia = brep.mass_properties(solid)
     mesh = propeller_mesh(made, TESSELLATION_MM)
     solid_of(mesh.vertices_mm, mesh.triangles, "the propeller's mesh")         # refuses what is not closed
     by_mesh = extrapolated_volume_mm3(made) - volume_of_cuts_mm3(made.hub, made.cuts)
-    rows, measured_ear = sections_at_radii(made, one)
+    blade, rows, measured_ear = blade_figures(made, faces)
     figures = [
         Figure(what="shells", measured=len(brep.explore(solid, TopAbs_SHELL)), wanted=1, allowed=0),
         Figure(what="faces without a name", measured=sum(not f.mark.name for f in faces), wanted=0, allowed=0),
@@ -51,17 +49,32 @@ def solid_report(made, solid, density_g_per_cm3):
         Figure(what="volume, kernel over mesh", measured=volume / by_mesh, wanted=1, allowed=VOLUME_SHARE),
         Figure(what="closed mesh of blades and hub, deviation", measured=mesh.deviation_mm, wanted=0,
                allowed=TESSELLATION_MM, unit="mm"),
-        Figure(what="blade from its definition, random points", measured=_random_deviation_mm(made, tree), wanted=0,
-               allowed=POINT_MM, unit="mm"),
-        *fillet_figures(made), *_table_figures(made, tree), *_section_figures(made, rows),
-        Figure(what="expanded area ratio, sections against chord table", measured=measured_ear,
-               wanted=expanded_area_ratio(made.blade.table, _hub_ratio(made)), allowed=1e-4)]
+        *blade, *fillet_figures(made)]
     mass = volume * density_g_per_cm3 * 1e-6
     return SolidReport(figures=tuple(figures), facts={
         "expanded_area_ratio": round(measured_ear, 6), "volume_mm3": round(volume, 3), "mass_kg": round(mass, 6),
         "density_g_per_cm3": density_g_per_cm3, "centre_mm": [round(float(x), 5) for x in center],
         "inertia_kg_mm2": [[round(float(v), 4) for v in row] for row in inertia * density_g_per_cm3 * 1e-6],
         "tessellation": {"triangles": len(mesh.triangles), "deviation_mm": mesh.deviation_mm}, "sections": rows})
+
+
+def blade_figures(made, faces):
+    """What blade 1 of a solid keeps of its table.
+
+    Args:
+        made: PropellerSolid.
+        faces: brep.Face values of the solid, named.
+    Returns:
+        [Figure, ...], rows of the sections at the table's radii, expanded area ratio.
+    """
+    one = [f for f in faces if f.mark.name.startswith("blade 1 ")]
+    tree = ClosestTree.of_faces(one)
+    rows, area_ratio = sections_at_radii(made, one)
+    return [Figure(what="blade from its definition, random points", measured=_random_deviation_mm(made, tree), wanted=0,
+                   allowed=POINT_MM, unit="mm"),
+            *_table_figures(made, tree), *_section_figures(made, rows),
+            Figure(what="expanded area ratio, sections against chord table", measured=area_ratio,
+                   wanted=expanded_area_ratio(made.blade.table, _hub_ratio(made)), allowed=1e-4)], rows, area_ratio
 
 
 def fillet_figures(made):

@@ -18,6 +18,7 @@ END_MARGIN_SHARE = 0.002    # of the hub's length, kept free at its ends
 OUTERMOST_CONTACT = 0.6     # blade parameter v above which a fillet is no fillet any more
 TOUCHING_MM = 1e-3          # how far a ball may seem to dip into sampled blades
 CLOSEST_SHARE = 0.002       # of the spacing of the blades: least land between two fillets
+JUMP = 5.0                  # feet that move so much faster than their balls leap across a hollow
 SLICES = 240                # of the hub, in which the width of the root is measured
 HALVINGS = 14               # of the search for the largest radius
 
@@ -97,11 +98,13 @@ def obstacle(blade, hub, rolling):
     arc = np.arccos(np.clip(np.einsum("ij,ij->i", rolling.blade_normal, rolling.hub_normal), -1, 1))
     speed = np.linalg.norm(rolling.motion_mm, axis=1)
     hub_hollow = hub.hollow_radius_mm(x)
+    step = lambda p: np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1)
     for reason, excess in (
             (f"reaches over the hub's fore end at x = {low:.2f} mm", low + margin - x),
             (f"reaches over the hub's aft end at x = {high:.2f} mm", x - high + margin),
             ("does not fit into the blade's own hollow", rolling.radius_mm - rolling.hollow_mm),
             ("does not fit into the hollow of the hub's profile", rolling.radius_mm - hub_hollow),
+            ("does not fit into the hollow of the hub's profile", step(rolling.foot_mm) - JUMP * step(rolling.center_mm)),
             ("is wedged between blade and hub, which lie almost on each other", arc - WIDEST_ARC_RAD),
             ("changes faster along the root than its ball moves", np.abs(rolling.radius_slope) - 0.95 * speed),
             ("climbs the blade almost to the tip", rolling.v - 0.98 * OUTERMOST_CONTACT)):

