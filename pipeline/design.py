@@ -34,7 +34,8 @@ class FacePredicate(Model):
                          "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
     normal: tuple[float, float, float] | None = Field(None, description="direction the normal lies close to")
     normal_within_deg: float = Field(1.0, ge=0, le=180)
-    center_min_mm: tuple[float, float, float] | None = Field(None, description="corner of a box round the face's middle")
+    center_min_mm: tuple[float, float, float] | None = Field(None,
+                                                             description="corner of a box round the face's middle")
     center_max_mm: tuple[float, float, float] | None = None
     area_min_mm2: float | None = Field(None, ge=0)
     area_max_mm2: float | None = Field(None, gt=0)
@@ -101,7 +102,8 @@ class Setup(Model):
     wcs_x: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction of the WCS's X, part coordinates")
     wcs_z: tuple[float, float, float] = Field((0.0, 0.0, 1.0), description="direction of its Z, towards the spindle")
     strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral"] = Field(
-        "sections", description="finishing passes: arcs and lines in section planes; on any part: parallel at an angle, "
+        "sections",
+        description="finishing passes: arcs and lines in section planes; on any part: parallel at an angle, "
         "constant scallop height, along the faces' border, one spiral")
     section_plane: Literal["ZX", "YZ"] = Field("ZX", description="sections: plane in which the finishing passes run")
     pass_angle_deg: float = Field(0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
