@@ -239,11 +239,12 @@ def _measured_section(made, faces, rho):
     along, axial = tail - nose
     tilt, stretch = _ends_off_the_line(made, rho)
     thickness = np.linalg.norm(back - face, axis=1).max()
-    return float(np.hypot(along, axial) / stretch), float(turn * np.tan(np.arctan2(axial, along) + tilt)), float(thickness)
+    pitch = turn * np.tan(np.arctan2(axial, along) + tilt)
+    return float(np.hypot(along, axial) / stretch), float(pitch), float(thickness)
 
 
 def _ends_off_the_line(made, rho):
-    """By how much the line from nose to tail is turned, rad, and longer than the pitch line: offsets need not end on it."""
+    """How far the line from nose to tail is turned off the pitch line, rad, and how much longer it is."""
     laws, at = made.blade.laws, np.array([rho])
     share, camber = laws.thickness_share(at), laws.camber_share(at)
     nose, tail = (laws.table.shape.middle(np.array([t]), at, share, camber)[0][0] for t in (0.0, np.pi))
@@ -258,9 +259,11 @@ def sections_at_radii(made, faces):
     for k, rho in enumerate(table.r_R):
         if lowest < rho < TIP and table.chord_D[k] > 0:
             chord, pitch, thickness = _measured_section(made, faces, rho)
-            rows.append({"r_R": float(rho), "chord_mm": chord, "chord_table_mm": float(table.chord_D[k] * table.diameter_mm),
+            rows.append({"r_R": float(rho), "chord_mm": chord,
+                         "chord_table_mm": float(table.chord_D[k] * table.diameter_mm),
                          "pitch_mm": pitch, "pitch_table_mm": float(table.pitch_D[k] * table.diameter_mm),
-                         "thickness_mm": thickness, "thickness_table_mm": float(table.thickness_D[k] * table.diameter_mm)})
+                         "thickness_mm": thickness,
+                         "thickness_table_mm": float(table.thickness_D[k] * table.diameter_mm)})
     return rows, _measured_area_ratio(made, faces, lowest)
 
 

@@ -25,7 +25,8 @@ class PropellerParameters(Parameters):
 
     hand: Literal["right", "left"] = Field("right", description="turning direction seen from aft, going ahead")
     hub_length_share: float = Field(0.40, ge=0.1, le=1.5, description="of the diameter")
-    hub_forward_share: float = Field(0.5, ge=0.2, le=0.8, description="of the hub's length lies before the generator line")
+    hub_forward_share: float = Field(0.5, ge=0.2, le=0.8,
+                                     description="of the hub's length lies before the generator line")
     hub_taper_deg: float = Field(0.0, ge=-20, le=20, description="half angle; the hub grows downstream when positive")
     hub_profile_csv: str = Field("", description="file with columns x_D, r_D in place of length, taper and ratio")
     bore_mm: float = Field(0.0, ge=0, description="diameter at the fore end; 0: none")
@@ -35,7 +36,8 @@ class PropellerParameters(Parameters):
     bolts: int = Field(0, ge=0, le=24, description="holes of the bolt circle; 0: none")
     bolt_mm: float = Field(0.0, ge=0, description="diameter of the bolt holes")
     bolt_circle_mm: float = Field(0.0, ge=0, description="diameter of the bolt circle")
-    fillet_leading_edge_mm: float = Field(4.0, gt=0, le=200, description="radius of the fillet's ball at the leading edge")
+    fillet_leading_edge_mm: float = Field(4.0, gt=0, le=200,
+                                          description="radius of the fillet's ball at the leading edge")
     fillet_face_mm: float = Field(8.0, gt=0, le=200, description="at the middle of the face")
     fillet_trailing_edge_mm: float = Field(4.0, gt=0, le=200, description="at the trailing edge")
     fillet_back_mm: float = Field(8.0, gt=0, le=200, description="at the middle of the back")
@@ -77,7 +79,8 @@ def propeller_design(name, description, p, table, hub_ratio):
     low, high = brep.bounding_box_mm(made.solid)
     return Design(
         name=name, description=description, parameters=p, solid=made.solid, predicates=_predicates(table.blades),
-        material=p.material, stock=StockBox(min_mm=tuple((low - STOCK_MM).tolist()), max_mm=tuple((high + STOCK_MM).tolist())),
+        material=p.material, stock=StockBox(min_mm=tuple((low - STOCK_MM).tolist()),
+                                            max_mm=tuple((high + STOCK_MM).tolist())),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
         setups=(), measure=lambda solid: solid_report(made, solid, p.density_g_per_cm3),
         draw=lambda folder: draw_propeller(made, Path(folder)))
@@ -96,8 +99,8 @@ def hub_of(p, diameter_mm, hub_ratio):
     half_angle, radius = float(np.radians(p.hub_taper_deg)), hub_ratio * diameter_mm / 2
     least = radius + np.tan(half_angle) * (fore if half_angle > 0 else fore + length)
     if least <= 0:
-        raise DesignError(f"the hub tapers to nothing: {radius:.2f} mm at the generator line, {p.hub_taper_deg:g} deg over "
-                          f"{length:.1f} mm; taper it less")
+        raise DesignError(f"the hub tapers to nothing: {radius:.2f} mm at the generator line, "
+                          f"{p.hub_taper_deg:g} deg over {length:.1f} mm; taper it less")
     return straight_hub(fore, fore + length, radius, half_angle)
 
 

@@ -32,7 +32,8 @@ def outlines(made):
     for k in range(table.blades):
         a, style = 2 * np.pi * k / table.blades, {"color": PALE if k else INK, "linewidth": 0.6 if k else 1.2}
         for widest in (turn.min(axis=0), turn.max(axis=0)):
-            aft.plot(rho * table.radius_mm * hand * np.sin(widest + a), rho * table.radius_mm * np.cos(widest + a), **style)
+            aft.plot(rho * table.radius_mm * hand * np.sin(widest + a), rho * table.radius_mm * np.cos(widest + a),
+                     **style)
         for edge in edges:
             line = edge @ np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]])
             side.plot(line[:, 0], line[:, 2], **style)
@@ -40,7 +41,8 @@ def outlines(made):
     radius = made.hub.profile(x)
     round_hub = np.linspace(0, 2 * np.pi, 200)
     aft.plot(radius.max() * np.cos(round_hub), radius.max() * np.sin(round_hub), color=INK, linewidth=0.8)
-    side.plot(np.r_[x[0], x, x[-1], x[-1], x[::-1], x[0]], np.r_[0, radius, 0, 0, -radius[::-1], 0], color=INK, linewidth=0.8)
+    side.plot(np.r_[x[0], x, x[-1], x[-1], x[::-1], x[0]], np.r_[0, radius, 0, 0, -radius[::-1], 0], color=INK,
+              linewidth=0.8)
     chord, pitch = blade.laws.chord_mm(rho), blade.laws.pitch_mm(rho)
     r = rho * table.radius_mm
     middle = blade.laws.skew(rho) * np.hypot(r, pitch / (2 * np.pi))      # along the helix from the generator line

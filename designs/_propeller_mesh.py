@@ -14,7 +14,7 @@ SPREAD = 1.05               # on a density, when a bulge is too large
 SHARE = 0.5                 # of the deviation, that one direction may use
 ROUNDS = 5
 COLUMN_NAMES = ("face", "leading edge", "back", "trailing edge")
-DENSITY = {"along": 1, "up": 16, "across": 4, "tip": 6, "hub": 20}        # for volumes, times 1, 2 and 4
+DENSITY = {"along": 1, "up": 10, "across": 3, "tip": 4, "hub": 16}        # for volumes, times 2, 4 and 8
 COARSEST = {"along": 1, "up": 12, "across": 4, "tip": 4, "hub": 4}
 
 
@@ -55,7 +55,8 @@ def propeller_mesh(made, deviation_mm):
 
 def extrapolated_volume_mm3(made):
     """Volume without the hub's cuts, by meshes of three densities in step: errors of second and fourth order cancel."""
-    first, second, third = (_meshed(made, {name: n * value for name, value in DENSITY.items()})[0].volume_mm3 for n in (1, 2, 4))
+    first, second, third = (_meshed(made, {name: n * value for name,
+                                           value in DENSITY.items()})[0].volume_mm3 for n in (2, 4, 8))
     better = (4 * second - first) / 3, (4 * third - second) / 3
     return (16 * better[1] - better[0]) / 15
 
@@ -133,7 +134,8 @@ def _middle_bulge_mm(fine):
         normal = np.cross(c - a, third - a)
         length = np.linalg.norm(normal, axis=-1)
         keep = length > 1e-9
-        worst = max(worst, float(np.abs(np.einsum("ik,ik->i", off[keep], normal[keep]) / length[keep]).max(initial=0.0)))
+        worst = max(worst, float(np.abs(np.einsum("ik,ik->i", off[keep],
+                                                  normal[keep]) / length[keep]).max(initial=0.0)))
     return worst
 
 
@@ -215,12 +217,14 @@ def _side_of_face(loops):
 
 def _weld_blade(weld, names, k, grids, turn, is_flipped):
     """Blade k with its fillet; returns the ids of its border on the hub, one row a column."""
-    bodies, balls, tips = ([g[::2, ::2] @ turn for kind, g in grids if kind == wanted] for wanted in ("blade", "fillet", "tip"))
+    bodies, balls, tips = ([g[::2, ::2] @ turn for kind, g in grids if kind == wanted] for wanted in ("blade",
+                                                                                                      "fillet", "tip"))
     pole = weld.add(tips[0][:1, -1])[0] if tips else None
     made, rows = [], {name: _index(names, name) for name in
                       [f"blade {k + 1} {c}" for c in COLUMN_NAMES] + [f"fillet {k + 1}", f"blade {k + 1} tip"]}
     for c, column in enumerate(COLUMN_NAMES):
-        beside = lambda part: {"first": made[c - 1][part][-1] if c else None, "last": made[0][part][0] if c == 3 else None}
+        beside = lambda part: {"first": made[c - 1][part][-1] if c else None,
+                               "last": made[0][part][0] if c == 3 else None}
         body = weld.block(bodies[c], rows[f"blade {k + 1} {column}"], is_flipped, **beside(0))
         ball = weld.block(balls[c], rows[f"fillet {k + 1}"], not is_flipped, **beside(1), left=body[:, 0])
         tip = None
@@ -238,7 +242,8 @@ def _weld_flat_tip(weld, name, rims, is_flipped):
     face, nose, back, tail = rims
     low = np.concatenate([tail[len(tail) // 2:-1], face, nose[1:len(nose) // 2 + 1]])
     high = np.concatenate([tail[1:len(tail) // 2 + 1][::-1], back[::-1], nose[len(nose) // 2:-1][::-1]])
-    rows = np.concatenate([np.column_stack([low[:-1], low[1:], high[1:]]), np.column_stack([low[:-1], high[1:], high[:-1]])])
+    rows = np.concatenate([np.column_stack([low[:-1], low[1:], high[1:]]), np.column_stack([low[:-1], high[1:],
+                                                                                            high[:-1]])])
     rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])]
     weld.triangles.append(rows[:, ::-1] if is_flipped else rows)
     weld.faces.append(np.full(len(rows), name))

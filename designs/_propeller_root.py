@@ -104,7 +104,8 @@ def obstacle(blade, hub, rolling):
             (f"reaches over the hub's aft end at x = {high:.2f} mm", x - high + margin),
             ("does not fit into the blade's own hollow", rolling.radius_mm - rolling.hollow_mm),
             ("does not fit into the hollow of the hub's profile", rolling.radius_mm - hub_hollow),
-            ("does not fit into the hollow of the hub's profile", step(rolling.foot_mm) - JUMP * step(rolling.center_mm)),
+            ("does not fit into the hollow of the hub's profile",
+             step(rolling.foot_mm) - JUMP * step(rolling.center_mm)),
             ("is wedged between blade and hub, which lie almost on each other", arc - WIDEST_ARC_RAD),
             ("changes faster along the root than its ball moves", np.abs(rolling.radius_slope) - 0.95 * speed),
             ("climbs the blade almost to the tip", rolling.v - 0.98 * OUTERMOST_CONTACT)):

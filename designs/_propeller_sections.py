@@ -38,7 +38,7 @@ ODD, EVEN = (0, 2, 4), (1, 3)
 
 @dataclass(frozen=True, kw_only=True)
 class TrailingEdge:
-    """How the trailing edge ends: round by a circle, square (flat, corners rounded), or bevelled on the back and round."""
+    """How the trailing edge ends: round, square (flat, corners rounded), or bevelled on the back and round."""
 
     kind: Literal["round", "square", "anti-singing"] = "round"
     thickness_share: float | None = None    # of the section's greatest thickness; None: as the section table has it
@@ -120,7 +120,8 @@ def section_loop(shape, edge, sigma, rho, thickness, camber):
         sigma, rho: (n,) loop angle, rad; radius r/R.
         thickness, camber: (n,) greatest thickness and camber, shares of the chord.
     Returns:
-        (n,) distance from the leading edge along the nose-tail line, (n,) ordinate towards the back; shares of the chord.
+        (n,) distance from the leading edge along the nose-tail line, (n,) ordinate towards the back; shares of the
+        chord.
     """
     x, far = stations(sigma, edge)
     theta = 2 * np.arctan2(np.sqrt(x), np.sqrt(far))

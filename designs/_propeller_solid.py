@@ -23,7 +23,8 @@ from cuspline import brep
 from cuspline.designs._propeller_blade import DEGREE, TIP_SHARE, Blade
 from cuspline.designs._propeller_root import OUTERMOST_CONTACT, rolled_round_root, root_width
 from cuspline.errors import DesignError
-from cuspline.shells import (ShellBuilder, Side, cylinder_round_x, plane_across_x, plane_curve, plane_line, plane_rational,
+from cuspline.shells import (ShellBuilder, Side, cylinder_round_x, plane_across_x, plane_curve, plane_line,
+                             plane_rational,
                              rational_curve, spline_curve, spline_surface)
 from cuspline.surfaces.closed_splines import piece, surface_piece
 from cuspline.surfaces.fairing import fair_spline
@@ -213,7 +214,8 @@ def _add_flat_tip(builder, name, blade, rim):
     """The tip of a blade that has a chord there: on the cylinder of the propeller's radius."""
     curves = []
     for edge, (_, low, high) in zip(rim, blade.columns):
-        sites = np.unique(np.r_[low, blade.surface.knots_u[(blade.surface.knots_u > low) & (blade.surface.knots_u < high)], high])
+        knots = blade.surface.knots_u
+        sites = np.unique(np.r_[low, knots[(knots > low) & (knots < high)], high])
         u = np.unique(np.concatenate([sites, (sites[1:] + sites[:-1]) / 2]))
         p = blade.surface.derivatives(u, np.ones(len(u)))[:, 0]
         curves.append((edge, u, np.arctan2(p[:, 2], p[:, 1]), p[:, 0]))
@@ -274,7 +276,8 @@ class _Sectors:
     def add(self, k, root):
         """The sector round blade k's root, [(edge, spline of polar angle and x for blade 1), ...]."""
         surface = self._surface(k)
-        (left, left_fore, left_aft), (right, right_fore, right_aft) = self._borders[k], self._borders[(k + 1) % self._blades]
+        left, left_fore, left_aft = self._borders[k]
+        right, right_fore, right_aft = self._borders[(k + 1) % self._blades]
         arcs = [surface.poles[:, end] for end in (0, -1)]
         rims = [self._builder.edge(rational_curve(ARC_KNOTS, 2, arc), 0.0, 1.0, a, b)
                 for arc, a, b in zip(arcs, (left_fore, left_aft), (right_fore, right_aft))]
@@ -299,7 +302,8 @@ class _Sectors:
 
     def add_ends(self):
         for end, name in enumerate(("hub fore end", "hub aft end")):
-            sides = [Side(edge=rims[end], curve=plane_rational(ARC_KNOTS, 2, arcs[end][:, 1:])) for rims, arcs in self._rims]
+            sides = [Side(edge=rims[end], curve=plane_rational(ARC_KNOTS, 2, arcs[end][:, 1:]))
+                     for rims, arcs in self._rims]
             self._builder.face(name, plane_across_x(self._x[-end]), [sides], end == 0)
 
 
@@ -330,7 +334,8 @@ def _half_way(hub, rolling, blades):
     half = np.pi / blades
     if (found(at) - half >= low).any() or (found(at) + half <= high).any():
         raise DesignError(f"the roots of neighbouring blades leave too little of the hub between them: "
-                          f"{np.degrees(land.min()):.2f} deg at the narrowest; use a smaller fillet, a larger hub, or less chord")
+                          f"{np.degrees(land.min()):.2f} deg at the narrowest; "
+                          "use a smaller fillet, a larger hub, or less chord")
     return found
 
 
@@ -394,8 +399,8 @@ def _tools(hub, cuts, name):
     for k in range(cuts.bolts):
         refuse("bolt circle", (cuts.bolt_circle_mm + cuts.bolt_mm) / 2)
         if (cuts.bolt_circle_mm - cuts.bolt_mm) / 2 <= widest:
-            raise DesignError(f"propeller {name}: bolt holes of {cuts.bolt_mm:g} mm on a circle of {cuts.bolt_circle_mm:g} mm "
-                              "run into the bore; widen the circle")
+            raise DesignError(f"propeller {name}: bolt holes of {cuts.bolt_mm:g} mm on a circle of "
+                              f"{cuts.bolt_circle_mm:g} mm run into the bore; widen the circle")
         angle = 2 * np.pi * (k + 0.5) / cuts.bolts
         center = cuts.bolt_circle_mm / 2 * np.array([np.cos(angle), np.sin(angle)])
         axis = gp_Ax2(gp_Pnt(fore - CLEAR_MM, *map(float, center)), gp_Dir(1, 0, 0))

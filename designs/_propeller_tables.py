@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from cuspline.designs._propeller_blade import PropellerTable, radial_laws
-from cuspline.designs._propeller_sections import (DATA, TrailingEdge, b_series_offsets, naca66_a08, offset_shapes, table)
+from cuspline.designs._propeller_sections import (DATA, TrailingEdge, b_series_offsets, naca66_a08, offset_shapes,
+                                                  table)
 from cuspline.errors import DesignError
 from cuspline.surfaces.fairing import fair_spline
 
@@ -47,7 +48,8 @@ def b_series(blades, area_ratio, pitch_ratio, diameter_mm, is_right_handed=True,
     # behind * sin(phi) is the rake that this skew brings with it: only the generator line's own is told
     radii, x_c, face, back = b_series_offsets(blades, edge_share)
     return PropellerTable(
-        name=f"B{blades}-{100 * area_ratio:.0f}", blades=blades, diameter_mm=diameter_mm, is_right_handed=is_right_handed,
+        name=f"B{blades}-{100 * area_ratio:.0f}", blades=blades, diameter_mm=diameter_mm,
+        is_right_handed=is_right_handed,
         r_R=r, chord_D=chord, pitch_D=pitch, skew_rad=skew, rake_D=np.tan(np.radians(rake_deg)) * r / 2,
         thickness_D=plan["Ar"] - plan["Br"] * blades, camber_c=np.zeros(len(r)),
         shape=offset_shapes(radii, x_c, face, back, np.ones(len(radii))), edge=edge)
@@ -93,7 +95,8 @@ def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv
 
     Args:
         radii_csv: columns r_R, c_D, P_D, skew_deg, rake_D, t0_D or t0_c, and f0_c; the last row r_R = 1.
-        offsets_csv: columns r_R, x_c, face_c, back_c: ordinates of face and back from the nose-tail line at stations from
+        offsets_csv: columns r_R, x_c, face_c, back_c: ordinates of face and back from the nose-tail line at stations
+            from
             0 to 1, shares of the chord; in place of t0 and f0. None: modified NACA 66 on the a = 0.8 mean line.
     """
     columns, name = table(radii_csv), Path(radii_csv).stem
@@ -107,16 +110,17 @@ def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv
     for r, k in zip(radii, per):
         x = rows["x_c"][k]
         if len(x) < 6 or x[0] != 0 or x[-1] != 1 or (np.diff(x) <= 0).any():
-            raise DesignError(f"propeller table {offsets_csv}, r/R = {r:g}: stations x_c must run from 0 to 1, each once, "
-                              f"at least 6; there are {len(x)}")
+            raise DesignError(f"propeller table {offsets_csv}, r/R = {r:g}: stations x_c must run from 0 to 1, "
+                              f"each once, at least 6; there are {len(x)}")
     face, back = ([rows[c][k] for k in per] for c in ("face_c", "back_c"))
     thick = np.array([(b - f).max() for f, b in zip(face, back)])
     if (thick <= 0).any():
-        raise DesignError(f"propeller table {offsets_csv}, r/R = {radii[np.argmax(thick <= 0)]:g}: the back must lie above "
-                          "the face")
+        raise DesignError(f"propeller table {offsets_csv}, r/R = {radii[np.argmax(thick <= 0)]:g}: the back must "
+                          "lie above the face")
     shape = offset_shapes(radii, [rows["x_c"][k] for k in per], face, back, thick)
     law = fair_spline(radii, thick, bending=2)
-    columns = {**columns, "t0_c": law(np.clip(columns["r_R"], radii[0], radii[-1])), "f0_c": np.zeros(len(columns["r_R"]))}
+    columns = {**columns, "t0_c": law(np.clip(columns["r_R"], radii[0], radii[-1])),
+               "f0_c": np.zeros(len(columns["r_R"]))}
     columns.pop("t0_D", None)
     return _from_columns(name, columns, blades, diameter_mm, is_right_handed, shape, edge)
 
@@ -128,7 +132,8 @@ def _from_columns(name, columns, blades, diameter_mm, is_right_handed, shape, ed
     for column in (*COLUMNS, "f0_c"):
         if np.isnan(columns[column][:-1]).any():
             row = int(np.argmax(np.isnan(columns[column])))
-            raise DesignError(f"propeller table {name}, row {row + 1}: {column} is empty; only the tip's row may have gaps")
+            raise DesignError(f"propeller table {name}, row {row + 1}: {column} is empty; "
+                              "only the tip's row may have gaps")
     thickness = columns["t0_D"] if "t0_D" in columns else columns["t0_c"] * columns["c_D"]
     return PropellerTable(
         name=name, blades=blades, diameter_mm=diameter_mm, is_right_handed=is_right_handed, r_R=columns["r_R"],

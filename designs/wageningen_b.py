@@ -18,9 +18,12 @@ class WageningenB(PropellerParameters):
     pitch_ratio: float = Field(1.0, ge=0.4, le=1.6, description="nominal pitch over diameter")
     diameter_mm: float = Field(250.0, ge=50, le=1200)
     rake_deg: float = Field(15.0, ge=-20, le=30, description="of the generator line, downstream")
-    edge_share: float = Field(0.08, ge=0.02, le=0.3, description="thickness of the edges over the greatest of the section")
-    hub_forward_share: float = Field(0.55, ge=0.2, le=0.8, description="of the hub's length lies before the generator line")
-    fillet_leading_edge_mm: float = Field(3.0, gt=0, le=200, description="radius of the fillet's ball at the leading edge")
+    edge_share: float = Field(0.08, ge=0.02, le=0.3,
+                              description="thickness of the edges over the greatest of the section")
+    hub_forward_share: float = Field(0.55, ge=0.2, le=0.8,
+                                     description="of the hub's length lies before the generator line")
+    fillet_leading_edge_mm: float = Field(3.0, gt=0, le=200,
+                                          description="radius of the fillet's ball at the leading edge")
     fillet_face_mm: float = Field(5.0, gt=0, le=200, description="at the middle of the face")
     fillet_trailing_edge_mm: float = Field(3.0, gt=0, le=200, description="at the trailing edge")
     fillet_back_mm: float = Field(5.0, gt=0, le=200, description="at the middle of the back")
@@ -28,6 +31,7 @@ class WageningenB(PropellerParameters):
 
 def design(p: WageningenB) -> Design:
     """The screw; its solid is checked against the tables, it has no setup yet."""
-    table = b_series(p.blades, p.area_ratio, p.pitch_ratio, p.diameter_mm, p.is_right_handed, p.rake_deg, p.edge_share, p.edge)
+    table = b_series(p.blades, p.area_ratio, p.pitch_ratio, p.diameter_mm, p.is_right_handed, p.rake_deg, p.edge_share,
+                     p.edge)
     return propeller_design("wageningen_b", f"Wageningen {table.name}, P/D {p.pitch_ratio:g}", p, table,
                             B_SERIES_HUB.get(p.blades, OTHER_HUB))

@@ -147,7 +147,8 @@ def _measured(order, work, inputs, step, shape, say):
     off = tuple(f for f in report.figures if not f.is_kept)
     findings = tuple(Finding(
         kind="solid_off", amount_mm=abs(f.measured - f.wanted), place_mm=None, operation="", line=0, setup="",
-        advice=f"{f.what}: {f.measured:.6g} {f.unit} measured, {f.wanted:.6g} wanted, {f.allowed:.2g} allowed") for f in off)
+        advice=f"{f.what}: {f.measured:.6g} {f.unit} measured, {f.wanted:.6g} wanted, "
+               f"{f.allowed:.2g} allowed") for f in off)
     refused = tuple(f for f in findings if f.kind not in order.accepted)
     _write_json(work / "solid.json", {
         "design": design.name, "ok": not refused, "units": "mm", "accepted": list(order.accepted),

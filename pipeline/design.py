@@ -36,7 +36,8 @@ class FacePredicate(Model):
                          "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
     normal: tuple[float, float, float] | None = Field(None, description="direction the normal lies close to")
     normal_within_deg: float = Field(1.0, ge=0, le=180)
-    center_min_mm: tuple[float, float, float] | None = Field(None, description="corner of a box round the face's middle")
+    center_min_mm: tuple[float, float, float] | None = Field(None,
+                                                             description="corner of a box round the face's middle")
     center_max_mm: tuple[float, float, float] | None = None
     area_min_mm2: float | None = Field(None, ge=0)
     area_max_mm2: float | None = Field(None, gt=0)

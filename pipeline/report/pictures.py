@@ -79,7 +79,8 @@ def _run_child(job, out_dir):
         environment["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkEGLRenderWindow"
     command = [sys.executable, "-m", "cuspline.report.render", str(job), str(out_dir)]
     try:
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S)
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, errors="replace",
+                              timeout=TIMEOUT_S)
     except subprocess.TimeoutExpired:
         return f"no pictures: the renderer did not finish within {TIMEOUT_S} s"
     if done.returncode < 0 or "EGL" in done.stderr and done.returncode:

@@ -76,7 +76,8 @@ def _energy(knots, sites, order):
     half = np.diff(sites) / 2
     places = (sites[:-1] + half)[:, None] + half[:, None] * nodes
     derived = BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE).derivative(order)(places.ravel())
-    return derived.T @ ((half[:, None] * weights).ravel()[:, None] * derived) * (sites[-1] - sites[0]) ** (2 * order - 1)
+    return derived.T @ ((half[:, None] * weights).ravel()[:,
+                                                          None] * derived) * (sites[-1] - sites[0]) ** (2 * order - 1)
 
 
 class _Constrained:
@@ -95,7 +96,8 @@ class _Constrained:
             self._miss = seen.T @ (y.reshape(len(y), -1) - through @ self._start)
 
     def least(self, stiffness):
-        step = np.linalg.lstsq(stiffness * self._energy + self._pull, self._miss - stiffness * self._force, rcond=1e-15)[0]
+        step = np.linalg.lstsq(stiffness * self._energy + self._pull, self._miss - stiffness * self._force,
+                               rcond=1e-15)[0]
         return (self._start + self._free @ step).reshape(-1, *self._tail)
 
 

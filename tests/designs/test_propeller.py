@@ -74,7 +74,8 @@ def test_a_solid_of_another_thickness_is_told(dtmb, dtmb_file):
 def test_every_face_has_its_name(dtmb):
     names = [f.mark.name for f in brep.faces_of(dtmb.solid)]
     for k in (1, 2, 3):
-        assert [names.count(f"blade {k} {part}") for part in ("face", "back", "leading edge", "trailing edge", "tip")] == [
+        assert [names.count(f"blade {k} {part}") for part in ("face", "back", "leading edge", "trailing edge",
+                                                              "tip")] == [
             1, 1, 1, 1, 4]
         assert names.count(f"fillet {k}") == 4
     assert names.count("hub") == 3 and names.count("bore") >= 1 and names.count("keyway") == 3
@@ -85,7 +86,8 @@ def test_the_back_looks_upstream_and_the_leading_edge_leads(dtmb):
     faces = {f.mark.name: f for f in brep.faces_of(dtmb.solid)}
     assert faces["blade 1 back"].middle.normal[0, 0] < -0.5 and faces["blade 1 face"].middle.normal[0, 0] > 0.5
     # right-handed: seen from aft, z up, y to the right, it turns clockwise: blade 1 moves towards +y
-    assert faces["blade 1 leading edge"].middle.point_mm[0, 1] > 10 > faces["blade 1 trailing edge"].middle.point_mm[0, 1]
+    assert faces["blade 1 leading edge"].middle.point_mm[0, 1] > 10 > faces["blade 1 trailing edge"].middle.point_mm[0,
+                                                                                                                     1]
 
 
 def entities(text):
@@ -100,7 +102,8 @@ def test_the_step_file_holds_the_blade_for_a_reader_that_is_not_the_kernel(dtmb,
     head, poles, tail = re.match(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d+,\d+),\((\(.*?\))\),(\..*)\)$", spline).groups()
     ku, kv = map(int, head.split(","))
     coordinates = lambda k: [float(x) for x in re.search(r"\(([^()]*)\)\)$", found[k])[1].split(",")]
-    grid = np.array([[coordinates(int(k)) for k in re.findall(r"#(\d+)", row)] for row in re.findall(r"\(([^()]*)\)", poles)])
+    grid = np.array([[coordinates(int(k)) for k in re.findall(r"#(\d+)", row)] for row in re.findall(r"\(([^()]*)\)",
+                                                                                                     poles)])
     mu, mv, tu, tv = (np.array([float(x) for x in row.split(",")]) for row in re.findall(r"\(([^()]*)\)", tail))
     tu, tv = np.repeat(tu, mu.astype(int)), np.repeat(tv, mv.astype(int))
     u, v = np.random.default_rng(7).uniform((0.4, 0.3), (2.7, 0.8), (300, 2)).T
@@ -155,7 +158,8 @@ def test_curvature_does_not_ripple_along_a_section():
     # a spline through the rounded ordinates ripples more
     from cuspline.designs._propeller_sections import form_and_mean_line
     x, half, camber, slope = naca66_a08().ordinates
-    stiff = curvature_along(form_and_mean_line(x, half, camber, slope, 0.448, rounding=0.0), TrailingEdge(), sigma, camber=0.0)
+    stiff = curvature_along(form_and_mean_line(x, half, camber, slope, 0.448, rounding=0.0), TrailingEdge(), sigma,
+                            camber=0.0)
     roughness = lambda c: np.abs(np.diff(c, 2)).sum()
     assert roughness(curvature) < 0.75 * roughness(stiff)
 
@@ -180,10 +184,12 @@ def test_the_trailing_edge_ends_as_asked(kind):
         row = np.argmin(np.abs(1 - back[0] - 3 * tail))
         assert apart[row] < 0.85 * 2 * thickness * shape.half(2 * np.arcsin(np.sqrt(back[0][row:row + 1])), 0.5)[0]
         assert np.abs(face[1][row] + apart[row] / 2) > 0            # the bevel is on the back alone
-        assert -face[1][row] == pytest.approx(thickness * shape.half(2 * np.arcsin(np.sqrt(face[0][row:row + 1])), 0.5)[0], rel=1e-3)
+        assert -face[1][row] == pytest.approx(thickness * shape.half(2 * np.arcsin(np.sqrt(face[0][row:row + 1])),
+                                                                     0.5)[0], rel=1e-3)
         return
     row = np.argmin(np.abs(1 - back[0] - 3 * tail))
-    assert apart[row] == pytest.approx(2 * thickness * shape.half(2 * np.arcsin(np.sqrt(back[0][row:row + 1])), 0.5)[0], rel=1e-3)
+    assert apart[row] == pytest.approx(2 * thickness * shape.half(2 * np.arcsin(np.sqrt(back[0][row:row + 1])),
+                                                                  0.5)[0], rel=1e-3)
     half_way = back[1][np.argmin(np.abs(1 - back[0] - 0.1 * tail))] / tail
     assert half_way > 0.6 if kind == "square" else half_way == pytest.approx(np.sqrt(1 - 0.9 ** 2), abs=0.03)
 
@@ -207,7 +213,8 @@ def assert_sound(made):
 
 @pytest.mark.parametrize("make, ratio, radii", [
     (lambda: tables.b_series(4, 0.55, 1.0, 250.0), 0.167, (2.0, 8.0, 2.0, 8.0)),
-    (lambda: tables.b_series(5, 0.75, 0.8, 1000.0, False, edge=TrailingEdge(kind="square")), 0.167, (4.0, 2.0, 4.0, 8.0)),
+    (lambda: tables.b_series(5, 0.75, 0.8, 1000.0, False, edge=TrailingEdge(kind="square")), 0.167, (4.0, 2.0, 4.0,
+                                                                                                     8.0)),
     (lambda: tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, skew_deg=72.0, edge=TrailingEdge(kind="anti-singing")), 0.2,
      (4.0, 4.0, 4.0, 4.0))],
     ids=["B4-55", "B5-75 left-handed square", "5 blades skew 72 anti-singing"])
@@ -225,7 +232,8 @@ def test_b_screws_have_the_area_of_their_name(blades, area):
 def test_a_left_handed_propeller_is_the_mirror_image():
     right, left = (blade_of(tables.dtmb_4119(is_right_handed=hand), 0.19) for hand in (True, False))
     u, v = np.random.default_rng(2).uniform((-2.8, 0.0), (3.3, 1.0), (200, 2)).T
-    assert np.abs(right.surface.derivatives(u, v)[:, 0] * [1, -1, 1] - left.surface.derivatives(u, v)[:, 0]).max() < 1e-9
+    assert np.abs(right.surface.derivatives(u, v)[:, 0] * [1, -1, 1] - left.surface.derivatives(u, v)[:,
+                                                                                                      0]).max() < 1e-9
 
 
 def test_skew_brings_its_rake_with_it():
@@ -303,7 +311,8 @@ def test_a_radius_that_does_not_fit_is_named_with_the_one_that_does(make, length
         made_of(table, radii=radii, length=length)
     message = str(told.value)
     assert "blade 1" in message and wanted in message and ("edge" in message or "% of the chord" in message), message
-    asked, fits = (float(re.search(pattern, message)[1]) for pattern in (r"radius ([\d.]+) mm", r"fits there is ([\d.]+) mm"))
+    asked, fits = (float(re.search(pattern, message)[1]) for pattern in (r"radius ([\d.]+) mm",
+                                                                         r"fits there is ([\d.]+) mm"))
     assert 0.1 * asked < fits < asked
     size = table.diameter_mm
     hub = straight_hub(-length * size / 2, length * size / 2, 0.1 * size)
@@ -340,7 +349,8 @@ def test_a_wrong_table_is_refused_by_name(text, wanted, tmp_path):
 def test_cuts_that_break_through_the_hub_are_refused():
     hub = straight_hub(-60.0, 60.0, 30.0)
     from cuspline.designs._propeller_solid import _tools
-    for cuts, wanted in ((HubCuts(bore_mm=59.0), "bore"), (HubCuts(bore_mm=50.0, key_width_mm=10.0, key_depth_mm=5.0), "keyway"),
+    for cuts, wanted in ((HubCuts(bore_mm=59.0), "bore"), (HubCuts(bore_mm=50.0, key_width_mm=10.0, key_depth_mm=5.0),
+                                                           "keyway"),
                          (HubCuts(bore_mm=20.0, bolts=4, bolt_mm=6.0, bolt_circle_mm=24.0), "run into the bore")):
         with pytest.raises(DesignError, match=wanted):
             _tools(hub, cuts, "test")
