@@ -160,7 +160,7 @@ def design(p: RfqVane) -> Design:
 
 def _setup(p, spans, k):
     """One clamping."""
-    (first, last), start = spans[k], spans[0][0]
+    first, start = spans[k][0], spans[0][0]
     zero = (f"X0 {first - start:.3f} mm from the end where the beam enters, found by the markers" if k else
             "X0 at the end where the beam enters")
     return Setup(

@@ -17,7 +17,7 @@ from pydantic import Field, ValidationError
 import cuspline.designs
 import cuspline.posts
 from cuspline.cutters import Model, first_complaint, library_from_json
-from cuspline.design import DEFAULT_MACHINE, Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.errors import CamError, DesignError, InputError
 from cuspline.machines import machine_from_toml
 

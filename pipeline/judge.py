@@ -6,6 +6,8 @@ The only way to a verdict, for `build` and `verify` alike: nothing comes from th
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from cuspline import brep
 from cuspline.catalogue import find_post, reader_of
 from cuspline.errors import InputError

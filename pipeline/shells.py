@@ -17,7 +17,6 @@ from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
 
-from cuspline.errors import DesignError
 
 TIGHTEST_MM = 1e-7          # the kernel's own confusion
 LOOKS = 192                 # places at which an edge's curves are compared: several between any two knots of ours

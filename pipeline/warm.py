@@ -86,7 +86,8 @@ def _certificate():
 
 def _planning():
     """Rough, semi-finish, even scallops, parallel passes, waterlines."""
-    from cuspline.catalogue import DEFAULT_MACHINE, find_library, find_machine
+    from cuspline.catalogue import find_library, find_machine
+    from cuspline.design import DEFAULT_MACHINE
     from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
     from cuspline.planning.plan import plan_setup
     up = FacePredicate(name="dome", count=1, kinds=("sphere",))
@@ -142,7 +143,8 @@ def _simulation():
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
     from OCP.gp import gp_Pnt
     from cuspline import brep
-    from cuspline.catalogue import DEFAULT_MACHINE, find_library, find_machine
+    from cuspline.catalogue import find_library, find_machine
+    from cuspline.design import DEFAULT_MACHINE
     from cuspline.design import Finish, Setup, StockBox
     from cuspline.posts.rs274_reader import read_program
     from cuspline.verification.verdict import verify_setup

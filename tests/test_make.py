@@ -147,7 +147,7 @@ def test_ci_is_one_executable_script_that_the_workflow_runs():
     script, workflow = ROOT / ".ci/run", (ROOT / ".github/workflows/build.yml").read_text()
     assert os.access(script, os.X_OK) and script.read_text().startswith("#!/bin/bash\n")
     assert "\nexec </dev/null\n" in script.read_text()
-    for command in ("make test", "make\n", "make -q", ".ci/install_linuxcnc.sh"):
+    for command in ("make test", "\nmake -j", "make -q", ".ci/install_linuxcnc.sh"):
         assert command in script.read_text()
     assert "bash .ci/run" in workflow and "archive: false" in workflow
     assert "permissions:\n  contents: read\n" in workflow

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from cuspline.report.facts import findings, operation_rows, operations, unreachable
-from cuspline.report.wording import number, tool_name
+from cuspline.report.wording import number
 
 PATH_STEP_MM = 1e-4         # posted coordinates carry at most four decimals: nothing is lost
 FEED_STEP = 0.1             # mm/min

@@ -12,7 +12,6 @@ The distance is negative inside, 1-Lipschitz, and its sign is exact.  All length
 
 import math
 
-import numpy as np
 from numba import njit
 
 VERTICAL_MM = 1e-9        # a move shorter than this from above is a plunge

@@ -9,7 +9,6 @@ and the piece leaves min over its positions of z + p(d).  Lengths in mm; inf: ne
 
 import math
 
-import numpy as np
 from numba import njit
 
 from cuspline.simulation.distance_kernels import VERTICAL_MM

@@ -11,7 +11,6 @@ below.  All lengths in mm; distances are negative inside.
 
 import math
 
-import numpy as np
 from numba import njit
 
 from cuspline.simulation.outlines import outline_distance

@@ -12,9 +12,8 @@ from pydantic import ValidationError
 from cuspline.catalogue import POSTS, find_library
 from cuspline.cutter_profile import apt_profile, lens_profile, tangent_corner
 from cuspline.cutters import Cutter, HolderSegment, Tool, library_from_json
-from cuspline.errors import InputError, SimulationError
+from cuspline.errors import InputError
 from cuspline.posts.rs274_reader import read_program
-from cuspline.program import Kind
 from cuspline.simulation.outlines import outline_distance, outline_pieces
 from cuspline.simulation.replay import surely_cut
 from cuspline.simulation.swept import swept_paths

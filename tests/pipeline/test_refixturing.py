@@ -15,6 +15,7 @@ from cuspline.errors import InputError
 from cuspline.job import read_job
 from cuspline.judge import judge
 from cuspline.refixturing import fitted_frame, read_measured, refixtured, refixtured_setups
+from cuspline.verification.verdict import Options
 
 PLACES = {"a": (0.0, 0.0, 0.0), "b": (120.0, 0.0, 5.0), "c": (0.0, 40.0, 0.0), "d": (110.0, 35.0, -8.0)}
 
@@ -130,14 +131,16 @@ def test_a_part_that_lies_askew_is_cut_as_designed(tmp_path):
     for name, setups in (("posted anew", anew), ("as designed", part.setups)):
         result = recipe.build(recipe.Order(
             source=None, design=replace(part, setups=setups), machine=catalogue.find_machine("mill_3axis"),
-            library=catalogue.find_library(None), accepted=(), out=tmp_path / name, last_stage="verify"))
-        assert result.is_ok, result.findings
+            library=catalogue.find_library(None), accepted=(), out=tmp_path / name, last_stage="gcode"))
         made[name] = result.folder
+    job, coarse = read_job(made["posted anew"]), Options(spacing_mm=0.2, solid_pitch_mm=0.2, replay_pitch_mm=0.3)
+    assert judge(made["posted anew"], job, options=coarse).findings == ()
     text = (made["posted anew"] / "setup-2.ngc").read_text()
     assert "ZERO SHIFTED" in text and "MARKER left" in text
     assert "ZERO SHIFTED" not in (made["posted anew"] / "setup-1.ngc").read_text()
     plan = json.loads((made["posted anew"] / "plan.json").read_text())
     assert plan["setups"][1]["refixturing"]["turn_deg"] == pytest.approx([0.04, -0.06, 0.4], abs=1e-4)
-    wrong = judge(made["as designed"], read_job(made["as designed"]).placed(read_measured(file)))
+    wrong = judge(made["as designed"], read_job(made["as designed"]).placed(read_measured(file)),
+                  options=coarse)
     assert {f.kind for f in wrong.findings} & {"gouge", "excess"}
     assert all(f.setup == "setup-2" for f in wrong.findings if f.kind == "gouge")

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from known_programs import NOWHERE, arc, feed, program, rapid, tool
+from known_programs import arc, feed, program, rapid, tool
 
 from cuspline.program import Plane
 from cuspline.simulation.replay import Fixture, replay

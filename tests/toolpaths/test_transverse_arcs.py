@@ -10,7 +10,7 @@ from cuspline.program import Kind
 from cuspline.toolpaths.arc_templates import OVERRUN_MM
 from cuspline.toolpaths.cutter_surface import cut_map, flank_deviation_mm, tip_deviation_mm
 from cuspline.toolpaths.transverse_arcs import (
-    STEEP_SLOPE, arc_steps, center_x_of_contact_mm, contacts_mm, crest_slope, widest_interval_mm)
+    STEEP_SLOPE, center_x_of_contact_mm, contacts_mm, crest_slope, widest_interval_mm)
 
 @pytest.fixture(scope="module")
 def wavy():

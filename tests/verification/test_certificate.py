@@ -1,6 +1,6 @@
 """The certificate of posted programs: known-bad lines are found, good ones keep to the bound, nothing is silent."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cadquery as cq
 import numpy as np
