@@ -87,8 +87,7 @@ def _certificate():
 def _planning():
     """Rough, semi-finish, even scallops, parallel passes, waterlines."""
     from cuspline.catalogue import find_library, find_machine
-    from cuspline.design import DEFAULT_MACHINE
-    from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+    from cuspline.design import DEFAULT_MACHINE, Design, FacePredicate, Finish, Parameters, Setup, StockBox
     from cuspline.planning.plan import plan_setup
     up = FacePredicate(name="dome", count=1, kinds=("sphere",))
     wall = FacePredicate(name="wall", count=1, kinds=("cylinder",))
@@ -144,8 +143,7 @@ def _simulation():
     from OCP.gp import gp_Pnt
     from cuspline import brep
     from cuspline.catalogue import find_library, find_machine
-    from cuspline.design import DEFAULT_MACHINE
-    from cuspline.design import Finish, Setup, StockBox
+    from cuspline.design import DEFAULT_MACHINE, Finish, Setup, StockBox
     from cuspline.posts.rs274_reader import read_program
     from cuspline.verification.verdict import verify_setup
     solid = brep.the_solid(BRepPrimAPI_MakeBox(gp_Pnt(0, 0, 0), gp_Pnt(6, 6, 5)).Solid())
