@@ -8,7 +8,8 @@ from known_programs import arc, feed, program, rapid, tool
 from pydantic import ValidationError
 from test_clearance import box
 
-from cuspline.catalogue import DEFAULT_MACHINE, find_machine
+from cuspline.catalogue import find_machine
+from cuspline.design import DEFAULT_MACHINE
 from cuspline.cutters import Holder, HolderSegment
 from cuspline.machines import Machine
 from cuspline.frames import Frame
