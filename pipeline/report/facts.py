@@ -171,7 +171,6 @@ def _gouge_fact(bundle):
     return Fact(label="Gouge, deepest", value=decimal(verify.get("gouge_max_mm"), 4, "mm"),
                 details=(f"accepted to {decimal(bundle.finish.gouge_mm, 4, 'mm')}",
                          f"proven of every move: {decimal(verify.get('gouge_proven_mm'), 4, 'mm')}",
-                         f"volume {decimal(verify.get('gouge_volume_mm3'), 3, 'mm³')}",
                          f"known to ±{decimal(verify.get('error_bound_mm'), 4, 'mm')}"),
                 state=_state(verify, verify.get("gouge_max_mm"), "gouge"))
 
@@ -326,7 +325,8 @@ def measure_rows(bundle):
              "gouge_proven_mm": ("no move goes deeper than (proven)", 4, "mm"), "excess_max_mm": ("most material left", 4, "mm"),
              "excess_proven_mm": ("proven between samples: no more than", 4, "mm"),
              "cusp_max_mm": ("largest cusp", 4, "mm"), "cusp_p99_mm": ("99 % of cusps below", 4, "mm"),
-             "gouge_volume_mm3": ("gouge volume", 3, "mm³"), "excess_volume_mm3": ("excess volume", 3, "mm³"),
+             "gouge_volume_mm3": ("design less stock, facets of both included", 3, "mm³"),
+             "excess_volume_mm3": ("stock less design, facets of both included", 3, "mm³"),
              "area_required_mm2": ("area required", 1, "mm²"), "area_reached_mm2": ("area reached", 1, "mm²"),
              "points_checked": ("points checked", None, "")}
     rows = [(name, [grouped(c.get(key)) if digits is None else decimal(c.get(key), digits, unit) for _, c in columns])
