@@ -46,7 +46,7 @@ def clampings(start_mm, end_mm, travel_mm, overlap_mm):
 
 
 def splits(joints_mm, spans):
-    """Sorted x at which the faces are split: where clampings begin and end, and the joints that lie apart from these."""
+    """Sorted x at which faces are split: where clampings begin and end, and the joints that lie apart from these."""
     borders = sorted({x for span in spans for x in span})[1:-1]
     apart = [x for x in joints_mm if all(abs(x - b) > LEAST_PANEL_MM for b in borders)]
     return sorted([*borders, *apart])

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import iv, ivp
 
 from cuspline.arrays import frozen
-from cuspline.designs._rfq_potential import tip_line
+from cuspline.roots import rising_roots
 
 ARC_RAD = np.radians(30.0)      # of the arc to either side of the crest, that the fit asks for
 ALONG, ROUND = 25, 9            # places of the fit along the cell and round half the arc
@@ -75,8 +75,8 @@ class EightTerm:
         value = lambda r: _terms(r, 0.0 * r, z, k, r0) @ self.coefficients - level
         slope = lambda r: _slopes(r, z, k, r0) @ self.coefficients
         reach = 1e-6 * self.aperture_mm
-        return tip_line(value, slope, np.full_like(z, self.aperture_mm - reach),
-                        np.full_like(z, self.aperture_mm * self.modulation + reach))
+        return rising_roots(value, slope, np.full_like(z, self.aperture_mm - reach),
+                            np.full_like(z, self.aperture_mm * self.modulation + reach))
 
 
 def _fit(given, z, r, rho):

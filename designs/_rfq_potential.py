@@ -13,31 +13,9 @@ from scipy.optimize import brentq
 from scipy.special import iv
 
 from cuspline.errors import DesignError
+from cuspline.roots import rising_roots
 
-STEPS = 80              # of the safeguarded Newton iteration; it ends long before
-CLOSE = 1e-14           # relative change at which it has ended
 MATCHING_ROOT = 0.38    # of the matching section's length: closer to the wall its equipotential has no root
-
-
-def tip_line(value, slope, low, high):
-    """(n,) roots r of rising functions, by Newton within brackets.
-
-    Args:
-        value, slope: functions (r (n,)) -> (n,), the equation's left side less its right, and its derivative by r.
-        low, high: (n,) value(low) <= 0 <= value(high).
-    """
-    low, high = np.array(low, float), np.array(high, float)
-    r = (low + high) / 2
-    for _ in range(STEPS):
-        f = value(r)
-        low, high = np.where(f < 0, r, low), np.where(f < 0, high, r)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = r - f / slope(r)
-        new = np.where((step >= low) & (step <= high), step, (low + high) / 2)
-        if np.abs(new - r).max(initial=0.0) <= CLOSE * np.abs(r).max(initial=1.0):
-            break
-        r = new
-    return r
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,38 +75,13 @@ class TwoTerm:
         value = lambda r: X * (r / a) ** 2 + wave * iv(0, k * r) - 1.0
         slope = lambda r: 2 * X * r / a ** 2 + wave * k * iv(1, k * r)
         low, high = a * (1 - 1e-9), a * self.modulation * (1 + 1e-9)
-        return tip_line(value, slope, np.full_like(z, low), np.full_like(z, high))
-
-    def slope(self, z_mm, sign):
-        """(n,) dr/dz of a tip."""
-        r = self.tip_mm(z_mm, sign)
-        k, wave = self.wave_per_mm, sign * self.acceleration
-        along = -wave * k * iv(0, k * r) * np.sin(k * np.asarray(z_mm, float))
-        return -along / (2 * self.quadrupole * r / self.aperture_mm ** 2
-                         + wave * k * iv(1, k * r) * np.cos(k * np.asarray(z_mm, float)))
-
-    @property
-    def crest_radius_mm(self):
-        """Longitudinal radius of the tip line where it comes nearest to the beam (a ridge of the vane)."""
-        return self._bend_radius(self.aperture_mm, 1.0)
+        return rising_roots(value, slope, np.full_like(z, low), np.full_like(z, high))
 
     @property
     def valley_radius_mm(self):
         """Longitudinal radius of the tip line where it is farthest from the beam: the limit of the cutter's radius."""
-        return self._bend_radius(self.aperture_mm * self.modulation, -1.0)
-
-    def _bend_radius(self, r, cosine):
-        k, A = self.wave_per_mm, self.acceleration
-        rise = 2 * self.quadrupole * r / self.aperture_mm ** 2 + cosine * A * k * iv(1, k * r)
-        return rise / (A * k * k * iv(0, k * r)) if A > 0 else np.inf
-
-    def ideal_tip_radius_mm(self, z_mm, sign):
-        """(n,) transverse radius of the equipotential at its crest: what a circular tip stands in for."""
-        z = np.asarray(z_mm, float)
-        y, k = self.tip_mm(z, sign), self.wave_per_mm
-        p = 2 * self.quadrupole / self.aperture_mm ** 2
-        q = sign * self.acceleration * k * iv(1, k * y) * np.cos(k * z) / y
-        return y * (p + q) / (p - q)
+        k, A, r = self.wave_per_mm, self.acceleration, self.aperture_mm * self.modulation
+        return self._rises(r) / (A * k * k * iv(0, k * r)) if A > 0 else np.inf
 
 
 def aperture_of_r0_mm(r0_mm, modulation, length_mm):
@@ -197,12 +150,17 @@ class Transition:
         value = lambda r: (r / self.r0_mm) ** 2 + first * iv(0, k * r) + third * iv(0, 3 * k * r) - 1.0
         slope = lambda r: 2 * r / self.r0_mm ** 2 + k * first * iv(1, k * r) + 3 * k * third * iv(1, 3 * k * r)
         reach = 1e-6 * self.aperture_mm
-        return tip_line(value, slope, np.full_like(z, self.aperture_mm - reach),
-                        np.full_like(z, self.aperture_mm * self.modulation + reach))
+        return rising_roots(value, slope, np.full_like(z, self.aperture_mm - reach),
+                            np.full_like(z, self.aperture_mm * self.modulation + reach))
 
 
 def transition_length_mm(aperture_mm, modulation, r0_mm):
-    """Length at which a transition cell's tips end level: A30/A10 = I0(k r0) / (3 I0(3 k r0))."""
+    """Length at which a transition cell's tips end level: A30/A10 = I0(k r0) / (3 I0(3 k r0)).
+
+    Raises:
+        DesignError: there is none.
+    Source: FORMULAS 1b; a check of the tables' own lengths, which the vane keeps.
+    """
     a, b = aperture_mm, aperture_mm * modulation
 
     def miss(k):
@@ -211,7 +169,7 @@ def transition_length_mm(aperture_mm, modulation, r0_mm):
         return part(b) / part(a) + ((b / r0_mm) ** 2 - 1) / ((a / r0_mm) ** 2 - 1)
 
     k = np.linspace(0.02, 6.0, 600) / r0_mm
-    values = np.array([miss(x) for x in k])
+    values = miss(k)
     rise = np.flatnonzero((values[:-1] < 0) != (values[1:] < 0))
     if not len(rise):
         raise DesignError(f"no transition cell leads from a = {a:.4f} mm and m a = {b:.4f} mm to r0 = {r0_mm:.4f} mm")

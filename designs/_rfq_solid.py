@@ -18,16 +18,16 @@ from OCP.BRepBuilderAPI import (
     BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakeSolid, BRepBuilderAPI_MakeWire,
     BRepBuilderAPI_Sewing, BRepBuilderAPI_Transform)
 from OCP.BRepLib import BRepLib
-from OCP.Geom import Geom_BSplineSurface
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
-from OCP.TColgp import TColgp_Array2OfPnt
 from OCP.TopoDS import TopoDS, TopoDS_Compound
 from OCP.gp import gp_Pnt, gp_Trsf
 
+from cuspline.designs._rfq_clampings import LEAST_PANEL_MM
 from cuspline.errors import DesignError
+from cuspline.shells import surface_of_poles
+from cuspline.surfaces.circular_tip import greville_mm
 
-SEW_MM = 1e-6
-EDGE_MM = 1e-7
+SEW_MM = 1e-6           # neighbouring faces share their border pole for pole: rounding alone lies between them
+EDGE_MM = 1e-7          # the kernel's own confusion
 
 
 def vane_solid(tip, half_width_mm, joints_mm):
@@ -41,7 +41,7 @@ def vane_solid(tip, half_width_mm, joints_mm):
         DesignError: the body is narrower than the tip, or the flanks reach its base.
     """
     low, high = tip.range_mm
-    breaks = [low, *(x for x in joints_mm if low + 1.0 < x < high - 1.0), high]
+    breaks = [low, *(x for x in joints_mm if low + LEAST_PANEL_MM < x < high - LEAST_PANEL_MM), high]
     arc, flanks, sides = _arc_surface(tip), _flank_surfaces(tip, half_width_mm), _side_surfaces(tip, half_width_mm)
     sewing = BRepBuilderAPI_Sewing(SEW_MM)
     for a, b in zip(breaks[:-1], breaks[1:]):
@@ -69,9 +69,11 @@ def _arc_surface(tip):
     turns = np.array([-half, -half / 2, 0.0, half / 2, half])
     weights = np.array([1.0, np.cos(half / 2), 1.0, np.cos(half / 2), 1.0])
     y, z = np.sin(turns) / weights, np.cos(turns) / weights
-    R, z0 = tip.radius_poles_mm[:, None], tip.center_poles_mm[:, None]
-    poles = np.stack([np.broadcast_to(_greville(tip)[:, None], R.shape[:1] + y.shape), R * y, z0 + R * z], axis=-1)
-    return _surface(tip, poles, (0.0, 0.5, 1.0), (3, 2, 3), 2, weights)
+    x = greville_mm(tip.knots_mm, tip.degree)[:, None]
+    z0, R = tip.center_poles_mm[:, None], tip.radius_poles_mm[:, None]
+    poles = np.stack([np.repeat(x, len(y), axis=1), R * y, z0 + R * z], axis=-1)
+    return surface_of_poles(poles, np.tile(weights, (len(x), 1)), tip.knots_mm, (0, 0, 0, 0.5, 0.5, 1, 1, 1),
+                            tip.degree, 2)
 
 
 def _tangency_poles(tip):
@@ -88,54 +90,22 @@ def _foot_poles(tip, half_width_mm):
 
 def _flank_surfaces(tip, half_width_mm):
     """Ruled from the tangency to the body, on the sides of +y and -y."""
-    (y, z), foot, x = _tangency_poles(tip).T, _foot_poles(tip, half_width_mm), _greville(tip)
-    surfaces = []
-    for sign in (1, -1):
-        top = np.column_stack([x, sign * y, z])
-        bottom = np.column_stack([x, np.full_like(x, sign * half_width_mm), foot])
-        surfaces.append(_surface(tip, np.stack([top, bottom], axis=1), (0.0, 1.0), (2, 2), 1))
-    return surfaces
+    (y, z), foot, x = _tangency_poles(tip).T, _foot_poles(tip, half_width_mm), greville_mm(tip.knots_mm, tip.degree)
+    return [_ruled(tip, np.column_stack([x, sign * y, z]),
+                   np.column_stack([x, np.full_like(x, sign * half_width_mm), foot])) for sign in (1, -1)]
 
 
 def _side_surfaces(tip, half_width_mm):
     """As the flanks, but down the body's side from the foot to the base: their upper border is the foot's curve."""
-    foot, x = _foot_poles(tip, half_width_mm), _greville(tip)
+    foot, x = _foot_poles(tip, half_width_mm), greville_mm(tip.knots_mm, tip.degree)
     rows = lambda y, z: np.column_stack([x, np.full_like(x, y), z])
-    return [_surface(tip, np.stack([rows(y, foot), rows(y, 0 * x)], axis=1), (0.0, 1.0), (2, 2), 1)
-            for y in (half_width_mm, -half_width_mm)]
+    return [_ruled(tip, rows(y, foot), rows(y, 0 * x)) for y in (half_width_mm, -half_width_mm)]
 
 
-def _greville(tip):
-    """(n,) x poles for which u = x."""
-    k, t = tip.degree, tip.knots_mm
-    return np.array([t[i + 1:i + k + 1].mean() for i in range(len(t) - k - 1)])
-
-
-def _surface(tip, poles, knots_v, multiplicities_v, degree_v, weights=None):
-    """Geom_BSplineSurface: u along the vane on the tip's knots."""
-    nu, nv = poles.shape[:2]
-    points, w = TColgp_Array2OfPnt(1, nu, 1, nv), TColStd_Array2OfReal(1, nu, 1, nv)
-    for i in range(nu):
-        for j in range(nv):
-            points.SetValue(i + 1, j + 1, gp_Pnt(*poles[i, j].tolist()))
-            w.SetValue(i + 1, j + 1, 1.0 if weights is None else float(weights[j]))
-    knots_u, multiplicities_u = np.unique(tip.knots_mm, return_counts=True)
-    return Geom_BSplineSurface(points, w, _reals(knots_u), _reals(knots_v), _integers(multiplicities_u),
-                               _integers(multiplicities_v), tip.degree, degree_v)
-
-
-def _reals(values):
-    out = TColStd_Array1OfReal(1, len(values))
-    for k, value in enumerate(values):
-        out.SetValue(k + 1, float(value))
-    return out
-
-
-def _integers(values):
-    out = TColStd_Array1OfInteger(1, len(values))
-    for k, value in enumerate(values):
-        out.SetValue(k + 1, int(value))
-    return out
+def _ruled(tip, top, bottom):
+    """Geom surface, straight from one row of poles (n, 3) to the other: u along the vane on the tip's knots."""
+    poles = np.stack([top, bottom], axis=1)
+    return surface_of_poles(poles, np.ones(poles.shape[:2]), tip.knots_mm, (0, 0, 1, 1), tip.degree, 1)
 
 
 def _segment(surface, a, b):

@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 from scipy.constants import c as LIGHT_M_PER_S, physical_constants
 
-from cuspline.designs._rfq_potential import aperture_of_r0_mm
+from cuspline.designs._rfq_potential import aperture_of_r0_mm, thin_matcher_mm
 from cuspline.errors import DesignError, InputError
 
 AMU_MEV = physical_constants["atomic mass constant energy equivalent in MeV"][0]
 UNIT_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 KINDS = {"": "accelerating", "R": "matching", "T": "transition", "M": "straight", "F": "fringe"}
+ORDER = ("matching", "accelerating", "transition", "straight", "fringe")      # in which they follow the beam
 PLACE_ROUNDING_MM, PLACE_SHARE = 0.11, 0.006    # PARMTEQM prints Z to 0.01 cm: of a cell of some centimetres that much
 SPEED_SHARE = 0.5               # a cell's length off half the way of its particle by more: another unit
 # columns of PARMTEQM's table behind the cell's number
@@ -50,28 +51,14 @@ class CellTable:
         kinds = [c.kind for c in self.cells]
         if "accelerating" not in kinds:
             raise InputError(f"{self.name}: there is no accelerating cell in the table")
-        order = [list(KINDS.values()).index(k) if k != "accelerating" else 0.5 for k in kinds]
-        ranks = [0.0 if k == "matching" else r for k, r in zip(kinds, order)]
-        for before, cell, a, b in zip(self.cells, self.cells[1:], ranks, ranks[1:]):
-            if b < a:
+        for before, cell in zip(self.cells, self.cells[1:]):
+            if ORDER.index(cell.kind) < ORDER.index(before.kind):
                 raise InputError(f"{self.name}, cell {cell.number}: a cell of kind {cell.kind} cannot follow one of "
-                                 f"kind {before.kind}; the order is matching, accelerating, transition, straight, "
-                                 "fringe")
+                                 f"kind {before.kind}; the order is {', '.join(ORDER)}")
 
     def of_kind(self, kind):
         """Tuple of the cells of one kind."""
         return tuple(c for c in self.cells if c.kind == kind)
-
-    @property
-    def starts_mm(self):
-        """(n,) where each cell begins, from the wall where the beam enters."""
-        return np.cumsum([0.0] + [c.length_mm for c in self.cells])[:-1]
-
-    @property
-    def r0_end_mm(self):
-        """Aperture that the matching section ends with; the first accelerating cell's own where there is none."""
-        matching = self.of_kind("matching")
-        return matching[-1].aperture_mm if matching else None
 
 
 def read_table(path):
@@ -217,8 +204,8 @@ def refuse_wrong_units(table, mass_amu, frequency_mhz):
         wanted = half_wave_mm(cell.energy_mev, mass_amu, frequency_mhz)
         ratio = cell.length_mm / wanted
         if abs(ratio - 1.0) > SPEED_SHARE:
-            unit = next((f"the table's lengths look {a} times {b}: its header may say cm for mm, or mm for cm"
-                         for a, b, f in (("10", "too large", 10.0), ("10", "too small", 0.1))
+            unit = next((f"the table's lengths look 10 times {word}: its header may say cm for mm, or mm for cm"
+                         for word, f in (("too large", 10.0), ("too small", 0.1))
                          if abs(ratio / f - 1.0) <= SPEED_SHARE), "check frequency_mhz, ion_mass_amu and units")
             raise InputError(
                 f"{table.name}, cell {cell.number}: it is {cell.length_mm:.4g} mm long, but at {cell.energy_mev:g} MeV "
@@ -257,7 +244,7 @@ def table_of_law(law, name="law"):
     for k in range(law.matching_cells):
         share = (k + 1) / law.matching_cells
         cells.append(Cell(number=k + 1, kind="matching", modulation=1.0, length_mm=float(length), energy_mev=energy,
-                          aperture_mm=float(law.r0_mm / np.sin(np.pi / 2 * share) ** 1.5)))
+                          aperture_mm=float(thin_matcher_mm(share, 1.0, law.r0_mm))))
     for k in range(law.cells):
         number, rise = law.matching_cells + k + 1, min((k + 1) / law.ramp_cells, 1.0)
         m = 1.0 + (law.modulation_max - 1.0) * rise

@@ -6,11 +6,10 @@ r"""The tip line of a whole vane: cells put one behind the other, their joints b
 
 Two neighbouring cells have their own a, m and L, so their tips meet with a small step.  Half of it is given to each,
 over the half cell beside the joint (over no more than the neighbour's half where a segment is much longer); in mid-cell
-the tip is the cell's own.  x is the table's Z, mm from the wall where
-the beam enters.
+the tip is the cell's own.  x is the table's Z, mm from the wall where the beam enters.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Callable
 
 import numpy as np
@@ -20,15 +19,16 @@ from cuspline.designs._rfq_eight_term import EightTerm
 from cuspline.designs._rfq_potential import (
     MATCHING_ROOT, Transition, TwoTerm, equipotential_matcher_mm, thin_matcher_mm)
 from cuspline.errors import DesignError
-from cuspline.surfaces.circular_tip import CircularTip
+from cuspline.surfaces.circular_tip import CircularTip, greville_mm
 
 DEGREE = 5
 JOINT_KNOTS = 3                 # of one place: the blend is smooth to the second derivative there
-SPANS_A_HALF_CELL = 4
+SPANS_A_HALF_CELL = 4           # knot spans to begin with
 FIT_MM = 1e-4                   # from the blended line and radius; the B-rep's poles are the spline's own
 FIT_ROUNDS = 5                  # doublings of a segment's spans
-LOOKS_A_SPAN = 12
-LOOKS_A_VANE = 20001
+LOOKS_A_SPAN = 12               # between two knots, at which the fit is measured
+LOOKS_A_VANE = 20001            # at which a vane is asked for what cannot be: 65 um apart on 1.3 m
+LEAST_VANE_MM = 1.0             # a shorter one is a slip of from_mm and to_mm
 MUCH_LONGER = 1.5               # than its neighbour: then the blend reaches only as far as the neighbour's
 DIFFERENCE = 1 / 400            # of a segment: step of the differences that give slope and bend at its ends
 
@@ -43,10 +43,6 @@ class Segment:
     aperture_mm: Callable       # distance of the crest from the axis
     radius_mm: float            # transverse radius of the tip
     spans: int = SPANS_A_HALF_CELL
-
-    @property
-    def end_mm(self):
-        return self.start_mm + self.length_mm
 
     def ends(self):
         """((value, slope, bend) at the beginning, the same at the end)."""
@@ -82,15 +78,18 @@ class TipLine:
         object.__setattr__(self, "_radius_before", [0.0, *(-s / 2 for s in steps)])
         object.__setattr__(self, "_radius_behind", [*(s / 2 for s in steps), 0.0])
 
+    def segment_at(self, x_mm):
+        """(n,) or scalar: number of the segment that holds each x; beyond the ends the nearest."""
+        starts = [s.start_mm for s in self.segments]
+        return np.clip(np.searchsorted(starts, x_mm, side="right") - 1, 0, len(starts) - 1)
+
     def _by_segment(self, x_mm, at):
         """Values of a function (segment number, its segment, local z) of the segment that holds each x."""
-        x = np.asarray(x_mm, float)
-        starts = np.array([s.start_mm for s in self.segments])
-        owner = np.clip(np.searchsorted(starts, x, side="right") - 1, 0, len(starts) - 1)
+        x, owner = np.asarray(x_mm, float), self.segment_at(x_mm)
         out = np.empty(len(x))
         for k in np.unique(owner):
             rows = owner == k
-            out[rows] = at(k, self.segments[k], x[rows] - starts[k])
+            out[rows] = at(k, self.segments[k], x[rows] - self.segments[k].start_mm)
         return out
 
     def own_aperture_mm(self, x_mm):
@@ -115,8 +114,7 @@ class TipLine:
 
     def cell_at(self, x_mm):
         """Name of the segment that holds x."""
-        starts = np.array([s.start_mm for s in self.segments])
-        return self.segments[int(np.clip(np.searchsorted(starts, x_mm, side="right") - 1, 0, len(starts) - 1))].name
+        return self.segments[int(self.segment_at(x_mm))].name
 
     def largest_blend(self):
         """(mm, name of the segment): how far at most the blended tip lies from the cell's own."""
@@ -148,7 +146,7 @@ def _blend(gives, share, reach_mm):
 # segments of a table --------------------------------------------------------------------------------------
 
 
-def tip_line(table, *, vane, law, matcher, radius_of, entry_aperture_mm, from_mm=None, to_mm=None):
+def tip_line(table, *, vane, law, matcher, radius_of, entry_aperture_mm, from_mm, to_mm):
     """The tip line of one vane.
 
     Args:
@@ -158,7 +156,7 @@ def tip_line(table, *, vane, law, matcher, radius_of, entry_aperture_mm, from_mm
         matcher: "thin" or "equipotential": the matching section's profile.
         radius_of: function (r0_mm of a cell) -> transverse radius of its tip.
         entry_aperture_mm: the vane begins where the matching section has opened to this.
-        from_mm, to_mm: cut to this range of the table's Z; None: the vane's own ends.
+        from_mm, to_mm: cut to this range of the table's Z.
     Raises:
         DesignError: a cell whose tip cannot be; names it.
     """
@@ -190,9 +188,8 @@ def tip_line(table, *, vane, law, matcher, radius_of, entry_aperture_mm, from_mm
         segments.append(Segment(name=f"cell {cell.number}", start_mm=place, length_mm=cell.length_mm,
                                 aperture_mm=aperture, radius_mm=radius))
         place += cell.length_mm
-    low = first if from_mm is None else max(from_mm, first)
-    high = place if to_mm is None else min(to_mm, place)
-    if high - low < 1.0:
+    low, high = max(from_mm, first), min(to_mm, place)
+    if high - low < LEAST_VANE_MM:
         raise DesignError(f"the vane reaches from {first:.3f} to {place:.3f} mm of the table; from_mm {low:g} and "
                           f"to_mm {high:g} leave nothing of it")
     return TipLine(segments=tuple(segments), from_mm=low, to_mm=high)
@@ -253,18 +250,15 @@ def fitted_tip(line, axis_z_mm, flank_half_angle_rad, half_width_mm):
     spans = [s.spans for s in line.segments]
     for _ in range(FIT_ROUNDS):
         knots = _knots(line, spans)
-        greville = np.array([knots[i + 1:i + DEGREE + 1].mean() for i in range(len(knots) - DEGREE - 1)])
-        greville[0], greville[-1] = knots[0], knots[-1]
+        greville = greville_mm(knots, DEGREE)
         radius = line.radius_mm(greville)
         values = np.column_stack([axis_z_mm - line.aperture_mm(greville) - radius, radius])
         splines = make_interp_spline(greville, values, k=DEGREE, t=knots)
         looks = _looks(knots)
         exact = np.column_stack([axis_z_mm - line.aperture_mm(looks) - line.radius_mm(looks), line.radius_mm(looks)])
         miss = np.abs(splines(looks) - exact).max(axis=1)
-        starts = [s.start_mm for s in line.segments]
-        owner = np.clip(np.searchsorted(starts, looks, side="right") - 1, 0, len(spans) - 1)
         worst = np.zeros(len(spans))
-        np.maximum.at(worst, owner, miss)
+        np.maximum.at(worst, line.segment_at(looks), miss)
         if worst.max() < FIT_MM:
             return _tip(knots, splines.c, flank_half_angle_rad, half_width_mm)
         spans = [2 * n if w >= FIT_MM else n for n, w in zip(spans, worst)]
@@ -276,9 +270,7 @@ def _tip(knots, poles, angle, half_width_mm):
     tip = CircularTip(degree=DEGREE, knots_mm=knots, center_poles_mm=poles[:, 0], radius_poles_mm=poles[:, 1],
                       flank_half_angle_rad=angle, foot_z_mm=0.0)
     y, z = tip.tangency_mm(_looks(knots))
-    foot = float((z - (half_width_mm - y) / np.tan(angle)).min())
-    return CircularTip(degree=DEGREE, knots_mm=knots, center_poles_mm=poles[:, 0], radius_poles_mm=poles[:, 1],
-                       flank_half_angle_rad=angle, foot_z_mm=foot)
+    return replace(tip, foot_z_mm=float((z - (half_width_mm - y) / np.tan(angle)).min()))
 
 
 def _knots(line, spans):

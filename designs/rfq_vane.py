@@ -23,7 +23,7 @@ from cuspline.design import Companion, Design, Finish, FixtureBox, Parameters, S
 from cuspline.designs._rfq_clampings import WORK_OFFSETS, clampings, markers, predicates, splits
 from cuspline.designs._rfq_solid import quadrupole, vane_solid
 from cuspline.designs._rfq_table import CellLaw, read_table, refuse_wrong_units, table_of_law
-from cuspline.designs._rfq_tip_line import fitted_tip, refuse_impossible, tip_line
+from cuspline.designs._rfq_tip_line import LOOKS_A_VANE, fitted_tip, refuse_impossible, tip_line
 from cuspline.errors import DesignError
 
 DATA = Path(__file__).parent / "data"
@@ -77,13 +77,13 @@ class RfqVane(Parameters):
     phase_deg: float = Field(-30.0, ge=-90, le=-10, description="reckoned cells: synchronous phase behind the ramp")
     ball_mm: float = Field(0.0, ge=0, le=100, description="diameter of the finishing ball; 0: the largest that fits")
     strategy: Literal["sections", "transverse_arcs"] = Field(
-        "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an arc "
-        "in each transverse plane, told by sub-programs and three numbers a step")
+        "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an "
+        "arc in each transverse plane, told by sub-programs and three numbers a step")
     allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: left by the rough passes")
     plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later, left out of the metal")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
-    bed_travel_mm: float = Field(1400.0, ge=20, le=1e4, description="longest stretch that the bed reaches in one clamping; a "
-                                 "longer vane is shifted along it")
+    bed_travel_mm: float = Field(1400.0, ge=20, le=1e4, description="longest stretch that the bed reaches in one "
+                                 "clamping; a longer vane is shifted along it")
     overlap_mm: float = Field(10.0, gt=0, le=200, description="cut by both of two neighbouring clampings")
     stock_top_mm: float = Field(1.5, ge=0, le=20, description="billet above the highest crest")
     grip_mm: float = Field(25.0, ge=1, le=200, description="height of the jaws above the base")
@@ -146,7 +146,7 @@ def design(p: RfqVane) -> Design:
     _refuse_ball(p, line, tip)
     half, (start, end) = p.thickness_mm / 2, tip.range_mm
     spans = clampings(start, end, p.bed_travel_mm, p.overlap_mm)
-    top = float(tip.crest_z_mm(np.linspace(start, end, 20001)).max())
+    top = float(tip.crest_z_mm(np.linspace(start, end, LOOKS_A_VANE)).max())
     return Design(
         name="rfq_vane", description=_description(p, line), parameters=p, solid=solid_of(p, line, tip, spans), tip=tip,
         predicates=predicates(spans),
@@ -173,6 +173,8 @@ def _setup(p, spans, k):
 
 def _refuse_ball(p, line, tip):
     """A ball that is asked for must be smaller than every hollow."""
+    if not p.ball_mm:
+        return
     (crest, at_crest), (side, at_side) = tip.tightest_hollows()
     radius, place, where = min((crest, at_crest, "on its crest"), (side, at_side, "on its sides"), key=lambda h: h[0])
     if p.ball_mm / 2 >= radius:

@@ -162,17 +162,23 @@ def plane_rational(knots, degree, poles):
 
 def spline_surface(nurbs):
     """Geom surface of a NurbsSurface."""
-    nu, nv = nurbs.poles.shape[:2]
-    poles, weights = TColgp_Array2OfPnt(1, nu, 1, nv), TColStd_Array2OfReal(1, nu, 1, nv)
-    rows = nurbs.poles.reshape(-1, 4).tolist()
-    for k, (x, y, z, w) in enumerate(rows):
+    weights = nurbs.poles[..., 3]
+    return surface_of_poles(nurbs.poles[..., :3] / weights[..., None], weights, nurbs.knots_u, nurbs.knots_v,
+                            nurbs.degree_u, nurbs.degree_v)
+
+
+def surface_of_poles(poles_mm, weights, knots_u, knots_v, degree_u, degree_v):
+    """Geom B-spline surface of poles (nu, nv, 3), weights (nu, nv) and flat knots."""
+    nu, nv = weights.shape
+    net, shares = TColgp_Array2OfPnt(1, nu, 1, nv), TColStd_Array2OfReal(1, nu, 1, nv)
+    for k, (pole, weight) in enumerate(zip(poles_mm.reshape(-1, 3).tolist(), weights.ravel().tolist())):
         i, j = divmod(k, nv)
-        poles.SetValue(i + 1, j + 1, gp_Pnt(x / w, y / w, z / w))
-        weights.SetValue(i + 1, j + 1, w)
-    (ku, mu), (kv, mv) = _knots(nurbs.knots_u), _knots(nurbs.knots_v)
-    if (nurbs.poles[..., 3] == 1.0).all():
-        return Geom_BSplineSurface(poles, ku, kv, mu, mv, nurbs.degree_u, nurbs.degree_v)
-    return Geom_BSplineSurface(poles, weights, ku, kv, mu, mv, nurbs.degree_u, nurbs.degree_v)
+        net.SetValue(i + 1, j + 1, gp_Pnt(*pole))
+        shares.SetValue(i + 1, j + 1, weight)
+    (ku, mu), (kv, mv) = _knots(knots_u), _knots(knots_v)
+    if (weights == 1.0).all():
+        return Geom_BSplineSurface(net, ku, kv, mu, mv, degree_u, degree_v)
+    return Geom_BSplineSurface(net, shares, ku, kv, mu, mv, degree_u, degree_v)
 
 
 def _knots(flat):

@@ -19,7 +19,7 @@ ROUGH_RIDGE_MM = 0.05       # of the rough passes
 RESTART_STEPS = 50          # a restart point every so many; even, so that each begins clockwise
 MAP_PITCH_RADII = 0.05      # along the vane, of the map that extremes are taken from
 MAP_ROWS = 500              # of it that plan.json shows
-BODY_SHARE = 1e-6           # of a millimetre: rounding of the box
+BOX_ROUNDING_MM = 1e-6
 
 
 def operations(shop):
@@ -56,7 +56,7 @@ def _vane(shop):
                         f"{setup.wcs_x}, wcs_z {setup.wcs_z}; make them (1, 0, 0) and (0, 0, 1)")
     half = float(max(-shop.box[0][1], shop.box[1][1]))
     wide = float(max(-shop.stock_min_mm[1], shop.stock_max_mm[1]))
-    if wide > half + BESIDE_MM - BODY_SHARE:
+    if wide > half + BESIDE_MM - BOX_ROUNDING_MM:
         raise PlanError(f"{setup.name}: transverse arcs go down beside the body, {half:.3f} mm from the mid-plane, and "
                         f"the billet reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
     if setup.plating_mm > shop.design.finish.gouge_mm:
@@ -79,9 +79,8 @@ def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):
     rpm, feed = shop.speeds(ball, is_rough=False)
     passes = templated_passes(
         along, steps, flank_rad=tip.flank_half_angle_rad, register_mm=radius + over_mm, ball_radius_mm=radius,
-        half_width_mm=half_mm,
-        clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed, slow_mm_per_min=PLUNGE_SHARE * feed,
-        restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
+        half_width_mm=half_mm, clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed,
+        slow_mm_per_min=PLUNGE_SHARE * feed, restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
     intervals = [float(s.interval_mm) for s in along]
     facts = {"allowance_mm": over_mm if over_mm > 0 else 0.0, "scallop_mm": ridge_mm,
              "register_mm": round(radius + over_mm, 6),

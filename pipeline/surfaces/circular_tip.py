@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.interpolate import BSpline, make_interp_spline
 
 from cuspline.arrays import frozen
@@ -25,6 +26,13 @@ LOOKS_A_SPAN, LOOKS_ROUND = 24, 19      # places between knots and round half th
 SIDE_RAD = np.radians(30.0)             # beyond this from the crest the arc counts as side
 LEAST_MM = 1e-6     # a clipped tip begins at a knot that is nearer than this
 RISE = 1e-9         # knots closer together than this are one knot, mm
+
+
+def greville_mm(knots_mm, degree):
+    """(n,) Greville abscissae of clamped knots (n + degree + 1,): as poles of x they make x the parameter."""
+    means = sliding_window_view(knots_mm[1:-1], degree).mean(axis=1)
+    means[0], means[-1] = knots_mm[0], knots_mm[-1]
+    return means
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,7 +84,7 @@ class CircularTip:
             return self
         inner = self.knots_mm[(self.knots_mm > low + LEAST_MM) & (self.knots_mm < high - LEAST_MM)]
         knots = np.r_[[low] * (k + 1), inner, [high] * (k + 1)]
-        greville = np.clip([knots[i + 1:i + k + 1].mean() for i in range(len(knots) - k - 1)], low, high)
+        greville = np.clip(greville_mm(knots, k), low, high)
         clipped = lambda poles: make_interp_spline(greville, BSpline(self.knots_mm, poles, k)(greville), k, knots).c
         return replace(self, knots_mm=knots, center_poles_mm=clipped(self.center_poles_mm),
                        radius_poles_mm=clipped(self.radius_poles_mm))

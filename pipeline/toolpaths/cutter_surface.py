@@ -19,7 +19,7 @@ from cuspline.toolpaths.transverse_arcs import arc_steps, center_x_of_contact_mm
 
 ROUND = 25                  # angles from the crest to the tangency
 PROJECTIONS = 6             # each leaves the square of the error before
-LEAST_NODES = 8
+LEAST_NODES = 8             # of a section's splines: a shorter section gets rows closer than the pitch
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,17 +47,19 @@ def cut_map(tip, ball_radius_mm, register_mm, pitch_mm):
     Args:
         tip: CircularTip.   ball_radius_mm: of the tool, and what the data were reckoned for.
         register_mm: tool-radius register.
-        pitch_mm: of the rows along the tip.
+        pitch_mm: of the rows along the tip, at most; a section (general, matching) that only one of them meets is
+            left out.
     Returns:
-        CutMap.
+        CutMap; its rows are exact but for their splines along the tip.
     """
     low, high = (float(x) for x in center_x_of_contact_mm(tip, ball_radius_mm, np.array(tip.range_mm)))
     rows, count = [], max(int(np.ceil((high - low) / pitch_mm)), LEAST_NODES)
     centers = np.linspace(low, high, count + 1)
     steep = np.abs(crest_slope(tip, contacts_mm(tip, ball_radius_mm, centers))) > STEEP_SLOPE
     for part in np.split(np.arange(count + 1), np.flatnonzero(np.diff(steep)) + 1):
-        if len(part) >= LEAST_NODES:
-            rows.append(_part(tip, ball_radius_mm, register_mm, centers[part]))
+        if len(part) > 1:
+            nodes = np.linspace(*centers[part[[0, -1]]], LEAST_NODES) if len(part) < LEAST_NODES else centers[part]
+            rows.append(_part(tip, ball_radius_mm, register_mm, nodes))
     place, deviation, folded, matching = (np.concatenate(column) for column in zip(*rows))
     return CutMap(place_mm=place, deviation_mm=deviation, is_folded=folded, is_matching=matching)
 

@@ -122,8 +122,8 @@ def refuse_interference(moves, cutter, fixtures):
     if worst is not None and worst.clearance_mm < CLEARANCE_MM:
         place = " ".join(f"{a}{v:.3f}" for a, v in zip("XYZ", worst.center_mm))
         raise PlanError(f"side cutter: its {worst.part} comes within {worst.clearance_mm:.2f} mm of the "
-                        f"{worst.fixture} with the disc's middle at {place}, {CLEARANCE_MM:g} mm are wanted: clamp lower, "
-                        "raise the vane, or take a smaller disc or head")
+                        f"{worst.fixture} with the disc's middle at {place}, {CLEARANCE_MM:g} mm are wanted: clamp "
+                        "lower, raise the vane, or take a smaller disc or head")
 
 
 def _disc_mm(centers, cutter, low, high):

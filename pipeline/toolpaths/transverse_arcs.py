@@ -31,12 +31,12 @@ import numpy as np
 from cuspline.arrays import frozen
 from cuspline.errors import CutterDoesNotFit
 from cuspline.planning.stepover import stepover_for_scallop_mm
+from cuspline.roots import rising_roots
 
 STEEP_SLOPE = 0.3           # steeper is matching section: the register would be 4 % short along the normal
 BRACKET_SAMPLES = 20_001    # of the tip line: a bracket for every contact, and the check that the ball fits
-ROUNDS = 60                 # Newton from the middle of a bracket needs five; halving alone forty
-CONTACT_MM = 1e-11
 LOOKS_ROUND = 7             # angles round the arc at which the step is chosen
+LEAST_SPREAD = 0.02         # of centres against contacts, where a valley is nearly as tight as the ball: a step > 0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -140,18 +140,8 @@ def _contacts_mm(line, name, range_mm, ball_radius_mm, center_x_mm):
     centers = line.center_x_mm(ball_radius_mm, table)
     target = np.clip(target, centers[0], centers[-1])
     after = np.clip(np.searchsorted(centers, target), 1, len(table) - 1)
-    low, high = table[after - 1].copy(), table[after].copy()
-    x = (low + high) / 2
-    for _ in range(ROUNDS):
-        off = line.center_x_mm(ball_radius_mm, x) - target
-        low, high = np.where(off < 0, x, low), np.where(off > 0, x, high)
-        newton = x - off / np.maximum(1.0 - ball_radius_mm * line.turning_per_mm(x), 1e-9)
-        step = np.where((newton > low) & (newton < high), newton, (low + high) / 2) - x
-        step = np.where(off == 0.0, 0.0, step)
-        x = x + step
-        if np.abs(step).max(initial=0.0) < CONTACT_MM:
-            break
-    return x
+    return rising_roots(lambda x: line.center_x_mm(ball_radius_mm, x) - target,
+                        lambda x: 1.0 - ball_radius_mm * line.turning_per_mm(x), table[after - 1], table[after])
 
 
 def _refuse_tight_valley(line, name, ball_radius_mm, x):
@@ -212,9 +202,10 @@ def widest_interval_mm(tip, ball_radius_mm, ridge_mm, x_mm):
     turns = np.linspace(0.0, tip.half_arc_rad, LOOKS_ROUND)
     slope, bend = crest_slope(tip, x_mm)[:, None] * np.cos(turns), crest_bend_per_mm(tip, x_mm)[:, None] * np.cos(turns)
     ridge = -bend / (1.0 + slope ** 2) ** 1.5
-    chord = stepover_for_scallop_mm(ball_radius_mm, ridge_mm, np.maximum(ridge, -0.98 / ball_radius_mm).ravel())
+    tightest = -(1.0 - LEAST_SPREAD) / ball_radius_mm
+    chord = stepover_for_scallop_mm(ball_radius_mm, ridge_mm, np.maximum(ridge, tightest).ravel())
     spread = np.minimum(1.0 + ball_radius_mm * ridge, 1.0)
-    return (chord.reshape(ridge.shape) / np.sqrt(1.0 + slope ** 2) * np.maximum(spread, 0.02)).min(axis=1)
+    return (chord.reshape(ridge.shape) / np.sqrt(1.0 + slope ** 2) * np.maximum(spread, LEAST_SPREAD)).min(axis=1)
 
 
 @dataclass(frozen=True, kw_only=True)

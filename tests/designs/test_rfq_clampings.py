@@ -1,4 +1,4 @@
-"""A vane longer than the bed: as few clampings as reach it, faces that end where they do, one joint between each two."""
+"""A vane longer than the bed: as few clampings as reach it, faces that end where they do, a joint between each two."""
 
 import numpy as np
 import pytest
@@ -42,8 +42,9 @@ def test_each_clamping_cuts_its_faces_and_neighbours_share_the_overlap():
     for setup, mine in zip(made.setups, chosen):
         boxes = [brep.bounding_box_mm(f.shape) for f in mine]
         first, last = min(low[0] for low, _ in boxes), max(high[0] for _, high in boxes)
-        assert first == pytest.approx(setup.wcs_origin_mm[0], abs=1e-6) and last - first == pytest.approx(64.0, abs=1e-3)
-        assert len(setup.markers) == 4 and np.ptp([m.at_mm[0] for m in setup.markers]) == pytest.approx(0.8 * 64, abs=1e-3)
+        assert first == pytest.approx(setup.wcs_origin_mm[0], abs=1e-6)
+        assert last - first == pytest.approx(64.0, abs=1e-3) and len(setup.markers) == 4
+        assert np.ptp([m.at_mm[0] for m in setup.markers]) == pytest.approx(0.8 * 64, abs=1e-3)
     shared = [f for f in chosen[0] if any(f is g for g in chosen[1])]
     assert len(shared) == 3                                         # tip and two flanks of the overlap
     tip = [f for p in predicates([(0.0, 1e4)]) for f in brep.select_faces(faces, p)]

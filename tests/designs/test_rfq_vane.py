@@ -5,6 +5,7 @@ Values in tests/designs/rfq/ were computed apart from this project's code (roots
 
 import csv
 from pathlib import Path
+from time import process_time
 from types import SimpleNamespace
 
 import numpy as np
@@ -251,13 +252,14 @@ def test_x_and_y_vanes_swap_their_roles_from_cell_to_cell():
 
 def test_fitted_multipoles_are_those_that_parmteqm_prints():
     """With tips of radius r0 its A01 and A10 come out for every cell, with 0.75 r0 they do not: the table's rho."""
-    cells = [CELLS[n] for n in (6, 20, 30, 40, 50, 55)]
-    off = {}
+    cells, off = list(CELLS.values()), {}
     for share in (0.75, 1.0):
         fits = [EightTerm.fitted(two_term(c.number), share * two_term(c.number).r0_mm).terms() for c in cells]
         off[share] = np.array([(f["A01"] / c.a01 - 1, f["A10"] / c.a10 - 1) for f, c in zip(fits, cells)])
-    assert np.abs(off[1.0][:, 0]).max() < 0.011 and np.abs(off[1.0][:, 1]).max() < 0.04
-    assert np.abs(off[0.75][:, 0]).min() > 0.01 and np.abs(off[0.75][:, 1]).max() > 0.08
+    assert len(cells) == 51
+    assert np.abs(off[1.0]).max(axis=0) == pytest.approx([0.0106, 0.0361], abs=1e-4)
+    assert np.abs(off[0.75]).max(axis=0) == pytest.approx([0.0264, 0.1298], abs=1e-4)
+    assert np.abs(off[0.75][:, 0]).min() > 0.01
 
 
 @pytest.mark.parametrize("number", [10, 36, 50])
@@ -302,6 +304,22 @@ def test_the_brep_lies_on_the_analytic_tip(whole):
             a = np.radians(10.0)
             flank = max(flank, np.abs(np.abs(y) * np.cos(a) + (z - (100.0 - r - R)) * np.sin(a) - R).max())
     assert off < 2e-4 and flank < 2e-4
+
+
+def test_what_is_left_is_the_fit_of_the_spline(whole):
+    """Far closer than asked: 0.0075 um of tip line, radius to rounding; 200 000 places are 7 um apart."""
+    line, made = whole
+    x = np.linspace(*made.tip.range_mm, 200_001)
+    off = np.abs(made.tip.crest_z_mm(x) - (100.0 - line.aperture_mm(x))).max()
+    assert off == pytest.approx(7.5e-6, abs=2e-7)
+    assert np.abs(made.tip.radius_mm(x) - line.radius_mm(x)).max() < 1e-11
+
+
+def test_the_whole_vane_is_built_in_less_than_two_seconds():
+    """Of the processor: 0.1 s of tip and solid, the table and all that is refused come to 0.3 s."""
+    start = process_time()
+    design(RfqVane())
+    assert process_time() - start < 2.0
 
 
 def test_sections_are_circles_to_rounding(whole):

@@ -3,16 +3,16 @@
 import cadquery as cq
 import numpy as np
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-from OCP.Geom import (Geom_BezierCurve, Geom_BezierSurface, Geom_BSplineSurface, Geom_ConicalSurface,
+from OCP.Geom import (Geom_BezierCurve, Geom_BezierSurface, Geom_ConicalSurface,
                       Geom_CylindricalSurface, Geom_OffsetSurface, Geom_Plane, Geom_SphericalSurface,
                       Geom_SurfaceOfLinearExtrusion, Geom_SurfaceOfRevolution, Geom_ToroidalSurface)
 from OCP.gp import gp_Ax1, gp_Ax3, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from cuspline.brep import Face
+from cuspline.shells import surface_of_poles
 
 TOLERANCE_MM = 1e-7
 
@@ -27,15 +27,8 @@ def bspline(poles, weights=None, knots_u=None, knots_v=None, degree=(3, 3)):
     """Geom_BSplineSurface of (nu, nv, 3) poles."""
     nu, nv = poles.shape[:2]
     weights = np.ones((nu, nv)) if weights is None else weights
-    points, w = TColgp_Array2OfPnt(1, nu, 1, nv), TColStd_Array2OfReal(1, nu, 1, nv)
-    for i in range(nu):
-        for j in range(nv):
-            points.SetValue(i + 1, j + 1, gp_Pnt(*poles[i, j]))
-            w.SetValue(i + 1, j + 1, float(weights[i, j]))
-    knots = [np.unique(clamped(n, p) if k is None else k, return_counts=True)
-             for n, p, k in zip((nu, nv), degree, (knots_u, knots_v))]
-    (ku, mu), (kv, mv) = ((_reals(k), _integers(m)) for k, m in knots)
-    return Geom_BSplineSurface(points, w, ku, kv, mu, mv, *degree, False, False)
+    knots = [clamped(n, p) if k is None else k for n, p, k in zip((nu, nv), degree, (knots_u, knots_v))]
+    return surface_of_poles(poles, weights, *knots, *degree)
 
 
 def bezier(poles):
@@ -44,20 +37,6 @@ def bezier(poles):
         for j in range(poles.shape[1]):
             points.SetValue(i + 1, j + 1, gp_Pnt(*poles[i, j]))
     return Geom_BezierSurface(points)
-
-
-def _reals(values):
-    array = TColStd_Array1OfReal(1, len(values))
-    for k, x in enumerate(values):
-        array.SetValue(k + 1, float(x))
-    return array
-
-
-def _integers(values):
-    array = TColStd_Array1OfInteger(1, len(values))
-    for k, x in enumerate(values):
-        array.SetValue(k + 1, int(x))
-    return array
 
 
 def face_of(surface, bounds=None):

@@ -7,9 +7,11 @@ from scipy.interpolate import make_interp_spline
 from cuspline.program import Operation, Program
 from cuspline.surfaces.circular_tip import CircularTip
 from cuspline.toolpaths.arc_templates import templated_passes
+from cuspline.toolpaths.cutter_surface import cut_map
 from cuspline.toolpaths.transverse_arcs import arc_steps, stretches
 
 BALL_MM, RIDGE_MM, RESOLUTION_MM, HALF_MM, CLEARANCE_MM = 3.0, 0.004, 1e-4, 9.0, 60.0
+JOINT_MM = 0.7 * BALL_MM     # beside a joint of sections the neighbour may reach lower than the map says
 BALL = tool("ball", 2 * BALL_MM, number=7)
 
 
@@ -55,3 +57,23 @@ def vane_program(tip, *, register_mm=BALL_MM, restart_steps=50, ridge_mm=RIDGE_M
                    header=("VANE",), operations=tuple(
                        Operation(name=name, tool=BALL, spindle_rpm=8000.0, coolant="flood", moves=p.moves(), passes=p)
                        for name, p in told))
+
+
+def predicted(tip, register_mm, x, turn):
+    """(n,) the map's deviation at places of the arc: along its columns, then across; NaN where it is not sure."""
+    found = cut_map(tip, BALL_MM, register_mm, 0.1)
+    assert not found.is_folded.any()
+    place, deviation = found.place_mm[:, :-1], found.deviation_mm[:, :-1]
+    around = np.arctan2(place[..., 1], place[..., 2] - tip.center_z_mm(place[..., 0]))
+    columns = range(deviation.shape[1])
+    known = [np.flatnonzero(np.isfinite(deviation[:, k])) for k in columns]
+    # feet may pass each other at a joint
+    known = [rows[place[rows, k, 0].argsort()] for k, rows in zip(columns, known)]
+    at_x = lambda values: np.column_stack([np.interp(x, place[rows, k, 0], values[rows, k], np.nan, np.nan)
+                                           for k, rows in zip(columns, known)])
+    turns, left = at_x(around), at_x(deviation)
+    out = np.array([np.interp(abs(t), row, d) for t, row, d in zip(turn, turns, left)])
+    joints = place[np.flatnonzero(np.diff(found.is_matching)), 0, 0]
+    sure = np.isfinite(turns).all(axis=1) & (np.abs(turn) < 0.985 * np.minimum(turns.max(axis=1), tip.half_arc_rad))
+    sure &= np.abs(x - joints[0]) > JOINT_MM if len(joints) else True
+    return np.where(sure, out, np.nan)

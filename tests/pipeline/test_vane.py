@@ -65,7 +65,8 @@ def test_the_quadrupole_is_written_beside_the_vane(vane):
 
 def test_a_vane_longer_than_the_bed_shows_no_step_at_the_joint_unless_it_is_clamped_wrong(tmp_path):
     """Two clampings; the second is then judged on a vane that lies 10 um lower than the program was posted for."""
-    design, folder = made(tmp_path / "out", "from_mm=990", "to_mm=1016", "bed_travel_mm=20", "overlap_mm=9", stage="gcode")
+    design, folder = made(tmp_path / "out", "from_mm=990", "to_mm=1016", "bed_travel_mm=20", "overlap_mm=9",
+                          stage="gcode")
     job, coarse = read_job(folder), Options(spacing_mm=0.25, solid_pitch_mm=0.4, replay_pitch_mm=0.5)
     joint, = judge(folder, job, options=coarse).as_dict(())["joints"]
     assert (joint["setup"], joint["with"]) == ("setup-2", "setup-1") and joint["area_mm2"] > 100

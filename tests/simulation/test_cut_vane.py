@@ -3,17 +3,15 @@
 import numpy as np
 import pytest
 from known_passes import LENGTHS, ZERO, machine
-from known_vanes import BALL, BALL_MM, RIDGE_MM, passes, steep_tip, tip_of, vane_program, wavy_tip
+from known_vanes import BALL, BALL_MM, RIDGE_MM, passes, predicted, steep_tip, tip_of, vane_program, wavy_tip
 
 from cuspline.catalogue import find_machine, find_post, reader_of
 from cuspline.posts._restart import restart_points, restarted
 from cuspline.program import Kind
 from cuspline.simulation.swept import deviations_and_moves, swept_paths
-from cuspline.toolpaths.cutter_surface import cut_map
 
 ROUNDING_MM = 2e-4          # of the text's numbers, four decimals, and of the simulation
 STOCK = (0.0, -9.0, 0.0), (40.0, 9.0, 50.0)
-JOINT_MM = 0.7 * BALL_MM
 MAP_MM = 2e-4               # linear interpolation of the map between its nodes
 
 
@@ -32,25 +30,6 @@ def simulated(texts, mill, points, normals):
     return np.min(each, axis=0)
 
 
-def predicted(tip, register_mm, x, turn):
-    """(n,) the map's deviation at places of the arc: along its columns, then across; NaN where it is not sure."""
-    found = cut_map(tip, BALL_MM, register_mm, 0.1)
-    assert not found.is_folded.any()
-    place, deviation = found.place_mm[:, :-1], found.deviation_mm[:, :-1]
-    around = np.arctan2(place[..., 1], place[..., 2] - tip.center_z_mm(place[..., 0]))
-    columns = range(deviation.shape[1])
-    known = [np.flatnonzero(np.isfinite(deviation[:, k])) for k in columns]
-    known = [rows[place[rows, k, 0].argsort()] for k, rows in zip(columns, known)]       # feet may pass each other at a joint
-    at_x = lambda values: np.column_stack([np.interp(x, place[rows, k, 0], values[rows, k], np.nan, np.nan)
-                                           for k, rows in zip(columns, known)])
-    turns, left = at_x(around), at_x(deviation)
-    out = np.array([np.interp(abs(t), row, d) for t, row, d in zip(turn, turns, left)])
-    joints = place[np.flatnonzero(np.diff(found.is_matching)), 0, 0]     # there the neighbour may reach lower
-    sure = np.isfinite(turns).all(axis=1) & (np.abs(turn) < 0.985 * np.minimum(turns.max(axis=1), tip.half_arc_rad))
-    sure &= np.abs(x - joints[0]) > JOINT_MM if len(joints) else True
-    return np.where(sure, out, np.nan)
-
-
 @pytest.mark.parametrize("shape", [wavy_tip, steep_tip])
 @pytest.mark.parametrize("register_mm", [BALL_MM, BALL_MM - 0.0508])
 @pytest.mark.parametrize("post", ["linuxcnc", "fanuc"])
@@ -65,8 +44,8 @@ def test_the_simulated_vane_is_the_computed_one_and_cusps(shape, register_mm, po
     over = (left - map_mm)[inside]
     assert over.min() > -ROUNDING_MM - MAP_MM
     assert over.max() < RIDGE_MM + ROUNDING_MM + MAP_MM
-    assert over.max() > 0.5 * RIDGE_MM                              # the cusps are there: the step is no finer than asked
-    assert np.ptp(map_mm[inside]) > 3 * (ROUNDING_MM + MAP_MM)      # the map says something
+    assert over.max() > 0.5 * RIDGE_MM          # the cusps are there: the step is no finer than asked
+    assert np.ptp(map_mm[inside]) > 3 * (ROUNDING_MM + MAP_MM)          # the map says something
     crest = inside & (np.abs(turn) < 0.02)
     if register_mm < BALL_MM and shape is wavy_tip:
         assert np.abs(map_mm[crest] + 0.0508).max() < 1e-3

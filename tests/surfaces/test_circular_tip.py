@@ -119,7 +119,8 @@ def test_a_part_of_a_tip_is_the_same_tip():
     a, b = low + 0.31 * (high - low), low + 0.77 * (high - low)
     part, x = tip.between(a, b), np.linspace(a, b, 501)
     assert part.range_mm == pytest.approx((a, b), abs=1e-12)
-    for name in ("center_z_mm", "radius_mm", "center_slope", "radius_slope", "center_bend_per_mm", "radius_bend_per_mm"):
+    for name in ("center_z_mm", "radius_mm", "center_slope", "radius_slope", "center_bend_per_mm",
+                 "radius_bend_per_mm"):
         assert np.allclose(getattr(part, name)(x), getattr(tip, name)(x), atol=1e-9, rtol=0), name
     assert tip.between(low - 5, high + 5) is tip
     with pytest.raises(ValueError, match="no tip between"):

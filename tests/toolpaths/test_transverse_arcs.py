@@ -12,6 +12,7 @@ from cuspline.toolpaths.cutter_surface import cut_map, flank_deviation_mm, tip_d
 from cuspline.toolpaths.transverse_arcs import (
     STEEP_SLOPE, center_x_of_contact_mm, contacts_mm, crest_slope, widest_interval_mm)
 
+
 @pytest.fixture(scope="module")
 def wavy():
     return wavy_tip()
@@ -36,11 +37,13 @@ def test_on_a_constant_slope_the_contact_is_known():
     slope = 0.25
     tip = tip_of(lambda x: 30.0 + slope * x)
     centers = np.array([10.0, 17.5, 30.0])
-    assert contacts_mm(tip, BALL_MM, centers) == pytest.approx(centers + BALL_MM * slope / np.hypot(1, slope), abs=1e-10)
+    wanted = centers + BALL_MM * slope / np.hypot(1, slope)
+    assert contacts_mm(tip, BALL_MM, centers) == pytest.approx(wanted, abs=1e-10)
 
 
 def test_a_ball_larger_than_the_valley_is_refused_with_its_place(wavy):
-    with pytest.raises(CutterDoesNotFit, match=r"valley of the tip line at x = .* has a radius of 3\d\.\d+ mm") as caught:
+    said = r"valley of the tip line at x = .* has a radius of 3\d\.\d+ mm"
+    with pytest.raises(CutterDoesNotFit, match=said) as caught:
         contacts_mm(wavy, 45.0, np.array([20.0]))
     assert len(caught.value.rows)
 
@@ -187,3 +190,11 @@ def test_the_register_takes_its_amount_along_the_normal_from_crest_and_flanks(st
     less = nominal.deviation_mm - smaller.deviation_mm
     mine = nominal.is_matching & (nominal.place_mm[:, -1, 0] > steep.range_mm[0] + BALL_MM)
     assert np.nanmax(np.abs(less[mine][:, [0, -1]] - 0.05)) < 5e-4
+
+
+def test_a_short_vane_across_the_border_of_the_sections_has_both_in_its_map(steep):
+    x = np.linspace(*steep.range_mm, 20001)
+    border = x[np.flatnonzero(np.abs(crest_slope(steep, x)) > STEEP_SLOPE)[-1]]
+    found = cut_map(steep.between(border - 0.5, border + 0.5), BALL_MM, BALL_MM, 0.15)
+    assert found.is_matching.any() and not found.is_matching.all()
+    assert np.nanmax(np.abs(found.deviation_mm[:, 0])) < 2e-5
