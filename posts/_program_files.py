@@ -115,21 +115,22 @@ class _Files:
 
     def add_moves(self, operation, number):
         """An operation move by move; where the store is full, a new file begins at the clearance height."""
-        moves = operation.moves
+        moves, before = operation.moves, self.writer.state()
         self._begin(operation, number, is_alone=False)
         self._go_to_start(moves.start_mm)
         high = np.flatnonzero(moves.starts_mm[:, 2] >= self.program.clearance_z_mm - 1e-6)
         bounds = [0, *high[high > 0].tolist(), len(moves)]
         for first, end in zip(bounds[:-1], bounds[1:]):
-            before = self.writer.state()
             self._write(moves, first, end)
-            if first and not self._is_within_store():
+            # the first stretch of a program stays where it is: nothing before it could be closed
+            if (first or number > 1) and not self._is_within_store():
                 self.writer.go_back_to(before)
                 self._close()
                 self._open()
                 self._begin(operation, number, is_alone=True)
                 self._go_to_start(moves.starts_mm[first])
                 self._write(moves, first, end)
+            before = self.writer.state()
 
     def _write(self, moves, first, end):
         for k in range(first, end):

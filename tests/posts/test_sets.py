@@ -60,10 +60,11 @@ def hops(count=40):
     return w.moves()
 
 
-def of_hops(count=40):
-    rough = Operation(name="rough", tool=BALL, spindle_rpm=8000.0, coolant="off", moves=hops(count))
+def of_hops(*counts):
+    told = tuple(Operation(name=f"rough {k}", tool=BALL, spindle_rpm=8000.0, coolant="off", moves=hops(count))
+                 for k, count in enumerate(counts or (40,), 1))
     return Program(name="hops", setup="setup-1", wcs="G55", wcs_in_words="", clearance_z_mm=CLEARANCE_MM,
-                   header=("HOPS",), operations=(rough,))
+                   header=("HOPS",), operations=told)
 
 
 @pytest.mark.parametrize("name", ["linuxcnc", "fanuc"])
@@ -75,6 +76,17 @@ def test_plain_moves_are_split_where_the_tool_stands_high(name):
     rows = lambda m: np.column_stack([m.start_mm, m.end_mm, m.feed_mm_per_min])[m.kind == Kind.FEED]
     cut = lambda texts: np.vstack([rows(reader_of(large)(t, work_offsets=ZERO, tool_lengths=LENGTHS)) for t in texts])
     assert np.array_equal(cut(parts), cut(whole.texts))
+
+
+@pytest.mark.parametrize("name", ["linuxcnc", "fanuc"])
+@pytest.mark.parametrize("first", range(8, 20))
+def test_an_operation_that_begins_where_the_store_is_full_begins_a_file(name, first):
+    large, small = machine(name), machine(name, program_store_bytes=1200)
+    whole, parts = (find_post(name).post(of_hops(first, 5), m).texts for m in (large, small))
+    assert max(len(t) for t in parts) <= 1200 - 160       # room is kept for the verdict in the header
+    read = lambda texts: [reader_of(large)(t, work_offsets=ZERO, tool_lengths=LENGTHS) for t in texts]
+    feeds = lambda texts: np.vstack([m.end_mm[m.kind == Kind.FEED] for m in read(texts)])
+    assert np.array_equal(feeds(parts), feeds(whole))
 
 
 def test_a_stroke_longer_than_the_store_stays_whole():
