@@ -23,7 +23,6 @@ from cuspline.machines import machine_from_toml
 
 DESIGNS = Path(cuspline.designs.__file__).parent
 POSTS = Path(cuspline.posts.__file__).parent
-READERS = ("rs274", "fanuc_")      # parts of readers beside the posts
 DEFAULT_LIBRARY = "tools"
 
 
@@ -74,8 +73,9 @@ def machine_names():
 
 
 def post_names():
-    """Names of the posts in posts/."""
-    return sorted(p.stem for p in POSTS.glob("*.py") if not p.stem.startswith(("_", *READERS)))
+    """Names of the posts in posts/: neither a reader nor a part of one, as `rs274_reader` has them by its name."""
+    readers = tuple(p.stem.removesuffix("reader") for p in POSTS.glob("*_reader.py"))
+    return sorted(p.stem for p in POSTS.glob("*.py") if not p.stem.startswith(("_", *readers)))
 
 
 def find_design(name_or_file):
@@ -168,7 +168,8 @@ def find_machine(name_or_file):
     if name_or_file in machine_names():
         return machine_from_toml(POSTS / f"{name_or_file}.toml")
     if not Path(name_or_file).is_file():
-        raise InputError(f"there is no machine {name_or_file!r} and no such file; machines: {', '.join(machine_names())}")
+        raise InputError(f"there is no machine {name_or_file!r} and no such file; "
+                         f"machines: {', '.join(machine_names())}")
     return machine_from_toml(name_or_file)
 
 

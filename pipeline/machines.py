@@ -8,6 +8,7 @@ from pydantic import Field, ValidationError, model_serializer, model_validator
 
 from cuspline.cutters import Model, first_complaint
 from cuspline.errors import InputError
+from cuspline.tool_units import MM
 
 
 class LinearAxis(Model):
@@ -47,12 +48,18 @@ class Control(Model):
 
     @model_serializer(mode="wrap")
     def _without_what_is_usual(self, dump):
+        """Only a control that is to have no sub-programs says so where a machine is written out."""
         return {k: v for k, v in dump(self).items() if (k, v) != ("sub_programs", True)}
 
     @property
+    def decimals(self):
+        """Of a length, in the control's units."""
+        return self.decimals_mm if self.units == "mm" else self.decimals_inch
+
+    @property
     def resolution_mm(self):
-        """One step of the last decimal of a length."""
-        return 10.0 ** -self.decimals_mm if self.units == "mm" else 25.4 * 10.0 ** -self.decimals_inch
+        """One step of the last decimal of a length, mm."""
+        return MM[self.units] * 10.0 ** -self.decimals
 
 
 class Machine(Model):

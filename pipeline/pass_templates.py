@@ -207,9 +207,9 @@ class TemplatedPasses:
 
     def __post_init__(self):
         known = {t.name: t for t in self.templates}
-        counting = {r.name for r in self.registers}
+        registers = {r.name for r in self.registers}
         for t in self.templates:
-            _check_letters(t, counting)
+            _check_letters(t, registers)
         if not self.items or not isinstance(self.items[0], Restart):
             raise ToolpathError("templated passes begin with a restart point")
         for item in self.items:
@@ -218,9 +218,14 @@ class TemplatedPasses:
             if wrong:
                 raise ToolpathError(f"call of {item.template!r} with {len(item.arguments)} arguments: templates are "
                                     + ", ".join(f"{t.name!r} with {len(t.arguments)}" for t in self.templates))
-        for k, item in enumerate(self.items):
+        counting = {name for t in self.templates for name in t.locals} & registers
+        for item, following in zip(self.items, [*self.items[1:], None]):
             if isinstance(item, Restart):
-                self._check_restart(item, self.items[k + 1] if k + 1 < len(self.items) else None, known)
+                said = {name for name, _ in item.values}
+                if not counting <= said <= registers:
+                    raise ToolpathError(f"restart point {item.number} gives {sorted(said)}; registers that count on "
+                                        f"are {sorted(counting)}, and all there are {sorted(registers)}")
+                self._check_restart(item, following, known)
 
     def _check_restart(self, item, following, known):
         first = next((s for s in known[following.template].body if isinstance(s, Go)), None) \
@@ -245,32 +250,27 @@ class TemplatedPasses:
 
     def shifted(self, by_mm):
         """The same passes seen from a zero that lies elsewhere: every coordinate grows by (3,) `by_mm`."""
-        move = lambda quantity, value: value + by_mm[quantity.axis] if quantity.axis is not None else value
-        of = {t.name: t.arguments for t in self.templates}
-        quantity = {r.name: r.quantity for r in self.registers}
-        return replace(
-            self, start_mm=tuple(float(a + b) for a, b in zip(self.start_mm, by_mm)),
-            registers=tuple(replace(r, value=float(move(r.quantity, r.value))) for r in self.registers),
-            items=tuple(replace(i, values=tuple((n, float(move(quantity[n], v))) for n, v in i.values))
-                        if isinstance(i, Restart) else
-                        replace(i, arguments=tuple(float(move(q, v)) for q, v in zip(of[i.template], i.arguments)))
-                        for i in self.items))
+        return self._with_numbers([a + b for a, b in zip(self.start_mm, by_mm)], lambda value, quantity: (
+            value if quantity.axis is None else value + by_mm[quantity.axis]))
 
     def rounded(self, rounding):
         """The same with every number as a text gives it: `rounding(value, unit)`."""
-        of = {t.name: t.arguments for t in self.templates}
-        unit = {r.name: r.quantity.unit for r in self.registers}
-        return replace(
-            self, start_mm=tuple(rounding(v, "mm") for v in self.start_mm),
-            registers=tuple(replace(r, value=rounding(r.value, r.quantity.unit)) for r in self.registers),
-            items=tuple(replace(i, values=tuple((n, rounding(v, unit[n])) for n, v in i.values))
-                        if isinstance(i, Restart) else
-                        replace(i, arguments=tuple(rounding(v, q.unit) for q, v in zip(of[i.template], i.arguments)))
-                        for i in self.items))
+        return self._with_numbers([rounding(v, "mm") for v in self.start_mm],
+                                  lambda value, quantity: rounding(value, quantity.unit))
 
-    def parts_from(self, first_item, end_item):
-        """The passes from one restart point up to another item."""
-        return replace(self, items=self.items[first_item:end_item])
+    def _with_numbers(self, start_mm, change):
+        """The same from another start, with `change(value, quantity)` for every register, restart and argument."""
+        arguments = {t.name: t.arguments for t in self.templates}
+        quantity = {r.name: r.quantity for r in self.registers}
+
+        def changed(item):
+            if isinstance(item, Restart):
+                return replace(item, values=tuple((n, float(change(v, quantity[n]))) for n, v in item.values))
+            return replace(item, arguments=tuple(
+                float(change(v, q)) for q, v in zip(arguments[item.template], item.arguments)))
+
+        return replace(self, start_mm=tuple(float(v) for v in start_mm), items=tuple(map(changed, self.items)),
+                       registers=tuple(replace(r, value=float(change(r.value, r.quantity))) for r in self.registers))
 
     def moves(self):
         """The moves that the calls come to, one after the other: the long-hand program."""

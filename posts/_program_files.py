@@ -25,6 +25,7 @@ class Dialect(ABC):
     """How one kind of control wants things written."""
 
     point: str                  # behind a number without decimals
+    end: str                    # the word that ends the program
     variables: Variables
 
     @abstractmethod
@@ -39,9 +40,12 @@ class Dialect(ABC):
         """The tool's length offset goes on, at the top of the machine."""
         writer.block("G43", f"H{tool_number}")
 
-    @abstractmethod
     def foot(self, writer):
         """The end of the program; what must stand behind it is in `writer.tail`."""
+        writer.block("M5")
+        writer.block("M9")
+        self.up(writer)
+        writer.block(self.end)
 
     @abstractmethod
     def sub_program(self, writer, label, comment, blocks):
@@ -51,9 +55,9 @@ class Dialect(ABC):
     def call(self, label, numbers):
         """The block that calls it."""
 
-    @abstractmethod
     def setting(self, block, comment):
         """The block that sets a register, with what it is."""
+        return f"{block} ({comment})"
 
 
 def posted(program, machine, dialect):
@@ -84,11 +88,15 @@ class _Files:
         self.program, self.machine, self.dialect = program, machine, dialect
         self.subs = SubPrograms(program, dialect.variables)
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
+        foot = Writer(machine, dialect.point)
+        dialect.foot(foot)
+        self.foot_bytes = _bytes([*foot.lines, *foot.tail])
         self._open()
 
     def _open(self):
         self.writer = Writer(self.machine, self.dialect.point)
         self.defined, self.under_way = set(), None
+        self.counted, self.counted_bytes = (0, 0), 0        # lines and tail; what they take
         self.dialect.head(self.writer, self.program, len(self.texts) + 1)
 
     def _close(self):
@@ -107,21 +115,22 @@ class _Files:
 
     def add_moves(self, operation, number):
         """An operation move by move; where the store is full, a new file begins at the clearance height."""
-        moves = operation.moves
+        moves, before = operation.moves, self.writer.state()
         self._begin(operation, number, is_alone=False)
         self._go_to_start(moves.start_mm)
         high = np.flatnonzero(moves.starts_mm[:, 2] >= self.program.clearance_z_mm - 1e-6)
         bounds = [0, *high[high > 0].tolist(), len(moves)]
         for first, end in zip(bounds[:-1], bounds[1:]):
-            before = self.writer.state()
             self._write(moves, first, end)
-            if first and self._bytes() + LATER_BYTES > self.machine.control.program_store_bytes:
+            # the first stretch of a program stays where it is: nothing before it could be closed
+            if (first or number > 1) and not self._is_within_store():
                 self.writer.go_back_to(before)
                 self._close()
                 self._open()
                 self._begin(operation, number, is_alone=True)
                 self._go_to_start(moves.starts_mm[first])
                 self._write(moves, first, end)
+            before = self.writer.state()
 
     def _write(self, moves, first, end):
         for k in range(first, end):
@@ -139,15 +148,16 @@ class _Files:
             self._open()
             if not self._try(operation, number, span):
                 raise PostError(f"operation {operation.name}: from one restart point to the next it needs more than "
-                                f"the {self.machine.control.program_store_bytes} bytes that {self.machine.name} stores; "
-                                "put restart points closer together")
+                                f"the {self.machine.control.program_store_bytes} bytes that {self.machine.name} "
+                                "stores; put restart points closer together")
         # arcs and feeds of the sub-programs have left another state than the writer knows
         self.writer.plane = self.writer.feed = None
-        self.writer.largest_rounding_mm = max(self.writer.largest_rounding_mm, largest_rounding_mm(passes, self.writer))
+        self.largest_rounding_mm = max(self.largest_rounding_mm,
+                                       largest_rounding_mm(operation.moves, passes, self.writer))
 
     def _try(self, operation, number, span):
         """Write the passes of one span; False and nothing written where the file would be too long for the store."""
-        writer, before = self.writer, (len(self.writer.lines), len(self.writer.tail), set(self.defined), self.under_way)
+        writer, before = self.writer, self.writer.state()
         if self.under_way is not operation:
             self._begin(operation, number, is_alone=True)
             self._prepare(operation, operation.passes)
@@ -155,17 +165,20 @@ class _Files:
             if self.texts:
                 writer.comment(f"FROM RESTART POINT N{restart_number(number, operation.passes.items[span[0]].number)}")
         writer.lines += main_lines(operation.passes, span, self.subs, number, self.dialect.call, writer)
-        if self._bytes() + LATER_BYTES <= self.machine.control.program_store_bytes:
-            return True
-        del writer.lines[before[0]:], writer.tail[before[1]:]
-        self.defined, self.under_way = before[2], before[3]
-        return False
+        is_within = self._is_within_store()
+        if not is_within:
+            writer.go_back_to(before)
+        return is_within
 
-    def _bytes(self):
-        """Of the file, were it closed now."""
-        end = Writer(self.machine, self.dialect.point)
-        self.dialect.foot(end)
-        return sum(len(line) + 1 for line in (*self.writer.lines, *self.writer.tail, *end.lines, *end.tail))
+    def _is_within_store(self):
+        """The file fits the store, were it closed now; after a False, a new file must be opened.
+
+        Every line is counted once: what is counted does not change until the file is closed.
+        """
+        lines, tail = self.writer.lines, self.writer.tail
+        self.counted_bytes += _bytes([*lines[self.counted[0]:], *tail[self.counted[1]:]])
+        self.counted = len(lines), len(tail)
+        return self.counted_bytes + self.foot_bytes + LATER_BYTES <= self.machine.control.program_store_bytes
 
     def _prepare(self, operation, passes):
         """Sub-programs not yet in this file, registers, and the start."""
@@ -213,3 +226,8 @@ class _Files:
         writer.block(*before, "G0", *writer.words(start_mm, (2,)), *after)
         writer.pending_z = (), ()
         writer.here_mm = start_mm
+
+
+def _bytes(lines):
+    """Of ASCII lines with their ends."""
+    return sum(len(line) + 1 for line in lines)

@@ -13,7 +13,7 @@ from cuspline.errors import InputError
 
 OPERATION = re.compile(r"\(OPERATION (\d+):")
 SUB = re.compile(r"o\d+ sub")
-POINT = re.compile(r"N(\d+) #")
+POINT = re.compile(r"N(\d+)(?: #|$)")
 
 
 def restart_points(text):

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.errors import PostError
-from cuspline.pass_templates import Call, Formula, Let, Named, Number, Restart, Root
-from cuspline.posts._writing import PLANE_WORD
+from cuspline.pass_templates import Formula, Let, Named, Number, Restart, Root
+from cuspline.posts._writing import MOTION_WORD, PLANE_WORD
 from cuspline.program import Kind
 
 FIRST_REGISTER = 101            # common to all programs on the controls that we know
@@ -14,7 +14,6 @@ FIRST_SUB = 7001                # controls may protect programs from O8000 on ag
 RESTARTS_AN_OPERATION = 1000    # N2003: third restart point of the second operation
 NUMBER_DECIMALS = 7             # of pure numbers
 RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
-MOTION = {Kind.RAPID: "G0", Kind.FEED: "G1", Kind.ARC_CW: "G2", Kind.ARC_CCW: "G3"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,10 +55,10 @@ class SubPrograms:
                  r.quantity.meaning or r.name) for r in passes.registers]
 
     def restart(self, item, passes, operation_number, writer):
-        """Blocks of a restart point, the first with its block number."""
+        """Blocks of a restart point, the first with its block number, alone where no register counts on."""
         unit = {r.name: r.quantity.unit for r in passes.registers}
         blocks = [f"#{self.registers[n]}={number_text(v, unit[n], writer)}" for n, v in item.values]
-        return [f"N{restart_number(operation_number, item.number)} {blocks[0]}", *blocks[1:]]
+        return [" ".join([f"N{restart_number(operation_number, item.number)}", *blocks[:1]]), *blocks[1:]]
 
 
 def restart_number(operation_number, number):
@@ -84,23 +83,19 @@ def number_text(value, unit, writer):
         return writer.length(value)
     if unit == "mm/min":
         return writer.feed_text(value)
-    return _pure(value, writer)
+    return writer.number(value, NUMBER_DECIMALS)
 
 
-def rounding(writer):
-    """Function (value, unit) -> what the control reads, in mm and mm/min."""
-    def rounded(value, unit):
-        if unit == "mm":
-            return writer.rounded_mm(value)
-        if unit == "mm/min":
-            return float(writer.feed_text(value)) / writer.scale
-        return round(value, NUMBER_DECIMALS)
-    return rounded
+def largest_rounding_mm(exact, passes, writer):
+    """How far numbers rounded in the text move any end point of the passes, or the crown of an arc, mm.
 
-
-def largest_rounding_mm(passes, writer):
-    """How far numbers rounded in the text move any end point of the passes, or the crown of an arc, mm."""
-    exact, posted = passes.moves(), passes.rounded(rounding(writer)).moves()
+    Args:
+        exact: Moves that the passes come to.   passes: TemplatedPasses.   writer: Writer.
+    Raises:
+        PostError: rounding makes or takes away a move.
+    """
+    as_read = lambda value, unit: float(number_text(value, unit, writer)) / (writer.scale if unit else 1.0)
+    posted = passes.rounded(as_read).moves()
     if len(exact) != len(posted):
         raise PostError("rounding to the control's decimals makes or takes away a move: the passes have steps "
                         "shorter than its last decimal")
@@ -119,12 +114,6 @@ def _arcs(moves, rows):
     return centers, np.linalg.norm(moves.end_mm[rows][at, axes] - centers, axis=1)
 
 
-def _pure(value, writer):
-    text = f"{value:.{NUMBER_DECIMALS}f}".rstrip("0").rstrip(".")
-    text = "0" if text in ("-0", "") else text
-    return text if "." in text else text + writer.point
-
-
 class _Spelled:
     """The steps of one template with variables for its letters."""
 
@@ -134,7 +123,8 @@ class _Spelled:
         for what, wanted, room in (("arguments", template.arguments, variables.arguments),
                                    ("locals", own, variables.locals)):
             if len(wanted) > len(room):
-                raise PostError(f"sub-program {template.name!r} needs {len(wanted)} {what}, the control has {len(room)}")
+                raise PostError(f"sub-program {template.name!r} needs {len(wanted)} {what}, "
+                                f"the control has {len(room)}")
         self.number = {**registers, **{a.name: n for a, n in zip(template.arguments, variables.arguments)}}
         free = [n for n in variables.locals if n not in variables.arguments[:len(template.arguments)]]
         self.number |= dict(zip(own, free))
@@ -144,7 +134,7 @@ class _Spelled:
         """One block."""
         if isinstance(step, Let):
             return f"#{self.number[step.name]}={self._value(step.value)}"
-        words = [MOTION[step.kind]]
+        words = [MOTION_WORD[step.kind]]
         if step.kind >= Kind.ARC_CW:
             words.insert(0, PLANE_WORD[step.plane])
         words += ["XYZ"[k] + self._value(t) for k, t in enumerate(step.ends) if t is not None]
@@ -178,7 +168,8 @@ class _Spelled:
         if isinstance(term, Named):
             return f"#{self.number[term.name]}"
         if isinstance(term, Number):
-            return _pure(term.value, self.writer) if term.value >= 0 else f"[0-{_pure(-term.value, self.writer)}]"
+            text = number_text(abs(term.value), "", self.writer)
+            return text if term.value >= 0 else f"[0-{text}]"
         if isinstance(term, Root):
             return f"SQRT[{self._text(term.of)}]"
         assert isinstance(term, Formula)
@@ -209,7 +200,6 @@ def main_lines(passes, span, sub_programs, operation_number, spell_call, writer)
         if isinstance(item, Restart):
             lines += sub_programs.restart(item, passes, operation_number, writer)
             continue
-        assert isinstance(item, Call)
         template = templates[item.template]
         numbers = [number_text(v, q.unit, writer) for v, q in zip(item.arguments, template.arguments)]
         lines.append(spell_call(sub_programs.label(template), numbers))

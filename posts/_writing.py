@@ -18,6 +18,8 @@ INCH_MM = 25.4
 ARC_RADIUS_MISMATCH_MM = 0.00283
 PLANE_WORD = {Plane.XY: "G17", Plane.ZX: "G18", Plane.YZ: "G19"}
 NEARLY_FULL_RAD = math.radians(350)     # rounding must not turn a full circle into none: two halves
+MOTION_WORD = {Kind.RAPID: "G0", Kind.FEED: "G1", Kind.ARC_CW: "G2", Kind.ARC_CCW: "G3"}
+UNIT_WORD = {"mm": "G21", "inch": "G20"}
 COOLANT_WORD = {"off": "M9", "mist": "M7", "flood": "M8"}
 
 
@@ -49,7 +51,7 @@ class Writer:
         self.machine, self.point = machine, point
         control = machine.control
         self.scale = 1.0 if control.units == "mm" else 1.0 / INCH_MM
-        self.decimals = control.decimals_mm if control.units == "mm" else control.decimals_inch
+        self.decimals = control.decimals
         self.lines, self.tail, self.tool = [], [], None
         self.pending_z = (), ()         # words before and behind the next Z of an approach
         self.here_mm = np.zeros(3)
@@ -59,13 +61,13 @@ class Writer:
 
     def state(self):
         """What `go_back_to` needs to forget all that is written from here on."""
-        return len(self.lines), {**self.__dict__, "axis_words": list(self.axis_words)}
+        return len(self.lines), len(self.tail), {**self.__dict__, "axis_words": list(self.axis_words)}
 
     def go_back_to(self, state):
         """Forget what was written since."""
-        count, values = state
+        lines, tail, values = state
         self.__dict__.update(values)
-        del self.lines[count:]
+        del self.lines[lines:], self.tail[tail:]
 
     def forget_position(self):
         """After a tool change every axis word is written again."""
@@ -82,8 +84,12 @@ class Writer:
             self.lines.append(f"({clean[k:k + room]})")
 
     def length(self, value_mm, decimals=None):
-        """A length as the control reads it; never an exponent, never minus zero."""
-        text = f"{value_mm * self.scale:.{decimals or self.decimals}f}"
+        """A length in mm as the control reads it."""
+        return self.number(value_mm * self.scale, decimals or self.decimals)
+
+    def number(self, value, decimals):
+        """A number without useless zeros; never an exponent, never minus zero."""
+        text = f"{value:.{decimals}f}"
         text = text.rstrip("0").rstrip(".") if "." in text else text
         text = "0" if text in ("-0", "") else text
         return text if "." in text else text + self.point
@@ -108,7 +114,7 @@ class Writer:
         if kind >= Kind.ARC_CW:
             self._curved(kind, end_mm, center_mm, Plane(plane), feed)
         else:
-            self._straight("G0" if kind == Kind.RAPID else "G1", end_mm, feed)
+            self._straight(MOTION_WORD[kind], end_mm, feed)
 
     def _straight(self, motion, end_mm, feed):
         words = self.words(end_mm)
@@ -183,9 +189,10 @@ class Writer:
         # an arc names both its axes: some controls take a missing one for a full circle
         for k in (a, b):
             self.axis_words[k] = None
-        words = self.words(end_mm, sorted((a, b)) + ([third] if abs(end_mm[third] - self.here_mm[third]) > 1e-9 else []))
+        is_helix = abs(end_mm[third] - self.here_mm[third]) > 1e-9
+        words = self.words(end_mm, [*sorted((a, b)), *([third] if is_helix else [])])
         centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
-        self.block(*self._motion("G2" if kind == Kind.ARC_CW else "G3"), *words, *centre, *self._feed(feed))
+        self.block(*self._motion(MOTION_WORD[kind]), *words, *centre, *self._feed(feed))
         self.here_mm = np.asarray(end_mm)
 
 

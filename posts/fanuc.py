@@ -11,7 +11,8 @@ import re
 
 from cuspline.errors import PostError
 from cuspline.posts._program_files import Dialect, posted
-from cuspline.posts._sub_programs import Variables
+from cuspline.posts._sub_programs import FIRST_SUB, Variables
+from cuspline.posts._writing import UNIT_WORD
 
 EXTENSION = "nc"
 READER = "fanuc_reader"
@@ -40,22 +41,22 @@ def post(program, machine):
 class _Fanuc(Dialect):
     """Macro B."""
 
-    point = "."
+    point, end = ".", "M30"
     variables = Variables(arguments=tuple(LETTERS), locals=(*range(27, 34), 10, 12, 14, 15, 16), deepest_brackets=5)
 
     def head(self, writer, program, file_number):
         """% and O-number, comments, then a known state."""
         setup = re.search(r"(\d+)$", program.setup)
         number = FILES_A_SETUP * int(setup[1] if setup else 1) + file_number
-        if file_number >= FILES_A_SETUP or number > 6999:
-            raise PostError(f"{program.setup}: no program number below O7000 is left for file {file_number}; number "
-                            "setups below 70 and keep a set below 100 files")
+        if file_number >= FILES_A_SETUP or number >= FIRST_SUB:
+            raise PostError(f"{program.setup}: no program number below O{FIRST_SUB} is left for file {file_number}; "
+                            "number setups below 70 and keep a set below 100 files")
         writer.block("%")
         writer.block(f"O{number:04d}")
         for line in program.header:
             writer.comment(line)
         writer.comment("RAPIDS MUST BE STRAIGHT: PARAMETER 1401 BIT 1 LRP = 1")
-        writer.block("G21" if writer.machine.control.units == "mm" else "G20")
+        writer.block(UNIT_WORD[writer.machine.control.units])
         writer.block("G17", "G90", "G94", "G40", "G49", "G80", "G64")
         writer.block(program.wcs)
 
@@ -68,26 +69,19 @@ class _Fanuc(Dialect):
         writer.pending_z = ("G43",), (f"H{tool_number}",)
 
     def foot(self, writer):
-        writer.block("M5")
-        writer.block("M9")
-        self.up(writer)
-        writer.block("M30")
+        super().foot(writer)
         writer.tail.append("%")
 
     def sub_program(self, writer, label, comment, blocks):
-        end = writer.tail
         before = len(writer.lines)
         writer.block(f"O{label}")
         writer.comment(comment.upper())
         for block in blocks:
             writer.block(block)
         writer.block("M99")
-        end += writer.lines[before:]
+        writer.tail += writer.lines[before:]
         del writer.lines[before:]
 
     def call(self, label, numbers):
         letters = list(LETTERS.values())
         return f"G65 P{label} " + " ".join(letter + n for letter, n in zip(letters, numbers))
-
-    def setting(self, block, comment):
-        return f"{block} ({comment})"

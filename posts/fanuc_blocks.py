@@ -6,10 +6,11 @@ parameter of the control (3401 bit 0), not of the text.
 
 import re
 
-from cuspline.posts.rs274_blocks import COMMENT, Block, refusal
+from cuspline.posts.rs274_blocks import Block, lines_cut, refuse_block_delete
 from cuspline.posts.rs274_expressions import Complaint, Scanner, value_at
 
 LONGEST_LINE = 252
+COMMENT = re.compile(r"\(([^()]*)\)")      # a ; is no comment: it ends a block, and another may follow
 PROGRAM = re.compile(r"(?:o|:)(\d{1,4})")
 CALL = re.compile(r"(?:n\d+)?(g65|m98)(?=p)(.*)")
 RETURN = re.compile(r"(?:n\d+)?m99")
@@ -29,30 +30,21 @@ def blocks_of(text):
     Raises:
         ReadError: a line that cannot be cut into words.
     """
-    return [_block(number, line.rstrip("\r")) for number, line in enumerate(text.split("\n"), 1)]
+    return lines_cut(text, _block)
 
 
 def _block(number, line):
-    try:
-        return _block_unplaced(number, line)
-    except Complaint as complaint:
-        raise refusal(complaint, Block(number, line)) from None
-
-
-def _block_unplaced(number, line):
     if len(line) > LONGEST_LINE:
         raise Complaint(f"{len(line)} characters", f"write at most {LONGEST_LINE} a line")
-    comments = tuple(inside for inside, _ in COMMENT.findall(line))
     code = COMMENT.sub(" ", line)
     if "(" in code or ")" in code or ";" in code:
-        raise Complaint("a comment that is not closed, one inside another, or a ;", "every ( needs its own )")
+        raise Complaint("a comment that is not closed, one inside another, or a ;",
+                        "every ( needs its own ), every block its own line")
     code = "".join(code.split()).lower()
-    block = Block(number, line, comments=comments)
+    block = Block(number, line, comments=tuple(COMMENT.findall(line)))
     if code == "%":
         return block._replace(flow="%")
-    if code.startswith("/"):
-        raise Complaint("block delete: what is cut would depend on a switch of the controller",
-                        "remove the block, or its /")
+    refuse_block_delete(code)
     if FLOW.match(code):
         raise Complaint("control flow that this reader does not follow", "known are G65, M98 and M99")
     return _flow_block(block, code) or _plain_block(block, code)

@@ -42,7 +42,8 @@ class _Flow:
     def __init__(self, blocks):
         said = [b for b in blocks if not b.is_blank]
         if len(said) < 2 or not said[0].flow == said[-1].flow == "%":
-            raise refusal(Complaint("the text does not stand between two % lines", "begin and end it with %"), blocks[0])
+            raise refusal(Complaint("the text does not stand between two % lines", "begin and end it with %"),
+                          blocks[0])
         if said[1].flow != "program":
             raise refusal(Complaint("text before the first O-number", "write O0001 behind the %"), said[1])
         self.programs = {}          # number -> index of its first block
@@ -68,7 +69,8 @@ class _Flow:
         elif any(index in part for part in COMMON):
             self.common[int(index)] = value
         else:
-            raise Complaint(f"#{index:g} is no variable of a program's own", "use #1 to #33, #100 to #199, #500 to #999")
+            raise Complaint(f"#{index:g} is no variable of a program's own",
+                            "use #1 to #33, #100 to #199, #500 to #999")
 
     def follow(self, block):
         """Go where the block leads."""

@@ -31,13 +31,6 @@ def read_program(text, *, work_offsets, tool_lengths):
     """
     blocks = blocks_of(text)
     controller = Controller(work_offsets, tool_lengths, code_of)
-    for block, words in executed(blocks):
-        try:
-            controller.execute(block, words)
-        except Complaint as complaint:
-            raise refusal(complaint, block) from None
-        if controller.ended:
-            break
-    if not controller.ended:
+    if controller.run(executed(blocks)) is None:
         raise refusal(Complaint("the text stops without a program end", "end the main program with M30"), blocks[-1])
     return controller.posted_moves()

@@ -8,6 +8,7 @@ end.
 
 from cuspline.posts._program_files import Dialect, posted
 from cuspline.posts._sub_programs import Variables
+from cuspline.posts._writing import UNIT_WORD
 
 EXTENSION = "ngc"
 READER = "rs274_reader"
@@ -32,7 +33,7 @@ def post(program, machine):
 class _LinuxCNC(Dialect):
     """O-words; #1 to #30 are a call's own."""
 
-    point = ""
+    point, end = "", "M2"
     variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
 
     def head(self, writer, program, file_number):
@@ -40,19 +41,13 @@ class _LinuxCNC(Dialect):
         control = writer.machine.control
         for line in program.header:
             writer.comment(line)
-        writer.block("G21" if control.units == "mm" else "G20")
+        writer.block(UNIT_WORD[control.units])
         writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80")
         writer.block("G64", "P" + writer.length(control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
         writer.block(program.wcs)
 
     def up(self, writer):
         writer.block("G53", "G0", "Z0")
-
-    def foot(self, writer):
-        writer.block("M5")
-        writer.block("M9")
-        self.up(writer)
-        writer.block("M2")
 
     def sub_program(self, writer, label, comment, blocks):
         writer.comment(comment.upper())
@@ -63,6 +58,3 @@ class _LinuxCNC(Dialect):
 
     def call(self, label, numbers):
         return f"o{label} call " + " ".join(f"[{n}]" for n in numbers)
-
-    def setting(self, block, comment):
-        return f"{block} ({comment})"

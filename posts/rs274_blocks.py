@@ -38,7 +38,23 @@ def blocks_of(text):
     Raises:
         ReadError: a line that cannot be cut into words.
     """
-    return [_block(number, line.rstrip("\r")) for number, line in enumerate(text.split("\n"), 1)]
+    return lines_cut(text, _block)
+
+
+def lines_cut(text, cut):
+    """All lines of the text as the Blocks that `cut(number, line)` makes of them; its complaints get their line.
+
+    Raises:
+        ReadError: a line that cannot be cut into words.
+    """
+    blocks = []
+    for number, line in enumerate(text.split("\n"), 1):
+        line = line.rstrip("\r")
+        try:
+            blocks.append(cut(number, line))
+        except Complaint as complaint:
+            raise refusal(complaint, Block(number, line)) from None
+    return blocks
 
 
 def refusal(complaint, block):
@@ -46,14 +62,14 @@ def refusal(complaint, block):
     return ReadError(f"line {block.number}: {block.text.strip()!r}: {complaint}", rows=[block.number])
 
 
+def refuse_block_delete(code):
+    """A code that begins with / depends on a switch of the controller, whichever it is."""
+    if code.startswith("/"):
+        raise Complaint("block delete: what is cut would depend on a switch of the controller",
+                        "remove the block, or its /")
+
+
 def _block(number, line):
-    try:
-        return _block_unplaced(number, line)
-    except Complaint as complaint:
-        raise refusal(complaint, Block(number, line)) from None
-
-
-def _block_unplaced(number, line):
     if len(line) > LONGEST_LINE:
         raise Complaint(f"{len(line)} characters", f"LinuxCNC takes {LONGEST_LINE} a line: split the block")
     code, comments = _without_comments(line) if "(" in line or ";" in line else (line, ())
@@ -76,9 +92,7 @@ def _unusual_block(block, code):
     """A block with an O-word, parameters, expressions, a % or a fault."""
     if code == "%":
         return block._replace(flow="%")
-    if code.startswith("/"):
-        raise Complaint("block delete: what is cut would depend on a switch of the controller",
-                        "remove the block, or its /")
+    refuse_block_delete(code)
     o_word = O_WORD.fullmatch(code)
     if o_word:
         label, flow, rest = o_word.groups()

@@ -24,41 +24,38 @@ class Code(NamedTuple):
         return ORDER.index(self.group)
 
 
-def _codes(group, *names, takes=""):
+def named_codes(group, *names, takes=""):
     return {name: Code(name, group, frozenset(takes)) for name in names}
 
 
 ARC_LETTERS = "ijkrp"
 BY_NAME = {
-    **_codes("motion", "G0", "G1"),
-    **_codes("motion", "G2", "G3", takes=ARC_LETTERS),
-    **_codes("non-modal", "G4", takes="p"),
-    **_codes("non-modal", "G53", "G92.1"),
-    **_codes("plane", "G17", "G18", "G19"),
-    **_codes("units", "G20", "G21"),
-    **_codes("cutter compensation", "G40"),
-    **_codes("tool length", "G43", takes="h"),
-    **_codes("tool length", "G43.1", takes="z"),
-    **_codes("tool length", "G49"),
-    **_codes("work offset", "G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"),
-    **_codes("path control", "G61", "G61.1"),
-    **_codes("path control", "G64", takes="pq"),
-    **_codes("canned cycle", "G80"),
-    **_codes("distance", "G90", "G91"),
-    **_codes("arc distance", "G90.1", "G91.1"),
-    **_codes("feed mode", "G93", "G94"),
-    **_codes("stopping", "M0", "M1", "M2", "M30"),
-    **_codes("spindle", "M3", "M4", "M5"),
-    **_codes("tool change", "M6"),
-    **_codes("coolant", "M7", "M8", "M9"),
+    **named_codes("motion", "G0", "G1"),
+    **named_codes("motion", "G2", "G3", takes=ARC_LETTERS),
+    **named_codes("non-modal", "G4", takes="p"),
+    **named_codes("non-modal", "G53", "G92.1"),
+    **named_codes("plane", "G17", "G18", "G19"),
+    **named_codes("units", "G20", "G21"),
+    **named_codes("cutter compensation", "G40"),
+    **named_codes("tool length", "G43", takes="h"),
+    **named_codes("tool length", "G43.1", takes="z"),
+    **named_codes("tool length", "G49"),
+    **named_codes("work offset", "G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"),
+    **named_codes("path control", "G61", "G61.1"),
+    **named_codes("path control", "G64", takes="pq"),
+    **named_codes("canned cycle", "G80"),
+    **named_codes("distance", "G90", "G91"),
+    **named_codes("arc distance", "G90.1", "G91.1"),
+    **named_codes("feed mode", "G93", "G94"),
+    **named_codes("stopping", "M0", "M1", "M2", "M30"),
+    **named_codes("spindle", "M3", "M4", "M5"),
+    **named_codes("tool change", "M6"),
+    **named_codes("coolant", "M7", "M8", "M9"),
 }
-BY_WORD = {(name[0].lower(), float(name[1:])): code for name, code in BY_NAME.items()}
 BY_LETTER = {"f": Code("F", "feed"), "s": Code("S", "speed"), "t": Code("T", "select tool")}
 MOVE = Code("move", "move")
 TAKEN_ALWAYS = frozenset(BY_LETTER)
 MOVING_LETTERS = frozenset("xyzijkr")
-TAKEN_BY_MOTION = {"": TAKEN_ALWAYS | MOVING_LETTERS} | {
-    name: TAKEN_ALWAYS | set("xyz") | BY_NAME[name].takes for name in ("G0", "G1", "G2", "G3")}
 ADVICE = {
     ("g", 41): "let the post write the compensated path",
     ("g", 42): "let the post write the compensated path",
@@ -68,18 +65,26 @@ ADVICE = {
 }
 
 
-def code_of(letter, number):
-    """The code of a G or M word.
+def finder(by_name, advice):
+    """The function (letter, number) -> Code of a G or M word; what is not in the table it refuses with a Complaint.
 
-    Raises:
-        Complaint: this reader does not know it.
+    Args:
+        by_name: {"G0": Code} of what a controller knows.
+        advice: {("g", 41): how to mend it} for some of what it does not know.
     """
-    try:
-        return BY_WORD[letter, number]
-    except KeyError:
-        known = ", ".join(name for name in BY_NAME if name[0] == letter.upper())
-        raise Complaint(f"unknown word {letter.upper()}{number:g}",
-                        ADVICE.get((letter, int(number)), f"known are {known}")) from None
+    by_word = {(name[0].lower(), float(name[1:])): code for name, code in by_name.items()}
+
+    def code_of(letter, number):
+        try:
+            return by_word[letter, number]
+        except KeyError:
+            known = ", ".join(name for name in by_name if name[0] == letter.upper())
+            raise Complaint(f"unknown word {letter.upper()}{number:g}",
+                            advice.get((letter, int(number)), f"known are {known}")) from None
+    return code_of
+
+
+code_of = finder(BY_NAME, ADVICE)
 
 
 def in_order(codes):

@@ -13,7 +13,7 @@ from cuspline.posted import PostedMoves
 from cuspline.posts.rs274_arcs import (INCH_BOUNDS, MM_BOUNDS, MM_PER_INCH, center_from_radius, check_radii,
                                        is_same_point, sweep_rad)
 from cuspline.posts.rs274_blocks import blocks_of, refusal
-from cuspline.posts.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, TAKEN_ALWAYS, TAKEN_BY_MOTION, code_of, in_order
+from cuspline.posts.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, TAKEN_ALWAYS, code_of, in_order
 from cuspline.posts.rs274_expressions import Complaint
 from cuspline.posts.rs274_flow import executed, is_closed_by_percent, refuse_text_after
 from cuspline.program import Kind, Plane
@@ -46,15 +46,10 @@ def read_program(text, *, work_offsets, tool_lengths):
     """
     blocks = blocks_of(text)
     controller = Controller(work_offsets, tool_lengths, code_of)
-    for block, words in executed(blocks):
-        try:
-            controller.execute(block, words)
-        except Complaint as complaint:
-            raise refusal(complaint, block) from None
-        if controller.ended:
-            refuse_text_after(blocks, block)
-            break
-    if not (controller.ended or is_closed_by_percent(blocks)):
+    end = controller.run(executed(blocks))
+    if end is not None:
+        refuse_text_after(blocks, end)
+    elif not is_closed_by_percent(blocks):
         raise refusal(Complaint("the text stops without a program end", "end it with M2 or M30"), blocks[-1])
     return controller.posted_moves()
 
@@ -65,6 +60,8 @@ class Controller:
     def __init__(self, work_offsets, tool_lengths, code_of):
         """`code_of`: function (letter, number) -> rs274_codes.Code of what the control knows."""
         self.code_of = code_of
+        self.taken_by_motion = {"": TAKEN_ALWAYS | MOVING_LETTERS} | {
+            code.name: TAKEN_ALWAYS | set("xyz") | code.takes for code in (code_of("g", k) for k in range(4))}
         self.work_offsets, self.tool_lengths = work_offsets, tool_lengths
         self.tip = UNKNOWN                  # in the active WCS
         self.unit_mm = None                 # the text has to say it
@@ -82,6 +79,21 @@ class Controller:
         self.rows = array("d")              # COLUMNS a move
 
     # words ------------------------------------------------------------------------------------------
+
+    def run(self, steps):
+        """Execute (block, words) one after the other; the block that ends the program, None where none does.
+
+        Raises:
+            ReadError: see `read_program`.
+        """
+        for block, words in steps:
+            try:
+                self.execute(block, words)
+            except Complaint as complaint:
+                raise refusal(complaint, block) from None
+            if self.ended:
+                return block
+        return None
 
     def execute(self, block, words):
         """Do what one block says."""
@@ -111,7 +123,7 @@ class Controller:
         is_move = motion or not (has_axes or MOVING_LETTERS.isdisjoint(values))
         if has_axes and motion:
             raise Complaint(f"{has_axes} and {motion} share one Z", "write two blocks")
-        taken = TAKEN_BY_MOTION[motion or self.motion] if is_move else TAKEN_ALWAYS
+        taken = self.taken_by_motion[motion or self.motion] if is_move else TAKEN_ALWAYS
         if not values.keys() <= taken:
             _refuse_unused(values.keys() - taken.union(*(code.takes for code in codes)))
         if is_move:

@@ -1,4 +1,4 @@
-"""Repeated passes as sub-programs: both dialects come to the moves that the templates say, whole and from any restart."""
+"""Repeated passes as sub-programs: both dialects come to the moves of the templates, whole and from any restart."""
 
 import itertools
 import re
@@ -9,10 +9,12 @@ from known_passes import BALL, LENGTHS, PER_RESTART, ZERO, machine, passes, prog
 
 from cuspline.catalogue import find_post, reader_of
 from cuspline.errors import InputError, PostError, ReadError, ToolpathError
-from cuspline.pass_templates import Call, Go, Let, Named, PassTemplate, Quantity, Register, Restart, Root, TemplatedPasses
+from cuspline.pass_templates import (
+    Call, Go, Let, Named, PassTemplate, Quantity, Register, Restart, Root, TemplatedPasses)
 from cuspline.posts._restart import restart_points, restarted
 from cuspline.posts.fanuc_reader import read_program as read_fanuc
 from cuspline.program import Kind
+
 
 def read(text, a_machine):
     return reader_of(a_machine)(text, work_offsets=ZERO, tool_lengths=LENGTHS)
@@ -78,7 +80,8 @@ def test_what_is_read_is_the_expansion_of_the_rounded_numbers(post, units):
 
 def test_one_register_offsets_all_passes():
     mill = machine()
-    wide, true = (find_post("linuxcnc").post(program(("finish", BALL, passes(radius=r))), mill).text for r in (3.2, 3.0))
+    wide, true = (find_post("linuxcnc").post(program(("finish", BALL, passes(radius=r))), mill).text
+                  for r in (3.2, 3.0))
     changed = [(a, b) for a, b in zip(wide.splitlines(), true.splitlines()) if a != b]
     assert len(changed) == 1 and changed[0][0].startswith("#101=3.2 ")
     moves = read(wide, mill), read(true, mill)
@@ -108,6 +111,20 @@ def test_a_restart_point_that_is_not_there_is_refused():
     text = find_post("linuxcnc").post(program(), machine()).text
     with pytest.raises(InputError, match="N1004 is not in this program; it has N1001 to N2003"):
         restarted(text, 1004)
+
+
+@pytest.mark.parametrize("post", ["linuxcnc", "fanuc"])
+def test_a_restart_point_where_nothing_counts_on_is_a_block_number_alone(post):
+    level = Go(Kind.FEED, x=Named("a"), y=Named("a"), z=Named("clear"), feed=Named("feed"))
+    told = TemplatedPasses(
+        start_mm=(0, 0, 40), items=(Restart(1, ()), Call("go", (1.0,)), Restart(2, ()), Call("go", (2.0,))),
+        registers=(Register(Quantity("clear", axis=2), 40.0), Register(Quantity("feed", "mm/min"), 100.0)),
+        templates=(PassTemplate("go", (Quantity("a"),), (Go(Kind.RAPID, z=Named("clear")), level)),))
+    mill = machine(post)
+    text = find_post(post).post(program(("rough", BALL, told)), mill).text
+    assert "\nN1002\n" in text and restart_points(text) == [1001, 1002]
+    ends = [m.end_mm[m.kind == Kind.FEED, 0].tolist() for m in (read(text, mill), read(restarted(text, 1002), mill))]
+    assert ends == [[1.0, 2.0], [2.0]]
 
 
 @pytest.mark.parametrize("post", ["linuxcnc", "fanuc"])
@@ -147,10 +164,15 @@ def test_faulty_templates_are_refused():
     up = Go(Kind.RAPID, z=Named("clear"))
     refused("asks for .'r'., which nothing gives", templates=(PassTemplate("up", (), (Let("a", Named("r")), up)),))
     refused("needs a feed", templates=(PassTemplate("up", (), (up, Go(Kind.FEED, x=Named("clear")))),))
-    refused("begin with a rapid straight up", templates=(PassTemplate("up", (), (Go(Kind.RAPID, x=Named("clear")), up)),))
+    across = Go(Kind.RAPID, x=Named("clear"))
+    refused("begin with a rapid straight up", templates=(PassTemplate("up", (), (across, up)),))
     refused("begin with a restart point", items=(Call("up", ()),))
     refused("call of 'down' with 0 arguments: templates are 'up' with 0", items=(Restart(1, ()), Call("down", ())))
     refused("share a name", templates=(PassTemplate("up", (Quantity("clear"),), (up,)),))
+    counts = (PassTemplate("up", (), (up, Let("clear", Named("clear") + 1))),)
+    refused("restart point 1 gives ..; registers that count on are .'clear'.", items=(Restart(1, ()), Call("up", ())),
+            templates=counts)
+    refused("restart point 1 gives .'r'.", items=(Restart(1, (("r", 1.0),)), Call("up", ())))
     refused("call 1 of 'up'", templates=(PassTemplate("up", (), (up, Let("a", Root(Named("clear") * -1)))),))
 
 
@@ -178,7 +200,8 @@ def test_shifting_the_zero_shifts_every_move():
 
 # Fanuc text -------------------------------------------------------------------------------------------
 
-GOOD = "%\nO0001\nG21 G90 G54\nT7 M6\nS100 M3\nG0 X0. Y0.\nG43 Z5. H7\n{}\nM30\nO7001\nG1 X#1 Y[#2+#500] F100.\nM99\n%\n"
+GOOD = ("%\nO0001\nG21 G90 G54\nT7 M6\nS100 M3\nG0 X0. Y0.\nG43 Z5. H7\n{}\nM30\n"
+        "O7001\nG1 X#1 Y[#2+#500] F100.\nM99\n%\n")
 REFUSED = {
     "a length without a point": ("G1 X10 F100.", "X10 without a decimal point may be millimetres or thousandths"),
     "a feed without a point": ("G1 X10. F100", "F100 without a decimal point"),
@@ -194,6 +217,8 @@ REFUSED = {
     "a return from the main program": ("M99", "M99 in the main program"),
     "a letter twice": ("G65 P7001 I1. I2.", "a letter twice"),
     "block delete": ("/G0 X1.", "block delete"),
+    "a second block in the line": ("G1 X1. F100. ; G1 X2.", "or a ;"),
+    "turns of an arc": ("G2 X0. Y0. I5. J0. P3 F100.", "no code in this block uses P"),
     "cutter compensation": ("G41 D1", "unknown word G41"),
 }
 

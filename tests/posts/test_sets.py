@@ -26,7 +26,8 @@ def test_a_set_is_its_files_one_after_the_other():
     texts, parts, whole = read_set()
     assert len(texts) > 2 and len(whole) == sum(len(p) for p in parts)
     assert whole.operations == ("rough", "finish") and whole.ended
-    assert [whole.operation_name(k) for k in np.flatnonzero(whole.kind >= Kind.ARC_CW)] == 12 * ["rough"] + 12 * ["finish"]
+    names = [whole.operation_name(k) for k in np.flatnonzero(whole.kind >= Kind.ARC_CW)]
+    assert names == 12 * ["rough"] + 12 * ["finish"]
     lines = "".join(texts).splitlines()
     assert all("G2 " in lines[n - 1] for n in whole.line[whole.kind >= Kind.ARC_CW])
     assert not PostedMoves.joined([*parts[:-1], PostedMoves(**{**parts[-1].__dict__, "ended": False})],
@@ -38,8 +39,8 @@ def test_a_finding_names_the_file_and_its_own_line():
     parts = {f"setup-1-{k:02d}.ngc": t for k, t in enumerate(texts, 1)}
     at = int(whole.line[np.flatnonzero(whole.kind >= Kind.ARC_CW)[-1]])
     block = "".join(texts).splitlines()[at - 1]
-    finding = Finding(kind="excess", amount_mm=0.1, place_mm=None, operation="finish", line=at, setup="setup-1", advice="",
-                      block=block)
+    finding = Finding(kind="excess", amount_mm=0.1, place_mm=None, operation="finish", line=at, setup="setup-1",
+                      advice="", block=block)
     found, = _in_files((finding,), parts)
     name, _, said = found.block.partition(": ")
     assert name == list(parts)[-1] and parts[name].splitlines()[found.line - 1] == said == block
@@ -59,23 +60,38 @@ def hops(count=40):
     return w.moves()
 
 
+def of_hops(*counts):
+    told = tuple(Operation(name=f"rough {k}", tool=BALL, spindle_rpm=8000.0, coolant="off", moves=hops(count))
+                 for k, count in enumerate(counts or (40,), 1))
+    return Program(name="hops", setup="setup-1", wcs="G55", wcs_in_words="", clearance_z_mm=CLEARANCE_MM,
+                   header=("HOPS",), operations=told)
+
+
 @pytest.mark.parametrize("name", ["linuxcnc", "fanuc"])
 def test_plain_moves_are_split_where_the_tool_stands_high(name):
-    told = Program(name="hops", setup="setup-1", wcs="G55", wcs_in_words="", clearance_z_mm=CLEARANCE_MM, header=("HOPS",),
-                   operations=(Operation(name="rough", tool=BALL, spindle_rpm=8000.0, coolant="off", moves=hops()),))
+    told = of_hops()
     large, small = machine(name), machine(name, program_store_bytes=1200)
     whole, parts = find_post(name).post(told, large), find_post(name).post(told, small).texts
     assert len(whole.texts) == 1 and len(parts) > 1 and max(len(t) for t in parts) <= 1200
-    cut = lambda texts: np.vstack([np.column_stack([m.start_mm, m.end_mm, m.feed_mm_per_min])[m.kind == Kind.FEED] for m in (
-        reader_of(large)(t, work_offsets=ZERO, tool_lengths=LENGTHS) for t in texts)])
+    rows = lambda m: np.column_stack([m.start_mm, m.end_mm, m.feed_mm_per_min])[m.kind == Kind.FEED]
+    cut = lambda texts: np.vstack([rows(reader_of(large)(t, work_offsets=ZERO, tool_lengths=LENGTHS)) for t in texts])
     assert np.array_equal(cut(parts), cut(whole.texts))
+
+
+@pytest.mark.parametrize("name", ["linuxcnc", "fanuc"])
+@pytest.mark.parametrize("first", range(8, 20))
+def test_an_operation_that_begins_where_the_store_is_full_begins_a_file(name, first):
+    large, small = machine(name), machine(name, program_store_bytes=1200)
+    whole, parts = (find_post(name).post(of_hops(first, 5), m).texts for m in (large, small))
+    assert max(len(t) for t in parts) <= 1200 - 160       # room is kept for the verdict in the header
+    read = lambda texts: [reader_of(large)(t, work_offsets=ZERO, tool_lengths=LENGTHS) for t in texts]
+    feeds = lambda texts: np.vstack([m.end_mm[m.kind == Kind.FEED] for m in read(texts)])
+    assert np.array_equal(feeds(parts), feeds(whole))
 
 
 def test_a_stroke_longer_than_the_store_stays_whole():
     """No place to split: the judge says that the program is too long."""
-    told = Program(name="one", setup="setup-1", wcs="G55", wcs_in_words="", clearance_z_mm=CLEARANCE_MM, header=(),
-                   operations=(Operation(name="rough", tool=BALL, spindle_rpm=8000.0, coolant="off", moves=hops(1)),))
-    assert len(post(told, machine(program_store_bytes=100)).texts) == 1
+    assert len(post(of_hops(1), machine(program_store_bytes=100)).texts) == 1
 
 
 def test_the_command_lists_restart_points_and_begins_at_one(tmp_path):
