@@ -11,7 +11,7 @@ from cuspline import brep
 from cuspline.design import Figure, SolidReport
 from cuspline.designs._propeller_blade import wrapped
 from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
-from cuspline.designs._propeller_sections import FormAndMeanLine, loop_angle
+from cuspline.designs._propeller_sections import FormAndMeanLine, loop_angle, section_loop
 from cuspline.designs._propeller_solid import volume_of_cuts_mm3
 from cuspline.designs._propeller_tables import area_under_chords, expanded_area_ratio
 from cuspline.solids import solid_of
@@ -243,11 +243,12 @@ def _measured_section(made, faces, rho):
 
 
 def _ends_off_the_line(made, rho):
-    """How far the line from nose to tail is turned off the pitch line, rad, and how much longer it is."""
-    laws, at = made.blade.laws, np.array([rho])
-    share, camber = laws.thickness_share(at), laws.camber_share(at)
-    nose, tail = (laws.table.shape.middle(np.array([t]), at, share, camber)[0][0] for t in (0.0, np.pi))
-    return float(np.arctan(tail - nose)), float(np.hypot(1.0, tail - nose))
+    """Turn of the line from nose to tail off the pitch line, rad (a bevel lowers the tail); how much longer it is."""
+    laws, at = made.blade.laws, np.full(2, rho)
+    _, n = section_loop(laws.table.shape, laws.table.edge, np.array([0.0, np.pi]), at, laws.thickness_share(at),
+                        laws.camber_share(at))
+    rise = n[1] - n[0]
+    return float(np.arctan(rise)), float(np.hypot(1.0, rise))
 
 
 def sections_at_radii(made, faces):

@@ -82,6 +82,12 @@ def test_a_solid_of_another_thickness_is_told(dtmb, dtmb_read):
     assert any("random points" in w for w in broken)
 
 
+def test_a_bevel_of_the_trailing_edge_does_not_change_the_pitch():
+    made = made_of(tables.dtmb_4119(edge=TrailingEdge(kind="anti-singing")))
+    figures, _, _ = blade_figures(made, brep.faces_of(made.solid))
+    assert [f for f in figures if not f.is_kept] == [] and any(f.what.startswith("pitch") for f in figures)
+
+
 def test_every_face_has_its_name(dtmb):
     names = [f.mark.name for f in brep.faces_of(dtmb.solid)]
     for k in (1, 2, 3):
