@@ -124,7 +124,8 @@ def radial_laws(table, innermost):
     everywhere = np.ones(len(r), bool)
     return RadialLaws(table=table, chord=law(table.chord_D, inside, taper),
                       thickness=law(table.thickness_D, inside, taper), camber=law(table.camber_c, inside, taper),
-                      pitch=law(table.pitch_D, everywhere), skew=law(table.skew_rad, everywhere), rake=law(table.rake_D, everywhere))
+                      pitch=law(table.pitch_D, everywhere), skew=law(table.skew_rad, everywhere),
+                      rake=law(table.rake_D, everywhere))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
