@@ -18,23 +18,22 @@ VOLUME_SHARE, DEVIATION_MM, TOLERANCE_MM = 1e-5, 2e-3, 1e-3
 REASONS = (("next blade", "neighbouring blades"), ("fore end", "hub end"), ("aft end", "hub end"), ("hollow", "hollow"),
            ("blade before", "neighbouring blades"), ("own blade", "own blade"),
            ("wedged", "acute root"), ("crosses itself", "acute root"), ("faster", "law too steep"),
-           ("leave too little of the hub", "neighbouring blades"), ("wind round", "hub too long"))
+           ("leave too little of the hub", "neighbouring blades"))
 
 
 def parameter_sets():
     """[(family, keywords for `made`)]: at least 100."""
     sets = []
-    for n, (blades, area, pitch) in enumerate(itertools.product(range(3, 8), (0.45, 0.55, 0.75, 0.95), (0.6, 1.0,
-                                                                                                        1.4))):
+    for n, (blades, area, pitch) in enumerate(itertools.product(range(3, 8), (0.45, 0.55, 0.75, 0.95),
+                                                                (0.6, 1.0, 1.4))):
         sets.append(("B-series", dict(kind="b", blades=blades, area_ratio=area, pitch_ratio=pitch, number=n,
                                       diameter_mm=(100.0, 250.0, 1000.0)[n % 3])))
     for n, (blades, skew, size) in enumerate(itertools.product(range(3, 8), (0.0, 36.0, 72.0), (100.0, 300.0, 1000.0))):
         sets.append((f"own, skew {skew:.0f} deg", dict(kind="own", blades=blades, skew_deg=skew, diameter_mm=size,
-                                                       number=n,
-                                                        area_ratio=(0.5, 0.7, 0.85)[n % 3],
-                                                        pitch_ratio=(0.8, 1.1, 1.5)[n // 3 % 3])))
-    sets += [("DTMB 4119", dict(kind="4119", diameter_mm=size, number=n)) for n, size in enumerate((100.0, 304.8,
-                                                                                                    1000.0) * 2)]
+                                                       number=n, area_ratio=(0.5, 0.7, 0.85)[n % 3],
+                                                       pitch_ratio=(0.8, 1.1, 1.5)[n // 3 % 3])))
+    sets += [("DTMB 4119", dict(kind="4119", diameter_mm=size, number=n))
+             for n, size in enumerate((100.0, 304.8, 1000.0) * 2)]
     return sets
 
 
@@ -71,15 +70,14 @@ def judged(solid):
     from cuspline import brep
     from cuspline.designs._propeller_checks import definition_deviation_mm, fillet_figures
     from cuspline.designs._propeller_mesh import extrapolated_volume_mm3
-    volume = brep.volume_mm3(solid.solid)
+    volume, fillet = brep.volume_mm3(solid.solid), fillet_figures(solid)
     found = {"tolerance": brep.loosest_tolerance_mm(solid.solid),
              "volume": abs(volume / extrapolated_volume_mm3(solid) - 1), "definition": definition_deviation_mm(solid),
              "shells": len(brep.explore(solid.solid, TopAbs_SHELL)),
-             **{f.what: f.measured for f in fillet_figures(solid)}}
-    broken = [name for name, limit in (("tolerance", TOLERANCE_MM), ("volume", VOLUME_SHARE), ("definition",
-                                                                                               DEVIATION_MM),
-                                       ("shells", 1)) if not found[name] <= limit]
-    return found, broken + [f.what for f in fillet_figures(solid) if not f.is_kept]
+             **{f.what: f.measured for f in fillet}}
+    limits = {"tolerance": TOLERANCE_MM, "volume": VOLUME_SHARE, "definition": DEVIATION_MM, "shells": 1}
+    broken = [name for name, limit in limits.items() if not found[name] <= limit]
+    return found, broken + [f.what for f in fillet if not f.is_kept]
 
 
 def tried(case):

@@ -55,8 +55,8 @@ class PropellerTable:
         for name in ("chord_D", "pitch_D", "thickness_D"):
             low = getattr(self, name)[:-1] <= 0
             if low.any() or len(getattr(self, name)) != len(self.r_R):
-                raise DesignError(f"propeller {self.name}: {name} must be positive at every radius inside the tip, it is "
-                                  f"not at r/R {self.r_R[:-1][low].tolist()}")
+                raise DesignError(f"propeller {self.name}: {name} must be positive at every radius inside the tip, it "
+                                  f"is not at r/R {self.r_R[:-1][low].tolist()}")
         if self.blades < 3 or self.diameter_mm <= 0:
             raise DesignError(f"propeller {self.name}: {self.blades} blades, diameter {self.diameter_mm:g} mm: "
                               "it needs at least 3 blades and a positive diameter")
@@ -64,6 +64,11 @@ class PropellerTable:
     @property
     def radius_mm(self):
         return self.diameter_mm / 2
+
+    @property
+    def hand(self):
+        """Sign of Y over sin(Theta): -1 right-handed, +1 left-handed (formula above)."""
+        return -1.0 if self.is_right_handed else 1.0
 
     @property
     def has_round_tip(self):
@@ -117,10 +122,10 @@ def radial_laws(table, innermost):
                            domain=domain)
 
     everywhere = np.ones(len(r), bool)
-    return RadialLaws(table=table, chord=law(table.chord_D, inside, taper), thickness=law(table.thickness_D, inside,
-                                                                                          taper),
-                      camber=law(table.camber_c, inside, taper), pitch=law(table.pitch_D, everywhere),
-                      skew=law(table.skew_rad, everywhere), rake=law(table.rake_D, everywhere))
+    return RadialLaws(table=table, chord=law(table.chord_D, inside, taper),
+                      thickness=law(table.thickness_D, inside, taper), camber=law(table.camber_c, inside, taper),
+                      pitch=law(table.pitch_D, everywhere), skew=law(table.skew_rad, everywhere),
+                      rake=law(table.rake_D, everywhere))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -128,7 +133,7 @@ class Blade:
     """Blade 1 of a propeller: its definition, and the surface that holds it.
 
     The surface runs over u, the loop angle, from TAIL - pi to TAIL + pi, and v from 0 at the innermost
-    radius to 1 at the tip; Su x Sv points into the material of a right-handed blade, out of a left-handed one.
+    radius to 1 at the tip.
     """
 
     laws: RadialLaws
@@ -139,6 +144,16 @@ class Blade:
     @property
     def table(self):
         return self.laws.table
+
+    @property
+    def outward(self):
+        """+1 where Su x Sv points out of the material (right-handed), -1 where into it."""
+        return -self.table.hand
+
+    @property
+    def v_of_tip(self):
+        """Parameter v above which a round tip has faces of its own; 1 where the tip has a chord."""
+        return float(self.v_at(1 - TIP_SHARE)) if self.table.has_round_tip else 1.0
 
     def rho_at(self, v):
         """r/R at the parameter v."""
@@ -173,8 +188,12 @@ def wrapped(table, r_mm, pitch_mm, skew_rad, rake_mm, xi_mm, n_mm):
     phi = np.arctan2(pitch_mm, 2 * np.pi * r_mm)
     x = rake_mm + skew_rad * pitch_mm / (2 * np.pi) + xi_mm * np.sin(phi) - n_mm * np.cos(phi)
     turn = skew_rad + (xi_mm * np.cos(phi) + n_mm * np.sin(phi)) / r_mm
-    hand = -1.0 if table.is_right_handed else 1.0
-    return np.stack([x, hand * r_mm * np.sin(turn), r_mm * np.cos(turn)], axis=-1)
+    return np.stack([x, table.hand * r_mm * np.sin(turn), r_mm * np.cos(turn)], axis=-1)
+
+
+def about_x(turn_rad):
+    """(3, 3) rotation about X, from Y towards Z: rows are turned by `points @ about_x(turn).T`."""
+    return np.array([[1, 0, 0], [0, np.cos(turn_rad), -np.sin(turn_rad)], [0, np.sin(turn_rad), np.cos(turn_rad)]])
 
 
 def rho_at(v, innermost, has_round_tip):

@@ -11,9 +11,9 @@ from cuspline import brep
 from cuspline.design import Figure, SolidReport
 from cuspline.designs._propeller_blade import wrapped
 from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
-from cuspline.designs._propeller_sections import FormAndMeanLine, loop_angle
+from cuspline.designs._propeller_sections import FormAndMeanLine, loop_angle, section_loop
 from cuspline.designs._propeller_solid import volume_of_cuts_mm3
-from cuspline.designs._propeller_tables import expanded_area_ratio
+from cuspline.designs._propeller_tables import area_under_chords, expanded_area_ratio
 from cuspline.solids import solid_of
 from cuspline.surfaces.projection import ClosestTree
 
@@ -27,6 +27,7 @@ ROUNDED = 3.0               # half-thicknesses from a blunt end within which its
 SIDES = np.linspace(0.15, 2.95, 600)        # loop angles at which thickness is looked for
 TIP = 0.999                 # r/R up to which sections are cut
 RANDOM_POINTS = 4000
+AREA_POINTS = 24            # chords measured on the solid for its expanded area
 
 
 def solid_report(made, solid, density_g_per_cm3):
@@ -89,23 +90,22 @@ def fillet_figures(made):
             limit("border from the hub's contact", e.hub_border_mm, BALL_MM, "mm")]
 
 
-def definition_deviation_mm(made, count=RANDOM_POINTS):
+def definition_deviation_mm(made):
     """Largest distance of the blade's surface from its definition, at random parameters above the fillet."""
-    rng = np.random.default_rng(1)
-    u, v, wanted = _random_points(made, rng, count)
+    u, v, wanted = _random_points(made, seed=1)
     return float(np.linalg.norm(made.blade.surface.derivatives(u, v)[:, 0] - wanted, axis=1).max())
 
 
-def _random_points(made, rng, count):
-    low, high = made.blade.surface.domain[:2]
-    u = rng.uniform(low, high, count)
+def _random_points(made, seed):
+    rng, (low, high) = np.random.default_rng(seed), made.blade.surface.domain[:2]
+    u = rng.uniform(low, high, RANDOM_POINTS)
     floor = made.fillet.on_blade(u)[:, 0]
-    v = floor + (1 - floor) * rng.uniform(0, 1, count)
+    v = floor + (1 - floor) * rng.uniform(0, 1, RANDOM_POINTS)
     return u, v, made.blade.points_mm(u, made.blade.rho_at(v))
 
 
 def _random_deviation_mm(made, tree):
-    _, _, wanted = _random_points(made, np.random.default_rng(2), RANDOM_POINTS)
+    _, _, wanted = _random_points(made, seed=2)
     return float(tree.closest_points(wanted).distance_mm.max())
 
 
@@ -225,8 +225,7 @@ def section_on_solid(made, faces, rho, sigma):
             size = np.hypot(d[:, 0, 1], d[:, 0, 2])
             at = at - (size - r) / ((d[:, 0, 1] * d[:, 2, 1] + d[:, 0, 2] * d[:, 2, 2]) / size)
         places[rows] = face.nurbs.derivatives(u[rows], at)[:, 0]
-    hand = -1.0 if table.is_right_handed else 1.0
-    turn = np.unwrap(np.arctan2(hand * places[:, 1], places[:, 2]))
+    turn = np.unwrap(np.arctan2(table.hand * places[:, 1], places[:, 2]))
     return np.stack([r * turn, places[:, 0]], axis=1)
 
 
@@ -244,11 +243,12 @@ def _measured_section(made, faces, rho):
 
 
 def _ends_off_the_line(made, rho):
-    """How far the line from nose to tail is turned off the pitch line, rad, and how much longer it is."""
-    laws, at = made.blade.laws, np.array([rho])
-    share, camber = laws.thickness_share(at), laws.camber_share(at)
-    nose, tail = (laws.table.shape.middle(np.array([t]), at, share, camber)[0][0] for t in (0.0, np.pi))
-    return float(np.arctan(tail - nose)), float(np.hypot(1.0, tail - nose))
+    """Turn of the line from nose to tail off the pitch line, rad (a bevel lowers the tail); how much longer it is."""
+    laws, at = made.blade.laws, np.full(2, rho)
+    _, n = section_loop(laws.table.shape, laws.table.edge, np.array([0.0, np.pi]), at, laws.thickness_share(at),
+                        laws.camber_share(at))
+    rise = n[1] - n[0]
+    return float(np.arctan(rise)), float(np.hypot(1.0, rise))
 
 
 def sections_at_radii(made, faces):
@@ -267,15 +267,12 @@ def sections_at_radii(made, faces):
     return rows, _measured_area_ratio(made, faces, lowest)
 
 
-def _measured_area_ratio(made, faces, lowest, points=24):
-    """Z times the integral of measured chords over the disc's area; under the fillet the blade's own law."""
-    table, hub = made.blade.table, _hub_ratio(made)
-    nodes, weights = np.polynomial.legendre.leggauss(points)
-    end = np.sqrt(1 - hub)
-    w = end * (1 + nodes) / 2
-    chord = np.array([_measured_section(made, faces, rho)[0] if lowest < rho < TIP
-                      else float(made.blade.laws.chord_mm(np.array([rho]))[0]) for rho in 1 - w * w])
-    return float(table.blades * np.sum(weights * end / 2 * chord / table.diameter_mm * 2 * w) * 0.5 / (np.pi / 4))
+def _measured_area_ratio(made, faces, lowest):
+    """Expanded area ratio by measured chords; under the fillet and at the very tip by the blade's own law."""
+    measured = lambda radii: np.array([
+        _measured_section(made, faces, rho)[0] if lowest < rho < TIP else law
+        for rho, law in zip(radii, made.blade.laws.chord_mm(radii).tolist())])
+    return area_under_chords(made.blade.table, _hub_ratio(made), measured, AREA_POINTS)
 
 
 def _section_figures(made, rows):

@@ -10,7 +10,6 @@ from cuspline import brep
 from cuspline.design import Design, FacePredicate, Finish, Parameters, StockBox
 from cuspline.designs._propeller_blade import blade_of
 from cuspline.designs._propeller_checks import solid_report
-from cuspline.designs._propeller_drawings import draw_propeller
 from cuspline.designs._propeller_root import curved_hub, radius_round_root, straight_hub
 from cuspline.designs._propeller_sections import TrailingEdge, table as read_table
 from cuspline.designs._propeller_solid import HubCuts, propeller_solid
@@ -83,7 +82,12 @@ def propeller_design(name, description, p, table, hub_ratio):
                                             max_mm=tuple((high + STOCK_MM).tolist())),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
         setups=(), measure=lambda solid: solid_report(made, solid, p.density_g_per_cm3),
-        draw=lambda folder: draw_propeller(made, Path(folder)))
+        draw=lambda folder: _drawn(made, Path(folder)))
+
+
+def _drawn(made, folder):
+    from cuspline.designs._propeller_drawings import draw_propeller     # matplotlib: not to list the designs by
+    draw_propeller(made, folder)
 
 
 def hub_of(p, diameter_mm, hub_ratio):

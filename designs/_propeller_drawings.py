@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from cuspline.designs._propeller_blade import about_x
 from cuspline.designs._propeller_sections import section_loop
 from cuspline.report.plots import in_our_style
 
@@ -11,11 +12,11 @@ LOOP = np.linspace(-np.pi, np.pi, 801)
 INK, PALE = "#1b2330", "#7d93ab"
 
 
+@in_our_style       # the writing too: names inside an SVG are salted by the style
 def draw_propeller(made, folder):
-    """Writes outlines.svg and sections.svg into a folder."""
+    """Writes outlines.svg and sections.svg into a folder; the same bytes for the same propeller."""
     for name, plot in (("outlines", outlines), ("sections", sections)):
-        figure = in_our_style(plot)(made)
-        figure.savefig(folder / f"{name}.svg", format="svg", metadata={"Date": None, "Creator": None})
+        plot(made).savefig(folder / f"{name}.svg", format="svg", metadata={"Date": None, "Creator": None})
 
 
 def outlines(made):
@@ -25,17 +26,16 @@ def outlines(made):
     aft, side, expanded = figure.subplots(1, 3)
     least = float(made.hub.profile(0.0)) / table.radius_mm
     rho = blade.rho_at(np.linspace(float(blade.v_at(least)), 1.0, HIGH))
-    hand = -1.0 if table.is_right_handed else 1.0
+    r = rho * table.radius_mm
     points = blade.points_mm(*(g.ravel() for g in np.meshgrid(LOOP[::4], rho, indexing="ij"))).reshape(-1, HIGH, 3)
-    turn = np.unwrap(np.arctan2(hand * points[..., 1], points[..., 2]), axis=0)
+    turn = np.unwrap(np.arctan2(table.hand * points[..., 1], points[..., 2]), axis=0)
     edges = [points[len(points) // 2], points[0]]
     for k in range(table.blades):
         a, style = 2 * np.pi * k / table.blades, {"color": PALE if k else INK, "linewidth": 0.6 if k else 1.2}
         for widest in (turn.min(axis=0), turn.max(axis=0)):
-            aft.plot(rho * table.radius_mm * hand * np.sin(widest + a), rho * table.radius_mm * np.cos(widest + a),
-                     **style)
+            aft.plot(table.hand * r * np.sin(widest + a), r * np.cos(widest + a), **style)
         for edge in edges:
-            line = edge @ np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]])
+            line = edge @ about_x(a).T
             side.plot(line[:, 0], line[:, 2], **style)
     x = np.linspace(*made.hub.ends_mm, 100)
     radius = made.hub.profile(x)
@@ -44,7 +44,6 @@ def outlines(made):
     side.plot(np.r_[x[0], x, x[-1], x[-1], x[::-1], x[0]], np.r_[0, radius, 0, 0, -radius[::-1], 0], color=INK,
               linewidth=0.8)
     chord, pitch = blade.laws.chord_mm(rho), blade.laws.pitch_mm(rho)
-    r = rho * table.radius_mm
     middle = blade.laws.skew(rho) * np.hypot(r, pitch / (2 * np.pi))      # along the helix from the generator line
     expanded.plot(middle - chord / 2, r, color=INK, label="leading edge")
     expanded.plot(middle + chord / 2, r, color=PALE, label="trailing edge")

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.designs._propeller_blade import TIP_SHARE
+from cuspline.designs._propeller_blade import about_x
 
 SPREAD = 1.05               # on a density, when a bulge is too large
 SHARE = 0.5                 # of the deviation, that one direction may use
 ROUNDS = 5
-COLUMN_NAMES = ("face", "leading edge", "back", "trailing edge")
 DENSITY = {"along": 1, "up": 10, "across": 3, "tip": 4, "hub": 16}        # for volumes, times 2, 4 and 8
 COARSEST = {"along": 1, "up": 12, "across": 4, "tip": 4, "hub": 4}
 
@@ -39,7 +38,9 @@ def propeller_mesh(made, deviation_mm):
 
     Args:
         made: PropellerSolid.
-        deviation_mm: largest measured deviation.
+        deviation_mm: largest deviation wanted.
+    Returns:
+        Mesh; its own `deviation_mm` tells what was reached within ROUNDS rounds of refinement.
     """
     density = dict(COARSEST)
     for _ in range(ROUNDS):
@@ -88,12 +89,16 @@ class _Weld:
                 ids[where] = given[name]
         fresh = ids < 0
         ids[fresh] = self.add(points[fresh])
-        a, b, c, d = ids[:-1, :-1].ravel(), ids[1:, :-1].ravel(), ids[1:, 1:].ravel(), ids[:-1, 1:].ravel()
+        self.quads(ids[:-1, :-1].ravel(), ids[1:, :-1].ravel(), ids[1:, 1:].ravel(), ids[:-1, 1:].ravel(), face,
+                   is_flipped)
+        return ids
+
+    def quads(self, a, b, c, d, face, is_flipped):
+        """Add cells by the ids (n,) of their corners in turn, cut from a to c; sides of no length are left out."""
         rows = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
         rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])]
         self.triangles.append(rows[:, ::-1] if is_flipped else rows)
         self.faces.append(np.full(len(rows), face))
-        return ids
 
 
 def _meshed(made, density):
@@ -105,17 +110,13 @@ def _meshed(made, density):
         bulge["along"] = max(bulge["along"], _bulge_mm(fine[:, ::2]))
         bulge[across] = max(bulge[across], _bulge_mm(fine[::2].transpose(1, 0, 2)))
         worst = max(worst, _middle_bulge_mm(fine))
-    blades, is_flipped = made.blade.table.blades, made.outward < 0
-    turns = [_turn(2 * np.pi * k / blades) for k in range(blades)]
-    feet = [_weld_blade(weld, names, k, blade_grids, turn, is_flipped) for k, turn in enumerate(turns)]
+    blades, is_flipped = made.blade.table.blades, made.blade.outward < 0
+    turns = [about_x(2 * np.pi * k / blades).T for k in range(blades)]          # to be multiplied from the right
+    columns = [name for name, _, _ in made.blade.columns]
+    feet = [_weld_blade(weld, names, k, columns, blade_grids, turn, is_flipped) for k, turn in enumerate(turns)]
     _weld_hub(weld, names, made, hub_grids, turns, feet, is_flipped)
     return Mesh(vertices_mm=np.concatenate(weld.points), triangles=np.concatenate(weld.triangles),
                 face=np.concatenate(weld.faces), names=tuple(names), deviation_mm=max(worst, *bulge.values())), bulge
-
-
-def _turn(angle):
-    """(3, 3) to be multiplied from the right: turns rows about X, from Y towards Z."""
-    return np.array([[1, 0, 0], [0, np.cos(angle), np.sin(angle)], [0, -np.sin(angle), np.cos(angle)]])
 
 
 def _bulge_mm(fine):
@@ -145,19 +146,18 @@ def _index(names, name):
     return names.index(name)
 
 
-def _subdivided(nodes, count):
-    """Nodes with every interval cut into `count` equal ones."""
+def _round_the_loop(blade, low, high, density):
+    """Loop angles of a column's nodes at twice the density: every interval between its knots cut alike."""
+    knots, count = np.unique(blade.surface.knots_u), 2 * density["along"]
+    nodes = np.r_[low, knots[(knots > low + 1e-9) & (knots < high - 1e-9)], high]
     return np.interp(np.arange(count * (len(nodes) - 1) + 1) / count, np.arange(len(nodes)), nodes)
 
 
 def _blade_grids(made, density):
     """[(kind, points at twice the density (2n+1, 2m+1, 3))], columns in turn; every second row and column is a node."""
-    blade, fillet, grids = made.blade, made.fillet, []
-    knots = np.unique(blade.surface.knots_u)
-    top = float(blade.v_at(1 - TIP_SHARE)) if blade.table.has_round_tip else 1.0
+    blade, fillet, top, grids = made.blade, made.fillet, made.blade.v_of_tip, []
     for _, low, high in blade.columns:
-        own = np.r_[low, knots[(knots > low + 1e-9) & (knots < high - 1e-9)], high]
-        u = _subdivided(own, 2 * density["along"])
+        u = _round_the_loop(blade, low, high, density)
         floor = fillet.on_blade(u)[:, 0]
         share = np.linspace(0.0, 1.0, 2 * density["up"] + 1)
         at = lambda v: blade.surface.derivatives(np.repeat(u, v.shape[1]), v.ravel())[:, 0].reshape(*v.shape, 3)
@@ -178,10 +178,9 @@ def _hub_grids(made, density):
     long sides, the edges at the hub's ends.
     """
     hub, half = made.hub, np.pi / made.blade.table.blades
-    knots, loops = np.unique(made.blade.surface.knots_u), {}
+    loops = {}
     for name, low, high in made.blade.columns:
-        u = _subdivided(np.r_[low, knots[(knots > low + 1e-9) & (knots < high - 1e-9)], high], 2 * density["along"])
-        angle, x = made.fillet.on_hub(u).T
+        angle, x = made.fillet.on_hub(_round_the_loop(made.blade, low, high, density)).T
         loops[name] = np.stack([angle - made.half_way(x), x], axis=1)
     nose, tail = _ends(made, loops)
     face_side = _side_of_face(loops)
@@ -215,14 +214,14 @@ def _side_of_face(loops):
     return 1.0 if loops["face"][:, 0].mean() > loops["back"][:, 0].mean() else -1.0
 
 
-def _weld_blade(weld, names, k, grids, turn, is_flipped):
+def _weld_blade(weld, names, k, columns, grids, turn, is_flipped):
     """Blade k with its fillet; returns the ids of its border on the hub, one row a column."""
-    bodies, balls, tips = ([g[::2, ::2] @ turn for kind, g in grids if kind == wanted] for wanted in ("blade",
-                                                                                                      "fillet", "tip"))
+    bodies, balls, tips = ([g[::2, ::2] @ turn for kind, g in grids if kind == wanted]
+                           for wanted in ("blade", "fillet", "tip"))
     pole = weld.add(tips[0][:1, -1])[0] if tips else None
     made, rows = [], {name: _index(names, name) for name in
-                      [f"blade {k + 1} {c}" for c in COLUMN_NAMES] + [f"fillet {k + 1}", f"blade {k + 1} tip"]}
-    for c, column in enumerate(COLUMN_NAMES):
+                      [f"blade {k + 1} {c}" for c in columns] + [f"fillet {k + 1}", f"blade {k + 1} tip"]}
+    for c, column in enumerate(columns):
         beside = lambda part: {"first": made[c - 1][part][-1] if c else None,
                                "last": made[0][part][0] if c == 3 else None}
         body = weld.block(bodies[c], rows[f"blade {k + 1} {column}"], is_flipped, **beside(0))
@@ -242,11 +241,7 @@ def _weld_flat_tip(weld, name, rims, is_flipped):
     face, nose, back, tail = rims
     low = np.concatenate([tail[len(tail) // 2:-1], face, nose[1:len(nose) // 2 + 1]])
     high = np.concatenate([tail[1:len(tail) // 2 + 1][::-1], back[::-1], nose[len(nose) // 2:-1][::-1]])
-    rows = np.concatenate([np.column_stack([low[:-1], low[1:], high[1:]]), np.column_stack([low[:-1], high[1:],
-                                                                                            high[:-1]])])
-    rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])]
-    weld.triangles.append(rows[:, ::-1] if is_flipped else rows)
-    weld.faces.append(np.full(len(rows), name))
+    weld.quads(low[:-1], low[1:], high[1:], high[:-1], name, is_flipped)
 
 
 def _weld_hub(weld, names, made, grids, turns, feet, is_flipped):

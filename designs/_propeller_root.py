@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
+from cuspline.designs._propeller_blade import about_x
 from cuspline.designs._propeller_sections import stations
 from cuspline.errors import DesignError
 from cuspline.surfaces.fairing import fair_spline
@@ -64,28 +65,32 @@ def curved_hub(x_mm, radius_mm):
     return Revolved(profile=fair_spline(x_mm, radius_mm, bending=2), half_angle_rad=None)
 
 
-def rolled_round_root(blade, outward, hub, law, u=None):
+def rolled_round_root(blade, hub, law, u=None):
     """Rolling round the root of a blade, or a refusal in words.
 
     Args:
         blade: Blade.
-        outward, hub, law: as for `rolled`.
+        hub, law: as for `rolled`.
         u: loop angles; None: the knots of the blade.
     Raises:
         DesignError: a ball does not fit; names blade, station, reason and the largest radius that fits there.
     """
-    u = np.unique(blade.surface.knots_u)[:-1] if u is None else u
-    rolling = rolled(blade.surface, outward, hub, law, u, (0.0, OUTERMOST_CONTACT))
+    rolling = _rolled(blade, hub, law, np.unique(blade.surface.knots_u)[:-1] if u is None else u)
     found = obstacle(blade, hub, rolling)
     if found is None:
         return rolling
     reason, row = found
     asked = float(rolling.radius_mm[row])
-    share = _largest_share(blade, outward, hub, law)
+    share = _largest_share(blade, hub, law)
     advice = (f"the largest radius that fits there is {share * asked:.3f} mm (all radii scaled alike)" if share
               else "no radius fits: the roots themselves do not")
     raise DesignError(f"propeller {blade.table.name}, blade 1 (all {blade.table.blades} are alike), root at "
-                      f"{station_in_words(blade, rolling.u[row])}: a fillet of radius {asked:.3f} mm {reason}; {advice}")
+                      f"{station_in_words(blade, rolling.u[row])}: a fillet of radius {asked:.3f} mm {reason}; "
+                      f"{advice}")
+
+
+def _rolled(blade, hub, law, u):
+    return rolled(blade.surface, blade.outward, hub, law, u, (0.0, OUTERMOST_CONTACT))
 
 
 def obstacle(blade, hub, rolling):
@@ -114,16 +119,16 @@ def obstacle(blade, hub, rolling):
     return (_crowded_by_neighbour(blade, rolling) or _crossing_itself(rolling) or _dipping_into_blades(blade, rolling))
 
 
-def root_width(rolling, count=SLICES):
+def root_width(rolling):
     """How the root with its fillet lies on the hub.
 
     Returns:
-        (count,) x between its ends; (count,) lowest and highest polar angle there.
+        (SLICES,) x between its ends; (SLICES,) lowest and highest polar angle there.
     """
     x, angle = rolling.foot_mm[:, 0], rolling.foot_angle
     nx, nangle = np.r_[x[1:], x[0]], np.r_[angle[1:], angle[0]]
     span = x.max() - x.min()
-    at = x.min() + span * (1 - np.cos(np.pi * (np.arange(count) + 0.5) / count)) / 2
+    at = x.min() + span * (1 - np.cos(np.pi * (np.arange(SLICES) + 0.5) / SLICES)) / 2
     crosses = (np.minimum(x, nx) <= at[:, None]) & (at[:, None] < np.maximum(x, nx))
     share = (at[:, None] - x) / np.where(nx == x, 1.0, nx - x)
     cut = angle + share * (nangle - angle)
@@ -165,20 +170,17 @@ def _dipping_into_blades(blade, rolling):
     at = np.interp(u, np.r_[rolling.u, rolling.u[0] + 2 * np.pi], np.r_[rolling.v, rolling.v[0]])
     points = points[v >= at]
     for turn, whose in ((0, "its own blade"), (1, "the next blade"), (-1, "the blade before")):
-        a = 2 * np.pi * turn / blade.table.blades
-        rotation = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
-        near, _ = cKDTree(points @ rotation.T).query(rolling.center_mm)
+        near, _ = cKDTree(points @ about_x(2 * np.pi * turn / blade.table.blades).T).query(rolling.center_mm)
         inside = rolling.radius_mm - near
         if inside.max() > TOUCHING_MM:
             return f"reaches {inside.max():.3f} mm into {whose}", int(np.argmax(inside))
     return None
 
 
-def _largest_share(blade, outward, hub, law):
+def _largest_share(blade, hub, law):
     """Largest share of the law that fits; 0: none does."""
     u = np.unique(blade.surface.knots_u)[:-1]
-    fits = lambda share: obstacle(blade, hub, rolled(blade.surface, outward, hub, law.scaled(share), u,
-                                                     (0.0, OUTERMOST_CONTACT))) is None
+    fits = lambda share: obstacle(blade, hub, _rolled(blade, hub, law.scaled(share), u)) is None
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = (low + high) / 2

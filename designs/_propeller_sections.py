@@ -172,6 +172,8 @@ def table(path):
     rows = list(csv.DictReader(lines))
     if not rows:
         raise DesignError(f"propeller table {path} has no rows")
+    if None in rows[0]:
+        raise DesignError(f"propeller table {path}, row 1: it has more fields than there are columns")
     return {name: np.array([_number(row[name], path, name, k) for k, row in enumerate(rows, 1)]) for name in rows[0]}
 
 

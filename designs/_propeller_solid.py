@@ -20,12 +20,11 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from scipy.interpolate import BSpline, make_interp_spline
 
 from cuspline import brep
-from cuspline.designs._propeller_blade import DEGREE, TIP_SHARE, Blade
+from cuspline.designs._propeller_blade import DEGREE, Blade, about_x
 from cuspline.designs._propeller_root import OUTERMOST_CONTACT, rolled_round_root, root_width
 from cuspline.errors import DesignError
 from cuspline.shells import (ShellBuilder, Side, cylinder_round_x, plane_across_x, plane_curve, plane_line,
-                             plane_rational,
-                             rational_curve, spline_curve, spline_surface)
+                             plane_rational, rational_curve, spline_curve, spline_surface)
 from cuspline.surfaces.closed_splines import piece, surface_piece
 from cuspline.surfaces.fairing import fair_spline
 from cuspline.surfaces.nurbs import NurbsSurface
@@ -53,6 +52,12 @@ class HubCuts:
     bolt_mm: float = 0.0                # diameter
     bolt_circle_mm: float = 0.0         # diameter
 
+    def bore_radii_mm(self, length_mm):
+        """Radius of the bore at the fore end and a length behind it; 0 without a bore, whatever its taper."""
+        if self.bore_mm <= 0:
+            return 0.0, 0.0
+        return self.bore_mm / 2, self.bore_mm / 2 + length_mm * np.tan(self.bore_half_angle_rad)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PropellerSolid:
@@ -63,7 +68,6 @@ class PropellerSolid:
     hub: Revolved
     fillet: Fillet
     errors: FilletErrors
-    outward: float                  # +1 where Su x Sv points out of blade 1
     half_way: BSpline               # over x: polar angle half way between the sides of blade 1's root
     cuts: HubCuts
 
@@ -79,60 +83,48 @@ def propeller_solid(blade, hub, law, cuts=HubCuts()):
     Raises:
         DesignError: the fillet or a cut does not fit; says where and what would.
     """
-    outward = 1.0 if blade.table.is_right_handed else -1.0
-    fillet, errors = _rolled_fillet(blade, outward, hub, law)
+    fillet, errors = _rolled_fillet(blade, hub, law)
     builder, table = ShellBuilder(), blade.table
     sector = _Sectors(builder, hub, fillet.rolling, table.blades)
     for k in range(table.blades):
         turn = 2 * np.pi * k / table.blades
-        border = _add_blade(builder, k + 1, _turned_blade(blade, turn), _turned_fillet(fillet, turn), outward)
+        border = _add_blade(builder, k + 1, _turned(blade, turn), _turned(fillet, turn))
         sector.add(k, border)
     sector.add_ends()
     solid, faces = builder.solid()
     solid, faces = _cut(solid, faces, hub, cuts, table.name)
     marked = brep.marked(solid, faces)
-    return PropellerSolid(solid=marked, blade=blade, hub=hub, fillet=fillet, errors=errors, outward=outward,
+    return PropellerSolid(solid=marked, blade=blade, hub=hub, fillet=fillet, errors=errors,
                           half_way=sector.half_way, cuts=cuts)
 
 
-def _rolled_fillet(blade, outward, hub, law):
+def _rolled_fillet(blade, hub, law):
     """(Fillet, FilletErrors)."""
     knots = np.unique(blade.surface.knots_u)
-    rolled_round_root(blade, outward, hub, law)
+    rolled_round_root(blade, hub, law)          # refuses where its own search for the largest radius looks
     share = np.arange(BALLS_A_SPAN) / BALLS_A_SPAN
     u = (knots[:-1, None] + np.diff(knots)[:, None] * share).ravel()
-    fillet = fillet_of(rolled_round_root(blade, outward, hub, law, u), 2 * np.pi)
+    fillet = fillet_of(rolled_round_root(blade, hub, law, u), 2 * np.pi)
     middle = (u + np.r_[u[1:], u[0] + 2 * np.pi]) / 2
-    between = rolled(blade.surface, outward, hub, law, middle, (0.0, OUTERMOST_CONTACT))
-    return fillet, fillet_errors(fillet, blade.surface, outward, between)
+    between = rolled(blade.surface, blade.outward, hub, law, middle, (0.0, OUTERMOST_CONTACT))
+    return fillet, fillet_errors(fillet, blade.surface, blade.outward, between)
 
 
 # blades ----------------------------------------------------------------------------------------
 
 
-def _about_x(turn):
-    return np.array([[1, 0, 0], [0, np.cos(turn), -np.sin(turn)], [0, np.sin(turn), np.cos(turn)]])
+def _turned(made, turn):
+    """A Blade or a Fillet with its surface turned about X."""
+    poles = made.surface.poles.copy()
+    poles[..., :3] = poles[..., :3] @ about_x(turn).T
+    return replace(made, surface=replace(made.surface, poles=poles))
 
 
-def _turned(surface, turn):
-    poles = surface.poles.copy()
-    poles[..., :3] = poles[..., :3] @ _about_x(turn).T
-    return replace(surface, poles=poles)
-
-
-def _turned_blade(blade, turn):
-    return replace(blade, surface=_turned(blade.surface, turn))
-
-
-def _turned_fillet(fillet, turn):
-    return replace(fillet, surface=_turned(fillet.surface, turn))
-
-
-def _add_blade(builder, number, blade, fillet, outward):
+def _add_blade(builder, number, blade, fillet):
     """Faces of one blade and its fillet; returns the border on the hub: [(edge, spline of angle and x), ...]."""
-    columns, surface = blade.columns, blade.surface
+    columns, surface, outward = blade.columns, blade.surface, blade.outward
     starts = np.array([first for _, first, _ in columns])
-    top = float(blade.v_at(1 - TIP_SHARE)) if blade.table.has_round_tip else 1.0
+    top = blade.v_of_tip
     at = lambda u, v: surface.derivatives(np.array([u]), np.array([v]))[0, 0]
     across = lambda u, t: fillet.surface.derivatives(np.array([u]), np.array([t]))[0, 0]
     level = fillet.on_blade(starts)[:, 0]
@@ -366,19 +358,19 @@ def _tools(hub, cuts, name):
     """[(name, TopoDS shape)] of what is to be cut away.
 
     Raises:
-        DesignError: it would break through the hub.
+        DesignError: it would break through the hub, or has no size.
     """
     fore, aft = hub.ends_mm
     thinnest = float(hub.profile(np.linspace(fore, aft, 200)).min())
     grow = np.tan(cuts.bore_half_angle_rad)
-    first, last = cuts.bore_mm / 2, cuts.bore_mm / 2 + (aft - fore) * grow
+    first, last = cuts.bore_radii_mm(aft - fore)
     widest, narrowest = max(first, last), min(first, last)
     length, tools = aft - fore + 2 * CLEAR_MM, []
 
     def refuse(what, reach):
         if reach >= thinnest - LEAST_WALL_SHARE * thinnest:
-            raise DesignError(f"propeller {name}: the {what} reaches out to a radius of {reach:.3f} mm, the hub is only "
-                              f"{thinnest:.3f} mm there; make it smaller")
+            raise DesignError(f"propeller {name}: the {what} reaches out to a radius of {reach:.3f} mm, the hub is "
+                              f"only {thinnest:.3f} mm there; make it smaller")
 
     if cuts.bore_mm > 0:
         refuse("bore", widest)
@@ -396,6 +388,8 @@ def _tools(hub, cuts, name):
         half = cuts.key_width_mm / 2
         tools.append(("keyway", BRepPrimAPI_MakeBox(gp_Pnt(fore - CLEAR_MM, -half, 0),
                                                     gp_Pnt(aft + CLEAR_MM, half, widest + cuts.key_depth_mm)).Shape()))
+    if cuts.bolts and cuts.bolt_mm <= 0:
+        raise DesignError(f"propeller {name}: {cuts.bolts} bolt holes of no diameter; give bolt_mm, or no bolts")
     for k in range(cuts.bolts):
         refuse("bolt circle", (cuts.bolt_circle_mm + cuts.bolt_mm) / 2)
         if (cuts.bolt_circle_mm - cuts.bolt_mm) / 2 <= widest:
@@ -409,11 +403,10 @@ def _tools(hub, cuts, name):
 
 
 def volume_of_cuts_mm3(hub, cuts):
-    """What bore, keyway and bolt holes take away, by their formulas; the keyway's share by Gauss points along the hub."""
+    """What bore, keyway and bolt holes take away, by formulas; the keyway's share by Gauss points along the hub."""
     fore, aft = hub.ends_mm
     length = aft - fore
-    first = cuts.bore_mm / 2
-    last = first + length * np.tan(cuts.bore_half_angle_rad)
+    first, last = cuts.bore_radii_mm(length)
     bore = np.pi / 3 * length * (first * first + first * last + last * last)
     bolts = cuts.bolts * np.pi / 4 * cuts.bolt_mm ** 2 * length
     if cuts.key_width_mm <= 0:

@@ -1,5 +1,6 @@
 """Propellers by name: published tables with their sources, a family by own parameters, tables from files."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from cuspline.surfaces.fairing import fair_spline
 DTMB_4119_MM = 304.8                # 12 in
 B_SERIES_HUB = {3: 0.180}           # hub / propeller diameter; of all others 0.167
 OTHER_HUB = 0.167
+LAW_POINTS = 64                     # of the integral of a chord law
 COLUMNS = ("r_R", "c_D", "P_D", "skew_deg", "rake_D")
 
 
@@ -83,11 +85,7 @@ def own_propeller(blades, area_ratio, pitch_ratio, diameter_mm, hub_ratio, *, is
         skew_rad=np.radians(skew_deg) * np.sign(out) * out ** 2, rake_D=np.tan(np.radians(rake_deg)) * r / 2,
         thickness_D=thickness_scale * (plan["Ar"] - plan["Br"] * min(blades, 7)), camber_c=camber, shape=naca66_a08(),
         edge=edge)
-    return _with_chords(made, made.chord_D * area_ratio / expanded_area_ratio(made, hub_ratio))
-
-
-def _with_chords(made, chord_D):
-    return PropellerTable(**{**{k: getattr(made, k) for k in made.__dataclass_fields__}, "chord_D": chord_D})
+    return replace(made, chord_D=made.chord_D * area_ratio / expanded_area_ratio(made, hub_ratio))
 
 
 def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv=None, edge=TrailingEdge()):
@@ -96,8 +94,7 @@ def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv
     Args:
         radii_csv: columns r_R, c_D, P_D, skew_deg, rake_D, t0_D or t0_c, and f0_c; the last row r_R = 1.
         offsets_csv: columns r_R, x_c, face_c, back_c: ordinates of face and back from the nose-tail line at stations
-            from
-            0 to 1, shares of the chord; in place of t0 and f0. None: modified NACA 66 on the a = 0.8 mean line.
+            from 0 to 1, shares of the chord; in place of t0 and f0. None: modified NACA 66 on the a = 0.8 mean line.
     """
     columns, name = table(radii_csv), Path(radii_csv).stem
     if offsets_csv is None:
@@ -147,11 +144,22 @@ def _require(name, columns, wanted):
         raise DesignError(f"propeller table {name} has no column {', '.join(missing)}; it has {', '.join(columns)}")
 
 
-def expanded_area_ratio(made, hub_ratio, points=64):
-    """Z times the integral of the chord law from hub to tip over the disc's area; Gauss points over sqrt(1 - r/R)."""
-    laws = radial_laws(made, hub_ratio)
+def expanded_area_ratio(made, hub_ratio):
+    """Expanded blade area outside the hub over the disc's area, by the chord law through a PropellerTable."""
+    return area_under_chords(made, hub_ratio, radial_laws(made, hub_ratio).chord_mm, LAW_POINTS)
+
+
+def area_under_chords(made, hub_ratio, chord_mm, points):
+    """Z times the integral of chords from hub to tip over the disc's area, by Gauss points over sqrt(1 - r/R).
+
+    Args:
+        made: PropellerTable.
+        hub_ratio: hub diameter over propeller diameter.
+        chord_mm: function r/R (n,) -> chord (n,).
+        points: how many chords are asked for.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(points)
     end = np.sqrt(1 - hub_ratio)
     w = end * (1 + nodes) / 2
-    chord = laws.chord_mm(1 - w * w) / made.diameter_mm
+    chord = chord_mm(1 - w * w) / made.diameter_mm
     return float(made.blades * np.sum(weights * end / 2 * chord * 2 * w) * 0.5 / (np.pi / 4))

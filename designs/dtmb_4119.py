@@ -9,7 +9,7 @@ from cuspline.design import Design
 from cuspline.designs._propeller_design import PropellerParameters, propeller_design
 from cuspline.designs._propeller_tables import DTMB_4119_MM, dtmb_4119
 
-HUB_RATIO = 0.2
+HUB_RATIO = 0.2             # hub over propeller diameter, where the published table begins
 
 
 class Dtmb4119(PropellerParameters):

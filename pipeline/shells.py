@@ -17,6 +17,7 @@ from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
 
+from cuspline.errors import DesignError
 
 TIGHTEST_MM = 1e-7          # the kernel's own confusion
 LOOKS = 192                 # places at which an edge's curves are compared: several between any two knots of ours
@@ -36,7 +37,8 @@ class ShellBuilder:
     """Collects named faces; `solid` closes them."""
 
     def __init__(self):
-        self._builder, self._faces, self._curves, self._loosest = BRep_Builder(), [], {}, {}
+        self._builder, self._faces = BRep_Builder(), []
+        self._curves, self._loosest, self._uses = {}, {}, {}
 
     def vertex(self, point_mm):
         vertex = TopoDS_Vertex()
@@ -75,6 +77,8 @@ class ShellBuilder:
         face = TopoDS_Face()
         builder.MakeFace(face, surface, here, TIGHTEST_MM)
         for sides in wires:
+            for side in sides:
+                self._uses.setdefault(side.edge.TShape(), []).append(name)
             wire = TopoDS_Wire()
             builder.MakeWire(wire)
             for side in sides:
@@ -108,6 +112,11 @@ class ShellBuilder:
         Raises:
             DesignError: an edge that is not shared by exactly two faces.
         """
+        for edge in self._curves:
+            beside = self._uses.get(edge, [])
+            if len(beside) != 2:
+                raise DesignError(f"an edge of the solid lies on {len(beside)} faces ({', '.join(beside) or 'none'}), "
+                                  "it must be shared by exactly 2")
         shell, solid = TopoDS_Shell(), TopoDS_Solid()
         self._builder.MakeShell(shell)
         for _, face in self._faces:

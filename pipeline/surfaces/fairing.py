@@ -37,11 +37,11 @@ def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=(
     if sites is None:
         sites = np.unique(x if domain is None else np.r_[domain[0], x[(x > domain[0]) & (x < domain[1])], domain[1]])
         sites = np.sort(np.r_[sites, (sites[1:] + sites[:-1]) / 2])
-    low, high, inner = sites[0], sites[-1], sites
-    knots = np.r_[[low] * DEGREE, inner, [high] * DEGREE]
+    low, high = sites[0], sites[-1]
+    knots = np.r_[[low] * DEGREE, sites, [high] * DEGREE]
     rows, values = _end_conditions(knots, low, high, zero_derivatives, slope_at_start, y.shape[1:])
     through = BSpline.design_matrix(x, knots, DEGREE).toarray()
-    energy = _energy(knots, inner, bending)
+    energy = _energy(knots, sites, bending)
     exact = _Constrained(energy, np.vstack([rows, through]), np.concatenate([values, y]))
     if within == 0.0:
         return BSpline(knots, exact.least(1.0), DEGREE)
@@ -76,12 +76,12 @@ def _energy(knots, sites, order):
     half = np.diff(sites) / 2
     places = (sites[:-1] + half)[:, None] + half[:, None] * nodes
     derived = BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE).derivative(order)(places.ravel())
-    return derived.T @ ((half[:, None] * weights).ravel()[:,
-                                                          None] * derived) * (sites[-1] - sites[0]) ** (2 * order - 1)
+    weighted = (half[:, None] * weights).ravel()[:, None] * derived
+    return derived.T @ weighted * (sites[-1] - sites[0]) ** (2 * order - 1)
 
 
 class _Constrained:
-    """Coefficients c of least stiffness c'Ac/2 + |Bc - y|^2/2 that keep rows @ c = values; rows may repeat themselves."""
+    """Coefficients c of least stiffness c'Ac/2 + |Bc - y|^2/2 that keep rows @ c = values; rows may be dependent."""
 
     def __init__(self, energy, rows, values, through=None, y=None):
         size, self._tail = len(energy), values.shape[1:]

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,9 +16,10 @@ from cuspline.designs._propeller_checks import (blade_figures, definition_deviat
 from cuspline.designs._propeller_design import blade_over
 from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
 from cuspline.designs._propeller_root import (curved_hub, obstacle, radius_round_root, rolled_round_root, straight_hub)
-from cuspline.designs._propeller_sections import TrailingEdge, naca66_a08, section_loop
-from cuspline.designs._propeller_solid import HubCuts, propeller_solid, volume_of_cuts_mm3
+from cuspline.designs._propeller_sections import TrailingEdge, form_and_mean_line, naca66_a08, section_loop
+from cuspline.designs._propeller_solid import HubCuts, _tools, propeller_solid, volume_of_cuts_mm3
 from cuspline.errors import DesignError
+from cuspline.shells import ShellBuilder, Side, plane_across_x, plane_curve, spline_curve
 from cuspline.solids import solid_of
 from cuspline.surfaces.nurbs import local_shape
 from cuspline.surfaces.rolling_ball import rolled
@@ -42,12 +44,23 @@ def dtmb_file(dtmb, tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def dtmb_read(dtmb_file):
+    return brep.the_solid(brep.read_step(dtmb_file))
+
+
+@pytest.fixture(scope="module")
+def dtmb_whole_mm3(dtmb):
+    """Volume of the solid before its hub is cut."""
+    return extrapolated_volume_mm3(dtmb)
+
+
 # DTMB 4119 -----------------------------------------------------------------------------------------------
 
 
-def test_dtmb_4119_keeps_every_figure_as_read_back_from_its_file(dtmb, dtmb_file):
+def test_dtmb_4119_keeps_every_figure_as_read_back_from_its_file(dtmb, dtmb_read):
     """Points of the table within 2 µm at all radii, area ratio, pitch, thickness, fillet, volume, mesh."""
-    report = solid_report(dtmb, brep.the_solid(brep.read_step(dtmb_file)), 7.6)
+    report = solid_report(dtmb, dtmb_read, 7.6)
     print({f.what: f.measured for f in report.figures})
     assert [f for f in report.figures if not f.is_kept] == []
     points = [f for f in report.figures if f.what.startswith("table points")]
@@ -59,24 +72,27 @@ def test_dtmb_4119_keeps_every_figure_as_read_back_from_its_file(dtmb, dtmb_file
     assert inertia[0, 0] > 1.2 * inertia[1, 1] and inertia[1, 1] == pytest.approx(inertia[2, 2], rel=2e-3)
 
 
-def test_a_solid_of_another_thickness_is_told(dtmb, dtmb_file):
+def test_a_solid_of_another_thickness_is_told(dtmb, dtmb_read):
     table = tables.dtmb_4119()
-    thicker = type(table)(**{**{k: getattr(table, k) for k in table.__dataclass_fields__},
-                             "thickness_D": table.thickness_D * 1.002})
-    blade = blade_over(thicker, dtmb.hub)
-    other = type(dtmb)(**{**{k: getattr(dtmb, k) for k in dtmb.__dataclass_fields__}, "blade": blade})
-    figures, _, _ = blade_figures(other, brep.faces_of(brep.the_solid(brep.read_step(dtmb_file))))
+    thicker = replace(table, thickness_D=table.thickness_D * 1.002)
+    other = replace(dtmb, blade=blade_over(thicker, dtmb.hub))
+    figures, _, _ = blade_figures(other, brep.faces_of(dtmb_read))
     broken = [f.what for f in figures if not f.is_kept]
     assert any(w.startswith("table points on the solid") for w in broken) and any("thickness" in w for w in broken)
     assert any("random points" in w for w in broken)
 
 
+def test_a_bevel_of_the_trailing_edge_does_not_change_the_pitch():
+    made = made_of(tables.dtmb_4119(edge=TrailingEdge(kind="anti-singing")))
+    figures, _, _ = blade_figures(made, brep.faces_of(made.solid))
+    assert [f for f in figures if not f.is_kept] == [] and any(f.what.startswith("pitch") for f in figures)
+
+
 def test_every_face_has_its_name(dtmb):
     names = [f.mark.name for f in brep.faces_of(dtmb.solid)]
     for k in (1, 2, 3):
-        assert [names.count(f"blade {k} {part}") for part in ("face", "back", "leading edge", "trailing edge",
-                                                              "tip")] == [
-            1, 1, 1, 1, 4]
+        assert [names.count(f"blade {k} {part}")
+                for part in ("face", "back", "leading edge", "trailing edge", "tip")] == [1, 1, 1, 1, 4]
         assert names.count(f"fillet {k}") == 4
     assert names.count("hub") == 3 and names.count("bore") >= 1 and names.count("keyway") == 3
     assert names.count("hub fore end") == names.count("hub aft end") == 1
@@ -86,8 +102,8 @@ def test_the_back_looks_upstream_and_the_leading_edge_leads(dtmb):
     faces = {f.mark.name: f for f in brep.faces_of(dtmb.solid)}
     assert faces["blade 1 back"].middle.normal[0, 0] < -0.5 and faces["blade 1 face"].middle.normal[0, 0] > 0.5
     # right-handed: seen from aft, z up, y to the right, it turns clockwise: blade 1 moves towards +y
-    assert faces["blade 1 leading edge"].middle.point_mm[0, 1] > 10 > faces["blade 1 trailing edge"].middle.point_mm[0,
-                                                                                                                     1]
+    leading, trailing = (faces[f"blade 1 {edge} edge"].middle.point_mm[0, 1] for edge in ("leading", "trailing"))
+    assert leading > 10 > trailing
 
 
 def entities(text):
@@ -102,8 +118,8 @@ def test_the_step_file_holds_the_blade_for_a_reader_that_is_not_the_kernel(dtmb,
     head, poles, tail = re.match(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d+,\d+),\((\(.*?\))\),(\..*)\)$", spline).groups()
     ku, kv = map(int, head.split(","))
     coordinates = lambda k: [float(x) for x in re.search(r"\(([^()]*)\)\)$", found[k])[1].split(",")]
-    grid = np.array([[coordinates(int(k)) for k in re.findall(r"#(\d+)", row)] for row in re.findall(r"\(([^()]*)\)",
-                                                                                                     poles)])
+    grid = np.array([[coordinates(int(k)) for k in re.findall(r"#(\d+)", row)] for row in re.findall(
+        r"\(([^()]*)\)", poles)])
     mu, mv, tu, tv = (np.array([float(x) for x in row.split(",")]) for row in re.findall(r"\(([^()]*)\)", tail))
     tu, tv = np.repeat(tu, mu.astype(int)), np.repeat(tv, mv.astype(int))
     u, v = np.random.default_rng(7).uniform((0.4, 0.3), (2.7, 0.8), (300, 2)).T
@@ -113,12 +129,12 @@ def test_the_step_file_holds_the_blade_for_a_reader_that_is_not_the_kernel(dtmb,
     assert np.linalg.norm(places - wanted, axis=1).max() < 5e-4
 
 
-def test_the_mesh_is_closed_and_its_error_is_of_second_order(dtmb):
+def test_the_mesh_is_closed_and_its_error_is_of_second_order(dtmb, dtmb_whole_mm3):
     mesh = propeller_mesh(dtmb, 0.02)
     assert mesh.deviation_mm <= 0.02
-    whole = extrapolated_volume_mm3(dtmb)
-    assert solid_of(mesh.vertices_mm, mesh.triangles).volume() == pytest.approx(whole, rel=1e-4)
-    assert brep.volume_mm3(dtmb.solid) == pytest.approx(whole - volume_of_cuts_mm3(dtmb.hub, dtmb.cuts), rel=1e-5)
+    assert solid_of(mesh.vertices_mm, mesh.triangles).volume() == pytest.approx(dtmb_whole_mm3, rel=1e-4)
+    assert brep.volume_mm3(dtmb.solid) == pytest.approx(dtmb_whole_mm3 - volume_of_cuts_mm3(dtmb.hub, dtmb.cuts),
+                                                        rel=1e-5)
 
 
 # sections ------------------------------------------------------------------------------------------------
@@ -156,7 +172,6 @@ def test_curvature_does_not_ripple_along_a_section():
     curvature = curvature_along(naca66_a08(), TrailingEdge(), sigma, camber=0.0)
     assert extremes(curvature, 0.08 * np.ptp(curvature)) == 0 and extremes(curvature, 0.04 * np.ptp(curvature)) <= 2
     # a spline through the rounded ordinates ripples more
-    from cuspline.designs._propeller_sections import form_and_mean_line
     x, half, camber, slope = naca66_a08().ordinates
     stiff = curvature_along(form_and_mean_line(x, half, camber, slope, 0.448, rounding=0.0), TrailingEdge(), sigma,
                             camber=0.0)
@@ -213,8 +228,8 @@ def assert_sound(made):
 
 @pytest.mark.parametrize("make, ratio, radii", [
     (lambda: tables.b_series(4, 0.55, 1.0, 250.0), 0.167, (2.0, 8.0, 2.0, 8.0)),
-    (lambda: tables.b_series(5, 0.75, 0.8, 1000.0, False, edge=TrailingEdge(kind="square")), 0.167, (4.0, 2.0, 4.0,
-                                                                                                     8.0)),
+    (lambda: tables.b_series(5, 0.75, 0.8, 1000.0, False, edge=TrailingEdge(kind="square")), 0.167,
+     (4.0, 2.0, 4.0, 8.0)),
     (lambda: tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, skew_deg=72.0, edge=TrailingEdge(kind="anti-singing")), 0.2,
      (4.0, 4.0, 4.0, 4.0))],
     ids=["B4-55", "B5-75 left-handed square", "5 blades skew 72 anti-singing"])
@@ -232,8 +247,8 @@ def test_b_screws_have_the_area_of_their_name(blades, area):
 def test_a_left_handed_propeller_is_the_mirror_image():
     right, left = (blade_of(tables.dtmb_4119(is_right_handed=hand), 0.19) for hand in (True, False))
     u, v = np.random.default_rng(2).uniform((-2.8, 0.0), (3.3, 1.0), (200, 2)).T
-    assert np.abs(right.surface.derivatives(u, v)[:, 0] * [1, -1, 1] - left.surface.derivatives(u, v)[:,
-                                                                                                      0]).max() < 1e-9
+    a, b = (blade.surface.derivatives(u, v)[:, 0] for blade in (right, left))
+    assert np.abs(a * [1, -1, 1] - b).max() < 1e-9
 
 
 def test_skew_brings_its_rake_with_it():
@@ -276,9 +291,7 @@ def test_a_tip_with_a_chord_is_closed_on_its_cylinder():
     table = tables.dtmb_4119()
     chord = table.chord_D.copy()
     chord[-1] = 0.15
-    wide = type(table)(**{**{k: getattr(table, k) for k in table.__dataclass_fields__}, "chord_D": chord,
-                          "thickness_D": np.r_[table.thickness_D[:-1], 0.006]})
-    made = made_of(wide)
+    made = made_of(replace(table, chord_D=chord, thickness_D=np.r_[table.thickness_D[:-1], 0.006]))
     tips = [f for f in brep.faces_of(made.solid) if f.mark.name == "blade 1 tip"]
     assert [f.kind for f in tips] == ["cylinder"]
     mesh = propeller_mesh(made, 0.1)
@@ -332,7 +345,7 @@ def test_a_hollow_of_the_hub_that_is_tighter_than_the_ball_is_refused():
     table, x = tables.dtmb_4119(), np.linspace(-80, 80, 161)
     hub = curved_hub(x, 30.0 - 4.0 * np.exp(-((x - 48) / 4) ** 2))
     with pytest.raises(DesignError, match="hollow of the hub's profile"):
-        rolled_round_root(blade_over(table, hub), 1.0, hub, radius_round_root(8, 8, 8, 8))
+        rolled_round_root(blade_over(table, hub), hub, radius_round_root(8, 8, 8, 8))
 
 
 @pytest.mark.parametrize("text, wanted", [
@@ -348,12 +361,29 @@ def test_a_wrong_table_is_refused_by_name(text, wanted, tmp_path):
 
 def test_cuts_that_break_through_the_hub_are_refused():
     hub = straight_hub(-60.0, 60.0, 30.0)
-    from cuspline.designs._propeller_solid import _tools
-    for cuts, wanted in ((HubCuts(bore_mm=59.0), "bore"), (HubCuts(bore_mm=50.0, key_width_mm=10.0, key_depth_mm=5.0),
-                                                           "keyway"),
+    for cuts, wanted in ((HubCuts(bore_mm=59.0), "bore"),
+                         (HubCuts(bore_mm=50.0, key_width_mm=10.0, key_depth_mm=5.0), "keyway"),
+                         (HubCuts(bolts=4, bolt_circle_mm=40.0), "of no diameter"),
                          (HubCuts(bore_mm=20.0, bolts=4, bolt_mm=6.0, bolt_circle_mm=24.0), "run into the bore")):
         with pytest.raises(DesignError, match=wanted):
             _tools(hub, cuts, "test")
+
+
+def test_without_a_bore_its_taper_takes_nothing_away():
+    hub, cuts = straight_hub(-60.0, 60.0, 30.0), HubCuts(bore_half_angle_rad=0.05)
+    assert volume_of_cuts_mm3(hub, cuts) == 0 and _tools(hub, cuts, "test") == []
+
+
+def test_a_shell_that_is_not_closed_is_refused():
+    builder = ShellBuilder()
+    corners = [builder.vertex(p) for p in ((0, 0, 0), (0, 1, 0), (0, 0, 1))]
+    line = lambda a, b: BSpline([0.0, 0.0, 1.0, 1.0], np.array([a, b], float), 1)
+    ends = ((0, 0), (1, 0), (0, 1), (0, 0))
+    sides = [Side(edge=builder.edge(spline_curve(line((0, *a), (0, *b))), 0, 1, corners[k], corners[(k + 1) % 3]),
+                  curve=plane_curve(line(a, b))) for k, (a, b) in enumerate(zip(ends, ends[1:]))]
+    builder.face("lonely", plane_across_x(0.0), [sides])
+    with pytest.raises(DesignError, match="lies on 1 faces .lonely."):
+        builder.solid()
 
 
 # a design without setups ---------------------------------------------------------------------------------
