@@ -151,7 +151,8 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     Returns:
         one SetupVerdict a program.
     Raises:
-        InputError: no faces, or faces of another solid.   SimulationError: a billet that stands askew in a WCS.
+        InputError: no faces, or faces of another solid.
+        SimulationError: a billet that stands more than 10 degrees askew in a WCS.
     """
     part, clampings = _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say)
     for c in clampings:
