@@ -83,8 +83,8 @@ def the_solid(shape, name="the part"):
         raise DesignError(f"{name} is only closed within {loosest:.4g} mm, {LARGEST_TOLERANCE_MM} mm are allowed: "
                           "heal its edges, or build the faces anew")
     rough = GProp_GProps()
-    BRepGProp.VolumeProperties_s(solid, rough)      # off by per cents, but its sign tells the side
-    if rough.Mass() <= 0:
+    BRepGProp.VolumeProperties_s(solid, rough)      # off by per cents: enough to tell the side, and far faster
+    if rough.Mass() <= 0 and volume_mm3(solid) <= 0:
         raise DesignError(f"{name} has no positive volume: its shell is inside out")
     marks = marks_of(shape, explore(solid, TopAbs_FACE))
     return solid if marks is None else MarkedSolid(solid, marks)

@@ -110,7 +110,7 @@ def _made(order, work, say):
     for companion in design.companions:
         name = f"{design.name}.{companion.name}"
         brep.write_step(companion.make(), work / f"{name}.step", name)
-    shape = shape_of(solid, is_all_edges=not design.setups)
+    shape = shape_of(solid, has_thin_edges=not design.setups)
     write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":
         return _finished(order, work, inputs, None)

@@ -25,13 +25,13 @@ def view_of(solid):
     return tessellate_for_view(solid, VIEW_DEFLECTION_MM, longest_edge_mm=VIEW_EDGE_MM)
 
 
-def shape_of(solid, is_all_edges=False):
+def shape_of(solid, has_thin_edges=False):
     """Mesh of the bare shape, for the glTF.
 
     Args:
-        is_all_edges: it has thin round edges all over, as blades have: facets turn further there.
+        has_thin_edges: thin round edges all over, as blades have: facets turn further there, or there were millions.
     """
-    if is_all_edges:
+    if has_thin_edges:
         return tessellate_for_view(solid, BARE_DEFLECTION_MM, angle_rad=THIN_EDGE_RAD)
     return tessellate_for_view(solid, VIEW_DEFLECTION_MM)
 

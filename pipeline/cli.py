@@ -75,14 +75,14 @@ def verify(
     for folder in folders:
         folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
         job = read_job(folder)
+        if measured is not None:
+            job = job.placed(read_measured(measured))
         if only is not None:
             kept = tuple(p for p in job.posted if only in p.files)
             if not kept:
                 raise InputError(f"{folder / only} is no program of {job.design}; there are "
                                  + ", ".join(name for p in job.posted for name in p.files))
             job = job.model_copy(update={"posted": kept})
-        if measured is not None:
-            job = job.placed(read_measured(measured))
         with kept_until_done(folder) as kept:
             judged = judge(folder, job, _say, kept=kept)
         refused = judged.refused(job.accepted)

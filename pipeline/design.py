@@ -147,12 +147,6 @@ class Setup(Model):
                              "square to each other")
         return self
 
-    @model_serializer(mode="wrap")
-    def _only_what_arcs_ask(self, dump):
-        row = dump(self)
-        unsaid = [k for k in ("allowance_mm", "plating_mm") if row[k] == type(self).model_fields[k].default]
-        return {k: v for k, v in row.items() if k not in unsaid}
-
     @property
     def frame(self):
         """WCS seen from the part."""
@@ -213,13 +207,14 @@ class Design:
     tip: CircularTip | None = None          # a vane's tip in closed form, part coordinates; None: any other part
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
     companions: tuple[Companion, ...] = ()
-    measure: object = None                  # function (solid read back from its STEP file) -> SolidReport
-    draw: object = None                     # function (folder): writes drawings
+    measure: Callable | None = None         # function (solid read back from its STEP file) -> SolidReport
+    draw: Callable | None = None            # function (folder): writes drawings
     where: Callable = lambda place_mm: ""   # (3,) part coordinates -> a name for people: the cell of a vane
 
     def __post_init__(self):
         if not self.setups and self.measure is None:
-            raise DesignError(f"design {self.name} has no setup and nothing to measure its solid by: give it one of them")
+            raise DesignError(f"design {self.name} has no setup and nothing to measure its solid by: "
+                              "give it one of them")
         known = {p.name for p in self.predicates}
         for setup in self.setups:
             missing = [f for f in setup.faces if f not in known]

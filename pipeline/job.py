@@ -6,7 +6,7 @@
 import json
 from pathlib import Path
 
-from pydantic import Field, ValidationError, model_serializer
+from pydantic import Field, ValidationError
 
 from cuspline.cutters import Model, Tool, first_complaint
 from cuspline.design import FacePredicate, Finish, Setup, StockBox
@@ -21,10 +21,6 @@ class PostedFile(Model):
     setup: Setup
     program: str = Field(description="file name, of a set the first")
     continued: tuple[str, ...] = Field((), description="files of the set that follow, in order")
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_not_there(self, dump):
-        return {k: v for k, v in dump(self).items() if k != "continued" or v}
 
     @property
     def files(self):

@@ -331,18 +331,22 @@ def measure_rows(bundle):
              "points_checked": ("points checked", None, "")}
     rows = [(name, [grouped(c.get(key)) if digits is None else decimal(c.get(key), digits, unit) for _, c in columns])
             for key, (name, digits, unit) in spell.items()]
-    known = lambda c, *keys: c if not keys else known(c[keys[0]], *keys[1:]) if keys[0] in (c or {}) else {}
-    whole = lambda c: [s for s in c.get("setups") or [c] if isinstance(s, dict)]
-    rows.append(("moves without a proven bound", [grouped(sum(
-        sum(known(s, "certificate", "not_covered").values()) for s in whole(c))) for _, c in columns]))
-    rows.append(("area without a proof", [decimal(sum(
-        sum(known(s, "sampling", "unproven_mm2").values()) for s in whole(c)), 1, "mm²") for _, c in columns]))
+    rows.append(("moves without a proven bound",
+                 [grouped(_of_setups(c, "certificate", "not_covered")) for _, c in columns]))
+    rows.append(("area without a proof",
+                 [decimal(_of_setups(c, "sampling", "unproven_mm2"), 1, "mm²") for _, c in columns]))
     rows.append(("collisions", [grouped(len(c["collisions"])) if isinstance(c.get("collisions"), list) else DASH
                                 for _, c in columns]))
     steps = [[abs(j["step_max_mm"]) for j in c.get("joints") or ()] for _, c in columns]
     if any(steps):
         rows.append(("largest step at a joint between setups", [decimal(max(s, default=None), 4, "mm") for s in steps]))
     return [name for name, _ in columns], rows
+
+
+def _of_setups(column, part, reasons):
+    """Amounts for all reasons that a part of verify.json states, of a setup or of all setups together."""
+    setups = [s for s in column.get("setups") or [column] if isinstance(s, dict)]
+    return sum(amount for s in setups for amount in ((s.get(part) or {}).get(reasons) or {}).values())
 
 
 def cusp_rows(verify):

@@ -151,7 +151,8 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     Returns:
         one SetupVerdict a program.
     Raises:
-        InputError: no faces, or faces of another solid.   SimulationError: a billet that stands askew in a WCS.
+        InputError: no faces, or faces of another solid.
+        SimulationError: a billet that stands more than 10 degrees askew in a WCS.
     """
     part, clampings = _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say)
     for c in clampings:
@@ -159,7 +160,9 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     judged = residuals(part.piece, [c.samples for c in clampings], [c.ground for c in clampings],
                        [c.feeds for c in clampings], [c.drops for c in clampings], part.closest, ball_radius_mm,
                        [c.options.spacing_mm for c in clampings], kept)
-    steps = joints([c.name for c in clampings], [own for _, own in judged], MISSED * allowed_mm(finish))
+    finished_mm = MISSED * allowed_mm(finish)
+    steps = joints([c.name for c in clampings], [own for _, own in judged], [len(found.samples) for found, _ in judged],
+                   finished_mm=finished_mm, fade_mm=float(np.sqrt(2.0 * part.largest_radius_mm * finished_mm)))
     return tuple(_judged(part, c, found, own, tools, machine, joined, kept, say)
                  for c, (found, own), joined in zip(clampings, judged, steps))
 
@@ -179,6 +182,11 @@ class _Part:
     @cached_property
     def path_error_mm(self):
         return max((p.error_mm for c in self.piece.cuts for p in c.paths), default=0.0)
+
+    @cached_property
+    def largest_radius_mm(self):
+        """Of the cutters: so round is what the last pass beside a border leaves."""
+        return max((p.tool.cutter.radius_mm for c in self.piece.cuts for p in c.paths), default=0.0)
 
     @cached_property
     def mesh_faults(self):

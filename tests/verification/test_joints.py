@@ -1,5 +1,7 @@
 """The step between clampings that have finished the same place."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,8 +41,16 @@ def right(height):
     return alone(lambda x: x > OVERLAP_MM[0], height)
 
 
+def between(*alone):
+    """Joints of clampings a, b, ..., each with every sample on faces of its own."""
+    repeated = [replace(a, samples=Samples.joined([a.samples] * len(alone)), **{
+        name: np.tile(getattr(a, name), len(alone)) for name in ("deviation_mm", "reach", "row", "is_own", "is_top")})
+        for a in alone]
+    return joints("abc"[:len(alone)], repeated, [len(samples())] * len(alone), finished_mm=0.02, fade_mm=4.0)
+
+
 def test_a_step_is_found_through_the_cusps():
-    found = joints(["a", "b"], [left(), right(lambda p: cusps(p, 0.3) + 0.0015)], 0.02)
+    found = between(left(), right(lambda p: cusps(p, 0.3) + 0.0015))
     assert found[0] == [] and found[1][0]["with"] == "a"
     assert found[1][0]["area_mm2"] == pytest.approx((20 - 2 * 4) * 10, abs=10)      # 4 mm of border are none
     assert found[1][0]["step_mean_mm"] == pytest.approx(0.0015, abs=2e-4)
@@ -49,23 +59,23 @@ def test_a_step_is_found_through_the_cusps():
 
 def test_a_turned_part_steps_most_at_the_end_of_the_overlap():
     tilt = lambda p: cusps(p) - 1e-4 * (p[:, 0] - 40)
-    found = joints(["a", "b"], [left(), right(tilt)], 0.02)[1][0]
+    found = between(left(), right(tilt))[1][0]
     assert found["step_mean_mm"] == pytest.approx(-0.001, abs=1e-6)
     assert found["step_max_mm"] == pytest.approx(-0.0014, abs=2e-4) and found["place_mm"][0] > 52
 
 
 def test_where_the_last_pass_fades_out_there_is_no_joint():
     fading = lambda p: cusps(p) + np.maximum(p[:, 0] - 58.5, 0) ** 2 / 20
-    found = joints(["a", "b"], [left(fading), right(cusps)], 0.02)[1][0]
+    found = between(left(fading), right(cusps))[1][0]
     assert abs(found["step_max_mm"]) < 1e-4
 
 
 def test_clampings_that_share_no_place_have_no_joint():
     apart = alone(lambda x: x > 70, cusps)
-    assert joints(["a", "b"], [left(), apart], 0.02) == [[], []]
+    assert between(left(), apart) == [[], []]
 
 
 def test_three_clampings_are_compared_pair_by_pair():
     everything = alone(lambda x: x > 0, cusps)
-    found = joints(["a", "b", "c"], [left(), right(cusps), everything], 0.02)
+    found = between(left(), right(cusps), everything)
     assert [[j["with"] for j in js] for js in found] == [[], ["a"], ["a", "b"]]
