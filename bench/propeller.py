@@ -6,6 +6,8 @@ Usage: make bench ARGS=propeller, or python bench/propeller.py.
 import itertools
 import multiprocessing
 import os
+import pathlib
+import tempfile
 import time
 from collections import Counter
 
@@ -64,20 +66,40 @@ def made(*, kind, diameter_mm, number, radii, blades=3, area_ratio=0.5, pitch_ra
 
 
 def judged(solid):
-    """{gate: measured} of a PropellerSolid, and the gates that it breaks."""
+    """{gate: measured} of a PropellerSolid, as built and as read back from STEP, and the gates that it breaks."""
     from OCP.TopAbs import TopAbs_SHELL
 
     from cuspline import brep
-    from cuspline.designs._propeller_checks import definition_deviation_mm, fillet_figures
+    from cuspline.designs._propeller_checks import blade_figures, definition_deviation_mm, fillet_figures
     from cuspline.designs._propeller_mesh import extrapolated_volume_mm3
-    volume, fillet = brep.volume_mm3(solid.solid), fillet_figures(solid)
-    found = {"tolerance": brep.loosest_tolerance_mm(solid.solid),
-             "volume": abs(volume / extrapolated_volume_mm3(solid) - 1), "definition": definition_deviation_mm(solid),
-             "shells": len(brep.explore(solid.solid, TopAbs_SHELL)),
-             **{f.what: f.measured for f in fillet}}
-    limits = {"tolerance": TOLERANCE_MM, "volume": VOLUME_SHARE, "definition": DEVIATION_MM, "shells": 1}
+    from cuspline.surfaces.trims import TrimSet
+    volume, read = brep.volume_mm3(solid.solid), _read_back(solid.solid)
+    faces = brep.faces_of(read)
+    TrimSet.of_faces(faces)                     # refuses a border that does not close
+    figures = fillet_figures(solid) + blade_figures(solid, faces)[0]
+    found = {"tolerance": max(brep.loosest_tolerance_mm(s) for s in (solid.solid, read)),
+             "volume": abs(volume / extrapolated_volume_mm3(solid) - 1),
+             "volume as read back": abs(brep.volume_mm3(read) / volume - 1),
+             "definition": definition_deviation_mm(solid),
+             "shells": max(len(brep.explore(s, TopAbs_SHELL)) for s in (solid.solid, read)),
+             "faces without a name": sum(not f.mark.name for f in faces)}
+    limits = {"tolerance": TOLERANCE_MM, "volume": VOLUME_SHARE, "volume as read back": VOLUME_SHARE,
+              "definition": DEVIATION_MM, "shells": 1, "faces without a name": 0}
     broken = [name for name, limit in limits.items() if not found[name] <= limit]
-    return found, broken + [f.what for f in fillet if not f.is_kept]
+    for f in figures:
+        what = f.what.split(" at r/R")[0]
+        off = abs(f.measured - f.wanted)
+        found[what] = max(found.get(what, 0.0), off / f.wanted if f.wanted else off)
+    return found, broken + [f.what for f in figures if not f.is_kept]
+
+
+def _read_back(solid):
+    """The solid as it comes back from a STEP file."""
+    from cuspline import brep
+    with tempfile.TemporaryDirectory() as folder:
+        path = pathlib.Path(folder) / "propeller.step"
+        brep.write_step(solid, path, "propeller")
+        return brep.the_solid(brep.read_step(path), path.name)
 
 
 def tried(case):
@@ -124,12 +146,14 @@ def measure():
         mine = [r for r in rows if r[1] == name]
         found.append((f"fillet {name}: valid of {len(mine)}", sum(r[2] == "valid" for r in mine), ""))
     valid = [r[4] for r in rows if r[2] == "valid"]
-    units = {"tolerance": "mm", "volume": "", "definition": "mm", "shells": ""}
+    plain = {"volume", "volume as read back", "chord", "pitch", "thickness", "shells", "faces without a name",
+             "expanded area ratio, sections against chord table"}
     titles = {"tolerance": "loosest tolerance", "volume": "kernel's volume against the mesh's, relative",
-              "definition": "blade from its definition"}
-    for name in valid[0]:
-        unit = units.get(name, "deg" if "normal" in name else "mm")
-        found.append((f"worst of all: {titles.get(name, name)}", max(v[name] for v in valid), unit))
+              "volume as read back": "volume as read back, relative", "definition": "blade from its definition",
+              **{name: f"{name}, relative" for name in ("chord", "pitch", "thickness")}}
+    for name in dict.fromkeys(name for row in valid for name in row):
+        unit = "" if name in plain else "deg" if "normal" in name else "mm"
+        found.append((f"worst of all: {titles.get(name, name)}", max(v.get(name, 0.0) for v in valid), unit))
     found.append(("CPU seconds a solid with its checks, mean", sum(r[5] for r in rows) / len(rows), "s"))
     return found
 

@@ -11,7 +11,7 @@ from cuspline import brep
 from cuspline.design import Figure, SolidReport
 from cuspline.designs._propeller_blade import wrapped
 from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
-from cuspline.designs._propeller_sections import FormAndMeanLine, loop_angle, section_loop
+from cuspline.designs._propeller_sections import ROUNDING, FormAndMeanLine, loop_angle, section_loop
 from cuspline.designs._propeller_solid import volume_of_cuts_mm3
 from cuspline.designs._propeller_tables import area_under_chords, expanded_area_ratio
 from cuspline.solids import solid_of
@@ -164,19 +164,24 @@ def _ordinates(table, k, rho):
 
 
 def _table_figures(made, tree):
-    """Per radius the farthest of the table's points from the solid; inside the fillet, from the blade under it."""
+    """Per radius the farthest of the table's points from the solid; inside the fillet, from the blade under it.
+
+    Allowed is what the table's rounded ordinates leave open, both of them, where that is more than POINT_MM.
+    """
     table, figures = made.blade.table, []
     for rho, x, side, places in table_points(table):
+        thickness_mm = float(table.thickness_D[np.isclose(table.r_R, rho)][0] * table.diameter_mm)
+        allowed = max(POINT_MM, 2 * ROUNDING * thickness_mm)
         sigma = loop_angle(x, side, table.edge)
         stands = made.blade.v_at(rho) > made.fillet.on_blade(_wrapped_angle(made, sigma))[:, 0]
         free = float(tree.closest_points(places[stands]).distance_mm.max(initial=0.0))
         if stands.any():
             figures.append(Figure(what=f"table points on the solid at r/R {rho:g} ({stands.sum()} of {len(x)})",
-                                  measured=free, wanted=0, allowed=POINT_MM, unit="mm"))
+                                  measured=free, wanted=0, allowed=allowed, unit="mm"))
         if not stands.all():
             under = _nearest_on_blade_mm(made, sigma[~stands], rho, places[~stands])
             figures.append(Figure(what=f"table points on the blade under the fillet at r/R {rho:g}", measured=under,
-                                  wanted=0, allowed=POINT_MM, unit="mm"))
+                                  wanted=0, allowed=allowed, unit="mm"))
     return figures
 
 

@@ -20,6 +20,7 @@ FIRST_CHORDS = 8            # a knot span of a border curve
 CHUNK = 2048
 SERIAL_ROWS = 20_000
 LARGEST_GAP = 1e-3          # between ends of border curves, as a share of the face's parameter range
+POLE_SHARE = 1e-9           # what a gap along a side that is one point counts for: enough to choose between ends there
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -88,7 +89,9 @@ def _border_chords(face, number):
     rows = [np.column_stack([p[:-1], p[1:]]) for p in loops]
     if loops:
         starts, ends = np.array([p[0] for p in loops]), np.array([p[-1] for p in loops])
-        gaps = np.abs((ends[:, None] - starts[None]) / scale).max(axis=2)
+        gaps = np.abs((ends[:, None] - starts[None]) / scale)
+        gaps *= np.where(_collapsed(face, ends, scale)[:, None] & _collapsed(face, starts, scale)[None], POLE_SHARE, 1.0)
+        gaps = gaps.max(axis=2)
         nearest = linear_sum_assignment(gaps)[1]        # several loops may touch in one corner
         worst = gaps[np.arange(len(loops)), nearest].max()
         if worst > LARGEST_GAP:
@@ -97,6 +100,12 @@ def _border_chords(face, number):
         rows.append(np.column_stack([ends, starts[nearest]]))
     rows = np.concatenate(rows) if rows else np.zeros((0, 4))
     return rows[(rows[:, :2] != rows[:, 2:]).any(axis=1)]
+
+
+def _collapsed(face, parameters, scale):
+    """(m, 2) bool: where moving along u, along v, does not move on the part: a pole has no u of its own."""
+    d = face.nurbs.derivatives(parameters[:, 0], parameters[:, 1])
+    return np.linalg.norm(d[:, 1:3], axis=2) * scale < CHORD_MM
 
 
 def _refined(face, at, knots):

@@ -57,6 +57,29 @@ def test_whole_faces_hold_their_border_too():
     assert TrimSet.of_faces(faces).is_inside(0, np.array([u0, u1, u0]), np.array([v0, v1, v1])).all()
 
 
+def test_a_border_may_meet_a_pole_anywhere(monkeypatch):
+    """A reader that projects a border to the surface finds any longitude at a pole; the face is the same."""
+    octant = cq.Workplane().sphere(5).intersect(cq.Workplane().box(9, 9, 9, centered=False))
+    face, = (f for f in brep.faces_of(brep.the_solid(octant)) if f.kind == "sphere")
+    u, v = np.random.default_rng(5).uniform(face.nurbs.domain[::2], face.nurbs.domain[1::2], (500, 2)).T
+    wanted, whole = TrimSet.of_faces([face]).is_inside(0, u, v), brep.border_curves
+    pole = face.nurbs.domain[3]
+
+    def astray(at):
+        def moved(t):
+            points = at(t)
+            points[np.abs(points[:, 1] - pole) < 1e-9, 0] += 0.3
+            return points
+        return moved
+
+    monkeypatch.setattr(trims.brep, "border_curves", lambda face: [
+        (astray(at) if np.ptp(at(np.array(knots))[:, 1]) > 0.1 else at, knots) for at, knots in whole(face)])
+    assert np.array_equal(TrimSet.of_faces([face]).is_inside(0, u, v), wanted)
+    monkeypatch.setattr(trims, "POLE_SHARE", 1.0)
+    with pytest.raises(DesignError, match="does not close"):
+        TrimSet.of_faces([face])
+
+
 def test_border_that_does_not_close_is_refused_by_name(monkeypatch):
     faces = brep.faces_of(brep.the_solid(cq.Workplane().box(4, 4, 4)))
     whole = brep.border_curves
