@@ -6,7 +6,7 @@ Peers live in an environment of their own, .bench-venv (see peers.py); one that 
 CPU seconds against CPU seconds, one thread each, best of two or three; compilers do not count.
 """
 
-import importlib.util
+import importlib
 import os
 import platform
 import re
@@ -67,9 +67,7 @@ def plain_table(rows):
 
 def other_section(name):
     """The table of a measuring module: measure() -> (what, number, unit) rows, titled by its docstring."""
-    spec = importlib.util.spec_from_file_location(name, HERE / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = importlib.import_module(name)
     title = module.__doc__.strip().splitlines()[0].rstrip(".")
     return [f"## {title}", "", f"Machine: {machine()}. {own_versions()}.", "", *plain_table(module.measure())]
 

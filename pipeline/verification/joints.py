@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-CELL_SPACINGS = 8.0       # edge of the cells over which cusps average out, in spacings of the samples
-LEAST_SAMPLES = 20        # in a cell whose mean is told
+CELL_SPACINGS = 8.0       # edge of the cells in which steps are looked for, in spacings of the samples
+LEAST_SHARE = 0.5         # of the largest cell's area: one that a border cuts off may hold no groove's bottom
 
 
 def joints(names, alone, counts, *, finished_mm, fade_mm):
@@ -18,8 +18,8 @@ def joints(names, alone, counts, *, finished_mm, fade_mm):
         fade_mm: nearer than this to what one of them left unfinished its last pass fades out: no joint.
     Returns:
         one list a clamping, of dicts: the earlier clamping, the area that both finished, the mean step over it, the
-        largest mean step over a small cell and its place (part coordinates).  A step is positive where the later one
-        left more.
+        largest step between the lowest points of a small cell and its place (part coordinates).  A step is positive
+        where the later one left more.
     """
     found, ends = [[] for _ in names], np.cumsum([0, *counts])
     for late in range(len(names)):
@@ -40,20 +40,31 @@ def _in_both(before, after, mine, finished_mm, fade_mm):
     rows, left = np.flatnonzero(inner & (worst <= finished_mm)), points[inner & (worst > finished_mm)]
     if not len(rows) or not len(left):
         return rows
-    away, _ = cKDTree(left).query(points[rows], distance_upper_bound=fade_mm)
-    return rows[away > fade_mm]
+    edge_mm = fade_mm + after.spacing_mm            # the border runs nearer by up to a spacing than a sample beyond it
+    away, _ = cKDTree(left).query(points[rows], distance_upper_bound=edge_mm)
+    return rows[away > edge_mm]
 
 
 def _step(before, after, rows):
-    """The step over chosen samples."""
+    """The step over chosen samples.
+
+    Means over small cells would depend on where in them the ridges of the cusps happen to lie; what the cutters' lowest
+    points have left does not, as long as a cell is as wide as a ridge.
+    """
     points, weight = after.samples.points_mm[rows], after.samples.weight_mm2[rows]
-    step = after.deviation_mm[rows] - before.deviation_mm[rows]
+    early, late = before.deviation_mm[rows], after.deviation_mm[rows]
     cell = np.floor(points / (CELL_SPACINGS * after.spacing_mm)).astype(np.int64)
-    _, cell, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
-    cell = cell.reshape(-1)
-    area = np.bincount(cell, weights=weight, minlength=len(count))
-    average = lambda values: np.bincount(cell, weights=weight * values, minlength=len(count)) / area
-    mean = np.where(count >= LEAST_SAMPLES, average(step), 0.0)
-    worst = int(np.abs(mean).argmax())
-    return {"area_mm2": float(weight.sum()), "step_mean_mm": float(np.average(step, weights=weight)),
-            "step_max_mm": float(mean[worst]), "place_mm": [float(average(x)[worst]) for x in points.T]}
+    cell = np.unique(cell, axis=0, return_inverse=True)[1].reshape(-1)
+    area = np.bincount(cell, weights=weight)
+    step = np.where(area >= LEAST_SHARE * area.max(), _lowest(cell, late) - _lowest(cell, early), 0.0)
+    worst = int(np.abs(step).argmax())
+    place = np.average(points[cell == worst], axis=0, weights=weight[cell == worst])
+    return {"area_mm2": float(weight.sum()), "step_mean_mm": float(np.average(late - early, weights=weight)),
+            "step_max_mm": float(step[worst]), "place_mm": place.tolist()}
+
+
+def _lowest(cell, values):
+    """(c,) the smallest value of every cell; cells are numbered from 0, each has a value."""
+    low = np.full(cell.max() + 1, np.inf)
+    np.minimum.at(low, cell, values)
+    return low
