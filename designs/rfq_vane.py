@@ -29,6 +29,7 @@ from cuspline.errors import DesignError
 DATA = Path(__file__).parent / "data"
 TABLES = {"isodar_32p8": DATA / "rfq_isodar_32p8MHz_cells.csv"}
 PANEL_CELLS = 6             # faces are split every so many cells
+CLEARED_MM = 20.0           # beyond its stretch a clamping's tools clear so far: room for the finishing ball
 FLANK_MARGIN_MM = 2.0       # of the body's side that stays below the lowest foot of the flanks, above the jaws
 
 # what a preset gives in place of the defaults; a parameter that is given stands before it
@@ -79,11 +80,13 @@ class RfqVane(Parameters):
     strategy: Literal["sections", "transverse_arcs"] = Field(
         "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an "
         "arc in each transverse plane, told by sub-programs and three numbers a step")
+    cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side cutter on a "
+                                            "right-angle head; its disc needs room above the jaws")
     allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: left by the rough passes")
     plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later, left out of the metal")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
-    bed_travel_mm: float = Field(1400.0, ge=20, le=1e4, description="longest stretch that the bed reaches in one "
-                                 "clamping; a longer vane is shifted along it")
+    bed_travel_mm: float = Field(1400.0, ge=20, le=1e4, description="longest stretch that is cut in one "
+                                 "clamping, roughing goes 20 mm beyond; a longer vane is shifted along the bed")
     overlap_mm: float = Field(10.0, gt=0, le=200, description="cut by both of two neighbouring clampings")
     stock_top_mm: float = Field(1.5, ge=0, le=20, description="billet above the highest crest")
     grip_mm: float = Field(25.0, ge=1, le=200, description="height of the jaws above the base")
@@ -165,8 +168,9 @@ def _setup(p, spans, k):
             "X0 at the end where the beam enters")
     return Setup(
         name=f"setup-{k + 1}", wcs=WORK_OFFSETS[k], faces=(predicates(spans)[k].name,), section_plane="YZ",
-        passes=p.passes, ball_mm=p.ball_mm or None, strategy=p.strategy, allowance_mm=p.allowance_mm,
+        passes=p.passes, ball_mm=p.ball_mm or None, strategy=p.strategy, cutter=p.cutter, allowance_mm=p.allowance_mm,
         plating_mm=p.plating_mm, wcs_origin_mm=(first, 0.0, 0.0), fixtures=_jaws(p, start, spans[-1][1]),
+        reach_x_mm=(spans[k][0] - CLEARED_MM, spans[k][1] + CLEARED_MM) if len(spans) > 1 else None,
         markers=markers(spans[k], p.thickness_mm / 2, p.grip_mm),
         wcs_in_words=f"{zero}, Y0 in the mid-plane, Z0 on the base")
 

@@ -22,6 +22,9 @@ from cuspline.errors import InputError
 from cuspline.tool_units import in_mm
 
 
+WIDTH_MM = 1e-9             # lengths that are the same
+
+
 class Model(BaseModel):
     """Frozen, and an unknown key is an error."""
 
@@ -164,6 +167,41 @@ class Cutter(Model):
         return self.profile.is_undercutting
 
 
+class HeadBox(Model):
+    """A box that a head's body stays in; from the middle of the cutter's flutes, in the machine's directions."""
+
+    min_mm: tuple[float, float, float]
+    max_mm: tuple[float, float, float]
+
+    @model_validator(mode="after")
+    def _has_a_size(self):
+        if not all(a < b for a, b in zip(self.min_mm, self.max_mm)):
+            raise ValueError(f"a head's box reaches from min_mm {self.min_mm} up to a larger max_mm, not {self.max_mm}")
+        return self
+
+
+class RightAngleHead(Model):
+    """Hangs from the spindle and turns a side cutter about an axis along the machine's X.
+
+        spindle ║      offset_mm: X of the disc's middle, seen from the spindle's axis
+              ┌─╨──┐   length_mm: gauge line down to that middle
+              │    ├──┐
+              └────┤ ▐│▌ the disc; the program drives its middle
+                   └─▐│▌   z ▲ ► x
+    """
+
+    name: str
+    cutter_points: Literal["+X", "-X"] = Field(description="from the head to the disc's free face")
+    offset_mm: float
+    length_mm: float = Field(gt=0)
+    boxes: tuple[HeadBox, ...] = Field(min_length=1, description="its body")
+
+    @property
+    def axis(self):
+        """(3,) unit, from the disc's free face towards the head."""
+        return (-1.0, 0.0, 0.0) if self.cutter_points == "+X" else (1.0, 0.0, 0.0)
+
+
 class Tool(Model):
     """A cutter in its holder, as it stands in the magazine."""
 
@@ -171,12 +209,41 @@ class Tool(Model):
     cutter: Cutter
     holder: Holder
     stick_out_mm: float = Field(gt=0, description="tip to holder nose")
+    head: RightAngleHead | None = Field(None, description="that the holder sits in, in place of the spindle")
 
     @model_validator(mode="after")
     def _stick_out_is_possible(self):
         if not self.cutter.flute_length_mm <= self.stick_out_mm < self.cutter.overall_length_mm:
             raise ValueError("stick_out_mm must lie between flute_length_mm and overall_length_mm")
         return self
+
+    @model_validator(mode="after")
+    def _head_takes_the_cutter(self):
+        c = self.cutter
+        if self.head is None:
+            return self
+        if c.type != "side" or abs(c.flute_length_mm - 2 * c.corner_radius_mm) > WIDTH_MM:
+            raise ValueError(f"a right-angle head takes a side cutter with full teeth, whose corner_radius_mm is half its "
+                             f"flute_length_mm: a flat between the teeth gouges wherever the surface slopes; T{self.number} "
+                             f"has a {c.type} cutter of {c.flute_length_mm:g} mm and {c.corner_radius_mm:g} mm")
+        if self.head.length_mm <= c.radius_mm:
+            raise ValueError(f"the head's length_mm {self.head.length_mm:g} does not reach beyond the disc's radius")
+        return self
+
+    @property
+    def wheel_mm(self):
+        """Radius of the circle on which the middles of a side cutter's teeth run."""
+        return self.cutter.radius_mm - self.cutter.corner_radius_mm
+
+    @property
+    def offset_mm(self):
+        """(x, y, z) tool offset: gauge line on the spindle's axis, seen from the point that the program drives."""
+        return (0.0 if self.head is None else -self.head.offset_mm, 0.0, self.length_mm)
+
+    @property
+    def driven_mm(self):
+        """Height of the point that the program drives above the tip, along the cutter's own axis."""
+        return 0.0 if self.head is None else self.cutter.flute_length_mm / 2
 
     def non_cutting_frusta(self):
         """(k, 4) frusta (z0_mm, radius0_mm, z1_mm, radius1_mm) above the tip that must never touch.
@@ -203,7 +270,9 @@ class Tool(Model):
 
     @property
     def length_mm(self):
-        """Tool length offset: holder gauge line (top of its last segment) to tip."""
+        """Tool length offset: holder gauge line (top of its last segment) to tip; a head's down to the disc's middle."""
+        if self.head is not None:
+            return self.head.length_mm
         return self.stick_out_mm + sum(s.height_mm for s in self.holder.segments)
 
 

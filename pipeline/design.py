@@ -131,9 +131,13 @@ class Setup(Model):
                                 "register is larger than the ball by it")
     plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later; the register of the "
                               "finish is smaller than the ball by it")
+    cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side cutter on a "
+                                            "right-angle head, its axis along the vane")
     ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball; None: the largest that fits")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
+    reach_x_mm: tuple[float, float] | None = Field(None, description="along the WCS's X, part coordinates: between these "
+                                                   "roughing tools stay; None: they clear the whole billet")
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
     markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part lies")
     marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may lie from the rigid part")
@@ -145,6 +149,12 @@ class Setup(Model):
         if not (abs(x @ x - 1) < UNIT and abs(z @ z - 1) < UNIT and abs(x @ z) < UNIT):
             raise ValueError(f"setup {self.name!r}: wcs_x {self.wcs_x} and wcs_z {self.wcs_z} must be unit vectors "
                              "square to each other")
+        return self
+
+    @model_validator(mode="after")
+    def _side_cutters_run_across(self):
+        if self.cutter == "side" and self.strategy != "transverse_arcs":
+            raise ValueError(f"setup {self.name!r}: a side cutter runs transverse_arcs, not {self.strategy}")
         return self
 
     @property

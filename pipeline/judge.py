@@ -72,7 +72,7 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING):
     solid = brep.the_solid(brep.read_step(folder / job.step), job.step)
     faces = brep.faces_of(solid)
     programs, extra, texts = [], [], []
-    lengths = {n: t.length_mm for n, t in tools.items()}
+    offsets = {n: t.offset_mm for n, t in tools.items()}
     for item in job.posted:
         say(f"{item.setup.name}: read {', '.join(item.files)}")
         parts = {name: _text(folder / name) for name in item.files}
@@ -87,18 +87,25 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING):
                            kept=kept)
     zero = job.machine.wcs_origin_mm
     place = lambda v, p, parts: _in_files(
-        located(v.findings, p.posted, "".join(parts.values()), p.setup.frame, zero, lengths), parts)
+        located(v.findings, p.posted, "".join(parts.values()), p.setup.frame, zero, offsets), parts)
     setups = tuple(replace(v, findings=place(v, p, parts)) for v, p, parts in zip(setups, programs, texts))
     return Judged(verdict=Verdict(setups=setups), solid=solid, programs=tuple(programs), tools=tools,
                   extra=tuple(extra))
 
 
 def posted_moves(texts, setup, machine, tools):
-    """PostedMoves of a program's texts, run one after the other, on a machine that knows tools and the setup's zero."""
+    """PostedMoves of a program's texts, run one after the other, on a machine that knows tools and the setup's zero.
+
+    Tools on heads are seen as they hang: their axis turned, their tip where it is while the program drives their middle.
+    """
     read = reader_of(machine)
     parts = [read(text, work_offsets={setup.wcs: machine.wcs_origin_mm},
-                  tool_lengths={n: t.length_mm for n, t in tools.items()}) for text in texts]
-    return PostedMoves.joined(parts, [text.count("\n") for text in texts])
+                  tool_lengths={n: t.offset_mm for n, t in tools.items()}) for text in texts]
+    moves = PostedMoves.joined(parts, [text.count("\n") for text in texts])
+    for number, tool in tools.items():
+        if tool.head is not None:
+            moves = moves.on_head(number, tool.head.axis, tool.driven_mm)
+    return moves
 
 
 def _in_files(findings, parts):

@@ -4,7 +4,7 @@ This is the only input of simulation and verification.  It is made by a reader i
 from the text on disk, never from the Program.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -85,6 +85,25 @@ class PostedMoves:
         columns |= {"operation": np.concatenate(number),
                     "line": np.concatenate([p.line + first for p, first in zip(parts, before)])}
         return cls(operations=names, ended=all(p.ended for p in parts), **columns)
+
+    def first(self, count):
+        """The first `count` moves."""
+        return replace(self, **{f.name: getattr(self, f.name)[:count] for f in fields(self)
+                                if isinstance(getattr(self, f.name), np.ndarray)})
+
+    def on_head(self, number, axis, driven_mm):
+        """The same with the moves of one tool on a head: read as the place that the program drives, its axis turned.
+
+        Args:
+            number: of the tool.   axis: (3,) unit, from its tip towards the head, WCS.
+            driven_mm: from the tip to the driven place, along that axis.
+        """
+        mine = (self.tool == number)[:, None]
+        back = driven_mm * np.asarray(axis)
+        turned = {name: np.where(mine, axis, getattr(self, name)) for name in ("start_axis", "end_axis")}
+        moved = {name: np.where(mine, getattr(self, name) - back, getattr(self, name))
+                 for name in ("start_mm", "end_mm", "center_mm")}
+        return replace(self, **turned, **moved)
 
     def operation_name(self, row):
         """Name of the operation that row belongs to; "" before the first."""

@@ -14,8 +14,9 @@ def tool_table(tools, control):
         control: machines.Control.
     """
     scale = 1.0 if control.units == "mm" else 1.0 / 25.4
-    lines = [f"T{t.number} P{t.number} Z{t.length_mm * scale:.6f} D{t.cutter.diameter_mm * scale:.6f} ;{t.cutter.name}"
-             for t in sorted(tools, key=lambda t: t.number)]
+    beside = lambda t: f"X{t.offset_mm[0] * scale:.6f} " if t.offset_mm[0] else ""
+    lines = [f"T{t.number} P{t.number} {beside(t)}Z{t.length_mm * scale:.6f} D{t.cutter.diameter_mm * scale:.6f} "
+             f";{t.cutter.name}" for t in sorted(tools, key=lambda t: t.number)]
     return "\n".join(lines) + "\n"
 
 

@@ -33,8 +33,13 @@ def post(program, machine):
     Raises:
         PostError: a line longer than the control takes, a spindle speed outside the machine's range, a feed that
             rounds to nothing, an operation that does not start and end at the clearance height, more letters or
-            deeper brackets than a macro has.
+            deeper brackets than a macro has, a tool beside the spindle's axis.
     """
+    for tool in (o.tool for o in program.operations):
+        if tool.offset_mm[0]:
+            raise PostError(f"T{tool.number} {tool.cutter.name} hangs {tool.head.offset_mm:g} mm beside the spindle's axis, "
+                            "and G43 of this control moves Z alone: choose a head with offset_mm 0, another cutter, or "
+                            "a machine whose tool table has X")
     return posted(program, machine, _Fanuc())
 
 

@@ -23,6 +23,7 @@ PLANES = {"G17": Plane.XY, "G18": Plane.ZX, "G19": Plane.YZ}
 KINDS = {"G0": Kind.RAPID, "G1": Kind.FEED, "G2": Kind.ARC_CW, "G3": Kind.ARC_CCW}
 UNKNOWN = (nan, nan, nan)
 SAME_LENGTH_MM = 1e-9       # rounding of an inch length
+NO_OFFSET = (0.0, 0.0, 0.0)
 COLUMNS = 21                # numbers kept of a move
 
 
@@ -33,7 +34,7 @@ def read_program(text, *, work_offsets, tool_lengths):
         text: the whole program.
         work_offsets: {"G54": (x, y, z)} machine coordinates of each WCS origin, mm; the machine
             coordinates of a WCS that is not listed stay NaN.
-        tool_lengths: {number: length offset, mm}; a tool that is not listed is refused.
+        tool_lengths: {number: length offset, or offsets (x, y, z), mm}; a tool that is not listed is refused.
     Returns:
         PostedMoves.  The spindle speed is negative while M4 turns it backwards; a length offset
         counts as on while it is that of the tool in the spindle.
@@ -62,7 +63,9 @@ class Controller:
         self.code_of = code_of
         self.taken_by_motion = {"": TAKEN_ALWAYS | MOVING_LETTERS} | {
             code.name: TAKEN_ALWAYS | set("xyz") | code.takes for code in (code_of("g", k) for k in range(4))}
-        self.work_offsets, self.tool_lengths = work_offsets, tool_lengths
+        self.work_offsets = work_offsets
+        self.tool_offsets = {n: NO_OFFSET[:2] + (float(v),) if np.ndim(v) == 0 else tuple(map(float, v))
+                             for n, v in tool_lengths.items()}
         self.tip = UNKNOWN                  # in the active WCS
         self.unit_mm = None                 # the text has to say it
         self.bounds = MM_BOUNDS
@@ -70,7 +73,7 @@ class Controller:
         self.plane = Plane.XY
         self.is_absolute, self.is_center_absolute, self.is_inverse_time = True, False, False
         self.wcs, self.offset = "G54", tuple(work_offsets.get("G54", UNKNOWN))
-        self.length_mm, self.is_length_on = 0.0, False
+        self.tool_offset, self.is_length_on = NO_OFFSET, False
         self.feed, self.speed, self.turning = 0.0, 0.0, 0
         self.selected, self.tool = None, 0
         self.names, self.operation = [], -1
@@ -183,12 +186,11 @@ class Controller:
 
     def set_length(self, name, values):
         """G43, G43.1, G49: the machine stands still, the tip's coordinate changes."""
-        old_mm = self.length_mm
+        old = self.tool_offset
         self.is_length_on = name != "G49"
-        self.length_mm = {"G43": self._tool_length, "G43.1": self._given_length,
-                          "G49": lambda values: 0.0}[name](values)
-        x, y, z = self.tip
-        self.tip = (x, y, z + (old_mm - self.length_mm))
+        self.tool_offset = {"G43": self._tool_offset, "G43.1": self._given_length,
+                            "G49": lambda values: NO_OFFSET}[name](values)
+        self.tip = tuple(t + (a - b) for t, a, b in zip(self.tip, old, self.tool_offset))
 
     def set_wcs(self, name, values):
         """The machine stands still, the tip's coordinates change."""
@@ -207,7 +209,7 @@ class Controller:
         axes = [c for c in "xyz" if c in values]
         if not axes or self.is_absolute or any(values[c] for c in axes):
             raise Complaint("G28 by way of another place", "write G91 G28 Z0. (and X0. Y0.), then G90")
-        shift = (*self.offset[:2], self.offset[2] + self.length_mm)
+        shift = self._shift()
         start, end = self.tip, tuple(-s if c in axes else t for c, s, t in zip("xyz", shift, self.tip))
         self._add(Kind.RAPID, start, end, UNKNOWN, 0, 0.0)
 
@@ -246,12 +248,15 @@ class Controller:
         self._add(kind, start, end, center, turns, feed)
 
     def _add(self, kind, start, end, center, turns, feed):
-        machine = [t + o for t, o in zip(end, self.offset)]
-        machine[2] += self.length_mm
+        machine = [t + s for t, s in zip(end, self._shift())]
         self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
                           self.turning * self.speed, self.tool, self._is_own_length_on(), *machine,
                           self.line, self.operation))
         self.tip = end
+
+    def _shift(self):
+        """Machine less WCS coordinates."""
+        return tuple([o + t for o, t in zip(self.offset, self.tool_offset)])
 
     def _end(self, values):
         unit_mm = self._unit()
@@ -262,7 +267,7 @@ class Controller:
     def _machine_end(self, values):
         if KINDS[self.motion] > Kind.FEED:
             raise Complaint("G53 with an arc", "G53 goes with G0 or G1")
-        unit_mm, shift = self._unit(), (*self.offset[:2], self.offset[2] + self.length_mm)
+        unit_mm, shift = self._unit(), self._shift()
         return tuple([values[c] * unit_mm - s if c in values else t for c, t, s in zip("xyz", self.tip, shift)])
 
     def _arc(self, is_clockwise, start, end, values):
@@ -323,23 +328,23 @@ class Controller:
         return self.unit_mm
 
     def _known_tool(self, number):
-        if number and number not in self.tool_lengths:
+        if number and number not in self.tool_offsets:
             raise Complaint(f"tool {number:g} is not in the tool table",
-                            f"it lists {', '.join(str(n) for n in sorted(self.tool_lengths)) or 'no tools'}")
+                            f"it lists {', '.join(str(n) for n in sorted(self.tool_offsets)) or 'no tools'}")
         return int(number)
 
-    def _tool_length(self, values):
+    def _tool_offset(self, values):
         tool = self._known_tool(values.get("h", 0.0)) or self.tool      # H0 is the tool in the spindle
-        return float(self.tool_lengths[tool]) if tool else 0.0
+        return self.tool_offsets[tool] if tool else NO_OFFSET
 
     def _given_length(self, values):
         if "z" not in values:
             raise Complaint("G43.1 without Z", "write G43.1 Z length")
-        return values["z"] * self._unit()
+        return 0.0, 0.0, values["z"] * self._unit()
 
     def _is_own_length_on(self):
-        own_mm = self.tool_lengths.get(self.tool, self.length_mm)
-        return self.is_length_on and abs(own_mm - self.length_mm) <= SAME_LENGTH_MM
+        own = self.tool_offsets.get(self.tool, self.tool_offset)
+        return self.is_length_on and max(abs(a - b) for a, b in zip(own, self.tool_offset)) <= SAME_LENGTH_MM
 
     def posted_moves(self):
         """All moves as one value."""

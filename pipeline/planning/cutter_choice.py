@@ -139,10 +139,37 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
     return chosen, tuple(candidates), reach
 
 
+def choose_side_cutter(library, hollow_radius_mm):
+    """The disc on a right-angle head with the largest teeth that fit the tightest hollow, and all candidates.
+
+    Returns:
+        (Tool, tuple of Candidate).
+    Raises:
+        CutterDoesNotFit: the library has none, or none fits; lists each with its reason.
+    """
+    chosen, candidates = None, []
+    for tool in sorted((t for t in library.of_type("side") if t.head is not None),
+                       key=lambda t: (-t.cutter.corner_radius_mm, -t.cutter.diameter_mm, t.number)):
+        too_large = _why_not(tool, hollow_radius_mm)
+        if chosen is not None:
+            reason = f"larger teeth fit: T{chosen.number}"
+        elif too_large:
+            reason = too_large
+        else:
+            chosen, reason = tool, f"largest teeth that fit: {tool.cutter.corner_radius_mm:.3f} mm"
+        candidates.append(Candidate(tool=tool, is_chosen=chosen is tool, reason=reason, is_fitting=too_large is None))
+    if chosen is None:
+        listed = "; ".join(f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
+        raise CutterDoesNotFit("no side cutter on a right-angle head can finish this part: "
+                               f"{listed or 'the tool library has none'}. Add one to the tool library")
+    return chosen, tuple(candidates)
+
+
 def _why_not(tool, hollow_radius_mm):
     limit = FIT_SHARE * hollow_radius_mm
-    if tool.cutter.radius_mm > limit:
-        return (f"ball radius {tool.cutter.radius_mm:.3f} mm exceeds {FIT_SHARE} x the tightest hollow of "
+    if tool.cutter.corner_radius_mm > limit:
+        name = "ball" if tool.cutter.type == "ball" else "tooth"
+        return (f"{name} radius {tool.cutter.corner_radius_mm:.3f} mm exceeds {FIT_SHARE} x the tightest hollow of "
                 f"{hollow_radius_mm:.3f} mm")
     return None
 

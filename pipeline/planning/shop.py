@@ -29,6 +29,8 @@ SEMI_ALLOWANCE_MM = 0.1
 SEMI_SCALLOP_MM = 0.05
 FINISH_DEPTH_SHARE = 0.1    # a ball finishes at most this share of its diameter deep
 CLEARANCE_MM = 5.0          # of rapids above stock and fixtures
+KEEP_OUT_MM = 2.0           # between roughing tools and fixtures
+FAR_MM = 1000.0             # beyond any billet
 APPROACH_MM = 1.0           # above stock and fixtures the tool begins to feed down
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 RAMP_RAD = np.radians(3.0)
@@ -117,6 +119,14 @@ class Shop:
     def dropper_of(self, radius_mm, allowance_mm):
         """A ball over the exact part, with an allowance."""
         return ExactDropper(*self._exact, radius_mm, radius_mm, allowance_mm)
+
+    def beyond_reach(self, radius_mm):
+        """Boxes (min, max) that keep a roughing cutter's tips, and the room it wants, within the setup's reach."""
+        if self.setup.reach_x_mm is None:
+            return ()
+        (low, high), room = self.setup.reach_x_mm, radius_mm + KEEP_OUT_MM
+        first, last = np.array(self.stock_min_mm) - FAR_MM, np.array([*(self.stock_max_mm[:2] + FAR_MM), self.clearance_z_mm])
+        return ((first, np.array([low - room, *last[1:]])), (np.array([high + room, *first[1:]]), last))
 
     def in_part(self, place_mm):
         """A place in part coordinates, rounded for plan.json."""

@@ -8,11 +8,13 @@ import numpy as np
 
 from cuspline import brep
 from cuspline.errors import PlanError
-from cuspline.planning.cutter_choice import choose_ball
+from cuspline.planning.cutter_choice import ball_reach, choose_ball, choose_side_cutter
 from cuspline.planning.roughing_plan import roughed
 from cuspline.planning.shop import PLUNGE_SHARE, ROUGH_ALLOWANCE_MM, finite, ridge_for_step_mm
+from cuspline.simulation.replay import Fixture
 from cuspline.toolpaths.arc_templates import BESIDE_MM, templated_passes
 from cuspline.toolpaths.cutter_surface import cut_map
+from cuspline.toolpaths.side_cutter import refuse_interference, with_wheel
 from cuspline.toolpaths.transverse_arcs import arc_steps, stretches
 
 ROUGH_RIDGE_MM = 0.05       # of the rough passes
@@ -33,16 +35,20 @@ def operations(shop):
     ball, candidates, reach = choose_ball(shop.finishing_library, shop.samples, shop.hollow.radius_mm, shop.mesh,
                                           ROUGH_ALLOWANCE_MM, shop.finishing_work())
     made = [o for o in roughed(shop, ball, reach.is_reached, lambda: None) if o is not None]
+    tool, is_reached = ball, reach.is_reached
+    if shop.setup.cutter == "side":
+        tool, candidates = choose_side_cutter(shop.library, shop.hollow.radius_mm)
+        is_reached = ball_reach(shop.samples, shop.mesh, tool.cutter.corner_radius_mm).is_reached
     allowance, plating = shop.setup.allowance_mm, shop.setup.plating_mm
     ridge_mm = ridge_for_step_mm("finish", shop.design.finish.scallop_mm, shop.design.finish)
-    made.append(_passes(shop, "rough passes", ball, tip, half_mm, allowance, ROUGH_RIDGE_MM, {}))
-    radius = ball.cutter.radius_mm
+    made.append(_passes(shop, "rough passes", tool, tip, half_mm, allowance, ROUGH_RIDGE_MM, {}))
+    radius = tool.cutter.corner_radius_mm
     facts = {"candidates": [c.as_dict() for c in candidates], "plating_mm": plating,
              "min_concave_radius_mm": finite(shop.hollow.radius_mm),
              "min_concave_place_mm": shop.in_part(shop.hollow.place_mm),
              "cut_map": map_facts(cut_map(tip, radius, radius - plating, MAP_PITCH_RADII * radius), tip.half_arc_rad)}
-    made.append(_passes(shop, "finish", ball, tip, half_mm, -plating, ridge_mm, facts))
-    return made, reach.is_reached
+    made.append(_passes(shop, "finish", tool, tip, half_mm, -plating, ridge_mm, facts))
+    return made, is_reached
 
 
 def _vane(shop):
@@ -71,16 +77,23 @@ def _range_mm(shop):
     return min(low[0] for low, _ in boxes), max(high[0] for _, high in boxes)
 
 
-def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):
-    """One operation; the register is larger than the ball by `over_mm`."""
-    radius, control = ball.cutter.radius_mm, shop.machine.control
+def _passes(shop, name, tool, tip, half_mm, over_mm, ridge_mm, facts):
+    """One operation; the register is larger than the ball, or the disc's teeth, by `over_mm`."""
+    radius, control = tool.cutter.corner_radius_mm, shop.machine.control
     along = stretches(tip, radius, ridge_mm, control.resolution_mm)
     steps = arc_steps(tip, radius, np.concatenate([s.planes for s in along]))
-    rpm, feed = shop.speeds(ball, is_rough=False)
+    rpm, feed = shop.speeds(tool, is_rough=False)
     passes = templated_passes(
-        along, steps, flank_rad=tip.flank_half_angle_rad, register_mm=radius + over_mm, ball_radius_mm=radius,
+        along, steps, flank_rad=tip.flank_half_angle_rad, register_mm=radius + over_mm,
+        ball_radius_mm=0.0 if tool.head else radius,
         half_width_mm=half_mm, clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed,
         slow_mm_per_min=PLUNGE_SHARE * feed, restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
+    if tool.head is not None:
+        passes = with_wheel(passes, tool)
+        facts = {**facts, "head": tool.head.name, "wheel_mm": round(tool.wheel_mm, 6)}
+        boxes = [Fixture(name=f.name, min_mm=tuple(low), max_mm=tuple(high))
+                 for f, (low, high) in zip(shop.setup.fixtures, shop.fixtures)]
+        refuse_interference(passes.moves(), tool, boxes, shop.machine.spindle_head)
     intervals = [float(s.interval_mm) for s in along]
     facts = {"allowance_mm": over_mm if over_mm > 0 else 0.0, "scallop_mm": ridge_mm,
              "register_mm": round(radius + over_mm, 6),
@@ -88,7 +101,7 @@ def _passes(shop, name, ball, tip, half_mm, over_mm, ridge_mm, facts):
              "stepover_min_mm": round(min(intervals), 6), "passes": len(steps), "section_plane": "YZ",
              "matching_passes": int(steps.is_matching.sum()), "restart_points": len(passes.restarts),
              "strategy": shop.setup.strategy, "links": "zig-zag" if over_mm > 0 else "one-way", **facts}
-    return shop.operation_of_passes(name, ball, rpm, passes, facts)
+    return shop.operation_of_passes(name, tool, rpm, passes, facts)
 
 
 def map_facts(found, half_arc_rad):

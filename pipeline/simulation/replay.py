@@ -8,7 +8,7 @@ from cuspline.arrays import frozen
 from cuspline.errors import SimulationError
 from cuspline.frames import Frame
 from cuspline.program import Kind
-from cuspline.simulation import replay_checks, replay_design, replay_kernel
+from cuspline.simulation import head_clearance, replay_checks, replay_design, replay_kernel
 from cuspline.simulation.clearance import ClearanceTree, flute_segments, head_frusta
 from cuspline.simulation.pieces import pieces_of
 from cuspline.simulation.replay_stock import LEAF
@@ -88,7 +88,7 @@ class Replay:
 
 def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, stock_within_mm=None,
            design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
-           frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
+           frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1", stock_for_heads=None,
            holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, kept=NOTHING):
     """Replays a posted program move by move on a z-map of the stock.
 
@@ -113,6 +113,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         fixtures: Fixture values, WCS.   machine: machines.Machine, or None: travel and table are not checked and
             nothing is known of a spindle head.
         frame: the WCS seen from the part, for the places of findings.
+        stock_for_heads: function as stock_within_mm, of the stock as the first tool on a right-angle head finds it; None:
+            the whole billet.  Such tools are held against it as head_clearance.py says, and lower no node.
         holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
             counts as part of the holder.
         kept: kept.Kept, asked first; NOTHING keeps nothing.
@@ -125,16 +127,23 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     z = np.full(shape, top) if stock_top_mm is None else np.array(frozen(stock_top_mm, shape, "stock_top_mm"))
     wanted = np.array([0.0, shank_clearance_mm, holder_clearance_mm])
     boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures], dtype=float).reshape(-1, 6)
-    script = _script(posted, tools, () if machine is None else machine.spindle_head)
+    spindle_head = () if machine is None else machine.spindle_head
+    script = _script(posted, tools, spindle_head)
     near = _pins(zmap, heights, float(stock_min[2])) if design is None else design
     lines = _lines(zmap, stock_max)
     *events, z, worst, least, unsure = kept.of(_history)(
         script, len(posted), wanted, boxes, z, _before(z, lines, top, stock_within_mm), lines, _cut_before(z, top),
         near, float(design_error_mm + TOUCH_MM))
+    for tool in _on_heads(posted, tools):
+        cells = head_clearance.StockCells.over(stock_min, stock_max, stock_for_heads or (lambda xy, r: np.full(len(xy), top)))
+        proven, at = head_clearance.put_contacts(worst, posted, tool, fixtures, cells, wanted, spindle_head)
+        if proven < least[1]:
+            least[:] = min(least[0], proven), proven, *at
     report = replay_checks.Reporter(posted, setup, frame)
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
-             *report.unknown_starts(_highest(top, boxes)), *report.travel(machine),
-             *report.table(machine, tools, script), *report.end())
+             *report.unknown_starts(_highest(top, boxes), {t.number: head_clearance.lowest_mm(t)
+                                                           for t in _on_heads(posted, tools)}),
+             *report.travel(machine), *report.table(machine, tools, script), *report.end())
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
@@ -260,8 +269,13 @@ def _against_design(design, script, wanted, allowed_mm, worst, least):
     worst[:, :, 0] += allowed_mm             # where there is none, -inf stays
 
 
+def _on_heads(posted, tools):
+    """The tools on right-angle heads that the program takes."""
+    return [t for n, t in sorted(tools.items()) if t.head is not None and (posted.tool == n).any()]
+
+
 def _script(posted, tools, spindle_head):
-    """Pieces of all known moves in order, with their cutters and the parts above these."""
+    """Pieces of all known moves of upright tools in order, with their cutters and the parts above these."""
     known = cutting_rows(posted) & np.isin(posted.tool, list(tools))
     lost = (posted.kind != Kind.RAPID) & ~known
     if lost.any():
@@ -269,7 +283,7 @@ def _script(posted, tools, spindle_head):
         raise SimulationError(f"line {posted.line[k]}: feed move with T{posted.tool[k]} from "
                               f"{posted.start_mm[k]}; the tool is not in the library or the start is unknown",
                               rows=np.flatnonzero(lost))
-    numbers = sorted({int(n) for n in posted.tool[known]})
+    numbers = sorted({int(n) for n in posted.tool[known]} - {t.number for t in _on_heads(posted, tools)})
     pieces = [_pieces(posted, np.flatnonzero(known & (posted.tool == n)), tools[n]) for n in numbers]
     stack = lambda arrays, empty: np.concatenate([empty, *arrays])
     geometry = stack([p.geometry for p in pieces], np.zeros((0, 12)))

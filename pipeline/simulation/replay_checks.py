@@ -106,11 +106,15 @@ class Reporter:
                 yield self.finding(kind, group[0], 0.0, posted.end_mm[group[0]],
                                    advice + (f" ({len(group)} moves)" if len(group) > 1 else ""))
 
-    def unknown_starts(self, highest_mm):
-        """Moves from or to an unknown place must stay above stock and fixtures all the way."""
+    def unknown_starts(self, highest_mm, hanging_mm):
+        """Moves from or to an unknown place must stay above stock and fixtures all the way.
+
+        `hanging_mm`: {number: how far a tool reaches below the place that is called its tip}, of those that do.
+        """
         posted = self.posted
         known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
         low = np.fmin(posted.start_mm[:, 2], posted.end_mm[:, 2])      # NaN only if both are unknown
+        low = low - np.array([hanging_mm.get(n, 0.0) for n in posted.tool.tolist()])
         unsafe = ~known & (posted.tool > 0) & ~(low >= highest_mm)
         for group in self._gathered(self.runs(unsafe, ~known)):
             depth = highest_mm - low[group[0]]

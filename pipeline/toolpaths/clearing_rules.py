@@ -33,7 +33,7 @@ class ClearingRules:
     lead_mm: float = 2.0            # room beside the stock
     margin_mm: float = 0.04         # kept above the allowance: the mesh's deviation
     keep_out: tuple = ()            # boxes (min_mm, max_mm) that the cutter stays clear of
-    keep_out_mm: float = 2.0
+    keep_out_mm: float = 0.0
 
     @property
     def turn_mm(self):

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cuspline.arrays import frozen
-from cuspline.toolpaths.transverse_arcs import arc_steps, center_x_of_contact_mm, contacts_mm, crest_slope, STEEP_SLOPE
+from cuspline.toolpaths.transverse_arcs import arc_steps, center_ranges_mm, contacts_mm, crest_slope, STEEP_SLOPE
 
 ROUND = 25                  # angles from the crest to the tangency
 PROJECTIONS = 6             # each leaves the square of the error before
@@ -52,7 +52,9 @@ def cut_map(tip, ball_radius_mm, register_mm, pitch_mm):
     Returns:
         CutMap; its rows are exact but for their splines along the tip.
     """
-    low, high = (float(x) for x in center_x_of_contact_mm(tip, ball_radius_mm, np.array(tip.range_mm)))
+    whole, (low, high) = center_ranges_mm(tip, ball_radius_mm)
+    if low >= high:                                 # the tip is shorter than the ball's lean
+        low, high = whole
     rows, count = [], max(int(np.ceil((high - low) / pitch_mm)), LEAST_NODES)
     centers = np.linspace(low, high, count + 1)
     steep = np.abs(crest_slope(tip, contacts_mm(tip, ball_radius_mm, centers))) > STEEP_SLOPE

@@ -8,20 +8,19 @@ r"""Passes over a vane tip as a controller lays them: an arc in each transverse 
       │  /  /___________\  \ A            half width of the body, where the flanks end
       └──────────────────────► y
 
-A step is at a constant interval in the CENTRE's x; the contact under it in the mid-plane is found by iteration, so the
-mid-plane is exact and all else nearly so (cutter_surface.py says by how much).  Y, Z, C are the section at the contact,
-C lowered by what the slope leans the ball out of the plane: C = z_ball - R - Rc.
+A step is at a constant interval in the CENTRE's x; the contacts under it in the mid-plane and on the FLANK are found by
+iteration, and the arc is the one that meets the true offset at the crest and along the flanks: exact there, and nearly
+so between (cutter_surface.py says by how much).  At the vane's ends the ball rolls over the end's edge until it has
+passed the last contact of crest and flanks.
 
-Where the tip runs steeply (the radial matching section) that would lift the flanks with the crest, and the register
-would act along z, not along the normal.  There the ball's contact with the FLANK in the same plane is found too, and
-the arc is the one that meets the true offset at the crest and along the flanks.  Such a step has two numbers more,
-swell and lift: radius |T - C| + r swell, centre C + r lift, so that crest and flanks follow the offset for any
-register, to first order:
+Where the tip runs steeply (the radial matching section) the register would act along z, not along the normal.  There a
+step has two numbers more, swell and lift: radius |T - C| + r swell, centre C + r lift, so that crest and flanks follow
+the offset for any register, to first order:
 
     swell + lift = sqrt(1 + s²),   swell + lift sin α = sqrt(1 + s² sin² α)   s the slope, α the flanks' angle
 
-Source: FORMULAS 1 (Crandall and Stovall); the matching section's arc is ours, from the support function of the offset's
-section.
+Source: FORMULAS 1 (Crandall and Stovall, whose arc is the section at the contact, lowered); that it meets the flanks
+too is ours, from the support function of the offset's section.
 """
 
 from dataclasses import dataclass
@@ -118,6 +117,13 @@ def center_x_of_contact_mm(tip, ball_radius_mm, x_mm):
     return _crest(tip).center_x_mm(ball_radius_mm, x_mm)
 
 
+def center_ranges_mm(tip, ball_radius_mm):
+    """x of the ball's centre, (first, last) twice: to cut crest and flanks from end to end; while it touches both."""
+    ends = np.array([line.center_x_mm(ball_radius_mm, np.array(tip.range_mm)) for line in (_crest(tip), _flank(tip))])
+    first, last = ends.T.tolist()
+    return (min(first), max(last)), (max(first), min(last))
+
+
 def contacts_mm(tip, ball_radius_mm, center_x_mm):
     """Where the ball touches the crest while its centre stands at x: safeguarded Newton in the mid-plane.
 
@@ -166,28 +172,30 @@ def arc_steps(tip, ball_radius_mm, center_x_mm):
         CutterDoesNotFit: see `contacts_mm`.
     """
     xs = contacts_mm(tip, ball_radius_mm, center_x_mm)
-    slope, radius, angle = crest_slope(tip, xs), tip.radius_mm(xs), tip.flank_half_angle_rad
-    secant, steep = np.sqrt(1.0 + slope ** 2), np.abs(slope) > STEEP_SLOPE
+    steep, angle = np.abs(crest_slope(tip, xs)) > STEEP_SLOPE, tip.flank_half_angle_rad
+    secant = _secant(ball_radius_mm, center_x_mm - xs)
     ball_z = tip.crest_z_mm(xs) + ball_radius_mm / secant           # over the crest, exactly
-    c, swell, lift = ball_z - radius - ball_radius_mm, np.ones(len(xs)), np.zeros(len(xs))
-    if steep.any():
-        swell[steep], lift[steep], radius[steep], c[steep] = _steep(
-            tip, ball_radius_mm, np.asarray(center_x_mm, float)[steep], ball_z[steep], secant[steep])
+    reach, flank = _beside_the_flank(tip, ball_radius_mm, np.asarray(center_x_mm, float))
+    g = (reach - ball_z * np.sin(angle)) / (1.0 - np.sin(angle))    # the arc that meets both
+    lift = np.where(steep, (secant - flank) / (1.0 - np.sin(angle)), 0.0)
+    swell = np.where(steep, secant - lift, 1.0)
+    radius, c = g - ball_radius_mm * swell, ball_z - g - ball_radius_mm * lift
     return ArcSteps(center_x_mm=center_x_mm, contact_x_mm=xs, y_mm=radius * np.cos(angle),
                     z_mm=c + radius * np.sin(angle), c_mm=c, swell=swell, lift=lift, is_matching=steep)
 
 
-def _steep(tip, ball_radius_mm, center_x_mm, ball_z_mm, secant):
-    """(swell, lift, radius, C) of the arcs that meet the offset at the crest and along the flanks."""
+def _beside_the_flank(tip, ball_radius_mm, center_x_mm):
+    """How far out the ball's centre stands square to the flank, (n,), and 1 over its normal's part in the plane."""
     line, sine, cosine = _flank(tip), np.sin(tip.flank_half_angle_rad), np.cos(tip.flank_half_angle_rad)
     xf = _contacts_mm(line, "the flanks", tip.range_mm, ball_radius_mm, center_x_mm)
-    flank = np.sqrt(1.0 + line.slope(xf) ** 2 / line.square)        # 1 over the normal's part in the plane
+    flank = _secant(ball_radius_mm, center_x_mm - xf)
     y, z = tip.tangency_mm(xf)
-    reach = y * cosine + z * sine + ball_radius_mm / flank          # of the ball's centre, square to the flank
-    g = (reach - ball_z_mm * sine) / (1.0 - sine)
-    lift = (secant - flank) / (1.0 - sine)
-    swell = secant - lift
-    return swell, lift, g - ball_radius_mm * swell, ball_z_mm - g - ball_radius_mm * lift
+    return y * cosine + z * sine + ball_radius_mm / flank, flank
+
+
+def _secant(ball_radius_mm, ahead_mm):
+    """(n,) 1 over the part of the contact's normal in the plane, by how far the centre stands ahead of the contact."""
+    return 1.0 / np.sqrt(1.0 - (ahead_mm / ball_radius_mm) ** 2)
 
 
 def widest_interval_mm(tip, ball_radius_mm, ridge_mm, x_mm):
@@ -229,11 +237,12 @@ def stretches(tip, ball_radius_mm, ridge_mm, resolution_mm):
     x = np.linspace(*tip.range_mm, BRACKET_SAMPLES)
     _refuse_tight_valley(_crest(tip), "the tip line", ball_radius_mm, x)
     allowed = widest_interval_mm(tip, ball_radius_mm, ridge_mm, x)
-    center = center_x_of_contact_mm(tip, ball_radius_mm, x)
+    center, ends = _crest(tip).center_x_mm(ball_radius_mm, x), center_ranges_mm(tip, ball_radius_mm)[0]
     bounds = [0, *(np.flatnonzero(np.diff(np.abs(crest_slope(tip, x)) > STEEP_SLOPE)) + 1), len(x) - 1]
-    made, start = [], _on_grid(center[0], resolution_mm)
+    made, start = [], _on_grid(ends[0], resolution_mm)
     for a, b in zip(bounds[:-1], bounds[1:]):
-        end, is_last = float(center[b]), b == len(x) - 1
+        is_last = b == len(x) - 1
+        end = ends[1] if is_last else float(center[b])
         interval = max(np.floor(allowed[a:b + 1].min() / resolution_mm), 1.0) * resolution_mm
         count = max(int(np.ceil((end - start) / interval - 1e-9)), 1)
         planes = start + interval * np.arange(count)

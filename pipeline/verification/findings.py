@@ -31,7 +31,7 @@ class Finding:
         return asdict(self)
 
 
-def located(findings, posted, text, frame, wcs_origin_mm, lengths_mm):
+def located(findings, posted, text, frame, wcs_origin_mm, tool_offsets_mm):
     """Findings of one program with the machine's axes at their places, and the text of their lines.
 
     The axes are given as the control shows them in machine coordinates while the tip of the tool that the line cuts
@@ -42,24 +42,24 @@ def located(findings, posted, text, frame, wcs_origin_mm, lengths_mm):
         posted: PostedMoves.   text: the program.
         frame: the WCS seen from the part.
         wcs_origin_mm: (3,) of the machine, for lines that leave an axis unknown.
-        lengths_mm: {tool number: length}.
+        tool_offsets_mm: {tool number: offset (x, y, z)}.
     """
     blocks = text.splitlines()
-    return tuple(_located(f, posted, blocks, frame, wcs_origin_mm, lengths_mm) for f in findings)
+    return tuple(_located(f, posted, blocks, frame, wcs_origin_mm, tool_offsets_mm) for f in findings)
 
 
-def _located(finding, posted, blocks, frame, wcs_origin_mm, lengths_mm):
+def _located(finding, posted, blocks, frame, wcs_origin_mm, tool_offsets_mm):
     block = blocks[finding.line - 1].strip() if 0 < finding.line <= len(blocks) else ""
     rows = np.flatnonzero(posted.line == finding.line) if finding.line else np.zeros(0, int)
     if finding.place_mm is None or not len(rows):
         return replace(finding, block=block)
-    offset = _offset_mm(posted, rows[-1], wcs_origin_mm, lengths_mm)
+    offset = _offset_mm(posted, rows[-1], wcs_origin_mm, tool_offsets_mm)
     axes = frame.into(np.array([finding.place_mm]))[0] + offset
     return replace(finding, block=block, machine_mm=tuple(float(x) for x in axes.round(6)))
 
 
-def _offset_mm(posted, row, wcs_origin_mm, lengths_mm):
+def _offset_mm(posted, row, wcs_origin_mm, tool_offsets_mm):
     """(3,) machine minus WCS coordinates on a line: as read back, else as the machine expects it."""
     read = posted.machine_end_mm[row] - posted.end_mm[row]
-    length = lengths_mm.get(int(posted.tool[row]), 0.0) if posted.length_offset_on[row] else 0.0
-    return np.where(np.isfinite(read), read, np.asarray(wcs_origin_mm, float) + (0.0, 0.0, length))
+    tool = tool_offsets_mm.get(int(posted.tool[row]), (0.0, 0.0, 0.0)) if posted.length_offset_on[row] else (0.0, 0.0, 0.0)
+    return np.where(np.isfinite(read), read, np.asarray(wcs_origin_mm, float) + tool)

@@ -38,13 +38,6 @@ def test_what_is_no_such_vane_is_refused(asked, said):
         operations(shop(**asked))
 
 
-def test_what_other_strategies_do_not_ask_stays_out_of_a_setup():
-    row = Setup(name="setup-1", wcs_in_words="", faces=("tip",)).model_dump()
-    assert "allowance_mm" not in row and "plating_mm" not in row
-    assert setup_of(plating_mm=0.05).model_dump()["plating_mm"] == 0.05
-    assert Setup.model_validate(setup_of(allowance_mm=0.3).model_dump(mode="json")).allowance_mm == 0.3
-
-
 def test_a_vane_is_roughed_both_ways_and_finished_climb_with_one_register():
     design = find_design("rfq_vane").design(["strategy=transverse_arcs", "from_mm=700", "to_mm=708", "ball_mm=6"])
     machine = find_machine(design.machine)
