@@ -76,7 +76,8 @@ class RfqVane(Parameters):
     ramp_cells: int = Field(40, ge=1, le=1000, description="reckoned cells: over so many m and the phase rise")
     matching_cells: int = Field(4, ge=0, le=12, description="reckoned cells: of the matching section")
     phase_deg: float = Field(-30.0, ge=-90, le=-10, description="reckoned cells: synchronous phase behind the ramp")
-    ball_mm: float = Field(0.0, ge=0, le=100, description="diameter of the finishing ball; 0: the largest that fits")
+    ball_mm: float = Field(0.0, ge=0, le=100, description="diameter of the finishing ball, or of a side "
+                           "cutter's teeth; 0: the largest that fits")
     strategy: Literal["sections", "transverse_arcs"] = Field(
         "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an "
         "arc in each transverse plane, told by sub-programs and three numbers a step")

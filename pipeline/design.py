@@ -133,7 +133,8 @@ class Setup(Model):
                               "finish is smaller than the ball by it")
     cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side cutter on a "
                                             "right-angle head, its axis along the vane")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball; None: the largest that fits")
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or of a side cutter's teeth; "
+                                  "None: the largest that fits")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
     reach_x_mm: tuple[float, float] | None = Field(None, description="along the WCS's X, part coordinates: between these "

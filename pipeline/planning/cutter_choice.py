@@ -17,6 +17,7 @@ HOLDER_CLEARANCE_MM = 1.0
 SHANK_CLEARANCE_MM = 0.05
 LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 600, 5, 12
 REST_ROUGHING_SHARE = 0.7   # of the diameter before: a cutter hardly smaller is not worth its change
+SAME_MM = 1e-6              # diameters that are the same
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
 
 
@@ -139,8 +140,10 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
     return chosen, tuple(candidates), reach
 
 
-def choose_side_cutter(library, hollow_radius_mm):
+def choose_side_cutter(library, hollow_radius_mm, asked_mm=None):
     """The disc on a right-angle head with the largest teeth that fit the tightest hollow, and all candidates.
+
+    `asked_mm`: diameter that the teeth's rounding must have; None: any.
 
     Returns:
         (Tool, tuple of Candidate).
@@ -151,7 +154,9 @@ def choose_side_cutter(library, hollow_radius_mm):
     for tool in sorted((t for t in library.of_type("side") if t.head is not None),
                        key=lambda t: (-t.cutter.corner_radius_mm, -t.cutter.diameter_mm, t.number)):
         too_large = _why_not(tool, hollow_radius_mm)
-        if chosen is not None:
+        if asked_mm is not None and abs(2 * tool.cutter.corner_radius_mm - asked_mm) > SAME_MM:
+            reason = f"its teeth are {2 * tool.cutter.corner_radius_mm:g} mm wide, {asked_mm:g} mm are asked for"
+        elif chosen is not None:
             reason = f"larger teeth fit: T{chosen.number}"
         elif too_large:
             reason = too_large

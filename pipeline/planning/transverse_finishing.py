@@ -32,22 +32,26 @@ def operations(shop):
         CutterDoesNotFit: no ball fits, or the tip line's valley is tighter than it.
     """
     tip, half_mm = _vane(shop)
-    ball, candidates, reach = choose_ball(shop.finishing_library, shop.samples, shop.hollow.radius_mm, shop.mesh,
+    within_mm = _range_mm(shop)
+    is_side = shop.setup.cutter == "side"
+    balls = shop.library if is_side else shop.finishing_library
+    ball, candidates, reach = choose_ball(balls, shop.samples, shop.hollow.radius_mm, shop.mesh,
                                           ROUGH_ALLOWANCE_MM, shop.finishing_work())
     made = [o for o in roughed(shop, ball, reach.is_reached, lambda: None) if o is not None]
     tool, is_reached = ball, reach.is_reached
-    if shop.setup.cutter == "side":
-        tool, candidates = choose_side_cutter(shop.library, shop.hollow.radius_mm)
+    if is_side:
+        tool, candidates = choose_side_cutter(shop.library, shop.hollow.radius_mm, shop.setup.ball_mm)
         is_reached = ball_reach(shop.samples, shop.mesh, tool.cutter.corner_radius_mm).is_reached
     allowance, plating = shop.setup.allowance_mm, shop.setup.plating_mm
     ridge_mm = ridge_for_step_mm("finish", shop.design.finish.scallop_mm, shop.design.finish)
-    made.append(_passes(shop, "rough passes", tool, tip, half_mm, allowance, ROUGH_RIDGE_MM, {}))
+    made.append(_passes(shop, "rough passes", tool, tip, within_mm, half_mm, allowance, ROUGH_RIDGE_MM, {}))
     radius = tool.cutter.corner_radius_mm
     facts = {"candidates": [c.as_dict() for c in candidates], "plating_mm": plating,
              "min_concave_radius_mm": finite(shop.hollow.radius_mm),
              "min_concave_place_mm": shop.in_part(shop.hollow.place_mm),
-             "cut_map": map_facts(cut_map(tip, radius, radius - plating, MAP_PITCH_RADII * radius), tip.half_arc_rad)}
-    made.append(_passes(shop, "finish", tool, tip, half_mm, -plating, ridge_mm, facts))
+             "cut_map": map_facts(cut_map(tip.between(*within_mm), radius, radius - plating, MAP_PITCH_RADII * radius),
+                                 tip.half_arc_rad)}
+    made.append(_passes(shop, "finish", tool, tip, within_mm, half_mm, -plating, ridge_mm, facts))
     return made, is_reached
 
 
@@ -68,7 +72,7 @@ def _vane(shop):
     if setup.plating_mm > shop.design.finish.gouge_mm:
         raise PlanError(f"{setup.name}: a plating of {setup.plating_mm:g} mm leaves the metal that far below the "
                         f"plated surface, and finish.gouge_mm accepts {shop.design.finish.gouge_mm:g} mm: raise it")
-    return tip.between(*_range_mm(shop)), half
+    return tip, half
 
 
 def _range_mm(shop):
@@ -77,10 +81,10 @@ def _range_mm(shop):
     return min(low[0] for low, _ in boxes), max(high[0] for _, high in boxes)
 
 
-def _passes(shop, name, tool, tip, half_mm, over_mm, ridge_mm, facts):
-    """One operation; the register is larger than the ball, or the disc's teeth, by `over_mm`."""
+def _passes(shop, name, tool, tip, within_mm, half_mm, over_mm, ridge_mm, facts):
+    """One operation over a stretch (first, last) x of the tip; the register is larger than the ball, or the disc's teeth, by `over_mm`."""
     radius, control = tool.cutter.corner_radius_mm, shop.machine.control
-    along = stretches(tip, radius, ridge_mm, control.resolution_mm)
+    along = stretches(tip, radius, ridge_mm, control.resolution_mm, within_mm)
     steps = arc_steps(tip, radius, np.concatenate([s.planes for s in along]))
     rpm, feed = shop.speeds(tool, is_rough=False)
     passes = templated_passes(

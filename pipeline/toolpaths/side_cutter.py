@@ -17,7 +17,8 @@ Source: the motive and the trouble, Crandall and Stovall ("interference with hol
 from dataclasses import replace
 
 from cuspline.errors import PlanError
-from cuspline.pass_templates import Let, Quantity, Register, terms
+from cuspline.pass_templates import Go, Let, Quantity, Register, terms
+from cuspline.program import Kind
 from cuspline.simulation.head_clearance import lowest_mm, nearest_to_fixtures, stations
 
 CLEARANCE_MM = 1.0          # head and disc keep that from fixtures
@@ -26,7 +27,8 @@ CLEARANCE_MM = 1.0          # head and disc keep that from fixtures
 def with_wheel(passes, tool):
     """Templated passes of a ball of the teeth's radius, for the disc: W is one more register, in every arc's radius.
 
-    Rapids across run higher by what hangs below the disc's middle, for the program drives that.
+    Rapids across run higher by what hangs below the disc's middle, for the program drives that.  A stroke ends beside
+    the body: straight up from the foot, the disc's widest place would pass through what stands over it.
 
     Args:
         passes: TemplatedPasses whose register `ball` is 0.
@@ -39,14 +41,25 @@ def with_wheel(passes, tool):
                         "ball_radius_mm 0")
     g, fy, beside, wheel, ny = terms("g fy beside wheel ny")
     grown = {"g": lambda t: t + wheel, "fy": lambda t: t + wheel * ny}
-    templates = tuple(replace(t, body=tuple(
-        Let(s.name, grown[s.name](s.value)) if isinstance(s, Let) and s.name in grown else s for s in t.body))
+    templates = tuple(replace(t, body=_ending_beside(tuple(
+        Let(s.name, grown[s.name](s.value)) if isinstance(s, Let) and s.name in grown else s for s in t.body)))
         for t in passes.templates)
     more = {"beside": tool.wheel_mm, "clear": lowest_mm(tool)}
     registers = tuple(replace(r, value=r.value + more.get(r.name, 0.0)) for r in passes.registers)
     x, y, z = passes.start_mm
     return replace(passes, templates=templates, start_mm=(x, y - more["beside"], z + more["clear"]), registers=(
         *registers, Register(Quantity("wheel", meaning="circle of the teeth's centres"), tool.wheel_mm)))
+
+
+def _ending_beside(body):
+    """A stroke's body with its last cutting move followed by one across to where the tool goes up and down."""
+    mid, beside, feed = terms("mid beside feed")
+    arcs = [s.kind for s in body if isinstance(s, Go) and s.kind >= Kind.ARC_CW]
+    if not arcs:
+        return body
+    last = max(k for k, s in enumerate(body) if isinstance(s, Go))
+    side = mid + beside if arcs[0] == Kind.ARC_CW else mid - beside
+    return (*body[:last + 1], Go(Kind.FEED, y=side, feed=feed), *body[last + 1:])
 
 
 def refuse_interference(moves, tool, fixtures, spindle_head=()):

@@ -117,9 +117,13 @@ def center_x_of_contact_mm(tip, ball_radius_mm, x_mm):
     return _crest(tip).center_x_mm(ball_radius_mm, x_mm)
 
 
-def center_ranges_mm(tip, ball_radius_mm):
-    """x of the ball's centre, (first, last) twice: to cut crest and flanks from end to end; while it touches both."""
-    ends = np.array([line.center_x_mm(ball_radius_mm, np.array(tip.range_mm)) for line in (_crest(tip), _flank(tip))])
+def center_ranges_mm(tip, ball_radius_mm, within_mm=None):
+    """x of the ball's centre, (first, last) twice: to cut crest and flanks from end to end; while it touches both.
+
+    `within_mm`: (first, last) x of what is cut; None: the whole tip.
+    """
+    within = np.array(within_mm or tip.range_mm)
+    ends = np.array([line.center_x_mm(ball_radius_mm, within) for line in (_crest(tip), _flank(tip))])
     first, last = ends.T.tolist()
     return (min(first), max(last)), (max(first), min(last))
 
@@ -225,19 +229,20 @@ class Stretch:
     planes: tuple[float, ...]
 
 
-def stretches(tip, ball_radius_mm, ridge_mm, resolution_mm):
+def stretches(tip, ball_radius_mm, ridge_mm, resolution_mm, within_mm=None):
     """Stretches of constant interval from end to end of the tip: matching sections finer than the general one.
 
     Args:
         ridge_mm: highest ridge between neighbouring arcs.
         resolution_mm: intervals are whole multiples of it, so that a controller that counts makes no error.
+        within_mm: (first, last) x of what is cut; None: the whole tip.
     Returns:
         tuple of Stretch, in x.
     """
-    x = np.linspace(*tip.range_mm, BRACKET_SAMPLES)
+    x = np.linspace(*(within_mm or tip.range_mm), BRACKET_SAMPLES)
     _refuse_tight_valley(_crest(tip), "the tip line", ball_radius_mm, x)
     allowed = widest_interval_mm(tip, ball_radius_mm, ridge_mm, x)
-    center, ends = _crest(tip).center_x_mm(ball_radius_mm, x), center_ranges_mm(tip, ball_radius_mm)[0]
+    center, ends = _crest(tip).center_x_mm(ball_radius_mm, x), center_ranges_mm(tip, ball_radius_mm, within_mm)[0]
     bounds = [0, *(np.flatnonzero(np.diff(np.abs(crest_slope(tip, x)) > STEEP_SLOPE)) + 1), len(x) - 1]
     made, start = [], _on_grid(ends[0], resolution_mm)
     for a, b in zip(bounds[:-1], bounds[1:]):

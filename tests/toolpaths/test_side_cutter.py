@@ -67,10 +67,17 @@ def test_the_disc_leaves_what_a_ball_of_its_teeth_would_leave(shape):
 def test_the_centre_runs_on_arcs_wider_by_the_wheel():
     balls, _ = passes(wavy_tip(), TOOTH_MM, ball_radius_mm=0.0)
     one, other = balls.moves(), told(wavy_tip())[0].moves()
-    arcs = one.kind >= 2
-    radius = [np.linalg.norm((m.end_mm - m.center_mm)[arcs, 1:], axis=1) for m in (one, other)]
+    arcs = [m.kind >= 2 for m in (one, other)]
+    radius = [np.linalg.norm((m.end_mm - m.center_mm)[a, 1:], axis=1) for m, a in zip((one, other), arcs)]
     assert np.abs(radius[1] - radius[0] - TOOL.wheel_mm).max() < 1e-9
-    assert np.abs(one.center_mm[arcs] - other.center_mm[arcs])[:, 1:].max() < 1e-9
+    assert np.abs(one.center_mm[arcs[0]] - other.center_mm[arcs[1]])[:, 1:].max() < 1e-9
+
+
+def test_the_disc_goes_up_beside_the_body():
+    """Its widest place would pass through the flank over the foot."""
+    moves = told(wavy_tip())[0].moves()
+    up = np.flatnonzero((moves.kind == 0) & (moves.end_mm[:, 2] > moves.starts_mm[:, 2] + 1.0))
+    assert len(up) > 50 and (np.abs(moves.starts_mm[up, 1]) - DISC_MM > HALF_MM + 1.0).all()
 
 
 def jaws(top):
