@@ -8,7 +8,7 @@ from cuspline.arrays import frozen
 from cuspline.errors import SimulationError
 from cuspline.frames import Frame
 from cuspline.program import Kind
-from cuspline.simulation import head_clearance, replay_checks, replay_design, replay_kernel
+from cuspline.simulation import head_clearance, replay_checks, replay_design, replay_doubts, replay_kernel
 from cuspline.simulation.clearance import ClearanceTree, flute_segments, head_frusta
 from cuspline.simulation.pieces import pieces_of
 from cuspline.simulation.replay_stock import LEAF
@@ -89,6 +89,7 @@ class Replay:
 def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, stock_within_mm=None,
            design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
            frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1", stock_for_heads=None,
+           within_before=None,
            holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, kept=NOTHING):
     """Replays a posted program move by move on a z-map of the stock.
 
@@ -115,6 +116,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         frame: the WCS seen from the part, for the places of findings.
         stock_for_heads: function as stock_within_mm, of the stock as the first tool on a right-angle head finds it; None:
             the whole billet.  Such tools are held against it as head_clearance.py says, and lower no node.
+        within_before: function of a row of PostedMoves to a function as stock_within_mm, of the stock before that move:
+            what the cells leave undecided is asked there once more.  None: it stays so.
         holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
             counts as part of the holder.
         kept: kept.Kept, asked first; NOTHING keeps nothing.
@@ -134,6 +137,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     *events, z, worst, least, unsure = kept.of(_history)(
         script, len(posted), wanted, boxes, z, _before(z, lines, top, stock_within_mm), lines, _cut_before(z, top),
         near, float(design_error_mm + TOUCH_MM))
+    if within_before is not None and unsure.any():
+        unsure[replay_doubts.cleared(np.flatnonzero(unsure), posted, script, wanted, within_before, stock_min, stock_max)] = False
     for tool in _on_heads(posted, tools):
         cells = head_clearance.StockCells.over(stock_min, stock_max, stock_for_heads or (lambda xy, r: np.full(len(xy), top)))
         proven, at = head_clearance.put_contacts(worst, posted, tool, fixtures, cells, wanted, spindle_head)

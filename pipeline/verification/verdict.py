@@ -357,6 +357,7 @@ def _replayed(part, c, tools, machine, kept):
                   design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
                   design_error_mm=mesh.deviation_mm + part.finish.gouge_mm, fixtures=program.fixtures, machine=machine,
                   frame=frame, setup=c.name, stock_for_heads=_stock_for_heads(c, tools),
+                  within_before=lambda row: _within_before(c, tools, row),
                   holder_clearance_mm=options.holder_clearance_mm,
                   shank_clearance_mm=options.shank_clearance_mm, kept=kept)
 
@@ -400,6 +401,11 @@ def _stock_for_heads(c, tools):
     on_head = np.isin(posted.tool, [n for n, t in tools.items() if t.head is not None])
     if not on_head.any():
         return None
+    return _within_before(c, tools, int(on_head.argmax()))
+
+
+def _within_before(c, tools, row):
+    """Function (places, radius) -> heights that no stock so near exceeds before one move of a clamping; WCS."""
     frame = c.program.setup.frame
-    found = c.before.after(frame, swept_paths(posted.first(int(on_head.argmax())), tools))
+    found = c.before.after(frame, swept_paths(c.program.posted.first(row), tools))
     return partial(found.highest_within_mm, frame)

@@ -16,6 +16,7 @@ from cuspline.frames import Frame
 from cuspline.program import Plane
 from cuspline.simulation.clearance import ClearanceTree
 from cuspline.simulation.replay import HOLDER_CLEARANCE_MM, Fixture, ZMap, replay
+from cuspline.simulation.replay_doubts import stands_below
 from cuspline.simulation.replay_stock import CELL_MM, DEEP_MM, DEPTH_MM, SHARE
 from cuspline.simulation.swept import swept_paths
 from cuspline.simulation.workpiece import Workpiece
@@ -260,6 +261,28 @@ def test_a_step_left_by_an_earlier_clamping_is_no_contact_that_is_sure():
     assert kinds(run(down(4.9), slot, **before)) == ["rapid_through_stock"]
     between = run(down(5.2), slot, **before)
     assert kinds(between) == ["clearance_not_proven"] and between.undecided_lines == (11,)
+    known = {**before, "within_before": lambda row: before["stock_within_mm"]}
+    assert kinds(run(down(5.35), slot, **before)) == ["clearance_not_proven"]
+    assert kinds(run(down(5.35), slot, **known)) == [] and kinds(run(down(5.29), slot, **known)) == ["clearance_not_proven"]
+
+
+def test_a_way_is_clear_where_all_stock_beside_it_stands_below():
+    """Stock to 0, higher in a disc of 2 mm round (3, 4); brute force over a fine grid says the same."""
+    low, high = np.array([-10.0, -10.0, -5.0]), np.array([10.0, 10.0, 3.0])
+    within = lambda xy, radius: np.where(np.hypot(*(xy - (3.0, 4.0)).T) <= 2.0 + radius, 3.0, 0.0)
+    grid = np.stack(np.meshgrid(*[np.linspace(-10, 10, 401)] * 2), axis=-1).reshape(-1, 2)
+    rng, found = np.random.default_rng(6), []
+    for _ in range(60):
+        ends, radius = rng.uniform(-14, 14, (2, 2)), rng.uniform(0.5, 4.0)
+        way = ends[1] - ends[0]
+        share = np.clip((grid - ends[0]) @ way / (way @ way), 0, 1)
+        near = np.linalg.norm(grid - ends[0] - share[:, None] * way, axis=1)
+        found.append((stands_below(ends, radius, 1.0, within, low, high),
+                      within(grid[near <= radius + 0.05], 0.0).max(initial=0.0) < 1.0,
+                      within(grid[near <= radius - 0.05], 0.0).max(initial=0.0) < 1.0))
+        assert not stands_below(ends, radius, -0.5, within, low, high) or not (near <= radius - 0.05).any()
+    assert all(surely <= clear for clear, surely, _ in found) and all(clear <= maybe for clear, _, maybe in found)
+    assert 10 < sum(clear for clear, _, _ in found) < 50
 
 
 @pytest.mark.parametrize("fin,wanted", [(FIN, ["clearance_not_proven"]), ((0.4, 0.0), [])], ids=["fin", "no fin"])
@@ -270,8 +293,9 @@ def test_a_fin_that_an_earlier_clamping_leaves_between_the_nodes_is_not_overlook
     heights = piece.heights_mm(here, nodes.xy_mm).reshape(nodes.ny, nodes.nx)
     assert heights.max() < -7.9 or fin != FIN             # no node shows it
     across = [rapid(-14, 0, 5), rapid(-14, 0, -4), rapid(14, 0, -4), rapid(14, 0, 5)]
-    assert kinds(run(across, TOOLS, stock_top_mm=heights,
-                     stock_within_mm=lambda xy, radius: piece.highest_within_mm(here, xy, radius))) == wanted
+    within = lambda xy, radius: piece.highest_within_mm(here, xy, radius)
+    assert kinds(run(across, TOOLS, stock_top_mm=heights, stock_within_mm=within)) == wanted
+    assert kinds(run(across, TOOLS, stock_top_mm=heights, stock_within_mm=within, within_before=lambda row: within)) == wanted
 
 
 def test_clearance_over_a_floor_is_the_gap_to_the_floor():
