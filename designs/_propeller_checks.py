@@ -11,13 +11,14 @@ from cuspline import brep
 from cuspline.design import Figure, SolidReport
 from cuspline.designs._propeller_blade import wrapped
 from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
-from cuspline.designs._propeller_sections import ROUNDING, FormAndMeanLine, loop_angle, section_loop
+from cuspline.designs._propeller_sections import FormAndMeanLine, loop_angle, section_loop
 from cuspline.designs._propeller_solid import volume_of_cuts_mm3
 from cuspline.designs._propeller_tables import area_under_chords, expanded_area_ratio
 from cuspline.solids import solid_of
 from cuspline.surfaces.projection import ClosestTree
 
 POINT_MM = 0.002            # table point or definition from the solid
+POINT_SIZE_MM = 304.8       # diameter up to which that goes for table points
 BALL_MM, ANGLE_DEG = 0.001, 0.01
 TESSELLATION_MM = 0.005
 VOLUME_SHARE = 1e-5
@@ -166,12 +167,11 @@ def _ordinates(table, k, rho):
 def _table_figures(made, tree):
     """Per radius the farthest of the table's points from the solid; inside the fillet, from the blade under it.
 
-    Allowed is what the table's rounded ordinates leave open, both of them, where that is more than POINT_MM.
+    Tables are rounded shares: what that leaves open grows with the propeller, and what is allowed from POINT_SIZE_MM on.
     """
     table, figures = made.blade.table, []
     for rho, x, side, places in table_points(table):
-        thickness_mm = float(table.thickness_D[np.isclose(table.r_R, rho)][0] * table.diameter_mm)
-        allowed = max(POINT_MM, 2 * ROUNDING * thickness_mm)
+        allowed = POINT_MM * max(1.0, table.diameter_mm / POINT_SIZE_MM)
         sigma = loop_angle(x, side, table.edge)
         stands = made.blade.v_at(rho) > made.fillet.on_blade(_wrapped_angle(made, sigma))[:, 0]
         free = float(tree.closest_points(places[stands]).distance_mm.max(initial=0.0))

@@ -245,7 +245,8 @@ def _operation_document(o):
     cutting = o.moves.feed_mm_per_min[o.moves.feed_mm_per_min > 0]
     return {"name": o.name,
             "tool": {"number": o.tool.number, **cutter.model_dump(mode="json"), "stick_out_mm": o.tool.stick_out_mm,
-                     "holder": o.tool.holder.model_dump(mode="json")},
+                     "holder": o.tool.holder.model_dump(mode="json"),
+                     "head": None if o.tool.head is None else o.tool.head.model_dump(mode="json")},
             "spindle_rpm": o.rpm, "coolant": o.coolant,
             "feed_mm_per_min": [float(cutting.min()), float(cutting.max())], "blocks": len(o.moves), **o.facts}
 
@@ -298,13 +299,19 @@ def _header(order, plan, inputs):
             seen.add(o.tool.number)
             lines.append(f"T{o.tool.number} {o.tool.cutter.name}, D{o.tool.cutter.diameter_mm:g} "
                          f"R{o.tool.cutter.corner_radius_mm:g}, STICK-OUT {o.tool.stick_out_mm:g}, "
-                         f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}")
+                         f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}{_head_in_words(o.tool.head)}")
     lines += [f"MARKER {m.name} {show(setup.frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
     if setup.refixturing is not None:
         lines.append(f"PART LIES AS MEASURED: {refixturing_in_words(setup.refixturing)}")
     if order.accepted:
         lines.append(f"ACCEPTED BY NAME: {', '.join(order.accepted)}")
     return lines
+
+
+def _head_in_words(head):
+    """What the operator must know of a tool's head; nothing where it has none."""
+    return "" if head is None else (f", ON {head.name.upper()}, DISC TOWARD {head.cutter_points}, "
+                                    f"{head.offset_mm:g} BESIDE THE SPINDLE IN X; X Y Z ARE THE DISC'S MIDDLE")
 
 
 def _stock_files(work, job, judged, say, kept):

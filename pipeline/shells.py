@@ -20,7 +20,8 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_So
 from cuspline.errors import DesignError
 
 TIGHTEST_MM = 1e-7          # the kernel's own confusion
-LOOKS = 192                 # places at which an edge's curves are compared: several between any two knots of ours
+LOOKS = 192                 # places at which an edge's curves are compared, about
+LOOKS_A_SPAN = 3            # of them between any two knots, at least
 MARGIN = 2.0                # on the difference found there
 
 
@@ -97,7 +98,7 @@ class ShellBuilder:
         """Tolerance for an edge on a surface; its vertices are kept at least as loose."""
         curve, low, high, start, end = self._curves[side.edge.TShape()]
         apart = 0.0
-        for t in np.linspace(low, high, LOOKS).tolist():
+        for t in _looks(curve, side.curve, low, high).tolist():
             uv = side.curve.Value(t)
             apart = max(apart, curve.Value(t).Distance(surface.Value(uv.X(), uv.Y())))
         key = side.edge.TShape()
@@ -212,3 +213,15 @@ def cylinder_round_x(radius_mm, start_rad):
 
 def _radial(angle_rad):
     return gp_Dir(0, float(np.cos(angle_rad)), float(np.sin(angle_rad)))
+
+
+def _looks(curve, flat, low, high):
+    """Parameters at which a space curve and its curve in a surface are compared: between all knots of both."""
+    knots = [low, high]
+    for spline in (curve, flat):
+        if isinstance(spline, (Geom_BSplineCurve, Geom2d_BSplineCurve)):
+            knots += [spline.Knot(k) for k in range(1, spline.NbKnots() + 1)]
+    knots = np.unique(np.clip(knots, low, high))
+    spans = max(int(np.ceil(LOOKS / (len(knots) - 1))), LOOKS_A_SPAN)
+    share = (np.arange(spans) + 0.5) / spans
+    return np.concatenate([knots, (knots[:-1, None] + np.diff(knots)[:, None] * share).ravel()])

@@ -205,7 +205,7 @@ def tool_silhouette(tool):
     """Outlines to be turned about the axis: [{"part", "outline": [[radius, height], ...]}], from the tip up.
 
     Only what plan.json says is drawn: without a diameter there is no cutter, without holder
-    segments no holder.
+    segments no holder.  On a right-angle head each part says its axis, and the head's boxes follow: [{"part", "box"}].
     """
     tool = tool if isinstance(tool, dict) else {}
     radius = (number(tool.get("diameter_mm")) or 0.0) / 2
@@ -224,7 +224,16 @@ def tool_silhouette(tool):
     for segment in segments:
         outline += [[segment["lower_diameter_mm"] / 2, z], [segment["upper_diameter_mm"] / 2, z + segment["height_mm"]]]
         z += segment["height_mm"]
-    return parts + ([{"part": "holder", "outline": outline + [[0.0, z]]}] if segments else [])
+    parts += [{"part": "holder", "outline": outline + [[0.0, z]]}] if segments else []
+    return _on_head(parts, tool["head"], flute) if tool.get("head") else parts
+
+
+def _on_head(parts, head, flute):
+    """Parts of a disc with their axis, and the boxes of its head as seen from the tip."""
+    toward = -1.0 if head["cutter_points"] == "+X" else 1.0
+    middle = np.array([toward * flute / 2, 0.0, 0.0])
+    boxes = [{"part": "holder", "box": [(middle + box[end]).tolist() for end in ("min_mm", "max_mm")]} for box in head["boxes"]]
+    return [{**part, "toward": toward} for part in parts] + boxes
 
 
 def _tip_outline(radius, corner):

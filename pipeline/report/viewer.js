@@ -338,7 +338,7 @@ async function loadSetup(number) {
     meta, place: placement(meta.rotation, [0, 0, 0]),
     path: makePath(pathReader, meta.path),
     replay: new StockReplay(replayReader, meta.replay),
-    tools: meta.operations.map(operation => operation.silhouette.map(makeTurnedPart)),
+    tools: meta.operations.map(operation => operation.silhouette.map(makeToolPart)),
     stockBox: makeLines(boxPairs(meta)), triad: makeTriad(meta),
   };
 }
@@ -406,21 +406,25 @@ class StockReplay {
 
 const PART_COLOURS = { flutes: [0.98, 0.80, 0.30], shank: [0.72, 0.73, 0.76], holder: [0.36, 0.39, 0.45] };
 
-// An outline [[radius, height], ...] turned about the axis, shaded facet by facet along the height.
-function makeTurnedPart({ part, outline }) {
+// A part of a tool: an outline [[radius, height], ...] turned about the axis, shaded facet by facet along the height; on
+// a head that axis lies along X, `toward` its plus or minus, and the head itself is a box.
+function makeToolPart({ part, outline, toward, box }) {
   const positions = [], normals = [], SECTORS = 40;
+  const laid = ([x, y, z]) => toward ? [toward * z, y, -toward * x] : [x, y, z];
   const corner = ([radius, height], sector) => {
     const angle = sector / SECTORS * 2 * Math.PI;
     return [radius * Math.cos(angle), radius * Math.sin(angle), height];
   };
+  if (box) pushBox(box, positions, normals);
+  outline = outline || [];
   for (let i = 0; i + 1 < outline.length; i++) {
     const [lower, upper] = [outline[i], outline[i + 1]];
     const rise = upper[1] - lower[1], widening = upper[0] - lower[0], length = Math.hypot(rise, widening) || 1;
     const normalAt = sector => [...corner([rise / length, 0], sector).slice(0, 2), -widening / length];
     for (let k = 0; k < SECTORS; k++) {
       for (const [end, sector] of [[lower, k], [lower, k + 1], [upper, k + 1], [lower, k], [upper, k + 1], [upper, k]]) {
-        positions.push(...corner(end, sector));
-        normals.push(...normalAt(sector));
+        positions.push(...laid(corner(end, sector)));
+        normals.push(...laid(normalAt(sector)));
       }
     }
   }
@@ -429,6 +433,19 @@ function makeTurnedPart({ part, outline }) {
     bindInput(programs.surface, "normal", makeBuffer(new Float32Array(normals)), 3);
   });
   return { layout, count: positions.length / 3, colour: PART_COLOURS[part] };
+}
+
+// The six sides of a box, two triangles each.
+function pushBox([low, high], positions, normals) {
+  for (let axis = 0; axis < 3; axis++)
+    for (const side of [0, 1])
+      for (const [a, b] of [[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]]) {
+        const bits = [0, 0, 0], normal = [0, 0, 0];
+        bits[axis] = side; bits[(axis + 1) % 3] = a; bits[(axis + 2) % 3] = b;
+        normal[axis] = 2 * side - 1;
+        positions.push(...bits.map((bit, k) => (bit ? high : low)[k]));
+        normals.push(...normal);
+      }
 }
 
 // The twelve edges of the stock box, WCS -> part coordinates.

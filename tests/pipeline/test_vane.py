@@ -7,15 +7,17 @@ import pytest
 
 from cuspline import brep, catalogue
 from cuspline.build import Order, build
+from cuspline.errors import PlanError
 from cuspline.job import read_job
-from cuspline.judge import judge
+from cuspline.judge import judge, posted_moves, read_tools
 from cuspline.verification.verdict import Options
 
 
 def made(folder, *parameters, stage="verify"):
     """(Design, output folder) of a part of the vane."""
     source = catalogue.find_design("rfq_vane")
-    design = catalogue.make_design(source, ["scallop_mm=0.012", "axis_height_mm=70", "grip_mm=15", *parameters])
+    given = {"scallop_mm": "0.012", "axis_height_mm": "70", "grip_mm": "15"} | dict(p.split("=") for p in parameters)
+    design = catalogue.make_design(source, [f"{name}={value}" for name, value in given.items()])
     result = build(Order(source=source, design=design, accepted=(), out=folder,
                          machine=catalogue.find_machine(design.machine), library=catalogue.find_library(None),
                          last_stage=stage))
@@ -77,3 +79,48 @@ def test_a_vane_longer_than_the_bed_shows_no_step_at_the_joint_unless_it_is_clam
     wrong, = judge(folder, job.placed(lower), options=coarse).as_dict(())["joints"]
     assert wrong["step_max_mm"] == pytest.approx(0.010, abs=0.003)              # at the crest, all of it
     assert 0.003 < wrong["step_mean_mm"] - joint["step_mean_mm"] < 0.006        # little along the flanks
+
+
+def test_a_clamping_clears_no_farther_than_it_reaches(tmp_path):
+    design, folder = made(tmp_path / "out", "from_mm=900", "to_mm=1010", "bed_travel_mm=60", "overlap_mm=8",
+                          stage="gcode")
+    job = read_job(folder)
+    for setup, (low, high) in zip(design.setups, [s.reach_x_mm for s in design.setups]):
+        moves = posted_moves(((folder / f"{setup.name}.ngc").read_text(),), setup, job.machine, read_tools(folder))
+        x = setup.frame.out(moves.end_mm[np.isfinite(moves.end_mm).all(axis=1)])[:, 0]
+        assert x.min() > low - 1e-3 and x.max() < high + 1e-3 and high - low < 100
+
+
+def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
+    """Nearly level cells: what arcs leave beside the mid-plane is nothing there, and the disc keeps the finish."""
+    design, folder = made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100",
+                          "strategy=transverse_arcs", "cutter=side", stage="gcode")
+    finish = json.loads((folder / "plan.json").read_text())["setups"][0]["operations"][-1]
+    assert finish["tool"]["type"] == "side" and finish["head"] == "right-angle head" and finish["wheel_mm"] == 27.0
+    assert "X-62.000000 Z150.000000 D60.000000" in (folder / "tools.tbl").read_text()
+    assert "ON RIGHT-ANGLE HEAD" in (folder / "setup-1.ngc").read_text()
+    coarse = Options(spacing_mm=0.25, solid_pitch_mm=0.1, replay_pitch_mm=0.5)
+    judged = judge(folder, read_job(folder), options=coarse)
+    verify = judged.as_dict(())
+    assert judged.verdict.setups[0].findings == () and verify["holder_clearance_mm"] == pytest.approx(1.0)
+    assert verify["gouge_max_mm"] < 0.001 and 0.008 < verify["cusp_max_mm"] < 0.0125
+    assert verify["area_reached_mm2"] == pytest.approx(verify["area_required_mm2"])
+
+
+def test_a_disc_that_would_meet_the_jaws_is_refused(tmp_path):
+    with pytest.raises(PlanError, match="its disc comes within -.* mm of the .* jaw with the disc's middle at"):
+        made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100", "strategy=transverse_arcs",
+             "cutter=side", "grip_mm=50", stage="gcode")
+
+
+def test_a_head_that_the_machine_has_lower_than_the_program_knew_is_found(tmp_path):
+    """The posted program of a small head, judged with one that hangs into the vane."""
+    _, folder = made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100", "strategy=transverse_arcs",
+                     "cutter=side", stage="gcode")
+    tools = json.loads((folder / "tools.json").read_text())
+    rows = tools["tools"] if isinstance(tools, dict) else tools
+    disc = next(t for t in rows if t["head"])
+    disc["head"]["boxes"][0].update(min_mm=[-28.0, -12.0, -45.0], max_mm=[-1.0, 12.0, 70.0])
+    (folder / "tools.json").write_text(json.dumps(tools))
+    judged = judge(folder, read_job(folder), options=Options(spacing_mm=0.5, solid_pitch_mm=0.8, replay_pitch_mm=0.5))
+    assert "holder_contact" in {f.kind for f in judged.verdict.setups[0].findings}

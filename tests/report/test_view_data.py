@@ -148,6 +148,15 @@ def test_a_silhouette_draws_only_what_is_known():
     assert ball[0] == [0.0, 0.0] and ball[-2] == [5.0, 5.0]
 
 
+def test_a_disc_on_a_head_lies_along_x_with_the_head_behind_it():
+    """Seen from the tip: the disc points toward +X, so its head lies toward -X from the middle 3 mm behind the tip."""
+    disc = {"type": "side", "diameter_mm": 60, "corner_radius_mm": 3, "flute_length_mm": 6, "head": {
+        "cutter_points": "+X", "boxes": [{"min_mm": [-28, -12, -14], "max_mm": [-11, 12, 70]}]}}
+    *turned, box = view_data.tool_silhouette(disc)
+    assert [p["toward"] for p in turned] == [-1.0] * len(turned)
+    assert box == {"part": "holder", "box": [[-31.0, -12.0, -14.0], [-14.0, 12.0, 70.0]]}
+
+
 def test_octahedral_holds_the_poles():
     assert view_data.octahedral([[0, 0, 1], [1, 0, 0]]).tolist() == [[0, 0], [32767, 0]]
     assert np.abs(view_data.octahedral([[0, 0, -1]])).tolist() == [[32767, 32767]]
