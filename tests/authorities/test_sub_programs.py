@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 from known_passes import LENGTHS, ZERO, machine, program
-from known_vanes import steep_tip, vane_program
+from known_tools import on_a_head
+from known_vanes import CLEARANCE_MM, passes, steep_tip, vane_program
 
 from cuspline.posts._restart import restart_points, restarted
 from cuspline.posts.linuxcnc import post
+from cuspline.program import Operation, Program
+from cuspline.tooltable import tool_table
+from cuspline.toolpaths.side_cutter import with_wheel
 
 from .linuxcnc.comparison import assert_same_moves
 from .linuxcnc.interpreter import write_tool_table
@@ -50,3 +54,18 @@ def test_linuxcnc_cuts_a_vane_of_calls_move_by_move_as_the_long_hand_says(judged
         assert arcs[0].shape == arcs[1].shape == planned.shape
         assert np.abs(arcs[0] - planned).max() < 4e-4 and np.abs(arcs[1] - planned).max() < 1e-4
     assert len(post(told, machine()).text) < 0.6 * len(post(told, machine(sub_programs=False)).text)
+
+
+def test_linuxcnc_takes_a_heads_x_from_our_tool_table(tmp_path):
+    """The disc hangs beside the spindle: the machine's X is off by that, the part's is not."""
+    tool, control = on_a_head(), machine().control
+    p = with_wheel(passes(steep_tip(), tool.cutter.corner_radius_mm, ball_radius_mm=0.0)[0], tool)
+    finish = Operation(name="finish", tool=tool, spindle_rpm=800.0, coolant="flood", moves=p.moves(), passes=p)
+    told = Program(name="disc", setup="setup-1", wcs="G55", wcs_in_words="end", clearance_z_mm=CLEARANCE_MM,
+                   header=("DISC",), operations=(finish,))
+    (tmp_path / "tools.tbl").write_text(tool_table([tool], control))
+    (tmp_path / "program.ngc").write_text(post(told, machine()).text)
+    moves = assert_same_moves(tmp_path / "program.ngc", tmp_path / "tools.tbl", ZERO["G55"], "G55")
+    cutting = moves.kind > 0
+    assert np.abs((moves.machine_end_mm - moves.end_mm)[cutting] - ZERO["G55"] - tool.offset_mm).max() < 1e-9
+    assert tool.offset_mm[0] == 60.0

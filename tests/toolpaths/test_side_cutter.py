@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from known_passes import ZERO, machine
+from known_tools import on_a_head
 from known_vanes import BALL_MM, HALF_MM, RIDGE_MM, passes, predicted, steep_tip, wavy_tip
 
-from cuspline.cutters import Cutter, Holder, HolderSegment, HeadBox, RightAngleHead, Tool
+from cuspline.cutters import Cutter, HeadBox, Tool
 from cuspline.errors import PlanError
 from cuspline.posted import PostedMoves
 from cuspline.posts.linuxcnc import post
@@ -17,21 +18,10 @@ from cuspline.simulation.replay_kernel import FIXTURE, HOLDER, RAPID
 from cuspline.simulation.swept import deviations_and_moves, swept_paths
 from cuspline.toolpaths.side_cutter import refuse_interference, with_wheel
 
-TOOTH_MM, DISC_MM = BALL_MM, 25.0
-DISC = Cutter(name="side cutter 50 R3", type="side", diameter_mm=2 * DISC_MM, corner_radius_mm=TOOTH_MM, flutes=12,
-              flute_length_mm=2 * TOOTH_MM, neck_diameter_mm=16, reach_mm=15, shank_diameter_mm=16, overall_length_mm=30)
+TOOL = on_a_head()
+DISC, DISC_MM = TOOL.cutter, TOOL.cutter.radius_mm
+TOOTH_MM = BALL_MM
 STOCK = (0.0, -HALF_MM, 0.0), (40.0, HALF_MM, 50.0)
-
-
-def on_head(low=-14.0):
-    """The disc on a head whose body begins 12 mm beside its middle and reaches down to `low`."""
-    head = RightAngleHead(name="head", cutter_points="-X", offset_mm=-60.0, length_mm=150.0, boxes=(
-        HeadBox(min_mm=(12.0, -12.0, low), max_mm=(80.0, 12.0, 120.0)),))
-    return Tool(number=7, stick_out_mm=14.0, cutter=DISC, head=head, holder=Holder(name="arbor", segments=(
-        HolderSegment(height_mm=2, lower_diameter_mm=16, upper_diameter_mm=16),)))
-
-
-TOOL = on_head()
 
 
 def told(tip, restart_steps=50):
@@ -103,7 +93,7 @@ def test_a_jaw_too_high_is_refused_with_part_amount_and_place():
     with pytest.raises(PlanError, match=said):
         refuse_interference(moves, TOOL, jaws(clear - 0.9))
     with pytest.raises(PlanError, match="its head comes within -"):
-        refuse_interference(moves, on_head(low=-40.0), jaws(clear - 1.2))
+        refuse_interference(moves, on_a_head(low=-40.0), jaws(clear - 1.2))
 
 
 def test_a_disc_that_cannot_be_is_refused():

@@ -65,19 +65,24 @@ def interpret(program_path, *, tool_lengths, work_offsets):
 
 
 def tool_lengths_from_table(path):
-    """{number: mm} out of a LinuxCNC tool table."""
+    """{number: (x, y, z)} offsets in mm out of a LinuxCNC tool table in mm."""
     lengths = {}
     for line in Path(path).read_text().splitlines():
         words = {w[0].upper(): w[1:] for w in line.split(";")[0].split()}
         if "T" in words:
-            lengths[int(words["T"])] = float(words.get("Z", 0.0))
+            lengths[int(words["T"])] = tuple(float(words.get(axis, 0.0)) for axis in "XYZ")
     return lengths
 
 
 def write_tool_table(path, tool_lengths, scale=1.0):
-    """A LinuxCNC tool table; the P word is what gives each tool its pocket."""
-    rows = enumerate(sorted(tool_lengths.items()), 1)
-    Path(path).write_text("".join(f"T{n} P{p} Z{mm * scale:+.15f}\n" for p, (n, mm) in rows))
+    """A LinuxCNC tool table of lengths, or of offsets (x, y, z); the P word is what gives each tool its pocket."""
+    words = lambda mm: " ".join(f"{axis}{v * scale:+.15f}" for axis, v in zip("XYZ", mm) if v)
+    Path(path).write_text("".join(f"T{n} P{p} {words(mm)}\n" for p, (n, mm) in enumerate(sorted(_offsets(tool_lengths).items()), 1)))
+
+
+def _offsets(tool_lengths):
+    """{number: (x, y, z)} of lengths or offsets."""
+    return {n: tuple(mm) if np.ndim(mm) else (0.0, 0.0, mm) for n, mm in tool_lengths.items()}
 
 
 def write_parameters(path, work_offsets, scale=1.0):
@@ -108,7 +113,7 @@ def _calls(program, folder, tool_lengths, work_offsets):
     (folder / "home").mkdir()
     write_tool_table(folder / "mm.tbl", tool_lengths)
     write_parameters(folder / "mm.var", work_offsets)
-    job = {"program": str(program), "tools": sorted(tool_lengths.items()), "tool_table": str(folder / "mm.tbl"),
+    job = {"program": str(program), "tools": sorted(_offsets(tool_lengths).items()), "tool_table": str(folder / "mm.tbl"),
            "parameters": str(folder / "mm.var"), "home": str(folder / "home"),
            "calls": str(folder / "calls"), "verdict": str(folder / "verdict")}
     (folder / "job").write_text(json.dumps(job))

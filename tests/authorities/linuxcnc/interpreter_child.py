@@ -1,6 +1,6 @@
 """Runs under the system's Python: one program through LinuxCNC's `gcode` module, every call one JSON line.
 
-Argument: a JSON file {program, tools: [[number, length], ...], tool_table, parameters, home, calls, verdict}.
+Argument: a JSON file {program, tools: [[number, [x, y, z]], ...], tool_table, parameters, home, calls, verdict}.
 Lengths in the calls are inches, whatever the program says: the module works so.
 """
 
@@ -40,8 +40,8 @@ class Canon:
         self.put("tool_changed", self.pockets[pocket][0] if pocket in self.pockets else 0)
 
     def get_tool(self, pocket):
-        number, length = self.pockets.get(pocket or self.in_spindle, (-1, 0.0))
-        return (number, 0.0, 0.0, length) + (0.0,) * 9 + (0,)
+        number, offset = self.pockets.get(pocket or self.in_spindle, (-1, (0.0, 0.0, 0.0)))
+        return (number, *offset) + (0.0,) * 9 + (0,)
 
     def get_block_delete(self):
         return False
