@@ -168,9 +168,11 @@ def _cusp_fact(bundle):
 
 def _gouge_fact(bundle):
     verify = bundle.verify
+    without = number(_of_setups(verify, "certificate", "not_covered"))
+    proven_of = f"all moves but {grouped(without)}" if without else "every move"
     return Fact(label="Gouge, deepest", value=decimal(verify.get("gouge_max_mm"), 4, "mm"),
                 details=(f"accepted to {decimal(bundle.finish.gouge_mm, 4, 'mm')}",
-                         f"proven of every move: {decimal(verify.get('gouge_proven_mm'), 4, 'mm')}",
+                         f"proven of {proven_of}: {decimal(verify.get('gouge_proven_mm'), 4, 'mm')}",
                          f"known to ±{decimal(verify.get('error_bound_mm'), 4, 'mm')}"),
                 state=_state(verify, verify.get("gouge_max_mm"), "gouge"))
 
@@ -322,8 +324,8 @@ def measure_rows(bundle):
              for k, s in enumerate(bundle.verify.get("setups") or ()) if isinstance(s, dict)]
     columns = [("total", bundle.verify), *(named if len(named) > 1 else [])]
     spell = {"gouge_max_mm": ("deepest gouge", 4, "mm"),
-             "gouge_proven_mm": ("no move goes deeper than (proven)", 4, "mm"), "excess_max_mm": ("most material left", 4, "mm"),
-             "excess_proven_mm": ("proven between samples: no more than", 4, "mm"),
+             "gouge_proven_mm": ("no move with a proof goes deeper than", 4, "mm"), "excess_max_mm": ("most material left", 4, "mm"),
+             "excess_proven_mm": ("proven between samples, where there is a proof: no more than", 4, "mm"),
              "cusp_max_mm": ("largest cusp", 4, "mm"), "cusp_p99_mm": ("99 % of cusps below", 4, "mm"),
              "gouge_volume_mm3": ("design less stock, facets of both included", 3, "mm³"),
              "excess_volume_mm3": ("stock less design, facets of both included", 3, "mm³"),

@@ -89,7 +89,7 @@ class Replay:
 def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, stock_within_mm=None,
            design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
            frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1", stock_for_heads=None,
-           within_before=None,
+           within_before=None, left_by_heads=None,
            holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, kept=NOTHING):
     """Replays a posted program move by move on a z-map of the stock.
 
@@ -115,7 +115,10 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
             nothing is known of a spindle head.
         frame: the WCS seen from the part, for the places of findings.
         stock_for_heads: function as stock_within_mm, of the stock as the first tool on a right-angle head finds it; None:
-            the whole billet.  Such tools are held against it as head_clearance.py says, and lower no node.
+            the whole billet.  Such tools are held against it as head_clearance.py says; for all other contacts the nodes
+            do not know what they cut.
+        left_by_heads: function of places (n, 2) to heights (n,) that these tools alone leave of the billet, and the rows
+            (n,) that left them; None: the nodes are not lowered by them, in the end neither.
         within_before: function of a row of PostedMoves to a function as stock_within_mm, of the stock before that move:
             what the cells leave undecided is asked there once more.  None: it stays so.
         holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
@@ -130,6 +133,7 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     z = np.full(shape, top) if stock_top_mm is None else np.array(frozen(stock_top_mm, shape, "stock_top_mm"))
     wanted = np.array([0.0, shank_clearance_mm, holder_clearance_mm])
     boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures], dtype=float).reshape(-1, 6)
+    on_heads = _on_heads(posted, tools)
     spindle_head = () if machine is None else machine.spindle_head
     script = _script(posted, tools, spindle_head)
     near = _pins(zmap, heights, float(stock_min[2])) if design is None else design
@@ -139,7 +143,9 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         near, float(design_error_mm + TOUCH_MM))
     if within_before is not None and unsure.any():
         unsure[replay_doubts.cleared(np.flatnonzero(unsure), posted, script, wanted, within_before, stock_min, stock_max)] = False
-    for tool in _on_heads(posted, tools):
+    if on_heads and left_by_heads is not None:
+        events, z = _lowered(events, z, *left_by_heads(zmap.xy_mm))
+    for tool in on_heads:
         cells = head_clearance.StockCells.over(stock_min, stock_max, stock_for_heads or (lambda xy, r: np.full(len(xy), top)))
         proven, at = head_clearance.put_contacts(worst, posted, tool, fixtures, cells, wanted, spindle_head)
         if proven < least[1]:
@@ -147,7 +153,7 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     report = replay_checks.Reporter(posted, setup, frame)
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
              *report.unknown_starts(_highest(top, boxes), {t.number: head_clearance.lowest_mm(t)
-                                                           for t in _on_heads(posted, tools)}),
+                                                           for t in on_heads}),
              *report.travel(machine), *report.table(machine, tools, script), *report.end())
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
@@ -167,6 +173,18 @@ def _history(script, moves, wanted, boxes, z, before, lines, events, design, all
     events, unsure = replay_kernel.run(*script, wanted, TOUCH_MM, boxes, z, bounds.copy(), sure, lines,
                                        _past(script[0], script[2], script[4]), worst, least, events)
     return *events, z, worst, least, unsure & ~(worst[:, :, 0] > 0).any(axis=0)
+
+
+def _lowered(events, z, height_mm, row):
+    """Events and final heights with one more event at each node that tools on heads leave lower, at the row that did it."""
+    lower = np.flatnonzero(height_mm < z.ravel())
+    by = np.full(z.size, np.iinfo(np.int64).max)
+    by[lower] = row[lower]
+    kept = (events[0] < by[events[1]]) | (events[2] < height_mm[events[1]])
+    parts = zip((e[kept] for e in events), (row[lower], lower, height_mm[lower]))
+    joined = [np.concatenate([a, b]).astype(a.dtype) for a, b in parts]
+    order = np.argsort(joined[0], kind="stable")
+    return [e[order] for e in joined], np.minimum(z, height_mm.reshape(z.shape))
 
 
 def _cut_before(z, top):

@@ -12,7 +12,7 @@ from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree
 from cuspline.simulation.replay import Replay, ZMap, replay
 from cuspline.simulation.stock_solids import StockSolids
-from cuspline.simulation.swept import is_height_field, stock_height_mm, swept_paths
+from cuspline.simulation.swept import is_height_field, lowest_moves, stock_height_mm, swept_paths
 from cuspline.simulation.workpiece import Workpiece
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.dropcutter import drop_tips_mm
@@ -358,6 +358,7 @@ def _replayed(part, c, tools, machine, kept):
                   design_error_mm=mesh.deviation_mm + part.finish.gouge_mm, fixtures=program.fixtures, machine=machine,
                   frame=frame, setup=c.name, stock_for_heads=_stock_for_heads(c, tools),
                   within_before=lambda row: _within_before(c, tools, row),
+                  left_by_heads=lambda xy: _left_by_heads(part, c, high, low, xy),
                   holder_clearance_mm=options.holder_clearance_mm,
                   shank_clearance_mm=options.shank_clearance_mm, kept=kept)
 
@@ -409,3 +410,9 @@ def _within_before(c, tools, row):
     frame = c.program.setup.frame
     found = c.before.after(frame, swept_paths(c.program.posted.first(row), tools))
     return partial(found.highest_within_mm, frame)
+
+
+def _left_by_heads(part, c, high, low, xy_mm):
+    """Heights that a clamping's tools on heads alone leave at places (n, 2), and the rows that left them; WCS."""
+    paths = [p for p in part.piece.cuts[c.number].paths if p.tool.head is not None]
+    return lowest_moves(paths, xy_mm, float(high[2]), bottom_mm=float(low[2]))
