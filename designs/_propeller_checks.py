@@ -167,7 +167,8 @@ def _ordinates(table, k, rho):
 def _table_figures(made, tree):
     """Per radius the farthest of the table's points from the solid; inside the fillet, from the blade under it.
 
-    Tables are rounded shares: what that leaves open grows with the propeller, and what is allowed from POINT_SIZE_MM on.
+    Tables are rounded shares: what that leaves open grows with the propeller; so does what is allowed, from
+    POINT_SIZE_MM on.
     """
     table, figures = made.blade.table, []
     for rho, x, side, places in table_points(table):

@@ -223,9 +223,9 @@ class Tool(Model):
         if self.head is None:
             return self
         if c.type != "side" or abs(c.flute_length_mm - 2 * c.corner_radius_mm) > WIDTH_MM:
-            raise ValueError(f"a right-angle head takes a side cutter with full teeth, whose corner_radius_mm is half its "
-                             f"flute_length_mm: a flat between the teeth gouges wherever the surface slopes; T{self.number} "
-                             f"has a {c.type} cutter of {c.flute_length_mm:g} mm and {c.corner_radius_mm:g} mm")
+            raise ValueError(f"a right-angle head takes a side cutter with full teeth, whose corner_radius_mm is "
+                             "half its flute_length_mm: a flat between the teeth gouges wherever the surface slopes; "
+                             f"T{self.number} has a {c.type} cutter of {c.flute_length_mm:g} mm and {c.corner_radius_mm:g} mm")
         if self.head.length_mm <= c.radius_mm:
             raise ValueError(f"the head's length_mm {self.head.length_mm:g} does not reach beyond the disc's radius")
         return self
@@ -270,7 +270,7 @@ class Tool(Model):
 
     @property
     def length_mm(self):
-        """Tool length offset: holder gauge line (top of its last segment) to tip; a head's down to the disc's middle."""
+        """Tool length offset: holder gauge line (top of its last segment) to tip; a head's to the disc's middle."""
         if self.head is not None:
             return self.head.length_mm
         return self.stick_out_mm + sum(s.height_mm for s in self.holder.segments)

@@ -133,12 +133,12 @@ class Setup(Model):
                               "finish is smaller than the ball by it")
     cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side cutter on a "
                                             "right-angle head, its axis along the vane")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or of a side cutter's teeth; "
-                                  "None: the largest that fits")
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or of a side cutter's "
+                                  "teeth; None: the largest that fits")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
-    reach_x_mm: tuple[float, float] | None = Field(None, description="along the WCS's X, part coordinates: between these "
-                                                   "roughing tools stay; None: they clear the whole billet")
+    reach_x_mm: tuple[float, float] | None = Field(None, description="along the WCS's X, part coordinates: between "
+                                                   "these roughing tools stay; None: they clear the whole billet")
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
     markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part lies")
     marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may lie from the rigid part")

@@ -96,7 +96,7 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING):
 def posted_moves(texts, setup, machine, tools):
     """PostedMoves of a program's texts, run one after the other, on a machine that knows tools and the setup's zero.
 
-    Tools on heads are seen as they hang: their axis turned, their tip where it is while the program drives their middle.
+    Tools on heads are seen as they hang: their axis turned, their tip where it is while their middle is driven.
     """
     read = reader_of(machine)
     parts = [read(text, work_offsets={setup.wcs: machine.wcs_origin_mm},

@@ -125,7 +125,8 @@ class Shop:
         if self.setup.reach_x_mm is None:
             return ()
         (low, high), room = self.setup.reach_x_mm, radius_mm + KEEP_OUT_MM
-        first, last = np.array(self.stock_min_mm) - FAR_MM, np.array([*(self.stock_max_mm[:2] + FAR_MM), self.clearance_z_mm])
+        first = np.array(self.stock_min_mm) - FAR_MM
+        last = np.array([*(self.stock_max_mm[:2] + FAR_MM), self.clearance_z_mm])
         return ((first, np.array([low - room, *last[1:]])), (np.array([high + room, *first[1:]]), last))
 
     def in_part(self, place_mm):

@@ -82,7 +82,10 @@ def _range_mm(shop):
 
 
 def _passes(shop, name, tool, tip, within_mm, half_mm, over_mm, ridge_mm, facts):
-    """One operation over a stretch (first, last) x of the tip; the register is larger than the ball, or the disc's teeth, by `over_mm`."""
+    """One operation over a stretch (first, last) x of the tip.
+
+    The register is larger than the ball, or the disc's teeth, by `over_mm`.
+    """
     radius, control = tool.cutter.corner_radius_mm, shop.machine.control
     along = stretches(tip, radius, ridge_mm, control.resolution_mm, within_mm)
     steps = arc_steps(tip, radius, np.concatenate([s.planes for s in along]))

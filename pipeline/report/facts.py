@@ -324,7 +324,8 @@ def measure_rows(bundle):
              for k, s in enumerate(bundle.verify.get("setups") or ()) if isinstance(s, dict)]
     columns = [("total", bundle.verify), *(named if len(named) > 1 else [])]
     spell = {"gouge_max_mm": ("deepest gouge", 4, "mm"),
-             "gouge_proven_mm": ("no move with a proof goes deeper than", 4, "mm"), "excess_max_mm": ("most material left", 4, "mm"),
+             "gouge_proven_mm": ("no move with a proof goes deeper than", 4, "mm"),
+             "excess_max_mm": ("most material left", 4, "mm"),
              "excess_proven_mm": ("proven between samples, where there is a proof: no more than", 4, "mm"),
              "cusp_max_mm": ("largest cusp", 4, "mm"), "cusp_p99_mm": ("99 % of cusps below", 4, "mm"),
              "gouge_volume_mm3": ("design less stock, facets of both included", 3, "mm³"),

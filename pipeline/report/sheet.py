@@ -87,16 +87,21 @@ def _tool_row(setup, uses):
             "type": str(tool.get("type", DASH)).replace("_", " "), "diameter": short(tool.get("diameter_mm")),
             "corner": short(tool.get("corner_radius_mm")), "flute": short(tool.get("flute_length_mm")),
             "stick_out": short(tool.get("stick_out_mm")),
-            "holder": (str(holder.get("name", DASH)) if isinstance(holder, dict) else str(holder or DASH)) + _head_in_words(tool),
+            "holder": _holder_in_words(holder) + _head_in_words(tool),
             "minimum_z": decimal(min(depths) if depths else None),
             "operations": ", ".join(str(op.get("name", DASH)) for _, op in uses),
             "time": duration(sum(seconds) if None not in seconds else None)}
 
 
+def _holder_in_words(holder):
+    return str(holder.get("name", DASH)) if isinstance(holder, dict) else str(holder or DASH)
+
+
 def _head_in_words(tool):
     head = tool.get("head")
     return "" if not head else (f", on {head['name']}: disc toward {head['cutter_points']}, its middle "
-                                f"{short(head['offset_mm'])} mm beside the spindle in X and {short(head['length_mm'])} mm below it")
+                                f"{short(head['offset_mm'])} mm beside the spindle in X, "
+                                f"{short(head['length_mm'])} mm below it")
 
 
 def checklist(bundle, setup):

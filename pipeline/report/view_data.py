@@ -232,7 +232,8 @@ def _on_head(parts, head, flute):
     """Parts of a disc with their axis, and the boxes of its head as seen from the tip."""
     toward = -1.0 if head["cutter_points"] == "+X" else 1.0
     middle = np.array([toward * flute / 2, 0.0, 0.0])
-    boxes = [{"part": "holder", "box": [(middle + box[end]).tolist() for end in ("min_mm", "max_mm")]} for box in head["boxes"]]
+    boxes = [{"part": "holder", "box": [(middle + box[end]).tolist() for end in ("min_mm", "max_mm")]}
+             for box in head["boxes"]]
     return [{**part, "toward": toward} for part in parts] + boxes
 
 

@@ -137,7 +137,8 @@ def _to_fixture(along, tool, fixture, spindle_head):
     low, high = np.array([fixture.min_mm[0], fixture.min_mm[1], -np.inf]), np.asarray(fixture.max_mm, float)
     yield DISC, _disc_mm(along.points_mm, tool, low, high) - LOOKED_MM / 2
     for part in parts_of(tool, spindle_head):
-        yield part.name, _box_mm(along.points_mm, np.array(part.min_mm), np.array(part.max_mm), low, high) - LOOKED_MM / 2
+        box = np.array(part.min_mm), np.array(part.max_mm)
+        yield part.name, _box_mm(along.points_mm, *box, low, high) - LOOKED_MM / 2
 
 
 def _disc_mm(centers, tool, low, high):
@@ -172,7 +173,8 @@ class StockCells:
         """Over a billet from low (3,) to high (3,); `highest_within_mm(xy (n, 2), radius)` bounds its stock."""
         nx, ny = (max(int(np.ceil((b - a) / PITCH_MM)), 1) for a, b in zip(low[:2], high[:2]))
         x, y = (low[k] + PITCH_MM * (np.arange(n) + 0.5) for k, n in enumerate((nx, ny)))
-        xy = np.stack(np.meshgrid(np.minimum(x, high[0]), np.minimum(y, high[1]), indexing="ij"), axis=-1).reshape(-1, 2)
+        grid = np.meshgrid(np.minimum(x, high[0]), np.minimum(y, high[1]), indexing="ij")
+        xy = np.stack(grid, axis=-1).reshape(-1, 2)
         heights = highest_within_mm(xy, PITCH_MM / np.sqrt(2.0))
         return cls(origin_mm=np.asarray(low[:2], float), end_y_mm=float(high[1]),
                    heights_mm=np.where(heights > low[2], heights, -np.inf).reshape(nx, ny))

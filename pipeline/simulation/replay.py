@@ -114,11 +114,11 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         fixtures: Fixture values, WCS.   machine: machines.Machine, or None: travel and table are not checked and
             nothing is known of a spindle head.
         frame: the WCS seen from the part, for the places of findings.
-        stock_for_heads: function as stock_within_mm, of the stock as the first tool on a right-angle head finds it; None:
-            the whole billet.  Such tools are held against it as head_clearance.py says; for all other contacts the nodes
-            do not know what they cut.
-        left_by_heads: function of places (n, 2) to heights (n,) that these tools alone leave of the billet, and the rows
-            (n,) that left them; None: the nodes are not lowered by them, in the end neither.
+        stock_for_heads: function as stock_within_mm, of the stock as the first tool on a right-angle head finds it;
+            None: the whole billet.  Such tools are held against it as head_clearance.py says; for all other
+            contacts the nodes do not know what they cut.
+        left_by_heads: function of places (n, 2) to heights (n,) that these tools alone leave of the billet, and the
+            rows (n,) that left them; None: the nodes are not lowered by them, in the end neither.
         within_before: function of a row of PostedMoves to a function as stock_within_mm, of the stock before that move:
             what the cells leave undecided is asked there once more.  None: it stays so.
         holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
@@ -142,11 +142,13 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         script, len(posted), wanted, boxes, z, _before(z, lines, top, stock_within_mm), lines, _cut_before(z, top),
         near, float(design_error_mm + TOUCH_MM))
     if within_before is not None and unsure.any():
-        unsure[replay_doubts.cleared(np.flatnonzero(unsure), posted, script, wanted, within_before, stock_min, stock_max)] = False
+        doubts = np.flatnonzero(unsure)
+        unsure[replay_doubts.cleared(doubts, posted, script, wanted, within_before, stock_min, stock_max)] = False
     if on_heads and left_by_heads is not None:
         events, z = _lowered(events, z, *left_by_heads(zmap.xy_mm))
     for tool in on_heads:
-        cells = head_clearance.StockCells.over(stock_min, stock_max, stock_for_heads or (lambda xy, r: np.full(len(xy), top)))
+        found = stock_for_heads or (lambda xy, radius: np.full(len(xy), top))
+        cells = head_clearance.StockCells.over(stock_min, stock_max, found)
         proven, at = head_clearance.put_contacts(worst, posted, tool, fixtures, cells, wanted, spindle_head)
         if proven < least[1]:
             least[:] = min(least[0], proven), proven, *at
@@ -176,7 +178,7 @@ def _history(script, moves, wanted, boxes, z, before, lines, events, design, all
 
 
 def _lowered(events, z, height_mm, row):
-    """Events and final heights with one more event at each node that tools on heads leave lower, at the row that did it."""
+    """Events and final heights, with one more event at each node that tools on heads leave lower, where they did."""
     lower = np.flatnonzero(height_mm < z.ravel())
     by = np.full(z.size, np.iinfo(np.int64).max)
     by[lower] = row[lower]

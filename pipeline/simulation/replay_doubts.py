@@ -49,7 +49,7 @@ def _is_clear(row, posted, script, wanted_mm, within_before, low, high):
 
 
 def stands_below(ends, radius_mm, floor_mm, within, low, high):
-    """Whether all stock within a radius of a way from ends[0] to ends[1], (2, 2), stands below a height: surely, if True."""
+    """Whether all stock within a radius of a way between two ends (2, 2) stands below a height: surely, if True."""
     first = np.maximum(ends.min(axis=0) - radius_mm, low[:2])
     last = np.minimum(ends.max(axis=0) + radius_mm, high[:2])
     if (first > last).any():

@@ -90,7 +90,8 @@ def _border_chords(face, number):
     if loops:
         starts, ends = np.array([p[0] for p in loops]), np.array([p[-1] for p in loops])
         gaps = np.abs((ends[:, None] - starts[None]) / scale)
-        gaps *= np.where(_collapsed(face, ends, scale)[:, None] & _collapsed(face, starts, scale)[None], POLE_SHARE, 1.0)
+        poles = _collapsed(face, ends, scale)[:, None] & _collapsed(face, starts, scale)[None]
+        gaps *= np.where(poles, POLE_SHARE, 1.0)
         gaps = gaps.max(axis=2)
         nearest = linear_sum_assignment(gaps)[1]        # several loops may touch in one corner
         worst = gaps[np.arange(len(loops)), nearest].max()

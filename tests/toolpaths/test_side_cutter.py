@@ -129,15 +129,18 @@ def cells():
 def test_the_stock_under_a_box_and_a_disc_is_bounded_from_above_and_hardly_more():
     rng, stock = np.random.default_rng(8), cells()
     points = rng.uniform((-30.0, -40.0, 0.0), (70.0, 60.0, 0.0), (4000, 3))
-    covered = lambda low, high: (points[:, :2] + high >= (0.0, 0.0)).all(axis=1) & (points[:, :2] + low <= (40.0, 18.0)).all(axis=1)
+    xy = points[:, :2]
+    covered = lambda low, high: (xy + high >= (0.0, 0.0)).all(axis=1) & (xy + low <= (40.0, 18.0)).all(axis=1)
     low, high = np.array([-3.0, -4.0]), np.array([6.0, 5.0])
-    true = lambda m: np.where(covered(low - m, high + m), np.where(points[:, 0] + high[0] + m >= 20.0, 30.0, 20.0), -np.inf)
+    step = lambda m: np.where(points[:, 0] + high[0] + m >= 20.0, 30.0, 20.0)
+    true = lambda m: np.where(covered(low - m, high + m), step(m), -np.inf)
     found = stock.under_box_mm(points, low, high, 0.0)
     assert (found >= true(0.0)).all() and (found <= true(2 * PITCH_MM)).all()
     lifts = lambda m: [np.where(reached, height + np.sqrt(np.maximum((10.0 + m) ** 2 - dy ** 2, 0.0)), -np.inf)
                        for dy in [np.maximum(np.maximum(-points[:, 1], points[:, 1] - 18.0), 0.0)]
                        for first, last, height in ((0.0, 20.0, 20.0), (20.0, 40.0, 30.0))
-                       for reached in [(dy <= 10.0 + m) & (points[:, 0] + 3.0 + m >= first) & (points[:, 0] - 3.0 - m <= last)]]
+                       for along in [(points[:, 0] + 3.0 + m >= first) & (points[:, 0] - 3.0 - m <= last)]
+                       for reached in [(dy <= 10.0 + m) & along]]
     found = stock.over_disc_mm(points, 3.0, 10.0, np.zeros(len(points)))
     lowest, highest = (np.max(lifts(m), axis=0) for m in (0.0, 2 * PITCH_MM))
     assert (found >= lowest - 1e-9).all() and (found <= highest + 1e-9).all()

@@ -77,7 +77,8 @@ def tool_lengths_from_table(path):
 def write_tool_table(path, tool_lengths, scale=1.0):
     """A LinuxCNC tool table of lengths, or of offsets (x, y, z); the P word is what gives each tool its pocket."""
     words = lambda mm: " ".join(f"{axis}{v * scale:+.15f}" for axis, v in zip("XYZ", mm) if v)
-    Path(path).write_text("".join(f"T{n} P{p} {words(mm)}\n" for p, (n, mm) in enumerate(sorted(_offsets(tool_lengths).items()), 1)))
+    rows = enumerate(sorted(_offsets(tool_lengths).items()), 1)
+    Path(path).write_text("".join(f"T{n} P{p} {words(mm)}\n" for p, (n, mm) in rows))
 
 
 def _offsets(tool_lengths):
@@ -113,7 +114,8 @@ def _calls(program, folder, tool_lengths, work_offsets):
     (folder / "home").mkdir()
     write_tool_table(folder / "mm.tbl", tool_lengths)
     write_parameters(folder / "mm.var", work_offsets)
-    job = {"program": str(program), "tools": sorted(_offsets(tool_lengths).items()), "tool_table": str(folder / "mm.tbl"),
+    job = {"program": str(program), "tools": sorted(_offsets(tool_lengths).items()),
+           "tool_table": str(folder / "mm.tbl"),
            "parameters": str(folder / "mm.var"), "home": str(folder / "home"),
            "calls": str(folder / "calls"), "verdict": str(folder / "verdict")}
     (folder / "job").write_text(json.dumps(job))
