@@ -153,10 +153,10 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         if proven < least[1]:
             least[:] = min(least[0], proven), proven, *at
     report = replay_checks.Reporter(posted, setup, frame)
+    hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
-             *report.unknown_starts(_highest(top, boxes), {t.number: head_clearance.lowest_mm(t)
-                                                           for t in on_heads}),
-             *report.travel(machine), *report.table(machine, tools, script), *report.end())
+             *report.unknown_starts(_highest(top, boxes), hanging), *report.travel(machine),
+             *report.table(machine, tools, script, hanging), *report.end())
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,

@@ -136,8 +136,8 @@ class Reporter:
                 f"{name} leaves its travel {axis.min_mm:g} .. {axis.max_mm:g} mm: move the part on the table or "
                 "take another tool length")
 
-    def table(self, machine, tools, script):
-        """Tips against the machine's table, all along the way; it reaches as far as the axes."""
+    def table(self, machine, tools, script, hanging_mm):
+        """Tips, and what hangs lower, against the machine's table, all along the way; it reaches as far as the axes."""
         if machine is None:
             return
         geometry, row = script[:2]
@@ -145,6 +145,11 @@ class Reporter:
         np.minimum.at(low, row, lowest_tips(geometry))
         length = np.array([tools[n].length_mm if n in tools else np.nan for n in posted.tool.tolist()])
         above = low + posted.machine_end_mm[:, 2] - posted.end_mm[:, 2] - length - machine.table_z_mm
+        lowest = self._machine_extremes()[0][:, 2] if hanging_mm else None
+        for number, hangs in hanging_mm.items():
+            mine = posted.tool == number
+            above[mine] = lowest[mine] - length[mine] - hangs - machine.table_z_mm
+            low[mine] = posted.end_mm[mine, 2] - hangs
         depth = np.nan_to_num(-above, nan=0.0, posinf=0.0, neginf=0.0)
         places = np.column_stack([posted.end_mm[:, :2], low])
         yield from self._merged("fixture_contact", np.where(depth > NOISE_MM, depth, 0.0), places,

@@ -10,6 +10,7 @@ from cuspline.build import Order, build
 from cuspline.errors import PlanError
 from cuspline.job import read_job
 from cuspline.judge import judge, posted_moves, read_tools
+from cuspline.simulation.replay import replay
 from cuspline.verification.verdict import Options
 
 
@@ -127,3 +128,20 @@ def test_a_head_that_the_machine_has_lower_than_the_program_knew_is_found(tmp_pa
     (folder / "tools.json").write_text(json.dumps(tools))
     judged = judge(folder, read_job(folder), options=Options(spacing_mm=0.5, solid_pitch_mm=0.8, replay_pitch_mm=0.5))
     assert "holder_contact" in {f.kind for f in judged.verdict.setups[0].findings}
+
+
+def test_a_disc_below_the_machines_table_is_found(tmp_path):
+    _, folder = made(tmp_path / "out", "from_mm=150", "to_mm=152", "axis_height_mm=100", "strategy=transverse_arcs",
+                     "cutter=side", stage="gcode")
+    job = read_job(folder)
+    tools = read_tools(folder)
+    lowest = min(float(line.split("Z")[1].split()[0]) for line in (folder / "setup-1.ngc").read_text().splitlines()
+                 if "TIP EXTENTS" in line) - 30.0
+    depth = []
+    for above in (1.0, -2.0):
+        machine = job.machine.model_copy(update={"table_z_mm": job.machine.wcs_origin_mm[2] + lowest - above})
+        moves = posted_moves(((folder / "setup-1.ngc").read_text(),), job.posted[0].setup, machine, tools)
+        found = replay(moves, tools, stock_min=(0.0, -10.0, 0.0), stock_max=(2.0, 10.0, 92.0), pitch_mm=0.5,
+                       machine=machine, stock_for_heads=lambda xy, radius: np.zeros(len(xy)))
+        depth.append([f.amount_mm for f in found.findings if "table" in f.advice])
+    assert depth[0] == [] and max(depth[1]) == pytest.approx(2.0, abs=0.01)
