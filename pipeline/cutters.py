@@ -230,6 +230,11 @@ class Tool(Model):
             raise ValueError(f"the head's length_mm {self.head.length_mm:g} does not reach beyond the disc's radius")
         return self
 
+    @model_serializer(mode="wrap")
+    def _without_a_head_it_has_not(self, dump):
+        row = dump(self)
+        return row if self.head is not None else {k: v for k, v in row.items() if k != "head"}
+
     @property
     def wheel_mm(self):
         """Radius of the circle on which the middles of a side cutter's teeth run."""

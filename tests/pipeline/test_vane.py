@@ -123,7 +123,7 @@ def test_a_head_that_the_machine_has_lower_than_the_program_knew_is_found(tmp_pa
                      "cutter=side", stage="gcode")
     tools = json.loads((folder / "tools.json").read_text())
     rows = tools["tools"] if isinstance(tools, dict) else tools
-    disc = next(t for t in rows if t["head"])
+    disc = next(t for t in rows if "head" in t)
     disc["head"]["boxes"][0].update(min_mm=[-28.0, -12.0, -45.0], max_mm=[-1.0, 12.0, 70.0])
     (folder / "tools.json").write_text(json.dumps(tools))
     judged = judge(folder, read_job(folder), options=Options(spacing_mm=0.5, solid_pitch_mm=0.8, replay_pitch_mm=0.5))
