@@ -21,7 +21,6 @@ from cuspline.cutter_profile import apt_profile, lens_profile, side_profile, tan
 from cuspline.errors import InputError
 from cuspline.tool_units import in_mm
 
-
 WIDTH_MM = 1e-9             # lengths that are the same
 
 
@@ -225,7 +224,8 @@ class Tool(Model):
         if c.type != "side" or abs(c.flute_length_mm - 2 * c.corner_radius_mm) > WIDTH_MM:
             raise ValueError(f"a right-angle head takes a side cutter with full teeth, whose corner_radius_mm is "
                              "half its flute_length_mm: a flat between the teeth gouges wherever the surface slopes; "
-                             f"T{self.number} has a {c.type} cutter of {c.flute_length_mm:g} mm and {c.corner_radius_mm:g} mm")
+                             f"T{self.number} has a {c.type} cutter of {c.flute_length_mm:g} mm and "
+                             f"{c.corner_radius_mm:g} mm")
         if self.head.length_mm <= c.radius_mm:
             raise ValueError(f"the head's length_mm {self.head.length_mm:g} does not reach beyond the disc's radius")
         return self

@@ -137,8 +137,8 @@ class Setup(Model):
                                   "teeth; None: the largest that fits")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
-    reach_x_mm: tuple[float, float] | None = Field(None, description="along the WCS's X, part coordinates: between "
-                                                   "these roughing tools stay; None: they clear the whole billet")
+    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it lies, along wcs_x: "
+                                                   "between these roughing tools stay; None: they clear all")
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
     markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part lies")
     marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may lie from the rigid part")

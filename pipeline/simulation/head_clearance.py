@@ -242,11 +242,8 @@ def put_contacts(worst, posted, tool, fixtures, cells, wanted_mm, spindle_head=(
     Returns:
         (proven distance of the head from the stock, at most the one wanted; place (3,)): inf, None without a move.
     """
-    mine = posted.tool == tool.number
-    middle = tool.driven_mm * np.array(tool.head.axis)
-    along = stations(np.where(mine[:, None], posted.start_mm + middle, np.nan),
-                     _Driven(end_mm=posted.end_mm + middle, center_mm=posted.center_mm + middle, kind=posted.kind,
-                             plane=posted.plane))
+    driven = posted.on_head(tool.number, tool.head.axis, -tool.driven_mm)       # from the tip back to the middle
+    along = stations(np.where((posted.tool == tool.number)[:, None], driven.start_mm, np.nan), driven)
     points, half = along.points_mm, LOOKED_MM / 2
     if not len(points):
         return np.inf, None
@@ -268,16 +265,6 @@ def put_contacts(worst, posted, tool, fixtures, cells, wanted_mm, spindle_head=(
         if part.kind == HOLDER and min(gap[k], wanted) < nearest:
             nearest, place = float(min(gap[k], wanted)), points[k]
     return nearest, place
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Driven:
-    """Moves of the disc's middle."""
-
-    end_mm: np.ndarray
-    center_mm: np.ndarray
-    kind: np.ndarray
-    plane: np.ndarray
 
 
 def _put(table, along, amount, which=slice(None)):

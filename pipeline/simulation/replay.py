@@ -88,7 +88,7 @@ class Replay:
 
 def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, stock_within_mm=None,
            design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
-           frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1", stock_for_heads=None,
+           frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
            within_before=None, left_by_heads=None,
            holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, kept=NOTHING):
     """Replays a posted program move by move on a z-map of the stock.
@@ -114,13 +114,13 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         fixtures: Fixture values, WCS.   machine: machines.Machine, or None: travel and table are not checked and
             nothing is known of a spindle head.
         frame: the WCS seen from the part, for the places of findings.
-        stock_for_heads: function as stock_within_mm, of the stock as the first tool on a right-angle head finds it;
-            None: the whole billet.  Such tools are held against it as head_clearance.py says; for all other
-            contacts the nodes do not know what they cut.
-        left_by_heads: function of places (n, 2) to heights (n,) that these tools alone leave of the billet, and the
-            rows (n,) that left them; None: the nodes are not lowered by them, in the end neither.
-        within_before: function of a row of PostedMoves to a function as stock_within_mm, of the stock before that move:
-            what the cells leave undecided is asked there once more.  None: it stays so.
+        within_before: function of a row of PostedMoves to a function as stock_within_mm, of the stock before that move.
+            What the cells leave undecided is asked there once more; tools on right-angle heads are held against the
+            stock that the first of them finds, as head_clearance.py says.  None: what is undecided stays so, and
+            heads meet the whole billet.
+        left_by_heads: function of places (n, 2) to heights (n,) that tools on heads alone leave of the billet, and the
+            rows (n,) that left them: the nodes are lowered by it in the end, contacts of other tools do not know of
+            it.  None: they are not.
         holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
             counts as part of the holder.
         kept: kept.Kept, asked first; NOTHING keeps nothing.
@@ -146,9 +146,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         unsure[replay_doubts.cleared(doubts, posted, script, wanted, within_before, stock_min, stock_max)] = False
     if on_heads and left_by_heads is not None:
         events, z = _lowered(events, z, *left_by_heads(zmap.xy_mm))
+    cells = _cells_for_heads(posted, on_heads, within_before, stock_min, stock_max) if on_heads else None
     for tool in on_heads:
-        found = stock_for_heads or (lambda xy, radius: np.full(len(xy), top))
-        cells = head_clearance.StockCells.over(stock_min, stock_max, found)
         proven, at = head_clearance.put_contacts(worst, posted, tool, fixtures, cells, wanted, spindle_head)
         if proven < least[1]:
             least[:] = min(least[0], proven), proven, *at
@@ -299,6 +298,13 @@ def _on_heads(posted, tools):
     return [t for n, t in sorted(tools.items()) if t.head is not None and (posted.tool == n).any()]
 
 
+def _cells_for_heads(posted, on_heads, within_before, low, high):
+    """StockCells of the stock that the first tool on a head finds; the whole billet where nobody knows."""
+    first = int(np.isin(posted.tool, [t.number for t in on_heads]).argmax())
+    found = (lambda xy, radius: np.full(len(xy), high[2])) if within_before is None else within_before(first)
+    return head_clearance.StockCells.over(low, high, found)
+
+
 def _script(posted, tools, spindle_head):
     """Pieces of all known moves of upright tools in order, with their cutters and the parts above these."""
     known = cutting_rows(posted) & np.isin(posted.tool, list(tools))
@@ -308,7 +314,7 @@ def _script(posted, tools, spindle_head):
         raise SimulationError(f"line {posted.line[k]}: feed move with T{posted.tool[k]} from "
                               f"{posted.start_mm[k]}; the tool is not in the library or the start is unknown",
                               rows=np.flatnonzero(lost))
-    numbers = sorted({int(n) for n in posted.tool[known]} - {t.number for t in _on_heads(posted, tools)})
+    numbers = sorted(n for n in {int(n) for n in posted.tool[known]} if tools[n].head is None)
     pieces = [_pieces(posted, np.flatnonzero(known & (posted.tool == n)), tools[n]) for n in numbers]
     stack = lambda arrays, empty: np.concatenate([empty, *arrays])
     geometry = stack([p.geometry for p in pieces], np.zeros((0, 12)))

@@ -8,11 +8,11 @@ import numpy as np
 
 from cuspline.program import Kind
 from cuspline.simulation.replay_kernel import RAPID
+from cuspline.simulation.replay_stock import CELL_MM
 
-CELL_MM = 0.0005
-MOST_CELLS = 20_000
+MOST_CELLS = 20_000         # of one size: so many are no fin, the move meets stock
 MOST_ROWS = 40              # more of them are a program that is wrong as a whole
-DIAGONAL = np.sqrt(2.0) * (1 + 1e-6)
+DIAGONAL = np.sqrt(2.0) * (1 + 1e-6)        # of half a cell's side to its corner, rounding included
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
 
 

@@ -242,7 +242,7 @@ def stretches(tip, ball_radius_mm, ridge_mm, resolution_mm, within_mm=None):
     x = np.linspace(*(within_mm or tip.range_mm), BRACKET_SAMPLES)
     _refuse_tight_valley(_crest(tip), "the tip line", ball_radius_mm, x)
     allowed = widest_interval_mm(tip, ball_radius_mm, ridge_mm, x)
-    center, ends = _crest(tip).center_x_mm(ball_radius_mm, x), center_ranges_mm(tip, ball_radius_mm, within_mm)[0]
+    center, ends = center_x_of_contact_mm(tip, ball_radius_mm, x), center_ranges_mm(tip, ball_radius_mm, within_mm)[0]
     bounds = [0, *(np.flatnonzero(np.diff(np.abs(crest_slope(tip, x)) > STEEP_SLOPE)) + 1), len(x) - 1]
     made, start = [], _on_grid(ends[0], resolution_mm)
     for a, b in zip(bounds[:-1], bounds[1:]):

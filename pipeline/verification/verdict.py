@@ -356,7 +356,7 @@ def _replayed(part, c, tools, machine, kept):
                   design_top_mm=grid(np.where(np.isfinite(design), design, np.nan)),
                   design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
                   design_error_mm=mesh.deviation_mm + part.finish.gouge_mm, fixtures=program.fixtures, machine=machine,
-                  frame=frame, setup=c.name, stock_for_heads=_stock_for_heads(c, tools),
+                  frame=frame, setup=c.name,
                   within_before=lambda row: _within_before(c, tools, row),
                   left_by_heads=lambda xy: _left_by_heads(part, c, high, low, xy),
                   holder_clearance_mm=options.holder_clearance_mm,
@@ -394,15 +394,6 @@ def _tidy(value):
     if isinstance(value, list):
         return [_tidy(v) for v in value]
     return rounded(value) if isinstance(value, float) else value
-
-
-def _stock_for_heads(c, tools):
-    """Bound of the stock that the first tool on a right-angle head finds, see `replay`; None without such a tool."""
-    posted = c.program.posted
-    on_head = np.isin(posted.tool, [n for n, t in tools.items() if t.head is not None])
-    if not on_head.any():
-        return None
-    return _within_before(c, tools, int(on_head.argmax()))
 
 
 def _within_before(c, tools, row):

@@ -54,7 +54,9 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, tessellation_mm, path
     is_good = (np.abs(d) < THIN_MM) & found.is_reachable & found.is_own & (normal_z > 0.5)
     good = _quiet_cells(at, shape, is_good)
     if not good.any():                              # a narrow part: no volumes to compare, but the grid has its error
-        zmap = _mean_off_mm(field, cut, points[is_good][:MOST_PLACES, :2], shape, cell)
+        fine = np.flatnonzero(is_good)
+        xy = points[fine[::len(fine) // MOST_PLACES + 1], :2]       # of all faces alike
+        zmap = _mean_off_mm(field, cut, xy, shape, cell)
         return excess_of().volume(), gouge_of().volume(), Volumes(zmap_mm=zmap)
     inside = good[at[:, 0], at[:, 1]] & (normal_z > 0.5)
     weight, d = found.samples.weight_mm2[inside], d[inside]

@@ -142,6 +142,6 @@ def test_a_disc_below_the_machines_table_is_found(tmp_path):
         machine = job.machine.model_copy(update={"table_z_mm": job.machine.wcs_origin_mm[2] + lowest - above})
         moves = posted_moves(((folder / "setup-1.ngc").read_text(),), job.posted[0].setup, machine, tools)
         found = replay(moves, tools, stock_min=(0.0, -10.0, 0.0), stock_max=(2.0, 10.0, 92.0), pitch_mm=0.5,
-                       machine=machine, stock_for_heads=lambda xy, radius: np.zeros(len(xy)))
+                       machine=machine, within_before=lambda row: lambda xy, radius: np.zeros(len(xy)))
         depth.append([f.amount_mm for f in found.findings if "table" in f.advice])
     assert depth[0] == [] and max(depth[1]) == pytest.approx(2.0, abs=0.01)
