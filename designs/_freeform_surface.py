@@ -17,6 +17,8 @@ from OCP.Geom import Geom_BezierSurface
 from OCP.gp import gp_Pnt
 from OCP.TColgp import TColgp_Array2OfPnt
 
+from cuspline import fixed_math as fixed
+
 POINTS = Path(__file__).parent / "data" / "freeform_lopes_points.csv"
 EDGE_TOLERANCE_MM = 1e-7
 # powers of u against the cubic Bernstein polynomials: pole k holds C(k, j) / C(3, j) of the coefficient of u^j
@@ -32,7 +34,7 @@ def curve_points_mm():
 
 def poles_mm():
     """(4, 3, 3) Bézier poles, u first."""
-    first, middle, last = (POWER_TO_BEZIER @ _cubic_through(points) for points in curve_points_mm())
+    first, middle, last = (fixed.matmul(POWER_TO_BEZIER, _cubic_through(points)) for points in curve_points_mm())
     return np.stack([first, 2 * middle - (first + last) / 2, last], axis=1)
 
 
@@ -40,7 +42,7 @@ def _cubic_through(points):
     """(4, 3) coefficients of 1, u, u², u³ through four points at their chord-length parameters."""
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     u = np.concatenate([[0.0], np.cumsum(chords) / chords.sum()])
-    return np.linalg.solve(np.vander(u, increasing=True), points)
+    return fixed.solve(np.stack([np.ones_like(u), u, u * u, u * u * u], axis=1), points)
 
 
 def freeform_face():

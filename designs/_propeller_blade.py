@@ -14,8 +14,10 @@ Skew is positive towards the trailing edge, rake downstream; r skew tan(phi) is 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import BSpline
 
+from cuspline import fixed_math as fixed
+from cuspline.surfaces.spline_interpolation import interpolated
 from cuspline.designs._propeller_sections import TrailingEdge, loop_angle, section_loop
 from cuspline.errors import DesignError
 from cuspline.surfaces.closed_splines import periodic_spline
@@ -185,15 +187,15 @@ def blade_points_mm(laws, sigma, rho):
 
 def wrapped(table, r_mm, pitch_mm, skew_rad, rake_mm, xi_mm, n_mm):
     """(n, 3) places of section points on cylinders (formula above)."""
-    phi = np.arctan2(pitch_mm, 2 * np.pi * r_mm)
-    x = rake_mm + skew_rad * pitch_mm / (2 * np.pi) + xi_mm * np.sin(phi) - n_mm * np.cos(phi)
-    turn = skew_rad + (xi_mm * np.cos(phi) + n_mm * np.sin(phi)) / r_mm
-    return np.stack([x, table.hand * r_mm * np.sin(turn), r_mm * np.cos(turn)], axis=-1)
+    phi = fixed.arctan2(pitch_mm, 2 * np.pi * r_mm)
+    x = rake_mm + skew_rad * pitch_mm / (2 * np.pi) + xi_mm * fixed.sin(phi) - n_mm * fixed.cos(phi)
+    turn = skew_rad + (xi_mm * fixed.cos(phi) + n_mm * fixed.sin(phi)) / r_mm
+    return np.stack([x, table.hand * r_mm * fixed.sin(turn), r_mm * fixed.cos(turn)], axis=-1)
 
 
 def about_x(turn_rad):
     """(3, 3) rotation about X, from Y towards Z: rows are turned by `points @ about_x(turn).T`."""
-    return np.array([[1, 0, 0], [0, np.cos(turn_rad), -np.sin(turn_rad)], [0, np.sin(turn_rad), np.cos(turn_rad)]])
+    return np.array([[1, 0, 0], [0, fixed.cos(turn_rad), -fixed.sin(turn_rad)], [0, fixed.sin(turn_rad), fixed.cos(turn_rad)]])
 
 
 def rho_at(v, innermost, has_round_tip):
@@ -230,9 +232,9 @@ def loop_angles(shape, edge, refinement):
     """Rising loop angles of the knots, one turn: those of the section's own laws, finer towards the edges, and the
     ends of the columns."""
     half = np.pi / 2
-    steps = np.cumsum(np.minimum(FINEST * GROWTH ** np.arange(200), WIDEST) / refinement)
+    steps = np.cumsum(np.minimum(FINEST * np.cumprod(np.r_[1.0, np.full(199, GROWTH)]), WIDEST) / refinement)
     steps = np.r_[steps[steps < half], half]
-    own = loop_angle(np.sin(np.unique(shape.knots) / 2) ** 2, 1.0, edge)
+    own = loop_angle(fixed.sin(np.unique(shape.knots) / 2) ** 2, 1.0, edge)
     nose, tail = np.array([NOSE]), np.array([np.pi - TAIL])
     side = np.array([0.0, np.pi])
     for more in (nose, tail, own, steps, np.pi - steps):      # what comes first stays
@@ -250,7 +252,7 @@ def _interpolated(laws, innermost, refinement):
     points = blade_points_mm(laws, grid_u, rho_at(grid_v, innermost, laws.table.has_round_tip))
     points = points.reshape(len(sigma), len(v), 3)
     around = periodic_spline(sigma, points, 2 * np.pi)
-    along = make_interp_spline(v, around.c.transpose(1, 0, 2), DEGREE)
+    along = interpolated(v, around.c.transpose(1, 0, 2), DEGREE)
     poles = along.c.transpose(1, 0, 2)
     return NurbsSurface(degree_u=DEGREE, degree_v=DEGREE, knots_u=around.t, knots_v=along.t,
                         poles=np.concatenate([poles, np.ones((*poles.shape[:2], 1))], axis=-1))

@@ -7,6 +7,7 @@ taken from its sections with cylinders, unrolled.
 import numpy as np
 from OCP.TopAbs import TopAbs_SHELL
 
+from cuspline import fixed_math as fixed
 from cuspline import brep
 from cuspline.design import Figure, SolidReport
 from cuspline.designs._propeller_blade import wrapped
@@ -228,10 +229,10 @@ def section_on_solid(made, faces, rho, sigma):
         at = v[rows]
         for _ in range(8):
             d = face.nurbs.derivatives(u[rows], at)
-            size = np.hypot(d[:, 0, 1], d[:, 0, 2])
+            size = fixed.hypot(d[:, 0, 1], d[:, 0, 2])
             at = at - (size - r) / ((d[:, 0, 1] * d[:, 2, 1] + d[:, 0, 2] * d[:, 2, 2]) / size)
         places[rows] = face.nurbs.derivatives(u[rows], at)[:, 0]
-    turn = np.unwrap(np.arctan2(table.hand * places[:, 1], places[:, 2]))
+    turn = np.unwrap(fixed.arctan2(table.hand * places[:, 1], places[:, 2]))
     return np.stack([r * turn, places[:, 0]], axis=1)
 
 
@@ -244,8 +245,8 @@ def _measured_section(made, faces, rho):
     along, axial = tail - nose
     tilt, stretch = _ends_off_the_line(made, rho)
     thickness = np.linalg.norm(back - face, axis=1).max()
-    pitch = turn * np.tan(np.arctan2(axial, along) + tilt)
-    return float(np.hypot(along, axial) / stretch), float(pitch), float(thickness)
+    pitch = turn * fixed.tan(fixed.arctan2(axial, along) + tilt)
+    return float(fixed.hypot(along, axial) / stretch), float(pitch), float(thickness)
 
 
 def _ends_off_the_line(made, rho):
@@ -254,7 +255,7 @@ def _ends_off_the_line(made, rho):
     _, n = section_loop(laws.table.shape, laws.table.edge, np.array([0.0, np.pi]), at, laws.thickness_share(at),
                         laws.camber_share(at))
     rise = n[1] - n[0]
-    return float(np.arctan(rise)), float(np.hypot(1.0, rise))
+    return float(fixed.arctan(rise)), float(fixed.hypot(1.0, rise))
 
 
 def sections_at_radii(made, faces):

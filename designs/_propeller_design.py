@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from cuspline import fixed_math as fixed
 from cuspline import brep
 from cuspline.design import Design, FacePredicate, Finish, Parameters, StockBox
 from cuspline.designs._propeller_blade import blade_of
@@ -101,7 +102,7 @@ def hub_of(p, diameter_mm, hub_ratio):
     length = p.hub_length_share * diameter_mm
     fore = -p.hub_forward_share * length
     half_angle, radius = float(np.radians(p.hub_taper_deg)), hub_ratio * diameter_mm / 2
-    least = radius + np.tan(half_angle) * (fore if half_angle > 0 else fore + length)
+    least = radius + fixed.tan(half_angle) * (fore if half_angle > 0 else fore + length)
     if least <= 0:
         raise DesignError(f"the hub tapers to nothing: {radius:.2f} mm at the generator line, "
                           f"{p.hub_taper_deg:g} deg over {length:.1f} mm; taper it less")

@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from cuspline import fixed_math as fixed
 from cuspline.designs._propeller_blade import about_x
 from cuspline.designs._propeller_sections import section_loop
 from cuspline.report.plots import in_our_style
@@ -28,23 +29,23 @@ def outlines(made):
     rho = blade.rho_at(np.linspace(float(blade.v_at(least)), 1.0, HIGH))
     r = rho * table.radius_mm
     points = blade.points_mm(*(g.ravel() for g in np.meshgrid(LOOP[::4], rho, indexing="ij"))).reshape(-1, HIGH, 3)
-    turn = np.unwrap(np.arctan2(table.hand * points[..., 1], points[..., 2]), axis=0)
+    turn = np.unwrap(fixed.arctan2(table.hand * points[..., 1], points[..., 2]), axis=0)
     edges = [points[len(points) // 2], points[0]]
     for k in range(table.blades):
         a, style = 2 * np.pi * k / table.blades, {"color": PALE if k else INK, "linewidth": 0.6 if k else 1.2}
         for widest in (turn.min(axis=0), turn.max(axis=0)):
-            aft.plot(table.hand * r * np.sin(widest + a), r * np.cos(widest + a), **style)
+            aft.plot(table.hand * r * fixed.sin(widest + a), r * fixed.cos(widest + a), **style)
         for edge in edges:
-            line = edge @ about_x(a).T
+            line = fixed.matmul(edge, about_x(a).T)
             side.plot(line[:, 0], line[:, 2], **style)
     x = np.linspace(*made.hub.ends_mm, 100)
     radius = made.hub.profile(x)
     round_hub = np.linspace(0, 2 * np.pi, 200)
-    aft.plot(radius.max() * np.cos(round_hub), radius.max() * np.sin(round_hub), color=INK, linewidth=0.8)
+    aft.plot(radius.max() * fixed.cos(round_hub), radius.max() * fixed.sin(round_hub), color=INK, linewidth=0.8)
     side.plot(np.r_[x[0], x, x[-1], x[-1], x[::-1], x[0]], np.r_[0, radius, 0, 0, -radius[::-1], 0], color=INK,
               linewidth=0.8)
     chord, pitch = blade.laws.chord_mm(rho), blade.laws.pitch_mm(rho)
-    middle = blade.laws.skew(rho) * np.hypot(r, pitch / (2 * np.pi))      # along the helix from the generator line
+    middle = blade.laws.skew(rho) * fixed.hypot(r, pitch / (2 * np.pi))      # along the helix from the generator line
     expanded.plot(middle - chord / 2, r, color=INK, label="leading edge")
     expanded.plot(middle + chord / 2, r, color=PALE, label="trailing edge")
     expanded.plot(middle, r, color=PALE, linestyle=":", label="middle of the chord")

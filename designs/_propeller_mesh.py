@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.designs._propeller_blade import about_x
 
 SPREAD = 1.05               # on a density, when a bulge is too large
@@ -216,7 +217,7 @@ def _side_of_face(loops):
 
 def _weld_blade(weld, names, k, columns, grids, turn, is_flipped):
     """Blade k with its fillet; returns the ids of its border on the hub, one row a column."""
-    bodies, balls, tips = ([g[::2, ::2] @ turn for kind, g in grids if kind == wanted]
+    bodies, balls, tips = ([fixed.matmul(g[::2, ::2], turn) for kind, g in grids if kind == wanted]
                            for wanted in ("blade", "fillet", "tip"))
     pole = weld.add(tips[0][:1, -1])[0] if tips else None
     made, rows = [], {name: _index(names, name) for name in
@@ -249,17 +250,17 @@ def _weld_hub(weld, names, made, grids, turns, feet, is_flipped):
     face, nose, back, tail = (g[::2, ::2] for g in grids)
     blades, ends = len(turns), {}
     # the face's border of one sector is the back's of a neighbour, with the same nodes the other way round
-    borders = [weld.add(face[:, -1] @ turn) for turn in turns]
-    angle = lambda p: np.arctan2(p[2], p[1])
+    borders = [weld.add(fixed.matmul(face[:, -1], turn)) for turn in turns]
+    angle = lambda p: fixed.arctan2(p[2], p[1])
     ahead = np.remainder(angle(face[0, -1]) - angle(back[-1, -1]) + np.pi, 2 * np.pi) - np.pi > 0
     index = _index(names, "hub")
     for k, turn in enumerate(turns):
         own, other = borders[k], borders[k - 1 if ahead else (k + 1) % blades][::-1]
-        rim_nose = np.r_[own[-1], weld.add(nose[1:-1, -1] @ turn), other[0]]
-        rim_tail = np.r_[other[-1], weld.add(tail[1:-1, -1] @ turn), own[0]]
+        rim_nose = np.r_[own[-1], weld.add(fixed.matmul(nose[1:-1, -1], turn)), other[0]]
+        rim_tail = np.r_[other[-1], weld.add(fixed.matmul(tail[1:-1, -1], turn)), own[0]]
         got = []
         for c, (grid, rim) in enumerate(zip((face, nose, back, tail), (own, rim_nose, other, rim_tail))):
-            got.append(weld.block(grid @ turn, index, not is_flipped, left=feet[k][c], right=rim,
+            got.append(weld.block(fixed.matmul(grid, turn), index, not is_flipped, left=feet[k][c], right=rim,
                                   first=got[c - 1][-1] if c else None, last=got[0][0] if c == 3 else None))
         ends[k] = (rim_nose, rim_tail)
     fore, _ = made.hub.ends_mm

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
+from cuspline import fixed_math as fixed
 from cuspline.designs._propeller_blade import about_x
 from cuspline.designs._propeller_sections import stations
 from cuspline.errors import DesignError
@@ -38,8 +39,8 @@ class RadiusLaw:
         row = np.searchsorted(self.angle, at, side="right") - 1
         t = (at - self.angle[row]) / span[row]
         rise = np.roll(self.radius_mm, -1)[row] - self.radius_mm[row]
-        return (self.radius_mm[row] + rise * t ** 4 * (35 - 84 * t + 70 * t ** 2 - 20 * t ** 3),
-                rise * 140 * (t * (1 - t)) ** 3 / span[row])
+        return (self.radius_mm[row] + rise * fixed.power(t, 4) * (35 - 84 * t + 70 * t ** 2 - 20 * fixed.power(t, 3)),
+                rise * 140 * fixed.power(t * (1 - t), 3) / span[row])
 
     def scaled(self, share):
         return RadiusLaw(angle=self.angle, radius_mm=share * self.radius_mm)
@@ -54,7 +55,7 @@ def radius_round_root(leading_edge_mm, face_mm, trailing_edge_mm, back_mm):
 def straight_hub(fore_mm, aft_mm, radius_mm, half_angle_rad=0.0):
     """Revolved between two x, of a radius at x = 0, growing downstream for a positive angle."""
     x = np.linspace(fore_mm, aft_mm, 4)
-    return Revolved(profile=BSpline(np.repeat([fore_mm, aft_mm], 4), radius_mm + np.tan(half_angle_rad) * x, 3),
+    return Revolved(profile=BSpline(np.repeat([fore_mm, aft_mm], 4), radius_mm + fixed.tan(half_angle_rad) * x, 3),
                     half_angle_rad=float(half_angle_rad))
 
 
@@ -100,7 +101,7 @@ def obstacle(blade, hub, rolling):
     if np.isnan(rolling.v).any():
         return "finds no place where it touches both blade and hub", int(np.argmax(np.isnan(rolling.v)))
     x = rolling.foot_mm[:, 0]
-    arc = np.arccos(np.clip(np.einsum("ij,ij->i", rolling.blade_normal, rolling.hub_normal), -1, 1))
+    arc = fixed.arccos(np.clip(np.einsum("ij,ij->i", rolling.blade_normal, rolling.hub_normal), -1, 1))
     speed = np.linalg.norm(rolling.motion_mm, axis=1)
     hub_hollow = hub.hollow_radius_mm(x)
     step = lambda p: np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1)
@@ -128,7 +129,7 @@ def root_width(rolling):
     x, angle = rolling.foot_mm[:, 0], rolling.foot_angle
     nx, nangle = np.r_[x[1:], x[0]], np.r_[angle[1:], angle[0]]
     span = x.max() - x.min()
-    at = x.min() + span * (1 - np.cos(np.pi * (np.arange(SLICES) + 0.5) / SLICES)) / 2
+    at = x.min() + span * (1 - fixed.cos(np.pi * (np.arange(SLICES) + 0.5) / SLICES)) / 2
     crosses = (np.minimum(x, nx) <= at[:, None]) & (at[:, None] < np.maximum(x, nx))
     share = (at[:, None] - x) / np.where(nx == x, 1.0, nx - x)
     cut = angle + share * (nangle - angle)
@@ -149,7 +150,7 @@ def _crowded_by_neighbour(blade, rolling):
 
 def _crossing_itself(rolling):
     """The fillet's border on the hub as a polygon: no two sides may cross."""
-    p = np.column_stack([rolling.foot_angle * np.median(np.hypot(*rolling.foot_mm[:, 1:].T)), rolling.foot_mm[:, 0]])
+    p = np.column_stack([rolling.foot_angle * np.median(fixed.hypot(*rolling.foot_mm[:, 1:].T)), rolling.foot_mm[:, 0]])
     q = np.roll(p, -1, axis=0)
     side = lambda a, b, c: ((b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1])
                             - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0]))
@@ -170,7 +171,7 @@ def _dipping_into_blades(blade, rolling):
     at = np.interp(u, np.r_[rolling.u, rolling.u[0] + 2 * np.pi], np.r_[rolling.v, rolling.v[0]])
     points = points[v >= at]
     for turn, whose in ((0, "its own blade"), (1, "the next blade"), (-1, "the blade before")):
-        near, _ = cKDTree(points @ about_x(2 * np.pi * turn / blade.table.blades).T).query(rolling.center_mm)
+        near, _ = cKDTree(fixed.matmul(points, about_x(2 * np.pi * turn / blade.table.blades).T)).query(rolling.center_mm)
         inside = rolling.radius_mm - near
         if inside.max() > TOUCHING_MM:
             return f"reaches {inside.max():.3f} mm into {whose}", int(np.argmax(inside))

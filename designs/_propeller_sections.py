@@ -22,6 +22,7 @@ from typing import Literal
 import numpy as np
 from scipy.interpolate import BSpline
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import DesignError
 from cuspline.surfaces.fairing import DEGREE, fair_spline
 
@@ -48,7 +49,7 @@ class TrailingEdge:
 
 def stations(sigma, edge):
     """x/c and 1 - x/c, (n,) each, of loop angles; each exact where it is small."""
-    lead, rest = np.sin(sigma / 2) ** 2, np.cos(sigma / 2) ** 2
+    lead, rest = fixed.sin(sigma / 2) ** 2, fixed.cos(sigma / 2) ** 2
     if edge.kind == "square":       # 1 - x ~ (pi - sigma)^4: the loop crosses the flat end evenly
         return (lead * (rest + SQUARE * (1 + rest)) / (rest + SQUARE),
                 rest * rest * (1 + SQUARE) / (rest + SQUARE))
@@ -61,7 +62,7 @@ def loop_angle(x_c, side, edge):
     if edge.kind == "square":
         half = far / (1 + SQUARE) / 2
         far = half + np.sqrt(half * half + 2 * half * SQUARE)
-    return side * 2 * np.arctan2(np.sqrt(1 - far), np.sqrt(far))
+    return side * 2 * fixed.arctan2(np.sqrt(1 - far), np.sqrt(far))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -124,34 +125,35 @@ def section_loop(shape, edge, sigma, rho, thickness, camber):
         chord.
     """
     x, far = stations(sigma, edge)
-    theta = 2 * np.arctan2(np.sqrt(x), np.sqrt(far))
-    side = np.where(np.sin(sigma) < 0, -1.0, 1.0)
+    theta = 2 * fixed.arctan2(np.sqrt(x), np.sqrt(far))
+    side = np.where(fixed.sin(sigma) < 0, -1.0, 1.0)
     tail = thickness * shape.half(np.full_like(theta, np.pi), rho)
     half = thickness * shape.half(theta, rho)
     if edge.thickness_share is not None:
-        half = half + (thickness * edge.thickness_share / 2 - tail) * x ** END_POWER
+        half = half + (thickness * edge.thickness_share / 2 - tail) * fixed.power(x, END_POWER)
         tail = thickness * edge.thickness_share / 2
     middle, slope = shape.middle(theta, rho, thickness, camber)
     if edge.kind == "anti-singing":
         taken = tail * (1 - edge.bevel_leaves) * _knuckle(1 - far / edge.bevel_chord_share)
         half, middle, tail = half - taken, middle - taken, tail * edge.bevel_leaves
-    half = half * np.tanh(2 * far / tail) ** (0.25 if edge.kind == "square" else 0.5)
+    half = half * fixed.power(fixed.tanh(2 * far / tail), 0.25 if edge.kind == "square" else 0.5)
     if not shape.has_round_nose:
-        half = half * np.sqrt(np.tanh(2 * x / (thickness * shape.half(np.zeros_like(theta), rho))))
+        half = half * np.sqrt(fixed.tanh(2 * x / (thickness * shape.half(np.zeros_like(theta), rho))))
     root = np.sqrt(1 + slope * slope)
     return x - side * half * slope / root, middle + side * half / root
 
 
 def _knuckle(z):
     """Smooth bevel: 0 before its knuckle at z = 0, 1 at z = 1."""
-    return np.logaddexp(0.0, BEVEL_SHARPNESS * z) / np.logaddexp(0.0, BEVEL_SHARPNESS)
+    rounded = lambda y: np.maximum(y, 0.0) + fixed.log(1.0 + fixed.exp(-np.abs(y)))
+    return rounded(BEVEL_SHARPNESS * z) / rounded(BEVEL_SHARPNESS)
 
 
 def _slope(mean, theta):
     """d(mean)/d(x/c) of a mean line that is even over theta at both ends."""
-    sine = np.sin(theta)
+    sine = fixed.sin(theta)
     flat = np.abs(sine) < FLAT
-    limit = mean.derivative(2)(theta) / np.cos(theta)
+    limit = mean.derivative(2)(theta) / fixed.cos(theta)
     return 2 * np.where(flat, limit, mean.derivative()(theta) / np.where(flat, 1.0, sine))
 
 
@@ -202,7 +204,7 @@ def form_and_mean_line(x_c, half_thickness, camber, camber_slope, leading_radius
         leading_radius: radius of the nose times chord / (greatest thickness)^2; along the mean line.
         rounding: how far the ordinates may be off.
     """
-    theta = 2 * np.arcsin(np.sqrt(x_c))
+    theta = 2 * fixed.arcsin(np.sqrt(x_c))
     return FormAndMeanLine(
         half_thickness=fair_spline(theta, half_thickness, rounding, zero_derivatives=(ODD, EVEN),
                                    slope_at_start=np.sqrt(leading_radius / 2)),
@@ -219,12 +221,12 @@ def offset_shapes(radii, x_c, face, back, thickness, rounding=ROUNDING):
         thickness: (m,) greatest thickness in that unit.
         rounding: how far the ordinates may be off, share of the thickness.
     """
-    sites = _spread(np.concatenate([2 * np.arcsin(np.sqrt(x)) for x in x_c]))
+    sites = _spread(np.concatenate([2 * fixed.arcsin(np.sqrt(x)) for x in x_c]))
     nose = max(abs(b[0] - f[0]) / t for f, b, t in zip(face, back, thickness))
     is_round = nose <= rounding
     halves, middles = [], []
     for x, low, high, t in zip(x_c, face, back, thickness):
-        theta = 2 * np.arcsin(np.sqrt(x))
+        theta = 2 * fixed.arcsin(np.sqrt(x))
         halves.append(fair_spline(theta, (high - low) / 2 / t, rounding, sites=sites,
                                   zero_derivatives=(ODD if is_round else EVEN, EVEN)))
         middles.append(fair_spline(theta, (high + low) / 2 / t, rounding, sites=sites, zero_derivatives=(EVEN, EVEN)))
@@ -259,7 +261,7 @@ def b_series_offsets(blades, thickness_share_of_edges):
     peak = fair_spline(plan["r_R"][known], plan[f"b_c_{tag}"][known], bending=2, domain=(0.15, 1.0))
     columns = [name for name in under if name != "r_R"]
     share = np.array([float(name.split("=")[1]) for name in columns])[::-1]         # 1 at the leading edge
-    order = np.argsort(under["r_R"])
+    order = np.argsort(under["r_R"], kind="stable")
     radii, x_c, face, back = under["r_R"][order], [], [], []
     for k in order:
         v1, v2 = (np.array([t[name][k] for name in columns])[::-1] for t in (under, over))

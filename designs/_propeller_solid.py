@@ -17,8 +17,10 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCone, BRepPrimA
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopTools import TopTools_ListOfShape
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import BSpline
 
+from cuspline import fixed_math as fixed
+from cuspline.surfaces.spline_interpolation import interpolated
 from cuspline import brep
 from cuspline.designs._propeller_blade import DEGREE, Blade, about_x
 from cuspline.designs._propeller_root import OUTERMOST_CONTACT, rolled_round_root, root_width
@@ -56,7 +58,7 @@ class HubCuts:
         """Radius of the bore at the fore end and a length behind it; 0 without a bore, whatever its taper."""
         if self.bore_mm <= 0:
             return 0.0, 0.0
-        return self.bore_mm / 2, self.bore_mm / 2 + length_mm * np.tan(self.bore_half_angle_rad)
+        return self.bore_mm / 2, self.bore_mm / 2 + length_mm * fixed.tan(self.bore_half_angle_rad)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -116,7 +118,7 @@ def _rolled_fillet(blade, hub, law):
 def _turned(made, turn):
     """A Blade or a Fillet with its surface turned about X."""
     poles = made.surface.poles.copy()
-    poles[..., :3] = poles[..., :3] @ about_x(turn).T
+    poles[..., :3] = fixed.matmul(poles[..., :3], about_x(turn).T)
     return replace(made, surface=replace(made.surface, poles=poles))
 
 
@@ -210,13 +212,13 @@ def _add_flat_tip(builder, name, blade, rim):
         sites = np.unique(np.r_[low, knots[(knots > low) & (knots < high)], high])
         u = np.unique(np.concatenate([sites, (sites[1:] + sites[:-1]) / 2]))
         p = blade.surface.derivatives(u, np.ones(len(u)))[:, 0]
-        curves.append((edge, u, np.arctan2(p[:, 2], p[:, 1]), p[:, 0]))
+        curves.append((edge, u, fixed.arctan2(p[:, 2], p[:, 1]), p[:, 0]))
     reference = curves[0][2][0]
     near = lambda angle: reference + np.remainder(angle - reference + np.pi, 2 * np.pi) - np.pi
     loop = np.concatenate([np.column_stack([near(a), x]) for _, _, a, x in curves])
     start = loop[:, 0].mean() - np.pi
     sides = [Side(edge=edge, is_forward=_area(loop) > 0, curve=plane_curve(
-        make_interp_spline(u, np.column_stack([near(a) - start, x]), DEGREE))) for edge, u, a, x in curves]
+        interpolated(u, np.column_stack([near(a) - start, x]), DEGREE))) for edge, u, a, x in curves]
     builder.face(name, cylinder_round_x(blade.table.radius_mm, start), [sides if _area(loop) > 0 else sides[::-1]])
 
 
@@ -246,7 +248,7 @@ class _Sectors:
         self._borders = []
         for k in range(blades):
             ends = self._ends if k == 0 else [builder.vertex(p) for p in self._places(k, -1.0)[[0, -1]]]
-            curve = make_interp_spline(self._x, self._places(k, -1.0), DEGREE)
+            curve = interpolated(self._x, self._places(k, -1.0), DEGREE)
             self._borders.append((builder.edge(spline_curve(curve), self._x[0], self._x[-1], *ends), *ends))
         self._rims = []
 
@@ -257,11 +259,11 @@ class _Sectors:
 
     def _surface(self, k):
         """NurbsSurface of sector k: exact arcs across, interpolated along x."""
-        low, high, weight = self._places(k, -1.0), self._places(k, 1.0), np.cos(self._half)
+        low, high, weight = self._places(k, -1.0), self._places(k, 1.0), fixed.cos(self._half)
         over = self._places(k, 0.0) * [weight, 1.0, 1.0]        # homogeneous: the radius is R / weight there
         ones = np.ones((len(low), 1))
         rows = np.stack([np.hstack([low, ones]), np.hstack([over, weight * ones]), np.hstack([high, ones])])
-        along = make_interp_spline(self._x, rows.transpose(1, 0, 2), DEGREE)
+        along = interpolated(self._x, rows.transpose(1, 0, 2), DEGREE)
         return NurbsSurface(degree_u=2, degree_v=DEGREE, knots_u=ARC_KNOTS, knots_v=along.t,
                             poles=along.c.transpose(1, 0, 2))
 
@@ -289,8 +291,8 @@ class _Sectors:
         """A root's border in a sector's parameters: along an arc of half angle h, tan(a/2) = (2 t - 1) tan(h/2)."""
         u = _between(np.unique(border.t), (0.0, 0.5))
         angle, x = border(u).T
-        t = (1 + np.tan((angle - self.half_way(x)) / 2) / np.tan(self._half / 2)) / 2
-        return make_interp_spline(u, np.column_stack([t, x]), DEGREE)
+        t = (1 + fixed.tan((angle - self.half_way(x)) / 2) / fixed.tan(self._half / 2)) / 2
+        return interpolated(u, np.column_stack([t, x]), DEGREE)
 
     def add_ends(self):
         for end, name in enumerate(("hub fore end", "hub aft end")):
@@ -319,7 +321,7 @@ def _half_way(hub, rolling, blades):
 
     def beyond(x):      # outside the root it turns straight, so that a long hub is not wound round
         edge = np.clip(x, along.t[0], along.t[-1])
-        return along(edge) + along.derivative()(edge) * reach * np.tanh((x - edge) / reach)
+        return along(edge) + along.derivative()(edge) * reach * fixed.tanh((x - edge) / reach)
 
     x = np.unique(np.r_[np.linspace(fore, aft, SIDE_SITES), at[::24]])
     found = fair_spline(x, beyond(x), LAND / 4 * land.min(), domain=(fore, aft), bending=2)
@@ -362,7 +364,7 @@ def _tools(hub, cuts, name):
     """
     fore, aft = hub.ends_mm
     thinnest = float(hub.profile(np.linspace(fore, aft, 200)).min())
-    grow = np.tan(cuts.bore_half_angle_rad)
+    grow = fixed.tan(cuts.bore_half_angle_rad)
     first, last = cuts.bore_radii_mm(aft - fore)
     widest, narrowest = max(first, last), min(first, last)
     length, tools = aft - fore + 2 * CLEAR_MM, []
@@ -381,7 +383,7 @@ def _tools(hub, cuts, name):
                  else BRepPrimAPI_MakeCylinder(axis, first, length)).Shape()
         tools.append(("bore", shape))
     if cuts.key_width_mm > 0:
-        refuse("keyway", float(np.hypot(widest + cuts.key_depth_mm, cuts.key_width_mm / 2)))
+        refuse("keyway", float(fixed.hypot(widest + cuts.key_depth_mm, cuts.key_width_mm / 2)))
         if cuts.bore_mm <= cuts.key_width_mm:
             raise DesignError(f"propeller {name}: a keyway of {cuts.key_width_mm:g} mm needs a bore wider than that, "
                               f"it is {cuts.bore_mm:g} mm")
@@ -396,7 +398,7 @@ def _tools(hub, cuts, name):
             raise DesignError(f"propeller {name}: bolt holes of {cuts.bolt_mm:g} mm on a circle of "
                               f"{cuts.bolt_circle_mm:g} mm run into the bore; widen the circle")
         angle = 2 * np.pi * (k + 0.5) / cuts.bolts
-        center = cuts.bolt_circle_mm / 2 * np.array([np.cos(angle), np.sin(angle)])
+        center = cuts.bolt_circle_mm / 2 * np.array([fixed.cos(angle), fixed.sin(angle)])
         axis = gp_Ax2(gp_Pnt(fore - CLEAR_MM, *map(float, center)), gp_Dir(1, 0, 0))
         tools.append(("bolt hole", BRepPrimAPI_MakeCylinder(axis, cuts.bolt_mm / 2, length).Shape()))
     return tools
@@ -411,8 +413,8 @@ def volume_of_cuts_mm3(hub, cuts):
     bolts = cuts.bolts * np.pi / 4 * cuts.bolt_mm ** 2 * length
     if cuts.key_width_mm <= 0:
         return bore + bolts
-    nodes, weights = np.polynomial.legendre.leggauss(16)
+    nodes, weights = fixed.gauss_points(16)
     radius, half = first + (last - first) * (1 + nodes) / 2, cuts.key_width_mm / 2
-    under = half * np.sqrt(radius ** 2 - half ** 2) + radius ** 2 * np.arcsin(half / radius)
+    under = half * np.sqrt(radius ** 2 - half ** 2) + radius ** 2 * fixed.arcsin(half / radius)
     height = max(first, last) + cuts.key_depth_mm
     return bore + bolts + float(np.sum(weights * length / 2 * (2 * half * height - under)))

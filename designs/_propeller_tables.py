@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.designs._propeller_blade import PropellerTable, radial_laws
 from cuspline.designs._propeller_sections import (DATA, TrailingEdge, b_series_offsets, naca66_a08, offset_shapes,
                                                   table)
@@ -45,14 +46,14 @@ def b_series(blades, area_ratio, pitch_ratio, diameter_mm, is_right_handed=True,
     chord = plan[f"K_{tag}"] * area_ratio / blades
     pitch = pitch_ratio * (plan["pitch_factor_Z4"] if blades == 4 else np.ones(len(r)))
     behind = (0.5 - plan[f"a_c_{tag}"]) * chord                 # middle of the chord from the generator line, of D
-    phi = np.arctan(pitch / (np.pi * r))
-    skew = np.where(r < 1, behind * np.cos(phi) / (r / 2), np.nan)
+    phi = fixed.arctan(pitch / (np.pi * r))
+    skew = np.where(r < 1, behind * fixed.cos(phi) / (r / 2), np.nan)
     # behind * sin(phi) is the rake that this skew brings with it: only the generator line's own is told
     radii, x_c, face, back = b_series_offsets(blades, edge_share)
     return PropellerTable(
         name=f"B{blades}-{100 * area_ratio:.0f}", blades=blades, diameter_mm=diameter_mm,
         is_right_handed=is_right_handed,
-        r_R=r, chord_D=chord, pitch_D=pitch, skew_rad=skew, rake_D=np.tan(np.radians(rake_deg)) * r / 2,
+        r_R=r, chord_D=chord, pitch_D=pitch, skew_rad=skew, rake_D=fixed.tan(np.radians(rake_deg)) * r / 2,
         thickness_D=plan["Ar"] - plan["Br"] * blades, camber_c=np.zeros(len(r)),
         shape=offset_shapes(radii, x_c, face, back, np.ones(len(radii))), edge=edge)
 
@@ -82,7 +83,7 @@ def own_propeller(blades, area_ratio, pitch_ratio, diameter_mm, hub_ratio, *, is
     made = PropellerTable(
         name=f"{blades}-bladed", blades=blades, diameter_mm=diameter_mm, is_right_handed=is_right_handed, r_R=r,
         chord_D=plan["K_Z4to7"] * area_ratio / blades, pitch_D=pitch_ratio * (1 - (1 - root_pitch_share) * unload),
-        skew_rad=np.radians(skew_deg) * np.sign(out) * out ** 2, rake_D=np.tan(np.radians(rake_deg)) * r / 2,
+        skew_rad=np.radians(skew_deg) * np.sign(out) * out ** 2, rake_D=fixed.tan(np.radians(rake_deg)) * r / 2,
         thickness_D=thickness_scale * (plan["Ar"] - plan["Br"] * min(blades, 7)), camber_c=camber, shape=naca66_a08(),
         edge=edge)
     return replace(made, chord_D=made.chord_D * area_ratio / expanded_area_ratio(made, hub_ratio))
@@ -103,7 +104,7 @@ def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv
     _require(offsets_csv, rows, ("r_R", "x_c", "face_c", "back_c"))
     radii = np.unique(rows["r_R"])
     per = [np.flatnonzero(rows["r_R"] == r) for r in radii]
-    per = [k[np.argsort(rows["x_c"][k])] for k in per]
+    per = [k[np.argsort(rows["x_c"][k], kind="stable")] for k in per]
     for r, k in zip(radii, per):
         x = rows["x_c"][k]
         if len(x) < 6 or x[0] != 0 or x[-1] != 1 or (np.diff(x) <= 0).any():
@@ -158,7 +159,7 @@ def area_under_chords(made, hub_ratio, chord_mm, points):
         chord_mm: function r/R (n,) -> chord (n,).
         points: how many chords are asked for.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(points)
+    nodes, weights = fixed.gauss_points(points)
     end = np.sqrt(1 - hub_ratio)
     w = end * (1 + nodes) / 2
     chord = chord_mm(1 - w * w) / made.diameter_mm

@@ -14,8 +14,8 @@ Source: FORMULAS 1b; PARMTEQM prints A01 (its A0), A03 (A1) and A10 of circular 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import iv, ivp
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.roots import rising_roots
 
@@ -58,22 +58,22 @@ class EightTerm:
 
     def potential(self, x_mm, y_mm, z_mm):
         """(n,) 2U/V at places across (x, y) and along (z) the beam; the vane at y = 0, x > 0 stands at +1."""
-        r, theta = np.hypot(x_mm, y_mm), np.arctan2(y_mm, x_mm)
-        return _terms(r, theta, z_mm, self.wave_per_mm, self.r0_mm) @ self.coefficients
+        r, theta = fixed.hypot(x_mm, y_mm), fixed.arctan2(y_mm, x_mm)
+        return fixed.matmul(_terms(r, theta, z_mm, self.wave_per_mm, self.r0_mm), self.coefficients)
 
     def level(self, z_mm):
         """(n,) value of the potential that the tip line keeps to."""
         ends = self.potential(np.array([1.0, self.modulation]) * self.aperture_mm, np.zeros(2),
                               np.array([0.0, self.length_mm]))
-        return ends.mean() + (ends[0] - ends[1]) / 2 * np.cos(self.wave_per_mm * np.asarray(z_mm, float))
+        return ends.mean() + (ends[0] - ends[1]) / 2 * fixed.cos(self.wave_per_mm * np.asarray(z_mm, float))
 
     def tip_mm(self, z_mm, sign):
         """(n,) distance of a tip from the axis; `sign` +1: of the vane that begins at a, -1: at m a."""
         z = np.asarray(z_mm, float)
         z = z if sign > 0 else self.length_mm - z
         k, r0, level = self.wave_per_mm, self.r0_mm, self.level(z)
-        value = lambda r: _terms(r, 0.0 * r, z, k, r0) @ self.coefficients - level
-        slope = lambda r: _slopes(r, z, k, r0) @ self.coefficients
+        value = lambda r: fixed.matmul(_terms(r, 0.0 * r, z, k, r0), self.coefficients) - level
+        slope = lambda r: fixed.matmul(_slopes(r, z, k, r0), self.coefficients)
         reach = 1e-6 * self.aperture_mm
         return rising_roots(value, slope, np.full_like(z, self.aperture_mm - reach),
                             np.full_like(z, self.aperture_mm * self.modulation + reach))
@@ -82,22 +82,22 @@ class EightTerm:
 def _fit(given, z, r, rho):
     """(8,) coefficients by least squares on the arcs."""
     turn = np.linspace(0.0, ARC_RAD, ROUND)
-    x = ((r + rho)[:, None] - rho * np.cos(turn)).ravel()
-    y = np.broadcast_to(rho * np.sin(turn), (len(r), ROUND)).ravel()
-    rows = _terms(np.hypot(x, y), np.arctan2(y, x), np.repeat(z, ROUND), np.pi / given["length_mm"], given["r0_mm"])
+    x = ((r + rho)[:, None] - rho * fixed.cos(turn)).ravel()
+    y = np.broadcast_to(rho * fixed.sin(turn), (len(r), ROUND)).ravel()
+    rows = _terms(fixed.hypot(x, y), fixed.arctan2(y, x), np.repeat(z, ROUND), np.pi / given["length_mm"], given["r0_mm"])
     scale = np.abs(rows).max(axis=0)        # the terms differ by orders of magnitude
-    return np.linalg.lstsq(rows / scale, np.ones(len(rows)), rcond=None)[0] / scale
+    return fixed.least_squares(rows / scale, np.ones((len(rows), 1)))[:, 0] / scale
 
 
 def _terms(r, theta, z, k, r0):
     """(n, 8) the terms without their coefficients."""
-    columns = [((r / r0) ** n if not h else iv(n, h * k * r) * np.cos(h * k * z)) * np.cos(t * theta)
+    columns = [(fixed.power(r / r0, n) if not h else fixed.bessel_i(n, h * k * r) * fixed.cos(h * k * z)) * fixed.cos(t * theta)
                for n, h, t in ORDERS]
     return np.stack(columns, axis=-1)
 
 
 def _slopes(r, z, k, r0):
     """(n, 8) derivatives of the terms by r in the mid-plane."""
-    columns = [n * (r / r0) ** (n - 1) / r0 if not h else h * k * ivp(n, h * k * r) * np.cos(h * k * z)
+    columns = [n * fixed.power(r / r0, n - 1) / r0 if not h else h * k * fixed.bessel_i_slope(n, h * k * r) * fixed.cos(h * k * z)
                for n, h, _ in ORDERS]
     return np.stack(columns, axis=-1)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import iv
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import DesignError
 from cuspline.roots import rising_roots
 
@@ -45,12 +45,12 @@ class TwoTerm:
     def acceleration(self):
         """A10."""
         k, a, m = self.wave_per_mm, self.aperture_mm, self.modulation
-        return (m * m - 1.0) / (m * m * iv(0, k * a) + iv(0, m * k * a))
+        return (m * m - 1.0) / (m * m * fixed.bessel_i(0, k * a) + fixed.bessel_i(0, m * k * a))
 
     @property
     def quadrupole(self):
         """X."""
-        return 1.0 - self.acceleration * iv(0, self.wave_per_mm * self.aperture_mm)
+        return 1.0 - self.acceleration * fixed.bessel_i(0, self.wave_per_mm * self.aperture_mm)
 
     @property
     def r0_mm(self):
@@ -60,7 +60,7 @@ class TwoTerm:
     def _rises(self, r):
         """Derivative of the vane's equation by r where cos kz is -1: it must rise."""
         k = self.wave_per_mm
-        return 2 * self.quadrupole * r / self.aperture_mm ** 2 - self.acceleration * k * iv(1, k * r)
+        return 2 * self.quadrupole * r / self.aperture_mm ** 2 - self.acceleration * k * fixed.bessel_i(1, k * r)
 
     def tip_mm(self, z_mm, sign):
         """(n,) distance of a tip from the axis.
@@ -71,9 +71,9 @@ class TwoTerm:
         """
         z = np.asarray(z_mm, float)
         k, X, a = self.wave_per_mm, self.quadrupole, self.aperture_mm
-        wave = sign * self.acceleration * np.cos(k * z)
-        value = lambda r: X * (r / a) ** 2 + wave * iv(0, k * r) - 1.0
-        slope = lambda r: 2 * X * r / a ** 2 + wave * k * iv(1, k * r)
+        wave = sign * self.acceleration * fixed.cos(k * z)
+        value = lambda r: X * (r / a) ** 2 + wave * fixed.bessel_i(0, k * r) - 1.0
+        slope = lambda r: 2 * X * r / a ** 2 + wave * k * fixed.bessel_i(1, k * r)
         low, high = a * (1 - 1e-9), a * self.modulation * (1 + 1e-9)
         return rising_roots(value, slope, np.full_like(z, low), np.full_like(z, high))
 
@@ -81,15 +81,15 @@ class TwoTerm:
     def valley_radius_mm(self):
         """Longitudinal radius of the tip line where it is farthest from the beam: the limit of the cutter's radius."""
         k, A, r = self.wave_per_mm, self.acceleration, self.aperture_mm * self.modulation
-        return self._rises(r) / (A * k * k * iv(0, k * r)) if A > 0 else np.inf
+        return self._rises(r) / (A * k * k * fixed.bessel_i(0, k * r)) if A > 0 else np.inf
 
 
 def aperture_of_r0_mm(r0_mm, modulation, length_mm):
     """(a, A10) of the two-term cell whose tips stand r0 from the axis in its middle."""
     if modulation == 1.0:
         return r0_mm, 0.0
-    X = lambda a: 1.0 - (modulation ** 2 - 1.0) / (modulation ** 2 + iv(0, modulation * np.pi * a / length_mm)
-                                                   / iv(0, np.pi * a / length_mm))
+    X = lambda a: 1.0 - (modulation ** 2 - 1.0) / (modulation ** 2 + fixed.bessel_i(0, modulation * np.pi * a / length_mm)
+                                                   / fixed.bessel_i(0, np.pi * a / length_mm))
     a = brentq(lambda a: a / np.sqrt(X(a)) - r0_mm, 1e-3 * r0_mm, r0_mm, xtol=1e-14)
     cell = TwoTerm(aperture_mm=a, modulation=modulation, length_mm=length_mm)
     return a, cell.acceleration
@@ -100,7 +100,7 @@ def aperture_of_r0_mm(r0_mm, modulation, length_mm):
 
 def thin_matcher_mm(z_mm, length_mm, r0_mm):
     """(n,) aperture of the radial matching section by the thin-vane formula r0 / sin^1.5(pi z / 2 L), z > 0."""
-    return r0_mm / np.sin(np.pi * np.asarray(z_mm, float) / (2 * length_mm)) ** 1.5
+    return r0_mm / fixed.power(fixed.sin(np.pi * np.asarray(z_mm, float) / (2 * length_mm)), 1.5)
 
 
 def equipotential_matcher_mm(z_mm, length_mm, r0_mm):
@@ -109,7 +109,7 @@ def equipotential_matcher_mm(z_mm, length_mm, r0_mm):
     A [I2(kr) sin kz - I2(3kr) sin(3kz) / 27] = 1 with k = pi / 2L, A such that it is r0 at z = L.
     """
     k, z = np.pi / (2 * length_mm), np.atleast_1d(np.asarray(z_mm, float))
-    part = lambda r, z: iv(2, k * r) * np.sin(k * z) - iv(2, 3 * k * r) * np.sin(3 * k * z) / 27.0
+    part = lambda r, z: fixed.bessel_i(2, k * r) * fixed.sin(k * z) - fixed.bessel_i(2, 3 * k * r) * fixed.sin(3 * k * z) / 27.0
     level = part(r0_mm, length_mm)
     out = np.full(len(z), np.nan)
     for i, at in enumerate(z):
@@ -140,15 +140,15 @@ class Transition:
     def terms(self):
         """(A10, A30): both tips begin at the last cell's own ends."""
         k, a, b = self.wave_per_mm, self.aperture_mm, self.aperture_mm * self.modulation
-        rows = np.array([[iv(0, k * r), iv(0, 3 * k * r)] for r in (a, b)])
-        return np.linalg.solve(rows, [1 - (a / self.r0_mm) ** 2, (b / self.r0_mm) ** 2 - 1])
+        rows = np.array([[fixed.bessel_i(0, k * r), fixed.bessel_i(0, 3 * k * r)] for r in (a, b)])
+        return fixed.solve(rows, [1 - (a / self.r0_mm) ** 2, (b / self.r0_mm) ** 2 - 1])
 
     def tip_mm(self, z_mm, sign):
         """(n,) distance of a tip from the axis; `sign` +1: the vane that begins at a."""
         z, k, (A10, A30) = np.asarray(z_mm, float), self.wave_per_mm, self.terms
-        first, third = sign * A10 * np.cos(k * z), sign * A30 * np.cos(3 * k * z)
-        value = lambda r: (r / self.r0_mm) ** 2 + first * iv(0, k * r) + third * iv(0, 3 * k * r) - 1.0
-        slope = lambda r: 2 * r / self.r0_mm ** 2 + k * first * iv(1, k * r) + 3 * k * third * iv(1, 3 * k * r)
+        first, third = sign * A10 * fixed.cos(k * z), sign * A30 * fixed.cos(3 * k * z)
+        value = lambda r: (r / self.r0_mm) ** 2 + first * fixed.bessel_i(0, k * r) + third * fixed.bessel_i(0, 3 * k * r) - 1.0
+        slope = lambda r: 2 * r / self.r0_mm ** 2 + k * first * fixed.bessel_i(1, k * r) + 3 * k * third * fixed.bessel_i(1, 3 * k * r)
         reach = 1e-6 * self.aperture_mm
         return rising_roots(value, slope, np.full_like(z, self.aperture_mm - reach),
                             np.full_like(z, self.aperture_mm * self.modulation + reach))
@@ -164,8 +164,8 @@ def transition_length_mm(aperture_mm, modulation, r0_mm):
     a, b = aperture_mm, aperture_mm * modulation
 
     def miss(k):
-        share = iv(0, k * r0_mm) / (3 * iv(0, 3 * k * r0_mm))
-        part = lambda r: iv(0, k * r) + share * iv(0, 3 * k * r)
+        share = fixed.bessel_i(0, k * r0_mm) / (3 * fixed.bessel_i(0, 3 * k * r0_mm))
+        part = lambda r: fixed.bessel_i(0, k * r) + share * fixed.bessel_i(0, 3 * k * r)
         return part(b) / part(a) + ((b / r0_mm) ** 2 - 1) / ((a / r0_mm) ** 2 - 1)
 
     k = np.linspace(0.02, 6.0, 600) / r0_mm

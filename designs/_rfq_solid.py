@@ -21,6 +21,7 @@ from OCP.BRepLib import BRepLib
 from OCP.TopoDS import TopoDS, TopoDS_Compound
 from OCP.gp import gp_Pnt, gp_Trsf
 
+from cuspline import fixed_math as fixed
 from cuspline.designs._rfq_clampings import LEAST_PANEL_MM
 from cuspline.errors import DesignError
 from cuspline.shells import surface_of_poles
@@ -67,8 +68,8 @@ def _arc_surface(tip):
     """The tip: angles from one tangency over the crest to the other, two rational arcs."""
     half = tip.half_arc_rad
     turns = np.array([-half, -half / 2, 0.0, half / 2, half])
-    weights = np.array([1.0, np.cos(half / 2), 1.0, np.cos(half / 2), 1.0])
-    y, z = np.sin(turns) / weights, np.cos(turns) / weights
+    weights = np.array([1.0, fixed.cos(half / 2), 1.0, fixed.cos(half / 2), 1.0])
+    y, z = fixed.sin(turns) / weights, fixed.cos(turns) / weights
     x = greville_mm(tip.knots_mm, tip.degree)[:, None]
     z0, R = tip.center_poles_mm[:, None], tip.radius_poles_mm[:, None]
     poles = np.stack([np.repeat(x, len(y), axis=1), R * y, z0 + R * z], axis=-1)
@@ -79,13 +80,13 @@ def _arc_surface(tip):
 def _tangency_poles(tip):
     """(n, 2) poles of Y and Z of the tangency."""
     a = tip.flank_half_angle_rad
-    return np.column_stack([tip.radius_poles_mm * np.cos(a), tip.center_poles_mm + tip.radius_poles_mm * np.sin(a)])
+    return np.column_stack([tip.radius_poles_mm * fixed.cos(a), tip.center_poles_mm + tip.radius_poles_mm * fixed.sin(a)])
 
 
 def _foot_poles(tip, half_width_mm):
     """(n,) poles of the height at which the flank is as wide as the body."""
     y, z = _tangency_poles(tip).T
-    return z - (half_width_mm - y) / np.tan(tip.flank_half_angle_rad)
+    return z - (half_width_mm - y) / fixed.tan(tip.flank_half_angle_rad)
 
 
 def _flank_surfaces(tip, half_width_mm):
@@ -176,7 +177,7 @@ def quadrupole(x_vane, y_vane, axis_z_mm):
 
 def _about_the_beam(turn_deg, axis_z_mm):
     """Motion of a vane to its place: part x to beam z, part +z (toward the beam) to the inside."""
-    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    c, s = fixed.cos(np.radians(turn_deg)), fixed.sin(np.radians(turn_deg))
     # at 0 degrees the vane stands at +x of the beam: its +z points to -x; y follows from a right-handed turn
     inward, along = np.array([-c, -s, 0.0]), np.array([0.0, 0.0, 1.0])
     across = np.cross(inward, along)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.constants import c as LIGHT_M_PER_S, physical_constants
 
+from cuspline import fixed_math as fixed
 from cuspline.designs._rfq_potential import aperture_of_r0_mm, thin_matcher_mm
 from cuspline.errors import DesignError, InputError
 
@@ -189,7 +190,7 @@ def half_wave_mm(energy_mev, mass_amu, frequency_mhz):
     """Way of a particle in half an RF period: beta lambda / 2, relativistic."""
     rest = mass_amu * AMU_MEV
     gamma = 1.0 + energy_mev / rest
-    return np.sqrt(1.0 - gamma ** -2) * LIGHT_M_PER_S / (2.0 * frequency_mhz * 1e6) * 1e3
+    return np.sqrt(1.0 - 1.0 / gamma ** 2) * LIGHT_M_PER_S / (2.0 * frequency_mhz * 1e6) * 1e3
 
 
 def refuse_wrong_units(table, mass_amu, frequency_mhz):
@@ -254,7 +255,7 @@ def table_of_law(law, name="law"):
             a, a10 = aperture_of_r0_mm(law.r0_mm, m, length)
         except DesignError as error:
             raise DesignError(f"{name}, cell {number}: {error}") from None
-        energy += law.charge * np.pi / 4 * a10 * law.voltage_kv * 1e-3 * np.cos(phase)
+        energy += law.charge * np.pi / 4 * a10 * law.voltage_kv * 1e-3 * fixed.cos(phase)
         cells.append(Cell(number=number, kind="accelerating", aperture_mm=float(a), modulation=float(m),
                           length_mm=length, energy_mev=float(energy), a10=float(a10)))
     return CellTable(name=name, cells=tuple(cells))

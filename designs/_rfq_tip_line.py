@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Callable
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
+from cuspline import fixed_math as fixed
+from cuspline.surfaces.spline_interpolation import interpolated
 from cuspline.designs._rfq_eight_term import EightTerm
 from cuspline.designs._rfq_potential import (
     MATCHING_ROOT, Transition, TwoTerm, equipotential_matcher_mm, thin_matcher_mm)
@@ -50,8 +51,8 @@ class Segment:
         rows = []
         for at in (0.0, self.length_mm):
             f = self.aperture_mm(at + h * np.arange(-3, 4))
-            slope = np.dot(f, [-1, 9, -45, 0, 45, -9, 1]) / (60 * h)
-            bend = np.dot(f, [2, -27, 270, -490, 270, -27, 2]) / (180 * h * h)
+            slope = fixed.matmul(f, [-1, 9, -45, 0, 45, -9, 1]) / (60 * h)
+            bend = fixed.matmul(f, [2, -27, 270, -490, 270, -27, 2]) / (180 * h * h)
             rows.append(np.array([f[3], slope, bend]))
         return rows
 
@@ -140,7 +141,7 @@ def _blend(gives, share, reach_mm):
     c0, c1 = value, slope - 3 * value
     c2 = (bend - 6 * c0 - 6 * c1) / 2
     t = np.clip(share, 0.0, None)
-    return t ** 3 * (c0 + c1 * (t - 1) + c2 * (t - 1) ** 2)
+    return t * t * t * (c0 + c1 * (t - 1) + c2 * (t - 1) ** 2)
 
 
 # segments of a table --------------------------------------------------------------------------------------
@@ -215,14 +216,14 @@ def _matcher(kind, length_mm, r0_mm):
     low, high = MATCHING_ROOT + 0.01, MATCHING_ROOT + 0.01 + 1 / 6
     z = length_mm * np.linspace(low, 1.02, 161)
     mirrored = np.where(z > length_mm, 2 * length_mm - z, z)        # even about its end
-    ratio = np.log(equipotential_matcher_mm(mirrored, length_mm, r0_mm) / thin(mirrored))
-    spline = make_interp_spline(z, ratio, k=DEGREE)
+    ratio = fixed.log(equipotential_matcher_mm(mirrored, length_mm, r0_mm) / thin(mirrored))
+    spline = interpolated(z, ratio, DEGREE)
 
     def aperture(at):
         at = np.asarray(at, float)
         share = np.clip((at / length_mm - low) / (high - low), 0.0, 1.0)
-        rise = share ** 3 * (10 - 15 * share + 6 * share ** 2)
-        return thin(at) * np.exp(rise * spline(np.clip(at, z[0], z[-1])))
+        rise = share * share * share * (10 - 15 * share + 6 * share ** 2)
+        return thin(at) * fixed.exp(rise * spline(np.clip(at, z[0], z[-1])))
 
     return aperture
 
@@ -231,7 +232,7 @@ def _opening_mm(length_mm, r0_mm, aperture_mm):
     """Where the thin matching section has the given aperture."""
     if aperture_mm <= r0_mm:
         raise DesignError(f"entry_aperture_mm {aperture_mm:g} must exceed r0 = {r0_mm:.4f} mm")
-    return 2 * length_mm / np.pi * np.arcsin((r0_mm / aperture_mm) ** (2 / 3))
+    return 2 * length_mm / np.pi * fixed.arcsin(fixed.power(r0_mm / aperture_mm, 2 / 3))
 
 
 # the spline -----------------------------------------------------------------------------------------------
@@ -253,7 +254,7 @@ def fitted_tip(line, axis_z_mm, flank_half_angle_rad, half_width_mm):
         greville = greville_mm(knots, DEGREE)
         radius = line.radius_mm(greville)
         values = np.column_stack([axis_z_mm - line.aperture_mm(greville) - radius, radius])
-        splines = make_interp_spline(greville, values, k=DEGREE, t=knots)
+        splines = interpolated(greville, values, DEGREE, knots)
         looks = _looks(knots)
         exact = np.column_stack([axis_z_mm - line.aperture_mm(looks) - line.radius_mm(looks), line.radius_mm(looks)])
         miss = np.abs(splines(looks) - exact).max(axis=1)
@@ -270,7 +271,7 @@ def _tip(knots, poles, angle, half_width_mm):
     tip = CircularTip(degree=DEGREE, knots_mm=knots, center_poles_mm=poles[:, 0], radius_poles_mm=poles[:, 1],
                       flank_half_angle_rad=angle, foot_z_mm=0.0)
     y, z = tip.tangency_mm(_looks(knots))
-    return replace(tip, foot_z_mm=float((z - (half_width_mm - y) / np.tan(angle)).min()))
+    return replace(tip, foot_z_mm=float((z - (half_width_mm - y) / fixed.tan(angle)).min()))
 
 
 def _knots(line, spans):
@@ -312,14 +313,14 @@ def refuse_impossible(line, other, half_width_mm, flank_deg, axis_z_mm):
     x = np.linspace(line.from_mm, line.to_mm, LOOKS_A_VANE)
     r, R = line.aperture_mm(x), line.radius_mm(x)
     widest = int(np.argmax(R))
-    if R[widest] * np.cos(np.radians(flank_deg)) >= half_width_mm:
+    if R[widest] * fixed.cos(np.radians(flank_deg)) >= half_width_mm:
         raise DesignError(f"{line.cell_at(x[widest])}: the tip of radius {R[widest]:.4f} mm is wider than the body of "
                           f"{2 * half_width_mm:g} mm: raise thickness_mm or lower rho_mm")
     low = int(np.argmin(r))
     if r[low] <= 0:
         raise DesignError(f"{line.cell_at(x[low])}: the tip crosses the beam axis: lower the modulation or raise a")
     # two circles at right angles: centres r + R from the axis each
-    gap = np.hypot(r + R, other.aperture_mm(x) + other.radius_mm(x)) - R - other.radius_mm(x)
+    gap = fixed.hypot(r + R, other.aperture_mm(x) + other.radius_mm(x)) - R - other.radius_mm(x)
     near = int(np.argmin(gap))
     if gap[near] <= 0:
         raise DesignError(f"{line.cell_at(x[near])}: neighbouring vanes run into each other (gap {gap[near]:.4f} mm at "

@@ -13,6 +13,7 @@ from typing import Literal
 import build123d as bd
 from pydantic import Field, model_validator
 
+from cuspline import fixed_math as fixed
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 
 NODES = (9, 7)              # of the crown's interpolated surface along x and y
@@ -52,7 +53,7 @@ class MouldInsert(Parameters):
 
 def crown_height_mm(p, x, y):
     """Height of the crown's nodes."""
-    return p.height_mm + p.wave_mm * math.sin(2 * math.pi * x / 48.0) * math.cos(2 * math.pi * y / 60.0)
+    return p.height_mm + p.wave_mm * fixed.sin(2 * math.pi * x / 48.0) * fixed.cos(2 * math.pi * y / 60.0)
 
 
 def solid(p):

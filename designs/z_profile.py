@@ -17,6 +17,7 @@ from typing import Literal
 import cadquery as cq
 from pydantic import Field, model_validator
 
+from cuspline import fixed_math as fixed
 from cuspline.design import Design, FacePredicate, Finish, FixtureBox, Parameters, Setup, StockBox
 
 
@@ -63,7 +64,7 @@ class ZProfile(Parameters):
             raise ValueError(f"the step comes up to {knots['top'][1]:.2f} mm, above height_mm = {self.height_mm}: "
                              "lower step_mm or steepen slope_deg")
         lowest = min(knots["floor"][1], knots["spline_end"][1]) * self.far_scale
-        lowest += min(0.0, self.width_mm * math.tan(math.radians(self.sweep_slope_deg)))
+        lowest += min(0.0, self.width_mm * fixed.tan(math.radians(self.sweep_slope_deg)))
         if lowest < 5.0:
             raise ValueError(f"the profile comes down to {lowest:.2f} mm above the base, less than 5 mm: "
                              "raise height_mm or flatten slope_deg, spline_fall_mm or the sweep")
@@ -73,14 +74,14 @@ class ZProfile(Parameters):
 def profile_knots(p):
     """Joints of the profile from left to right as {name: (along, up)}, mm."""
     a = math.radians(p.slope_deg)
-    convex_end = (p.convex_radius_mm * math.sin(a), p.height_mm - p.convex_radius_mm * (1 - math.cos(a)))
-    slope_end = (convex_end[0] + p.slope_length_mm * math.cos(a), convex_end[1] - p.slope_length_mm * math.sin(a))
-    concave_end = (slope_end[0] + p.concave_radius_mm * math.sin(a),
-                   slope_end[1] - p.concave_radius_mm * (1 - math.cos(a)))
+    convex_end = (p.convex_radius_mm * fixed.sin(a), p.height_mm - p.convex_radius_mm * (1 - fixed.cos(a)))
+    slope_end = (convex_end[0] + p.slope_length_mm * fixed.cos(a), convex_end[1] - p.slope_length_mm * fixed.sin(a))
+    concave_end = (slope_end[0] + p.concave_radius_mm * fixed.sin(a),
+                   slope_end[1] - p.concave_radius_mm * (1 - fixed.cos(a)))
     foot = (concave_end[0] + p.floor_length_mm, concave_end[1])
     top = (foot[0], foot[1] + p.step_mm)
     e = math.radians(p.ellipse_deg)
-    ellipse_end = (top[0] + p.ellipse_a_mm * math.sin(e), top[1] - p.ellipse_b_mm * (1 - math.cos(e)))
+    ellipse_end = (top[0] + p.ellipse_a_mm * fixed.sin(e), top[1] - p.ellipse_b_mm * (1 - fixed.cos(e)))
     spline_end = (ellipse_end[0] + p.spline_length_mm, ellipse_end[1] - p.spline_fall_mm)
     return {"start": (0.0, p.height_mm), "convex_end": convex_end, "slope_end": slope_end, "floor": concave_end,
             "foot": foot, "top": top, "ellipse_end": ellipse_end, "spline_end": spline_end,
@@ -92,7 +93,7 @@ def profile_wire(p, scale=1.0, across_mm=0.0, base_mm=0.0):
     k = profile_knots(p)
     a, e = math.radians(p.slope_deg), math.radians(p.ellipse_deg)
     r, c = p.convex_radius_mm, p.concave_radius_mm
-    slope = p.ellipse_b_mm * math.sin(e) / (p.ellipse_a_mm * math.cos(e))
+    slope = p.ellipse_b_mm * fixed.sin(e) / (p.ellipse_a_mm * fixed.cos(e))
     reach = p.spline_length_mm + p.spline_fall_mm
 
     def at(point):
@@ -102,8 +103,8 @@ def profile_wire(p, scale=1.0, across_mm=0.0, base_mm=0.0):
     def direction(along, up):
         return cq.Vector(along, 0, up) if p.section_plane == "ZX" else cq.Vector(0, along, up)
 
-    on_convex = (r * math.sin(a / 2), p.height_mm - r * (1 - math.cos(a / 2)))
-    on_concave = (k["floor"][0] - c * math.sin(a / 2), k["floor"][1] + c * (1 - math.cos(a / 2)))
+    on_convex = (r * fixed.sin(a / 2), p.height_mm - r * (1 - fixed.cos(a / 2)))
+    on_concave = (k["floor"][0] - c * fixed.sin(a / 2), k["floor"][1] + c * (1 - fixed.cos(a / 2)))
     line = lambda m, n: cq.Edge.makeLine(at(m), at(n))
     base = lambda along: at((along, base_mm / scale))
     if scale == 1.0:
@@ -141,7 +142,7 @@ def solid(p):
     """The block as a CadQuery solid, base at z = 0."""
     if p.far_scale != 1.0:
         return cq.Solid.makeLoft([profile_wire(p), profile_wire(p, p.far_scale, p.width_mm)], True)
-    rise = p.width_mm * math.tan(math.radians(p.sweep_slope_deg))
+    rise = p.width_mm * fixed.tan(math.radians(p.sweep_slope_deg))
     across = (0, p.width_mm, rise) if p.section_plane == "ZX" else (p.width_mm, 0, rise)
     if rise == 0.0:
         return cq.Solid.extrudeLinear(profile_wire(p), [], cq.Vector(*across))
@@ -155,7 +156,7 @@ def solid(p):
 def design(p: ZProfile) -> Design:
     """The mould block, ready to be planned: profile faces cut in one clamping, sides and base finished before."""
     body = solid(p)
-    top = p.height_mm + max(0.0, p.width_mm * math.tan(math.radians(p.sweep_slope_deg)))
+    top = p.height_mm + max(0.0, p.width_mm * fixed.tan(math.radians(p.sweep_slope_deg)))
     size = (p.length_mm, p.width_mm) if p.section_plane == "ZX" else (p.width_mm, p.length_mm)
     along, across = (0, 1) if p.section_plane == "ZX" else (1, 0)
     inner_min, inner_max = [0.0] * 3, [0.0] * 3

@@ -31,6 +31,7 @@ from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import DesignError
 from cuspline.step_files import FaceMark, MarkedSolid, marks_of, read_step, write_step  # noqa: F401  (one door)
@@ -346,8 +347,8 @@ def _matches(face, predicate):
     if predicate.kinds is not None and face.kind not in predicate.kinds:
         return False
     if predicate.normal is not None:
-        wanted = np.asarray(predicate.normal) / np.linalg.norm(predicate.normal)
-        if np.degrees(np.arccos(np.clip(normal @ wanted, -1, 1))) > predicate.normal_within_deg:
+        wanted = np.asarray(predicate.normal) / fixed.length(predicate.normal)
+        if np.degrees(fixed.arccos(np.clip(fixed.matmul(normal, wanted), -1, 1))) > predicate.normal_within_deg:
             return False
     if predicate.center_min_mm is not None and (center < predicate.center_min_mm).any():
         return False

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import cuspline
-from cuspline import brep, mesh_quality, solids
+from cuspline import brep, mending, mesh_quality, solids
 from cuspline.bundle import report_bundle, shape_of, view_of
 from cuspline.errors import InputError, PostError
 from cuspline.glb import write_glb
@@ -36,6 +36,7 @@ from cuspline.tooltable import dropped_fields, tool_table
 from cuspline.verification.findings import Finding
 from cuspline.verification.in_process import PART
 from cuspline.verification.kept import kept_beside
+from cuspline.verification.verdict import Options, SetupProgram, residuals_of
 
 TIP_PARTS = ("crest", "sides")
 STAGES = ("step", "plan", "gcode", "verify", "report")
@@ -116,16 +117,15 @@ def _made(order, work, say):
         return _finished(order, work, inputs, None)
     if not design.setups:
         return _measured(order, work, inputs, step, shape, say)
-    plans = _planned(order, say)
-    _write_json(work / "plan.json", plan_document(order, plans))
+    kept, tell = kept_beside(order.out), lambda text: say(f"{design.name}: {text}")
+    plans = _checked(order, _planned(order, say), solid, kept, tell)
     if order.last_stage == "plan":
+        _write_json(work / "plan.json", plan_document(order, plans))
         return _finished(order, work, inputs, None)
-    say(f"{design.name}: post for {order.machine.name}")
-    job = _posted(order, plans, work, inputs)
+    job = _written(order, plans, work, inputs, tell)
     if order.last_stage == "gcode":
         return _finished(order, work, inputs, job)
-    kept = kept_beside(order.out)
-    judged = judge(work, job, lambda text: say(f"{design.name}: {text}"), kept=kept)
+    job, judged = _judged(order, plans, job, work, inputs, kept, tell)
     verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say, kept)}
     _stamp_verdict(work, job, verify)
     _write_json(work / "verify.json", verify)
@@ -172,10 +172,68 @@ def _planned(order, say):
         plans.append(plan)
         if setup is not design.setups[-1]:
             say(f"{design.name}: stock after {setup.name}")
-            texts = post_module(order.machine).post(plan.program((), setup.name), order.machine).texts
             tools = {o.tool.number: o.tool for o in plan.operations}
-            piece = piece.after(setup.frame, swept_paths(posted_moves(texts, setup, order.machine, tools), tools))
+            piece = piece.after(setup.frame, swept_paths(_as_posted(order, plan, tools), tools))
     return plans
+
+
+def _checked(order, plans, solid, kept, tell):
+    """The plans, mended where the posted moves leave or take more than the finish allows, a margin kept."""
+    if all(p.setup.strategy == mending.UNMENDED for p in plans):
+        return plans
+    design, faces = order.design, brep.faces_of(solid)
+    balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
+    for number in range(1, mending.OWN_ROUNDS + 1):
+        tools = {o.tool.number: o.tool for p in plans for o in p.operations}
+        programs = [SetupProgram(posted=_as_posted(order, plan, tools), setup=plan.setup, faces=tuple(
+            f for p in design.predicates if p.name in plan.setup.faces for f in brep.select_faces(faces, p)))
+            for plan in plans]
+        tell("check of the plan")
+        found = residuals_of(programs, tools, solid, stock=design.stock, finish=design.finish,
+                             ball_radius_mm=min(balls), kept=kept)
+        wants = [mending.wants_of(*pair, design.finish, share=1.0 - mending.MARGIN) for pair in found]
+        plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
+        if not is_changed:
+            break
+        tell(f"mended, round {number} of the planner's own check")
+    return plans
+
+
+def _as_posted(order, plan, tools):
+    """PostedMoves of a plan: posted as text and read back."""
+    texts = post_module(order.machine).post(plan.program((), plan.setup.name), order.machine).texts
+    return posted_moves(texts, plan.setup, order.machine, tools)
+
+
+def _written(order, plans, work, inputs, tell):
+    """plan.json, programs and tools on disk; Job."""
+    _write_json(work / "plan.json", plan_document(order, plans))
+    tell(f"post for {order.machine.name}")
+    return _posted(order, plans, work, inputs)
+
+
+def _judged(order, plans, job, work, inputs, kept, tell):
+    """(Job, Judged) of what is posted, mended and judged again while that helps."""
+    options = Options()
+    for number in range(1, mending.ROUNDS + 2):
+        judged = judge(work, job, tell, options, kept)
+        wants = [mending.wants_of_verdict(v, order.accepted) for v in judged.verdict.setups]
+        plans, is_mended = mending.mended(plans, wants, number, "the verdict")
+        is_coarse = options.finer == 1.0 and mending.wants_a_closer_look(judged.verdict, order.accepted)
+        if number > mending.ROUNDS or not (is_mended or is_coarse):
+            break
+        options = replace(options, finer=mending.FINER) if is_coarse else options
+        if is_mended:
+            tell(f"mended, round {number} of {mending.ROUNDS}")
+            _remove_programs(work, job)
+            job = _written(order, plans, work, inputs, tell)
+    _write_json(work / "plan.json", plan_document(order, plans))
+    return job, judged
+
+
+def _remove_programs(work, job):
+    for name in (name for item in job.posted for name in item.files):
+        (work / name).unlink()
 
 
 def _coloured_stock(path, judged, finish):
@@ -218,6 +276,7 @@ def plan_document(order, plans):
                        "time_assumptions": TIME_ASSUMPTIONS, "clearance_z_mm": plan.clearance_z_mm,
                        "area_required_mm2": round(plan.area_required_mm2, 3),
                        "area_reached_mm2": round(plan.area_reached_mm2, 3),
+                       "mending": list(plan.mending),
                        "inner_edges": [{"place_mm": [round(x, 4) for x in e.place_mm],
                                         "opening_deg": round(e.opening_deg, 3), "length_mm": round(e.length_mm, 3),
                                         "reason": "two faces meet in a hollow without a fillet: no ball cleans it"}

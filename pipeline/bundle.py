@@ -5,6 +5,7 @@ import hashlib
 import numpy as np
 from scipy.spatial import cKDTree
 
+from cuspline import fixed_math as fixed
 from cuspline import brep
 from cuspline.planning.feeds import times_s
 from cuspline.program import Kind, Moves, Plane
@@ -155,18 +156,18 @@ def _broken_down(posted, k):
     a, b, c = Plane(posted.plane[k]).axes
     start, end, center = posted.start_mm[k], posted.end_mm[k], posted.center_mm[k]
     x0, y0 = start[a] - center[a], start[b] - center[b]
-    r = np.hypot(x0, y0)
-    turn = np.arctan2(end[b] - center[b], end[a] - center[a]) - np.arctan2(y0, x0)
+    r = fixed.hypot(x0, y0)
+    turn = fixed.arctan2(end[b] - center[b], end[a] - center[a]) - fixed.arctan2(y0, x0)
     full = 2 * np.pi
     sweep = turn % full if posted.kind[k] == Kind.ARC_CCW else -(-turn % full)
     if abs(sweep) < 1e-9:
         sweep = full if posted.kind[k] == Kind.ARC_CCW else -full
     sweep += np.sign(sweep) * full * posted.turns[k]
-    n = max(1, int(np.ceil(abs(sweep) / (2 * np.arccos(max(1 - DRAWN_SAGITTA_MM / r, 0.0))))))
+    n = max(1, int(np.ceil(abs(sweep) / (2 * fixed.arccos(max(1 - DRAWN_SAGITTA_MM / r, 0.0))))))
     share = np.arange(1, n + 1) / n
-    angle = np.arctan2(y0, x0) + sweep * share
+    angle = fixed.arctan2(y0, x0) + sweep * share
     way = np.empty((n, 3))
-    way[:, a], way[:, b] = center[a] + r * np.cos(angle), center[b] + r * np.sin(angle)
+    way[:, a], way[:, b] = center[a] + r * fixed.cos(angle), center[b] + r * fixed.sin(angle)
     way[:, c] = start[c] + share * (end[c] - start[c])
     way[-1] = end
     return way

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 
 SAME_MM = 1e-9          # shorter pieces are left out, ends this close are joined
@@ -40,13 +41,13 @@ class CutterProfile:
     @cached_property
     def arc_radius_mm(self):
         """(n,) 0 for lines."""
-        return np.where(self.is_arc, np.hypot(*(self.start_mm - np.nan_to_num(self.center_mm)).T), 0.0)
+        return np.where(self.is_arc, fixed.hypot(*(self.start_mm - np.nan_to_num(self.center_mm)).T), 0.0)
 
     @cached_property
     def arc_angles_rad(self):
         """(n, 2) first and last angle of each arc from the r direction toward z; last >= first; 0 for lines."""
         c = np.where(self.is_arc[:, None], self.center_mm, self.start_mm)
-        first, last = (np.arctan2(p[:, 1] - c[:, 1], p[:, 0] - c[:, 0]) for p in (self.start_mm, self.end_mm))
+        first, last = (fixed.arctan2(p[:, 1] - c[:, 1], p[:, 0] - c[:, 0]) for p in (self.start_mm, self.end_mm))
         return np.where(self.is_arc[:, None], np.column_stack([first, last + 2 * np.pi * (last < first - 1e-12)]), 0.0)
 
     @property
@@ -80,8 +81,8 @@ class CutterProfile:
         a, rho = np.nan_to_num(self.center_mm[:, 0]), self.arc_radius_mm
 
         def arcs(t):
-            s = np.sin(t)
-            return rho * (a * a * s + a * rho * (t + s * np.cos(t)) + rho ** 2 * (s - s ** 3 / 3))
+            s = fixed.sin(t)
+            return rho * (a * a * s + a * rho * (t + s * fixed.cos(t)) + rho ** 2 * (s - s * s * s / 3))
 
         first, last = self.arc_angles_rad.T
         return float(np.pi * np.where(self.is_arc, arcs(last) - arcs(first), lines).sum())
@@ -89,10 +90,10 @@ class CutterProfile:
     @property
     def area_mm2(self):
         """Area of the outline turned about the axis, its bottom included, its open top not."""
-        length = np.hypot(*(self.end_mm - self.start_mm).T)
+        length = fixed.hypot(*(self.end_mm - self.start_mm).T)
         lines = (self.start_mm[:, 0] + self.end_mm[:, 0]) * length
         a, rho, (first, last) = np.nan_to_num(self.center_mm[:, 0]), self.arc_radius_mm, self.arc_angles_rad.T
-        arcs = 2 * rho * (a * (last - first) + rho * (np.sin(last) - np.sin(first)))
+        arcs = 2 * rho * (a * (last - first) + rho * (fixed.sin(last) - fixed.sin(first)))
         return float(np.pi * np.where(self.is_arc, arcs, lines).sum())
 
     def support(self, angle_rad):
@@ -104,13 +105,13 @@ class CutterProfile:
         Returns:
             (m,) distance of the plane from the tip's origin, (m, 2) the outline's point (r, z) that touches it.
         """
-        outward = np.column_stack([np.sin(angle_rad), np.cos(angle_rad)])
+        outward = np.column_stack([fixed.sin(angle_rad), fixed.cos(angle_rad)])
         points = [np.broadcast_to(p, outward.shape) for p in (*self.start_mm, self.end_mm[-1])]
-        turn = np.arctan2(outward[:, 1], outward[:, 0])
+        turn = fixed.arctan2(outward[:, 1], outward[:, 0])
         for c, rho, (first, last) in zip(self.center_mm, self.arc_radius_mm, self.arc_angles_rad):
             if rho > 0:
                 on = np.clip(turn, first, last)[:, None]
-                points.append(c + rho * np.hstack([np.cos(on), np.sin(on)]))
+                points.append(c + rho * np.hstack([fixed.cos(on), fixed.sin(on)]))
         points = np.stack(points)
         far = np.einsum("kmi,mi->km", points, outward)
         best, rows = far.argmax(axis=0), np.arange(len(outward))
@@ -121,16 +122,16 @@ class CutterProfile:
         rows = [self.start_mm[:1]]
         for end, c, rho, (first, last) in zip(self.end_mm, self.center_mm, self.arc_radius_mm, self.arc_angles_rad):
             if rho > 0:
-                step = 2 * np.arccos(np.clip(1 - sagitta_mm / rho, -1, 1))
+                step = 2 * fixed.arccos(np.clip(1 - sagitta_mm / rho, -1, 1))
                 t = np.linspace(first, last, int(np.ceil((last - first) / step)) + 1)[1:-1, None]
-                rows.append(c + rho * np.hstack([np.cos(t), np.sin(t)]))
+                rows.append(c + rho * np.hstack([fixed.cos(t), fixed.sin(t)]))
             rows.append(end[None])
         return np.vstack(rows)
 
 
 def chain(*pieces):
     """CutterProfile of (start, end, center or None) pieces; those without length are left out."""
-    kept = [p for p in pieces if np.hypot(p[1][0] - p[0][0], p[1][1] - p[0][1]) > SAME_MM]
+    kept = [p for p in pieces if fixed.hypot(p[1][0] - p[0][0], p[1][1] - p[0][1]) > SAME_MM]
     nan = (np.nan, np.nan)
     return CutterProfile(start_mm=[p[0] for p in kept], end_mm=[p[1] for p in kept],
                          center_mm=[nan if p[2] is None else p[2] for p in kept])
@@ -149,17 +150,17 @@ def apt_profile(d, r, e, f, alpha, beta, h):
         ValueError: the circle meets one of the lines nowhere, or above the height: which, and by how much.
     Source: ISO 4343 CUTTER; W. B. Engin, Y. Altintas, Int. J. Machine Tools Manuf. 41 (2001) 2195 (general end mill).
     """
-    corner = np.array([d / 2, d / 2 * np.tan(alpha)])
+    corner = np.array([d / 2, d / 2 * fixed.tan(alpha)])
     if r == 0:
-        if np.hypot(*(corner - (e, f))) > 1e-6:
+        if fixed.hypot(*(corner - (e, f))) > 1e-6:
             raise ValueError(f"a sharp corner lies where the lines cross: e = {corner[0]:.6g}, f = {corner[1]:.6g} mm")
         low = high = corner
     else:
-        low = _crossing(np.zeros(2), np.array([np.cos(alpha), np.sin(alpha)]), (e, f), r, "bottom line", +1)
-        high = _crossing(corner, np.array([np.sin(beta), np.cos(beta)]), (e, f), r, "side line", -1)
+        low = _crossing(np.zeros(2), np.array([fixed.cos(alpha), fixed.sin(alpha)]), (e, f), r, "bottom line", +1)
+        high = _crossing(corner, np.array([fixed.sin(beta), fixed.cos(beta)]), (e, f), r, "side line", -1)
     if h < high[1] - SAME_MM:
         raise ValueError(f"the corner reaches {high[1]:.6g} mm up, above the height of {h:.6g} mm")
-    top = high + (h - high[1]) * np.array([np.tan(beta), 1.0])
+    top = high + (h - high[1]) * np.array([fixed.tan(beta), 1.0])
     if high[1] < low[1] - SAME_MM:
         raise ValueError("the side line meets the corner circle below the bottom line")
     if low[0] < -SAME_MM or min(high[0], top[0]) <= 0:
@@ -170,7 +171,7 @@ def apt_profile(d, r, e, f, alpha, beta, h):
 def _crossing(origin, direction, center, radius, name, side):
     """Where a line of unit direction meets a circle: the last place (+1) or the first (-1); touching counts."""
     to = np.asarray(center) - origin
-    along, off = to @ direction, abs(direction[0] * to[1] - direction[1] * to[0])
+    along, off = fixed.matmul(to, direction), abs(direction[0] * to[1] - direction[1] * to[0])
     if off > radius + 1e-6:
         raise ValueError(f"the corner circle misses the {name} by {off - radius:.6g} mm")
     return origin + (along + side * np.sqrt(max(radius * radius - off * off, 0.0)) * (off < radius - 1e-6)) * direction
@@ -182,9 +183,9 @@ def tangent_corner(d, r, alpha, beta):
     >>> tangent_corner(10.0, 2.0, 0.0, 0.0)
     (3.0, 2.0)
     """
-    lines = np.array([[-np.sin(alpha), np.cos(alpha)], [np.cos(beta), -np.sin(beta)]])
-    reach = d / 2 * (np.cos(beta) - np.tan(alpha) * np.sin(beta)) - r
-    e, f = np.linalg.solve(lines, [r, reach])
+    lines = np.array([[-fixed.sin(alpha), fixed.cos(alpha)], [fixed.cos(beta), -fixed.sin(beta)]])
+    reach = d / 2 * (fixed.cos(beta) - fixed.tan(alpha) * fixed.sin(beta)) - r
+    e, f = fixed.solve(lines, [r, reach])
     return float(e), float(f)
 
 

@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_serializer, model_validator
 
+from cuspline import fixed_math as fixed
 from cuspline.cutter_profile import apt_profile, lens_profile, side_profile, tangent_corner
 from cuspline.errors import InputError
 from cuspline.tool_units import in_mm
@@ -139,7 +140,7 @@ class Cutter(Model):
         if self.type == "apt":
             return d, r, self.corner_center_radius_mm, self.corner_center_height_mm, alpha, beta, self.flute_length_mm
         if self.type == "tapered_ball":
-            return 2 * r * (1 - np.sin(beta)) / np.cos(beta), r, 0.0, r, 0.0, beta, self.flute_length_mm
+            return 2 * r * (1 - fixed.sin(beta)) / fixed.cos(beta), r, 0.0, r, 0.0, beta, self.flute_length_mm
         beta = -beta if self.type == "dovetail" else beta
         return d, r, *tangent_corner(d, r, alpha, beta), alpha, beta, self.flute_length_mm
 

@@ -6,6 +6,7 @@ from typing import Annotated, Callable, Literal
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
+from cuspline import fixed_math as fixed
 from cuspline.cutters import Model
 from cuspline.errors import DesignError
 from cuspline.frames import Frame
@@ -147,7 +148,7 @@ class Setup(Model):
     @model_validator(mode="after")
     def _axes_make_a_frame(self):
         x, z = np.array(self.wcs_x), np.array(self.wcs_z)
-        if not (abs(x @ x - 1) < UNIT and abs(z @ z - 1) < UNIT and abs(x @ z) < UNIT):
+        if not (abs(fixed.matmul(x, x) - 1) < UNIT and abs(fixed.matmul(z, z) - 1) < UNIT and abs(fixed.matmul(x, z)) < UNIT):
             raise ValueError(f"setup {self.name!r}: wcs_x {self.wcs_x} and wcs_z {self.wcs_z} must be unit vectors "
                              "square to each other")
         return self

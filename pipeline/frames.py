@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 
 
@@ -17,9 +18,9 @@ class Frame:
     def __post_init__(self):
         object.__setattr__(self, "rotation", frozen(self.rotation, (3, 3), "rotation"))
         object.__setattr__(self, "origin_mm", frozen(self.origin_mm, (3,), "origin_mm"))
-        if not np.allclose(self.rotation @ self.rotation.T, np.eye(3), atol=1e-9):
+        if not np.allclose(fixed.matmul(self.rotation, self.rotation.T), np.eye(3), atol=1e-9):
             raise ValueError("rotation is not orthonormal")
-        if np.linalg.det(self.rotation) < 0:
+        if fixed.determinant(self.rotation) < 0:
             raise ValueError("rotation mirrors: its determinant is -1")
 
     @classmethod
@@ -29,11 +30,11 @@ class Frame:
 
     def out(self, points_mm):
         """(n, 3) inner coordinates → (n, 3) outer coordinates."""
-        return np.asarray(points_mm) @ self.rotation.T + self.origin_mm
+        return fixed.matmul(np.asarray(points_mm), self.rotation.T) + self.origin_mm
 
     def into(self, points_mm):
         """(n, 3) outer coordinates → (n, 3) inner coordinates."""
-        return (np.asarray(points_mm) - self.origin_mm) @ self.rotation
+        return fixed.matmul(np.asarray(points_mm) - self.origin_mm, self.rotation)
 
     def box_into(self, low_mm, high_mm):
         """(3,) low and (3,) high corner of the smallest inner box that holds an outer one."""
@@ -43,8 +44,8 @@ class Frame:
 
     def turn_out(self, directions):
         """(n, 3) inner directions → (n, 3) outer directions."""
-        return np.asarray(directions) @ self.rotation.T
+        return fixed.matmul(np.asarray(directions), self.rotation.T)
 
     def turn_into(self, directions):
         """(n, 3) outer directions → (n, 3) inner directions."""
-        return np.asarray(directions) @ self.rotation
+        return fixed.matmul(np.asarray(directions), self.rotation)

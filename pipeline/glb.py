@@ -5,6 +5,8 @@ import struct
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
+
 MAGIC, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 
 
@@ -19,8 +21,8 @@ def write_glb(path, name, vertices_mm, normals, triangles):
     """
     # glTF is Y up: (x, y, z) -> (x, z, -y)
     turn = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-    points = (np.asarray(vertices_mm) @ turn.T / 1000.0).astype("<f4")
-    directions = (np.asarray(normals) @ turn.T).astype("<f4")
+    points = (fixed.matmul(np.asarray(vertices_mm), turn.T) / 1000.0).astype("<f4")
+    directions = (fixed.matmul(np.asarray(normals), turn.T)).astype("<f4")
     indices = np.asarray(triangles).astype("<u4")
     blobs = [points.tobytes(), directions.tobytes(), indices.tobytes()]
     offsets = np.cumsum([0] + [len(b) for b in blobs])

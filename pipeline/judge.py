@@ -141,8 +141,8 @@ def _text(path):
 def _half_decimal_mm(control):
     """Largest error of a rounded word."""
     if control.units == "mm":
-        return 0.5 * 10.0 ** -control.decimals_mm
-    return 25.4 * 0.5 * 10.0 ** -control.decimals_inch
+        return 0.5 / 10 ** control.decimals_mm
+    return 25.4 * 0.5 / 10 ** control.decimals_inch
 
 
 def _file_findings(item, name, text, machine):

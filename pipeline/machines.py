@@ -59,7 +59,7 @@ class Control(Model):
     @property
     def resolution_mm(self):
         """One step of the last decimal of a length, mm."""
-        return MM[self.units] * 10.0 ** -self.decimals
+        return MM[self.units] / 10 ** self.decimals
 
 
 class Machine(Model):

@@ -11,6 +11,7 @@ import os
 import numpy as np
 from scipy.spatial import cKDTree
 
+from cuspline import fixed_math as fixed
 from cuspline.verification.findings import Finding
 
 LEFT_OUT = "pymeshlab is not installed: no check of the meshes, no Hausdorff distance, no coloured mesh of the stock"
@@ -91,7 +92,7 @@ def third_view(stock_mm, stock_triangles, mesh, found, axis):
         mean_residual_mm, max_residual_mm.
     """
     s, d = found.samples, found.deviation_mm
-    calm = found.is_reachable & (np.abs(d) < THIN_MM) & ~s.is_border & (s.normals @ axis > UP)
+    calm = found.is_reachable & (np.abs(d) < THIN_MM) & ~s.is_border & (fixed.matmul(s.normals, axis) > UP)
     chosen = np.flatnonzero((s.weight_mm2 > 0) & calm)
     far_mm = QUIET_SPACINGS * found.spacing_mm
     vertices = stock_mm[_nearest_mm(stock_mm, s.points_mm[chosen], found.spacing_mm) < np.inf]
@@ -142,7 +143,7 @@ def write_coloured_ply(path, vertices_mm, triangles, deviation_mm, scale_mm):
 
 
 def _size_mm(*points_mm):
-    return float(np.linalg.norm(np.ptp(np.vstack(points_mm), axis=0)))
+    return float(fixed.length(np.ptp(np.vstack(points_mm), axis=0)))
 
 
 def _set(*meshes, about=None, **columns):
@@ -163,7 +164,7 @@ def _areas_and_angles(corners):
     length = np.linalg.norm(sides, axis=2)
     both = np.maximum(length * np.roll(length, 1, axis=1), 1e-300)
     cosine = -np.einsum("mkc,mkc->mk", sides, np.roll(sides, 1, axis=1)) / both
-    return area, np.arccos(np.clip(cosine, -1, 1)).min(axis=1)
+    return area, fixed.arccos(np.clip(cosine, -1, 1)).min(axis=1)
 
 
 def _crowded_edges(triangles):

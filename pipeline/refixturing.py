@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.design import Refixturing
 from cuspline.errors import InputError
@@ -47,10 +48,10 @@ def fitted_frame(nominal_mm, measured_mm):
     """
     nominal, measured = np.asarray(nominal_mm, float), np.asarray(measured_mm, float)
     here, there = measured.mean(axis=0), nominal.mean(axis=0)
-    u, _, vt = np.linalg.svd((measured - here).T @ (nominal - there))
-    side = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-    rotation = vt.T @ np.diag([1.0, 1.0, side]) @ u.T
-    frame = Frame(rotation=rotation, origin_mm=there - rotation @ here)
+    u, _, v = fixed.singular_values(fixed.matmul((measured - here).T, nominal - there))
+    right_handed = lambda a: np.column_stack([a[:, 0], a[:, 1], np.cross(a[:, 0], a[:, 1])])     # no mirroring
+    rotation = fixed.matmul(right_handed(v), right_handed(u).T)
+    frame = Frame(rotation=rotation, origin_mm=there - fixed.matmul(rotation, here))
     return Fit(frame=frame, residual_mm=np.linalg.norm(frame.out(measured) - nominal, axis=1))
 
 
@@ -76,7 +77,7 @@ def refixtured(setup, measured_mm):
     if fit.residual_mm[worst] > limit:
         raise InputError(f"{setup.name}: marker {names[worst]} lies {fit.residual_mm[worst]:.4f} mm from where the "
                          f"others put it, more than {limit:g} mm: {_advice(setup, nominal_mm, found_mm)}")
-    turn_deg = np.degrees(_turn_rad(setup.frame.rotation.T @ fit.frame.rotation))
+    turn_deg = np.degrees(_turn_rad(fixed.matmul(setup.frame.rotation.T, fit.frame.rotation)))
     if np.abs(turn_deg).max() > TURN_LIMIT_DEG:
         raise InputError(f"{setup.name}: by its markers the part lies {np.abs(turn_deg).max():.3f} degrees off its "
                          f"clamping as designed, more than {TURN_LIMIT_DEG:g}: markers are mixed up, or a sign is "
@@ -164,7 +165,7 @@ def _paired(setup, measured_mm):
 
 def _arm_mm(points_mm):
     """Root mean square distance of points from the line that lies closest to them."""
-    return float(np.linalg.svd(points_mm - points_mm.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(points_mm)))
+    return float(fixed.singular_values(points_mm - points_mm.mean(axis=0))[1][1] / np.sqrt(len(points_mm)))
 
 
 def _advice(setup, nominal_mm, found_mm):
@@ -174,12 +175,12 @@ def _advice(setup, nominal_mm, found_mm):
     changes += [(25.4, "they look like inches; give millimetres"),
                 (10.0, "they look like centimetres; give millimetres")]
     fits = [(fitted_frame(nominal_mm, found_mm * factor), words) for factor, words in changes]
-    near = [(np.trace(setup.frame.rotation.T @ fit.frame.rotation), words) for fit, words in fits
+    near = [(np.trace(fixed.matmul(setup.frame.rotation.T, fit.frame.rotation)), words) for fit, words in fits
             if fit.residual_mm.max() <= setup.marker_limit_mm]
     return max(near)[1] if near else "measure it again, and look whether the right markers were touched"
 
 
 def _turn_rad(rotation):
     """(3,) turns about X, then Y, then Z that make a rotation up."""
-    return np.array([np.arctan2(rotation[2, 1], rotation[2, 2]), -np.arcsin(np.clip(rotation[2, 0], -1, 1)),
-                     np.arctan2(rotation[1, 0], rotation[0, 0])])
+    return np.array([fixed.arctan2(rotation[2, 1], rotation[2, 2]), -fixed.arcsin(np.clip(rotation[2, 0], -1, 1)),
+                     fixed.arctan2(rotation[1, 0], rotation[0, 0])])

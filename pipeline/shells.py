@@ -17,6 +17,7 @@ from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import DesignError
 
 TIGHTEST_MM = 1e-7          # the kernel's own confusion
@@ -212,7 +213,7 @@ def cylinder_round_x(radius_mm, start_rad):
 
 
 def _radial(angle_rad):
-    return gp_Dir(0, float(np.cos(angle_rad)), float(np.sin(angle_rad)))
+    return gp_Dir(0, float(fixed.cos(angle_rad)), float(fixed.sin(angle_rad)))
 
 
 def _looks(curve, flat, low, high):

@@ -10,6 +10,8 @@ import numpy as np
 
 import cuspline
 
+from cuspline import fixed_math as fixed
+
 
 def steps():
     """(what, function) pairs; each function makes its kernels compile."""
@@ -102,7 +104,7 @@ def _planning():
 def _arcs():
     from cuspline.toolpaths.arcfit import fit_arcs
     t = np.linspace(0.2, 1.0, 200)
-    fit_arcs(np.column_stack([t, t ** 3]) * 10, np.arctan(3 * t ** 2), 0.01, 1e4)
+    fit_arcs(np.column_stack([t, t * t * t]) * 10, fixed.arctan(3 * t ** 2), 0.01, 1e4)
 
 
 def _feeds():

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import PostError
 from cuspline.program import Kind, Plane
 
@@ -204,9 +205,9 @@ class Arc:
         a, b, _ = plane.axes
         x, y = start_mm[a] - center_mm[a], start_mm[b] - center_mm[b]
         u, v = end_mm[a] - center_mm[a], end_mm[b] - center_mm[b]
-        self.radius_mm, self.from_rad = math.hypot(x, y), math.atan2(y, x)
+        self.radius_mm, self.from_rad = math.hypot(x, y), fixed.arctan2(y, x)
         self.side = -1.0 if kind == Kind.ARC_CW else 1.0
-        sweep = self.side * (math.atan2(v, u) - self.from_rad) % (2 * math.pi)
+        sweep = self.side * (fixed.arctan2(v, u) - self.from_rad) % (2 * math.pi)
         self.sweep_rad = sweep if sweep > 1e-9 else 2 * math.pi
 
     def at(self, share):
@@ -214,14 +215,14 @@ class Arc:
         a, b, third = self.plane.axes
         angle = self.from_rad + self.side * share * self.sweep_rad
         point = np.empty(3)
-        point[a] = self.center_mm[a] + self.radius_mm * math.cos(angle)
-        point[b] = self.center_mm[b] + self.radius_mm * math.sin(angle)
+        point[a] = self.center_mm[a] + self.radius_mm * fixed.cos(angle)
+        point[b] = self.center_mm[b] + self.radius_mm * fixed.sin(angle)
         point[third] = self.start_mm[third] + share * (self.end_mm[third] - self.start_mm[third])
         return point
 
     def chords(self, tolerance_mm):
         """End points of the chords that stay within the tolerance, the arc's own end last."""
-        largest = 2 * math.acos(max(1 - tolerance_mm / max(self.radius_mm, tolerance_mm), 0.0))
+        largest = 2 * fixed.arccos(max(1 - tolerance_mm / max(self.radius_mm, tolerance_mm), 0.0))
         count = math.ceil(self.sweep_rad / largest)
         return [self.at(k / count) for k in range(1, count)] + [self.end_mm]
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import CutterDoesNotFit, PlanError
 
 BISECTIONS, SECANTS = 46, 40
@@ -35,8 +36,8 @@ class Stance:
 
     @property
     def axis(self):
-        return np.array([np.sin(self.lead_rad) * np.cos(self.tilt_rad), np.sin(self.tilt_rad),
-                         np.cos(self.lead_rad) * np.cos(self.tilt_rad)])
+        return np.array([fixed.sin(self.lead_rad) * fixed.cos(self.tilt_rad), fixed.sin(self.tilt_rad),
+                         fixed.cos(self.lead_rad) * fixed.cos(self.tilt_rad)])
 
 
 def stance_of(axis, normal, feed):
@@ -47,8 +48,8 @@ def stance_of(axis, normal, feed):
         feed: (3,) direction of the pass, unit, at right angles to the normal; across = normal x feed.
     """
     across = np.cross(normal, feed)
-    return Stance(lead_rad=float(np.arctan2(np.dot(axis, feed), np.dot(axis, normal))),
-                  tilt_rad=float(np.arcsin(np.clip(np.dot(axis, across), -1, 1))))
+    return Stance(lead_rad=float(fixed.arctan2(fixed.matmul(axis, feed), fixed.matmul(axis, normal))),
+                  tilt_rad=float(fixed.arcsin(np.clip(fixed.matmul(axis, across), -1, 1))))
 
 
 def cutter_stepover_mm(profile, scallop_mm, curvature_per_mm, stance=Stance()):
@@ -74,7 +75,13 @@ def cutter_stepover_mm(profile, scallop_mm, curvature_per_mm, stance=Stance()):
     _refuse_tight_hollows(shown, k)
     right, left = (_reach_along_surface(shown, np.full(len(k), scallop_mm), k, side) for side in (1, -1))
     width = right - left
-    return width * np.sinc(k * width / (2 * np.pi))
+    return _chord_mm(width, k)
+
+
+def _chord_mm(along_mm, k):
+    """Chord of an arc of curvature k: sin(k s / 2) / (k / 2); s where it is straight."""
+    half = k * along_mm / 2
+    return along_mm * np.where(half == 0.0, 1.0, fixed.sin(half) / np.where(half == 0.0, 1.0, half))
 
 
 def cutter_scallop_mm(profile, stepover_mm, curvature_per_mm, stance=Stance()):
@@ -92,7 +99,7 @@ def cutter_scallop_mm(profile, stepover_mm, curvature_per_mm, stance=Stance()):
 
     def too_wide_mm(root):      # the step grows with the cusp's root
         width = np.subtract(*(_reach_along_surface(shown, root * root, k, side) for side in (1, -1)))
-        return width * np.sinc(k * width / (2 * np.pi)) - stepover_mm
+        return _chord_mm(width, k) - stepover_mm
 
     low, high = np.zeros(len(k)), np.sqrt(highest)
     short, wide = np.full(len(k), -stepover_mm), too_wide_mm(high)
@@ -115,7 +122,7 @@ def effective_radius_mm(radius_mm, corner_radius_mm, lead_rad):
     >>> float(effective_radius_mm(10.0, 2.0, np.radians(30)).round(9)), effective_radius_mm(10.0, 2.0, 0.0)
     (18.0, inf)
     """
-    sine = abs(np.sin(lead_rad))
+    sine = abs(fixed.sin(lead_rad))
     return corner_radius_mm + (radius_mm - corner_radius_mm) / sine if sine > 0 else np.inf
 
 
@@ -129,12 +136,12 @@ def wedge_scallop_mm(stepover_mm, left_rad, right_rad):
     >>> round(wedge_scallop_mm(1.0, np.radians(30), np.radians(60)), 6)         # sin 30 cos 30
     0.433013
     """
-    return float(stepover_mm * np.sin(left_rad) * np.sin(right_rad) / np.sin(left_rad + right_rad))
+    return float(stepover_mm * fixed.sin(left_rad) * fixed.sin(right_rad) / fixed.sin(left_rad + right_rad))
 
 
 def wedge_stepover_mm(scallop_mm, left_rad, right_rad):
     """Stepover at which a sharp edge leaves triangular cusps of the given height."""
-    return float(scallop_mm * np.sin(left_rad + right_rad) / (np.sin(left_rad) * np.sin(right_rad)))
+    return float(scallop_mm * fixed.sin(left_rad + right_rad) / (fixed.sin(left_rad) * fixed.sin(right_rad)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -164,14 +171,14 @@ def _projected(profile, stance, turn):
     turn + lean; sines and cosines of that keep their digits where the plane is nearly square to the axis.
     """
     along, across, up = stance.axis
-    m, lean = np.hypot(across, up), np.arctan2(across, up)
-    sine, cosine = np.sin(turn + lean), np.cos(turn + lean)
-    square = np.hypot(along, m * sine)
-    far, point = profile.support(np.arctan2(square, -m * cosine))
+    m, lean = fixed.hypot(across, up), fixed.arctan2(across, up)
+    sine, cosine = fixed.sin(turn + lean), fixed.cos(turn + lean)
+    square = fixed.hypot(along, m * sine)
+    far, point = profile.support(fixed.arctan2(square, -m * cosine))
     r = point[:, 0] / np.maximum(square, 1e-300)
     on_axis, beside = point[:, 1] * m - r * cosine * along ** 2, r * sine
-    return np.column_stack([on_axis * np.sin(lean) + beside * np.cos(lean),
-                            on_axis * np.cos(lean) - beside * np.sin(lean)]), far
+    return np.column_stack([on_axis * fixed.sin(lean) + beside * fixed.cos(lean),
+                            on_axis * fixed.cos(lean) - beside * fixed.sin(lean)]), far
 
 
 def _heights(points, k):
@@ -197,7 +204,7 @@ def _reach_along_surface(silhouette, height, k, side):
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     o, n = (start + high[:, None] * (end - start)).T
     bend = np.maximum(np.abs(k), 1e-12)
-    return np.arctan2(bend * o, 1 + k * n) / bend
+    return fixed.arctan2(bend * o, 1 + k * n) / bend
 
 
 def _refuse_tight_hollows(silhouette, k):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.cutters import Tool
 from cuspline.errors import CutterDoesNotFit, PlanError
@@ -296,7 +297,7 @@ def leftover_mm(tool, mesh, samples, allowance_mm, rows):
         d = ring * (R - 1e-6)
         bottom = rc - np.sqrt(max(rc * rc - max(d - (R - rc), 0.0) ** 2, 0.0))
         for angle in np.linspace(0, 2 * np.pi, LEFTOVER_SPOKES if ring else 1, endpoint=False):
-            xy = points[:, :2] + d * np.array([np.cos(angle), np.sin(angle)])
+            xy = points[:, :2] + d * np.array([fixed.cos(angle), fixed.sin(angle)])
             tips = drop_tips_mm(mesh, xy, R + allowance_mm, rc + allowance_mm) + allowance_mm
             lowest = np.minimum(lowest, tips + bottom)
     return np.maximum(lowest - points[:, 2], 0.0) * np.abs(normals[:, 2])

@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
+from cuspline import fixed_math as fixed
 from cuspline.program import Kind
 
 # LinuxCNC gives the acceleration across an arc half of an axis' limit and what is left along it;
@@ -52,7 +53,7 @@ def arc_shape(start, end, center, plane, kind):
     """(radius, sweep in radians > 0, rise along the third axis) of an arc."""
     a, b, c = ((0, 1, 2), (2, 0, 1), (1, 2, 0))[plane]
     x0, y0, x1, y1 = start[a] - center[a], start[b] - center[b], end[a] - center[a], end[b] - center[b]
-    turn = math.atan2(y1, x1) - math.atan2(y0, x0)
+    turn = fixed.arctan2(y1, x1) - fixed.arctan2(y0, x0)
     sweep = turn % (2 * math.pi) if kind == Kind.ARC_CCW else -turn % (2 * math.pi)
     return math.hypot(x0, y0), sweep if sweep > 1e-9 else 2 * math.pi, end[c] - start[c]
 

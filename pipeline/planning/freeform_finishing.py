@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.brep import bounding_box_mm
 from cuspline.errors import PlanError
 from cuspline.planning.shop import (
@@ -72,7 +73,7 @@ def rest(shop, before, tool, candidates):
         PlannedOperation, or None where nothing is left.
     """
     scallop_mm = shop.design.finish.scallop_mm
-    step = _flat_step_mm(tool, ridge_for_step_mm("rest finish", scallop_mm, shop.design.finish))
+    step = flat_step_mm(tool, ridge_for_step_mm("rest finish", scallop_mm, shop.design.finish))
     swept = [operation.swept_mm for operation in before]
     region = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
     left_mm = before[-1].tool.cutter.radius_mm
@@ -84,7 +85,7 @@ def _operation(shop, name, tool, allowance_mm, scallop_mm, candidates, left_mm, 
     tolerance, ridge_mm = path_tolerance_mm(shop.design.finish), ridge_for_step_mm(name, scallop_mm, shop.design.finish)
     if allowance_mm > 0.0:
         tolerance, ridge_mm = SEMI_TOLERANCE_MM, scallop_mm - SEMI_TOLERANCE_MM
-    step = _flat_step_mm(tool, ridge_mm)
+    step = flat_step_mm(tool, ridge_mm)
     field = cut(_field(shop, tool, allowance_mm, step / NODES_A_STEP))
     if field is None:
         return None
@@ -101,7 +102,7 @@ def _operation(shop, name, tool, allowance_mm, scallop_mm, candidates, left_mm, 
         raise PlanError(f"{name}: T{tool.number} {tool.cutter.name} touches none of the faces {shop.setup.faces}: "
                         "choose other faces or a smaller ball")
     rpm, feed = shop.speeds(tool, is_rough=False)
-    link = _link_rules(shop, field, tolerance, step, feed, left_mm)
+    link = link_rules(shop, field, tolerance, step, feed, left_mm)
     moves = Moves.joined([moves_of_tip_paths(some, link) for some in (walls, paths) if some])
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), "strategy": shop.setup.strategy,
@@ -126,7 +127,7 @@ def _touch_up(field, paths, before, scallop_mm, ridge_mm, step_mm, rules):
     return more
 
 
-def _flat_step_mm(tool, ridge_mm):
+def flat_step_mm(tool, ridge_mm):
     """Step on a flat that leaves a ridge of that height."""
     return float(stepover_for_scallop_mm(tool.cutter.radius_mm, ridge_mm, 0.0)[0])
 
@@ -142,7 +143,7 @@ def _field(shop, tool, allowance_mm, pitch_mm):
 
 def _gentle(field, steep_rad, overlap_mm):
     """The part of a region that is cut as seen from above: the rest, but for an overlap, is left to the wall passes."""
-    steep = field.is_inside & ~(field.normal[..., 2] >= math.cos(steep_rad))
+    steep = field.is_inside & ~(field.normal[..., 2] >= fixed.cos(steep_rad))
     if not steep.any():
         return field
     seeds = field.is_inside & ~steep
@@ -164,12 +165,20 @@ def _wall_paths(shop, field, tool, ridge_mm, tolerance_mm, step_mm):
     steep_rad = math.radians(shop.setup.steep_deg)
     samples = sample_faces(shop.faces, shop.wanted, across_axis=2)          # curvature along the steepest way up
     normal, radius = samples.normal[:, 2], tool.cutter.radius_mm
-    steep = (normal < math.cos(steep_rad)) & (normal > -HANGS) & (samples.across_per_mm * radius > -0.98)
+    steep = (normal < fixed.cos(steep_rad)) & (normal > -HANGS) & (samples.across_per_mm * radius > -0.98)
     if not steep.any():
         return []
-    heights = _wall_heights(samples, steep, field.dropper, ridge_mm)
+    return wall_paths_at(shop, field, _wall_heights(samples, steep, field.dropper, ridge_mm), tolerance_mm, step_mm)
+
+
+def wall_paths_at(shop, field, heights, tolerance_mm, step_mm, near=None):
+    """Waterlines at tip heights, where the ball touches faces wanted that are steeper than the setup's limit.
+
+    `near`: function contacts (n, 3) -> (n,) bool that keeps them to some places; None: everywhere.
+    """
+    radius, steep_rad = field.dropper.radius_mm, math.radians(shop.setup.steep_deg)
     low, high = field.node_xy_mm[0, 0], field.node_xy_mm[-1, -1]
-    offset, limit = radius + field.dropper.allowance_mm, math.cos(max(steep_rad - WALL_OVERLAP_RAD, 0.0))
+    offset, limit = radius + field.dropper.allowance_mm, fixed.cos(max(steep_rad - WALL_OVERLAP_RAD, 0.0))
 
     def gap(xy, z):
         """How far the ball reaches into the part: its height over a place jumps at walls, this does not."""
@@ -177,12 +186,13 @@ def _wall_paths(shop, field, tool, ridge_mm, tolerance_mm, step_mm):
 
     def touches(tips):
         centers = tips + np.array([0.0, 0.0, radius])
-        near = shop.closest.closest_points(centers)
-        arm = centers - near.point_mm
-        leans = arm[:, 2] < limit * near.distance_mm
-        wanted = np.isin(near.face, shop.wanted) & leans & (near.normal[:, 2] < limit)    # not over a level face's rim
+        foot = shop.closest.closest_points(centers)
+        arm = centers - foot.point_mm
+        leans = arm[:, 2] < limit * foot.distance_mm
+        wanted = np.isin(foot.face, shop.wanted) & leans & (foot.normal[:, 2] < limit)    # not over a level face's rim
         aside = tips[:, :2] + ASIDE_MM * arm[:, :2] / np.maximum(np.linalg.norm(arm[:, :2], axis=1), 1e-9)[:, None]
-        return wanted & (field.dropper.tips_mm(aside) <= tips[:, 2] + tolerance_mm)       # nothing hangs over it
+        wanted &= field.dropper.tips_mm(aside) <= tips[:, 2] + tolerance_mm               # nothing hangs over it
+        return wanted if near is None else wanted & near(foot.point_mm)
 
     lines = waterlines(field.dropper.tips_mm, heights, low, high, pitch_mm=WALL_GRID_STEPS * step_mm,
                        chord_mm=tolerance_mm / 2, gap_at=gap)
@@ -200,7 +210,7 @@ def _wall_heights(samples, steep, dropper, ridge_mm):
     return planes_across(float(tips.min()), float(tips.max()), step_at)
 
 
-def _link_rules(shop, field, tolerance_mm, step_mm, feed, left_mm):
+def link_rules(shop, field, tolerance_mm, step_mm, feed, left_mm):
     """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part."""
     radius = field.dropper.radius_mm
     return TipLinkRules(

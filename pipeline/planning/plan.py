@@ -30,6 +30,8 @@ class SetupPlan:
     inner_edges: tuple
     area_required_mm2: float
     area_reached_mm2: float
+    shop: Shop                  # that it was planned with
+    mending: tuple = ()         # what checks found and what was done about it, for plan.json
 
     def program(self, header, name):
         """The controller-free Program, in the setup's WCS."""
@@ -115,4 +117,4 @@ def plan_setup(design, setup, machine, library, before=None):
                      hollow=_placed(shop.hollow, setup), inner_edges=tuple(
                          _placed(e, setup) for e in inner_edges(shop.faces, set(shop.wanted))),
                      area_required_mm2=float(shop.samples.area_mm2.sum()),
-                     area_reached_mm2=float(shop.samples.area_mm2[reached].sum()))
+                     area_reached_mm2=float(shop.samples.area_mm2[reached].sum()), shop=shop)

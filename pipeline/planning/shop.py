@@ -66,7 +66,7 @@ class Shop:
 
     def __init__(self, design, setup, machine, library, before=None):
         """`before`: simulation.workpiece.Workpiece that earlier clampings leave; None: the billet."""
-        self.design, self.setup, self.machine, self.library = design, setup, machine, library
+        self.design, self.setup, self.machine, self.library, self.before = design, setup, machine, library, before
         solid = brep.the_solid(design.solid, f"design {design.name}")
         faces = brep.faces_of(solid)
         chosen = [f for p in design.predicates if p.name in setup.faces for f in brep.select_faces(faces, p)]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import CutterDoesNotFit
 
 FLAT_PER_MM = 1e-9          # flatter than a radius of a thousand kilometres
@@ -45,9 +46,9 @@ def scallop_for_stepover_mm(radius_mm, stepover_mm, curvature_per_mm):
     """
     k = np.atleast_1d(np.asarray(curvature_per_mm, float))
     rho, side = 1.0 / np.maximum(np.abs(k), FLAT_PER_MM), np.where(k < 0, -1.0, 1.0)
-    half = np.arcsin(np.minimum(stepover_mm / (2 * rho), 1.0))
-    reach = np.sqrt(np.maximum(radius_mm ** 2 - ((rho + side * radius_mm) * np.sin(half)) ** 2, 0.0))
-    return radius_mm * np.cos(half) - side * 2 * rho * np.sin(half / 2) ** 2 - reach
+    half = fixed.arcsin(np.minimum(stepover_mm / (2 * rho), 1.0))
+    reach = np.sqrt(np.maximum(radius_mm ** 2 - ((rho + side * radius_mm) * fixed.sin(half)) ** 2, 0.0))
+    return radius_mm * fixed.cos(half) - side * 2 * rho * fixed.sin(half / 2) ** 2 - reach
 
 
 def segment_length_mm(surface_radius_mm, cutter_radius_mm, deviation_mm):

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.report.view_data import OPERATION_COLOURS
 
 CAPTIONS = {"iso": "The design", "top": "The design from above",
@@ -97,7 +98,7 @@ def picture_scene(bundle):
     edges = mesh.edges_mm or (np.zeros((0, 3)),)
     points, links, colours = [], [], []
     low, high = np.array(bundle.part_box_mm)
-    room = PATH_ROOM * np.linalg.norm(high - low)
+    room = PATH_ROOM * fixed.length(high - low)
     for setup in bundle.setups:
         first = sum(map(len, points))
         path_points, link, colour = _path_segments(setup.path, low - room, high + room)

@@ -20,6 +20,8 @@ from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
 from vtkmodules.vtkRenderingCore import (vtkActor, vtkLightKit, vtkPolyDataMapper, vtkRenderer, vtkRenderWindow,
                                          vtkWindowToImageFilter)
 
+from cuspline import fixed_math as fixed
+
 WIDTH, HEIGHT, SUPERSAMPLING = 1400, 900, 2
 PART_SHARE = 0.88       # of the width, where a colour bar stands beside the part
 ISO, TOP = ((1.0, -1.35, 1.05), (0.0, 0.0, 1.0)), ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))    # (towards the eye, up)
@@ -171,12 +173,12 @@ def photograph(actors, towards_eye, up, bar=None):
 def aim(renderer, towards_eye, up, aspect):
     """Parallel projection that holds everything with a small margin."""
     low, high = np.reshape(renderer.ComputeVisiblePropBounds(), (3, 2)).T
-    back = towards_eye / np.linalg.norm(towards_eye)
-    right = np.cross(up, back) / np.linalg.norm(np.cross(up, back))
-    reach = lambda axis: np.abs(axis) @ (high - low) / 2
+    back = towards_eye / fixed.length(towards_eye)
+    right = np.cross(up, back) / fixed.length(np.cross(up, back))
+    reach = lambda axis: fixed.matmul(np.abs(axis), high - low) / 2
     camera = renderer.GetActiveCamera()
     camera.SetFocalPoint(*(low + high) / 2)
-    camera.SetPosition(*((low + high) / 2 + back * np.linalg.norm(high - low)))
+    camera.SetPosition(*((low + high) / 2 + back * fixed.length(high - low)))
     camera.SetViewUp(*up)
     camera.ParallelProjectionOn()
     camera.SetParallelScale(1.04 * max(reach(np.cross(back, right)), reach(right) / aspect))

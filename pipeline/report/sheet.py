@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.report.facts import (findings, measure_rows, minimum_z_mm, operation_rows, operations, verdict)
 from cuspline.report.wording import (DASH, box_size, decimal, duration, file_size, grouped, number, short, tool_name)
 
@@ -133,7 +134,7 @@ def wcs_drawing(bundle, setup):
     look = _projector(bundle, setup)
     low, high = np.asarray(setup.stock_box_mm, dtype=float)
     corner = lambda bits: setup.frame.out(np.where([bits >> k & 1 for k in range(3)], high, low)[None])
-    hidden = int(np.argmin([(corner(bits) @ EYE).item() for bits in range(8)]))
+    hidden = int(np.argmin([(fixed.matmul(corner(bits), EYE)).item() for bits in range(8)]))
     lines = []
     for edge in bundle.mesh.edges_mm:
         lines.append(_polyline(look(edge), "part"))
@@ -142,7 +143,7 @@ def wcs_drawing(bundle, setup):
             if not bits >> k & 1:
                 style = "hidden" if hidden in (bits, bits | 1 << k) else "stock"
                 lines.append(_polyline(look(np.vstack([corner(bits), corner(bits | 1 << k)])), style))
-    lines += _dimensions(look, setup, low, high) + _triad(look, setup, float(np.linalg.norm(high - low)))
+    lines += _dimensions(look, setup, low, high) + _triad(look, setup, float(fixed.length(high - low)))
     style = (".part{stroke:#6b7785;stroke-width:.7}.stock{stroke:#a8620c;stroke-width:1.3}"
              ".hidden{stroke:#a8620c;stroke-width:.8;stroke-dasharray:4 3}polyline{fill:none}"
              "text{font:12px sans-serif;fill:#1b2330;paint-order:stroke;stroke:#fff;stroke-width:3px}")
@@ -152,16 +153,16 @@ def wcs_drawing(bundle, setup):
 
 def _projector(bundle, setup):
     """A function (n, 3) part coordinates → (n, 2) places in the drawing, stock and part filling it."""
-    back = EYE / np.linalg.norm(EYE)
-    right = np.cross((0, 0, 1), back) / np.linalg.norm(np.cross((0, 0, 1), back))
+    back = EYE / fixed.length(EYE)
+    right = np.cross((0, 0, 1), back) / fixed.length(np.cross((0, 0, 1), back))
     axes = np.column_stack([right, -np.cross(back, right)])                # SVG's y runs down
     grid = lambda box: np.array([[box[i][0], box[j][1], box[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    flat = np.vstack([setup.frame.out(grid(setup.stock_box_mm)), grid(bundle.part_box_mm)]) @ axes
+    flat = fixed.matmul(np.vstack([setup.frame.out(grid(setup.stock_box_mm)), grid(bundle.part_box_mm)]), axes)
     low, size = flat.min(axis=0), np.ptp(flat, axis=0)
     margin = np.array([62.0, 44.0])                                        # for the triad and the dimensions
     scale = ((np.array([DRAWING_WIDTH, DRAWING_HEIGHT]) - 2 * margin) / np.maximum(size, 1e-9)).min()
     shift = (np.array([DRAWING_WIDTH, DRAWING_HEIGHT]) - scale * size) / 2
-    return lambda points: (np.atleast_2d(points) @ axes - low) * scale + shift
+    return lambda points: (fixed.matmul(np.atleast_2d(points), axes) - low) * scale + shift
 
 
 def _polyline(points, style):
@@ -187,7 +188,7 @@ def _triad(look, setup, diagonal):
     zero = look(setup.frame.out(np.zeros((1, 3))))[0]
     for name, colour, direction in zip("XYZ", ("#c62828", "#1b7f3b", "#1a56c4"), np.eye(3)):
         tip = look(setup.frame.out(length * direction[None]))[0]
-        along = (tip - zero) / max(np.linalg.norm(tip - zero), 1e-9)
+        along = (tip - zero) / max(fixed.length(tip - zero), 1e-9)
         across = np.array([-along[1], along[0]])
         barbs = np.array([tip, tip - 9 * along + 3.5 * across, tip - 9 * along - 3.5 * across])
         parts.append(f'<line x1="{zero[0]:.1f}" y1="{zero[1]:.1f}" x2="{tip[0]:.1f}" y2="{tip[1]:.1f}" '

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.report.facts import findings, operation_rows, operations, unreachable
 from cuspline.report.wording import number
 
@@ -176,7 +177,7 @@ def event_times(replay, setup):
     if not len(reached) or seconds[-1] <= 0:
         return np.zeros(len(reached))
     before = np.maximum(reached - 1, 0)
-    points = _known(np.asarray(setup.path.points_mm, dtype=float)) @ setup.frame.rotation   # x_replay = Rᵀ x_part
+    points = fixed.matmul(_known(np.asarray(setup.path.points_mm, dtype=float)), setup.frame.rotation)   # x_replay = Rᵀ x_part
     cell = np.asarray(replay.event_cell, dtype=np.int64)
     node = np.column_stack([cell % replay.nx, cell // replay.nx]) * replay.pitch_mm + np.asarray(replay.origin_mm)
     start, move = points[before, :2], points[reached, :2] - points[before, :2]
@@ -240,7 +241,7 @@ def _on_head(parts, head, flute):
 def _tip_outline(radius, corner):
     """From the axis along the bottom and round the corner, [[radius, height], ...]."""
     turn = np.linspace(0, np.pi / 2, 13 if corner else 1)
-    arc = np.column_stack([radius - corner + corner * np.sin(turn), corner - corner * np.cos(turn)])
+    arc = np.column_stack([radius - corner + corner * fixed.sin(turn), corner - corner * fixed.cos(turn)])
     return ([] if radius == corner else [[0.0, 0.0]]) + arc.round(6).tolist()
 
 

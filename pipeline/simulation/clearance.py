@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import SimulationError
 from cuspline.simulation import clearance_kernels as kernels
@@ -111,7 +112,7 @@ class ClearanceTree:
 def lever_mm(segments):
     """Farthest point of a tool from its tip."""
     s = np.asarray(segments)
-    return float((np.maximum(np.hypot(s[:, 0], s[:, 1]), np.hypot(s[:, 2], s[:, 3])) + s[:, 4]).max(initial=0.0))
+    return float((np.maximum(fixed.hypot(s[:, 0], s[:, 1]), fixed.hypot(s[:, 2], s[:, 3])) + s[:, 4]).max(initial=0.0))
 
 
 def tool_segments(tool, spindle_head=(), with_flutes=True):
@@ -149,9 +150,9 @@ def flute_segments(cutter):
             continue
         if rho > 0:
             first, last = profile.arc_angles_rad[k]
-            steps = int(np.ceil((last - first) / (2 * np.arccos(max(1 - SAGITTA_MM / rho, -1.0))))) + 1
+            steps = int(np.ceil((last - first) / (2 * fixed.arccos(max(1 - SAGITTA_MM / rho, -1.0))))) + 1
             turn = np.linspace(first, last, steps)[:, None]
-            ends = center + rho * np.hstack([np.cos(turn), np.sin(turn)])
+            ends = center + rho * np.hstack([fixed.cos(turn), fixed.sin(turn)])
         grow = SAGITTA_MM if rho > 0 else 0.0
         rows += [(z0, r0, z1, r1, grow) for (r0, z0), (r1, z1) in zip(ends[:-1], ends[1:]) if z1 > z0]
     return np.maximum(np.array(rows), 0.0)
@@ -164,9 +165,9 @@ def _sliced(segments):
     """
     for row in segments:
         z0, r0, z1, r1, grow = row
-        near, far = np.hypot(z0, r0), np.hypot(z1, r1)
+        near, far = fixed.hypot(z0, r0), fixed.hypot(z1, r1)
         is_cut = grow == 0 and far > near > 0
-        pieces = int(np.ceil(np.log(far / near) / np.log(SLICE_RATIO))) if is_cut else 1
+        pieces = int(np.ceil(fixed.log(far / near) / fixed.log(SLICE_RATIO))) if is_cut else 1
         share = np.linspace(0.0, 1.0, pieces + 1)
         for a, b in zip(share[:-1], share[1:]):
             yield np.array([z0 + a * (z1 - z0), r0 + a * (r1 - r0), z0 + b * (z1 - z0), r0 + b * (r1 - r0), grow])

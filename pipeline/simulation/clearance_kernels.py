@@ -17,6 +17,8 @@ import math
 import numpy as np
 from numba import njit
 
+from cuspline import fixed_math as fixed
+
 LEAF = 4                  # triangles in a leaf
 ROUNDING_MM = 1e-9        # taken off every bound
 STACK = 256               # more than twice the depth of any tree
@@ -274,8 +276,8 @@ def _frame_of(triangles, first, last, node):
                     mu, mv = mu + u / (3.0 * (last - first)), mv + v / (3.0 * (last - first))
                 else:
                     uu, uv, vv = uu + (u - mu) ** 2, uv + (u - mu) * (v - mv), vv + (v - mv) ** 2
-    angle = 0.5 * math.atan2(2.0 * uv, uu - vv)
-    c, s = math.cos(angle), math.sin(angle)
+    angle = 0.5 * fixed.arctan2(2.0 * uv, uu - vv)
+    c, s = fixed.cos(angle), fixed.sin(angle)
     for k in range(3):
         node[6 + k], node[9 + k] = c * place[k] + s * place[3 + k], c * place[3 + k] - s * place[k]
         node[12 + k] = place[6 + k]
@@ -352,8 +354,8 @@ def _pose(t, tip0, tip1, axis0, axis1, turn, place):
     """The pose at a share of a move: tip along a line, axis evenly along the great circle."""
     a, b = 1.0 - t, t
     if turn > 1e-12:
-        s = math.sin(turn)
-        a, b = math.sin((1.0 - t) * turn) / s, math.sin(t * turn) / s
+        s = fixed.sin(turn)
+        a, b = fixed.sin((1.0 - t) * turn) / s, fixed.sin(t * turn) / s
     x, y, z = a * axis0[0] + b * axis1[0], a * axis0[1] + b * axis1[1], a * axis0[2] + b * axis1[2]
     length = math.sqrt(x * x + y * y + z * z)
     set_place(place, tip0[0] + t * (tip1[0] - tip0[0]), tip0[1] + t * (tip1[1] - tip0[1]),
@@ -366,7 +368,7 @@ def turn_of(axis0, axis1):
     x, y, z = axis0[0] - axis1[0], axis0[1] - axis1[1], axis0[2] - axis1[2]
     if x == 0.0 and y == 0.0 and z == 0.0:
         return 0.0
-    return 2.0 * math.asin(min(0.5 * math.sqrt(x * x + y * y + z * z), 1.0))
+    return 2.0 * fixed.arcsin(min(0.5 * math.sqrt(x * x + y * y + z * z), 1.0))
 
 
 @njit(cache=True)

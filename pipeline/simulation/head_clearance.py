@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.program import Kind, Plane
 from cuspline.simulation.clearance import head_frusta
 from cuspline.simulation.replay_kernel import FIXTURE, HOLDER, RAPID, SHANK
@@ -84,7 +85,7 @@ def stations(start_mm, moves):
         points.append(mine)
         rows.append(np.full(len(mine), k))
         way = moves.end_mm[k] - start_mm[k]
-        share = np.array([np.hypot(*way[:2]), abs(way[2])]) / max(np.linalg.norm(way), 1e-9)
+        share = np.array([fixed.hypot(*way[:2]), abs(way[2])]) / max(fixed.length(way), 1e-9)
         shares.append(np.tile(share if moves.kind[k] < Kind.ARC_CW else (1.0, 1.0), (len(mine), 1)))
     row, (aside, down) = np.concatenate(rows), np.concatenate(shares).T
     return Stations(points_mm=np.concatenate(points), row=row, is_rapid=moves.kind[row] == Kind.RAPID, aside=aside,
@@ -95,18 +96,18 @@ def _on_a_move(start, moves, k):
     """(m, 3) points of one move, both ends among them."""
     end = moves.end_mm[k]
     if moves.kind[k] < Kind.ARC_CW:
-        count = max(int(np.ceil(np.linalg.norm(end - start) / LOOKED_MM)), 1)
+        count = max(int(np.ceil(fixed.length(end - start) / LOOKED_MM)), 1)
         return start + np.arange(count + 1)[:, None] / count * (end - start)
     a, b, third = Plane(moves.plane[k]).axes
     center, side = moves.center_mm[k], -1.0 if moves.kind[k] == Kind.ARC_CW else 1.0
-    first, last = (np.arctan2(p[b] - center[b], p[a] - center[a]) for p in (start, end))
+    first, last = (fixed.arctan2(p[b] - center[b], p[a] - center[a]) for p in (start, end))
     sweep = (side * (last - first)) % (2 * np.pi) or 2 * np.pi
-    radius = np.hypot(start[a] - center[a], start[b] - center[b])
-    count = max(int(np.ceil(np.hypot(radius * sweep, end[third] - start[third]) / LOOKED_MM)), 1)
+    radius = fixed.hypot(start[a] - center[a], start[b] - center[b])
+    count = max(int(np.ceil(fixed.hypot(radius * sweep, end[third] - start[third]) / LOOKED_MM)), 1)
     share = np.arange(count + 1) / count
     points = np.empty((count + 1, 3))
-    points[:, a] = center[a] + radius * np.cos(first + side * share * sweep)
-    points[:, b] = center[b] + radius * np.sin(first + side * share * sweep)
+    points[:, a] = center[a] + radius * fixed.cos(first + side * share * sweep)
+    points[:, b] = center[b] + radius * fixed.sin(first + side * share * sweep)
     points[:, third] = start[third] + share * (end[third] - start[third])
     return points
 
@@ -147,7 +148,7 @@ def _disc_mm(centers, tool, low, high):
     over = np.maximum(np.maximum(low[1:] - centers[:, 1:], centers[:, 1:] - high[1:]), 0.0)
     inside = np.maximum(low[1:] - centers[:, 1:], centers[:, 1:] - high[1:]).max(axis=1)
     radial = np.where((over > 0).any(axis=1), np.linalg.norm(over, axis=1), inside) - tool.cutter.radius_mm
-    return np.where(aside > 0, np.hypot(aside, np.maximum(radial, 0.0)), radial)
+    return np.where(aside > 0, fixed.hypot(aside, np.maximum(radial, 0.0)), radial)
 
 
 def _box_mm(centers, part_low, part_high, low, high):

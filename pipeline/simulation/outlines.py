@@ -22,6 +22,7 @@ import math
 import numpy as np
 from numba import njit
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import SimulationError
 
 TURN_RIGHT = 1e-6         # a corner may turn right by this (rad): rounding of an outline's own numbers
@@ -50,12 +51,12 @@ def outline_pieces(profile, name):
 
 
 def _line(start, end):
-    length = np.hypot(*(end - start))
+    length = fixed.hypot(*(end - start))
     return [0.0, *start, *((end - start) / length), length, 0.0, 0.0, 0.0, 0.0]
 
 
 def _arc(start, center, radius, angles):
-    return [1.0, *start, *center, radius, *(f(a) for a in angles for f in (np.cos, np.sin))]
+    return [1.0, *start, *center, radius, *(f(a) for a in angles for f in (fixed.cos, fixed.sin))]
 
 
 @njit(cache=True, error_model="numpy")

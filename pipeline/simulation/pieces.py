@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import SimulationError
 from cuspline.program import Kind, Plane
@@ -80,11 +81,11 @@ class Arcs:
         self.axes, self.center = axes, center[:, :2]
         self.level, self.rise = start[:, 2], end[:, 2] - start[:, 2]
         d0, d1 = start[:, :2] - self.center, end[:, :2] - self.center
-        self.radius0, self.radius1 = np.hypot(*d0.T), np.hypot(*d1.T)
+        self.radius0, self.radius1 = fixed.hypot(*d0.T), fixed.hypot(*d1.T)
         self._refuse_bad_radii(posted)
-        self.angle0 = np.arctan2(d0[:, 1], d0[:, 0])
+        self.angle0 = fixed.arctan2(d0[:, 1], d0[:, 0])
         clockwise = posted.kind[rows] == Kind.ARC_CW
-        swept = np.where(clockwise, -1.0, 1.0) * (np.arctan2(d1[:, 1], d1[:, 0]) - self.angle0)
+        swept = np.where(clockwise, -1.0, 1.0) * (fixed.arctan2(d1[:, 1], d1[:, 0]) - self.angle0)
         swept = np.where(np.all(start[:, :2] == end[:, :2], axis=1), 0.0, swept) % (2 * np.pi)
         swept = np.where(swept == 0.0, 2 * np.pi, swept) + 2 * np.pi * self.turns
         self.angle1 = self.angle0 + np.where(clockwise, -swept, swept)
@@ -111,8 +112,8 @@ class Arcs:
         """(n, 3) tips of arc number `arc` (n,) at `angle` (n,): a spiral between both radii."""
         share = (angle - self.angle0[arc]) / (self.angle1 - self.angle0)[arc]
         radius = self.radius0[arc] + share * (self.radius1 - self.radius0)[arc]
-        local = np.column_stack([self.center[arc, 0] + radius * np.cos(angle),
-                                 self.center[arc, 1] + radius * np.sin(angle),
+        local = np.column_stack([self.center[arc, 0] + radius * fixed.cos(angle),
+                                 self.center[arc, 1] + radius * fixed.sin(angle),
                                  self.level[arc] + share * self.rise[arc]])
         out = np.empty_like(local)
         np.put_along_axis(out, self.axes[arc], local, axis=1)
@@ -132,7 +133,7 @@ def part_counts(extent, longest):
 
 
 def _lines(start, end, row, longest_mm, deepest_mm):
-    counts = np.maximum(part_counts(np.hypot(*(end - start)[:, :2].T), longest_mm),
+    counts = np.maximum(part_counts(fixed.hypot(*(end - start)[:, :2].T), longest_mm),
                         part_counts(np.maximum(start[:, 2] - end[:, 2], 0.0), deepest_mm))
     if counts.max(initial=1) == 1:
         return np.concatenate([start, end, np.zeros((len(start), 6))], axis=1), row, 0.0
@@ -150,7 +151,7 @@ def _chords(arcs, longest_mm, deepest_mm):
     if not len(arcs):
         return np.zeros((0, 12)), np.zeros(0, np.int64), 0.0
     radius = np.maximum(arcs.radius0, arcs.radius1)
-    widest = 2 * np.arccos(1 - np.minimum(SAGITTA_MM / radius, 0.5))
+    widest = 2 * fixed.arccos(1 - np.minimum(SAGITTA_MM / radius, 0.5))
     counts = part_counts(np.abs(arcs.angle1 - arcs.angle0), widest)
     whole, part = repeated_parts(counts)
     at = lambda k: arcs.points(whole, arcs.angle0[whole] + k / counts[whole] * (arcs.angle1 - arcs.angle0)[whole])
@@ -183,8 +184,8 @@ def _arc_rows(arcs, arc, a0, a1):
     share = ((a0 + a1) / 2 - arcs.angle0[arc]) / (arcs.angle1 - arcs.angle0)[arc]
     radius = arcs.radius0[arc] + share * (arcs.radius1 - arcs.radius0)[arc]
     is_zx = arcs.plane[arc] == Plane.ZX
-    u_of = lambda a: np.where(is_zx, np.sin(a), np.cos(a))
-    z_of = lambda a: np.where(is_zx, np.cos(a), np.sin(a))
+    u_of = lambda a: np.where(is_zx, fixed.sin(a), fixed.cos(a))
+    z_of = lambda a: np.where(is_zx, fixed.cos(a), fixed.sin(a))
     center_u = np.where(is_zx, arcs.center[arc, 1], arcs.center[arc, 0])
     center_z = np.where(is_zx, arcs.center[arc, 0], arcs.center[arc, 1])
     swap = u_of(a0) > u_of(a1)

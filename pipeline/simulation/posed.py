@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.cutters import Tool
 from cuspline.errors import SimulationError
@@ -78,7 +79,7 @@ def posed_path(posted, rows, tool, turn_error_mm=TURN_ERROR_MM):
     profile = tool.cutter.profile
     outline = outline_pieces(profile, f"T{tool.number} {tool.cutter.name}")
     radius, height = profile.largest_radius_mm, profile.height_mm
-    pieces = posed_pieces(posted, rows, LONGEST_RADII * radius, float(np.hypot(radius, height)), turn_error_mm)
+    pieces = posed_pieces(posted, rows, LONGEST_RADII * radius, float(fixed.hypot(radius, height)), turn_error_mm)
     lowest = outline[0, 4] if outline[0, 0] else outline[1, 4] if outline[1, 0] else 0.0
     g = pieces.geometry
     order = tree.halved_order(g[:, :3] + 0.5 * g[:, 3:6] + lowest * (g[:, 6:9] + 0.5 * g[:, 9:12]), posed_tree.LEAF)

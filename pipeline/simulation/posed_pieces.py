@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import SimulationError
 from cuspline.simulation.pieces import pieces_of, repeated_parts
@@ -56,7 +57,7 @@ def posed_pieces(posted, rows, longest_mm, reach_mm, turn_error_mm=TURN_ERROR_MM
     start, way = chords.geometry[:, :3], chords.geometry[:, 3:6] - chords.geometry[:, :3]
     share0, share1 = _shares(chords.row, np.sqrt((way ** 2).sum(axis=1)))
     angle = (share1 - share0) * turn[chords.row]
-    most = 2 * np.arctan(np.cbrt(turn_error_mm / (UNEVEN * reach_mm)))
+    most = 2 * fixed.arctan(fixed.cbrt(turn_error_mm / (UNEVEN * reach_mm)))
     length = np.sqrt((way ** 2).sum(axis=1))
     counts = np.maximum(1, np.ceil(np.maximum(angle / most, length / longest_mm) - 1e-9)).astype(np.int64)
     whole, part = repeated_parts(counts)
@@ -69,7 +70,7 @@ def posed_pieces(posted, rows, longest_mm, reach_mm, turn_error_mm=TURN_ERROR_MM
     geometry[:, 12] = np.sqrt((geometry[:, 3:6] ** 2).sum(axis=1))
     chord = np.sqrt((geometry[:, 9:12] ** 2).sum(axis=1))
     geometry[:, 13] = chord / np.sqrt(1 - chord ** 2 / 4)
-    uneven = UNEVEN * reach_mm * (geometry[:, 13].max(initial=0.0) / 2) ** 3
+    uneven = UNEVEN * reach_mm * fixed.power(geometry[:, 13].max(initial=0.0) / 2, 3)
     return PosedPieces(geometry=geometry, row=chords.row[whole], error_mm=float(chords.error_mm + uneven))
 
 
@@ -77,7 +78,7 @@ def _turns_rad(posted, rows):
     """(n,) angle between both axes of each move; 0 on rows that are not asked for."""
     turn = np.zeros(len(posted))
     a, b = posted.start_axis[rows], posted.end_axis[rows]
-    turn[rows] = np.arctan2(np.sqrt((np.cross(a, b) ** 2).sum(axis=1)), (a * b).sum(axis=1))
+    turn[rows] = fixed.arctan2(np.sqrt((np.cross(a, b) ** 2).sum(axis=1)), (a * b).sum(axis=1))
     bad = np.flatnonzero(turn > OPPOSITE_RAD)
     if len(bad):
         raise SimulationError(f"line {posted.line[bad[0]]}: the tool axis turns by {np.degrees(turn[bad[0]]):.1f}° in "
@@ -102,7 +103,7 @@ def _axes(posted, row, share, turn):
     """(m, 3) axes of moves at a share of their turn along the great circle."""
     a, b, angle = posted.start_axis[row], posted.end_axis[row], turn[row]
     is_still = angle < 1e-12
-    sine = np.where(is_still, 1.0, np.sin(angle))
-    weight = lambda s: np.where(is_still, s, np.sin(s * angle) / sine)[:, None]
+    sine = np.where(is_still, 1.0, fixed.sin(angle))
+    weight = lambda s: np.where(is_still, s, fixed.sin(s * angle) / sine)[:, None]
     axis = weight(1 - share) * a + weight(share) * b
     return axis / np.sqrt((axis ** 2).sum(axis=1))[:, None]

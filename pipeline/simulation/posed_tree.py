@@ -26,6 +26,7 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from cuspline import fixed_math as fixed
 from cuspline.simulation.outlines import touching_point
 from cuspline.simulation.posed_kernels import poses_distance, slope_along, substep_distance
 from cuspline.simulation.tree import SLACK_MM
@@ -158,11 +159,12 @@ def _frame(node, axis, moment, before, outline, lowest, highest):
     for i in range(3):
         for j in range(3):
             aa, ab, bb = aa + a[i] * C[i, j] * a[j], ab + a[i] * C[i, j] * b[j], bb + b[i] * C[i, j] * b[j]
-    turn = 0.5 * math.atan2(2.0 * ab, aa - bb)
+    turn = 0.5 * fixed.arctan2(2.0 * ab, aa - bb)
     if ratio < ROUND:                        # u along the cutter's meridian: off along v does not pull along u
-        turn = math.atan2(b @ axis, a @ axis)
-    node[3:6] = math.cos(turn) * a + math.sin(turn) * b
-    node[6:9] = math.cos(turn) * b - math.sin(turn) * a
+        turn = fixed.arctan2(b[0] * axis[0] + b[1] * axis[1] + b[2] * axis[2],
+                             a[0] * axis[0] + a[1] * axis[1] + a[2] * axis[2])
+    node[3:6] = fixed.cos(turn) * a + fixed.sin(turn) * b
+    node[6:9] = fixed.cos(turn) * b - fixed.sin(turn) * a
     node[9:12] = w
     for c in range(3):
         along = node[3 + 3 * c:6 + 3 * c]
@@ -183,7 +185,7 @@ def _enclose(node, axis, geometry, first, last):
             for k in range(3):
                 off = g[6 + k] + end * g[9 + k] - axis[k]
                 chord += off * off
-            angle = 2.0 * math.asin(min(1.0, 0.5 * math.sqrt(chord)))
+            angle = 2.0 * fixed.arcsin(min(1.0, 0.5 * math.sqrt(chord)))
             node[33] = max(node[33], angle if angle < 0.5 * math.pi else math.pi)
             for c in range(3):
                 tip = turn = 0.0

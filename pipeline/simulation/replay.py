@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import SimulationError
 from cuspline.frames import Frame
@@ -217,7 +218,7 @@ def _before(z, lines, top, within):
         middle, half = (np.column_stack([(s * a[k + 1] + a[k]) / 2 for k, a in zip((i, j), lines)]) for s in (1, -1))
         share = (2 * np.arange(PARTS) + 1) / PARTS - 1
         places = [middle + np.abs(half) * (a, b) for a in share for b in share]
-        radius = float(np.hypot(*half.T).max()) / PARTS
+        radius = float(fixed.hypot(*half.T).max()) / PARTS
         found = within(np.concatenate(places), radius).reshape(PARTS ** 2, -1).max(axis=0)
         bounds[j, i] = np.maximum(found, corners[:, j, i].max(axis=0)).clip(max=top)
     return bounds, corners.min(axis=0)
@@ -242,7 +243,7 @@ def _past(geometry, cutter, cutters):
 
 def _boxes(geometry):
     """(2 leaves - 1, 5) rectangle and lowest tip of each node of a binary tree, and the number of leaves."""
-    leaves = 1 << max(0, int(np.ceil(np.log2(len(geometry) / LEAF))))
+    leaves = 1 << max(0, (-(-len(geometry) // LEAF) - 1).bit_length())
     xs, ys, low = geometry[:, [0, 3]], geometry[:, [1, 4]], replay_checks.lowest_tips(geometry)
     least = [_least_under(c, leaves) for c in (xs.min(axis=1), -xs.max(axis=1), ys.min(axis=1), -ys.max(axis=1), low)]
     return np.column_stack(least) * [1, -1, 1, -1, 1], leaves

@@ -6,6 +6,7 @@ down to CELL_MM, in the region that a part of the tool passes over.
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.program import Kind
 from cuspline.simulation.replay_kernel import RAPID
 from cuspline.simulation.replay_stock import CELL_MM
@@ -70,5 +71,5 @@ def stands_below(ends, radius_mm, floor_mm, within, low, high):
 def _beside(points, ends):
     """(n,) distance of points from a straight way."""
     way = ends[1] - ends[0]
-    share = np.clip((points - ends[0]) @ way / max(way @ way, 1e-300), 0.0, 1.0)
+    share = np.clip(fixed.matmul(points - ends[0], way) / max(fixed.matmul(way, way), 1e-300), 0.0, 1.0)
     return np.linalg.norm(points - ends[0] - share[:, None] * way, axis=1)

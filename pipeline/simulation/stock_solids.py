@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline import solids
 from cuspline.frames import Frame
 from cuspline.simulation.swept import distance_to, is_height_field, stock_height_mm
@@ -71,7 +72,7 @@ class StockSolids:
 
     def _hollow(self, cut, low, high, pitch_mm, grown_mm):
         """Stock with undercuts: the surface is found along the edges of a lattice, in seven directions."""
-        edge = max(pitch_mm, float(np.cbrt(np.prod(high - low) / LATTICE)))
+        edge = max(pitch_mm, float(fixed.cbrt(np.prod(high - low) / LATTICE)))
         left_mm = distance_to(tuple(p.grown(grown_mm) for p in cut.paths))
         around = edge * np.ones(3)
         stock = solids.level_set(left_mm, low - around, high + around, edge, MET_MM)
@@ -87,7 +88,7 @@ class StockSolids:
 
 def _seen(inner, outer):
     """The frame `inner` seen from the frame `outer`, both given in part coordinates."""
-    return Frame(rotation=outer.rotation.T @ inner.rotation, origin_mm=outer.into(inner.origin_mm[None])[0])
+    return Frame(rotation=fixed.matmul(outer.rotation.T, inner.rotation), origin_mm=outer.into(inner.origin_mm[None])[0])
 
 
 def grid_lines(low, high, pitch_mm, walls):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import SimulationError
 from cuspline.frames import Frame
@@ -16,7 +17,7 @@ from cuspline.simulation.swept import deviations_and_moves, nearest_moves, stock
 
 SAME_MM = 1e-7            # a depth found again deeper by less is the same
 UNCUT = -1
-LEAST_PARALLEL = np.cos(np.radians(10.0))      # a box round a billet further askew would be all air
+LEAST_PARALLEL = fixed.cos(np.radians(10.0))      # a box round a billet further askew would be all air
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,7 +52,7 @@ class Workpiece:
         """
         if np.abs(frame.rotation).max(axis=0).min() < LEAST_PARALLEL:
             raise SimulationError("the stock box is not parallel to the WCS: its sides must follow the setup's axes, "
-                                  f"within {np.degrees(np.arccos(LEAST_PARALLEL)):.0f} degrees")
+                                  f"within {np.degrees(fixed.arccos(LEAST_PARALLEL)):.0f} degrees")
         return frame.box_into(self.min_mm, self.max_mm)
 
     def cut_distance_mm(self, points_mm):

@@ -16,8 +16,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import BSpline
 
+from cuspline import fixed_math as fixed
+from cuspline.surfaces.spline_interpolation import interpolated
 from cuspline.arrays import frozen
 from cuspline.errors import DesignError
 from cuspline.surfaces.nurbs import local_shape
@@ -85,7 +87,7 @@ class CircularTip:
         inner = self.knots_mm[(self.knots_mm > low + LEAST_MM) & (self.knots_mm < high - LEAST_MM)]
         knots = np.r_[[low] * (k + 1), inner, [high] * (k + 1)]
         greville = np.clip(greville_mm(knots, k), low, high)
-        clipped = lambda poles: make_interp_spline(greville, BSpline(self.knots_mm, poles, k)(greville), k, knots).c
+        clipped = lambda poles: interpolated(greville, BSpline(self.knots_mm, poles, k)(greville), k, knots).c
         return replace(self, knots_mm=knots, center_poles_mm=clipped(self.center_poles_mm),
                        radius_poles_mm=clipped(self.radius_poles_mm))
 
@@ -132,7 +134,7 @@ class CircularTip:
     def hollow_per_mm(self, x_mm, turn_rad):
         """(n,) the most hollow principal curvature of the arc: negative in a hollow, as everywhere."""
         x, turn = np.broadcast_arrays(np.asarray(x_mm, float), np.asarray(turn_rad, float))
-        sine, cosine, none, one = np.sin(turn), np.cos(turn), np.zeros(x.shape), np.ones(x.shape)
+        sine, cosine, none, one = fixed.sin(turn), fixed.cos(turn), np.zeros(x.shape), np.ones(x.shape)
         R, R1, R2 = self.radius_mm(x), self.radius_slope(x), self.radius_bend_per_mm(x)
         rows = [(x, R * sine, self.center_z_mm(x) + R * cosine),
                 (none, R * cosine, -R * sine), (one, R1 * sine, self.center_slope(x) + R1 * cosine),
@@ -173,7 +175,7 @@ class CircularTip:
         """
         x, turn = np.broadcast_arrays(np.asarray(x_mm, float), np.asarray(turn_rad, float))
         radius = self.radius_mm(x)
-        return np.stack([x, radius * np.sin(turn), self.center_z_mm(x) + radius * np.cos(turn)], axis=-1)
+        return np.stack([x, radius * fixed.sin(turn), self.center_z_mm(x) + radius * fixed.cos(turn)], axis=-1)
 
     def normal(self, x_mm, turn_rad):
         """(n, 3) unit normals of the arc, out of the material.
@@ -181,25 +183,25 @@ class CircularTip:
         Source: FORMULAS 1, gradient (-(z - z0) z0' - R R', y, z - z0) over R.
         """
         x, turn = np.broadcast_arrays(np.asarray(x_mm, float), np.asarray(turn_rad, float))
-        gradient = np.stack([-np.cos(turn) * self.center_slope(x) - self.radius_slope(x),
-                             np.sin(turn), np.cos(turn)], axis=-1)
+        gradient = np.stack([-fixed.cos(turn) * self.center_slope(x) - self.radius_slope(x),
+                             fixed.sin(turn), fixed.cos(turn)], axis=-1)
         return gradient / np.linalg.norm(gradient, axis=-1, keepdims=True)
 
     def tangency_mm(self, x_mm):
         """(n,) Y and (n,) Z where arc and flank meet, on the side of +y."""
         radius, angle = self.radius_mm(x_mm), self.flank_half_angle_rad
-        return radius * np.cos(angle), self.center_z_mm(x_mm) + radius * np.sin(angle)
+        return radius * fixed.cos(angle), self.center_z_mm(x_mm) + radius * fixed.sin(angle)
 
     def flank_point_mm(self, x_mm, z_mm):
         """(n, 3) points of the flank on the side of +y at heights between foot and tangency."""
         x, z = np.broadcast_arrays(np.asarray(x_mm, float), np.asarray(z_mm, float))
         y, top = self.tangency_mm(x)
-        return np.stack([x, y + (top - z) * np.tan(self.flank_half_angle_rad), z], axis=-1)
+        return np.stack([x, y + (top - z) * fixed.tan(self.flank_half_angle_rad), z], axis=-1)
 
     def flank_normal(self, x_mm):
         """(n, 3) unit normals of the flank on the side of +y: the same all the way down."""
         angle, rise = self.flank_half_angle_rad, self.radius_slope(x_mm)
         # y = Y + (Z - z) tan α, so dy/dx = R' cos α + (z0' + R' sin α) tan α = R'/cos α + z0' tan α
-        widening = rise / np.cos(angle) + self.center_slope(x_mm) * np.tan(angle)
-        normal = np.stack([-widening, np.ones_like(widening), np.full_like(widening, np.tan(angle))], axis=-1)
+        widening = rise / fixed.cos(angle) + self.center_slope(x_mm) * fixed.tan(angle)
+        normal = np.stack([-widening, np.ones_like(widening), np.full_like(widening, fixed.tan(angle))], axis=-1)
         return normal / np.linalg.norm(normal, axis=-1, keepdims=True)

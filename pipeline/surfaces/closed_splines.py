@@ -2,9 +2,8 @@
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import splu
 
+from cuspline import fixed_math as fixed
 from cuspline.surfaces.nurbs import NurbsSurface
 
 SAME = 1e-12        # parameters closer than this are one
@@ -28,9 +27,10 @@ def periodic_spline(sites, values, period, degree=5):
     n = len(sites)
     around = np.arange(-degree, n + degree + 1)
     knots = sites[around % n] + period * (around // n)
-    folding = csr_matrix((np.ones(n + degree), (np.arange(n + degree), np.arange(n + degree) % n)))
-    basis = BSpline.design_matrix(sites, knots, degree) @ folding
-    poles = splu(basis.tocsc()).solve(values.reshape(n, -1)).reshape(values.shape)
+    spread = BSpline.design_matrix(sites, knots, degree).toarray()
+    basis = spread[:, :n].copy()
+    basis[:, :degree] += spread[:, n:]
+    poles = fixed.solve(basis, values.reshape(n, -1)).reshape(values.shape)
     return piece(BSpline(knots, np.concatenate([poles, poles[:degree]]), degree), sites[0], sites[0] + period)
 
 

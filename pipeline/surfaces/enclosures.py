@@ -6,6 +6,8 @@ bound closes in with the square of the piece's size.  Rounding (1e-15 of the val
 asked of the bounds (1e-2).
 """
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -150,7 +152,7 @@ def _inverse_root(x):
     if low <= SOUND * c:
         return np.nan, np.nan, np.nan, np.nan
     f, g = 1.0 / np.sqrt(c), -0.5 / (c * np.sqrt(c))
-    return f, g * x[1], g * x[2], abs(g) * x[3] + 0.375 * reach * reach / low ** 2.5
+    return f, g * x[1], g * x[2], abs(g) * x[3] + 0.375 * reach * reach / (low * low * math.sqrt(low))
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,6 +7,8 @@ bending, the integral of the squared third (or second) derivative.
 import numpy as np
 from scipy.interpolate import BSpline
 
+from cuspline import fixed_math as fixed
+
 DEGREE = 5
 STEPS = 14              # of the bisection for the stiffness, over STIFFNESS
 STIFFNESS = (-12.0, 8.0)        # decimal logarithm of the weight of the bending
@@ -49,8 +51,8 @@ def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=(
     soft, stiff = STIFFNESS
     for _ in range(STEPS):
         middle = (soft + stiff) / 2
-        found = bound.least(10.0 ** middle)
-        if np.abs(through @ found - y).max() <= within:
+        found = bound.least(fixed.power(10.0, middle))
+        if np.abs(fixed.matmul(through, found) - y).max() <= within:
             soft, best = middle, found
         else:
             stiff = middle
@@ -72,12 +74,12 @@ def _end_conditions(knots, low, high, zero_derivatives, slope_at_start, tail):
 
 def _energy(knots, sites, order):
     """(n, n) integral of the products of two basis functions' derivatives, exact by Gauss points in every span."""
-    nodes, weights = np.polynomial.legendre.leggauss(DEGREE)
+    nodes, weights = fixed.gauss_points(DEGREE)
     half = np.diff(sites) / 2
     places = (sites[:-1] + half)[:, None] + half[:, None] * nodes
     derived = BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE).derivative(order)(places.ravel())
     weighted = (half[:, None] * weights).ravel()[:, None] * derived
-    return derived.T @ weighted * (sites[-1] - sites[0]) ** (2 * order - 1)
+    return fixed.matmul(derived.T, weighted) * fixed.power(sites[-1] - sites[0], 2 * order - 1)
 
 
 class _Constrained:
@@ -86,23 +88,15 @@ class _Constrained:
     def __init__(self, energy, rows, values, through=None, y=None):
         size, self._tail = len(energy), values.shape[1:]
         flat = values.reshape(len(values), int(np.prod(self._tail)))
-        self._start = np.linalg.lstsq(rows, flat, rcond=None)[0] if len(rows) else np.zeros((size, flat.shape[1]))
-        self._free = _null_space(rows, size)
-        self._energy, self._force = self._free.T @ energy @ self._free, self._free.T @ (energy @ self._start)
+        self._free, self._start = fixed.null_space_and_particular(rows.reshape(-1, size), flat)
+        self._energy = fixed.matmul(fixed.matmul(self._free.T, energy), self._free)
+        self._force = fixed.matmul(self._free.T, fixed.matmul(energy, self._start))
         self._pull, self._miss = 0.0, 0.0
         if through is not None:
-            seen = through @ self._free
-            self._pull = seen.T @ seen
-            self._miss = seen.T @ (y.reshape(len(y), -1) - through @ self._start)
+            seen = fixed.matmul(through, self._free)
+            self._pull = fixed.matmul(seen.T, seen)
+            self._miss = fixed.matmul(seen.T, y.reshape(len(y), -1) - fixed.matmul(through, self._start))
 
     def least(self, stiffness):
-        step = np.linalg.lstsq(stiffness * self._energy + self._pull, self._miss - stiffness * self._force,
-                               rcond=1e-15)[0]
-        return (self._start + self._free @ step).reshape(-1, *self._tail)
-
-
-def _null_space(rows, size):
-    if not len(rows):
-        return np.eye(size)
-    _, strength, basis = np.linalg.svd(rows)
-    return basis[(strength > 1e-12 * strength[0]).sum():].T
+        step = fixed.least_squares(stiffness * self._energy + self._pull, self._miss - stiffness * self._force)
+        return (self._start + fixed.matmul(self._free, step)).reshape(-1, *self._tail)

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.interpolate import BSpline
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import DesignError
 from cuspline.surfaces.nurbs import NurbsSurface
 
@@ -39,8 +40,8 @@ def _interpolated(points_at, breaks_u, breaks_v):
     (ku, u, mu), (kv, v, mv) = (_direction(b) for b in (breaks_u, breaks_v))
     uu, vv = (g.ravel() for g in np.meshgrid(u, v, indexing="ij"))
     values = points_at(uu, vv).reshape(len(u), len(v), 3)
-    poles = np.linalg.solve(mu, values.reshape(len(u), -1)).reshape(values.shape)
-    poles = np.linalg.solve(mv, poles.transpose(1, 0, 2).reshape(len(v), -1))
+    poles = fixed.solve(mu, values.reshape(len(u), -1)).reshape(values.shape)
+    poles = fixed.solve(mv, poles.transpose(1, 0, 2).reshape(len(v), -1))
     poles = poles.reshape(len(v), len(u), 3).transpose(1, 0, 2)
     return NurbsSurface(degree_u=DEGREE, degree_v=DEGREE, knots_u=ku, knots_v=kv,
                         poles=np.concatenate([poles, np.ones((*poles.shape[:2], 1))], axis=-1))
@@ -49,6 +50,6 @@ def _interpolated(points_at, breaks_u, breaks_v):
 def _direction(breaks):
     """Knots, interpolated parameters (Chebyshev-Lobatto in every span, ends shared) and collocation matrix."""
     knots = np.r_[breaks[0], np.repeat(breaks, DEGREE), breaks[-1]]
-    share = (1 - np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)) / 2
+    share = (1 - fixed.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)) / 2
     places = np.r_[[a + s * (b - a) for a, b in zip(breaks[:-1], breaks[1:]) for s in share[:-1]], breaks[-1]]
     return knots, places, BSpline.design_matrix(places, knots, DEGREE).toarray()

@@ -14,6 +14,7 @@ from OCP.GCPnts import GCPnts_AbscissaPoint
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_REVERSED
 
+from cuspline import fixed_math as fixed
 from cuspline.brep import edges_of_faces
 
 CONCAVE_SINE = 1e-3         # edges flatter than this angle count as smooth
@@ -99,9 +100,9 @@ def _sines(faces, pair):
         n1, n2 = (_normal_on(faces[index], edge, t) for index, edge in pair)
         curve.D1(t, point, tangent)
         along = np.array([tangent.X(), tangent.Y(), tangent.Z()])
-        along *= turn / max(np.linalg.norm(along), 1e-300)
+        along *= turn / max(fixed.length(along), 1e-300)
         # the face lies to the left of its own edges: n1 x along points into it
-        sines[k], cosines[k], points[k] = np.cross(n1, along) @ n2, n1 @ n2, (point.X(), point.Y(), point.Z())
+        sines[k], cosines[k], points[k] = fixed.matmul(np.cross(n1, along), n2), fixed.matmul(n1, n2), (point.X(), point.Y(), point.Z())
     return sines, cosines, points, parameters
 
 
@@ -110,7 +111,7 @@ def _inner_edge(faces, pair):
     is_hollow = sines >= CONCAVE_SINE
     if not is_hollow.any():
         return None
-    angle = np.where(is_hollow, np.arctan2(sines, cosines), -np.inf)
+    angle = np.where(is_hollow, fixed.arctan2(sines, cosines), -np.inf)
     k, middle = int(angle.argmax()), ALONG_EDGE // 2
     if angle[middle] > angle[k] - SHARPER_RAD:
         k = middle
@@ -128,7 +129,7 @@ def _normal_on(face, edge, parameter):
     p, du, dv = gp_Pnt(), gp_Vec(), gp_Vec()
     face.adaptor.D1(uv.X(), uv.Y(), p, du, dv)
     n = np.cross((du.X(), du.Y(), du.Z()), (dv.X(), dv.Y(), dv.Z()))
-    return n / max(np.linalg.norm(n), 1e-30) * (-1 if face.is_reversed else 1)
+    return n / max(fixed.length(n), 1e-30) * (-1 if face.is_reversed else 1)
 
 
 def _creases(face, index):
@@ -155,9 +156,9 @@ def _crease(face, index, axis, knot, span):
     normal_after = face.shape_at(*at(hair)).normal
     into = after[:, 1 + axis] / np.maximum(np.linalg.norm(after[:, 1 + axis], axis=1), 1e-300)[:, None]
     rises = np.einsum("ij,ij->i", before.normal, into)
-    angle = np.arctan2(np.linalg.norm(np.cross(before.normal, normal_after), axis=1),
+    angle = fixed.arctan2(np.linalg.norm(np.cross(before.normal, normal_after), axis=1),
                        np.einsum("ij,ij->i", before.normal, normal_after))
-    is_hollow = inside & (rises > 0) & (np.sin(angle) >= CONCAVE_SINE)
+    is_hollow = inside & (rises > 0) & (fixed.sin(angle) >= CONCAVE_SINE)
     if not is_hollow.any():
         return None
     k = int(np.where(is_hollow, angle, -np.inf).argmax())

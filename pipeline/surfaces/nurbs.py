@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit, prange
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 
 CHUNK = 256              # points a thread takes at a time
@@ -113,8 +114,8 @@ def principal_directions(derivatives, flip=False):
     L, M, N = dot(suu, normal), dot(suv, normal), dot(svv, normal)
     p, q = L / a ** 2, (M - b / a * L) / (a * c)
     r = (N - 2 * b / a * M + (b / a) ** 2 * L) / c ** 2
-    turn = np.arctan2(2 * q, p - r) / 2 + (np.pi / 2 if flip else 0.0)
-    hollow = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
+    turn = fixed.arctan2(2 * q, p - r) / 2 + (np.pi / 2 if flip else 0.0)
+    hollow = fixed.cos(turn)[:, None] * first + fixed.sin(turn)[:, None] * second
     return hollow, np.cross(normal, hollow)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit, prange
 from scipy.interpolate import BSpline
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 
 CHUNK = 512             # points a thread takes at a time
@@ -100,8 +101,8 @@ def _powers(surface):
     bu, mu = span_powers(surface.knots_u, surface.degree_u, surface.poles.shape[0])
     bv, mv = span_powers(surface.knots_v, surface.degree_v, surface.poles.shape[1])
     poles = surface.poles / surface.poles[..., 3].max()
-    half = np.einsum("aip,pqk->aiqk", mu, poles, optimize=True)
-    return bu, bv, np.ascontiguousarray(np.einsum("bjq,aiqk->abijk", mv, half, optimize=True))
+    half = np.einsum("aip,pqk->aiqk", mu, poles)
+    return bu, bv, np.ascontiguousarray(np.einsum("bjq,aiqk->abijk", mv, half))
 
 
 def span_powers(knots, degree, count):
@@ -112,7 +113,7 @@ def span_powers(knots, degree, count):
     breaks = np.unique(knots[degree:count + 1])
     middles, halves = (breaks[1:] + breaks[:-1]) / 2, np.diff(breaks) / 2
     basis = BSpline(knots, np.eye(count), degree)
-    rows = [basis(middles, nu=k) * (halves ** k / math.factorial(k))[:, None] for k in range(degree + 1)]
+    rows = [basis(middles, nu=k) * (fixed.power(halves, k) / math.factorial(k))[:, None] for k in range(degree + 1)]
     return breaks, np.stack(rows, axis=1)
 
 

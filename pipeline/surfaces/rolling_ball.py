@@ -20,6 +20,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
+from cuspline import fixed_math as fixed
 from cuspline.surfaces.closed_splines import periodic_spline
 from cuspline.surfaces.nurbs import NurbsSurface, local_shape
 
@@ -50,7 +51,7 @@ class Revolved:
         Returns:
             (n,) x of the foot, (n,) polar angle from Y to Z, (n, 3) outward normal there, (n,) signed distance.
         """
-        x, rho = points[:, 0], np.hypot(points[:, 1], points[:, 2])
+        x, rho = points[:, 0], fixed.hypot(points[:, 1], points[:, 2])
         first, second = self.profile.derivative(), self.profile.derivative(2)
         t = x.copy() if self.half_angle_rad is not None else self._nearest_site(x, rho)
         for _ in range(30):
@@ -60,9 +61,9 @@ class Revolved:
             if np.abs(step).max() < 1e-13 * max(1.0, np.abs(t).max()):
                 break
         radius, slope = self.profile(t), first(t)
-        angle = np.arctan2(points[:, 2], points[:, 1])
+        angle = fixed.arctan2(points[:, 2], points[:, 1])
         root = np.sqrt(1 + slope ** 2)
-        normal = np.stack([-slope, np.cos(angle), np.sin(angle)], axis=1) / root[:, None]
+        normal = np.stack([-slope, fixed.cos(angle), fixed.sin(angle)], axis=1) / root[:, None]
         return t, angle, normal, ((x - t) * -slope + (rho - radius)) / root
 
     def _nearest_site(self, x, rho):
@@ -74,12 +75,12 @@ class Revolved:
     def points(self, angle, x):
         """(n, 3) points of the surface."""
         radius = self.profile(x)
-        return np.stack([x, radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+        return np.stack([x, radius * fixed.cos(angle), radius * fixed.sin(angle)], axis=1)
 
     def hollow_radius_mm(self, x):
         """(n,) radius of curvature of the profile where it is hollow seen from outside; inf elsewhere."""
         slope, bend = self.profile.derivative()(x), self.profile.derivative(2)(x)
-        curvature = bend / (1 + slope ** 2) ** 1.5
+        curvature = bend / fixed.power(1 + slope ** 2, 1.5)
         return np.where(curvature > 0, 1 / np.maximum(curvature, 1e-300), np.inf)
 
 
@@ -254,4 +255,4 @@ def _longest(vectors):
 
 def _widest_deg(a, b):
     """Largest angle between lines, by the sine: exact where it is small."""
-    return float(np.degrees(np.arcsin(np.minimum(np.linalg.norm(np.cross(a, b), axis=1), 1.0)).max()))
+    return float(np.degrees(fixed.arcsin(np.minimum(np.linalg.norm(np.cross(a, b), axis=1), 1.0)).max()))

@@ -17,6 +17,7 @@ from OCP.BRep import BRep_Tool
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.brep import edge_points, explore
 
@@ -121,7 +122,7 @@ class PrismaticFace:
         if len(crossings) < 2:
             return []
         parameters = self._parameter(crossings, seam)
-        order = np.argsort(parameters)
+        order = np.argsort(parameters, kind="stable")
         ends, parameters = crossings[order], parameters[order]
         return [self._element(ends[k:k + 2], parameters[k:k + 2]) for k in range(0, len(ends) - 1, 2)]
 
@@ -179,11 +180,11 @@ class PrismaticFace:
         basis = self._basis
         if basis[0] == "line":
             d = points[-1] - points[0]
-            return points @ d
+            return fixed.matmul(points, d)
         if basis[0] == "arc":
             middle = self.plane.flat(self.face.middle.point_mm[0]) - basis[1]
             d = points - basis[1]
-            turn = np.arctan2(d[:, 1], d[:, 0]) - np.arctan2(middle[1], middle[0])
+            turn = fixed.arctan2(d[:, 1], d[:, 0]) - fixed.arctan2(middle[1], middle[0])
             return np.where(seam == 0, (turn + np.pi) % (2 * np.pi) - np.pi, seam * np.pi)
         samples = basis[1]
         nearest = np.array([np.argmin(((samples - p) ** 2).sum(axis=1)) for p in points])
@@ -197,7 +198,7 @@ class PrismaticFace:
         if basis[0] == "arc":
             center, radius = basis[1], basis[2]
             middle = self.plane.flat(self.face.middle.point_mm[0]) - center
-            ridge = bool(middle @ out > 0)
+            ridge = bool(fixed.matmul(middle, out) > 0)
             radial = (ends - center) / radius * (1 if ridge else -1)
             return Element(kind="arc", points=ends, normals=radial, center=center,
                            radius=radius, is_ridge=ridge, owner=self.index)
@@ -214,7 +215,7 @@ class PrismaticFace:
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         middle, out = self.plane.flat(self.face.middle.point_mm[0]), self.plane.flat(self.face.middle.normal[0])
         nearest = int(np.argmin(((points - middle) ** 2).sum(axis=1)))
-        if normals[nearest] @ out < 0:
+        if fixed.matmul(normals[nearest], out) < 0:
             normals = -normals
         return Element(kind=kind, points=frozen(points, (None, 2), "points"), normals=normals, center=None,
                        radius=np.nan, is_ridge=False, owner=self.index)

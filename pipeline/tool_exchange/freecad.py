@@ -9,6 +9,7 @@ import re
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import InputError
 from cuspline.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
 
@@ -101,7 +102,7 @@ def _check_taper(fields, r, beta, flute):
     if fields.get("parameter", "TaperDiameter") is None:
         return
     given = _measure(fields, "TaperDiameter", LENGTHS_MM)
-    found = 2 * (r * np.cos(beta) + (flute - r * (1 - np.sin(beta))) * np.tan(beta))
+    found = 2 * (r * fixed.cos(beta) + (flute - r * (1 - fixed.sin(beta))) * fixed.tan(beta))
     if found > given + 0.02:
         raise SkippedTool(f"the taper reaches {found:.3f} mm at CuttingEdgeHeight, TaperDiameter is {given:g} mm")
     if found < given - 0.02:

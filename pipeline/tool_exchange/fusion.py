@@ -9,6 +9,7 @@ import zipfile
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.cutters import Holder
 from cuspline.errors import InputError
 from cuspline.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
@@ -98,7 +99,7 @@ def _tapered(d, corner, taper_deg):
     if abs(corner - d / 2) < 1e-3:
         return {"type": "tapered_ball", "diameter_mm": d, "corner_radius_mm": d / 2, "taper_deg": taper_deg}
     e, f, beta = d / 2 - corner, corner, np.radians(taper_deg)
-    crossing = (corner + e * np.cos(beta) - f * np.sin(beta)) / np.cos(beta)
+    crossing = (corner + e * fixed.cos(beta) - f * fixed.sin(beta)) / fixed.cos(beta)
     return {"type": "apt", "diameter_mm": float(2 * crossing), "corner_radius_mm": corner, "taper_deg": taper_deg,
             "tip_angle_deg": 0.0, "corner_center_radius_mm": e, "corner_center_height_mm": f}
 

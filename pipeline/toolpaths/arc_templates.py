@@ -7,8 +7,8 @@ Rough passes cut both ways, from foot to foot.  Finish passes run clockwise seen
 uncut side toward +x a spindle that turns right cuts climb; then up, rapid back, down beside the body.
 """
 
-import math
 
+from cuspline import fixed_math as fixed
 from cuspline.pass_templates import (
     Call, Go, Let, PassTemplate, Quantity, Register, Restart, Root, TemplatedPasses, terms)
 from cuspline.program import Kind, Plane
@@ -92,8 +92,8 @@ def templated_passes(stretches, steps, *, flank_rad, register_mm, ball_radius_mm
     registers = (
         Register(Quantity("r", meaning="tool radius register"), register_mm),
         Register(Quantity("ball", meaning="tip below the ball's centre"), ball_radius_mm),
-        Register(Quantity("ny", "", meaning="flank's normal, across"), math.cos(flank_rad)),
-        Register(Quantity("nz", "", meaning="flank's normal, up"), math.sin(flank_rad)),
+        Register(Quantity("ny", "", meaning="flank's normal, across"), fixed.cos(flank_rad)),
+        Register(Quantity("nz", "", meaning="flank's normal, up"), fixed.sin(flank_rad)),
         Register(Quantity("half", meaning="half width of the body"), half_width_mm + OVERRUN_MM),
         Register(Quantity("mid", axis=1, meaning="mid-plane"), 0.0),
         Register(Quantity("x", axis=0, meaning="plane, counts on"), stretches[0].first_mm),

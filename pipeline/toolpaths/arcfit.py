@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import ToolpathError
 
 JOINTS = 220            # candidate joints along one curve
@@ -93,7 +94,7 @@ def _element(x0, y0, x1, y1, heading, largest_radius_mm):
 @njit(cache=True)
 def _arc_center(x0, y0, x1, y1, heading):
     """Centre and signed radius (positive: turns left) of the arc that starts with a heading."""
-    nx, ny = -math.sin(heading), math.cos(heading)
+    nx, ny = -fixed.sin(heading), fixed.cos(heading)
     dx, dy = x1 - x0, y1 - y0
     lean = 2.0 * (nx * dx + ny * dy)
     if abs(lean) < 1e-14 * (dx * dx + dy * dy + 1e-30):
@@ -129,7 +130,7 @@ def _wrapped(angle):
 def _end_heading(points, first, last, heading, largest_radius):
     """Heading with which the arc arrives; a line arrives along its chord."""
     dx, dy = points[last, 0] - points[first, 0], points[last, 1] - points[first, 1]
-    chord = math.atan2(dy, dx)
+    chord = fixed.arctan2(dy, dx)
     _, _, radius = _arc_center(points[first, 0], points[first, 1], points[last, 0], points[last, 1], heading)
     if abs(radius) > largest_radius:
         return chord
@@ -223,7 +224,7 @@ def _biarc_middle(points, headings, first, last, start, tolerance, largest_radiu
 def _middle_mismatch(points, headings, first, middle, last, start, largest_radius):
     arrived = _end_heading(points, first, middle, start, largest_radius)
     dx, dy = points[last, 0] - points[middle, 0], points[last, 1] - points[middle, 1]
-    needed = headings[last] + 2.0 * _wrapped(math.atan2(dy, dx) - headings[last])
+    needed = headings[last] + 2.0 * _wrapped(fixed.arctan2(dy, dx) - headings[last])
     return _wrapped(arrived - needed)
 
 

@@ -18,6 +18,7 @@ from OCP.GeomConvert import GeomConvert
 from scipy.interpolate import BSpline
 from scipy.optimize import brentq
 
+from cuspline import fixed_math as fixed
 from cuspline.brep import bounding_box_mm, edge_points, edges_with_faces, faces_of
 from cuspline.surfaces.sections import PrismaticFace, is_cap, is_prismatic
 from cuspline.toolpaths.pieces import EDGE_RANK, NO_FACE, ArcPiece, LinePiece, curve_pieces, half_circle
@@ -134,13 +135,13 @@ class CenterSections:
         radius = element.radius + (1 if element.is_ridge else -1) * self.radius_mm
         if radius < 1e-6:
             return []
-        first, last = (np.arctan2(p[1], p[0]) for p in element.points - element.center)
+        first, last = (fixed.arctan2(p[1], p[0]) for p in element.points - element.center)
         last = first + ((last - first) % (2 * np.pi) or 2 * np.pi)
         pieces = []
         for half in (0.0 if element.is_ridge else np.pi) + 2 * np.pi * np.array([-1, 0, 1]):
             low, high = max(first, half), min(last, half + np.pi)
             if high - low > 1e-9:
-                ends = element.center + radius * np.array([(np.cos(a), np.sin(a)) for a in (low, high)])
+                ends = element.center + radius * np.array([(fixed.cos(a), fixed.sin(a)) for a in (low, high)])
                 start, end = sorted(ends, key=lambda p: p[0])
                 pieces.append(ArcPiece(center=element.center, radius=radius, start=start, end=end,
                                        is_over=element.is_ridge, owner=element.owner))
@@ -266,7 +267,7 @@ class CenterSections:
             return pieces
         for low, high in self._touching_ranges(edge, across):
             middle, half = (low + high) / 2, (high - low) / 2
-            parameters = middle - half * np.cos(np.linspace(0, np.pi, PIPE_SAMPLES))
+            parameters = middle - half * fixed.cos(np.linspace(0, np.pi, PIPE_SAMPLES))
             for points, w in self._pipe_sections(edge, parameters, across):
                 centers = self.plane.flat(points + self.radius_mm * w)
                 pieces += _steepless(centers, self.plane.flat(w), edge.owner, rank=EDGE_RANK)

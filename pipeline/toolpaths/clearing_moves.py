@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.program import MoveWriter, Plane
 from cuspline.toolpaths.dropcutter import is_held_above
 from cuspline.toolpaths.path_arcs import lines_and_arcs
@@ -46,7 +47,7 @@ class ClearingWriter:
     def is_far(self, way_mm, level):
         """Lifting, crossing and coming down again takes less time than the way (k, 2) on the level."""
         way = float(np.linalg.norm(np.diff(way_mm, axis=0), axis=1).sum())
-        across = float(np.linalg.norm(way_mm[-1] - way_mm[0]))
+        across = float(fixed.length(way_mm[-1] - way_mm[0]))
         quick = self._lift_minutes(level) + across / self.rules.rapid_mm_per_min
         return way / self.rules.feed_mm_per_min > quick
 
@@ -81,7 +82,7 @@ class ClearingWriter:
         self._writer.rapid(np.r_[start[:2], self.rules.clearance_z_mm])
         self._writer.rapid(np.r_[start[:2], min(start[2] + APPROACH_MM, self.rules.clearance_z_mm)])
         self._writer.feed(start, feed)
-        halves = max(2, 2 * math.ceil((start[2] - level) / (2 * math.pi * radius * math.tan(self.rules.ramp_rad))))
+        halves = max(2, 2 * math.ceil((start[2] - level) / (2 * math.pi * radius * fixed.tan(self.rules.ramp_rad))))
         for k in range(1, halves + 3):
             z = max(level, start[2] - (start[2] - level) * k / halves)
             side = radius if k % 2 == 0 else -radius

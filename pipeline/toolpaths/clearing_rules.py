@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import ToolpathError
 from cuspline.program import Moves
 
@@ -57,7 +58,7 @@ def engagement_of_rad(radial_depth_mm, radius_mm):
     >>> round(math.degrees(engagement_of_rad(8.0, 8.0)), 6)
     90.0
     """
-    return math.acos(max(1.0 - radial_depth_mm / radius_mm, -1.0))
+    return fixed.arccos(max(1.0 - radial_depth_mm / radius_mm, -1.0))
 
 
 def refuse_bad(rules):

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit, prange
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import ToolpathError
 
@@ -98,9 +99,9 @@ def profile_point(elements, radial, axial):
         if e[0] == LINE:
             ends = (e[1], e[2], e[3], e[4])
         else:
-            angle = np.arctan2(axial, radial)
-            first = e[1] + e[3] * np.cos(e[4]), e[2] + e[3] * np.sin(e[4])
-            last = e[1] + e[3] * np.cos(e[5]), e[2] + e[3] * np.sin(e[5])
+            angle = fixed.arctan2(axial, radial)
+            first = e[1] + e[3] * fixed.cos(e[4]), e[2] + e[3] * fixed.sin(e[4])
+            last = e[1] + e[3] * fixed.cos(e[5]), e[2] + e[3] * fixed.sin(e[5])
             if e[4] <= angle <= e[5]:
                 first = last = e[1] + e[3] * radial, e[2] + e[3] * axial
             ends = (first[0], first[1], last[0], last[1])
@@ -112,9 +113,9 @@ def profile_point(elements, radial, axial):
     if e[0] == LINE:
         top_r, top_z, along_r, along_z = e[3], e[4], e[3] - e[1], e[4] - e[2]
     else:
-        top_r, top_z = e[1] + e[3] * np.cos(e[5]), e[2] + e[3] * np.sin(e[5])
-        along_r, along_z = -np.sin(e[5]), np.cos(e[5])
-    past = (radial * along_r + axial * along_z) / np.hypot(along_r, along_z)
+        top_r, top_z = e[1] + e[3] * fixed.cos(e[5]), e[2] + e[3] * fixed.sin(e[5])
+        along_r, along_z = -fixed.sin(e[5]), fixed.cos(e[5])
+    past = (radial * along_r + axial * along_z) / fixed.hypot(along_r, along_z)
     if past > BEYOND and r == top_r and z == top_z:
         return np.nan, np.nan
     return r, z

@@ -12,8 +12,9 @@ Source: FORMULAS 1 (Crandall and Stovall): "s = c - Rc n_c", n_c by differentiat
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
+from cuspline import fixed_math as fixed
+from cuspline.surfaces.spline_interpolation import interpolated
 from cuspline.arrays import frozen
 from cuspline.toolpaths.transverse_arcs import arc_steps, center_ranges_mm, contacts_mm, crest_slope, STEEP_SLOPE
 
@@ -69,10 +70,10 @@ def cut_map(tip, ball_radius_mm, register_mm, pitch_mm):
 def _part(tip, ball_radius_mm, register_mm, center_x_mm):
     """(places, deviations, folds, matching) of planes that belong to one section."""
     steps = arc_steps(tip, ball_radius_mm, center_x_mm)
-    g = CubicSpline(center_x_mm, steps.radius_mm + steps.swell * register_mm)
-    h = CubicSpline(center_x_mm, steps.c_mm + steps.lift * register_mm)
+    g = interpolated(center_x_mm, steps.radius_mm + steps.swell * register_mm, 3)
+    h = interpolated(center_x_mm, steps.c_mm + steps.lift * register_mm, 3)
     turn = np.r_[np.linspace(0.0, tip.half_arc_rad, ROUND), tip.half_arc_rad][None]
-    x, sine, cosine = center_x_mm[:, None], np.sin(turn), np.cos(turn)
+    x, sine, cosine = center_x_mm[:, None], fixed.sin(turn), fixed.cos(turn)
     centers = np.stack([x + 0 * turn, g(x) * sine, h(x) + g(x) * cosine], axis=-1)
     normal = np.stack([-(g(x, 1) + h(x, 1) * cosine), sine + 0 * x, cosine + 0 * x], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -94,7 +95,7 @@ def tip_deviation_mm(tip, points_mm):
     """
     def gradient(p):
         arm = p[..., 2] - tip.center_z_mm(p[..., 0])
-        out = np.hypot(p[..., 1], arm)
+        out = fixed.hypot(p[..., 1], arm)
         slope = -arm / out * tip.center_slope(p[..., 0]) - tip.radius_slope(p[..., 0])
         return out - tip.radius_mm(p[..., 0]), np.stack([slope, p[..., 1] / out, arm / out], axis=-1)
     return _distance(points_mm, gradient)
@@ -102,7 +103,7 @@ def tip_deviation_mm(tip, points_mm):
 
 def flank_deviation_mm(tip, points_mm):
     """Feet (..., 3) on the flank on the side of +y and signed distances (...,) of points (..., 3), positive outside."""
-    cosine, sine = np.cos(tip.flank_half_angle_rad), np.sin(tip.flank_half_angle_rad)
+    cosine, sine = fixed.cos(tip.flank_half_angle_rad), fixed.sin(tip.flank_half_angle_rad)
 
     def gradient(p):
         y, z = tip.tangency_mm(p[..., 0])

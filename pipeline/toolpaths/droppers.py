@@ -47,7 +47,7 @@ class MeshDropper(Dropper):
         self.radius_mm, self.corner_radius_mm, self.allowance_mm = checked_cutter(
             radius_mm, corner_radius_mm, allowance_mm)
         self._mesh = mesh
-        self._rims = MeshRims.of(mesh.corners_mm[np.argsort(mesh.original)], face_of_triangle)
+        self._rims = MeshRims.of(mesh.corners_mm[np.argsort(mesh.original, kind="stable")], face_of_triangle)
         self._grown = self.radius_mm + self.allowance_mm, self.corner_radius_mm + self.allowance_mm
 
     @classmethod

@@ -18,6 +18,7 @@ import math
 import numpy as np
 from numba import njit
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import ToolpathError
 
 FAR, TRIAL, DONE = 0, 1, 2
@@ -214,7 +215,7 @@ def _users(offsets, inside):
 @njit(cache=True, error_model="numpy")
 def _solve(w, v):
     """Largest root u of sum w_k max(0, u - v_k)² = 1 over the terms that count (w_k > 0)."""
-    order = np.argsort(v)
+    order = np.argsort(v, kind="stable")
     a = b = c = 0.0
     u = np.inf
     for k in order:

@@ -17,6 +17,8 @@ import math
 import numpy as np
 from numba import njit
 
+from cuspline import fixed_math as fixed
+
 ARC_SAMPLES = 120           # half the circle ahead is looked at in steps of 1.5 degrees
 SIDE_SAMPLES = 8
 CHIP_SHARE = 0.2            # of the thinnest material that is worth a pass: so thin a chip is still engagement
@@ -45,9 +47,9 @@ def engaged_rad(material, x, y, heading, radius, thin):
     SIDE_SAMPLES of either end counts from that end on.
     """
     count, first, last = 0, -1, -1
-    cosine, sine = math.cos(math.pi / ARC_SAMPLES), math.sin(math.pi / ARC_SAMPLES)
+    cosine, sine = fixed.cos(math.pi / ARC_SAMPLES), fixed.sin(math.pi / ARC_SAMPLES)
     angle = heading - math.pi / 2 + 0.5 * math.pi / ARC_SAMPLES
-    dx, dy = radius * math.cos(angle), radius * math.sin(angle)
+    dx, dy = radius * fixed.cos(angle), radius * fixed.sin(angle)
     for k in range(ARC_SAMPLES):
         if value_at(material, x + dx, y + dy) > thin:
             count += 1
@@ -102,7 +104,7 @@ def _next_heading(material, permitted, x, y, heading, radius, thin, bound, step,
         else:
             turn = left + (0.9 * math.pi - left) * (k - TURNS) / SHARP_TURNS
         h = heading + turn
-        if not _may(material, permitted, x + step * math.cos(h), y + step * math.sin(h), h, radius, thin, bound):
+        if not _may(material, permitted, x + step * fixed.cos(h), y + step * fixed.sin(h), h, radius, thin, bound):
             blocked = turn
             continue
         if k == 0:
@@ -111,7 +113,7 @@ def _next_heading(material, permitted, x, y, heading, radius, thin, bound, step,
         for _ in range(REFINEMENTS):
             middle = 0.5 * (free + blocked)
             h = heading + middle
-            if _may(material, permitted, x + step * math.cos(h), y + step * math.sin(h), h, radius, thin, bound):
+            if _may(material, permitted, x + step * fixed.cos(h), y + step * fixed.sin(h), h, radius, thin, bound):
                 free = middle
             else:
                 blocked = middle
@@ -141,7 +143,7 @@ def cut_pass(material, permitted, x, y, heading, radius, thin, bound, step, righ
         heading = _next_heading(material, permitted, x, y, heading, radius, thin, bound, step, right, left)
         if math.isnan(heading):
             break
-        nx, ny = x + step * math.cos(heading), y + step * math.sin(heading)
+        nx, ny = x + step * fixed.cos(heading), y + step * fixed.sin(heading)
         engaged = engaged_rad(material, nx, ny, heading, radius, CHIP_SHARE * thin)
         x, y = nx, ny
         path[count, 0], path[count, 1] = x, y

@@ -15,12 +15,13 @@ Source: alternating direction method of multipliers; S. Boyd et al., Foundations
 3 (2011), section 5.1, on the constraint set of slopes.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage, sparse
-from scipy.sparse.linalg import splu
+
+from cuspline import fixed_math as fixed
+from cuspline.toolpaths.grid_cholesky import Factors
 
 LEAST, MOST = 0.97, 1.025       # steps per step: scallops of 1.063 to 0.952 of the height
 NODES_A_STEP = 2.3              # of the grid that slopes are taken on: lines bend gently
@@ -46,7 +47,7 @@ def even_levels(ground, starts=()):
     rough = _Slopes.of(ground, max(1, round(2 * pitch / ground.step_mm)))
     sketches = [_relaxed(rough, rough.smoothed(s, SKETCH_TURNS), SKETCH_TURNS) for s in _starts(rough, ground, starts)]
     fine = _Slopes.of(ground, max(1, round(pitch / ground.step_mm)))
-    order = np.argsort([rough.to_cut_mm(phi) for phi in sketches])[:FOLLOWED]
+    order = np.argsort([rough.to_cut_mm(phi) for phi in sketches], kind="stable")[:FOLLOWED]
     tries = [_relaxed(fine, fine.taken(ground, rough.on_ground(ground, sketches[k])), TURNS) for k in order]
     phi = fine.on_ground(ground, tries[int(np.argmin([fine.to_cut_mm(phi) for phi in tries]))])
     return np.where(ground.is_open, phi - phi[ground.is_inside].min(), np.inf)
@@ -60,14 +61,14 @@ def steps_of(ground, phi):
 
 def _typical_step_mm(ground):
     xx, xy, yy = ground.metric[ground.is_inside].T
-    return float(np.median(xx * yy - xy * xy)) ** -0.25
+    return float(fixed.power(np.median(xx * yy - xy * xy), -0.25))
 
 
 def _starts(slopes, ground, given):
     """Straight levels one typical step apart in several directions, and the given ones."""
     step = _typical_step_mm(ground)
-    ways = ((math.cos(a), math.sin(a)) for a in np.radians(STARTS_DEG))
-    return [slopes.xy_mm @ np.array(way) / step for way in ways] + [slopes.taken(ground, phi) for phi in given]
+    ways = ((fixed.cos(a), fixed.sin(a)) for a in np.radians(STARTS_DEG))
+    return [fixed.matmul(slopes.xy_mm, np.array(way)) / step for way in ways] + [slopes.taken(ground, phi) for phi in given]
 
 
 def _relaxed(slopes, phi, turns):
@@ -75,10 +76,10 @@ def _relaxed(slopes, phi, turns):
     ux = uy = 0.0
     for turn in range(turns):
         ex, ey = slopes.along_x @ phi, slopes.along_y @ phi
-        if turn % LOOK_EVERY == 0 and slopes.out_of_band(np.hypot(ex, ey)) < NONE_LEFT:
+        if turn % LOOK_EVERY == 0 and slopes.out_of_band(fixed.hypot(ex, ey)) < NONE_LEFT:
             break
         px, py = ex + ux, ey + uy
-        long = np.hypot(px, py)
+        long = fixed.hypot(px, py)
         share = np.clip(long, LEAST, MOST) / np.maximum(long, 1e-12)
         ux, uy = (1.0 - share) * px, (1.0 - share) * py
         phi = slopes.with_slopes(share * px - ux, share * py - uy)
@@ -98,7 +99,7 @@ class _Slopes:
     weight: np.ndarray      # (m,) area in the metric
     plan: tuple             # (m, 3) inverse metric's root, to come back to plan; (m,) area in plan
     averages: tuple         # (n, m), (m, n) from triangles to the mean at nodes, and back
-    factors: object         # of the matrix of squared slopes
+    factors: Factors        # of the matrix of squared slopes
 
     @classmethod
     def of(cls, ground, every):
@@ -122,7 +123,7 @@ class _Slopes:
         weight = np.sqrt(det) * step ** 2 / 4
         matrix = ex.T @ sparse.diags(weight) @ ex + ey.T @ sparse.diags(weight) @ ey
         matrix = (matrix + PIN * matrix.diagonal().mean() * sparse.identity(len(used))).tocsc()
-        factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        factors = Factors.of(matrix, np.column_stack([used // nx, used % nx]))
         touch = sparse.csr_matrix((np.ones(local.size), (np.repeat(np.arange(len(local)), 3), local.ravel())), ex.shape)
         averages = ((sparse.diags(1.0 / np.asarray(touch.sum(axis=0)).ravel()) @ touch.T).tocsr(), touch / 3.0)
         xy_mm = np.column_stack([ground.x_mm[0] + step * (used % nx), ground.y_mm[0] + step * (used // nx)])
@@ -130,7 +131,7 @@ class _Slopes:
                    plan=(l11, l12, l22, step ** 2 / 4), averages=averages, factors=factors)
 
     def steps(self, phi):
-        return np.hypot(self.along_x @ phi, self.along_y @ phi)
+        return fixed.hypot(self.along_x @ phi, self.along_y @ phi)
 
     def out_of_band(self, steps):
         """Share of the area whose steps are too wide or too narrow."""
@@ -151,7 +152,7 @@ class _Slopes:
         """(n,) level function after turns toward slopes in the band with bends and wrinkles averaged away."""
         for _ in range(turns):
             ex, ey = self.averaged(phi)
-            long = np.hypot(ex, ey)
+            long = fixed.hypot(ex, ey)
             share = np.clip(long, LEAST, MOST) / np.maximum(long, 1e-12)
             phi = self.with_slopes(share * ex, share * ey)
         return phi
@@ -162,8 +163,8 @@ class _Slopes:
         ex, ey = self.along_x @ phi, self.along_y @ phi
         gy = ey / l22
         gx = (ex - l12 * gy) / l11
-        off = (np.abs(np.hypot(ex, ey) - 1.0) > WEDGE) | (np.hypot(*self.averaged(phi)) < 1.0 - WEDGE)
-        return float(np.hypot(gx, gy).sum() * area + DEARER * (np.sqrt(self.weight / area)[off] * area).sum())
+        off = (np.abs(fixed.hypot(ex, ey) - 1.0) > WEDGE) | (fixed.hypot(*self.averaged(phi)) < 1.0 - WEDGE)
+        return float(fixed.hypot(gx, gy).sum() * area + DEARER * (np.sqrt(self.weight / area)[off] * area).sum())
 
     def taken(self, ground, phi):
         """(n,) values of a function on the ground's nodes; where there are none, of the nearest that has one."""

@@ -7,6 +7,8 @@ flat end mill; nothing is tessellated.  How: `patch_tree` bounds, `patch_contact
 
 from dataclasses import dataclass
 
+import math
+
 import numpy as np
 from numba import njit, prange
 
@@ -191,11 +193,12 @@ def _describe(tree, xy, at, R, rc, contact, normal):
         n = np.zeros(3)
         if tree[3][p] == FACE:
             n = tree[4][p] * np.cross(o[1], o[2])
-        if not np.sqrt(n @ n) > 0.0:
+        size = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+        if not size > 0.0:
             n = np.array([0.0, 0.0, 1.0])
             dx, dy = o[0, 0] - xy[i, 0], o[0, 1] - xy[i, 1]
             d = np.sqrt(dx * dx + dy * dy)
             e = d - (R - rc)
             if rc > 0.0 and e > 0.0:
                 n = np.array([-e * dx / d, -e * dy / d, np.sqrt(max(rc * rc - e * e, 0.0))])
-        normal[i] = n / np.sqrt(n @ n)
+        normal[i] = n / math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import ToolpathError
 from cuspline.toolpaths.clearing_moves import FIT_MM, ClearingWriter
 from cuspline.toolpaths.clearing_rules import Clearing, ClearingRules, engagement_of_rad, refuse_bad
@@ -82,7 +83,7 @@ class _Job:
         tips = tips + a + rules.margin_mm
         for low, high in rules.keep_out:
             beside = np.maximum(np.maximum(np.asarray(low)[:2] - xy_mm, xy_mm - np.asarray(high)[:2]), 0.0)
-            over = np.hypot(*beside.T) < rules.radius_mm + rules.keep_out_mm
+            over = fixed.hypot(*beside.T) < rules.radius_mm + rules.keep_out_mm
             tips = np.where(over, np.maximum(tips, high[2] + rules.keep_out_mm), tips)
         return tips
 

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from scipy import ndimage
 
+from cuspline import fixed_math as fixed
 from cuspline.toolpaths.level_fields import inner_distance, nearest_seed
 
 FARTHEST_NODES = 4.0    # free room beyond this is cut off, so that it does not matter when it was worked out
@@ -88,7 +89,7 @@ class LevelGround:
     def toward_rad(self, node):
         """Direction from a node to its nearest goal."""
         x, y = self.near[int(round(node[1])), int(round(node[0]))] - node
-        return math.atan2(y, x)
+        return fixed.arctan2(y, x)
 
     def _round(self, path, by):
         """Slices (rows, columns) round (n, 2) places."""

@@ -14,6 +14,7 @@ import math
 import numpy as np
 from scipy import ndimage
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import ToolpathError
 from cuspline.toolpaths.even_steps import even_levels
 from cuspline.toolpaths.pass_gaps import gap_pieces
@@ -68,7 +69,7 @@ def longest_side(ground):
     reach = min(12, len(line) // 8)
     seen = np.column_stack([ground.at(ground.touched_mm[..., k], line) for k in range(2)])
     lead, lag = seen - np.roll(seen, reach, axis=0), np.roll(seen, -reach, axis=0) - seen
-    turn = np.abs(np.arctan2(lead[:, 0] * lag[:, 1] - lead[:, 1] * lag[:, 0], (lead * lag).sum(axis=1)))
+    turn = np.abs(fixed.arctan2(lead[:, 0] * lag[:, 1] - lead[:, 1] * lag[:, 0], (lead * lag).sum(axis=1)))
     peak = turn >= ndimage.maximum_filter1d(turn, 2 * reach + 1, mode="wrap") - 1e-12
     corners = np.flatnonzero(peak & (turn > math.radians(CORNER_DEG)))
     if len(corners) < 2:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.toolpaths.clearing_links import nearest_node, pulled_straight, upstream, way_to_nearest
 from cuspline.toolpaths.engagement import clear_stroke, cut_pass
 
@@ -138,7 +139,7 @@ class LevelRuns:
         ground, (x, y) = self.ground, center
         radius = min(HELIX_SHARE * ground.radius, ground.permitted[int(y), int(x)])
         angle = np.linspace(0.0, 2 * np.pi, 65)
-        ring = center + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        ring = center + radius * np.column_stack([fixed.cos(angle), fixed.sin(angle)])
         j, i = np.ogrid[:self.grid.ny, :self.grid.nx]
         under = (i - x) ** 2 + (j - y) ** 2 <= (radius + ground.radius + 2) ** 2
         top = float(max(self.stock_mm[under].max(), self.level))

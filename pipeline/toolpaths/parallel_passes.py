@@ -7,12 +7,13 @@ border at an angle f to the lines they lie closer by (1 + sin f) / 2.  Corners o
 stick out between two lines get a line of their own.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_erosion, gaussian_filter, grey_opening
+from scipy.ndimage import binary_erosion, grey_opening
 
+from cuspline import fixed_math as fixed
+from cuspline.toolpaths.blur import blurred
 from cuspline.toolpaths.plane_curves import PlaneCurve
 from cuspline.toolpaths.profile_passes import planes_across, smallest_step
 from cuspline.toolpaths.scallop_metric import scallop_metric
@@ -33,11 +34,11 @@ class Bearing:
 
     @property
     def along(self):
-        return np.array([math.cos(self.angle_rad), math.sin(self.angle_rad)])
+        return np.array([fixed.cos(self.angle_rad), fixed.sin(self.angle_rad)])
 
     @property
     def across(self):
-        return np.array([-math.sin(self.angle_rad), math.cos(self.angle_rad)])
+        return np.array([-fixed.sin(self.angle_rad), fixed.cos(self.angle_rad)])
 
 
 def parallel_curves(field, angle_rad, scallop_mm):
@@ -56,8 +57,8 @@ def parallel_curves(field, angle_rad, scallop_mm):
     bearing = Bearing(angle_rad=float(angle_rad))
     steps = allowed_steps_mm(field, bearing, scallop_mm)[field.is_inside]
     nodes = field.node_xy_mm[field.is_inside]
-    order = np.argsort(nodes @ bearing.across)
-    at, ahead = (nodes @ bearing.across)[order], (nodes @ bearing.along)[order]
+    order = np.argsort(fixed.matmul(nodes, bearing.across), kind="stable")
+    at, ahead = (fixed.matmul(nodes, bearing.across))[order], (fixed.matmul(nodes, bearing.along))[order]
     step_between = smallest_step(at, steps[order], margin_mm=field.pitch_mm, elsewhere_mm=float(steps.max()))
     inset = TIP_SHARE * max(float(steps.min()), field.pitch_mm)
     low, high = (_first(field, bearing, outermost, way, ahead, inset)
@@ -101,7 +102,7 @@ def _one_sided(field, bearing, metric):
     """(nx, ny) sine of the angle between the lines and a border or a bridged hollow at the node; 1: none there."""
     inside, sine = field.is_inside, np.ones(field.is_inside.shape)
     border = inside & ~binary_erosion(inside) & ~field.is_edge
-    slope = np.stack(np.gradient(gaussian_filter(inside.astype(float), 2.0)), axis=-1)[border]
+    slope = np.stack(np.gradient(blurred(inside, 2.0)), axis=-1)[border]
     sine[border] = _sine(metric[border], slope[:, ::-1] * (-1.0, 1.0), bearing)
     for axis in (0, 1):
         _mark_bridged(field, bearing, metric, axis, sine)
@@ -115,7 +116,7 @@ def _mark_bridged(field, bearing, metric, axis, sine):
     tip = np.where(swapped(field.is_inside), swapped(field.tip_z_mm), np.nan)
     jump = np.linalg.norm(np.diff(contact, axis=0), axis=-1)
     turn = np.linalg.norm(np.diff(normal, axis=0), axis=-1) * field.dropper.corner_radius_mm
-    move = np.hypot(field.pitch_mm, np.diff(tip, axis=0))           # NaN where one of both lies outside
+    move = fixed.hypot(field.pitch_mm, np.diff(tip, axis=0))           # NaN where one of both lies outside
     i, j = np.nonzero((jump > JUMP * move) & (turn > JUMP * field.pitch_mm))
     valley = np.cross(normal[i, j], normal[i + 1, j])[:, :2]
     for row in (i, i + 1):

@@ -8,6 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from cuspline import fixed_math as fixed
 from cuspline.toolpaths.scallop_ground import evened
 
 HIGHEST = 1.08          # of the wanted scallop: where passes kink they may reach that; beyond, a piece is laid
@@ -41,7 +42,7 @@ def joined(ground, pieces):
     """Pieces whose ends lie next to each other as one, the nearest first; what lies between is cut too."""
     lines = [c.line_mm for c in pieces]
     ends = np.array([p for line in lines for p in (line[0], line[-1])]).reshape(-1, 2)
-    typical = np.median(np.linalg.det(_matrices(ground.metric[ground.is_cut]))) ** -0.25
+    typical = fixed.power(np.median(fixed.determinant(_matrices(ground.metric[ground.is_cut]))), -0.25)
     pairs = cKDTree(ends).query_pairs(JOINED * typical, output_type="ndarray") if len(ends) else np.zeros((0, 2), int)
     way = ends[pairs[:, 1]] - ends[pairs[:, 0]]
     here = np.column_stack([ground.at(ground.metric[..., k], ends[pairs].mean(axis=1)) for k in range(3)])
@@ -54,7 +55,7 @@ def joined(ground, pieces):
             k = group[k]
         return k
 
-    for k in np.argsort(apart):
+    for k in np.argsort(apart, kind="stable"):
         a, b = map(int, pairs[k])
         if apart[k] > JOINED ** 2 or a in partner or b in partner or root(a // 2) == root(b // 2):
             continue
@@ -124,7 +125,7 @@ def _spine(ground, heights, label, box, k):
 
 def _far_apart(mine, node, height):
     """Indices along the way between the two nodes of a gap that lie farthest apart, kept to its ridge."""
-    cost = (height.max() / height) ** 16
+    cost = fixed.power(height.max() / height, 16)
     a, b, w = [], [], []
     for di, dj in ((0, 1), (1, 0), (1, 1), (1, -1)):
         here = node[:mine.shape[0] - di, max(0, -dj):mine.shape[1] - max(0, dj)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.program import MoveWriter, Plane
 from cuspline.toolpaths.dropcutter import drop_tips_mm
 from cuspline.toolpaths.profile_passes import reversed_element
@@ -88,23 +89,23 @@ def _heading(e, at_start):
     """Direction of travel at an element's end."""
     (x0, z0), (x1, z1) = e.start, e.end
     if e.center is None:
-        return math.atan2(z1 - z0, x1 - x0)
+        return fixed.arctan2(z1 - z0, x1 - x0)
     x, z = e.start if at_start else e.end
     turn = 1 if e.is_left else -1
-    return math.atan2(turn * (x - e.center[0]), -turn * (z - e.center[1]))
+    return fixed.arctan2(turn * (x - e.center[0]), -turn * (z - e.center[1]))
 
 
 def _lead(element, plane, across, rules, at_start):
     """A tangent arc on the air side as (outer point, centre, is_left), or None where it would not be clear."""
     heading = _heading(element, at_start)
-    side = 1 if math.cos(heading) >= 0 else -1              # air lies to the left when running forward
+    side = 1 if fixed.cos(heading) >= 0 else -1              # air lies to the left when running forward
     point = np.array(element.start if at_start else element.end)
-    center = point + rules.lead_radius_mm * side * np.array([-math.sin(heading), math.cos(heading)])
+    center = point + rules.lead_radius_mm * side * np.array([-fixed.sin(heading), fixed.cos(heading)])
     turn = (-1 if at_start else 1) * side * LEAD_ANGLE_RAD
     angles = np.linspace(0.0, turn, LINK_SAMPLES)
     arm = point - center
-    spots = center + np.column_stack([arm[0] * np.cos(angles) - arm[1] * np.sin(angles),
-                                      arm[0] * np.sin(angles) + arm[1] * np.cos(angles)])
+    spots = center + np.column_stack([arm[0] * fixed.cos(angles) - arm[1] * fixed.sin(angles),
+                                      arm[0] * fixed.sin(angles) + arm[1] * fixed.cos(angles)])
     if not _is_clear(plane.lift(spots[1:], across), rules):
         return None
     return spots[-1], center, side > 0
@@ -152,7 +153,7 @@ def _links(writer, elements, plane, section, previous, rules):
         return True
     share = np.linspace(0.0, 1.0, LINK_SAMPLES)[:, None]
     way = here + share * (there - here)
-    if np.linalg.norm(way[-1, :2] - way[0, :2]) > 4 * rules.ball_radius_mm:
+    if fixed.length(way[-1, :2] - way[0, :2]) > 4 * rules.ball_radius_mm:
         return False
     top = max(_floor(way[:, :2], rules).max(), here[2], there[2]) + LINK_MARGIN_MM
     if top >= rules.clearance_z_mm:

@@ -14,6 +14,7 @@ import math
 import numpy as np
 from numba import njit
 
+from cuspline import fixed_math as fixed
 from cuspline.surfaces.trims import is_inside
 
 TURN_RAD = 0.08             # cone half-angle below which a sub-patch is left whole
@@ -30,11 +31,11 @@ def conversions(degree):
     """(degree + 1, degree + 1): power form on [-1, 1] to Bernstein form."""
     n = degree
     # s = 2 q - 1;  q^k = sum over i >= k of C(i, k)/C(n, k) B_i
-    to_q = np.array([[math.comb(j, k) * 2.0 ** k * (-1.0) ** (j - k) if k <= j else 0.0
+    to_q = np.array([[math.comb(j, k) * 2 ** k * (-1) ** (j - k) if k <= j else 0.0
                       for j in range(n + 1)] for k in range(n + 1)])
     to_b = np.array([[math.comb(i, k) / math.comb(n, k) if i >= k else 0.0 for k in range(n + 1)]
                      for i in range(n + 1)])
-    return to_b @ to_q
+    return fixed.matmul(to_b, to_q)
 
 
 @njit(cache=True)
@@ -203,7 +204,7 @@ def _tighten(derivatives, out):
 @njit(cache=True, error_model="numpy")
 def normal_change(r):
     """How far S_s x S_t leaves its value in the middle of the box: (whole, z component) from (10, 2) reaches."""
-    a = np.hypot(r[:, 0], r[:, 1])
+    a = fixed.hypot(r[:, 0], r[:, 1])
     whole = a[3] * a[2] + a[1] * a[4] + a[4] * a[2] + a[1] * a[5]
     xy = r[:, 0]
     return whole, xy[3] * xy[2] + xy[1] * xy[4] + xy[4] * xy[2] + xy[1] * xy[5]

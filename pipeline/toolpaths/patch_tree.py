@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
+from cuspline import fixed_math as fixed
 from cuspline.surfaces.patches import derive, scale_derivatives
 from cuspline.toolpaths.patch_bounds import (EDGE, FACE, HULL_MM, MOST_HALVINGS, OUTSIDE, PLANAR_MM, SMALLEST_MM,
                                              TURN_RAD, UPWARD, bernstein, cone_box, derivative_reaches,
@@ -44,7 +45,7 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, ro
     scale_derivatives(o, box[1], box[3])
     r = np.empty((10, 2))
     derivative_reaches(b, o, rational, r)
-    a = np.hypot(r[:, 0], r[:, 1])
+    a = fixed.hypot(r[:, 0], r[:, 1])
     for i in range(du + 1):
         for j in range(dv + 1):
             for k in range(3):

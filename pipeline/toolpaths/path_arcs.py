@@ -5,6 +5,8 @@ import math
 import numpy as np
 from numba import njit
 
+from cuspline import fixed_math as fixed
+
 STRAIGHT_RADII = 1e4        # flatter arcs (radius over tolerance) are lines
 WIDEST_SWEEP_RAD = 2.8      # an arc stays below half a turn
 LEAST_RADIUS_MM = 0.05
@@ -56,7 +58,7 @@ def _arc_fits(points, first, last, tolerance):
         if abs(math.hypot(dx, dy) - radius) > tolerance:
             return False, 0.0, 0.0, 0
         px, py = points[k - 1, 0] - cx, points[k - 1, 1] - cy
-        step = turn * math.atan2(px * dy - py * dx, px * dx + py * dy)
+        step = turn * fixed.arctan2(px * dy - py * dx, px * dx + py * dy)
         before += step
         if step < 0.0 or before > WIDEST_SWEEP_RAD:
             return False, 0.0, 0.0, 0

@@ -57,7 +57,7 @@ def _next(here, spot, owner, open_, field, link_mm):
     """Index of the cheapest entry among the nearest few."""
     rows = np.flatnonzero(open_)
     distance = np.linalg.norm(spot[rows] - here, axis=1)
-    near = np.argpartition(distance, NEAREST)[:NEAREST] if len(rows) > NEAREST else np.arange(len(rows))
+    near = np.argsort(distance, kind="stable")[:NEAREST]
     near = near[np.lexsort((rows[near], np.round(distance[near], 9)))]
     cost = [distance[k] + (0.0 if distance[k] <= link_mm and stays_inside(field, here, spot[rows[k]]) else LIFT_MM)
             for k in near]

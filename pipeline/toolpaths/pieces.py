@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 
 SAME_MM = 1e-9
@@ -41,7 +42,7 @@ class LinePiece:
     def headings(self):
         """Direction angles at start and end."""
         d = self.end - self.start
-        angle = float(np.arctan2(d[1], d[0]))
+        angle = float(fixed.arctan2(d[1], d[0]))
         return angle, angle
 
 
@@ -75,7 +76,7 @@ class ArcPiece:
 
     def _heading(self, point):
         d = (point - self.center) * (1 if self.is_over else -1)
-        return float(np.arctan2(-d[0], d[1]))
+        return float(fixed.arctan2(-d[0], d[1]))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -130,7 +131,7 @@ class CurvePiece:
                           slopes=self.slope_at(along), owner=self.owner, rank=self.rank)
 
     def headings(self):
-        return tuple(float(np.arctan(s)) for s in (self.slopes[0], self.slopes[-1]))
+        return tuple(float(fixed.arctan(s)) for s in (self.slopes[0], self.slopes[-1]))
 
 
 NO_FACE = -1
@@ -168,7 +169,7 @@ def _padded(points, slopes, owner, rank):
     """A curve piece with straight tips of PAD_MM, so that neighbours overlap instead of leaving a slit."""
     tips = []
     for point, slope, sign, before in ((points[0], slopes[0], -1, 1), (points[-1], slopes[-1], 1, -2)):
-        step = sign * max(PAD_MM / np.hypot(1.0, slope),
+        step = sign * max(PAD_MM / fixed.hypot(1.0, slope),
                           _left_to_upright(abs(points[before, 0] - point[0]), slopes[before], slope))
         tips.append(point + np.array([step, slope * step]))
     return CurvePiece(points=np.vstack([tips[0], points, tips[1]]),

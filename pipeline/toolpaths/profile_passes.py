@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import ToolpathError
 from cuspline.toolpaths.arcfit import FittedElement, fit_arcs, line_between
 from cuspline.toolpaths.centers import WALL_MM, CenterSections
@@ -121,7 +122,7 @@ class ProfilePlanner:
         """The arc itself; one too flat for the control as chords within the tolerance."""
         if piece.radius > self.largest_radius_mm:
             longest = math.sqrt(8 * piece.radius * self.tolerance_mm)
-            count = math.ceil(float(np.linalg.norm(piece.end - piece.start)) / longest)
+            count = math.ceil(float(fixed.length(piece.end - piece.start)) / longest)
             along = np.linspace(piece.start[0], piece.end[0], count + 1)
             points = np.vstack([piece.start, np.column_stack([along, piece.up_at(along)])[1:-1], piece.end])
             return [line_between(a, b) for a, b in zip(points[:-1], points[1:])]
@@ -160,7 +161,7 @@ def smallest_step(at_mm, allowed_mm, margin_mm, elsewhere_mm):
         margin_mm: places so far outside low and high count as between.
         elsewhere_mm: the step where there are none.
     """
-    order = np.argsort(at_mm)
+    order = np.argsort(at_mm, kind="stable")
     at, allowed = at_mm[order], allowed_mm[order]
 
     def step_at(low, high):
@@ -202,7 +203,7 @@ def _smooth_runs(chain, owners):
 def _sampled_run(run):
     """Exact points and heading angles of consecutive curve pieces, joints once, and the joints' rows."""
     points = np.vstack([run[0].points] + [p.points[1:] for p in run[1:]])
-    headings = np.concatenate([np.arctan(run[0].slopes)] + [np.arctan(p.slopes[1:]) for p in run[1:]])
+    headings = np.concatenate([fixed.arctan(run[0].slopes)] + [fixed.arctan(p.slopes[1:]) for p in run[1:]])
     keep = np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 3e-6]
     keep[-1] = True
     joints = np.cumsum([len(p.points) - 1 for p in run[:-1]]).astype(int)

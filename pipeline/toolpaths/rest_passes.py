@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import ToolpathError
 from cuspline.program import Moves, MoveWriter
@@ -104,7 +105,7 @@ def _sampled(piece):
     """Centres and contact normals along a piece, SAMPLE_MM apart; normals None on a vertical line."""
     if isinstance(piece, LinePiece):
         d = piece.end - piece.start
-        length = float(np.linalg.norm(d))
+        length = float(fixed.length(d))
         n = max(2, math.ceil(length / SAMPLE_MM) + 1)
         centers = piece.start + np.linspace(0.0, 1.0, n)[:, None] * d
         return centers, None if abs(d[0]) < 1e-9 * length else np.tile((-d[1], d[0]), (n, 1)) / length
@@ -114,14 +115,14 @@ def _sampled(piece):
         along = np.interp(np.linspace(0.0, way[-1], n), way, piece.points[:, 0])
         slope = piece.slope_at(along)
         return (np.column_stack([along, piece.up_at(along)]),
-                np.column_stack([-slope, np.ones(n)]) / np.hypot(1.0, slope)[:, None])
-    first, last = (np.arctan2(*(p - piece.center)[::-1]) for p in (piece.start, piece.end))
+                np.column_stack([-slope, np.ones(n)]) / fixed.hypot(1.0, slope)[:, None])
+    first, last = (fixed.arctan2(*(p - piece.center)[::-1]) for p in (piece.start, piece.end))
     # over the top angles fall from pi to 0, through the bottom they rise from -pi to 0
     side = 1 if piece.is_over else -1
     first, last = (angle + side * 2 * np.pi if side * angle < -np.pi / 2 else angle for angle in (first, last))
     n = max(2, math.ceil(abs(last - first) * piece.radius / SAMPLE_MM) + 1)
     angles = np.linspace(first, last, n)
-    arms = np.column_stack([np.cos(angles), np.sin(angles)])
+    arms = np.column_stack([fixed.cos(angles), fixed.sin(angles)])
     return piece.center + piece.radius * arms, arms if piece.is_over else -arms
 
 

@@ -7,6 +7,7 @@ import contourpy
 import numpy as np
 from scipy import ndimage
 
+from cuspline.toolpaths.blur import blurred
 from cuspline.errors import ToolpathError
 from cuspline.toolpaths.eikonal import metric_distance, seed_distance
 from cuspline.toolpaths.plane_curves import PlaneCurve
@@ -60,7 +61,7 @@ class Ground:
         near = ndimage.distance_transform_edt(~inside, return_distances=False, return_indices=True)
         return cls(x_mm=np.asarray(x_mm, float), y_mm=np.asarray(y_mm, float), metric=metric, is_inside=inside,
                    is_cut=cut, is_open=wide, walls=np.zeros((*inside.shape, 2), bool) if walls is None else walls,
-                   depth=ndimage.gaussian_filter(inside.astype(float), BORDER_BLUR, mode="constant"),
+                   depth=blurred(inside, BORDER_BLUR, mode="constant"),
                    touched_mm=touched[near[0], near[1]])
 
     def distance(self, lines, farthest=np.inf):

@@ -16,6 +16,7 @@ can form; where it bridges a hollow the contact jumps and what it jumps over is 
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import ToolpathError
 
 ROLLING_STEP_RADII = 0.5    # over an edge no scallop forms; the centre still goes no farther from pass to pass
@@ -49,7 +50,7 @@ def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=N
     height = 8.0 * scallop_mm * (1.0 - scallop_mm / (2.0 * rc))
     gap = np.stack([_gap(a, b, normal, radius_mm, rc) for a, b in _pairs(steps)], axis=-1) / height
     tip = np.stack([np.einsum("...k,...k", a[2], b[2]) for a, b in _pairs(steps)], axis=-1)
-    return _clipped(gap, tip, (ROLLING_STEP_RADII * radius_mm) ** -2, TIGHTEST / (rc * height))
+    return _clipped(gap, tip, 1.0 / (ROLLING_STEP_RADII * radius_mm) ** 2, TIGHTEST / (rc * height))
 
 
 def contact_jumps(contact_mm, normal, *, radius_mm, corner_radius_mm=None):
@@ -144,7 +145,7 @@ def _clipped(gap, tip, least, most):
         axx = p / (l11 * l11)
         axy = (q - l21 * l11 * axx) / (l11 * l22)
         ayy = (s - 2 * l21 * l22 * axy - l21 * l21 * axx) / (l22 * l22)
-        mean, half = 0.5 * (axx + ayy), np.hypot(0.5 * (axx - ayy), axy)
+        mean, half = 0.5 * (axx + ayy), fixed.hypot(0.5 * (axx - ayy), axy)
         low, high = (np.clip(v, least, most) for v in (mean - half, mean + half))
         turn = np.where(half > 0, (high - low) / np.maximum(2 * half, 1e-300), 0.0)
         middle = 0.5 * (low + high) - turn * mean

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.program import Kind, Plane
 from cuspline.toolpaths.dropcutter import DropMesh, drop_tips_mm
 
@@ -77,14 +78,14 @@ def arc_points(start, end, center, plane, is_left, chord_mm):
     """(n, 3) points along an arc or helix whose chords lie within `chord_mm` of it; equal ends: a full turn."""
     a, b, c = plane.axes
     radius = math.hypot(start[a] - center[a], start[b] - center[b])
-    first = math.atan2(start[b] - center[b], start[a] - center[a])
-    sweep = (math.atan2(end[b] - center[b], end[a] - center[a]) - first) * (1 if is_left else -1) % (2 * math.pi)
+    first = fixed.arctan2(start[b] - center[b], start[a] - center[a])
+    sweep = (fixed.arctan2(end[b] - center[b], end[a] - center[a]) - first) * (1 if is_left else -1) % (2 * math.pi)
     sweep = sweep if sweep > 1e-9 else 2 * math.pi
-    n = max(1, math.ceil(sweep / (2 * math.acos(max(1 - chord_mm / radius, -1.0)))))
+    n = max(1, math.ceil(sweep / (2 * fixed.arccos(max(1 - chord_mm / radius, -1.0)))))
     share = np.linspace(0.0, 1.0, n + 1)
     angle = first + (1 if is_left else -1) * share * sweep
     points = np.empty((n + 1, 3))
-    points[:, a], points[:, b] = center[a] + radius * np.cos(angle), center[b] + radius * np.sin(angle)
+    points[:, a], points[:, b] = center[a] + radius * fixed.cos(angle), center[b] + radius * fixed.sin(angle)
     points[:, c] = start[c] + share * (end[c] - start[c])
     points[0], points[-1] = start, end
     return points

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import ToolpathError
 from cuspline.program import MoveWriter
 from cuspline.toolpaths.droppers import Dropper
@@ -120,7 +121,7 @@ def _sink(writer, first, rules):
 def _over(writer, first, rules):
     """Up, over the highest thing in between, down to the next path; by the clearance height where that is too far."""
     here = writer.here_mm
-    distance = float(np.linalg.norm(first[:2] - here[:2]))
+    distance = float(fixed.length(first[:2] - here[:2]))
     if distance <= rules.hop_mm:
         count = int(np.ceil(distance / quarter_length_mm(rules.stock, rules.tolerance_mm))) + 2
         xy = here[:2] + np.linspace(0.0, 1.0, count)[:, None] * (first[:2] - here[:2])
@@ -158,13 +159,13 @@ def _surface_ways(order, rules):
     for piece, run in zip(np.split(dense.tip_mm[rows], np.flatnonzero(np.diff(dense.run[rows])) + 1),
                           np.unique(dense.run)):
         k, a, b = pairs[run]
-        if np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() <= LONGEST_DETOUR * np.linalg.norm((b - a)[:2]):
+        if np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() <= LONGEST_DETOUR * fixed.length((b - a)[:2]):
             ways[k] = piece[1:]
     return ways
 
 
 def _is_short(a, b, rules):
-    distance = np.linalg.norm((b - a)[:2])
+    distance = fixed.length((b - a)[:2])
     if not 1e-6 < distance <= rules.surface_link_mm:
         return False
     return distance <= OUTSIDE_RADII * rules.field.dropper.radius_mm or stays_inside(rules.field, a[:2], b[:2])
@@ -185,13 +186,13 @@ def _leads(order, rules):
 
 def _arc(tip, heading, radius_mm):
     """(LEAD_MOVES + 1, 3) tips that leave a tip in a direction and bend upward; None for vertical directions."""
-    level = float(np.linalg.norm(heading[:2]))
+    level = float(fixed.length(heading[:2]))
     if level < 1e-9 or radius_mm <= 0.0:
         return None
-    ahead = heading / np.linalg.norm(heading)
-    up = np.array([-ahead[2] * heading[0] / level, -ahead[2] * heading[1] / level, level / np.linalg.norm(heading)])
+    ahead = heading / fixed.length(heading)
+    up = np.array([-ahead[2] * heading[0] / level, -ahead[2] * heading[1] / level, level / fixed.length(heading)])
     angle = np.linspace(0.0, LEAD_ANGLE_RAD, LEAD_MOVES + 1)[:, None]
-    return tip + radius_mm * (np.sin(angle) * ahead + (1.0 - np.cos(angle)) * up)
+    return tip + radius_mm * (fixed.sin(angle) * ahead + (1.0 - fixed.cos(angle)) * up)
 
 
 def _are_clear(arcs, rules):

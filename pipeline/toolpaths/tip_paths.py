@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import ToolpathError
 from cuspline.toolpaths.plane_curves import CurveScale
@@ -154,7 +155,7 @@ def _bridged(pieces, curve_of_run, curves, dropper, quarter, rules):
 
 def _over(start, end, dropper, quarter, rules):
     """Points over a gap: straight in plan, at the height of all there is below; None where that is too far."""
-    gap = float(np.linalg.norm((end - start)[:2]))
+    gap = float(fixed.length((end - start)[:2]))
     if gap >= rules.bridge_mm:
         return None
     share = np.linspace(0.0, 1.0, max(3, int(np.ceil(gap / quarter)) + 1))[1:-1, None]

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.planning.stepover import segment_length_mm
 
@@ -104,14 +105,14 @@ def _judged(spots, z, n, low, direction, corner_mm, tolerance_mm):
     length = spots[:, 4] - spots[:, 0]
     chord = z[:, :1] + np.r_[0.0, QUARTERS, 1.0] * (z[:, 4:] - z[:, :1])
     gap = chord - z
-    cosine = length / np.maximum(np.hypot(length, z[:, 4] - z[:, 0]), 1e-300)
+    cosine = length / np.maximum(fixed.hypot(length, z[:, 4] - z[:, 0]), 1e-300)
     level = (gap >= -low).all(axis=1) & (gap * cosine[:, None] <= tolerance_mm).all(axis=1)
     if corner_mm == 0.0:
         return level, np.ones(len(level), bool)
     ahead = direction / np.maximum(np.linalg.norm(direction, axis=1), 1e-300)[:, None]
     up = np.maximum(np.nan_to_num(n[..., 2], nan=1.0), 1e-6)
     along = np.nan_to_num(np.einsum("mki,mi->mk", n[..., :2], ahead))
-    sharpest = ((up ** 2 + along ** 2) / up ** 3).max(axis=1) / corner_mm
+    sharpest = ((up ** 2 + along ** 2) / (up * up * up)).max(axis=1) / corner_mm
     return level, (length / 4) ** 2 * sharpest / 8 <= BULGE_SHARE * tolerance_mm * (1 + 1e-9)
 
 

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import CutterDoesNotFit
 from cuspline.planning.stepover import stepover_for_scallop_mm
@@ -63,7 +64,7 @@ class ArcSteps:
     @property
     def radius_mm(self):
         """(n,) |T - C|: of the arc before the register is added."""
-        return np.hypot(self.y_mm, self.z_mm - self.c_mm)
+        return fixed.hypot(self.y_mm, self.z_mm - self.c_mm)
 
     def centers_mm(self, register_mm, turn_rad):
         """(n, k, 3) centres of the ball on the arc, at angles (k,) or (n, k) from the crest toward +y."""
@@ -71,7 +72,7 @@ class ArcSteps:
         radius = (self.radius_mm + self.swell * register_mm)[:, None]
         height = (self.c_mm + self.lift * register_mm)[:, None]
         x = np.broadcast_to(self.center_x_mm[:, None], turn.shape)
-        return np.stack([x, radius * np.sin(turn), height + radius * np.cos(turn)], axis=-1)
+        return np.stack([x, radius * fixed.sin(turn), height + radius * fixed.cos(turn)], axis=-1)
 
 
 def crest_slope(tip, x_mm):
@@ -98,7 +99,7 @@ class _Line:
 
     def turning_per_mm(self, x_mm):
         """-dn_x/dx: one over the radius of a valley in the plane of the normal."""
-        return self.bend(x_mm) * self.square / (self.square + self.slope(x_mm) ** 2) ** 1.5
+        return self.bend(x_mm) * self.square / fixed.power(self.square + self.slope(x_mm) ** 2, 1.5)
 
 
 def _crest(tip):
@@ -106,7 +107,7 @@ def _crest(tip):
 
 
 def _flank(tip):
-    sine, cosine = np.sin(tip.flank_half_angle_rad), np.cos(tip.flank_half_angle_rad)
+    sine, cosine = fixed.sin(tip.flank_half_angle_rad), fixed.cos(tip.flank_half_angle_rad)
     return _Line(slope=lambda x: (tip.radius_slope(x) + sine * tip.center_slope(x)) / cosine,
                  bend=lambda x: (tip.radius_bend_per_mm(x) + sine * tip.center_bend_per_mm(x)) / cosine,
                  square=1.0 / cosine ** 2)
@@ -180,17 +181,17 @@ def arc_steps(tip, ball_radius_mm, center_x_mm):
     secant = _secant(ball_radius_mm, center_x_mm - xs)
     ball_z = tip.crest_z_mm(xs) + ball_radius_mm / secant           # over the crest, exactly
     reach, flank = _beside_the_flank(tip, ball_radius_mm, np.asarray(center_x_mm, float))
-    g = (reach - ball_z * np.sin(angle)) / (1.0 - np.sin(angle))    # the arc that meets both
-    lift = np.where(steep, (secant - flank) / (1.0 - np.sin(angle)), 0.0)
+    g = (reach - ball_z * fixed.sin(angle)) / (1.0 - fixed.sin(angle))    # the arc that meets both
+    lift = np.where(steep, (secant - flank) / (1.0 - fixed.sin(angle)), 0.0)
     swell = np.where(steep, secant - lift, 1.0)
     radius, c = g - ball_radius_mm * swell, ball_z - g - ball_radius_mm * lift
-    return ArcSteps(center_x_mm=center_x_mm, contact_x_mm=xs, y_mm=radius * np.cos(angle),
-                    z_mm=c + radius * np.sin(angle), c_mm=c, swell=swell, lift=lift, is_matching=steep)
+    return ArcSteps(center_x_mm=center_x_mm, contact_x_mm=xs, y_mm=radius * fixed.cos(angle),
+                    z_mm=c + radius * fixed.sin(angle), c_mm=c, swell=swell, lift=lift, is_matching=steep)
 
 
 def _beside_the_flank(tip, ball_radius_mm, center_x_mm):
     """How far out the ball's centre stands square to the flank, (n,), and 1 over its normal's part in the plane."""
-    line, sine, cosine = _flank(tip), np.sin(tip.flank_half_angle_rad), np.cos(tip.flank_half_angle_rad)
+    line, sine, cosine = _flank(tip), fixed.sin(tip.flank_half_angle_rad), fixed.cos(tip.flank_half_angle_rad)
     xf = _contacts_mm(line, "the flanks", tip.range_mm, ball_radius_mm, center_x_mm)
     flank = _secant(ball_radius_mm, center_x_mm - xf)
     y, z = tip.tangency_mm(xf)
@@ -212,8 +213,8 @@ def widest_interval_mm(tip, ball_radius_mm, ridge_mm, x_mm):
     1 + Rc κ times that.
     """
     turns = np.linspace(0.0, tip.half_arc_rad, LOOKS_ROUND)
-    slope, bend = crest_slope(tip, x_mm)[:, None] * np.cos(turns), crest_bend_per_mm(tip, x_mm)[:, None] * np.cos(turns)
-    ridge = -bend / (1.0 + slope ** 2) ** 1.5
+    slope, bend = crest_slope(tip, x_mm)[:, None] * fixed.cos(turns), crest_bend_per_mm(tip, x_mm)[:, None] * fixed.cos(turns)
+    ridge = -bend / fixed.power(1.0 + slope ** 2, 1.5)
     tightest = -(1.0 - LEAST_SPREAD) / ball_radius_mm
     chord = stepover_for_scallop_mm(ball_radius_mm, ridge_mm, np.maximum(ridge, tightest).ravel())
     spread = np.minimum(1.0 + ball_radius_mm * ridge, 1.0)

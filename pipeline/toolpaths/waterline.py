@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import ToolpathError
 from cuspline.toolpaths.dropcutter import drop_tips_mm, is_held_above
@@ -171,7 +172,7 @@ def _linked(starts, ends, nodes, z):
     """Chains of stretches that run from edge to edge; an edge is a row (free node, material node)."""
     keys = np.unique(np.concatenate([e[:, 0] * nodes + e[:, 1] for e in (starts, ends)]))
     follow = np.full(len(keys), -1)
-    follow[np.searchsorted(keys, starts @ (nodes, 1))] = np.searchsorted(keys, ends @ (nodes, 1))
+    follow[np.searchsorted(keys, fixed.matmul(starts, (nodes, 1)))] = np.searchsorted(keys, fixed.matmul(ends, (nodes, 1)))
     order, first, closed = _followed(follow)
     return [_Chain(height_mm=z, free=keys[rows] // nodes, held=keys[rows] % nodes, is_closed=bool(is_closed))
             for rows, is_closed in zip(np.split(order, first[1:]), closed)] if len(keys) else []
@@ -209,7 +210,7 @@ def _crossings(gap_at, above_at, free, held, z, tolerance_mm):
     it, else halving; the bracket itself is brought below the tolerance.  What is left then is halved by side.
     Source: T. R. Chandrupatla, Advances in Engineering Software 28 (1997) 145-149.
     """
-    length = np.maximum(np.hypot(*(held - free).T), 1e-300)
+    length = np.maximum(fixed.hypot(*(held - free).T), 1e-300)
     result = free.copy()
     row = np.arange(len(free))
     x1, x2 = np.zeros(len(free)), np.ones(len(free))
@@ -260,7 +261,7 @@ def _with_chords_within(gap_at, above_at, xy, chain, closed, height, chord_mm, t
         last = np.append(chain[1:] != chain[:-1], True)
         following = np.where(last, np.searchsorted(chain, chain), np.arange(1, len(xy) + 1) % len(xy))
         rows = np.flatnonzero(pending & ~(last & ~closed[chain]))
-        length = np.hypot(*(xy[following[rows]] - xy[rows]).T)
+        length = fixed.hypot(*(xy[following[rows]] - xy[rows]).T)
         rows = rows[length > 2 * chord_mm]
         if len(rows) == 0:
             break
@@ -276,7 +277,7 @@ def _with_chords_within(gap_at, above_at, xy, chain, closed, height, chord_mm, t
 
 def _strays(gap_at, above_at, a, b, z, chord_mm, tolerance_mm):
     """Which chords a -> b the loop does not pass within chord_mm of the middle, and where it runs instead."""
-    middle, length = 0.5 * (a + b), np.hypot(*(b - a).T)
+    middle, length = 0.5 * (a + b), fixed.hypot(*(b - a).T)
     right = np.column_stack([b[:, 1] - a[:, 1], a[:, 0] - b[:, 0]]) / length[:, None]
     outward = above_at(middle - chord_mm * right, z)                # material reaches out to the left
     rows = np.flatnonzero(outward | ~above_at(middle + chord_mm * right, z))
@@ -291,7 +292,7 @@ def _strays(gap_at, above_at, a, b, z, chord_mm, tolerance_mm):
 
 def _distinct(xy, is_closed, tolerance_mm):
     """Points without those that lie on the one before."""
-    step = np.hypot(*(xy - np.roll(xy, 1, axis=0)).T)
+    step = fixed.hypot(*(xy - np.roll(xy, 1, axis=0)).T)
     keep = step > 2 * tolerance_mm
     if not is_closed:
         keep[0] = True

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from cuspline import fixed_math as fixed
 from cuspline.surfaces.nurbs import local_shape
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection import refined
@@ -174,7 +175,7 @@ def _best_step(ground, height_of, place, step_mm, frame, angles):
     """
     n, k = angles.shape
     each = lambda a: np.repeat(a, k, axis=0)
-    way = np.cos(angles).reshape(-1, 1) * each(frame[0]) + np.sin(angles).reshape(-1, 1) * each(frame[1])
+    way = fixed.cos(angles).reshape(-1, 1) * each(frame[0]) + fixed.sin(angles).reshape(-1, 1) * each(frame[1])
     face, *uv = (each(a) for a in place)
     u, v, inside = ground.stepped(face, *uv, each(step_mm)[:, None] * way)
     height = np.full(n * k, -np.inf)

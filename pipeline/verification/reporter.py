@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.simulation.swept import nearest_moves
 from cuspline.verification.certificate import gouges_beyond
-from cuspline.verification.clusters import clusters_of
+from cuspline.clusters import clusters_of
 from cuspline.verification.findings import Finding
 
 NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
@@ -134,7 +135,7 @@ class Reporter:
                 if body.kind == kind:
                     seen |= ((samples.points_mm > np.array(body.min_mm) - found.spacing_mm).all(axis=1)
                              & (samples.points_mm < np.array(body.max_mm) + found.spacing_mm).all(axis=1))
-            up = samples.normals @ self.frame.rotation[:, 2]
+            up = fixed.matmul(samples.normals, self.frame.rotation[:, 2])
             for group in found.groups(beyond & (up > 0.5)):
                 wide = np.ptp(self.frame.into(samples.points_mm[group])[:, :2], axis=0).min() > SEEN_PITCHES * pitch_mm
                 if wide and not seen[group].any():

@@ -8,7 +8,7 @@ from cuspline.arrays import frozen
 from cuspline.simulation.swept import deviations_and_moves, is_height_field, nearest_moves, signed_distance_mm, upright_paths
 from cuspline.verification.kept import NOTHING
 from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable, why_unreachable_leaning
-from cuspline.verification.clusters import clusters_of
+from cuspline.clusters import clusters_of
 from cuspline.verification.climbing import bottoms_of, tops_of
 from cuspline.verification.samples import Samples
 

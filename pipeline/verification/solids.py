@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from cuspline import fixed_math as fixed
 from cuspline import solids
 from cuspline.simulation.swept import is_height_field, signed_distance_mm, stock_height_mm
 from cuspline.verification.volumes import Volumes, volumes
@@ -154,4 +155,4 @@ def _is_real(beyond, depth, sure):
 def _is_hair(piece, tessellation_mm):
     """A body that stands upright and is thinner than the tessellation: what facets leave along a wall beside the faces."""
     size = np.asarray(piece.max_mm) - np.asarray(piece.min_mm)
-    return bool(piece.volume_mm3 < tessellation_mm * size[2] * np.hypot(*size[:2]))
+    return bool(piece.volume_mm3 < tessellation_mm * size[2] * fixed.hypot(*size[:2]))

@@ -7,6 +7,7 @@ import numpy as np
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
+from cuspline import fixed_math as fixed
 from cuspline import brep, mesh_quality, solids
 from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree
@@ -55,6 +56,7 @@ class Options:
     mesh_checks: bool = False                 # the third view, by pymeshlab where it is installed
     holder_clearance_mm: float = 1.0
     shank_clearance_mm: float = 0.0
+    finer: float = 1.0                        # how many times as fine as fitted the sample points and the solids' grid are
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -155,16 +157,29 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
         SimulationError: a billet that stands more than 10 degrees askew in a WCS.
     """
     part, clampings = _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say)
-    for c in clampings:
-        say(f"{c.name}: {len(c.samples):,} samples against {len(c.program.posted):,} moves, and tops between them")
-    judged = residuals(part.piece, [c.samples for c in clampings], [c.ground for c in clampings],
-                       [c.feeds for c in clampings], [c.drops for c in clampings], part.closest, ball_radius_mm,
-                       [c.options.spacing_mm for c in clampings], kept)
+    judged = _residuals(part, clampings, kept, say)
     finished_mm = MISSED * allowed_mm(finish)
     steps = joints([c.name for c in clampings], [own for _, own in judged], [len(found.samples) for found, _ in judged],
                    finished_mm=finished_mm, fade_mm=float(np.sqrt(2.0 * part.largest_radius_mm * finished_mm)))
     return tuple(_judged(part, c, found, own, tools, machine, joined, kept, say)
                  for c, (found, own), joined in zip(clampings, judged, steps))
+
+
+def residuals_of(programs, tools, solid, *, stock, finish, ball_radius_mm, options=Options(), kept=NOTHING,
+                 say=lambda text: None):
+    """The first verifier alone, as `verify_setups` asks it: (Residuals of its faces after all, of all faces after it) a program.
+
+    Args, raises: as there.
+    """
+    return _residuals(*_laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say), kept, say)
+
+
+def _residuals(part, clampings, kept, say):
+    for c in clampings:
+        say(f"{c.name}: {len(c.samples):,} samples against {len(c.program.posted):,} moves, and tops between them")
+    return residuals(part.piece, [c.samples for c in clampings], [c.ground for c in clampings],
+                     [c.feeds for c in clampings], [c.drops for c in clampings], part.closest, part.ball_radius_mm,
+                     [c.options.spacing_mm for c in clampings], kept)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -296,7 +311,7 @@ def _mesh_checks(part, c, found, bounds):
         return {"left_out": mesh_quality.LEFT_OUT}, ()
     stock, triangles = solids.mesh_of(part.made.stock(PART))
     view = mesh_quality.third_view(stock, triangles, part.mesh, found, c.program.setup.frame.rotation[:, 2])
-    size = float(np.linalg.norm(np.ptp(stock, axis=0)))
+    size = float(fixed.length(np.ptp(stock, axis=0)))
     allowed, findings = mesh_quality.compared(view, c.name, tessellation_mm=part.mesh.deviation_mm,
                                               path_mm=bounds["path_mm"], zmap_mm=bounds["zmap_mm"], size_mm=size)
     return {"design": part.mesh_faults, "hausdorff": view, "resolution_mm": mesh_quality.RESOLUTION * size,
@@ -330,8 +345,8 @@ def _indices(solid, faces):
 def _fitted(options, faces, low, high, finish):
     """Options with every None replaced."""
     plan = float(np.prod((high - low)[:2]))
-    fit = {"spacing_mm": default_spacing_mm(sum(face_area_mm2(f) for f in faces)),
-           "solid_pitch_mm": float(np.clip(np.sqrt(plan / SOLID_NODES), 0.05, 1.0)),
+    fit = {"spacing_mm": default_spacing_mm(sum(face_area_mm2(f) for f in faces)) / options.finer,
+           "solid_pitch_mm": float(np.clip(np.sqrt(plan / SOLID_NODES), 0.05, 1.0)) / options.finer,
            "replay_pitch_mm": float(np.clip(np.sqrt(plan / REPLAY_NODES), 0.1, 1.0)),
            "tessellation_mm": float(np.clip(finish.profile_tolerance_mm, 0.002, 0.01))}
     return Options(**{**options.__dict__, **{k: v for k, v in fit.items() if getattr(options, k) is None}})

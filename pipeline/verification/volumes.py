@@ -112,8 +112,9 @@ def _facets_of_hollow(field, cut, good, cell):
     corners = vertices[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
     size = np.linalg.norm(normal, axis=1)
-    share = np.random.default_rng(SEED).dirichlet((1.0, 1.0, 1.0), len(corners))
-    points = np.einsum("nk,nkc->nc", share, corners)
+    share = np.random.default_rng(SEED).random((len(corners), 2, 1))
+    share = np.where(share.sum(axis=1, keepdims=True) > 1.0, 1.0 - share, share)       # even over the triangle
+    points = corners[:, 0] + (share * (corners[:, 1:] - corners[:, :1])).sum(axis=1)
     at = np.clip(((points[:, :2] - field.low[:2]) / cell).astype(int), 0, np.array(good.shape) - 1)
     keep = good[at[:, 0], at[:, 1]] & (normal[:, 2] > 0.5 * size)
     off, size = signed_distance_mm(cut.paths, points[keep]), size[keep]

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from cuspline import brep, solids
 from cuspline.errors import DesignError, SimulationError
 from cuspline.verification import tessellation
-from cuspline.verification.clusters import clusters_of
+from cuspline.clusters import clusters_of
 from cuspline.verification.samples import INSIDE_MM, sample_faces
 from cuspline.verification.tessellation import tessellate
 
