@@ -43,7 +43,7 @@ class Reporter:
         """One finding at one row of the program."""
         return Finding(kind=kind, amount_mm=round(float(amount_mm), 6), place_mm=self.place(place_mm),
                        operation=self.posted.operation_name(row), line=int(self.posted.line[row]),
-                       setup=self.setup, advice=advice)
+                       setup=self.setup, advice=advice, row=int(row))
 
     def runs(self, flagged, relevant):
         """Row groups: flagged rows of one operation without an unflagged relevant row between them."""
