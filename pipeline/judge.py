@@ -19,7 +19,7 @@ from cuspline.simulation.replay_checks import Reporter
 from cuspline.verification.findings import Finding, located
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.kept import NOTHING
-from cuspline.verification.text_checks import refuse_far_moves, text_findings
+from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
 
 
@@ -98,21 +98,22 @@ def read_programs(folder, job, tools):
         yield ReadProgram(setup=item.setup, texts=texts, posted=moves, findings=found)
 
 
-def judge_text(folder, job):
+def judge_text(folder, job, published=None):
     """What a folder's programs and tool table show without STEP and simulation: seconds for the longest program.
 
     Args:
-        folder, job: as for `judge`.
+        folder, job, published: as for `judge`.
     Returns:
         tuple of Finding.
     Raises:
         InputError, ReadError: see `read_programs`.
     """
     tools = read_tools(folder)
-    found = list(tool_table_findings(folder, tools, job.machine.control))
+    found = [*changed_files(folder, published or {}), *tool_table_findings(folder, tools, job.machine.control)]
     for program in read_programs(folder, job, tools):
         report = Reporter(program.posted, program.setup.name, program.setup.frame)
-        own = (*program.findings, *report.travel(job.machine), *report.end())
+        top_mm = program.setup.frame.box_into(job.stock.min_mm, job.stock.max_mm)[1][2]
+        own = (*program.findings, *report.travel(job.machine), *report.states(top_mm), *report.end())
         found += [*_file_findings(program, job.machine), *_placed(own, program, job.machine, tools)]
     return tuple(found)
 
@@ -183,7 +184,7 @@ def _read(name, text, setup, job, tools):
     """The same, of a file that can be simulated; what is refused is named with the file."""
     try:
         moves = _moves_of(text, setup, job.machine, tools)
-        refuse_far_moves(moves, setup, job.machine, job.stock)
+        refuse_what_cannot_be_simulated(moves, tools, setup, job.machine, job.stock)
     except ReadError as error:
         raise ReadError(f"{name}: {error}", rows=error.rows) from None
     return moves

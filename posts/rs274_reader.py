@@ -75,6 +75,7 @@ class Controller:
         self.plane = Plane.XY
         self.is_absolute, self.is_center_absolute, self.is_inverse_time = True, False, False
         self.wcs, self.offset = "G54", tuple(work_offsets.get("G54", UNKNOWN))
+        self.is_foreign_wcs = bool(work_offsets) and "G54" not in work_offsets
         self.tool_offset, self.is_length_on = NO_OFFSET, False
         self.length_of, self.length_fault = 0, None     # tool whose offset is in force, 0 nobody's; (amount, advice)
         self.path_tolerance_mm = rules.path_tolerance_mm
@@ -206,6 +207,7 @@ class Controller:
             new = tuple(self.work_offsets.get(name, UNKNOWN))
             self.tip = tuple(t + (o - n) for t, o, n in zip(self.tip, self.offset, new))
             self.wcs, self.offset = name, new
+            self.is_foreign_wcs = bool(self.work_offsets) and name not in self.work_offsets
 
     def set_path_control(self, name, values):
         """G61, G61.1, G64: blocks are joined within Q, which is P where it is left out, then blended within P."""
@@ -258,6 +260,10 @@ class Controller:
         kind, start = KINDS[self.motion], self.tip
         if self.unsaid:
             self._rely_on(relied_on(kind, values, self.is_machine_move))
+        if self.is_foreign_wcs and not self.is_machine_move:
+            self._remark("wrong_work_offset", 0.0, f"{self.wcs} is in force, the setup's zero is "
+                                                   f"{' '.join(self.work_offsets)}: write that")
+            self.is_foreign_wcs = False
         if self.length_fault and (kind != Kind.RAPID or "z" in values and not self.is_machine_move):
             self._remark("wrong_length_offset", *self.length_fault)
             self.length_fault = None

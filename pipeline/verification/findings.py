@@ -16,6 +16,7 @@ KINDS = {
     "no_spindle": "a feed move while the spindle stands, or turns backwards",
     "no_length_offset": "a move near the stock without a tool length offset",
     "wrong_length_offset": "the length offset in force is not that of the tool in the spindle",
+    "wrong_work_offset": "a move in another work coordinate system than the setup's",
     "unknown_start": "a move relies on a place or a mode that the program has not stated",
     "path_tolerance": "the text lets the control leave the path farther than the finish allows",
     "spindle_out_of_range": "a spindle speed that machine or cutter do not allow",

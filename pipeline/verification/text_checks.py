@@ -45,16 +45,20 @@ def path_tolerance_mm(posted, machine):
     return float(tolerances_mm(posted, machine)[posted.kind != Kind.RAPID].max(initial=0.0))
 
 
-def refuse_far_moves(posted, setup, machine, stock):
-    """Refuse a program that goes so far that no machine of this size can be meant: nothing could be simulated.
+def refuse_what_cannot_be_simulated(posted, tools, setup, machine, stock):
+    """Refuse a program without moves or tools, or one that goes so far that no machine of this size can be meant.
 
     Args:
-        stock: design.StockBox, part coordinates.
+        tools: those that there are, by number.   stock: design.StockBox, part coordinates.
     Raises:
-        ReadError: no move at all; a place, or the radius of an arc, FAR times as large as the travel.
+        ReadError: no move at all; a cutting move without a tool; a place, or the radius of an arc, FAR times as large as the
+            travel.
     """
     if not len(posted):
         raise ReadError("the program has no move: write the moves, or leave the setup out")
+    _refuse_row(posted, (posted.kind != Kind.RAPID) & ~np.isin(posted.tool, list(tools)),
+                lambda row: "a cutting move, but " + (f"T{posted.tool[row]} is none of the tools" if posted.tool[row] else
+                                                      "no tool was changed in, T and M6 are missing"))
     low, high = setup.frame.box_into(stock.min_mm, stock.max_mm)
     for k, (name, axis) in enumerate(zip("XYZ", machine.axes)):
         travel = axis.max_mm - axis.min_mm
@@ -73,7 +77,7 @@ def _refuse_row(posted, is_wrong, what):
     if len(rows):
         line, call = posted.line[rows[0]], posted.call_line[rows[0]]
         called = f", called in line {call}" if call else ""
-        raise ReadError(f"line {line}{called}: {what(rows[0])}: correct the word, or the unit", rows=[line])
+        raise ReadError(f"line {line}{called}: {what(rows[0])}: correct the program", rows=[line])
 
 
 def _arc_radii_mm(posted):

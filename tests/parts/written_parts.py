@@ -42,10 +42,10 @@ def written(folder, design, text, tools, ball_radius_mm):
     return folder
 
 
-def write_tools(folder, tools):
+def write_tools(folder, tools, control=catalogue.find_machine("mill_3axis").control):
     """Put tools (as dicts) into tools.json and the control's table of a folder."""
     (folder / "tools.json").write_text(json.dumps({"tools": tools}))
-    (folder / "tools.tbl").write_text(tool_table(map(Tool.model_validate, tools), catalogue.find_machine("mill_3axis").control))
+    (folder / "tools.tbl").write_text(tool_table(map(Tool.model_validate, tools), control))
 
 
 def _design(name, solid, predicates, high):
