@@ -15,7 +15,7 @@ def table(outputs):
     findings = []
     for path in sorted(outputs.glob("*/verify.json")):
         verdict = json.loads(path.read_text(encoding="utf-8"))
-        numbers = [form.format(verdict[key]) for _, key, form in COLUMNS]
+        numbers = ["unknown" if verdict[key] is None else form.format(verdict[key]) for _, key, form in COLUMNS]
         reached = f"{verdict['area_reached_mm2']:.1f} of {verdict['area_required_mm2']:.1f}"
         accepted = f", accepted: {', '.join(verdict['accepted'])}" if verdict.get("accepted") else ""
         word = ("verified" if verdict["ok"] else "**rejected**") + accepted

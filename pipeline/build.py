@@ -23,7 +23,7 @@ from cuspline.bundle import report_bundle, shape_of, view_of
 from cuspline.errors import InputError, PostError
 from cuspline.glb import write_glb
 from cuspline.job import Job, PostedFile
-from cuspline.judge import judge, post_module, posted_moves
+from cuspline.judge import figures_in_words, judge, post_module, posted_moves
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import plan_setup
 from cuspline.report.page import write_report
@@ -66,6 +66,8 @@ class Result:
     findings: tuple
     left_out: str               # what could not be made here, in words; "" nothing
     told: str = ""              # what the build came to, where it is not the stage that was asked for
+    figures: str = ""           # gouge, cusp, bound in words; "" where nothing was verified
+    accepted: tuple = ()        # findings that were accepted by name
 
 
 def build(order, say=lambda text: None):
@@ -136,7 +138,8 @@ def _made(order, work, say):
         bundle = report_bundle(order, work, job, judged, _read_json(work / "plan.json"), verify, view_of(solid), inputs)
         _, without = write_report(bundle, work)
         left_out = "; ".join(words for words in (left_out, without) if words)
-    return _finished(order, work, inputs, job, judged.refused(order.accepted), left_out)
+    result = _finished(order, work, inputs, job, judged.refused(order.accepted), left_out)
+    return replace(result, figures=judged.figures_in_words, accepted=judged.passed_over(order.accepted))
 
 
 def _measured(order, work, inputs, step, shape, say):
@@ -385,9 +388,9 @@ def _stock_files(work, job, judged, say, kept):
 
 def _stamp_verdict(work, job, verify):
     """Put the verdict into each program's header, in place of the line that says there is none yet."""
-    verdict = "VERIFIED" if verify["ok"] else "REJECTED"
-    line = (f"VERDICT: {verdict}, GOUGE {verify['gouge_max_mm']:.4f} CUSP {verify['cusp_max_mm']:.4f} "
-            f"BOUND {verify['error_bound_mm']:.5f} MM, {verify['points_checked']} POINTS")
+    verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
+    line = (f"VERDICT: {verdict}{f' WITH {passed} ACCEPTED' if passed else ''}, {figures_in_words(verify).upper()}, "
+            f"{verify['points_checked']} POINTS")
     for name in (name for item in job.posted for name in item.files):
         path = work / name
         text = path.read_text()

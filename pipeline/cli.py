@@ -18,6 +18,7 @@ from cuspline.errors import CamError, InputError
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None,
                   help="From a parametric design to a posted and verified program.")
 FINDINGS, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
+SHOWN = 20                # findings told on the terminal; verify.json has all
 AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
 
 
@@ -36,12 +37,9 @@ def build(
     """Build one design: STEP, plan, program, simulation, verdict, report."""
     from cuspline import build as recipe
     from cuspline import catalogue
-    from cuspline.verification.findings import KINDS
     if stage not in recipe.STAGES:
         raise InputError(f"--stage {stage!r}: it must be one of {', '.join(recipe.STAGES)}")
-    unknown = sorted(set(accept) - set(KINDS))
-    if unknown:
-        raise InputError(f"--accept {unknown[0]!r} is no kind of finding; there are {', '.join(KINDS)}")
+    _refuse_unknown_kinds(accept)
     source = catalogue.find_design(design)
     if machine is not None:
         catalogue.find_machine(machine)         # a wrong name is told before the part is built
@@ -57,38 +55,59 @@ def build(
     folder = out if out is not None else Path("outputs") / made.name
     result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
                                        accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
-    _tell(made.name, result.folder, result.findings, result.left_out, stage, result.told)
+    _tell(made.name, result.folder, result.findings, result.left_out, stage, result.told, result.figures, result.accepted)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
+
+
+def _refuse_unknown_kinds(accept):
+    from cuspline.verification.findings import KINDS
+    unknown = sorted(set(accept) - set(KINDS))
+    if unknown:
+        raise InputError(f"--accept {unknown[0]!r} is no kind of finding; there are {', '.join(KINDS)}")
 
 
 @app.command()
 def verify(
         folders: Annotated[list[Path], typer.Argument(help="output folders, or programs in them")],
         measured: Annotated[Optional[Path], typer.Option(
-            help="markers (CSV): judge the programs as they stand on a part that lies as measured here")] = None):
-    """Judge posted files on disk again, against the STEP beside them."""
-    from cuspline.job import read_job
+            help="markers (CSV): judge the programs as they stand on a part that lies as measured here")] = None,
+        accept: Annotated[list[str], typer.Option(help="kind of finding to pass over this time, repeatable")] = []):
+    """Judge posted files on disk again, against the STEP beside them; the exit status is the worst of all."""
+    _refuse_unknown_kinds(accept)
+    worst = 0
+    for folder in folders:
+        try:
+            worst = max(worst, _verified(folder, measured, accept))
+        except CamError as error:
+            print(f"cuspline: {folder}: {error}", file=sys.stderr)
+            worst = max(worst, BAD_INPUT)
+    raise typer.Exit(worst)
+
+
+def _verified(folder, measured, accept):
+    """Judge one folder, or one program in it; the exit status."""
+    from cuspline.job import read_job, read_published
     from cuspline.judge import judge
     from cuspline.refixturing import read_measured
     from cuspline.verification.kept import kept_until_done
-    bad = False
-    for folder in folders:
-        folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
-        job = read_job(folder)
-        if measured is not None:
-            job = job.placed(read_measured(measured))
-        if only is not None:
-            kept = tuple(p for p in job.posted if only in p.files)
-            if not kept:
-                raise InputError(f"{folder / only} is no program of {job.design}; there are "
-                                 + ", ".join(name for p in job.posted for name in p.files))
-            job = job.model_copy(update={"posted": kept})
-        with kept_until_done(folder) as kept:
-            judged = judge(folder, job, _say, kept=kept)
-        refused = judged.refused(job.accepted)
-        _tell(job.design, folder, refused, "", "verify")
-        bad |= bool(refused)
-    raise typer.Exit(FINDINGS if bad else 0)
+    folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
+    job, published = read_job(folder), read_published(folder)
+    if measured is not None:
+        job = job.placed(read_measured(measured))
+    if only is not None:
+        asked = tuple(p for p in job.posted if only in p.files)
+        if not asked:
+            raise InputError(f"{folder / only} is no program of {job.design}; there are "
+                             + ", ".join(name for p in job.posted for name in p.files))
+        job = job.model_copy(update={"posted": asked})
+        needed = {job.step, "tools.json", "tools.tbl", *(name for p in asked for name in p.files)}
+        published = {name: digest for name, digest in published.items() if name in needed}
+    with kept_until_done(folder) as kept:
+        judged = judge(folder, job, _say, kept=kept, published=published)
+    passed = {*job.accepted, *accept}
+    refused = judged.refused(passed)
+    _tell(job.design, folder, refused, "", "verify", "", judged.figures_in_words, judged.passed_over(passed))
+    return FINDINGS if refused else 0
 
 
 @app.command()
@@ -225,21 +244,31 @@ def _print(rows, as_json, lines):
         print("\n".join(line for row in rows for line in lines(row)))
 
 
-def _tell(name, folder, findings, left_out, stage, told=""):
-    """The verdict in a few lines."""
+def _tell(name, folder, findings, left_out, stage, told="", figures="", accepted=()):
+    """The verdict in a few lines: its figures where it is good, and every finding, those accepted too."""
     if left_out:
         print(f"note: {left_out}")
     if told:
         print(f"{name}: {told} ({folder})")
     elif stage in ("verify", "report"):
-        print(f"{name}: {'VERIFIED' if not findings else f'REJECTED, {len(findings)} findings'} ({folder})")
+        passed = f" with {len(accepted)} accepted" if accepted else ""
+        print(f"{name}: {f'VERIFIED{passed}' if not findings else f'REJECTED, {len(findings)} findings'}"
+              f"{', ' + figures if figures else ''} ({folder})")
     else:
         print(f"{name}: {stage} made, nothing verified ({folder})")
-    for f in findings[:20]:
-        place = "" if f.place_mm is None else " at " + " ".join(f"{a}{x:.3f}" for a, x in zip("XYZ", f.place_mm))
-        line = f", line {f.line}" if f.line else ""
-        operation = f" in {f.operation}" if f.operation else ""
-        print(f"  {f.kind} {f.amount_mm:.4f} mm{place}{operation}{line}: {f.advice}")
+    for mark, shown in (("", findings), ("accepted: ", accepted)):
+        for f in shown[:SHOWN]:
+            print(f"  {mark}{_in_a_line(f)}")
+        if len(shown) > SHOWN:
+            print(f"  {mark}and {len(shown) - SHOWN} more")
+
+
+def _in_a_line(f):
+    """A finding in words."""
+    place = "" if f.place_mm is None else " at " + " ".join(f"{a}{x:.3f}" for a, x in zip("XYZ", f.place_mm))
+    line = (f", line {f.line}" if f.line else "") + (f", called in line {f.call_line}" if f.call_line else "")
+    size = f" {f.size_in_words}" if f.size_in_words else ""
+    return f"{f.kind}{size}{place}{f' in {f.operation}' if f.operation else ''}{line}: {f.advice}"
 
 
 def _say(text):

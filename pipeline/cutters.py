@@ -51,7 +51,7 @@ SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg
                 "lens": ("tip_radius_mm",), "side": (),
                 "apt": ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm")}
 OPTIONAL = ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm", "tip_radius_mm",
-            "shaft_segments")
+            "shaft_segments", "max_rpm")
 
 
 class Cutter(Model):
@@ -78,6 +78,7 @@ class Cutter(Model):
     tip_radius_mm: float | None = Field(None, gt=0, description="lens: the large radius of its bottom")
     shaft_segments: tuple[HolderSegment, ...] | None = Field(
         None, min_length=1, description="a neck that is no cylinder: from the flutes' end to the reach")
+    max_rpm: float | None = Field(None, gt=0, description="largest speed that its maker or its holder allows")
 
     @model_validator(mode="after")
     def _shape_is_consistent(self):

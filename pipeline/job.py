@@ -64,6 +64,15 @@ def read_job(folder):
         raise InputError(f"{path}: no usable job: {first_complaint(error)}") from None
 
 
+def read_published(folder):
+    """{file name: SHA-256} of what was published with a folder's manifest; empty where it does not say."""
+    try:
+        files = json.loads((Path(folder) / "manifest.json").read_text()).get("files", {})
+    except (OSError, ValueError):
+        return {}
+    return files if isinstance(files, dict) else {}
+
+
 def read_tools(folder):
     """{number: Tool} from tools.json.
 

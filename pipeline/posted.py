@@ -16,6 +16,16 @@ UPRIGHT = (0.0, 0.0, 1.0)
 UNIT = 1e-9               # how far a tool axis may be from length 1
 
 
+@dataclass(frozen=True, kw_only=True)
+class Remark:
+    """What the reader holds against a move, although a control would make it."""
+
+    kind: str               # of finding
+    amount_mm: float        # how much; 0 where a length makes no sense
+    row: int                # of the move
+    advice: str             # how to fix it
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PostedMoves:
     """Executed moves of one program, one row each, millimetres, cutter tip in the active WCS.
@@ -33,7 +43,7 @@ class PostedMoves:
     feed_mm_per_min: np.ndarray     # (n,) 0 on rapids
     spindle_rpm: np.ndarray         # (n,) 0 while stopped
     tool: np.ndarray                # (n,) number of the tool in the spindle; 0 none
-    length_offset_on: np.ndarray    # (n,) bool: a tool length offset (G43) is active
+    length_offset_on: np.ndarray    # (n,) bool: a tool length offset (G43) is active, whichever tool's
     machine_end_mm: np.ndarray      # (n, 3) spindle nose in machine coordinates; NaN: unknown
     line: np.ndarray                # (n,) line number in the text, from 1
     operation: np.ndarray           # (n,) index into operations; -1 before the first
@@ -41,6 +51,11 @@ class PostedMoves:
     ended: bool                     # M2 or M30 was reached
     start_axis: np.ndarray | None = None    # (n, 3) unit, tip towards holder, WCS; left out: +Z
     end_axis: np.ndarray | None = None      # (n, 3)
+    path_tolerance_mm: np.ndarray | None = None     # (n,) how far the control may leave the path, by the text; inf: any
+                                                    # way, NaN: the control's own parameters say it; left out: 0
+    speed_line: np.ndarray | None = None    # (n,) line of the S word in force; left out: 0, not known
+    call_line: np.ndarray | None = None     # (n,) line in the main program that called the sub-program; 0 none
+    remarks: tuple[Remark, ...] = ()
 
     def __post_init__(self):
         n = len(self.kind)
@@ -51,6 +66,9 @@ class PostedMoves:
                 ("length_offset_on", (n,), bool), ("machine_end_mm", (n, 3), float),
                 ("line", (n,), np.int32), ("operation", (n,), np.int32)):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
+        for name, dtype in (("path_tolerance_mm", float), ("speed_line", np.int32), ("call_line", np.int32)):
+            given = getattr(self, name)
+            object.__setattr__(self, name, frozen(np.zeros(n) if given is None else given, (n,), name, dtype))
         for name in ("start_axis", "end_axis"):
             given = getattr(self, name)
             axis = frozen(np.tile(UPRIGHT, (n, 1)) if given is None else given, (n, 3), name)
@@ -82,9 +100,12 @@ class PostedMoves:
         before = np.concatenate([[0], np.cumsum(line_counts)])
         columns = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)
                    if isinstance(getattr(parts[0], f.name), np.ndarray)}
-        columns |= {"operation": np.concatenate(number),
-                    "line": np.concatenate([p.line + first for p, first in zip(parts, before)])}
-        return cls(operations=names, ended=all(p.ended for p in parts), **columns)
+        columns |= {"operation": np.concatenate(number)} | {
+            name: np.concatenate([np.where(getattr(p, name) > 0, getattr(p, name) + first, 0)
+                                  for p, first in zip(parts, before)]) for name in ("line", "speed_line", "call_line")}
+        rows = np.concatenate([[0], np.cumsum([len(p) for p in parts])])
+        remarks = tuple(replace(r, row=r.row + int(first)) for p, first in zip(parts, rows) for r in p.remarks)
+        return cls(operations=names, ended=all(p.ended for p in parts), remarks=remarks, **columns)
 
     def first(self, count):
         """The first `count` moves."""

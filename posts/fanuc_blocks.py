@@ -36,6 +36,9 @@ def blocks_of(text):
 def _block(number, line):
     if len(line) > LONGEST_LINE:
         raise Complaint(f"{len(line)} characters", f"write at most {LONGEST_LINE} a line")
+    if "\r" in line.rstrip("\r"):
+        raise Complaint("a carriage return inside a line: it may end the block, or mean nothing",
+                        "end every block with a line feed")
     code = COMMENT.sub(" ", line)
     if "(" in code or ")" in code or ";" in code:
         raise Complaint("a comment that is not closed, one inside another, or a ;",

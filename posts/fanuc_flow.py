@@ -7,6 +7,8 @@
     O8001 ... M99    back to the caller
 """
 
+from typing import NamedTuple
+
 from cuspline.posts.rs274_blocks import refusal
 from cuspline.posts.rs274_expressions import Complaint, evaluated
 
@@ -26,6 +28,8 @@ def executed(blocks):
     while flow.at < len(blocks):
         block = blocks[flow.at]
         flow.at += 1
+        if flow.calls:
+            block = block._replace(call_line=flow.calls[0].line)
         try:
             if block.flow:
                 flow.follow(block)
@@ -34,6 +38,15 @@ def executed(blocks):
         except Complaint as complaint:
             raise refusal(complaint, block) from None
         yield block, words
+
+
+class _Call(NamedTuple):
+    """A sub-program under way."""
+
+    line: int       # of the call
+    back: int       # index to return to
+    own: dict       # the caller's variables
+    kind: str       # "G65" or "M98"
 
 
 class _Flow:
@@ -82,7 +95,7 @@ class _Flow:
             raise Complaint(f"O{block.label} is called, but the text holds no such sub-program", "add it behind M30")
         if len(self.calls) >= DEEPEST_CALL:
             raise Complaint(f"calls nested deeper than {DEEPEST_CALL}", "the control stops there")
-        self.calls.append((self.at, self.own, block.flow))
+        self.calls.append(_Call(block.number, self.at, self.own, block.flow))
         if block.flow == "G65":
             variables = self.own | self.common
             self.own = {index: evaluated(value, variables) for index, value in block.arguments}
@@ -91,9 +104,10 @@ class _Flow:
     def leave(self, block):
         if not self.calls:
             raise Complaint("M99 in the main program: it would run for ever", "end it with M30")
-        self.at, callers, kind = self.calls.pop()
-        if kind == "G65":
-            self.own = callers
+        call = self.calls.pop()
+        self.at = call.back
+        if call.kind == "G65":
+            self.own = call.own
 
     def fall_through(self, block):
         raise Complaint("a program runs into the next one or the %", "end it with M99, the main program with M30")

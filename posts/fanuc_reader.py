@@ -4,12 +4,19 @@ It knows nothing of any post.  What it does not know it refuses, with the line a
 straight: parameter 1401 bit 1 (LRP) must be 1.
 """
 
+from math import nan
+
 from cuspline.posts.fanuc_blocks import blocks_of
 from cuspline.posts.fanuc_codes import code_of
 from cuspline.posts.fanuc_flow import executed
 from cuspline.posts.rs274_blocks import refusal
 from cuspline.posts.rs274_expressions import Complaint
+from cuspline.posts.rs274_modes import UNSAID, Rules
 from cuspline.posts.rs274_reader import Controller
+
+# I J K are always distances; how far corners may be cut is a parameter of the control, whichever mode is in force
+RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"arc distance", "path control"}, takes_own_length=False,
+              path_tolerance_mm=nan)
 
 
 def read_program(text, *, work_offsets, tool_lengths):
@@ -30,7 +37,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     ([9.0, 2.0, 3.0], [4, 8])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, code_of)
+    controller = Controller(work_offsets, tool_lengths, RULES)
     if controller.run(executed(blocks)) is None:
         raise refusal(Complaint("the text stops without a program end", "end the main program with M30"), blocks[-1])
     return controller.posted_moves()

@@ -6,7 +6,8 @@ from typing import NamedTuple
 from cuspline.errors import ReadError
 from cuspline.posts.rs274_expressions import Complaint, Scanner, value_at
 
-LONGEST_LINE = 252      # LinuxCNC refuses 253: "Command too long"
+LONGEST_LINE = 252      # LinuxCNC refuses 253: "Command too long"; a CR before the line feed is one of them
+FOREIGN = re.compile(r"[^\t\r -~]")    # neither ASCII text nor a blank
 WORD = re.compile(r"([a-mp-z])([+-]?(?:\d+\.?\d*|\.\d+))")
 PLAIN = re.compile(rf"(?:n[\d.]+)?((?:{WORD.pattern})*)")
 COMMENT = re.compile(r"\(([^()]*)\)|;(.*)")
@@ -25,6 +26,7 @@ class Block(NamedTuple):
     flow: str = ""                  # "sub", "endsub", "call", "return", or "%"
     arguments: tuple = ()           # of a call
     comments: tuple = ()
+    call_line: int = 0              # where the main program called the sub-program that it stands in; 0 main program
 
     @property
     def is_blank(self):
@@ -44,22 +46,31 @@ def blocks_of(text):
 def lines_cut(text, cut):
     """All lines of the text as the Blocks that `cut(number, line)` makes of them; its complaints get their line.
 
+    A line ends with a line feed, as for the control.
     Raises:
         ReadError: a line that cannot be cut into words.
     """
     blocks = []
     for number, line in enumerate(text.split("\n"), 1):
-        line = line.rstrip("\r")
         try:
+            _refuse_foreign(line)
             blocks.append(cut(number, line))
         except Complaint as complaint:
             raise refusal(complaint, Block(number, line)) from None
     return blocks
 
 
+def _refuse_foreign(line):
+    found = None if line.isprintable() and line.isascii() else FOREIGN.search(line)
+    if found:
+        raise Complaint(f"character {ord(found[0])} in column {found.start() + 1} is no text",
+                        "remove it: some controls end the block there, others stop")
+
+
 def refusal(complaint, block):
     """The complaint with the line it is about."""
-    return ReadError(f"line {block.number}: {block.text.strip()!r}: {complaint}", rows=[block.number])
+    called = f", called in line {block.call_line}" if block.call_line else ""
+    return ReadError(f"line {block.number}{called}: {block.text.strip()!r}: {complaint}", rows=[block.number])
 
 
 def refuse_block_delete(code):

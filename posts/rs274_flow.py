@@ -7,6 +7,7 @@
 """
 
 from itertools import islice
+from typing import NamedTuple
 
 from cuspline.posts.rs274_blocks import refusal
 from cuspline.posts.rs274_expressions import Complaint, evaluated, parameter_index
@@ -26,6 +27,8 @@ def executed(blocks):
     while flow.at < len(blocks):
         block = blocks[flow.at]
         flow.at += 1
+        if flow.calls:
+            block = block._replace(call_line=flow.calls[0].line)
         try:
             words = block.words
             if block.flow:
@@ -38,6 +41,14 @@ def executed(blocks):
             yield block, words
 
 
+class _Call(NamedTuple):
+    """A sub-program under way."""
+
+    line: int       # of the call
+    back: int       # index to return to
+    own: dict       # the caller's own #1 to #30
+
+
 class _Flow:
     """Where execution stands, and the parameters as they stand there."""
 
@@ -46,7 +57,7 @@ class _Flow:
         self.at = 0
         self.parameters = {}
         self.subs = {}          # label -> index of its first block
-        self.calls = []         # (index to return to, the caller's own #1 to #30)
+        self.calls = []         # of _Call, the main program's first
 
     def resolved(self, block):
         """The block's words as floats; its settings take effect after all of them are read."""
@@ -78,15 +89,16 @@ class _Flow:
         if len(block.arguments) > len(LOCALS):
             raise Complaint(f"{len(block.arguments)} arguments", f"a call takes {len(LOCALS)}")
         given = dict(enumerate((evaluated(a, self.parameters) for a in block.arguments), 1))
-        self.calls.append((self.at, {i: v for i, v in self.parameters.items() if i in LOCALS}))
+        self.calls.append(_Call(block.number, self.at, {i: v for i, v in self.parameters.items() if i in LOCALS}))
         self._set_locals(given)
         self.at = self.subs[block.label]
 
     def leave(self, block):
         if not self.calls:
             raise Complaint(f"{block.flow} outside of any sub", "remove it")
-        self.at, caller_locals = self.calls.pop()
-        self._set_locals(caller_locals)
+        call = self.calls.pop()
+        self.at = call.back
+        self._set_locals(call.own)
 
     def close(self, block):
         """A % opens the text or ends it; nothing may follow the second."""

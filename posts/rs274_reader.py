@@ -5,26 +5,28 @@ It knows nothing of any post.  What it does not know it refuses, with the line a
 
 import re
 from array import array
-from math import hypot, isfinite, nan, tau
+from math import hypot, inf, isfinite, nan, tau
 
 import numpy as np
 
-from cuspline.posted import PostedMoves
+from cuspline.posted import PostedMoves, Remark
 from cuspline.posts.rs274_arcs import (INCH_BOUNDS, MM_BOUNDS, MM_PER_INCH, center_from_radius, check_radii,
                                        is_same_point, sweep_rad)
 from cuspline.posts.rs274_blocks import blocks_of, refusal
 from cuspline.posts.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, TAKEN_ALWAYS, code_of, in_order
 from cuspline.posts.rs274_expressions import Complaint
 from cuspline.posts.rs274_flow import executed, is_closed_by_percent, refuse_text_after
+from cuspline.posts.rs274_modes import UNSAID, Rules, relied_on
 from cuspline.program import Kind, Plane
 
 OPERATION = re.compile(r"\s*OPERATION\b[^:]*:([^,]*)", re.IGNORECASE)
 PLANES = {"G17": Plane.XY, "G18": Plane.ZX, "G19": Plane.YZ}
 KINDS = {"G0": Kind.RAPID, "G1": Kind.FEED, "G2": Kind.ARC_CW, "G3": Kind.ARC_CCW}
 UNKNOWN = (nan, nan, nan)
-SAME_LENGTH_MM = 1e-9       # rounding of an inch length
+SAME_LENGTH_MM = 2e-5       # half the last of six decimals of an inch: a length written out is no nearer
 NO_OFFSET = (0.0, 0.0, 0.0)
-COLUMNS = 21                # numbers kept of a move
+COLUMNS = 24                # numbers kept of a move
+RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle"}, takes_own_length=True, path_tolerance_mm=inf)
 
 
 def read_program(text, *, work_offsets, tool_lengths):
@@ -36,8 +38,8 @@ def read_program(text, *, work_offsets, tool_lengths):
             coordinates of a WCS that is not listed stay NaN.
         tool_lengths: {number: length offset, or offsets (x, y, z), mm}; a tool that is not listed is refused.
     Returns:
-        PostedMoves.  The spindle speed is negative while M4 turns it backwards; a length offset
-        counts as on while it is that of the tool in the spindle.
+        PostedMoves.  The spindle speed is negative while M4 turns it backwards.  What a move relies on
+        before the text has said it, and a length offset that is not that of the tool in the spindle, are remarks.
     Raises:
         ReadError: the controller would refuse the text or might do something else; `.rows` holds the line.
 
@@ -46,7 +48,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     ([9.0, 2.0, 3.0], [2, 3])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, code_of)
+    controller = Controller(work_offsets, tool_lengths, RULES)
     end = controller.run(executed(blocks))
     if end is not None:
         refuse_text_after(blocks, end)
@@ -58,11 +60,11 @@ def read_program(text, *, work_offsets, tool_lengths):
 class Controller:
     """The modal state, block after block, and the moves made so far."""
 
-    def __init__(self, work_offsets, tool_lengths, code_of):
-        """`code_of`: function (letter, number) -> rs274_codes.Code of what the control knows."""
-        self.code_of = code_of
+    def __init__(self, work_offsets, tool_lengths, rules):
+        """`rules`: rs274_modes.Rules of the control."""
+        self.rules, self.code_of = rules, rules.code_of
         self.taken_by_motion = {"": TAKEN_ALWAYS | MOVING_LETTERS} | {
-            code.name: TAKEN_ALWAYS | set("xyz") | code.takes for code in (code_of("g", k) for k in range(4))}
+            code.name: TAKEN_ALWAYS | set("xyz") | code.takes for code in (self.code_of("g", k) for k in range(4))}
         self.work_offsets = work_offsets
         self.tool_offsets = {n: NO_OFFSET[:2] + (float(v),) if np.ndim(v) == 0 else tuple(map(float, v))
                              for n, v in tool_lengths.items()}
@@ -73,11 +75,15 @@ class Controller:
         self.plane = Plane.XY
         self.is_absolute, self.is_center_absolute, self.is_inverse_time = True, False, False
         self.wcs, self.offset = "G54", tuple(work_offsets.get("G54", UNKNOWN))
+        self.is_foreign_wcs = bool(work_offsets) and "G54" not in work_offsets
         self.tool_offset, self.is_length_on = NO_OFFSET, False
-        self.feed, self.speed, self.turning = 0.0, 0.0, 0
+        self.length_of, self.length_fault = 0, None     # tool whose offset is in force, 0 nobody's; (amount, advice)
+        self.path_tolerance_mm = rules.path_tolerance_mm
+        self.unsaid, self.remarks = set(rules.modes), []
+        self.feed, self.speed, self.speed_line, self.turning = 0.0, 0.0, 0, 0
         self.selected, self.tool = None, 0
         self.names, self.operation = [], -1
-        self.line, self.is_machine_move = 0, False
+        self.line, self.call_line, self.is_machine_move = 0, 0, False
         self.ended = False
         self.rows = array("d")              # COLUMNS a move
 
@@ -100,7 +106,7 @@ class Controller:
 
     def execute(self, block, words):
         """Do what one block says."""
-        self.line, self.is_machine_move = block.number, False
+        self.line, self.call_line, self.is_machine_move = block.number, block.call_line, False
         for comment in block.comments:
             self._note_operation(comment)
         codes, values = [], {}
@@ -115,6 +121,7 @@ class Controller:
                 codes.append(BY_LETTER[letter])
         steps = self._steps(codes, values)
         for code in steps:
+            self.unsaid.discard(code.group)
             ACTIONS[code.group](self, code.name, values)
         if self.is_machine_move and MOVE not in steps:
             raise Complaint("G53 without a move", "G53 goes with G0 or G1 and axis words")
@@ -156,7 +163,7 @@ class Controller:
     def set_speed(self, name, values):
         if values["s"] < 0:
             raise Complaint("a spindle speed below zero", "write M4 for the other sense")
-        self.speed = values["s"]
+        self.speed, self.speed_line = values["s"], self.line
 
     def select_tool(self, name, values):
         self.selected = self._known_tool(values["t"])
@@ -166,6 +173,7 @@ class Controller:
         if self.selected is not None:
             self.tool = self.selected
         self.turning = 0
+        self._compare_length()
 
     def turn_spindle(self, name, values):
         self.turning = {"M3": 1, "M4": -1, "M5": 0}[name]
@@ -187,10 +195,11 @@ class Controller:
     def set_length(self, name, values):
         """G43, G43.1, G49: the machine stands still, the tip's coordinate changes."""
         old = self.tool_offset
-        self.is_length_on = name != "G49"
-        self.tool_offset = {"G43": self._tool_offset, "G43.1": self._given_length,
-                            "G49": lambda values: NO_OFFSET}[name](values)
+        self.length_of, self.tool_offset = {"G43": self._tool_offset, "G43.1": self._given_length,
+                                            "G49": lambda values: (0, NO_OFFSET)}[name](values)
+        self.is_length_on = self.length_of > 0 or name == "G43.1"
         self.tip = tuple(t + (a - b) for t, a, b in zip(self.tip, old, self.tool_offset))
+        self._compare_length()
 
     def set_wcs(self, name, values):
         """The machine stands still, the tip's coordinates change."""
@@ -198,17 +207,28 @@ class Controller:
             new = tuple(self.work_offsets.get(name, UNKNOWN))
             self.tip = tuple(t + (o - n) for t, o, n in zip(self.tip, self.offset, new))
             self.wcs, self.offset = name, new
+            self.is_foreign_wcs = bool(self.work_offsets) and name not in self.work_offsets
 
     def set_path_control(self, name, values):
+        """G61, G61.1, G64: blocks are joined within Q, which is P where it is left out, then blended within P."""
         if name == "G64" and not values.get("p", 0.0) > 0:
             raise Complaint("G64 without P lets the machine leave the path by any amount",
                             "write the tolerance: G64 P0.01")
+        if values.get("q", 0.0) < 0:
+            raise Complaint("a tolerance below zero", "write a positive Q, or Q0")
+        p = values["p"] if name == "G64" else 0.0
+        self.path_tolerance_mm = (p + values.get("q", p)) * self._unit() if p else 0.0
+
+    def set_corner_mode(self, name, values):
+        """G61 stops at every corner; what G64 does there is set in the control."""
+        self.path_tolerance_mm = 0.0 if name == "G61" else nan
 
     def go_home(self, name, values):
         """G28: rapid to the machine's reference, its zero, in the axes named; only from where they stand."""
         axes = [c for c in "xyz" if c in values]
         if not axes or self.is_absolute or any(values[c] for c in axes):
             raise Complaint("G28 by way of another place", "write G91 G28 Z0. (and X0. Y0.), then G90")
+        self._rely_on(("canned cycle",))
         shift = self._shift()
         start, end = self.tip, tuple(-s if c in axes else t for c, s, t in zip("xyz", shift, self.tip))
         self._add(Kind.RAPID, start, end, UNKNOWN, 0, 0.0)
@@ -224,6 +244,7 @@ class Controller:
 
     def set_motion(self, name, values):
         self.motion = name
+        self.unsaid.discard("canned cycle")     # of the same group
 
     def stop(self, name, values):
         self.ended = name in ("M2", "M30")
@@ -237,6 +258,15 @@ class Controller:
         if not self.motion:
             raise Complaint("axis words, but no G0 G1 G2 G3 is active", "write the motion code in this block")
         kind, start = KINDS[self.motion], self.tip
+        if self.unsaid:
+            self._rely_on(relied_on(kind, values, self.is_machine_move))
+        if self.is_foreign_wcs and not self.is_machine_move:
+            self._remark("wrong_work_offset", 0.0, f"{self.wcs} is in force, the setup's zero is "
+                                                   f"{' '.join(self.work_offsets)}: write that")
+            self.is_foreign_wcs = False
+        if self.length_fault and (kind != Kind.RAPID or "z" in values and not self.is_machine_move):
+            self._remark("wrong_length_offset", *self.length_fault)
+            self.length_fault = None
         end = self._machine_end(values) if self.is_machine_move else self._end(values)
         if kind != Kind.RAPID:
             self._require_known(start, end)
@@ -250,8 +280,8 @@ class Controller:
     def _add(self, kind, start, end, center, turns, feed):
         machine = [t + s for t, s in zip(end, self._shift())]
         self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
-                          self.turning * self.speed, self.tool, self._is_own_length_on(), *machine,
-                          self.line, self.operation))
+                          self.turning * self.speed, self.tool, self.is_length_on, *machine, self.line,
+                          self.operation, self.path_tolerance_mm, self.speed_line, self.call_line))
         self.tip = end
 
     def _shift(self):
@@ -320,6 +350,32 @@ class Controller:
             raise Complaint(f"a cutting move while nobody knows where {unknown} stands",
                             "go to a named place by G0 first")
 
+    # what is held against moves ---------------------------------------------------------------------
+
+    def _remark(self, kind, amount_mm, advice):
+        """About the move that comes next."""
+        self.remarks.append(Remark(kind=kind, amount_mm=amount_mm, row=len(self.rows) // COLUMNS, advice=advice))
+
+    def _rely_on(self, modes):
+        """A move hangs on modes: those that the text has not said are remarked once."""
+        for mode in [mode for mode in modes if mode in self.unsaid]:
+            word, what = UNSAID[mode]
+            self._remark("unknown_start", 0.0, f"{word} is missing: {what} is as the program before left it; write {word} "
+                                               "before this move")
+            self.unsaid.discard(mode)
+
+    def _compare_length(self):
+        """Hold the length offset in force against the tool in the spindle."""
+        self.length_fault = None
+        if not (self.is_length_on and self.tool) or self.length_of == self.tool:
+            return
+        own = self.tool_offsets[self.tool]
+        off_mm = max(abs(a - b) for a, b in zip(own, self.tool_offset))
+        if self.length_of or off_mm > SAME_LENGTH_MM:
+            said = f"H{self.length_of}" if self.length_of else f"G43.1 Z{self.tool_offset[2]:g} mm"
+            self.length_fault = off_mm, (f"{said} is in force with T{self.tool} in the spindle, whose length is "
+                                         f"{own[2]:g} mm: write G43 H{self.tool}")
+
     # small facts ------------------------------------------------------------------------------------
 
     def _unit(self):
@@ -334,28 +390,31 @@ class Controller:
         return int(number)
 
     def _tool_offset(self, values):
-        tool = self._known_tool(values.get("h", 0.0)) or self.tool      # H0 is the tool in the spindle
-        return self.tool_offsets[tool] if tool else NO_OFFSET
+        """(tool whose offset it is, offset) of a G43."""
+        tool = self._known_tool(values.get("h", 0.0))
+        if self.rules.takes_own_length:
+            tool = tool or self.tool
+        elif "h" not in values:
+            raise Complaint("G43 without H takes the offset that was last in force", "write H with the tool's number")
+        return tool, self.tool_offsets[tool] if tool else NO_OFFSET
 
     def _given_length(self, values):
         if "z" not in values:
             raise Complaint("G43.1 without Z", "write G43.1 Z length")
-        return 0.0, 0.0, values["z"] * self._unit()
-
-    def _is_own_length_on(self):
-        own = self.tool_offsets.get(self.tool, self.tool_offset)
-        return self.is_length_on and max(abs(a - b) for a, b in zip(own, self.tool_offset)) <= SAME_LENGTH_MM
+        return 0, (0.0, 0.0, values["z"] * self._unit())
 
     def posted_moves(self):
         """All moves as one value."""
         table = np.frombuffer(self.rows).reshape(-1, COLUMNS)
-        (kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line,
-         operation) = np.split(table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20), axis=1)
+        (kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line, operation, tolerance,
+         speed_line, call_line) = np.split(table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23), axis=1)
         return PostedMoves(
             kind=kind[:, 0], start_mm=start, end_mm=end, center_mm=center, plane=plane[:, 0], turns=turns[:, 0],
             feed_mm_per_min=feed[:, 0], spindle_rpm=speed[:, 0], tool=tool[:, 0],
             length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
-            operation=operation[:, 0], operations=tuple(self.names), ended=self.ended)
+            operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
+            path_tolerance_mm=tolerance[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
+            remarks=tuple(self.remarks))
 
 
 def _refuse_unused(letters):
@@ -371,7 +430,7 @@ ACTIONS = {
     "plane": Controller.set_plane, "units": Controller.set_units,
     "cutter compensation": Controller.pass_over, "tool length": Controller.set_length,
     "work offset": Controller.set_wcs, "path control": Controller.set_path_control,
-    "corner mode": Controller.pass_over, "reference": Controller.go_home,
+    "corner mode": Controller.set_corner_mode, "reference": Controller.go_home,
     "distance": Controller.set_distance, "arc distance": Controller.set_arc_distance,
     "canned cycle": Controller.cancel_cycle,
     "non-modal": Controller.do_once, "motion": Controller.set_motion,

@@ -23,12 +23,12 @@ TIME_ASSUMPTIONS = (
 
 
 def spindle_rpm(cutter, speed_m_per_min, spindle):
-    """Speed that gives the cutting speed on the full diameter, within the spindle's range.
+    """Speed that gives the cutting speed on the full diameter, within what spindle and cutter allow.
 
     A ball in a shallow cut runs slower than this at its contact: safe, not fast.
     """
     wanted = speed_m_per_min * 1000.0 / (math.pi * cutter.diameter_mm)
-    return float(round(min(max(wanted, spindle.min_rpm), spindle.max_rpm)))
+    return float(math.floor(min(round(max(wanted, spindle.min_rpm)), spindle.max_rpm, cutter.max_rpm or math.inf)))
 
 
 def cutting_feed_mm_per_min(cutter, rpm, feed_per_tooth_share, machine):

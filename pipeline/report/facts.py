@@ -64,16 +64,24 @@ def _finding_row(finding, accepted):
     kind = str(finding.get("kind", "finding"))
     own = finding.get("accepted", False)
     reason = own if isinstance(own, str) else accepted.get(kind, "") if isinstance(accepted, dict) else ""
-    amount = number(finding.get("amount_mm"))
     line = number(finding.get("line"))
     where = [str(finding[key]) for key in ("setup", "operation") if finding.get(key)]
     where += [f"line {line:.0f}"] if line else []
+    where += [f"called in line {finding['call_line']}"] if finding.get("call_line") else []
     point = finding.get("place_mm", finding.get("place"))
     return FindingRow(
-        kind=kind.replace("_", " "), amount=decimal(amount, 4, "mm") if amount else DASH, place=place(point),
+        kind=kind.replace("_", " "), amount=_amount_in_words(finding), place=place(point),
         place_mm=None if place(point) == DASH else tuple(map(float, point)), where=", ".join(where) or DASH,
         machine=place(finding.get("machine_mm")), block=str(finding.get("block") or ""),
         advice=str(finding.get("advice") or DASH), is_accepted=bool(own) or kind in accepted, reason=str(reason))
+
+
+def _amount_in_words(finding):
+    """A length in mm, or what the finding is counted in."""
+    if number(finding.get("amount")) is not None:
+        return f"{number(finding['amount']):g} {finding.get('unit', '')}"
+    amount = number(finding.get("amount_mm"))
+    return decimal(amount, 4, "mm") if amount else DASH
 
 
 def verdict(verify):

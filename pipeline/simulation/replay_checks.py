@@ -43,7 +43,7 @@ class Reporter:
         """One finding at one row of the program."""
         return Finding(kind=kind, amount_mm=round(float(amount_mm), 6), place_mm=self.place(place_mm),
                        operation=self.posted.operation_name(row), line=int(self.posted.line[row]),
-                       setup=self.setup, advice=advice)
+                       setup=self.setup, advice=advice, row=int(row))
 
     def runs(self, flagged, relevant):
         """Row groups: flagged rows of one operation without an unflagged relevant row between them."""
@@ -58,7 +58,7 @@ class Reporter:
             last = key
         return groups
 
-    def _merged(self, kind, amount, places, relevant, advice):
+    def merged(self, kind, amount, places, relevant, advice):
         """One finding a run, at its worst row; amounts above 0 count.
 
         An operation with more than MANY runs of one kind gets one finding for all of them.
@@ -85,7 +85,7 @@ class Reporter:
         for (kind, advice), table in zip(CONTACTS, worst):
             amount = np.where(table[:, 0] > NOISE_MM, table[:, 0], 0.0)
             relevant = self.is_rapid if kind == "rapid_through_stock" else everything
-            yield from self._merged(kind, amount, table[:, 1:], relevant, advice)
+            yield from self.merged(kind, amount, table[:, 1:], relevant, advice)
 
     def not_proven(self, is_unsure):
         """Moves of which neither a contact with the stock nor its absence is shown."""
@@ -131,7 +131,7 @@ class Reporter:
         for k, (name, axis) in enumerate(zip("XYZ", machine.axes)):
             over = np.maximum(axis.min_mm - low[:, k], high[:, k] - axis.max_mm)
             amount = np.where(over > TRAVEL_MM, over, 0.0)
-            yield from self._merged(
+            yield from self.merged(
                 "travel_exceeded", amount, self.posted.end_mm, np.ones(len(over), dtype=bool),
                 f"{name} leaves its travel {axis.min_mm:g} .. {axis.max_mm:g} mm: move the part on the table or "
                 "take another tool length")
@@ -152,7 +152,7 @@ class Reporter:
             low[mine] = posted.end_mm[mine, 2] - hangs
         depth = np.nan_to_num(-above, nan=0.0, posinf=0.0, neginf=0.0)
         places = np.column_stack([posted.end_mm[:, :2], low])
-        yield from self._merged("fixture_contact", np.where(depth > NOISE_MM, depth, 0.0), places,
+        yield from self.merged("fixture_contact", np.where(depth > NOISE_MM, depth, 0.0), places,
                                 np.ones(len(posted), dtype=bool),
                                 "the tip goes below the machine's table: mount the part higher, or lift the path")
 

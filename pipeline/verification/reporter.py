@@ -36,7 +36,7 @@ class Reporter:
         place = found.samples.points_mm[sample].round(6)
         return Finding(kind=kind, amount_mm=rounded(amount), place_mm=tuple(place.tolist()),
                        operation=self.posted.operation_name(row) if row >= 0 else "",
-                       line=int(self.posted.line[row]) if row >= 0 else 0, setup=self.setup, advice=advice)
+                       line=int(self.posted.line[row]) if row >= 0 else 0, setup=self.setup, advice=advice, row=row)
 
     def gouges(self):
         """One finding a connected gouge deeper than the finish allows."""
@@ -59,7 +59,7 @@ class Reporter:
             place = self.frame.out(np.array([worst.place_mm]))[0].round(6)
             yield Finding(kind="gouge", amount_mm=rounded(worst.depth_mm), place_mm=tuple(place.tolist()),
                           operation=self.posted.operation_name(worst.row), line=int(self.posted.line[worst.row]),
-                          setup=self.setup, advice=f"between the sample points this move may go {worst.depth_mm:.4f} mm "
+                          setup=self.setup, row=worst.row, advice=f"between the sample points this move may go {worst.depth_mm:.4f} mm "
                           f"into the part, {self.finish.gouge_mm:g} mm are allowed; {len(moves)} moves from line "
                           f"{self.posted.line[moves[0].row]}: lift them, or tighten the segment tolerance")
 
@@ -87,7 +87,7 @@ class Reporter:
             yield Finding(kind="excess", amount_mm=rounded(proof.amount_mm[worst]), setup=self.setup,
                           place_mm=tuple(place[0].round(6).tolist()),
                           operation=self.posted.operation_name(row) if row >= 0 else "",
-                          line=int(self.posted.line[row]) if row >= 0 else 0,
+                          line=int(self.posted.line[row]) if row >= 0 else 0, row=row,
                           advice=f"{proof.amount_mm[worst]:.4f} mm are left between the sample points, "
                           f"{allowed:.4f} mm are allowed: reduce the step, or take a smaller cutter here")
 

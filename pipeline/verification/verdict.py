@@ -32,6 +32,7 @@ from cuspline.verification.residuals import (LIMIT_MM, Residuals, default_spacin
 from cuspline.verification.samples import Samples, face_area_mm2, sample_faces
 from cuspline.verification.solids import SolidComparison, compare
 from cuspline.verification.tessellation import Tessellation, tessellate
+from cuspline.verification.text_checks import path_tolerance_mm
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
 TRACING_MM = 1e-7         # length of a traced ray
@@ -105,17 +106,23 @@ class Verdict:
     def as_dict(self):
         """verify.json: the totals, then every setup."""
         parts = [s.as_dict() for s in self.setups]
-        proven = [p["excess_proven_mm"] for p in parts]
-        worst = ("gouge_max_mm", "gouge_proven_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "error_bound_mm")
+        worst = ("gouge_max_mm", "gouge_proven_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm")
+        bounded = ("excess_proven_mm", "error_bound_mm")        # None where there is no bound
         summed = ("gouge_volume_mm3", "excess_volume_mm3", "points_checked", "area_required_mm2", "area_reached_mm2",
                   "area_unreachable_mm2")
         together = ("unreachable", "collisions", "findings", "cusps", "joints")
         return {"ok": self.ok, **{k: max((p[k] for p in parts), default=0.0) for k in worst},
-                "excess_proven_mm": None if None in proven else max(proven, default=0.0),
+                **{k: _largest([p[k] for p in parts]) for k in bounded},
                 **{k: rounded(sum(p[k] for p in parts)) for k in summed},
-                "error_bounds_mm": {k: max(p["error_bounds_mm"][k] for p in parts) for k in parts[0]["error_bounds_mm"]}
+                "error_bounds_mm": {k: _largest([p["error_bounds_mm"][k] for p in parts])
+                                    for k in parts[0]["error_bounds_mm"]}
                 if parts else {},
                 **{k: [item for p in parts for item in p[k]] for k in together}, "setups": parts}
+
+
+def _largest(bounds):
+    """The largest of bounds; None where one of them is none."""
+    return None if None in bounds else max(bounds, default=0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -273,8 +280,9 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
     view = compare(part.made, c.number, part.mesh, c.drops, c.required, found, own, excess_mm=allowed_mm(finish),
                    gouge_mm=finish.gouge_mm, path_error_mm=part.path_error_mm, ball_radius_mm=part.ball_radius_mm)
     bounds = {"path_mm": part.path_error_mm, "tracing_mm": TRACING_MM, "post_rounding_mm": c.options.post_rounding_mm,
+              "path_tolerance_mm": path_tolerance_mm(c.program.posted, machine),
               "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm}
-    bounds = {name: rounded(v, 9) for name, v in bounds.items()}
+    bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
     report = Reporter(c.program, finish, found, own)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     findings = (*history.findings, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
@@ -389,7 +397,7 @@ def _numbers(found, solid_view, finish, bounds, history):
         "cusp_max_mm": max(0.0, d[finished].max(initial=0.0)),
         "cusp_p99_mm": max(0.0, weighted_percentile(d[finished], found.samples.weight_mm2[finished], 0.99)),
         "gouge_volume_mm3": solid_view.gouge_volume_mm3, "excess_volume_mm3": solid_view.excess_volume_mm3,
-        "error_bound_mm": bounds["path_mm"] + bounds["tracing_mm"] + bounds["post_rounding_mm"],
+        "error_bound_mm": _sum([bounds[k] for k in ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm")]),
         "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
         "area_reached_mm2": area(fair & (d <= allowed_mm(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
         "unreachable": unreachable_places(found),
@@ -400,6 +408,11 @@ def _numbers(found, solid_view, finish, bounds, history):
             "excess_mm3": list(held.excess_mm3), "gouge_mm3": list(held.gouge_mm3), "net_mm3": list(held.net_mm3),
             "bodies_beyond_tolerance": len(solid_view.bodies), "grid_artefacts": solid_view.artefacts}}
     return _tidy(numbers)
+
+
+def _sum(bounds):
+    """Of bounds; None where one of them is none."""
+    return None if None in bounds else sum(bounds)
 
 
 def _tidy(value):

@@ -11,6 +11,7 @@ from cuspline.build import UNVERIFIED
 from cuspline.cutters import Cutter, Tool
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.job import Job, PostedFile
+from cuspline.tooltable import tool_table
 
 FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
 CLEAR = "G0 Z30"
@@ -33,12 +34,18 @@ def written(folder, design, text, tools, ball_radius_mm):
     folder.mkdir()
     brep.write_step(design.solid, folder / f"{design.name}.step", design.name)
     (folder / "setup-1.ngc").write_text(text)
-    (folder / "tools.json").write_text(json.dumps({"tools": [t.model_dump(mode="json") for t in tools]}))
+    write_tools(folder, [t.model_dump(mode="json") for t in tools])
     job = Job(design=design.name, step=f"{design.name}.step", material=design.material, predicates=design.predicates,
               stock=design.stock, finish=design.finish, machine=catalogue.find_machine("mill_3axis"),
               posted=(PostedFile(setup=design.setups[0], program="setup-1.ngc"),), smallest_ball_radius_mm=ball_radius_mm)
     (folder / "manifest.json").write_text(json.dumps({"job": job.model_dump(mode="json")}))
     return folder
+
+
+def write_tools(folder, tools, control=catalogue.find_machine("mill_3axis").control):
+    """Put tools (as dicts) into tools.json and the control's table of a folder."""
+    (folder / "tools.json").write_text(json.dumps({"tools": tools}))
+    (folder / "tools.tbl").write_text(tool_table(map(Tool.model_validate, tools), control))
 
 
 def _design(name, solid, predicates, high):

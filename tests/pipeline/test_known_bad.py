@@ -14,7 +14,7 @@ import pytest
 import written_parts
 from built_parts import copied
 from troublesome_parts import two_sided
-from written_parts import BALL, BOSS_MM, MILL, STRIP_XS_MM, boss_operations, program_text, tapered, written
+from written_parts import BALL, BOSS_MM, MILL, STRIP_XS_MM, boss_operations, program_text, tapered, write_tools, written
 
 from cuspline import build as recipe
 from cuspline import catalogue, cli
@@ -205,7 +205,7 @@ def judged(default_part, tmp_path, options, *, text=None, tools=None, machine=No
     if text is not None:
         (folder / "setup-1.ngc").write_text(text)
     if tools is not None:
-        (folder / "tools.json").write_text(json.dumps({"tools": tools}))
+        write_tools(folder, tools)
     job = read_job(folder)
     return judge(folder, job.model_copy(update={"machine": machine}) if machine else job, options=options)
 
@@ -412,7 +412,7 @@ def spoilt(whole, folder, text=None, tools=None, setup=None):
     if tools is not None:
         numbered = tools_of(folder)
         tools(numbered)
-        (folder / "tools.json").write_text(json.dumps({"tools": list(numbered.values())}))
+        write_tools(folder, list(numbered.values()))
     if setup is not None:
         manifest = json.loads((folder / "manifest.json").read_text())
         manifest["job"]["posted"][-1]["setup"] |= setup
@@ -441,7 +441,7 @@ def built(whole, folder, found, out, monkeypatch):
     """recipe.Result of a build that comes to just these files and this verdict."""
     def post(order, plans, work, inputs):
         for path in folder.iterdir():
-            if path.suffix in (".ngc", ".json") and path.name != "manifest.json":
+            if path.suffix in (".ngc", ".json", ".tbl") and path.name != "manifest.json":
                 shutil.copy(path, work)
         for path in work.glob("*.ngc"):
             path.write_text(re.sub(r"\(VERDICT: [^)]*\)", f"({recipe.UNVERIFIED})", path.read_text()))

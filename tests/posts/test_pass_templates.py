@@ -220,6 +220,8 @@ REFUSED = {
     "a second block in the line": ("G1 X1. F100. ; G1 X2.", "or a ;"),
     "turns of an arc": ("G2 X0. Y0. I5. J0. P3 F100.", "no code in this block uses P"),
     "cutter compensation": ("G41 D1", "unknown word G41"),
+    "a length offset without its number": ("G43 Z5.", "takes the offset that was last in force"),
+    "a carriage return between blocks": ("G0 X1.\rG0 Y1.", "carriage return inside a line"),
 }
 
 
@@ -228,7 +230,22 @@ def test_fanuc_text_that_is_not_sure_is_refused_with_its_line(name):
     line, match = REFUSED[name]
     with pytest.raises(ReadError, match=match) as caught:
         read_fanuc(GOOD.format(line), work_offsets=ZERO, tool_lengths=LENGTHS)
-    assert re.match(r"line \d+: ", str(caught.value))
+    assert re.match(r"line \d+(, called in line \d+)?: ", str(caught.value))
+
+
+def test_fanuc_h0_switches_the_length_offset_off():
+    moves = read_fanuc(GOOD.format("G43 Z5. H0\nG1 X1. F100."), work_offsets=ZERO, tool_lengths=LENGTHS)
+    assert not moves.length_offset_on[-1] and moves.machine_end_mm[-2, 2] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("word, line", [("G54", 6), ("G40", 6), ("G80", 4), ("G94", 8), ("G17", 9)])
+def test_what_a_fanuc_move_relies_on_must_have_been_said(word, line):
+    text = ("%\nO0001\nG21 G17 G90 G94 G40 G80 G54\nG91 G28 Z0.\nG90 T7 M6\nG0 X0. Y0.\nG43 Z5. H7\nG1 X1. F9.\n"
+            "G2 X3. Y0. I1. J0.\nM30\n%\n")
+    read = lambda text: read_fanuc(text, work_offsets=ZERO, tool_lengths=LENGTHS)
+    assert not read(text).remarks and np.isnan(read(text).path_tolerance_mm).all()     # G64's is a parameter
+    (remark,) = read(text.replace(word + " ", "").replace(" G54", "" if word == "G54" else " G54")).remarks
+    assert remark.kind == "unknown_start" and remark.advice.startswith(word) and read(text).line[remark.row] == line
 
 
 def test_fanuc_calls_have_variables_of_their_own_and_m98_has_not():

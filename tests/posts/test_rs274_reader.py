@@ -1,6 +1,7 @@
 """The reader's own facts; tests/authorities asks LinuxCNC about the same texts."""
 
 import itertools
+import re
 import time
 
 import numpy as np
@@ -11,7 +12,7 @@ from cuspline.posts.rs274_reader import read_program
 from cuspline.program import Kind, Plane
 
 WORK_OFFSETS = {"G54": (100.0, 200.0, -300.0), "G55": (110.0, 200.0, -290.0)}
-TOOL_LENGTHS = {1: 50.0, 2: 80.0, 5: 127.0}
+TOOL_LENGTHS = {1: 50.0, 2: 80.0, 3: 50.0, 5: 127.0}
 AT_ZERO = "G21\nG0 X0 Y0 Z0\n"
 GIVEN_DIGITS = 1e-9         # mm; the texts are written to ten decimals of an inch or of a mm
 
@@ -132,9 +133,53 @@ def test_tool_and_spindle_follow_the_text():
     assert moves.spindle_rpm.tolist() == [0, 900, 0, -900, -50, 0]
 
 
-def test_the_length_of_another_tool_does_not_count_as_length_offset():
-    moves = read(AT_ZERO + "T1 M6\nX1\nG43\nX2\nT2 M6\nX3\nG43 H2\nX4\nG49\nX5")
-    assert moves.length_offset_on.tolist() == [False, False, True, False, True, False]
+def remarks(text, kind):
+    """(line, amount) of the remarks of a kind."""
+    moves = read(text)
+    return [(int(moves.line[r.row]), round(r.amount_mm, 9)) for r in moves.remarks if r.kind == kind]
+
+
+@pytest.mark.parametrize("blocks, found", [
+    ("T1 M6\nG43\nZ2\nT2 M6\nG43 H2\nZ4", []),
+    ("T1 M6\nG43\nZ2\nT2 M6\nX3\nZ4\nZ5", [(8, 30.0)]),                # the second G43 is missing
+    ("T1 M6\nG43 H2\nX2\nG1 X3 F9", [(6, 30.0)]),
+    ("T1 M6\nG43 H2\nG53 G0 Z0\nG43 H1\nZ5", []),
+    ("T1 M6\nG43.1 Z50\nZ5", []), ("T1 M6\nG43.1 Z115\nZ5", [(5, 65.0)]),
+    ("T1 M6\nG43 H3\nZ5", [(5, 0.0)])])                                   # as long, but another tool's
+def test_the_length_offset_in_force_is_that_of_the_tool_in_the_spindle(blocks, found):
+    assert remarks(AT_ZERO + blocks, "wrong_length_offset") == found
+
+
+SAID = "G21\nG17 G90 G91.1 G94 G40 G49\nG64 P0.001 Q0\nG54\nT1 M6\nG43 H1\nG0 X0 Y0\nZ0\nG1 X1 F9\nG2 X3 I1"
+
+
+@pytest.mark.parametrize("word, line", [
+    ("G90", 7), ("G54", 7), ("G40", 7), ("G64 P0.001 Q0", 9), ("G94", 9), ("G17", 10), ("G91.1", 10)])
+def test_what_a_move_relies_on_must_have_been_said(word, line):
+    text = SAID.replace(word, "").replace("\n\n", "\n(gone)\n")
+    (remark,) = [r for r in read(text).remarks if r.kind == "unknown_start"]
+    assert read(text).line[remark.row] == line and remark.advice.startswith(word[:3])
+
+
+@pytest.mark.parametrize("text", [SAID, SAID.replace("G49", ""), SAID.replace("G2 X3 I1", "G2 X3 R1").replace("G91.1", ""),
+                                  SAID.replace("G17", "").replace("G2", "G17 G2")])
+def test_what_no_move_relies_on_need_not_be_said(text):
+    assert not read(text).remarks
+
+
+@pytest.mark.parametrize("said, tolerance_mm", [
+    ("G64 P0.5", 1.0), ("G64 P0.001 Q0.5", 0.501), ("G64 P0.001 Q0", 0.001), ("G61", 0.0), ("G61.1", 0.0), ("", np.inf),
+    ("G20\nG64 P0.001 Q0", 0.0254)])
+def test_the_path_tolerance_is_what_the_text_sets(said, tolerance_mm):
+    """Q joins blocks before P blends them, and is P where it is left out."""
+    assert read(f"G21 G54\n{said}\nG0 X0 Y0 Z0\nG1 X1 F9").path_tolerance_mm[-1] == pytest.approx(tolerance_mm, abs=1e-12)
+
+
+def test_a_move_in_a_sub_program_names_the_line_of_its_call():
+    moves = read("G21 G54\no1 sub\nG0 X1\no1 endsub\no2 sub\no1 call\no2 endsub\no2 call\nG0 X2\no1 call")
+    assert moves.line.tolist() == [3, 9, 3] and moves.call_line.tolist() == [8, 0, 10]
+    with pytest.raises(ReadError, match="line 3, called in line 5: 'G0 X#9'"):
+        read("G21\no1 sub\nG0 X#9\no1 endsub\no1 call")
 
 
 def test_operations_are_named_by_their_comments():
@@ -239,7 +284,7 @@ def test_what_is_not_sure_is_refused_with_its_line(name):
         read(AT_ZERO + text)
     assert refusal.value.rows.tolist() == [line]
     assert words in str(refusal.value)
-    assert str(refusal.value).startswith(f"line {line}: ")
+    assert re.match(rf"line {line}(, called in line \d+)?: ", str(refusal.value))
 
 
 @pytest.mark.parametrize("text, words", [

@@ -9,7 +9,7 @@ from cuspline.verification.findings import Finding, located
 
 TURNED = Frame(rotation=np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]]), origin_mm=(10.0, 20.0, 30.0))
 WCS, LENGTH = np.array([-300.0, -200.0, -400.0]), 120.0
-TEXT = "\n".join(f"N{k} G1 X{k}" for k in range(1, 20))
+LINES = [f"N{k} G1 X{k}" for k in range(1, 20)]
 
 
 def posted(known=True):
@@ -24,13 +24,14 @@ def finding(line, place=(11.0, 18.0, 33.0)):
 
 @pytest.mark.parametrize("known", [True, False])
 def test_axes_are_frame_offset_and_length_one_after_the_other(known):
-    (found,) = located([finding(11)], posted(known), TEXT, TURNED, WCS, {1: (0.0, 0.0, LENGTH)})
+    (found,) = located([finding(11)], posted(known), LINES, TURNED, WCS, {1: (0.0, 0.0, LENGTH)})
     assert found.machine_mm == pytest.approx((-300 + 1, -200 + 2, -400 - 3 + LENGTH))
     assert found.block == "N11 G1 X11" and found.place_mm == (11.0, 18.0, 33.0)
-    assert {"kind", "amount_mm", "place_mm", "machine_mm", "operation", "line", "block", "setup", "advice"} == set(found.as_dict())
+    assert {"kind", "amount_mm", "place_mm", "machine_mm", "operation", "line", "block", "setup", "advice",
+            "call_line", "amount", "unit"} == set(found.as_dict())
 
 
 @pytest.mark.parametrize("line,place,block", [(0, (1.0, 2.0, 3.0), ""), (11, None, "N11 G1 X11"), (400, (1.0, 2.0, 3.0), "")])
 def test_what_is_not_known_is_left_open(line, place, block):
-    (found,) = located([finding(line, place)], posted(), TEXT, TURNED, WCS, {1: (0.0, 0.0, LENGTH)})
+    (found,) = located([finding(line, place)], posted(), LINES, TURNED, WCS, {1: (0.0, 0.0, LENGTH)})
     assert found.machine_mm is None and found.block == block

@@ -1,0 +1,114 @@
+"""Sabotages of the files beside the programs: the control's tool table, tools.json, anything that was published."""
+
+import json
+import re
+
+from sabotages import REFUSED, Expected, Spoilt, sabotage
+from sabotages_of_text import pick
+
+TABLE = "tools.tbl"
+
+
+def table_of(sheet):
+    return (sheet.base.folder / TABLE).read_text().splitlines()
+
+
+def is_first(sheet):
+    """Files are spoilt once a base."""
+    return sheet is sheet.base.programs[0]
+
+
+def in_table(sheet, line, text):
+    lines = table_of(sheet)
+    lines[line - 1] = text
+    return "\n".join(lines) + "\n"
+
+
+@sabotage(times=2)
+def wrong_length_in_the_table(sheet, rng):
+    line, off = int(rng.integers(1, len(table_of(sheet)) + 1)), round(float(rng.uniform(-3, 3)), 4) or 0.5
+    if not is_first(sheet):
+        return None
+    longer = lambda w: f"Z{float(w[1]) + off / sheet.unit_mm:.6f}"
+    return Spoilt(name=TABLE, content=in_table(sheet, line, re.sub(r"Z([\d.]+)", longer, table_of(sheet)[line - 1])),
+                  expected=Expected(kind="wrong_tool_table", lines=(line, line), amount=abs(off), within=3e-5))     # six decimals
+
+
+@sabotage()
+def wrong_diameter_in_the_table(sheet, rng):
+    if not is_first(sheet):
+        return None
+    larger = lambda w: f"D{float(w[1]) + 0.2 / sheet.unit_mm:.6f}"
+    return Spoilt(name=TABLE, content=in_table(sheet, 1, re.sub(r"D([\d.]+)", larger, table_of(sheet)[0])),
+                  expected=Expected(kind="wrong_tool_table", lines=(1, 1), amount=0.2, within=3e-5, words=" D "))
+
+
+@sabotage()
+def tool_beside_its_axis_in_the_table(sheet, rng):
+    if not is_first(sheet):
+        return None
+    return Spoilt(name=TABLE, content=in_table(sheet, 2, table_of(sheet)[1].replace(" Z", " Y1 Z")),
+                  expected=Expected(kind="wrong_tool_table", lines=(2, 2), amount=sheet.unit_mm, within=1e-6, words=" Y "))
+
+
+@sabotage()
+def tool_missing_in_the_table(sheet, rng):
+    if not is_first(sheet):
+        return None
+    number = re.match(r"T(\d+)", table_of(sheet)[0])[1]
+    return Spoilt(name=TABLE, content=in_table(sheet, 1, ""), expected=Expected(kind="wrong_tool_table", words=f"no T{number}"))
+
+
+@sabotage()
+def table_missing(sheet, rng):
+    return Spoilt(name=TABLE, content=None, expected=Expected(kind="wrong_tool_table", words="missing")) if is_first(sheet) else None
+
+
+@sabotage()
+def table_that_cannot_be_read(sheet, rng):
+    if not is_first(sheet):
+        return None
+    return Spoilt(name=TABLE, content=in_table(sheet, 2, "T2 P2 Zlong"), expected=Expected(kind="wrong_tool_table", lines=(2, 2)))
+
+
+@sabotage()
+def table_of_the_other_unit(sheet, rng):
+    if not is_first(sheet):
+        return None
+    factor = 25.4 if sheet.unit_mm > 1 else 1 / 25.4
+    length = sheet.base.tools[min(sheet.base.tools)].length_mm
+    text = re.sub(r"([ZD])([\d.]+)", lambda w: f"{w[1]}{float(w[2]) * factor:.6f}", "\n".join(table_of(sheet)) + "\n")
+    return Spoilt(name=TABLE, content=text, expected=Expected(
+        kind="wrong_tool_table", lines=(1, 1), amount=abs(length * factor - length), within=1e-3))
+
+
+@sabotage()
+def tools_that_the_table_does_not_know(sheet, rng):
+    """tools.json says another stick-out than the table was written with."""
+    if not is_first(sheet):
+        return None
+    tools = json.loads((sheet.base.folder / "tools.json").read_text())
+    tools["tools"][1]["stick_out_mm"] += 2.5
+    return Spoilt(name="tools.json", content=json.dumps(tools),
+                  expected=Expected(kind="wrong_tool_table", lines=(2, 2), amount=2.5, within=3e-5))
+
+
+@sabotage(times=3)
+def file_that_was_not_published(sheet, rng):
+    """One file longer by a line feed, or gone, is named."""
+    names = sorted(sheet.base.published)
+    name = pick(rng, names)
+    data = (sheet.base.folder / name).read_bytes()
+    is_gone = not re.match(r"setup|tools", name) and rng.random() < 0.5
+    return Spoilt(name=name, content=None if is_gone else data + b"\n", expected=Expected(
+        kind="changed_file", words=f"{name} {'was published and is missing' if is_gone else 'is not the file'}"))
+
+
+@sabotage()
+def program_missing(sheet, rng):
+    return Spoilt(content=None, expected=Expected(kind=REFUSED, words="does not exist"))
+
+
+@sabotage()
+def tools_missing(sheet, rng):
+    return Spoilt(name="tools.json", content=None, expected=Expected(kind=REFUSED, words="does not exist")) if is_first(sheet) else None
