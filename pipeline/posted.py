@@ -16,6 +16,15 @@ UPRIGHT = (0.0, 0.0, 1.0)
 UNIT = 1e-9               # how far a tool axis may be from length 1
 
 
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """A block that stands still: the spindle, the tool or the program changes between two moves."""
+
+    row: int                  # moves made before it
+    line: int                 # of the text, from 1
+    word: str                 # M0 M1 M2 M3 M4 M5 M6 M30
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PostedMoves:
     """Executed moves of one program, one row each, millimetres, cutter tip in the active WCS.
@@ -41,6 +50,7 @@ class PostedMoves:
     ended: bool                     # M2 or M30 was reached
     start_axis: np.ndarray | None = None    # (n, 3) unit, tip towards holder, WCS; left out: +Z
     end_axis: np.ndarray | None = None      # (n, 3)
+    stops: tuple[Stop, ...] = ()            # in the order of execution
 
     def __post_init__(self):
         n = len(self.kind)
@@ -84,12 +94,16 @@ class PostedMoves:
                    if isinstance(getattr(parts[0], f.name), np.ndarray)}
         columns |= {"operation": np.concatenate(number),
                     "line": np.concatenate([p.line + first for p, first in zip(parts, before)])}
-        return cls(operations=names, ended=all(p.ended for p in parts), **columns)
+        made = np.cumsum([0, *(len(p) for p in parts)])
+        stops = tuple(replace(s, row=s.row + int(rows), line=s.line + int(lines))
+                      for p, rows, lines in zip(parts, made, before) for s in p.stops)
+        return cls(operations=names, ended=all(p.ended for p in parts), stops=stops, **columns)
 
     def first(self, count):
         """The first `count` moves."""
-        return replace(self, **{f.name: getattr(self, f.name)[:count] for f in fields(self)
-                                if isinstance(getattr(self, f.name), np.ndarray)})
+        stops = tuple(s for s in self.stops if s.row < count)
+        return replace(self, stops=stops, **{f.name: getattr(self, f.name)[:count] for f in fields(self)
+                                             if isinstance(getattr(self, f.name), np.ndarray)})
 
     def on_head(self, number, axis, driven_mm):
         """The same with the moves of one tool on a head: read as the place that the program drives, its axis turned.

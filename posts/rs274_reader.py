@@ -9,7 +9,7 @@ from math import hypot, isfinite, nan, tau
 
 import numpy as np
 
-from cuspline.posted import PostedMoves
+from cuspline.posted import PostedMoves, Stop
 from cuspline.posts.rs274_arcs import (INCH_BOUNDS, MM_BOUNDS, MM_PER_INCH, center_from_radius, check_radii,
                                        is_same_point, sweep_rad)
 from cuspline.posts.rs274_blocks import blocks_of, refusal
@@ -80,6 +80,7 @@ class Controller:
         self.line, self.is_machine_move = 0, False
         self.ended = False
         self.rows = array("d")              # COLUMNS a move
+        self.stops = []                     # posted.Stop
 
     # words ------------------------------------------------------------------------------------------
 
@@ -166,9 +167,11 @@ class Controller:
         if self.selected is not None:
             self.tool = self.selected
         self.turning = 0
+        self._stand_still(name)
 
     def turn_spindle(self, name, values):
         self.turning = {"M3": 1, "M4": -1, "M5": 0}[name]
+        self._stand_still(name)
 
     def do_once(self, name, values):
         """G4, G53 and G92.1; the last has nothing to cancel, for G92 is refused."""
@@ -227,6 +230,10 @@ class Controller:
 
     def stop(self, name, values):
         self.ended = name in ("M2", "M30")
+        self._stand_still(name)
+
+    def _stand_still(self, name):
+        self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=name))
 
     def pass_over(self, name, values):
         """Nothing that concerns the path: coolant, and G40, for G41 and G42 are refused."""
@@ -355,7 +362,8 @@ class Controller:
             kind=kind[:, 0], start_mm=start, end_mm=end, center_mm=center, plane=plane[:, 0], turns=turns[:, 0],
             feed_mm_per_min=feed[:, 0], spindle_rpm=speed[:, 0], tool=tool[:, 0],
             length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
-            operation=operation[:, 0], operations=tuple(self.names), ended=self.ended)
+            operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
+            stops=tuple(self.stops))
 
 
 def _refuse_unused(letters):

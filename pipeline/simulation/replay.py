@@ -12,6 +12,7 @@ from cuspline.simulation import head_clearance, replay_checks, replay_design, re
 from cuspline.simulation.clearance import ClearanceTree, flute_segments, head_frusta
 from cuspline.simulation.pieces import pieces_of
 from cuspline.simulation.replay_stock import LEAF
+from cuspline.simulation.replay_stops import stop_findings
 from cuspline.simulation.swept import CLOSED_UPWARD, cutting_rows
 from cuspline.simulation.tree import morton_order
 from cuspline.verification.findings import Finding
@@ -89,7 +90,7 @@ class Replay:
 def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, stock_within_mm=None,
            design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
            frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
-           within_before=None, left_by_heads=None,
+           within_before=None, left_by_heads=None, stock_at=None,
            holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, kept=NOTHING):
     """Replays a posted program move by move on a z-map of the stock.
 
@@ -121,6 +122,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         left_by_heads: function of places (n, 2) to heights (n,) that tools on heads alone leave of the billet, and the
             rows (n,) that left them: the nodes are lowered by it in the end, contacts of other tools do not know of
             it.  None: they are not.
+        stock_at: function of a row to a function of places (n, 2) to heights (n,) of the stock before that move, -inf
+            beside it: what a tool that stands still touches.  None: that is not asked.
         holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
             counts as part of the holder.
         kept: kept.Kept, asked first; NOTHING keeps nothing.
@@ -155,7 +158,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
              *report.unknown_starts(_highest(top, boxes), hanging), *report.travel(machine),
-             *report.table(machine, tools, script, hanging), *report.end())
+             *report.table(machine, tools, script, hanging), *report.end(),
+             *stop_findings(report, tools, machine, _highest(top, boxes), hanging, stock_at))
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,

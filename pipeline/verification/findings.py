@@ -6,7 +6,13 @@ import numpy as np
 
 KINDS = ("gouge", "excess", "missing_area", "rapid_through_stock", "holder_contact", "shank_contact",
          "fixture_contact", "travel_exceeded", "no_spindle", "no_length_offset", "unknown_start", "not_ended",
-         "program_too_long", "verifiers_disagree", "clearance_not_proven", "solid_off")
+         "program_too_long", "verifiers_disagree", "clearance_not_proven", "solid_off",
+         "tool_change_low",
+         "stop_low",
+         "ends_in_cut",
+         "rapid_too_low",
+         "plunge",
+         "overload")
 
 
 @dataclass(frozen=True, kw_only=True)
