@@ -51,7 +51,11 @@ SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg
                 "lens": ("tip_radius_mm",), "side": (),
                 "apt": ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm")}
 OPTIONAL = ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm", "tip_radius_mm",
-            "shaft_segments", "max_rpm")
+            "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth")
+CENTRE_CUTTING = ("ball", "tapered_ball", "lens")   # types whose teeth meet in the middle, where a library does not say
+RAMP_DEG = 10.0             # of a cutter that does not cut at its centre: three times the ramp that is planned
+SLOT_SHARE = 0.3            # of the diameter: docs/decisions/physical_state.md
+PLUNGE_SHARE = 0.012        # of the diameter a tooth: half more than the largest feed of `planning.materials`
 
 
 class Cutter(Model):
@@ -79,6 +83,13 @@ class Cutter(Model):
     shaft_segments: tuple[HolderSegment, ...] | None = Field(
         None, min_length=1, description="a neck that is no cylinder: from the flutes' end to the reach")
     max_rpm: float | None = Field(None, gt=0, description="largest speed that its maker or its holder allows")
+    is_centre_cutting: bool | None = Field(None, description="its teeth meet in the middle; left out: balls alone")
+    ramp_deg: float | None = Field(
+        None, gt=0, le=90, description=f"steepest way into stock; left out: {RAMP_DEG:g}, centre-cutting 90")
+    slot_depth_mm: float | None = Field(
+        None, gt=0, description=f"deepest slot of its full width; left out: {SLOT_SHARE:g} of the diameter")
+    plunge_mm_per_tooth: float | None = Field(
+        None, gt=0, description=f"of a centre-cutting cutter; left out: {PLUNGE_SHARE:g} of the diameter")
 
     @model_validator(mode="after")
     def _shape_is_consistent(self):
@@ -126,6 +137,27 @@ class Cutter(Model):
     @property
     def radius_mm(self):
         return self.diameter_mm / 2
+
+    @property
+    def plunges(self):
+        """Whether it cuts at its centre."""
+        return self.type in CENTRE_CUTTING if self.is_centre_cutting is None else self.is_centre_cutting
+
+    @property
+    def steepest_rad(self):
+        """Steepest way into stock."""
+        usual = 90.0 if self.plunges else RAMP_DEG
+        return float(np.radians(usual if self.ramp_deg is None else self.ramp_deg))
+
+    @property
+    def deepest_slot_mm(self):
+        """Deepest slot of its full width; narrower cuts may be deeper in proportion."""
+        return SLOT_SHARE * self.diameter_mm if self.slot_depth_mm is None else self.slot_depth_mm
+
+    @property
+    def largest_plunge_mm(self):
+        """Largest feed a tooth straight down."""
+        return PLUNGE_SHARE * self.diameter_mm if self.plunge_mm_per_tooth is None else self.plunge_mm_per_tooth
 
     @property
     def apt(self):

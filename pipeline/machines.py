@@ -78,6 +78,13 @@ class Machine(Model):
     table_z_mm: float = Field(description="table top, machine coordinates")
     wcs_origin_mm: tuple[float, float, float] = Field(
         description="where G54 is expected to lie, machine coordinates of the spindle nose")
+    tool_change_z_mm: float | None = Field(
+        None, description="lowest spindle nose at which a tool is changed, machine coordinates; left out: where "
+        "G53 Z0 and G28 lead, or the top of the travel where that is lower")
+    stop_clearance_mm: float = Field(
+        25.0, ge=0, description="tip above stock and fixtures where the program stops or ends below the tool change")
+    rapid_clearance_mm: float = Field(
+        0.5, ge=0, description="least height of a rapid above the stock; straight up it may leave the cut")
     spindle_head: tuple[tuple[float, float], ...] = Field(
         (), description="(height_mm, diameter_mm) of cylinders above the holder's top, from below, that must not touch")
     control: Control
@@ -91,6 +98,13 @@ class Machine(Model):
     @property
     def axes(self):
         return (self.x, self.y, self.z)
+
+    @property
+    def tool_change_height_mm(self):
+        """Lowest spindle nose at a tool change, machine coordinates."""
+        if self.tool_change_z_mm is not None:
+            return self.tool_change_z_mm
+        return min(self.z.max_mm, max(self.z.min_mm, 0.0))
 
 
 def machine_from_toml(path):

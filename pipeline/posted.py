@@ -26,6 +26,15 @@ class Remark:
     advice: str             # how to fix it
 
 
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """A block that stands still: the spindle, the tool or the program changes between two moves."""
+
+    row: int                  # moves made before it
+    line: int                 # of the text, from 1
+    word: str                 # M0 M1 M2 M3 M4 M5 M6 M30
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PostedMoves:
     """Executed moves of one program, one row each, millimetres, cutter tip in the active WCS.
@@ -56,6 +65,7 @@ class PostedMoves:
     speed_line: np.ndarray | None = None    # (n,) line of the S word in force; left out: 0, not known
     call_line: np.ndarray | None = None     # (n,) line in the main program that called the sub-program; 0 none
     remarks: tuple[Remark, ...] = ()
+    stops: tuple[Stop, ...] = ()            # in the order of execution
 
     def __post_init__(self):
         n = len(self.kind)
@@ -105,12 +115,15 @@ class PostedMoves:
                                   for p, first in zip(parts, before)]) for name in ("line", "speed_line", "call_line")}
         rows = np.concatenate([[0], np.cumsum([len(p) for p in parts])])
         remarks = tuple(replace(r, row=r.row + int(first)) for p, first in zip(parts, rows) for r in p.remarks)
-        return cls(operations=names, ended=all(p.ended for p in parts), remarks=remarks, **columns)
+        stops = tuple(replace(s, row=s.row + int(first), line=s.line + int(lines))
+                      for p, first, lines in zip(parts, rows, before) for s in p.stops)
+        return cls(operations=names, ended=all(p.ended for p in parts), remarks=remarks, stops=stops, **columns)
 
     def first(self, count):
         """The first `count` moves."""
-        return replace(self, **{f.name: getattr(self, f.name)[:count] for f in fields(self)
-                                if isinstance(getattr(self, f.name), np.ndarray)})
+        stops = tuple(s for s in self.stops if s.row < count)
+        return replace(self, stops=stops, **{f.name: getattr(self, f.name)[:count] for f in fields(self)
+                                             if isinstance(getattr(self, f.name), np.ndarray)})
 
     def on_head(self, number, axis, driven_mm):
         """The same with the moves of one tool on a head: read as the place that the program drives, its axis turned.

@@ -9,7 +9,7 @@ from math import hypot, inf, isfinite, nan, tau
 
 import numpy as np
 
-from cuspline.posted import PostedMoves, Remark
+from cuspline.posted import PostedMoves, Remark, Stop
 from cuspline.posts.rs274_arcs import (INCH_BOUNDS, MM_BOUNDS, MM_PER_INCH, center_from_radius, check_radii,
                                        is_same_point, sweep_rad)
 from cuspline.posts.rs274_blocks import blocks_of, refusal
@@ -86,6 +86,7 @@ class Controller:
         self.line, self.call_line, self.is_machine_move = 0, 0, False
         self.ended = False
         self.rows = array("d")              # COLUMNS a move
+        self.stops = []                     # posted.Stop
 
     # words ------------------------------------------------------------------------------------------
 
@@ -174,9 +175,11 @@ class Controller:
             self.tool = self.selected
         self.turning = 0
         self._compare_length()
+        self._stand_still(name)
 
     def turn_spindle(self, name, values):
         self.turning = {"M3": 1, "M4": -1, "M5": 0}[name]
+        self._stand_still(name)
 
     def do_once(self, name, values):
         """G4, G53 and G92.1; the last has nothing to cancel, for G92 is refused."""
@@ -248,6 +251,10 @@ class Controller:
 
     def stop(self, name, values):
         self.ended = name in ("M2", "M30")
+        self._stand_still(name)
+
+    def _stand_still(self, name):
+        self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=name))
 
     def pass_over(self, name, values):
         """Nothing that concerns the path: coolant, and G40, for G41 and G42 are refused."""
@@ -414,7 +421,7 @@ class Controller:
             length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
             operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
             path_tolerance_mm=tolerance[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
-            remarks=tuple(self.remarks))
+            remarks=tuple(self.remarks, stops=tuple(self.stops))
 
 
 def _refuse_unused(letters):

@@ -24,6 +24,8 @@ SAGITTA_MM = 2e-5         # chords of arcs that cannot stay arcs; also half the 
 ARC_ANGLE_RAD = np.pi / 12    # longest arc piece: keeps the bounding planes of the tree tight
 QUARTER = np.pi / 2
 LINE, ARC = 0.0, 1.0
+MOST_PARTS = 4096         # of one straight move: longer ones lead out of every machine, and need no tight boxes
+MOST_CHORDS = 1_000_000   # of one arc: more are turns on the spot, or a slip of the pen
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -132,9 +134,16 @@ def part_counts(extent, longest):
     return np.maximum(1, np.ceil(extent / longest - 1e-9)).astype(np.int64)
 
 
+def _refuse_endless(counts, row):
+    if counts.max(initial=0) > MOST_CHORDS:
+        bad = np.flatnonzero(counts > MOST_CHORDS)
+        raise SimulationError(f"an arc needs {counts[bad[0]]:,} straight pieces, more than {MOST_CHORDS:,}: give it fewer turns "
+                              "(P), or a radius that the machine can run", rows=row[bad])
+
+
 def _lines(start, end, row, longest_mm, deepest_mm):
     counts = np.maximum(part_counts(fixed.hypot(*(end - start)[:, :2].T), longest_mm),
-                        part_counts(np.maximum(start[:, 2] - end[:, 2], 0.0), deepest_mm))
+                        part_counts(np.maximum(start[:, 2] - end[:, 2], 0.0), deepest_mm)).clip(max=MOST_PARTS)
     if counts.max(initial=1) == 1:
         return np.concatenate([start, end, np.zeros((len(start), 6))], axis=1), row, 0.0
     whole, part = repeated_parts(counts)
@@ -153,6 +162,7 @@ def _chords(arcs, longest_mm, deepest_mm):
     radius = np.maximum(arcs.radius0, arcs.radius1)
     widest = 2 * fixed.arccos(1 - np.minimum(SAGITTA_MM / radius, 0.5))
     counts = part_counts(np.abs(arcs.angle1 - arcs.angle0), widest)
+    _refuse_endless(counts, arcs.row)
     whole, part = repeated_parts(counts)
     at = lambda k: arcs.points(whole, arcs.angle0[whole] + k / counts[whole] * (arcs.angle1 - arcs.angle0)[whole])
     geometry, piece, _ = _lines(at(part), at(part + 1), arcs.row[whole], longest_mm, deepest_mm)
@@ -165,13 +175,16 @@ def _quarters(arcs, longest_mm):
         return np.zeros((0, 12)), np.zeros(0, np.int64), 0.0
     low, high = np.minimum(arcs.angle0, arcs.angle1), np.maximum(arcs.angle0, arcs.angle1)
     first, last = np.floor(low / QUARTER) + 1, np.ceil(high / QUARTER) - 1
-    whole, part = repeated_parts(np.maximum(last - first + 1, 0).astype(np.int64) + 1)
+    quarters = np.maximum(last - first + 1, 0).astype(np.int64) + 1
+    _refuse_endless(quarters, arcs.row)
+    whole, part = repeated_parts(quarters)
     start = np.where(part == 0, low[whole], (first[whole] + part - 1) * QUARTER)
     stop = np.minimum((first[whole] + part) * QUARTER, high[whole])
     per_rad = np.abs((arcs.radius1 - arcs.radius0) / (arcs.angle1 - arcs.angle0))[whole]
     width = stop - start
     counts = np.maximum(part_counts(width, ARC_ANGLE_RAD), part_counts(width * arcs.radius0[whole], longest_mm))
     counts = np.maximum(counts, part_counts(width * per_rad, 2 * SAGITTA_MM))
+    _refuse_endless(counts, arcs.row[whole])
     parent, k = repeated_parts(counts)
     a0 = start[parent] + k * width[parent] / counts[parent]
     a1 = start[parent] + (k + 1) * width[parent] / counts[parent]

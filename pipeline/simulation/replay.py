@@ -12,7 +12,9 @@ from cuspline.program import Kind
 from cuspline.simulation import head_clearance, replay_checks, replay_design, replay_doubts, replay_kernel
 from cuspline.simulation.clearance import ClearanceTree, flute_segments, head_frusta
 from cuspline.simulation.pieces import pieces_of
+from cuspline.simulation.replay_loads import loads
 from cuspline.simulation.replay_stock import LEAF
+from cuspline.simulation.replay_stops import stop_findings
 from cuspline.simulation.swept import CLOSED_UPWARD, cutting_rows
 from cuspline.simulation.tree import morton_order
 from cuspline.verification.findings import Finding
@@ -90,7 +92,7 @@ class Replay:
 def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, stock_within_mm=None,
            design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
            frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
-           within_before=None, left_by_heads=None,
+           within_before=None, left_by_heads=None, stock_at=None,
            holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, kept=NOTHING):
     """Replays a posted program move by move on a z-map of the stock.
 
@@ -122,6 +124,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         left_by_heads: function of places (n, 2) to heights (n,) that tools on heads alone leave of the billet, and the
             rows (n,) that left them: the nodes are lowered by it in the end, contacts of other tools do not know of
             it.  None: they are not.
+        stock_at: function of a row to a function of places (n, 2) to heights (n,) of the stock before that move, -inf
+            beside it: what a tool that stands still touches.  None: that is not asked.
         holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
             counts as part of the holder.
         kept: kept.Kept, asked first; NOTHING keeps nothing.
@@ -139,9 +143,11 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     script = _script(posted, tools, spindle_head)
     near = _pins(zmap, heights, float(stock_min[2])) if design is None else design
     lines = _lines(zmap, stock_max)
+    before, cut_before = z, _cut_before(z, top)
     *events, z, worst, least, unsure = kept.of(_history)(
-        script, len(posted), wanted, boxes, z, _before(z, lines, top, stock_within_mm), lines, _cut_before(z, top),
-        near, float(design_error_mm + TOUCH_MM))
+        script, len(posted), wanted, 0.0 if machine is None else machine.rapid_clearance_mm, boxes, z,
+        _before(z, lines, top, stock_within_mm), lines, cut_before, near, float(design_error_mm + TOUCH_MM))
+    taken = loads(posted, tools, zmap, events, len(cut_before[0]), before)
     if within_before is not None and unsure.any():
         doubts = np.flatnonzero(unsure)
         unsure[replay_doubts.cleared(doubts, posted, script, wanted, within_before, stock_min, stock_max)] = False
@@ -156,7 +162,9 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
              *report.unknown_starts(_highest(top, boxes), hanging), *report.travel(machine),
-             *report.table(machine, tools, script, hanging), *report.end())
+             *report.table(machine, tools, script, hanging), *report.end(),
+             *report.loads(taken, tools),
+             *stop_findings(report, tools, machine, _highest(top, boxes), hanging, stock_at))
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
@@ -165,16 +173,16 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
                   is_table_checked=machine is not None)
 
 
-def _history(script, moves, wanted, boxes, z, before, lines, events, design, allowed_mm):
+def _history(script, moves, wanted, low_mm, boxes, z, before, lines, events, design, allowed_mm):
     """(row, cell, height of the events, heights in the end, worst, least, undecided), see `replay_kernel.run`."""
-    worst, z = np.full((4, moves, 4), -np.inf), z.copy()
+    worst, z = np.full((5, moves, 4), -np.inf), z.copy()
     least = np.array([replay_kernel.FAR_MM, replay_kernel.FAR_MM, np.nan, np.nan, np.nan])
     if design is not None:
         _against_design(design, script, wanted, allowed_mm, worst, least)
     bounds, sure = before
-    events, unsure = replay_kernel.run(*script, wanted, TOUCH_MM, boxes, z, bounds.copy(), sure, lines,
+    events, unsure = replay_kernel.run(*script, wanted, TOUCH_MM, low_mm, boxes, z, bounds.copy(), sure, lines,
                                        _past(script[0], script[2], script[4]), worst, least, events)
-    return *events, z, worst, least, unsure & ~(worst[:, :, 0] > 0).any(axis=0)
+    return *events, z, worst, least, unsure & ~(worst[:replay_kernel.LOW, :, 0] > 0).any(axis=0)
 
 
 def _lowered(events, z, height_mm, row):

@@ -3,6 +3,8 @@
 import numpy as np
 
 from cuspline.program import Kind, Plane
+from cuspline.simulation.replay_kernel import LOW, RAPID
+from cuspline.simulation.replay_loads import of_tools
 from cuspline.simulation.pieces import pieces_of
 from cuspline.verification.findings import Finding
 
@@ -14,7 +16,10 @@ CONTACTS = (
     ("shank_contact", "use a longer flute or reach, or a thinner shank, or rough this region before"),
     ("holder_contact", "raise the stick-out by at least this amount, or take a slimmer holder"),
     ("fixture_contact", "move the fixture, or lift the path over it"),
+    ("rapid_too_low", "keep rapids this much higher above the stock, or go there at feed"),
 )
+DEEP_MM = 0.05            # a cutter's centre meets stock when it goes deeper: ridges between passes are lower
+PLUNGE_RAD = np.radians(45.0)    # a way down from here on is a plunge
 
 
 def lowest_tips(geometry):
@@ -24,6 +29,20 @@ def lowest_tips(geometry):
     bottom = ((geometry[:, 11] != 0) & (geometry[:, 10] < 0) & (geometry[rows, u] <= geometry[:, 7])
               & (geometry[:, 7] <= geometry[rows, 3 + u]))
     return np.where(bottom, geometry[:, 8] - geometry[:, 9], low)
+
+
+def _summed(depth, goes_on):
+    """(n,) depths summed over rows that follow one another, each run's sum at its last row that adds to it."""
+    out, total, last = np.zeros(len(depth)), 0.0, -1
+    for row in np.flatnonzero(~goes_on | (depth > 0)):
+        if not goes_on[row]:
+            total, last = 0.0, -1
+            continue
+        total += depth[row]
+        if last >= 0:
+            out[last] = 0.0
+        out[row], last = total, row
+    return out
 
 
 class Reporter:
@@ -80,11 +99,12 @@ class Reporter:
             yield from ([sum(runs, [])] if len(runs) > MANY else runs)
 
     def contacts(self, worst):
-        """Findings of worst (4, rows, 4): rapid, shank, holder, fixture."""
+        """Findings of worst (5, rows, 4): rapid, shank, holder, fixture, rapid too low."""
         everything = np.ones(len(self.posted), dtype=bool)
+        worst[LOW, worst[RAPID, :, 0] > NOISE_MM, 0] = 0.0          # it meets the stock: that is told
         for (kind, advice), table in zip(CONTACTS, worst):
             amount = np.where(table[:, 0] > NOISE_MM, table[:, 0], 0.0)
-            relevant = self.is_rapid if kind == "rapid_through_stock" else everything
+            relevant = self.is_rapid if kind.startswith("rapid") else everything
             yield from self.merged(kind, amount, table[:, 1:], relevant, advice)
 
     def not_proven(self, is_unsure):
@@ -105,6 +125,24 @@ class Reporter:
             for group in self._gathered(self.runs(wrong, relevant)):
                 yield self.finding(kind, group[0], 0.0, posted.end_mm[group[0]],
                                    advice + (f" ({len(group)} moves)" if len(group) > 1 else ""))
+
+    def loads(self, found, tools):
+        """Chips heavier than a cutter takes, and its centre sunk into stock; `found`: replay_loads.Loads."""
+        posted, feeds = self.posted, ~self.is_rapid
+        limit = of_tools(posted, tools, lambda c: c.deepest_slot_mm)
+        over = feeds & (limit > 0) & (found.sure_mm > limit)
+        yield from self.merged("overload", np.where(over, found.slot_mm, 0.0), posted.end_mm, feeds,
+                                "the chips are as heavy as a slot of the cutter's full width and this depth, more than its "
+                                "slot_depth_mm: rough here before, or take less at a time")
+        steepest = of_tools(posted, tools, lambda c: c.steepest_rad)
+        per_tooth = posted.feed_mm_per_min * found.fall / np.maximum(
+            np.abs(posted.spindle_rpm) * of_tools(posted, tools, lambda c: c.flutes), 1.0)
+        is_fast = (found.slope_rad > PLUNGE_RAD) & (per_tooth > of_tools(posted, tools, lambda c: c.largest_plunge_mm))
+        steep = feeds & (found.slope_rad > 0) & ((found.slope_rad > steepest) | is_fast)
+        depth = _summed(np.where(steep, found.plunge_mm, 0.0), steep | self.is_rapid)
+        yield from self.merged("plunge", np.where(depth > DEEP_MM, depth, 0.0), posted.end_mm, feeds,
+                                "the cutter's centre is sunk so deep into stock, steeper or faster than its ramp_deg and "
+                                "plunge_mm_per_tooth allow: enter by a ramp, a helix or from outside")
 
     def unknown_starts(self, highest_mm, hanging_mm):
         """Moves from or to an unknown place must stay above stock and fixtures all the way.

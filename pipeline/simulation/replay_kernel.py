@@ -22,7 +22,7 @@ TILE = 8                  # cells along the side of a tile whose highest bound i
 REFRESH = 256             # pieces after which the highest of the tiles is looked up again: it only falls
 FAR_MM = 50.0             # clearances beyond this are not measured
 NOISE_MM = 1e-6           # heights closer than this are the same
-RAPID, SHANK, HOLDER, FIXTURE = range(4)
+RAPID, SHANK, HOLDER, FIXTURE, LOW = range(5)
 
 
 @njit(cache=True)
@@ -36,6 +36,19 @@ def chord(g, out):
         sagitta = g[9] - math.sqrt(max(g[9] * g[9] - half, 0.0))
         out[2] -= sagitta
         out[5] -= sagitta
+
+
+@njit(cache=True)
+def lowered(line, by_mm, out):
+    """A rapid's straight way lowered by the height it is to keep; where it leads up, it may begin in the cut."""
+    out[:] = line
+    rise = line[5] - line[2]
+    across = math.sqrt((line[3] - line[0]) ** 2 + (line[4] - line[1]) ** 2)
+    if rise > 0.0 and across < by_mm:
+        out[5] -= min(by_mm, rise)
+    else:
+        out[2] -= max(by_mm - max(rise, 0.0), 0.0)
+        out[5] -= by_mm
 
 
 @njit(cache=True)
@@ -234,8 +247,8 @@ def _with_room(events, count):
 
 
 @njit(cache=True)
-def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, boxes, z, bounds, sure, lines, past,
-        worst, least, events):
+def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, low_mm, boxes, z, bounds, sure, lines,
+        past, worst, least, events):
     """Replays all pieces in order.
 
     Args:
@@ -243,11 +256,12 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, b
         cutters: (t, 2) a, rc.   parts: (c, 5) segments without upper end, see clearance_kernels.
         kinds: (c, 2) cutter of each part, and RAPID (the flutes, thinner by what they may touch), SHANK or HOLDER.
         wanted: (3,) distance to the stock that each kind is to keep.   touch: what may be missing of it, mm.
+        low_mm: height that rapids keep above the stock.
         boxes: (f, 6) fixtures.   z: (ny, nx), lowered in place.
         bounds, sure: heights that the stock of each cell does not exceed, lowered in place, and reaches at first.
         lines: x of the grid's lines, and y: the nodes' and the stock's far sides.
         past: (forest, orders, firsts) of all pieces, see replay_stock.
-        worst: (4, rows, 4) of rapid, shank, holder and fixture, takes amount (-inf: none), x, y, z.
+        worst: (5, rows, 4) of rapid, shank, holder, fixture and rapid too low, takes amount (-inf: none), x, y, z.
         least: (5,) takes the least distance of a holder proven, attained, and its place.
         events: row (int32), cell (int32), height, each (b,): those before the first move.
     Returns:
@@ -262,7 +276,7 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, b
             tiles[tj, ti] = _tile_top(bounds, tj, ti)
     spot, heights = np.empty(3), np.empty((2, TILE + 1))
     unsure = np.zeros(worst.shape[1], np.bool_)
-    count, line, highest = len(events[2]), np.empty(12), math.inf
+    count, line, highest, low = len(events[2]), np.empty(12), math.inf, np.empty(12)
     for p in range(len(geometry)):
         if p % REFRESH == 0:
             highest = tiles.max()
@@ -297,6 +311,13 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, b
                 if kind == RAPID:
                     amount = spot[2] - piece_height(spot[0], spot[1], geometry[p], a, rc)
                 _keep_worst(worst[kind], row[p], amount, spot[0], spot[1], spot[2])
+            elif kind == RAPID and low_mm > 0.0:
+                lowered(line, low_mm, low)
+                _, got, _ = _against_stock(low, part, -touch, -touch, p, stock, highest, past, doubtful, space, spot,
+                                           SEEN_BUDGET)
+                if got < -touch:
+                    _keep_worst(worst[LOW], row[p], spot[2] - piece_height(spot[0], spot[1], low, a, rc), spot[0],
+                                spot[1], spot[2])
         events, count = _cut(geometry[p], a, rc, row[p], is_rapid[p], touch, stock, heights, worst[RAPID], events,
                              count)
     return (events[0][:count], events[1][:count], events[2][:count]), unsure

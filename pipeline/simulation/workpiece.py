@@ -115,6 +115,15 @@ class Workpiece:
         depth, _ = self.deviations(frame.out(tops), frame.turn_out(up), float(high[2] - low[2]))
         return np.where(depth < 0, np.maximum(high[2] + depth, low[2]), high[2])
 
+    def standing_mm(self, frame, xy_mm):
+        """(n,) `heights_mm` where stock stands over (x, y), -inf beside the billet and where it is cut through."""
+        low, high = self.box_in(frame)
+        xy, found = np.asarray(xy_mm, float), np.full(len(xy_mm), -np.inf)
+        inside = np.flatnonzero(((xy >= low[:2]) & (xy <= high[:2])).all(axis=1))
+        height = self.heights_mm(frame, xy[inside])
+        found[inside] = np.where(height > low[2] + SAME_MM, height, -np.inf)
+        return found
+
     def highest_within_mm(self, frame, xy_mm, radius_mm):
         """(n,) height that no stock within a radius of (x, y) exceeds, as `heights_mm`.
 

@@ -30,6 +30,12 @@ KINDS = {
     "verifiers_disagree": "the two verifiers differ by more than their error bounds",
     "clearance_not_proven": "a contact is neither shown nor excluded",
     "solid_off": "a solid does not keep what its design asks of it",
+    "tool_change_low": "a tool is changed too near to stock or part",
+    "stop_low": "the program stops, for good or for a while, with the tool too near",
+    "ends_in_cut": "the program ends, or the spindle is switched, in the cut",
+    "rapid_too_low": "a rapid passes too close over stock",
+    "plunge": "a cutter goes down into stock more steeply or faster than it can",
+    "overload": "a cutter takes heavier chips than it stands",
 }
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cuspline import fixed_math as fixed
 from cuspline.errors import ReadError
 from cuspline.planning.materials import MATERIALS
 from cuspline.program import Kind
@@ -87,7 +88,7 @@ def _arc_radii_mm(posted):
         first, second, _ = ((0, 1, 2), (2, 0, 1), (1, 2, 0))[plane]
         rows = np.flatnonzero((posted.kind > Kind.FEED) & (posted.plane == plane))
         way = posted.end_mm[rows] - posted.center_mm[rows]
-        radii[rows] = np.hypot(way[:, first], way[:, second])
+        radii[rows] = fixed.hypot(way[:, first], way[:, second])
     return radii
 
 

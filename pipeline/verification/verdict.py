@@ -382,6 +382,7 @@ def _replayed(part, c, tools, machine, kept):
                   frame=frame, setup=c.name,
                   within_before=lambda row: _within_before(c, tools, row),
                   left_by_heads=lambda xy: _left_by_heads(part, c, high, low, xy),
+                  stock_at=lambda row: partial(_stock_before(c, tools, row).standing_mm, frame),
                   holder_clearance_mm=options.holder_clearance_mm,
                   shank_clearance_mm=options.shank_clearance_mm, kept=kept)
 
@@ -427,8 +428,12 @@ def _tidy(value):
 def _within_before(c, tools, row):
     """Function (places, radius) -> heights that no stock so near exceeds before one move of a clamping; WCS."""
     frame = c.program.setup.frame
-    found = c.before.after(frame, swept_paths(c.program.posted.first(row), tools))
-    return partial(found.highest_within_mm, frame)
+    return partial(_stock_before(c, tools, row).highest_within_mm, frame)
+
+
+def _stock_before(c, tools, row):
+    """Workpiece before one move of a clamping."""
+    return c.before.after(c.program.setup.frame, swept_paths(c.program.posted.first(row), tools))
 
 
 def _left_by_heads(part, c, high, low, xy_mm):

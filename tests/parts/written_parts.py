@@ -4,7 +4,7 @@ import json
 
 import cadquery as cq
 import numpy as np
-from known_tools import tool
+from known_tools import TAKES_ALL, tool
 
 from cuspline import brep, catalogue
 from cuspline.build import UNVERIFIED
@@ -125,5 +125,5 @@ def tapered(taper_deg):
     """A tapered ball of radius 2."""
     cutter = Cutter(name="tapered ball", type="tapered_ball", diameter_mm=4.0, corner_radius_mm=2.0, flutes=2,
                     flute_length_mm=10.0, neck_diameter_mm=3.0, reach_mm=30.0, shank_diameter_mm=6.0,
-                    overall_length_mm=90.0, taper_deg=taper_deg)
+                    overall_length_mm=90.0, taper_deg=taper_deg, **TAKES_ALL)
     return Tool(number=3, cutter=cutter, holder=MILL.holder, stick_out_mm=45.0)

@@ -1,6 +1,7 @@
 """Small posted programs and tools with known answers, for the tests of simulation and verification."""
 
 import numpy as np
+from known_tools import TAKES_ALL
 
 from cuspline.cutters import Cutter, Holder, HolderSegment, Tool
 from cuspline.posted import PostedMoves
@@ -9,12 +10,12 @@ from cuspline.program import Kind, Plane
 NOWHERE = (np.nan,) * 3
 
 
-def tool(type_, diameter, corner_radius=None, number=1, stick_out=45.0, flute=20.0, neck=None):
-    """A tool of plain proportions; the holder is a cylinder of diameter 40."""
+def tool(type_, diameter, corner_radius=None, number=1, stick_out=45.0, flute=20.0, neck=None, limits=None):
+    """A tool of plain proportions; the holder is a cylinder of diameter 40.  `limits`: left out, it takes all."""
     corner = {"ball": diameter / 2, "flat": 0.0}.get(type_, corner_radius)
     cutter = Cutter(name=f"{type_} {diameter}", type=type_, diameter_mm=diameter, corner_radius_mm=corner, flutes=2,
                     flute_length_mm=flute, neck_diameter_mm=neck or 0.9 * diameter, reach_mm=max(flute, 30.0),
-                    shank_diameter_mm=diameter, overall_length_mm=90.0)
+                    shank_diameter_mm=diameter, overall_length_mm=90.0, **(limits or TAKES_ALL))
     holder = Holder(name="collet", segments=(
         HolderSegment(height_mm=50.0, lower_diameter_mm=40.0, upper_diameter_mm=40.0),))
     return Tool(number=number, cutter=cutter, holder=holder, stick_out_mm=stick_out)

@@ -13,7 +13,7 @@ from cuspline.simulation.swept import stock_height_mm, swept_paths
 LOW, HIGH = (-20.0, -10.0, -20.0), (20.0, 10.0, 0.0)
 SLOT = [rapid(-30, 0, 5), feed(-30, 0, -3), feed(30, 0, -3), rapid(30, 0, 5)]
 AXIS = SimpleNamespace(min_mm=-100.0, max_mm=100.0)
-NO_HEAD = {"spindle_head": (), "table_z_mm": -500.0}
+NO_HEAD = {"spindle_head": (), "table_z_mm": -500.0, "rapid_clearance_mm": 0.0}
 
 
 def run(moves, start=(-30, 0, 50), tools=None, changes=None, **options):

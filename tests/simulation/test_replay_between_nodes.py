@@ -208,7 +208,7 @@ def test_a_fixture_between_the_points_of_an_arc_is_found():
 
 def machine(table, head=()):
     axis = SimpleNamespace(min_mm=-500.0, max_mm=500.0)
-    return SimpleNamespace(axes=(axis,) * 3, table_z_mm=table, spindle_head=head)
+    return SimpleNamespace(axes=(axis,) * 3, table_z_mm=table, rapid_clearance_mm=0.0, spindle_head=head)
 
 
 def test_the_table_is_met_by_the_lowest_tip():
