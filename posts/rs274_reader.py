@@ -421,7 +421,7 @@ class Controller:
             length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
             operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
             path_tolerance_mm=tolerance[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
-            remarks=tuple(self.remarks, stops=tuple(self.stops))
+            remarks=tuple(self.remarks), stops=tuple(self.stops))
 
 
 def _refuse_unused(letters):
