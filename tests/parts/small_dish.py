@@ -1,4 +1,4 @@
-"""Small block with a wavy top."""
+"""Block with a wavy top and a dish in it, as small as makes sense: even scallops in seconds."""
 
 import cadquery as cq
 from pydantic import Field
@@ -7,21 +7,22 @@ from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, St
 
 
 class Dish(Parameters):
-    """Dimensions."""
+    """Dimensions of the block."""
 
-    length_mm: float = Field(24.0, ge=10, le=100)
+    length_mm: float = Field(14.0, ge=10, le=100, description="along x")
+    width_mm: float = Field(10.0, ge=8, le=100, description="along y")
 
 
 def design(p: Dish) -> Design:
-    points = [(0, 11), (6, 9.5), (12, 10.5), (18, 9.2), (p.length_mm, 11)]
-    block = (cq.Workplane("XZ").moveTo(0, 0).lineTo(0, 11).spline(points[1:], includeCurrent=True)
-             .lineTo(p.length_mm, 0).close().extrude(-16))
-    dish = cq.Workplane("XY").sphere(9.0).translate((12, 8, 16.5))
-    solid = block.cut(dish).val()
+    """The block, its top finished by lines of even cusp height."""
+    x, y = p.length_mm, p.width_mm
+    crown = [(0.25 * x, 9.6), (0.5 * x, 10.4), (0.75 * x, 9.3), (x, 10.5)]
+    block = cq.Workplane("XZ").lineTo(0, 10.6).spline(crown, includeCurrent=True).lineTo(x, 0).close().extrude(-y)
+    dish = cq.Workplane("XY").sphere(8.0).translate((x / 2, y / 2, 17.0))
     return Design(
-        name="dish", description="block with a wavy top and a dish", parameters=p, solid=solid,
+        name="small_dish", description="block with a wavy top and a dish", parameters=p, solid=block.cut(dish).val(),
         predicates=(FacePredicate(name="top", count=2, normal=(0, 0, 1), normal_within_deg=60.0),),
-        material="aluminium_6061",
-        stock=StockBox(min_mm=(0, 0, 0), max_mm=(p.length_mm, 16, 12.5)),
+        material="aluminium_6061", stock=StockBox(min_mm=(0, 0, 0), max_mm=(x, y, 13.0)),
         finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.003, gouge_mm=0.004),
-        setups=(Setup(name="setup-1", faces=("top",), strategy="constant_scallop", wcs_in_words="X0 Y0 lower left, Z0 base"),))
+        setups=(Setup(name="setup-1", faces=("top",), strategy="constant_scallop",
+                      wcs_in_words="X0 Y0 lower left corner, Z0 on the base"),))
