@@ -30,6 +30,7 @@ from cuspline.program import Kind
 REFUSED = "refused"
 MODULES = ("sabotages_of_text", "sabotages_of_files", "sabotages_of_geometry", "harmless_edits")
 ALWAYS_SAID = "changed_file"        # of every edited file
+AGREED = ("same moves", "both refuse", "only the reader refuses")
 SABOTAGES, HARMLESS = {}, {}
 
 
@@ -201,13 +202,18 @@ def _compared(expected, found, told):
     return Outcome(is_found=bool(found), is_kind=bool(mine), is_line=bool(lined), is_amount=bool(sized), told=told)
 
 
+def is_linuxcnc_text(case):
+    """What the case changes is a program of LinuxCNC's."""
+    return not case.sheet.is_fanuc and isinstance(case.files.get(case.sheet.name), (str, bytes))
+
+
 def authority(case, folder, comparison):
     """How LinuxCNC's interpreter and the reader see a LinuxCNC text of a case.
 
     Args:
         comparison: the module tests.authorities.linuxcnc.comparison.
     Returns:
-        "same moves", "both refuse", "only the reader refuses", or in words how they differ.
+        one of AGREED, or in words how they differ.
     """
     sheet, content = case.sheet, case.files.get(case.sheet.name)
     data = content if isinstance(content, bytes) else content.encode("ascii")
