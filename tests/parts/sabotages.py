@@ -31,6 +31,7 @@ REFUSED = "refused"
 MODULES = ("sabotages_of_text", "sabotages_of_files", "sabotages_of_geometry", "harmless_edits")
 ALWAYS_SAID = "changed_file"        # of every edited file
 AGREED = ("same moves", "both refuse", "only the reader refuses")
+METRE_MM = 1000.0
 SABOTAGES, HARMLESS = {}, {}
 
 
@@ -221,14 +222,20 @@ def authority(case, folder, comparison):
     path.write_bytes(data)
     offsets = {sheet.setup.wcs: sheet.machine.wcs_origin_mm}
     lengths = {n: t.offset_mm for n, t in sheet.base.tools.items()}
-    truth = comparison.interpret(path, tool_lengths=lengths, work_offsets=offsets)
+    try:
+        truth, error = comparison.interpret(path, tool_lengths=lengths, work_offsets=offsets), ""
+    except RuntimeError as beyond:          # the comparison does not know G92
+        truth, error = None, str(beyond)
     try:
         moves = read_program(data.decode("ascii"), work_offsets=offsets, tool_lengths=lengths)
     except (ReadError, UnicodeDecodeError):
-        return "both refuse" if truth.error else "only the reader refuses"
+        return "both refuse" if truth is not None and truth.error else "only the reader refuses"
+    if truth is None:
+        return error
     if truth.error:
         return f"only LinuxCNC refuses: {truth.error}"
     if len(moves) != len(truth.kind):
         return f"{len(moves)} moves, LinuxCNC makes {len(truth.kind)}"
-    far = [name for name, difference, allowed in comparison.differences(moves, truth) if (difference > allowed).any()]
+    digits = 1.0 + np.abs(np.nan_to_num(truth.machine_end_mm)).max() / METRE_MM        # twelve digits are left of a metre
+    far = [name for name, difference, allowed in comparison.differences(moves, truth) if (difference > allowed * digits).any()]
     return f"{', '.join(far)} differ" if far else "same moves"
