@@ -48,8 +48,8 @@ def _by_kind(cases, folder):
             print(f"NOT RIGHT: {case}: {case.expected}: {found.told}", flush=True)
         if number % 100 == 0:
             print(f"{number} of {len(cases)} sabotages", flush=True)
-    rows = [f"| {kind.replace('_', ' ')} | {tried[kind]} | " + " | ".join(str(right[kind, name]) for name in RESULT) + " |"
-            for kind in sorted(tried)]
+    rows = [f"| {kind.replace('_', ' ')} | {tried[kind]} | "
+            + " | ".join(str(right[kind, name]) for name in RESULT) + " |" for kind in sorted(tried)]
     total = f"| all | {tried.total()} | " + " | ".join(str(sum(right[k, n] for k in tried)) for n in RESULT) + " |"
     return ["| what must be told | tried | something said | of this kind | in this line | this amount |",
             "|---|---|---|---|---|---|", *rows, total]
@@ -59,7 +59,8 @@ def _harmless(cases, folder):
     wrong = [(case, found.told) for case in cases if (found := _judged(case, folder)).is_found]
     for case, told in wrong:
         print(f"NOT GREEN: {case}: {told}", flush=True)
-    return [f"Harmless edits ({len({case.what for case in cases})} kinds): {len(cases)} tried, {len(cases) - len(wrong)} green."]
+    kinds = len({case.what for case in cases})
+    return [f"Harmless edits ({kinds} kinds): {len(cases)} tried, {len(cases) - len(wrong)} green."]
 
 
 def _beside_linuxcnc(cases, folder):

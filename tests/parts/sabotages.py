@@ -7,8 +7,8 @@ To add a kind of sabotage, write a function beside its like and put `@sabotage(.
         ...
         return Spoilt(text, Expected(kind="rapid_through_stock", lines=(41, 41), amount=2.0, within=0.05))
 
-It gets a Sheet (one file of a base, as lines and as moves) and a random generator, and returns a Spoilt, or None where the
-sheet has nothing that could be spoilt so.  A harmless edit is the same with `@harmless`; it returns the text.
+It gets a Sheet (one file of a base, as lines and as moves) and a random generator, and returns a Spoilt, or None where
+the sheet has nothing that could be spoilt so.  A harmless edit is the same with `@harmless`; it returns the text.
 Modules that hold such functions are named in MODULES.
 """
 
@@ -45,6 +45,11 @@ class Expected:
     amount: float | None = None                 # None: there is no size that means anything
     within: float = 1e-6                        # of the amount
     words: str = ""                             # that the advice must hold
+
+
+def refused_at(line, words=""):
+    """Expected where a line is to be refused."""
+    return Expected(kind=REFUSED, lines=(line, line), words=words)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -148,7 +153,8 @@ def outcome(case, folder):
         found = case.sheet.base.judged(folder, not case.needs_solid)
     except (ReadError, InputError) as error:
         return _refused(case.expected, error)
-    found = [f for f in found if case.expected is not None and case.expected.kind == ALWAYS_SAID or f.kind != ALWAYS_SAID]
+    if case.expected is None or case.expected.kind != ALWAYS_SAID:
+        found = [f for f in found if f.kind != ALWAYS_SAID]
     told = "; ".join(f"{f.kind} {f.size_in_words} line {f.line} call {f.call_line}: {f.advice}" for f in found)
     if case.expected is None:
         told += "" if _cuts_the_same(case, folder) else " it cuts along another path"
@@ -188,8 +194,8 @@ def _refused(expected, error):
     calls = expected.calls if is_kind else None
     is_line &= calls is None or (re.findall(r"called in line (\d+)", str(error)) or ["0"])[0] in map(
         str, range(calls[0], calls[1] + 1))
-    return Outcome(is_found=True, is_kind=is_kind, is_line=is_line, is_amount=not is_kind or expected.words in str(error),
-                   told=f"refused: {error}")
+    is_amount = not is_kind or expected.words in str(error)
+    return Outcome(is_found=True, is_kind=is_kind, is_line=is_line, is_amount=is_amount, told=f"refused: {error}")
 
 
 def _compared(expected, found, told):
@@ -236,6 +242,8 @@ def authority(case, folder, comparison):
         return f"only LinuxCNC refuses: {truth.error}"
     if len(moves) != len(truth.kind):
         return f"{len(moves)} moves, LinuxCNC makes {len(truth.kind)}"
-    digits = 1.0 + np.abs(np.nan_to_num(truth.machine_end_mm)).max() / METRE_MM        # twelve digits are left of a metre
-    far = [name for name, difference, allowed in comparison.differences(moves, truth) if (difference > allowed * digits).any()]
+    # twelve digits are left of a metre
+    digits = 1.0 + np.abs(np.nan_to_num(truth.machine_end_mm)).max(initial=0.0) / METRE_MM
+    far = [name for name, difference, allowed in comparison.differences(moves, truth)
+           if (difference > allowed * digits).any()]
     return f"{', '.join(far)} differ" if far else "same moves"

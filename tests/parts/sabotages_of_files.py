@@ -31,7 +31,8 @@ def wrong_length_in_the_table(sheet, rng):
         return None
     longer = lambda w: f"Z{float(w[1]) + off / sheet.unit_mm:.6f}"
     return Spoilt(name=TABLE, content=in_table(sheet, line, re.sub(r"Z([\d.]+)", longer, table_of(sheet)[line - 1])),
-                  expected=Expected(kind="wrong_tool_table", lines=(line, line), amount=abs(off), within=3e-5))     # six decimals
+                  expected=Expected(kind="wrong_tool_table", lines=(line, line), amount=abs(off),
+                                    within=3e-5))     # six decimals
 
 
 @sabotage()
@@ -48,7 +49,8 @@ def tool_beside_its_axis_in_the_table(sheet, rng):
     if not is_first(sheet):
         return None
     return Spoilt(name=TABLE, content=in_table(sheet, 2, table_of(sheet)[1].replace(" Z", " Y1 Z")),
-                  expected=Expected(kind="wrong_tool_table", lines=(2, 2), amount=sheet.unit_mm, within=1e-6, words=" Y "))
+                  expected=Expected(kind="wrong_tool_table", lines=(2, 2), amount=sheet.unit_mm, within=1e-6,
+                                    words=" Y "))
 
 
 @sabotage()
@@ -56,19 +58,23 @@ def tool_missing_in_the_table(sheet, rng):
     if not is_first(sheet):
         return None
     number = re.match(r"T(\d+)", table_of(sheet)[0])[1]
-    return Spoilt(name=TABLE, content=in_table(sheet, 1, ""), expected=Expected(kind="wrong_tool_table", words=f"no T{number}"))
+    return Spoilt(name=TABLE, content=in_table(sheet, 1, ""), expected=Expected(kind="wrong_tool_table",
+                                                                                words=f"no T{number}"))
 
 
 @sabotage()
 def table_missing(sheet, rng):
-    return Spoilt(name=TABLE, content=None, expected=Expected(kind="wrong_tool_table", words="missing")) if is_first(sheet) else None
+    if not is_first(sheet):
+        return None
+    return Spoilt(name=TABLE, content=None, expected=Expected(kind="wrong_tool_table", words="missing"))
 
 
 @sabotage()
 def table_that_cannot_be_read(sheet, rng):
     if not is_first(sheet):
         return None
-    return Spoilt(name=TABLE, content=in_table(sheet, 2, "T2 P2 Zlong"), expected=Expected(kind="wrong_tool_table", lines=(2, 2)))
+    return Spoilt(name=TABLE, content=in_table(sheet, 2, "T2 P2 Zlong"),
+                  expected=Expected(kind="wrong_tool_table", lines=(2, 2)))
 
 
 @sabotage()
@@ -111,4 +117,6 @@ def program_missing(sheet, rng):
 
 @sabotage()
 def tools_missing(sheet, rng):
-    return Spoilt(name="tools.json", content=None, expected=Expected(kind=REFUSED, words="does not exist")) if is_first(sheet) else None
+    if not is_first(sheet):
+        return None
+    return Spoilt(name="tools.json", content=None, expected=Expected(kind=REFUSED, words="does not exist"))

@@ -22,7 +22,8 @@ def boss(tmp_path_factory):
     """A base with the manifest of a published folder."""
     base = bases(tmp_path_factory.mktemp("bases"))["boss-mm"]
     manifest = json.loads((base.folder / "manifest.json").read_text())
-    files = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in base.folder.iterdir() if p.name != "manifest.json"}
+    files = {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in base.folder.iterdir()
+             if p.name != "manifest.json"}
     (base.folder / "manifest.json").write_text(json.dumps({**manifest, "files": files}))
     return base
 
@@ -61,7 +62,8 @@ def test_verified_says_gouge_cusp_and_bound(boss, verify):
 
 def test_a_changed_program_is_judged_and_named(boss, verify, tmp_path):
     code, out, _ = verify(edited(boss, tmp_path / "a", lambda text: text + "(BY HAND)\n"))
-    assert code == 1 and "REJECTED, 1 findings" in out and "changed_file: setup-1.ngc is not the file that was published" in out
+    assert code == 1 and "REJECTED, 1 findings" in out
+    assert "changed_file: setup-1.ngc is not the file that was published" in out
     code, out, _ = verify(edited(boss, tmp_path / "b", sunk))
     assert code == 1 and "changed_file" in out and f"gouge {GOUGE_MM:.4f} mm" in out
 
@@ -90,7 +92,8 @@ def test_it_goes_on_after_a_refusal_and_ends_with_the_worst(boss, verify, tmp_pa
 
 
 @pytest.mark.parametrize("change, words", [
-    (lambda text: text.replace("G0 X-4 Y-1", "G0 X1000000000 Y-1", 1), ("setup-1.ngc", "line 13", "X1e+09 mm", "beyond")),
+    (lambda text: text.replace("G0 X-4 Y-1", "G0 X1000000000 Y-1", 1), ("setup-1.ngc", "line 13", "X1e+09 mm",
+                                                                        "beyond")),
     (lambda text: "G21\nG17 G90 G94 G40 G49\nG64 P0.001\nG54\nM2\n", ("setup-1.ngc", "no move"))])
 def test_what_cannot_be_simulated_is_refused_at_once(boss, verify, tmp_path, change, words):
     begin = time.process_time()
