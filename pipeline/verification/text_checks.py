@@ -99,8 +99,8 @@ def _path_tolerances(report, machine, finish):
         rows = np.flatnonzero(tolerance == value)
         yield report.finding("path_tolerance", rows[0], value, posted.end_mm[rows[0]],
                              f"the control may leave the path by {value:g} mm in {len(rows)} moves from here, "
-                             f"{finish.gouge_mm:g} mm are allowed: write G64 P{machine.control.path_tolerance_mm:g} Q0 "
-                             "before them, or set the control so")
+                             f"{finish.gouge_mm:g} mm are allowed: tighten G64 P and Q before them, or what the control's "
+                             "own parameters allow and the machine's file states")
 
 
 def _speeds(report, tools, machine):

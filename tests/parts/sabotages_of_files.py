@@ -3,8 +3,8 @@
 import json
 import re
 
-from sabotages import REFUSED, Expected, Spoilt, sabotage
-from sabotages_of_text import pick
+from sabotages import REFUSED, Expected, Spoilt, changed_manifest, sabotage
+from sabotages_of_text import at, cutting, first, pick
 
 TABLE = "tools.tbl"
 
@@ -58,8 +58,8 @@ def tool_missing_in_the_table(sheet, rng):
     if not is_first(sheet):
         return None
     number = re.match(r"T(\d+)", table_of(sheet)[0])[1]
-    return Spoilt(name=TABLE, content=in_table(sheet, 1, ""), expected=Expected(kind="wrong_tool_table",
-                                                                                words=f"no T{number}"))
+    return Spoilt(name=TABLE, content=in_table(sheet, 1, ""),
+                  expected=Expected(kind="wrong_tool_table", words=f"no T{number}"))
 
 
 @sabotage()
@@ -108,6 +108,17 @@ def file_that_was_not_published(sheet, rng):
     is_gone = not re.match(r"setup|tools", name) and rng.random() < 0.5
     return Spoilt(name=name, content=None if is_gone else data + b"\n", expected=Expected(
         kind="changed_file", words=f"{name} {'was published and is missing' if is_gone else 'is not the file'}"))
+
+
+@sabotage()
+def control_that_cuts_corners(sheet, rng):
+    """The machine's file says that the control leaves the path by more: of Fanuc's G64 nothing else tells."""
+    if not (sheet.is_fanuc and is_first(sheet)):
+        return None
+    off = round(float(rng.uniform(0.004, 0.2)), 4)
+    slack = lambda job: job["machine"]["control"].update(path_tolerance_mm=off)
+    return Spoilt(name="manifest.json", content=changed_manifest(sheet, slack),
+                  expected=at("path_tolerance", first(sheet, cutting(sheet)), amount=off))
 
 
 @sabotage()

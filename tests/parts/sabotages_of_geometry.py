@@ -62,9 +62,8 @@ def pass_repeated_in_place_of_the_next(sheet, rng):
     if len(lines) < 10:
         return None
     steps = [lines[k] - 1, lines[k - 1] - 1]
-    return Spoilt(content=sheet.with_line(steps[0], re.sub(r"Y-?[\d.]+", re.search(r"Y-?[\d.]+",
-                                                                                   sheet.line(steps[1]))[0],
-                                                           sheet.line(steps[0]))),
+    before = re.search(r"Y-?[\d.]+", sheet.line(steps[1]))[0]
+    return Spoilt(content=sheet.with_line(steps[0], re.sub(r"Y-?[\d.]+", before, sheet.line(steps[0]))),
                   expected=Expected(kind="excess", lines=(lines[0], lines[-1]), amount=HALF_GAP(2 * STEP_MM),
                                     within=2e-3))
 
