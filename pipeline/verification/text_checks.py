@@ -8,6 +8,7 @@ from cuspline.errors import ReadError
 from cuspline.planning.materials import MATERIALS
 from cuspline.program import Kind
 from cuspline.simulation.replay_checks import Reporter
+from cuspline.tool_units import MM
 
 CHIP_FACTOR = 2.0         # times the starting value of a material: makers' tables differ by less
 RELATIVE = 1e-6           # a limit is exceeded only by more than this: rounding of inch feeds
@@ -121,11 +122,12 @@ def _speeds(report, tools, machine):
 
 
 def _feeds(report, machine):
-    """Feeds that the machine, or one of its axes along the move, does not run."""
+    """Feeds that the machine, or one of its axes along the move, does not run; by more than the post rounds."""
     posted = report.posted
     feed = np.where(report.is_rapid, 0.0, posted.feed_mm_per_min)
     limit = np.minimum(machine.max_feed_mm_per_min, _axis_limits_mm_per_min(posted, machine))
-    wrong = np.where(feed > limit * (1 + RELATIVE), feed, 0.0)
+    rounding = 0.5 * MM[machine.control.units] * 10.0 ** -machine.control.decimals_feed
+    wrong = np.where(feed > limit * (1 + RELATIVE) + rounding, feed, 0.0)
     for f in report.merged("feed_out_of_range", wrong, posted.end_mm, ~report.is_rapid,
                            f"{machine.name} runs at most {machine.max_feed_mm_per_min:g} mm/min, its axes along this "
                            "move perhaps less: correct the F word"):

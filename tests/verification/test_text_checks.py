@@ -45,6 +45,15 @@ def test_a_cutters_largest_speed_is_asked_of_the_text_and_kept_by_the_plan():
     assert spindle_rpm(fast(8999.5).cutter, 450, MILL.spindle) == 8999 < spindle_rpm(BALL.cutter, 450, MILL.spindle)
 
 
+def test_a_feed_that_the_post_has_rounded_up_is_no_finding():
+    """197 inches a minute, with no decimals, are 5003.8 mm; 5000 are 196.85."""
+    control = MILL.control.model_copy(update={"units": "inch", "decimals_feed": 0})
+    inch = MILL.model_copy(update={"max_feed_mm_per_min": 5000.0, "control": control})
+    blocks = "S18000 M3\nG0 X0 Y0\nZ5\nG20\nG1 X2 F{}"
+    assert found(blocks.format(197), fast(18000), inch) == [("chip_load", pytest.approx(197 * 25.4 / 36000, abs=1e-6), 11)]
+    assert "feed_out_of_range" in [kind for kind, _, _ in found(blocks.format(198), machine=inch)]
+
+
 @pytest.mark.parametrize("way, feed", [("X90", 600.0), ("X90 Y90", 600 * 2**0.5), ("X90 Y90 Z95", 600 * 3**0.5)])
 def test_an_axis_may_run_as_fast_as_it_can_along_every_move(way, feed):
     """All axes at 600: along a diagonal the tool is faster than each of them."""
