@@ -88,7 +88,7 @@ def _arc_radii_mm(posted):
         first, second, _ = ((0, 1, 2), (2, 0, 1), (1, 2, 0))[plane]
         rows = np.flatnonzero((posted.kind > Kind.FEED) & (posted.plane == plane))
         way = posted.end_mm[rows] - posted.center_mm[rows]
-        radii[rows] = np.hypot(way[:, first], way[:, second])
+        radii[rows] = np.sqrt(way[:, first] * way[:, first] + way[:, second] * way[:, second])
     return radii
 
 
