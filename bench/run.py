@@ -21,9 +21,9 @@ import workload
 from peers import HERE, peer_python
 
 RESULTS = HERE / "RESULTS.md"
-# each with measure() -> (what, number, unit) rows
+# each with measure() -> (what, number, unit) rows, or table() -> lines
 OTHERS = ("exact_drop", "certificate", "simulation", "five_axis", "clearance", "surface_queries", "scallop",
-          "memory", "propeller")
+          "memory", "propeller", "sabotage")
 PACKAGES = ("numpy", "numba", "llvmlite", "cadquery-ocp", "cadquery")
 
 
@@ -66,10 +66,11 @@ def plain_table(rows):
 
 
 def other_section(name):
-    """The table of a measuring module: measure() -> (what, number, unit) rows, titled by its docstring."""
+    """The table of a measuring module, titled by its docstring."""
     module = importlib.import_module(name)
+    table = module.table() if hasattr(module, "table") else plain_table(module.measure())
     title = module.__doc__.strip().splitlines()[0].rstrip(".")
-    return [f"## {title}", "", f"Machine: {machine()}. {own_versions()}.", "", *plain_table(module.measure())]
+    return [f"## {title}", "", f"Machine: {machine()}. {own_versions()}.", "", *table]
 
 
 def drop_section():

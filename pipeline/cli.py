@@ -55,7 +55,8 @@ def build(
     folder = out if out is not None else Path("outputs") / made.name
     result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
                                        accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
-    _tell(made.name, result.folder, result.findings, result.left_out, stage, result.told, result.figures, result.accepted)
+    _tell(made.name, result.folder, result.findings, result.left_out, stage, result.told, result.figures,
+          result.accepted)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
 
 

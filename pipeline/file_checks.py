@@ -19,13 +19,14 @@ def program_findings(name, text, setup, machine):
     """
     size, room = len(text.encode()), machine.control.program_store_bytes
     if size > room:
-        yield _finding("program_too_long", f"{name} has {size} bytes, the store of {machine.name} holds {room}: raise the "
-                       "scallop height, or feed it through the control's buffer", setup=setup)
+        yield _finding("program_too_long", f"{name} has {size} bytes, the store of {machine.name} holds {room}: raise "
+                       "the scallop height, or feed it through the control's buffer", setup=setup)
     lines = text.split("\n")
     longest = max(range(len(lines)), key=lambda k: len(lines[k]))
     if len(lines[longest]) > machine.control.line_length:
-        yield _finding("line_too_long", f"{name}: {machine.name} takes {machine.control.line_length} characters a line: split "
-                       "the block", setup=setup, line=longest + 1, block=lines[longest][:60],
+        yield _finding("line_too_long",
+                       f"{name}: {machine.name} takes {machine.control.line_length} characters a line: "
+                       "split the block", setup=setup, line=longest + 1, block=lines[longest][:60],
                        amount=float(len(lines[longest])), unit="characters")
 
 
@@ -38,8 +39,9 @@ def tool_table_findings(folder, tools, control):
     """
     path = Path(folder) / TABLE
     if not path.exists():
-        yield _finding("wrong_tool_table", f"{TABLE} is missing: the control would cut with the lengths of another job; put it "
-                       "back, or build again")
+        yield _finding("wrong_tool_table",
+                       f"{TABLE} is missing: the control would cut with the lengths of another job; "
+                       "put it back, or build again")
         return
     try:
         rows = read_tool_table(path.read_bytes().decode("ascii", "replace"), control)
@@ -50,8 +52,8 @@ def tool_table_findings(folder, tools, control):
         wanted = {**dict(zip("XYZ", tool.offset_mm)), "D": tool.cutter.diameter_mm}
         mine = [row for row in rows if row.number == number]
         if not mine:
-            yield _finding("wrong_tool_table", f"{TABLE} has no T{number}, which the programs are judged with: add it, or "
-                           "build again")
+            yield _finding("wrong_tool_table", f"{TABLE} has no T{number}, which the programs are judged with: add it, "
+                           "or build again")
         for row in mine:
             yield from _differing(row, number, wanted, control)
 
@@ -60,10 +62,10 @@ def _differing(row, number, wanted, control):
     """The first value of a table's row that is not the tool's."""
     for letter in ("Z", "D", *sorted(row.values_mm.keys() | {"X", "Y"})):
         there, right = row.values_mm.get(letter, 0.0), wanted.get(letter, 0.0)
-        if abs(there - right) > MM[control.units] / 10 ** IN_TABLE_DECIMALS:
-            yield _finding("wrong_tool_table", f"{TABLE} gives T{number} {letter} {there:.6g} mm, tools.json {right:.6g} mm: "
-                           "measure the tool, correct the one that is wrong, and build again", line=row.line,
-                           block=f"{TABLE}: {row.text}", amount_mm=round(abs(there - right), 6))
+        if abs(there - right) > MM[control.units] * 10.0 ** -IN_TABLE_DECIMALS:
+            yield _finding("wrong_tool_table", f"{TABLE} gives T{number} {letter} {there:.6g} mm, tools.json "
+                           f"{right:.6g} mm: measure the tool, correct the one that is wrong, and build again",
+                           line=row.line, block=f"{TABLE}: {row.text}", amount_mm=round(abs(there - right), 6))
             return
 
 
@@ -78,8 +80,8 @@ def changed_files(folder, published):
         if not path.is_file():
             yield _finding("changed_file", f"{name} was published and is missing: put it back, or build again")
         elif (now := hashlib.sha256(path.read_bytes()).hexdigest()) != wanted:
-            yield _finding("changed_file", f"{name} is not the file that was published: its SHA-256 begins {now[:12]}, the "
-                           f"manifest has {wanted[:12]}; put it back, build again, or accept changed_file by name")
+            yield _finding("changed_file", f"{name} is not the file that was published: its SHA-256 begins {now[:12]}, "
+                           f"the manifest has {wanted[:12]}; put it back, build again, or accept changed_file by name")
 
 
 def _finding(kind, advice, *, setup="", line=0, block="", amount_mm=0.0, amount=None, unit=""):

@@ -64,7 +64,8 @@ class Judged:
         """verify.json; every finding says whether it was accepted."""
         numbers = self.verdict.as_dict()
         rows = [f.as_dict() for f in self.findings]
-        for row in (*rows, *numbers["collisions"], *(f for s in numbers["setups"] for k in ("findings", "collisions") for f in s[k])):
+        in_setups = (f for s in numbers["setups"] for name in ("findings", "collisions") for f in s[name])
+        for row in (*rows, *numbers["collisions"], *in_setups):
             row["accepted"] = row["kind"] in accepted
         return {**numbers, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows}
 
@@ -94,7 +95,8 @@ def read_programs(folder, job, tools):
         texts = {name: _text(Path(folder) / name) for name in item.files}
         parts = [_read(name, text, item.setup, job, tools) for name, text in texts.items()]
         moves = _joined(parts, texts.values(), tools)
-        found = text_findings(moves, tools, setup=item.setup, machine=job.machine, finish=job.finish, material=job.material)
+        found = text_findings(moves, tools, setup=item.setup, machine=job.machine, finish=job.finish,
+                              material=job.material)
         yield ReadProgram(setup=item.setup, texts=texts, posted=moves, findings=found)
 
 
@@ -155,7 +157,8 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
 
 def _file_findings(program, machine):
     """Of all files of a program."""
-    return [f for name, text in program.texts.items() for f in program_findings(name, text, program.setup.name, machine)]
+    return [finding for name, text in program.texts.items()
+            for finding in program_findings(name, text, program.setup.name, machine)]
 
 
 def _placed(findings, program, machine, tools):
@@ -230,7 +233,8 @@ def _in_files(findings, parts):
         k = int(np.searchsorted(ends, f.line))
         if 0 < f.line and k < len(ends):
             first = int(ends[k - 1]) if k else 0
-            f = replace(f, line=f.line - first, call_line=max(f.call_line - first, 0), block=f"{list(parts)[k]}: {f.block}")
+            f = replace(f, line=f.line - first, call_line=max(f.call_line - first, 0),
+                        block=f"{list(parts)[k]}: {f.block}")
         placed.append(f)
     return tuple(placed)
 
@@ -251,8 +255,8 @@ def _text(path):
         raise InputError(f"program {path} cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
         line = path.read_bytes()[:error.start].count(b"\n") + 1
-        raise InputError(f"program {path}, line {line}: a character that is not ASCII, which controls read in different ways: "
-                         "write it in ASCII", rows=[line]) from None
+        raise InputError(f"program {path}, line {line}: a character that is not ASCII, which controls read in "
+                         "different ways: write it in ASCII", rows=[line]) from None
 
 
 def _half_decimal_mm(control):

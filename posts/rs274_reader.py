@@ -367,8 +367,8 @@ class Controller:
         """A move hangs on modes: those that the text has not said are remarked once."""
         for mode in [mode for mode in modes if mode in self.unsaid]:
             word, what = UNSAID[mode]
-            self._remark("unknown_start", 0.0, f"{word} is missing: {what} is as the program before left it; write {word} "
-                                               "before this move")
+            self._remark("unknown_start", 0.0, f"{word} is missing: {what} is as the program before left it; write "
+                                               f"{word} before this move")
             self.unsaid.discard(mode)
 
     def _compare_length(self):

@@ -14,6 +14,7 @@ import pytest
 
 from cuspline import brep, catalogue, cli
 from cuspline.design import Design
+from cuspline.verification.findings import KINDS
 
 ROOT = Path(__file__).parents[1]
 MAKEFILE = (ROOT / "Makefile").read_text()
@@ -37,6 +38,14 @@ def make(folder, *arguments):
     """Run make without what an outer make has put into the environment."""
     environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS")}
     return subprocess.run(["make", "-C", str(folder), *arguments], capture_output=True, text=True, env=environment)
+
+
+# README ----------------------------------------------------------------------------------------
+
+
+def test_the_readme_lists_every_kind_of_finding_with_its_meaning():
+    part = README.split("kinds:begin")[1].split("kinds:end")[0]
+    assert dict(re.findall(r"\| `(\w+)` \| (.+) \|", part)) == KINDS
 
 
 # lock ------------------------------------------------------------------------------------------

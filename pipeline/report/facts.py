@@ -136,6 +136,12 @@ def _state(verify, value, *kinds):
     return "" if number(value) is None else "good"
 
 
+def _accepted(verify, *kinds):
+    """What a tile says of findings of these kinds that were accepted by name."""
+    count = sum(row.is_accepted for row in findings(verify) if row.kind.replace(" ", "_") in kinds)
+    return (f"{count} above what is allowed, accepted by name",) if count else ()
+
+
 def _part_fact(bundle):
     return Fact(label="Part", value=bundle.design, state="",
                 details=(box_size(bundle.part_box_mm), bundle.material, bundle.description))
@@ -170,7 +176,7 @@ def _cusp_fact(bundle):
     return Fact(label="Cusp, largest", value=decimal(measured, 4, "mm"),
                 details=(f"asked {decimal(bundle.finish.scallop_mm, 4, 'mm')}, "
                          f"99 % below {decimal(verify.get('cusp_p99_mm'), 4, 'mm')}",
-                         f"step {' / '.join(steps) or DASH}"),
+                         f"step {' / '.join(steps) or DASH}", *_accepted(verify, "excess")),
                 state=_state(verify, measured, "excess"))
 
 
@@ -181,7 +187,7 @@ def _gouge_fact(bundle):
     return Fact(label="Gouge, deepest", value=decimal(verify.get("gouge_max_mm"), 4, "mm"),
                 details=(f"accepted to {decimal(bundle.finish.gouge_mm, 4, 'mm')}",
                          f"proven of {proven_of}: {decimal(verify.get('gouge_proven_mm'), 4, 'mm')}",
-                         f"known to ±{decimal(verify.get('error_bound_mm'), 4, 'mm')}"),
+                         f"known to ±{decimal(verify.get('error_bound_mm'), 4, 'mm')}", *_accepted(verify, "gouge")),
                 state=_state(verify, verify.get("gouge_max_mm"), "gouge"))
 
 
@@ -194,7 +200,8 @@ def _area_fact(bundle):
     return Fact(label="Area reached", value=percent(reached, required, 2),
                 details=(f"{grouped(reached)} of {grouped(required, 'mm²')}",
                          f"unreachable {decimal(left, 1, 'mm²')}"
-                         + (f" in {_count(unreachable(bundle), 'place')}, listed below" if unreachable(bundle) else "")),
+                         + (f" in {_count(unreachable(bundle), 'place')}, listed below" if unreachable(bundle) else ""),
+                         *_accepted(verify, "missing_area")),
                 state=_state(verify, reached, "missing_area"))
 
 

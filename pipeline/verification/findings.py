@@ -73,7 +73,7 @@ class Finding:
 
 
 def located(findings, posted, blocks, frame, wcs_origin_mm, tool_offsets_mm):
-    """Findings of one program with the machine's axes at their places, the text of their lines and where those are called.
+    """Findings of one program with the machine's axes at their places, the text and the calls of their lines.
 
     The axes are given as the control shows them in machine coordinates while the tip of the tool that the line cuts
     with stands at the place: part, through the setup's frame into the WCS, through the offset that is in force on that line.

@@ -59,8 +59,9 @@ class Reporter:
             place = self.frame.out(np.array([worst.place_mm]))[0].round(6)
             yield Finding(kind="gouge", amount_mm=rounded(worst.depth_mm), place_mm=tuple(place.tolist()),
                           operation=self.posted.operation_name(worst.row), line=int(self.posted.line[worst.row]),
-                          setup=self.setup, row=worst.row, advice=f"between the sample points this move may go {worst.depth_mm:.4f} mm "
-                          f"into the part, {self.finish.gouge_mm:g} mm are allowed; {len(moves)} moves from line "
+                          setup=self.setup, row=worst.row,
+                          advice=f"between the sample points this move may go {worst.depth_mm:.4f} mm into the part, "
+                          f"{self.finish.gouge_mm:g} mm are allowed; {len(moves)} moves from line "
                           f"{self.posted.line[moves[0].row]}: lift them, or tighten the segment tolerance")
 
     def excess(self):

@@ -1,4 +1,4 @@
-"""What the text alone shows: modes it relies on, limits of machine and tool, the path tolerance; nothing is simulated."""
+"""What the text alone shows: modes relied on, limits of machine and tool, the path tolerance; nothing is simulated."""
 
 from dataclasses import replace
 
@@ -9,6 +9,7 @@ from cuspline.errors import ReadError
 from cuspline.planning.materials import MATERIALS
 from cuspline.program import Kind
 from cuspline.simulation.replay_checks import Reporter
+from cuspline.tool_units import MM
 
 CHIP_FACTOR = 2.0         # times the starting value of a material: makers' tables differ by less
 RELATIVE = 1e-6           # a limit is exceeded only by more than this: rounding of inch feeds
@@ -52,14 +53,14 @@ def refuse_what_cannot_be_simulated(posted, tools, setup, machine, stock):
     Args:
         tools: those that there are, by number.   stock: design.StockBox, part coordinates.
     Raises:
-        ReadError: no move at all; a cutting move without a tool; a place, or the radius of an arc, FAR times as large as the
-            travel.
+        ReadError: no move at all; a cutting move without a tool; a place, or the radius of an arc, FAR times as large
+            as the travel.
     """
     if not len(posted):
         raise ReadError("the program has no move: write the moves, or leave the setup out")
     _refuse_row(posted, (posted.kind != Kind.RAPID) & ~np.isin(posted.tool, list(tools)),
-                lambda row: "a cutting move, but " + (f"T{posted.tool[row]} is none of the tools" if posted.tool[row] else
-                                                      "no tool was changed in, T and M6 are missing"))
+                lambda row: f"a cutting move, but T{posted.tool[row]} is none of the tools" if posted.tool[row] else
+                "a cutting move, but no tool was changed in, T and M6 are missing")
     low, high = setup.frame.box_into(stock.min_mm, stock.max_mm)
     for k, (name, axis) in enumerate(zip("XYZ", machine.axes)):
         travel = axis.max_mm - axis.min_mm
@@ -88,7 +89,7 @@ def _arc_radii_mm(posted):
         first, second, _ = ((0, 1, 2), (2, 0, 1), (1, 2, 0))[plane]
         rows = np.flatnonzero((posted.kind > Kind.FEED) & (posted.plane == plane))
         way = posted.end_mm[rows] - posted.center_mm[rows]
-        radii[rows] = fixed.hypot(way[:, first], way[:, second])
+        radii[rows] = np.sqrt(way[:, first] * way[:, first] + way[:, second] * way[:, second])
     return radii
 
 
@@ -100,8 +101,8 @@ def _path_tolerances(report, machine, finish):
         rows = np.flatnonzero(tolerance == value)
         yield report.finding("path_tolerance", rows[0], value, posted.end_mm[rows[0]],
                              f"the control may leave the path by {value:g} mm in {len(rows)} moves from here, "
-                             f"{finish.gouge_mm:g} mm are allowed: write G64 P{machine.control.path_tolerance_mm:g} Q0 "
-                             "before them, or set the control so")
+                             f"{finish.gouge_mm:g} mm are allowed: tighten G64 P and Q before them, or what the control's "
+                             "own parameters allow and the machine's file states")
 
 
 def _speeds(report, tools, machine):
@@ -122,14 +123,15 @@ def _speeds(report, tools, machine):
 
 
 def _feeds(report, machine):
-    """Feeds that the machine, or one of its axes along the move, does not run."""
+    """Feeds that the machine, or one of its axes along the move, does not run; by more than the post rounds."""
     posted = report.posted
     feed = np.where(report.is_rapid, 0.0, posted.feed_mm_per_min)
     limit = np.minimum(machine.max_feed_mm_per_min, _axis_limits_mm_per_min(posted, machine))
-    wrong = np.where(feed > limit * (1 + RELATIVE), feed, 0.0)
+    rounding = 0.5 * MM[machine.control.units] * 10.0 ** -machine.control.decimals_feed
+    wrong = np.where(feed > limit * (1 + RELATIVE) + rounding, feed, 0.0)
     for f in report.merged("feed_out_of_range", wrong, posted.end_mm, ~report.is_rapid,
-                           f"{machine.name} runs at most {machine.max_feed_mm_per_min:g} mm/min, its axes along this move "
-                           "perhaps less: correct the F word"):
+                           f"{machine.name} runs at most {machine.max_feed_mm_per_min:g} mm/min, its axes along this "
+                           "move perhaps less: correct the F word"):
         yield replace(f, amount=f.amount_mm, amount_mm=0.0, unit="mm/min")
 
 
@@ -152,7 +154,8 @@ def _chip_loads(report, tools, material):
     teeth, allowed = (np.array([value(cutters[n]) if n in cutters else np.inf for n in posted.tool.tolist()])
                       for value in (lambda c: c.flutes, lambda c: CHIP_FACTOR * share * c.diameter_mm))
     speed = np.abs(posted.spindle_rpm)
-    chip = np.where(report.is_rapid | (speed == 0), 0.0, posted.feed_mm_per_min / np.where(speed > 0, speed, 1.0) / teeth)
+    chip = posted.feed_mm_per_min / np.where(speed > 0, speed, 1.0) / teeth
+    chip[report.is_rapid | (speed == 0)] = 0.0
     yield from report.merged("chip_load", np.where(chip > allowed * (1 + RELATIVE), chip, 0.0), posted.end_mm,
                              ~report.is_rapid, f"so much a tooth breaks the cutter, {material} takes {share:g} of the "
                              f"diameter, {CHIP_FACTOR:g} times that is allowed: lower F, or raise S")

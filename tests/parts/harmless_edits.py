@@ -12,7 +12,8 @@ from cuspline.program import Kind
 def each_line(sheet, change, which=None):
     """The text with change(line) for lines outside of comments; `which`: numbers of those."""
     chosen = set(range(1, len(sheet.lines) + 1) if which is None else which)
-    lines = [change(line) if k in chosen and not line.startswith("(") else line for k, line in enumerate(sheet.lines, 1)]
+    lines = [change(line) if k in chosen and not line.startswith("(") else line
+             for k, line in enumerate(sheet.lines, 1)]
     return "\n".join(lines) + "\n"
 
 
@@ -23,7 +24,8 @@ def outside_comments(line, change):
 
 def plain(sheet):
     """Lines that hold words only: no O-word, no call, no %, no register."""
-    return [k for k, line in enumerate(sheet.lines, 1) if re.match(r"[GXYZMST]", line) and "G65" not in line and "#" not in line]
+    return [k for k, line in enumerate(sheet.lines, 1) if re.match(r"[GXYZMST]", line) and "G65" not in line
+            and "#" not in line]
 
 
 @harmless
@@ -33,7 +35,8 @@ def blank_lines(sheet, rng):
 
 @harmless
 def comments_between(sheet, rng):
-    return each_line(sheet, lambda line: line + ("\n(PASS G1 X1000 %)" if rng.random() < 0.3 else ""), motion_lines(sheet))
+    return each_line(sheet, lambda line: line + ("\n(PASS G1 X1000 %)" if rng.random() < 0.3 else ""),
+                     motion_lines(sheet))
 
 
 @harmless
@@ -71,7 +74,8 @@ def lower_case(sheet, rng):
 
 @harmless
 def many_blanks(sheet, rng):
-    return each_line(sheet, lambda line: outside_comments(line, lambda code: code.replace(" ", "   ")) + "  ", plain(sheet))
+    return each_line(sheet, lambda line: outside_comments(line, lambda code: code.replace(" ", "   ")) + "  ",
+                     plain(sheet))
 
 
 @harmless
@@ -81,7 +85,8 @@ def no_blanks(sheet, rng):
 
 @harmless
 def tabs(sheet, rng):
-    return each_line(sheet, lambda line: "\t" + outside_comments(line, lambda code: code.replace(" ", "\t")), plain(sheet))
+    return each_line(sheet, lambda line: "\t" + outside_comments(line, lambda code: code.replace(" ", "\t")),
+                     plain(sheet))
 
 
 @harmless
@@ -107,18 +112,21 @@ def points_without_a_nought(sheet, rng):
 
 @harmless
 def words_in_another_order(sheet, rng):
-    return each_line(sheet, lambda line: " ".join(rng.permutation(line.split())) if "(" not in line else line, motion_lines(sheet))
+    return each_line(sheet, lambda line: " ".join(rng.permutation(line.split())) if "(" not in line else line,
+                     motion_lines(sheet))
 
 
 @harmless
 def two_digits_in_codes(sheet, rng):
-    return each_line(sheet, lambda line: outside_comments(line, lambda code: re.sub(r"\b([GM])(\d)\b(?!\.)", r"\g<1>0\2", code)), plain(sheet))
+    longer = lambda code: re.sub(r"\b([GM])(\d)\b(?!\.)", r"\g<1>0\2", code)
+    return each_line(sheet, lambda line: outside_comments(line, longer), plain(sheet))
 
 
 @harmless
 def motion_codes_repeated(sheet, rng):
     kinds = {int(k): kind for k, kind in zip(sheet.moves.line, sheet.moves.kind)}
-    lines = [f"G{kinds[k]} {line}" if k in kinds and re.match(r"[XYZ]", line) else line for k, line in enumerate(sheet.lines, 1)]
+    lines = [f"G{kinds[k]} {line}" if k in kinds and re.match(r"[XYZ]", line) else line
+             for k, line in enumerate(sheet.lines, 1)]
     return "\n".join(lines) + "\n"
 
 
@@ -126,26 +134,27 @@ def motion_codes_repeated(sheet, rng):
 def modes_repeated(sheet, rng):
     """G90 G94 G40 before every third block."""
     lines = motion_lines(sheet)[::3]
-    return sheet.with_lines({k: ("G90 G40", sheet.lines[k - 1]) for k in lines})
+    return sheet.with_lines({k: ("G90 G40", sheet.line(k)) for k in lines})
 
 
 @harmless
 def units_and_plane_repeated(sheet, rng):
     """On lines of their own: LinuxCNC would read an F before G20 of its block in the old unit."""
     unit = "G20" if sheet.unit_mm > 1 else "G21"
-    return sheet.with_lines({k: (unit, "G17", sheet.lines[k - 1]) for k in motion_lines(sheet)[:4]})
+    return sheet.with_lines({k: (unit, "G17", sheet.line(k)) for k in motion_lines(sheet)[:4]})
 
 
 @harmless
 def feeds_repeated(sheet, rng):
     feed = {int(k): f for k, f in zip(sheet.moves.line, sheet.moves.feed_mm_per_min) if f > 0}
-    add = lambda k: f"{sheet.lines[k - 1]} F{feed[k] / sheet.unit_mm:.4f}"
-    return sheet.with_lines({k: (add(k),) for k in motion_lines(sheet) if k in feed and "F" not in sheet.lines[k - 1]})
+    add = lambda k: f"{sheet.line(k)} F{feed[k] / sheet.unit_mm:.4f}"
+    return sheet.with_lines({k: (add(k),) for k in motion_lines(sheet) if k in feed and "F" not in sheet.line(k)})
 
 
 @harmless
 def slower_feeds(sheet, rng):
-    return each_line(sheet, lambda line: re.sub(r"F([\d.]+)", lambda w: f"F{float(w[1]) * 0.9:.2f}", line), lines_with(sheet, r"F[\d.]"))
+    return each_line(sheet, lambda line: re.sub(r"F([\d.]+)", lambda w: f"F{float(w[1]) * 0.9:.2f}", line),
+                     lines_with(sheet, r"F[\d.]"))
 
 
 @harmless
@@ -179,7 +188,7 @@ def a_dwell(sheet, rng):
 @harmless
 def coolant_on(sheet, rng):
     lines = lines_with(sheet, r"^S\d+ M3")
-    return sheet.with_line(lines[0], sheet.lines[lines[0] - 1], "M8")
+    return sheet.with_line(lines[0], sheet.line(lines[0]), "M8")
 
 
 @harmless
@@ -235,22 +244,22 @@ def g80_left_out(sheet, rng):
 @harmless
 def g17_left_out_where_every_arc_says_its_plane(sheet, rng):
     arcs = sheet.moves.line[sheet.moves.kind > Kind.FEED]
-    if not all(re.search(r"G1[789]", sheet.lines[k - 1]) for k in arcs):
+    if not all(re.search(r"G1[789]", sheet.line(k)) for k in arcs):
         return None
     line = lines_with(sheet, r"^G17 G90")[0]
-    return sheet.with_line(line, without(sheet.lines[line - 1], "G17"))
+    return sheet.with_line(line, without(sheet.line(line), "G17"))
 
 
 @harmless
 def header_on_lines_of_their_own(sheet, rng):
     line = lines_with(sheet, r"^G17 G90")[0]
-    return sheet.with_line(line, *sheet.lines[line - 1].split())
+    return sheet.with_line(line, *sheet.line(line).split())
 
 
 @harmless
 def header_twice(sheet, rng):
     line = lines_with(sheet, r"^G17 G90")[0]
-    return sheet.with_line(line, sheet.lines[line - 1], sheet.lines[line - 1])
+    return sheet.with_line(line, sheet.line(line), sheet.line(line))
 
 
 @harmless
@@ -275,14 +284,16 @@ def closer_path_tolerance(sheet, rng):
 @harmless
 def corner_mode_not_said_to_fanuc(sheet, rng):
     """Whichever of G61 and G64 is in force, the control's own tolerance is counted."""
-    return each_line(sheet, lambda line: without(line, "G64"), lines_with(sheet, r"\bG64\b")) if sheet.is_fanuc else None
+    if not sheet.is_fanuc:
+        return None
+    return each_line(sheet, lambda line: without(line, "G64"), lines_with(sheet, r"\bG64\b"))
 
 
 @harmless
 def g90_of_the_header_left_out_for_fanuc(sheet, rng):
     """G91 G28, then G90, say it before any place is named."""
     line = lines_with(sheet, r"^G17 G90")[0]
-    return sheet.with_line(line, without(sheet.lines[line - 1], "G90")) if sheet.is_fanuc else None
+    return sheet.with_line(line, without(sheet.line(line), "G90")) if sheet.is_fanuc else None
 
 
 @harmless
@@ -314,7 +325,8 @@ def rapids_higher(sheet, rng):
     """The clearance five millimetres up."""
     heights = sheet.moves.end_mm[sheet.moves.kind == Kind.RAPID, 2]
     top = np.nanmax(np.where(heights < 100, heights, np.nan))
-    return each_line(sheet, lambda line: line.replace(f"Z{sheet.length(top)}", f"Z{sheet.length(top + 5)}"), motion_lines(sheet))
+    return each_line(sheet, lambda line: line.replace(f"Z{sheet.length(top)}", f"Z{sheet.length(top + 5)}"),
+                     motion_lines(sheet))
 
 
 @harmless

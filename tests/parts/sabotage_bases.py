@@ -1,8 +1,8 @@
 """Small programs in every dialect, each as a folder that `cuspline verify` takes, to be spoilt on purpose.
 
 A plate with a boss, cut in LinuxCNC's and Fanuc's words, in mm and inch, move by move and by sub-programs; the same
-plate faced from below in a second clamping; arches of templated passes, as one file and as a set.  The arches have no solid:
-only what their text shows is asked.
+plate faced from below in a second clamping; arches of templated passes, as one file and as a set.  The arches have no
+solid: only what their text shows is asked.
 """
 
 import hashlib
@@ -84,6 +84,10 @@ class Sheet:
     @cached_property
     def lines(self):
         return lines_of(self.text)
+
+    def line(self, number):
+        """A line by its number, from 1."""
+        return self.lines[number - 1]
 
     @cached_property
     def moves(self):

@@ -7,8 +7,8 @@ To add a kind of sabotage, write a function beside its like and put `@sabotage(.
         ...
         return Spoilt(text, Expected(kind="rapid_through_stock", lines=(41, 41), amount=2.0, within=0.05))
 
-It gets a Sheet (one file of a base, as lines and as moves) and a random generator, and returns a Spoilt, or None where the
-sheet has nothing that could be spoilt so.  A harmless edit is the same with `@harmless`; it returns the text.
+It gets a Sheet (one file of a base, as lines and as moves) and a random generator, and returns a Spoilt, or None where
+the sheet has nothing that could be spoilt so.  A harmless edit is the same with `@harmless`; it returns the text.
 Modules that hold such functions are named in MODULES.
 """
 
@@ -30,6 +30,8 @@ from cuspline.program import Kind
 REFUSED = "refused"
 MODULES = ("sabotages_of_text", "sabotages_of_files", "sabotages_of_geometry", "harmless_edits")
 ALWAYS_SAID = "changed_file"        # of every edited file
+AGREED = ("same moves", "both refuse", "only the reader refuses")
+METRE_MM = 1000.0
 SABOTAGES, HARMLESS = {}, {}
 
 
@@ -43,6 +45,11 @@ class Expected:
     amount: float | None = None                 # None: there is no size that means anything
     within: float = 1e-6                        # of the amount
     words: str = ""                             # that the advice must hold
+
+
+def refused_at(line, words=""):
+    """Expected where a line is to be refused."""
+    return Expected(kind=REFUSED, lines=(line, line), words=words)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -146,7 +153,8 @@ def outcome(case, folder):
         found = case.sheet.base.judged(folder, not case.needs_solid)
     except (ReadError, InputError) as error:
         return _refused(case.expected, error)
-    found = [f for f in found if case.expected is not None and case.expected.kind == ALWAYS_SAID or f.kind != ALWAYS_SAID]
+    if case.expected is None or case.expected.kind != ALWAYS_SAID:
+        found = [f for f in found if f.kind != ALWAYS_SAID]
     told = "; ".join(f"{f.kind} {f.size_in_words} line {f.line} call {f.call_line}: {f.advice}" for f in found)
     if case.expected is None:
         told += "" if _cuts_the_same(case, folder) else " it cuts along another path"
@@ -186,8 +194,8 @@ def _refused(expected, error):
     calls = expected.calls if is_kind else None
     is_line &= calls is None or (re.findall(r"called in line (\d+)", str(error)) or ["0"])[0] in map(
         str, range(calls[0], calls[1] + 1))
-    return Outcome(is_found=True, is_kind=is_kind, is_line=is_line, is_amount=not is_kind or expected.words in str(error),
-                   told=f"refused: {error}")
+    is_amount = not is_kind or expected.words in str(error)
+    return Outcome(is_found=True, is_kind=is_kind, is_line=is_line, is_amount=is_amount, told=f"refused: {error}")
 
 
 def _compared(expected, found, told):
@@ -201,13 +209,18 @@ def _compared(expected, found, told):
     return Outcome(is_found=bool(found), is_kind=bool(mine), is_line=bool(lined), is_amount=bool(sized), told=told)
 
 
+def is_linuxcnc_text(case):
+    """What the case changes is a program of LinuxCNC's."""
+    return not case.sheet.is_fanuc and isinstance(case.files.get(case.sheet.name), (str, bytes))
+
+
 def authority(case, folder, comparison):
     """How LinuxCNC's interpreter and the reader see a LinuxCNC text of a case.
 
     Args:
         comparison: the module tests.authorities.linuxcnc.comparison.
     Returns:
-        "same moves", "both refuse", "only the reader refuses", or in words how they differ.
+        one of AGREED, or in words how they differ.
     """
     sheet, content = case.sheet, case.files.get(case.sheet.name)
     data = content if isinstance(content, bytes) else content.encode("ascii")
@@ -215,14 +228,22 @@ def authority(case, folder, comparison):
     path.write_bytes(data)
     offsets = {sheet.setup.wcs: sheet.machine.wcs_origin_mm}
     lengths = {n: t.offset_mm for n, t in sheet.base.tools.items()}
-    truth = comparison.interpret(path, tool_lengths=lengths, work_offsets=offsets)
+    try:
+        truth, error = comparison.interpret(path, tool_lengths=lengths, work_offsets=offsets), ""
+    except RuntimeError as beyond:          # the comparison does not know G92
+        truth, error = None, str(beyond)
     try:
         moves = read_program(data.decode("ascii"), work_offsets=offsets, tool_lengths=lengths)
     except (ReadError, UnicodeDecodeError):
-        return "both refuse" if truth.error else "only the reader refuses"
+        return "both refuse" if truth is not None and truth.error else "only the reader refuses"
+    if truth is None:
+        return error
     if truth.error:
         return f"only LinuxCNC refuses: {truth.error}"
     if len(moves) != len(truth.kind):
         return f"{len(moves)} moves, LinuxCNC makes {len(truth.kind)}"
-    far = [name for name, difference, allowed in comparison.differences(moves, truth) if (difference > allowed).any()]
+    # twelve digits are left of a metre
+    digits = 1.0 + np.abs(np.nan_to_num(truth.machine_end_mm)).max(initial=0.0) / METRE_MM
+    far = [name for name, difference, allowed in comparison.differences(moves, truth)
+           if (difference > allowed * digits).any()]
     return f"{', '.join(far)} differ" if far else "same moves"

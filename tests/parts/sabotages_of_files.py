@@ -3,8 +3,8 @@
 import json
 import re
 
-from sabotages import REFUSED, Expected, Spoilt, sabotage
-from sabotages_of_text import pick
+from sabotages import REFUSED, Expected, Spoilt, changed_manifest, sabotage
+from sabotages_of_text import at, cutting, first, pick
 
 TABLE = "tools.tbl"
 
@@ -31,7 +31,8 @@ def wrong_length_in_the_table(sheet, rng):
         return None
     longer = lambda w: f"Z{float(w[1]) + off / sheet.unit_mm:.6f}"
     return Spoilt(name=TABLE, content=in_table(sheet, line, re.sub(r"Z([\d.]+)", longer, table_of(sheet)[line - 1])),
-                  expected=Expected(kind="wrong_tool_table", lines=(line, line), amount=abs(off), within=3e-5))     # six decimals
+                  expected=Expected(kind="wrong_tool_table", lines=(line, line), amount=abs(off),
+                                    within=3e-5))     # six decimals
 
 
 @sabotage()
@@ -48,7 +49,8 @@ def tool_beside_its_axis_in_the_table(sheet, rng):
     if not is_first(sheet):
         return None
     return Spoilt(name=TABLE, content=in_table(sheet, 2, table_of(sheet)[1].replace(" Z", " Y1 Z")),
-                  expected=Expected(kind="wrong_tool_table", lines=(2, 2), amount=sheet.unit_mm, within=1e-6, words=" Y "))
+                  expected=Expected(kind="wrong_tool_table", lines=(2, 2), amount=sheet.unit_mm, within=1e-6,
+                                    words=" Y "))
 
 
 @sabotage()
@@ -56,19 +58,23 @@ def tool_missing_in_the_table(sheet, rng):
     if not is_first(sheet):
         return None
     number = re.match(r"T(\d+)", table_of(sheet)[0])[1]
-    return Spoilt(name=TABLE, content=in_table(sheet, 1, ""), expected=Expected(kind="wrong_tool_table", words=f"no T{number}"))
+    return Spoilt(name=TABLE, content=in_table(sheet, 1, ""),
+                  expected=Expected(kind="wrong_tool_table", words=f"no T{number}"))
 
 
 @sabotage()
 def table_missing(sheet, rng):
-    return Spoilt(name=TABLE, content=None, expected=Expected(kind="wrong_tool_table", words="missing")) if is_first(sheet) else None
+    if not is_first(sheet):
+        return None
+    return Spoilt(name=TABLE, content=None, expected=Expected(kind="wrong_tool_table", words="missing"))
 
 
 @sabotage()
 def table_that_cannot_be_read(sheet, rng):
     if not is_first(sheet):
         return None
-    return Spoilt(name=TABLE, content=in_table(sheet, 2, "T2 P2 Zlong"), expected=Expected(kind="wrong_tool_table", lines=(2, 2)))
+    return Spoilt(name=TABLE, content=in_table(sheet, 2, "T2 P2 Zlong"),
+                  expected=Expected(kind="wrong_tool_table", lines=(2, 2)))
 
 
 @sabotage()
@@ -105,10 +111,23 @@ def file_that_was_not_published(sheet, rng):
 
 
 @sabotage()
+def control_that_cuts_corners(sheet, rng):
+    """The machine's file says that the control leaves the path by more: of Fanuc's G64 nothing else tells."""
+    if not (sheet.is_fanuc and is_first(sheet)):
+        return None
+    off = round(float(rng.uniform(0.004, 0.2)), 4)
+    slack = lambda job: job["machine"]["control"].update(path_tolerance_mm=off)
+    return Spoilt(name="manifest.json", content=changed_manifest(sheet, slack),
+                  expected=at("path_tolerance", first(sheet, cutting(sheet)), amount=off))
+
+
+@sabotage()
 def program_missing(sheet, rng):
     return Spoilt(content=None, expected=Expected(kind=REFUSED, words="does not exist"))
 
 
 @sabotage()
 def tools_missing(sheet, rng):
-    return Spoilt(name="tools.json", content=None, expected=Expected(kind=REFUSED, words="does not exist")) if is_first(sheet) else None
+    if not is_first(sheet):
+        return None
+    return Spoilt(name="tools.json", content=None, expected=Expected(kind=REFUSED, words="does not exist"))

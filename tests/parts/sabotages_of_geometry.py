@@ -46,7 +46,7 @@ def pass_too_deep(sheet, rng):
     line, depth = pick(rng, passes_of_the_strip(sheet)[3:-3]), round(float(rng.uniform(0.006, 0.2)), 4)
     if line is None:
         return None
-    text, mm = sheet.lines[line - 1], sheet.length
+    text, mm = sheet.line(line), sheet.length
     down = [f"X{mm(20)}", f"Z{mm(FLOOR_MM - depth)}", f"X{mm(40)}", f"Z{mm(FLOOR_MM)}", text]
     if "X-" in text:
         down[0], down[2] = down[2], down[0]
@@ -62,9 +62,10 @@ def pass_repeated_in_place_of_the_next(sheet, rng):
     if len(lines) < 10:
         return None
     steps = [lines[k] - 1, lines[k - 1] - 1]
-    return Spoilt(content=sheet.with_line(steps[0], re.sub(r"Y-?[\d.]+", re.search(r"Y-?[\d.]+", sheet.lines[steps[1] - 1])[0],
-                                                           sheet.lines[steps[0] - 1])),
-                  expected=Expected(kind="excess", lines=(lines[0], lines[-1]), amount=HALF_GAP(2 * STEP_MM), within=2e-3))
+    before = re.search(r"Y-?[\d.]+", sheet.line(steps[1]))[0]
+    return Spoilt(content=sheet.with_line(steps[0], re.sub(r"Y-?[\d.]+", before, sheet.line(steps[0]))),
+                  expected=Expected(kind="excess", lines=(lines[0], lines[-1]), amount=HALF_GAP(2 * STEP_MM),
+                                    within=2e-3))
 
 
 @sabotage(needs_solid=True)
@@ -75,7 +76,8 @@ def call_missing(sheet, rng):
         return None
     line = pick(rng, calls[2:-2])
     return Spoilt(content=sheet.with_line(line, "(GONE)"),
-                  expected=Expected(kind="missing_area", lines=(1, len(sheet.lines)), amount=HALF_GAP(3 * STEP_MM), within=4e-3))
+                  expected=Expected(kind="missing_area", lines=(1, len(sheet.lines)), amount=HALF_GAP(3 * STEP_MM),
+                                    within=4e-3))
 
 
 @sabotage(needs_solid=True)
@@ -87,7 +89,7 @@ def register_of_the_floor_too_low(sheet, rng):
     depth = round(float(rng.uniform(0.01, 0.2)), 4 if sheet.unit_mm > 1 or not sheet.is_fanuc else 3)
     inside = sheet.moves.line[sheet.moves.call_line > 0]
     calls = sheet.moves.call_line[sheet.moves.call_line > 0]
-    text = re.sub(r"=[\d.]+", f"={sheet.length(FLOOR_MM - depth)}", sheet.lines[lines[0] - 1])
+    text = re.sub(r"=[\d.]+", f"={sheet.length(FLOOR_MM - depth)}", sheet.line(lines[0]))
     return Spoilt(content=sheet.with_line(lines[0], text), expected=Expected(
         kind="gouge", lines=(int(inside.min()), int(inside.max())), calls=(int(calls.min()), int(calls.max())),
         amount=depth, within=GRID_MM))
@@ -101,9 +103,9 @@ def mill_too_near_to_the_boss(sheet, rng):
         return None
     row, line = found
     off, curve = round(float(rng.uniform(0.05, 0.2)), 3), int(sheet.moves.line[row + 2])
-    changes = {line: re.sub(r"X[\d.]+", f"X{sheet.length(38 - off)}", sheet.lines[line - 1]),
+    changes = {line: re.sub(r"X[\d.]+", f"X{sheet.length(38 - off)}", sheet.line(line)),
                curve: f"G1 X{sheet.length(38)}"}
-    text = sheet.with_lines({line: (changes[line],), curve: (changes[curve], _arc_again(sheet.lines[curve - 1]))})
+    text = sheet.with_lines({line: (changes[line],), curve: (changes[curve], _arc_again(sheet.line(curve)))})
     return Spoilt(content=text, expected=Expected(kind="gouge", lines=(line, curve), amount=off, within=GRID_MM))
 
 
@@ -119,7 +121,7 @@ def arc_the_other_way_round(sheet, rng):
     if not len(arcs):
         return None
     line = int(sheet.moves.line[arcs[0]])
-    return Spoilt(content=sheet.with_line(line, sheet.lines[line - 1].replace("G3", "G2")),
+    return Spoilt(content=sheet.with_line(line, sheet.line(line).replace("G3", "G2")),
                   expected=Expected(kind="gouge", lines=(line, line)))
 
 
@@ -182,12 +184,12 @@ def mill_larger_than_the_program_believes(sheet, rng):
 
 @sabotage(needs_solid=True)
 def retract_missing_before_a_rapid_across(sheet, rng):
-    """The mill goes from X-4 at Z6.3 back across the part by a rapid, through the strip it has left at 6.3 and the boss."""
+    """The mill goes back across the part by a rapid, through the strip that it has left and the boss."""
     if sheet.setup.name != "setup-1":
         return None
     found = row_to(sheet, (64.0, 9.0, FLOOR_MM), "clear")
     row, line = found
     lift, across = (int(k) for k in sheet.moves.line[[row + 1, row + 2]])
-    words = sheet.lines[across - 1].split()
+    words = sheet.line(across).split()
     text = sheet.with_lines({lift: ("(GONE)",), across: (" ".join(["G0", *[w for w in words if w != "G0"]]),)})
     return Spoilt(content=text, expected=Expected(kind="rapid_through_stock", lines=(across, across)))

@@ -3,7 +3,7 @@
 import re
 
 import numpy as np
-from sabotages import REFUSED, Expected, Spoilt, sabotage
+from sabotages import REFUSED, Expected, Spoilt, refused_at, sabotage
 
 from cuspline.program import Kind
 
@@ -39,12 +39,12 @@ def cutting(sheet):
 
 def placed(sheet):
     """(n,) moves to a place of the work coordinate system: neither G53 nor G28."""
-    return np.array([not re.search(r"G53|G28", sheet.lines[k - 1]) for k in sheet.moves.line])
+    return np.array([not re.search(r"G53|G28", sheet.line(k)) for k in sheet.moves.line])
 
 
 def named(sheet, letter):
     """(n,) moves in whose line a letter stands."""
-    return np.array([letter in sheet.lines[k - 1].split("(")[0] for k in sheet.moves.line])
+    return np.array([letter in sheet.line(k).split("(")[0] for k in sheet.moves.line])
 
 
 def without(line, word):
@@ -69,7 +69,7 @@ def word_gone(sheet, word, where):
     lines = lines_with(sheet, rf"\b{re.escape(word)}\b(?!\.)")
     if not lines or where is None:
         return None
-    return Spoilt(content=sheet.with_line(lines[0], without(sheet.lines[lines[0] - 1], word)),
+    return Spoilt(content=sheet.with_line(lines[0], without(sheet.line(lines[0]), word)),
                   expected=at("unknown_start", where, amount=0.0, words=f"{word} is missing"))
 
 
@@ -87,9 +87,10 @@ def work_offset_missing(sheet, rng):
 
 @sabotage()
 def another_work_offset(sheet, rng):
-    wcs, other = sheet.setup.wcs, pick(rng, [w for w in ("G54", "G55", "G56", "G57", "G58", "G59") if w != sheet.setup.wcs])
+    wcs, other = sheet.setup.wcs, pick(rng, [w for w in ("G54", "G55", "G56", "G57", "G58", "G59")
+                                             if w != sheet.setup.wcs])
     line = lines_with(sheet, rf"\b{wcs}\b")[0]
-    return Spoilt(content=sheet.with_line(line, sheet.lines[line - 1].replace(wcs, other)),
+    return Spoilt(content=sheet.with_line(line, sheet.line(line).replace(wcs, other)),
                   expected=at("wrong_work_offset", first(sheet, placed(sheet)), amount=0.0, words=other))
 
 
@@ -112,7 +113,7 @@ def g80_missing(sheet, rng):
 @sabotage()
 def plane_missing(sheet, rng):
     arcs = sheet.moves.kind > Kind.FEED
-    is_said_again = any(re.search(r"G1[789]", sheet.lines[k - 1]) for k in sheet.moves.line[arcs])
+    is_said_again = any(re.search(r"G1[789]", sheet.line(k)) for k in sheet.moves.line[arcs])
     return None if is_said_again else word_gone(sheet, "G17", first(sheet, arcs))
 
 
@@ -132,15 +133,14 @@ def safety_line_missing(sheet, rng):
 def units_missing(sheet, rng):
     line = lines_with(sheet, r"^G2[01]$")[0]
     needs = lines_with(sheet, r"G64 P") or [int(sheet.moves.line[placed(sheet)][0])]
-    settings = []       # of registers: pure numbers
-    return Spoilt(content=sheet.with_line(line, GONE, *settings),
-                  expected=Expected(kind=REFUSED, lines=(needs[0], needs[0]), words="G20 or G21"))
+    return Spoilt(content=sheet.with_line(line, GONE),
+                  expected=refused_at(needs[0], words="G20 or G21"))
 
 
 @sabotage()
 def tool_lengths_never_said(sheet, rng):
     """Neither G43 nor G49: which length is in force nobody knows."""
-    changes = {k: (re.sub(r"G43( H\d+)?|G49|H\d+", "", sheet.lines[k - 1]).strip() or GONE,)
+    changes = {k: (re.sub(r"G43( H\d+)?|G49|H\d+", "", sheet.line(k)).strip() or GONE,)
                for k in lines_with(sheet, r"G43|G49")}
     relies = placed(sheet) & (cutting(sheet) | named(sheet, "Z"))
     return Spoilt(content=sheet.with_lines(changes), expected=at("unknown_start", first(sheet, relies), words="G43"))
@@ -158,7 +158,7 @@ def after(sheet, line):
 
 def own_length(sheet, line):
     """(number, length in mm) of the tool whose offset a line switches on."""
-    number = int(re.search(r"H(\d+)", sheet.lines[line - 1])[1])
+    number = int(re.search(r"H(\d+)", sheet.line(line))[1])
     return number, sheet.base.tools[number].length_mm
 
 
@@ -168,7 +168,7 @@ def length_of_another_tool(sheet, rng):
     number, length = own_length(sheet, line)
     other = pick(rng, [n for n in sheet.base.tools if n != number])
     off = abs(sheet.base.tools[other].length_mm - length)
-    return Spoilt(content=sheet.with_line(line, sheet.lines[line - 1].replace(f"H{number}", f"H{other}")),
+    return Spoilt(content=sheet.with_line(line, sheet.line(line).replace(f"H{number}", f"H{other}")),
                   expected=at("wrong_length_offset", after(sheet, line), amount=off, words=f"H{other}"))
 
 
@@ -178,7 +178,7 @@ def second_length_missing(sheet, rng):
     if len(lines) < 2:
         return None
     off = abs(np.diff([own_length(sheet, k)[1] for k in lines[:2]])[0])
-    text = re.sub(r"G43 ?|\s?H\d+", "", sheet.lines[lines[1] - 1]).strip() or GONE
+    text = re.sub(r"G43 ?|\s?H\d+", "", sheet.line(lines[1])).strip() or GONE
     return Spoilt(content=sheet.with_line(lines[1], text),
                   expected=at("wrong_length_offset", after(sheet, lines[1]), amount=off))
 
@@ -192,14 +192,15 @@ def dynamic_length(sheet, rng):
     _, length = own_length(sheet, line)
     text = f"G43.1 Z{sheet.length(length + off)}"
     return Spoilt(content=sheet.with_line(line, text),
-                  expected=at("wrong_length_offset", after(sheet, line), amount=abs(off), within=2e-5))   # digits of an inch
+                  expected=at("wrong_length_offset", after(sheet, line), amount=abs(off),
+                              within=2e-5))   # digits of an inch
 
 
 @sabotage()
 def another_tool_called(sheet, rng):
     """T of another tool in the change: its length offset is not the one that follows."""
     line = pick(rng, lines_with(sheet, r"\bT\d+ M6"))
-    number = int(re.search(r"T(\d+)", sheet.lines[line - 1])[1])
+    number = int(re.search(r"T(\d+)", sheet.line(line))[1])
     other = pick(rng, [n for n in sheet.base.tools if n != number])
     off = abs(sheet.base.tools[other].length_mm - sheet.base.tools[number].length_mm)
     return Spoilt(content=sheet.with_line(line, f"T{other} M6"),
@@ -209,7 +210,7 @@ def another_tool_called(sheet, rng):
 @sabotage()
 def first_tool_not_changed_in(sheet, rng):
     line = lines_with(sheet, r"M6")[0]
-    return Spoilt(content=sheet.with_line(line, without(sheet.lines[line - 1], "M6")),
+    return Spoilt(content=sheet.with_line(line, without(sheet.line(line), "M6")),
                   expected=at(REFUSED, first(sheet, cutting(sheet)), words="no tool was changed in"))
 
 
@@ -218,7 +219,7 @@ def second_tool_not_changed_in(sheet, rng):
     lines = lines_with(sheet, r"M6")
     if len(lines) < 2:
         return None
-    return Spoilt(content=sheet.with_line(lines[1], without(sheet.lines[lines[1] - 1], "M6")),
+    return Spoilt(content=sheet.with_line(lines[1], without(sheet.line(lines[1]), "M6")),
                   expected=at("wrong_length_offset", after(sheet, lines[1]),
                               amount=abs(np.diff([t.length_mm for t in sheet.base.tools.values()])[0])))
 
@@ -226,13 +227,13 @@ def second_tool_not_changed_in(sheet, rng):
 @sabotage()
 def unknown_tool(sheet, rng):
     line = pick(rng, lines_with(sheet, r"T\d+ M6"))
-    return Spoilt(content=sheet.with_line(line, "T77 M6"), expected=Expected(kind=REFUSED, lines=(line, line), words="tool 77"))
+    return Spoilt(content=sheet.with_line(line, "T77 M6"), expected=refused_at(line, words="tool 77"))
 
 
 @sabotage()
 def lengths_switched_off(sheet, rng):
     """Every G43 gone, G49 stays; told at the first move that cuts or is low."""
-    changes = {k: (re.sub(r"G43 ?|\s?H\d+", "", sheet.lines[k - 1]).strip() or GONE,) for k in lines_with(sheet, r"G43")}
+    changes = {k: (re.sub(r"G43 ?|\s?H\d+", "", sheet.line(k)).strip() or GONE,) for k in lines_with(sheet, r"G43")}
     begin, end = min(changes), first(sheet, cutting(sheet))[0][1]
     return Spoilt(content=sheet.with_lines(changes),
                   expected=Expected(kind="no_length_offset", lines=(min(begin, end), max(begin, end)), words="G43"))
@@ -249,7 +250,8 @@ def wide_path_tolerance(sheet, rng):
     p, q = (round(float(v), 4) for v in rng.uniform(0.01, 0.9, 2))
     words, total = pick(rng, [(f"P{p}", 2 * p), (f"P{p} Q{q}", p + q), (f"P{p} Q0", p), (f"P0.00001 Q{q}", q + 1e-5)])
     return Spoilt(content=sheet.with_line(lines[0], f"G64 {words}"),
-                  expected=at("path_tolerance", first(sheet, cutting(sheet)), amount=total * sheet.unit_mm, within=2e-6))
+                  expected=at("path_tolerance", first(sheet, cutting(sheet)), amount=total * sheet.unit_mm,
+                              within=2e-6))
 
 
 @sabotage()
@@ -263,7 +265,7 @@ def path_tolerance_never_said(sheet, rng):
 def path_tolerance_without_p(sheet, rng):
     lines = lines_with(sheet, r"G64 P")
     return lines and Spoilt(content=sheet.with_line(lines[0], "G64"),
-                            expected=Expected(kind=REFUSED, lines=(lines[0],) * 2, words="any amount")) or None
+                            expected=refused_at(lines[0], words="any amount")) or None
 
 
 # speeds and feeds -------------------------------------------------------------------------------------------
@@ -279,14 +281,14 @@ def spindle_speed(sheet, rng):
 @sabotage()
 def spindle_backwards(sheet, rng):
     line = pick(rng, lines_with(sheet, r"^S\d+ M3"))
-    return Spoilt(content=sheet.with_line(line, sheet.lines[line - 1].replace("M3", "M4")),
+    return Spoilt(content=sheet.with_line(line, sheet.line(line).replace("M3", "M4")),
                   expected=at("no_spindle", _cut_after(sheet, line), amount=0.0))
 
 
 @sabotage()
 def spindle_never_started(sheet, rng):
     line = pick(rng, lines_with(sheet, r"^S\d+ M3"))
-    return Spoilt(content=sheet.with_line(line, sheet.lines[line - 1].replace(" M3", "")),
+    return Spoilt(content=sheet.with_line(line, sheet.line(line).replace(" M3", "")),
                   expected=at("no_spindle", _cut_after(sheet, line), amount=0.0))
 
 
@@ -307,15 +309,16 @@ def feed_beyond_the_machine(sheet, rng):
     if register and rng.random() < 0.7:
         line = pick(rng, register)
         where = _cut_after(sheet, line)
-        text = re.sub(r"=[\d.]+", f"={feed:.1f}", sheet.lines[line - 1])
+        text = re.sub(r"=[\d.]+", f"={feed:.1f}", sheet.line(line))
     elif lines:
         line = pick(rng, lines)
         where = (line, line), (0, 0)
-        text = re.sub(r"F[\d.]+", f"F{feed:.1f}", sheet.lines[line - 1])
+        text = re.sub(r"F[\d.]+", f"F{feed:.1f}", sheet.line(line))
     else:
         return None
     return Spoilt(content=sheet.with_line(line, text),
-                  expected=at("feed_out_of_range", where, amount=feed * sheet.unit_mm, within=2.0))     # one decimal of an inch
+                  expected=at("feed_out_of_range", where, amount=feed * sheet.unit_mm,
+                              within=2.0))     # one decimal of an inch
 
 
 @sabotage()
@@ -323,7 +326,8 @@ def slow_spindle_breaks_the_cutter(sheet, rng):
     """100 rpm, which the spindle has, at the feed for 8000; told where the feed is largest."""
     line = lines_with(sheet, r"^S8000 M3")[0]
     moves, place = sheet.moves, np.where(sheet.moves.call_line > 0, sheet.moves.call_line, sheet.moves.line)
-    mine = cutting(sheet) & (place >= line) & (moves.operation == moves.operation[np.argmax(cutting(sheet) & (place >= line))])
+    later = cutting(sheet) & (place >= line)
+    mine = later & (moves.operation == moves.operation[np.argmax(later)])
     feed = moves.feed_mm_per_min[mine].max()
     flutes = sheet.base.tools[int(moves.tool[np.flatnonzero(mine)[0]])].cutter.flutes
     return Spoilt(content=sheet.with_line(line, "S100 M3"),
@@ -336,16 +340,16 @@ def no_feed_at_all(sheet, rng):
     lines = lines_with(sheet, r"F[\d.]+")
     if not lines or _register_of_feed(sheet) and not lines:
         return None
-    changes = {k: (re.sub(r" ?F[\d.]+", "", sheet.lines[k - 1]),) for k in lines}
-    return Spoilt(content=sheet.with_lines(changes), expected=Expected(kind=REFUSED, lines=(lines[0],) * 2, words="no feed"))
+    changes = {k: (re.sub(r" ?F[\d.]+", "", sheet.line(k)),) for k in lines}
+    return Spoilt(content=sheet.with_lines(changes), expected=refused_at(lines[0], words="no feed"))
 
 
 @sabotage()
 def feed_of_nothing(sheet, rng):
     lines = lines_with(sheet, r"F[\d.]+")
     line = pick(rng, lines)
-    return line and Spoilt(content=sheet.with_line(line, re.sub(r"F[\d.]+", "F0.", sheet.lines[line - 1])),
-                           expected=Expected(kind=REFUSED, lines=(line, line), words="no feed")) or None
+    return line and Spoilt(content=sheet.with_line(line, re.sub(r"F[\d.]+", "F0.", sheet.line(line))),
+                           expected=refused_at(line, words="no feed")) or None
 
 
 @sabotage()
@@ -359,7 +363,8 @@ def inverse_time(sheet, rng):
         where = first(sheet, bare)
     else:
         return None
-    return Spoilt(content=sheet.with_line(line, sheet.lines[line - 1].replace("G94", "G93")), expected=at(REFUSED, where, words="G93"))
+    return Spoilt(content=sheet.with_line(line, sheet.line(line).replace("G94", "G93")),
+                  expected=at(REFUSED, where, words="G93"))
 
 
 # places -----------------------------------------------------------------------------------------------------
@@ -368,8 +373,8 @@ def inverse_time(sheet, rng):
 def _rapid_with(sheet, letter):
     """Lines of plain rapids with a number behind a letter."""
     rows = np.flatnonzero(~cutting(sheet))
-    return sorted({int(k) for k in sheet.moves.line[rows] if re.match(rf"(G0 )?.*\b{letter}-?[\d.]+", sheet.lines[k - 1])
-                   and "#" not in sheet.lines[k - 1] and not re.search("G53|G28", sheet.lines[k - 1])})
+    return sorted({int(k) for k in sheet.moves.line[rows] if re.match(rf"(G0 )?.*\b{letter}-?[\d.]+", sheet.line(k))
+                   and "#" not in sheet.line(k) and not re.search("G53|G28", sheet.line(k))})
 
 
 @sabotage(times=2)
@@ -377,9 +382,9 @@ def far_away(sheet, rng):
     """A kilometre and more: nothing could be simulated."""
     letter = pick(rng, ["X", "Y"])
     line = pick(rng, _rapid_with(sheet, letter))
-    return line and Spoilt(content=sheet.with_line(line, re.sub(rf"{letter}-?[\d.]+", f"{letter}{10 ** int(rng.integers(6, 12))}.",
-                                                                sheet.lines[line - 1])),
-                           expected=Expected(kind=REFUSED, lines=(line, line), words="beyond")) or None
+    far = f"{letter}{10 ** int(rng.integers(6, 12))}."
+    return line and Spoilt(content=sheet.with_line(line, re.sub(rf"{letter}-?[\d.]+", far, sheet.line(line))),
+                           expected=refused_at(line, words="beyond")) or None
 
 
 @sabotage(times=2)
@@ -393,7 +398,8 @@ def beyond_the_travel(sheet, rng):
     machine = to + sheet.machine.wcs_origin_mm[axis]
     limits = sheet.machine.axes[axis]
     over = max(limits.min_mm - machine, machine - limits.max_mm)
-    return Spoilt(content=sheet.with_line(line, re.sub(rf"{letter}-?[\d.]+", f"{letter}{sheet.length(to)}", sheet.lines[line - 1])),
+    word = f"{letter}{sheet.length(to)}"
+    return Spoilt(content=sheet.with_line(line, re.sub(rf"{letter}-?[\d.]+", word, sheet.line(line))),
                   expected=Expected(kind="travel_exceeded", lines=(line, line), amount=over, within=1e-3, words=letter))
 
 
@@ -409,9 +415,9 @@ def digit_too_many_in_a_call(sheet, rng):
     number = re.compile(r"\[-?[\d.]+\]|\bA-?[\d.]+")
     new = f"A{sheet.length(to)}" if sheet.is_fanuc else f"[{sheet.length(to)}]"
     inside = sheet.moves.line[(sheet.moves.call_line == line)]
-    return Spoilt(content=sheet.with_line(line, number.sub(new, sheet.lines[line - 1], count=1)),
-                  expected=Expected(kind="travel_exceeded", lines=(int(inside.min()), int(inside.max())), calls=(line, line),
-                                    amount=over, within=1e-3, words="Y"))
+    return Spoilt(content=sheet.with_line(line, number.sub(new, sheet.line(line), count=1)),
+                  expected=Expected(kind="travel_exceeded", lines=(int(inside.min()), int(inside.max())),
+                                    calls=(line, line), amount=over, within=1e-3, words="Y"))
 
 
 @sabotage()
@@ -424,7 +430,8 @@ def inches_for_mm(sheet, rng):
     far = ends + sheet.machine.wcs_origin_mm
     over = np.nanmax(np.concatenate([[a.min_mm - far[:, k], far[:, k] - a.max_mm] for k, a in enumerate(axes[:2])]))
     return Spoilt(content=sheet.with_line(line, "G20"),
-                  expected=Expected(kind="travel_exceeded", lines=(1, len(sheet.lines)), amount=float(over), within=0.05))
+                  expected=Expected(kind="travel_exceeded", lines=(1, len(sheet.lines)), amount=float(over),
+                                    within=0.05))
 
 
 @sabotage()
@@ -442,12 +449,8 @@ def incremental(sheet, rng):
         return None
     lines = [k for k in lines_with(sheet, r"^G90$")]
     line = lines[0]
-    return Spoilt(content=sheet.with_line(line, GONE), expected=Expected(kind=REFUSED, lines=_to_first_cut(sheet, line), words="knows where"))
-
-
-def _to_first_cut(sheet, line):
-    where, _ = _cut_after(sheet, line)
-    return where
+    return Spoilt(content=sheet.with_line(line, GONE),
+                  expected=Expected(kind=REFUSED, lines=_cut_after(sheet, line)[0], words="knows where"))
 
 
 # arcs and planes --------------------------------------------------------------------------------------------
@@ -460,13 +463,15 @@ def arc_lines(sheet):
 
 @sabotage(times=2)
 def arc_centre_of_the_wrong_sign(sheet, rng):
-    lines = [k for k in arc_lines(sheet) if re.search(r"[IJ]-?[1-9.]*[1-9]", sheet.lines[k - 1]) and "#" not in sheet.lines[k - 1]]
+    lines = [k for k in arc_lines(sheet) if re.search(r"[IJ]-?[1-9.]*[1-9]", sheet.line(k))
+             and "#" not in sheet.line(k)]
     line = pick(rng, lines)
     if line is None:
         return None
     flip = lambda w: w[1] + (w[2][1:] if w[2].startswith("-") else "-" + w[2])
-    return Spoilt(content=sheet.with_line(line, re.sub(r"([IJ])(-?[\d.]*[1-9][\d.]*)", flip, sheet.lines[line - 1], count=1)),
-                  expected=Expected(kind=REFUSED, lines=(line, line), words="radius"))
+    return Spoilt(content=sheet.with_line(line, re.sub(r"([IJ])(-?[\d.]*[1-9][\d.]*)", flip, sheet.line(line),
+                                                       count=1)),
+                  expected=refused_at(line, words="radius"))
 
 
 @sabotage()
@@ -475,13 +480,13 @@ def another_plane(sheet, rng):
     line = arc_lines(sheet)[0] if arc_lines(sheet) else None
     if line is None:
         return None
-    said = re.search(r"G1[789]", sheet.lines[line - 1])
+    said = re.search(r"G1[789]", sheet.line(line))
     where = first(sheet, sheet.moves.kind > Kind.FEED)
     if said:
-        text = sheet.with_line(line, sheet.lines[line - 1].replace(said[0], "G17"))
+        text = sheet.with_line(line, sheet.line(line).replace(said[0], "G17"))
     else:
         header = lines_with(sheet, r"\bG17\b")[0]
-        text = sheet.with_line(header, sheet.lines[header - 1].replace("G17", "G19"))
+        text = sheet.with_line(header, sheet.line(header).replace("G17", "G19"))
     return Spoilt(content=text, expected=at(REFUSED, where))
 
 
@@ -490,7 +495,7 @@ def absolute_arc_centres(sheet, rng):
     lines = lines_with(sheet, r"G91\.1")
     if not lines:
         return None
-    return Spoilt(content=sheet.with_line(lines[0], sheet.lines[lines[0] - 1].replace("G91.1", "G90.1")),
+    return Spoilt(content=sheet.with_line(lines[0], sheet.line(lines[0]).replace("G91.1", "G90.1")),
                   expected=at(REFUSED, first(sheet, sheet.moves.kind > Kind.FEED)))
 
 
@@ -499,7 +504,7 @@ def absolute_arc_centres(sheet, rng):
 
 def with_inserted(sheet, line, what, at_column):
     """The text with bytes put into a line."""
-    text = sheet.lines[line - 1].encode()
+    text = sheet.line(line).encode()
     return sheet.with_line(line, "\x00").encode().replace(b"\x00", text[:at_column] + what + text[at_column:])
 
 
@@ -509,27 +514,27 @@ def strange_byte(sheet, rng):
     if line is None:
         return None
     what = bytes([int(rng.choice([0, 1, 4, 8, 11, 12, 26, 27, 28, 31, 127, 0x85, 0xA0, 0xE9, 0xFF]))])
-    return Spoilt(content=with_inserted(sheet, line, what, int(rng.integers(len(sheet.lines[line - 1]) + 1))),
-                  expected=Expected(kind=REFUSED, lines=(line, line)))
+    return Spoilt(content=with_inserted(sheet, line, what, int(rng.integers(len(sheet.line(line)) + 1))),
+                  expected=refused_at(line))
 
 
 @sabotage(times=2)
 def lone_carriage_return(sheet, rng):
     """Two blocks with one letter in common, between which only a CR stands: LinuxCNC reads one block, and stops."""
     pairs = [k for k in motion_lines(sheet)[:-1] if MOTION.match(sheet.lines[k]) and "#" not in sheet.lines[k]
-             and {w[0] for w in sheet.lines[k - 1].split()} & {w[0] for w in sheet.lines[k].split()} & set("XYZ")]
+             and {w[0] for w in sheet.line(k).split()} & {w[0] for w in sheet.lines[k].split()} & set("XYZ")]
     line = pick(rng, pairs)
     if line is None:
         return None
-    lines = [*sheet.lines[:line - 1], f"{sheet.lines[line - 1]}\r{sheet.lines[line]}", *sheet.lines[line + 1:]]
-    return Spoilt(content="\n".join(lines) + "\n", expected=Expected(kind=REFUSED, lines=(line, line)))
+    lines = [*sheet.lines[:line - 1], f"{sheet.line(line)}\r{sheet.lines[line]}", *sheet.lines[line + 1:]]
+    return Spoilt(content="\n".join(lines) + "\n", expected=refused_at(line))
 
 
 @sabotage()
 def block_delete(sheet, rng):
     line = pick(rng, motion_lines(sheet))
-    return line and Spoilt(content=sheet.with_line(line, "/" + sheet.lines[line - 1]),
-                           expected=Expected(kind=REFUSED, lines=(line, line), words="block delete")) or None
+    return line and Spoilt(content=sheet.with_line(line, "/" + sheet.line(line)),
+                           expected=refused_at(line, words="block delete")) or None
 
 
 @sabotage()
@@ -537,9 +542,9 @@ def line_too_long(sheet, rng):
     line = pick(rng, motion_lines(sheet))
     if line is None:
         return None
-    text = sheet.lines[line - 1]
+    text = sheet.line(line)
     long = f"{text} ({'A' * (int(rng.integers(253, 300)) - len(text) - 3)})"
-    return Spoilt(content=sheet.with_line(line, long), expected=Expected(kind=REFUSED, lines=(line, line), words="characters"))
+    return Spoilt(content=sheet.with_line(line, long), expected=refused_at(line, words="characters"))
 
 
 @sabotage()
@@ -547,7 +552,7 @@ def line_longer_than_this_control_takes(sheet, rng):
     room, line = sheet.machine.control.line_length, pick(rng, motion_lines(sheet))
     if line is None or room > 200:
         return None
-    text = sheet.lines[line - 1]
+    text = sheet.line(line)
     long = f"{text} ({'A' * (200 - len(text) - 3)})"
     return Spoilt(content=sheet.with_line(line, long),
                   expected=Expected(kind="line_too_long", lines=(line, line), amount=200.0))
@@ -559,7 +564,7 @@ def unknown_word(sheet, rng):
     if line is None:
         return None
     word = pick(rng, ["G12", "G41 D1", "A10.", "M100", "G92 X0.", "G51", "!", "U5.", "G1,"])
-    return Spoilt(content=sheet.with_line(line, f"{sheet.lines[line - 1]} {word}"), expected=Expected(kind=REFUSED, lines=(line, line)))
+    return Spoilt(content=sheet.with_line(line, f"{sheet.line(line)} {word}"), expected=refused_at(line))
 
 
 @sabotage()
@@ -567,39 +572,40 @@ def word_twice(sheet, rng):
     line = pick(rng, motion_lines(sheet))
     if line is None:
         return None
-    word = re.search(r"[XYZ]-?[\d.]+", sheet.lines[line - 1])[0]
-    return Spoilt(content=sheet.with_line(line, f"{sheet.lines[line - 1]} {word}"),
-                  expected=Expected(kind=REFUSED, lines=(line, line), words=f"two {word[0]} words"))
+    word = re.search(r"[XYZ]-?[\d.]+", sheet.line(line))[0]
+    return Spoilt(content=sheet.with_line(line, f"{sheet.line(line)} {word}"),
+                  expected=refused_at(line, words=f"two {word[0]} words"))
 
 
 @sabotage()
 def two_codes_of_a_group(sheet, rng):
     line = pick(rng, lines_with(sheet, r"^G[01] "))
-    return Spoilt(content=sheet.with_line(line, sheet.lines[line - 1].replace(sheet.lines[line - 1][:2], "G0 G1", 1)),
-                  expected=Expected(kind=REFUSED, lines=(line, line)))
+    return Spoilt(content=sheet.with_line(line, sheet.line(line).replace(sheet.line(line)[:2], "G0 G1", 1)),
+                  expected=refused_at(line))
 
 
 @sabotage()
 def comment_not_closed(sheet, rng):
     line = pick(rng, motion_lines(sheet))
-    return line and Spoilt(content=sheet.with_line(line, sheet.lines[line - 1] + " (PASS"),
-                           expected=Expected(kind=REFUSED, lines=(line, line), words="comment")) or None
+    return line and Spoilt(content=sheet.with_line(line, sheet.line(line) + " (PASS"),
+                           expected=refused_at(line, words="comment")) or None
 
 
 @sabotage()
 def letter_o_for_a_nought(sheet, rng):
-    line = pick(rng, [k for k in motion_lines(sheet) if re.search(r"[XYZ]-?\d*0", sheet.lines[k - 1])])
-    return line and Spoilt(content=sheet.with_line(line, re.sub(r"([XYZ]-?\d*)0", r"\1O", sheet.lines[line - 1], count=1)),
-                           expected=Expected(kind=REFUSED, lines=(line, line))) or None
+    line = pick(rng, [k for k in motion_lines(sheet) if re.search(r"[XYZ]-?\d*0", sheet.line(k))])
+    return line and Spoilt(content=sheet.with_line(line, re.sub(r"([XYZ]-?\d*)0", r"\1O", sheet.line(line), count=1)),
+                           expected=refused_at(line)) or None
 
 
 @sabotage(times=2)
 def point_missing(sheet, rng):
     """Fanuc may take X64 for 64 thousandths."""
-    lines = [k for k in motion_lines(sheet) if re.search(r"[XYZ]-?[1-9]\d*\.(?!\d)", sheet.lines[k - 1])]
+    lines = [k for k in motion_lines(sheet) if re.search(r"[XYZ]-?[1-9]\d*\.(?!\d)", sheet.line(k))]
     line = pick(rng, lines) if sheet.is_fanuc else None
-    return line and Spoilt(content=sheet.with_line(line, re.sub(r"([XYZ]-?[1-9]\d*)\.(?!\d)", r"\1", sheet.lines[line - 1], count=1)),
-                           expected=Expected(kind=REFUSED, lines=(line, line), words="decimal point")) or None
+    return line and Spoilt(content=sheet.with_line(line, re.sub(r"([XYZ]-?[1-9]\d*)\.(?!\d)", r"\1", sheet.line(line),
+                                                                count=1)),
+                           expected=refused_at(line, words="decimal point")) or None
 
 
 @sabotage()
@@ -613,9 +619,9 @@ def end_too_early(sheet, rng):
     line = pick(rng, motion_lines(sheet)[:-1])
     if line is None or sheet.is_fanuc:
         return None
-    after_it = next(k for k in range(line + 1, len(sheet.lines) + 1) if not sheet.lines[k - 1].startswith("("))
+    after_it = next(k for k in range(line + 1, len(sheet.lines) + 1) if not sheet.line(k).startswith("("))
     return Spoilt(content=sheet.with_line(line, "M2"),
-                  expected=Expected(kind=REFUSED, lines=(after_it, after_it), words="after the program end"))
+                  expected=refused_at(after_it, words="after the program end"))
 
 
 @sabotage()
@@ -628,7 +634,8 @@ def percent_in_the_middle(sheet, rng):
 def cut_off(sheet, rng):
     """The file ends in the middle of a line."""
     line = pick(rng, motion_lines(sheet))
-    return line and Spoilt(content="\n".join([*sheet.lines[:line - 1], sheet.lines[line - 1][:2]]), expected=Expected(kind=REFUSED)) or None
+    return line and Spoilt(content="\n".join([*sheet.lines[:line - 1], sheet.line(line)[:2]]),
+                           expected=Expected(kind=REFUSED)) or None
 
 
 @sabotage()
@@ -638,7 +645,8 @@ def file_larger_than_the_store(sheet, rng):
         return None
     end = lines_with(sheet, r"^M30$")[0]
     comments = [f"({'A' * 100})"] * (room // 100)
-    return Spoilt(content=sheet.with_line(end, *comments, "M30"), expected=Expected(kind="program_too_long", words=str(room)))
+    return Spoilt(content=sheet.with_line(end, *comments, "M30"),
+                  expected=Expected(kind="program_too_long", words=str(room)))
 
 
 # sub-programs -----------------------------------------------------------------------------------------------
@@ -647,8 +655,8 @@ def file_larger_than_the_store(sheet, rng):
 @sabotage()
 def call_of_nothing(sheet, rng):
     line = pick(rng, lines_with(sheet, r"^o7001 call|^G65 P7001"))
-    return line and Spoilt(content=sheet.with_line(line, sheet.lines[line - 1].replace("7001", "7009")),
-                           expected=Expected(kind=REFUSED, lines=(line, line), words="7009")) or None
+    return line and Spoilt(content=sheet.with_line(line, sheet.line(line).replace("7001", "7009")),
+                           expected=refused_at(line, words="7009")) or None
 
 
 @sabotage()
@@ -657,11 +665,12 @@ def register_never_set(sheet, rng):
     if not lines:
         return None
     line = lines[int(rng.integers(3 if len(lines) > 3 else len(lines)))]
-    operation = [k for k in range(1, line) if sheet.lines[k - 1].startswith("(OPERATION")][0]
-    if any(k < line and sheet.lines[k - 1].split("=")[0] == sheet.lines[line - 1].split("=")[0] for k in lines) or operation > line:
+    operation = [k for k in range(1, line) if sheet.line(k).startswith("(OPERATION")][0]
+    if any(k < line and sheet.line(k).split("=")[0] == sheet.line(line).split("=")[0]
+           for k in lines) or operation > line:
         return None
     call = next(k for k in lines_with(sheet, r"^o7001 call|^G65 P7001") if k > line)
-    name = sheet.lines[line - 1].split("=")[0]
+    name = sheet.line(line).split("=")[0]
     return Spoilt(content=sheet.with_line(line, GONE), expected=Expected(
         kind=REFUSED, lines=(1, len(sheet.lines)), calls=(call, call), words=f"{name} is read before it is set"))
 

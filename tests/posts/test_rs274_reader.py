@@ -161,7 +161,8 @@ def test_what_a_move_relies_on_must_have_been_said(word, line):
     assert read(text).line[remark.row] == line and remark.advice.startswith(word[:3])
 
 
-@pytest.mark.parametrize("text", [SAID, SAID.replace("G49", ""), SAID.replace("G2 X3 I1", "G2 X3 R1").replace("G91.1", ""),
+@pytest.mark.parametrize("text", [SAID, SAID.replace("G49", ""), SAID.replace("G2 X3 I1", "G2 X3 R1").replace("G91.1",
+                                                                                                              ""),
                                   SAID.replace("G17", "").replace("G2", "G17 G2")])
 def test_what_no_move_relies_on_need_not_be_said(text):
     assert not read(text).remarks
@@ -172,7 +173,8 @@ def test_what_no_move_relies_on_need_not_be_said(text):
     ("G20\nG64 P0.001 Q0", 0.0254)])
 def test_the_path_tolerance_is_what_the_text_sets(said, tolerance_mm):
     """Q joins blocks before P blends them, and is P where it is left out."""
-    assert read(f"G21 G54\n{said}\nG0 X0 Y0 Z0\nG1 X1 F9").path_tolerance_mm[-1] == pytest.approx(tolerance_mm, abs=1e-12)
+    assert read(f"G21 G54\n{said}\nG0 X0 Y0 Z0\nG1 X1 F9").path_tolerance_mm[-1] == pytest.approx(tolerance_mm,
+                                                                                                  abs=1e-12)
 
 
 def test_a_move_in_a_sub_program_names_the_line_of_its_call():

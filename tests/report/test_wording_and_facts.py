@@ -50,6 +50,8 @@ def test_accepted_findings_stay_in_sight(refused_bundle, accept):
     verify = accept(refused_bundle.verify)
     verdict = facts.verdict(verify)
     assert verdict.state == facts.ACCEPTED and verdict.headline == "VERIFIED, 2 accepted findings"
+    tiles = {tile.label: tile.details for tile in facts.one_minute(replace(refused_bundle, verify=verify))}
+    assert "1 above what is allowed, accepted by name" in tiles["Gouge, deepest"]
     assert all(row.is_accepted for row in facts.findings(verify))
 
 
