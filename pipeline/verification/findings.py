@@ -31,6 +31,7 @@ class Finding:
     advice: str                                     # one sentence: how to mend it
     machine_mm: tuple[float, float, float] | None = None    # what the axes show with the tip at the place; None unknown
     block: str = ""                                 # text of that line
+    is_at_least: bool = False                       # the search for the amount ended before all was looked at
 
     def as_dict(self):
         """For verify.json."""
