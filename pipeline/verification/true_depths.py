@@ -15,7 +15,9 @@ PLACES = 33               # on a ray, and again between the neighbours of the be
 ZOOMS = 3                 # 2 mm are then looked at every 0.5 um
 BATCH = 512               # samples asked at a time, the largest deviations first
 MOST = 4096               # samples asked of one finding: the true amount is then only known to be no less
-AROUND = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z], float)
+STARTS = 6                # rays from whose best places the search goes on
+SIDES = (-1.0, -0.5, 0.0, 0.5, 1.0)
+AROUND = np.array([(x, y, z) for x in SIDES for y in SIDES for z in SIDES if max(abs(x), abs(y), abs(z)) == 1.0])
 LAST_MM = 1e-5            # step at which the search ends
 MOST_STEPS = 400
 
@@ -37,7 +39,7 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
     size = np.abs(deviation_mm[rows])
     is_capped = size >= LIMIT_MM - AT_CAP_MM
     order = np.concatenate([_spread(rows[is_capped]), rows[~is_capped][np.argsort(-size[~is_capped], kind="stable")]])
-    best, at, place = -np.inf, int(order[0]), None
+    found, best = [], -np.inf
     for first in range(0, min(len(order), MOST), BATCH):
         some = order[first:first + BATCH]
         length = np.abs(deviation_mm[some])
@@ -49,10 +51,13 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
         if capped.any():
             length[capped] = np.maximum(length[capped], np.abs(followed(points[capped], normals[capped])))
         true, t = _along(points, sign * normals, length, sign, closest)
-        k = int(true.argmax())
-        if true[k] > best:
-            best, at, place = float(true[k]), int(some[k]), points[k] + t[k] * sign * normals[k]
-    best = max(best, _climbed(place, best, step_mm, lambda p: sign * closest.signed_distances_mm(p), belongs))
+        found += [(float(true[k]), int(some[k]), points[k] + t[k] * sign * normals[k])
+                  for k in np.argsort(-true, kind="stable")[:STARTS]]
+        best = max(best, float(true.max()))
+    found = sorted(found, key=lambda f: -f[0])[:STARTS]
+    at = found[0][1]
+    for true, _, place in found:
+        best = max(best, _climbed(place, true, step_mm, lambda p: sign * closest.signed_distances_mm(p), belongs))
     rest = order[MOST:]
     return best, at, bool(len(rest)) and bool(is_capped.sum() > MOST or np.abs(deviation_mm[rest]).max() > best)
 

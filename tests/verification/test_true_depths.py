@@ -15,7 +15,7 @@ TOP = [f for f in brep.faces_of(BLOCK) if f.middle.normal[0, 2] > 0.5]
 SETUP = Setup(name="setup-1", wcs_in_words="corner", faces=("top",))
 FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
 COARSE = Options(spacing_mm=0.6, solid_pitch_mm=0.4, replay_pitch_mm=0.5, tessellation_mm=0.002)
-ZOOMS, BRUTE_MM = 4, 0.005     # of the brute force's grids, and the last one's step
+ZOOMS, BRUTE_MM = 6, 0.005     # of the brute force's grids; how near it and the search come to a corner
 FLAT = tool("flat", 10, number=2)
 
 
@@ -39,11 +39,11 @@ def brute_depth_mm(moves, tools, numbers, low, high):
     """Deepest place of the block within a box that a program sweeps: grids, finer round the best place, closed-form faces."""
     paths, low, high = swept_paths(program((-6, -0.3, 40), moves, tool=numbers), tools), np.array(low, float), np.array(high, float)
     for _ in range(ZOOMS):
-        axes = [np.linspace(a, b, 31) for a, b in zip(low, high)]
+        axes = [np.linspace(a, b, 41) for a, b in zip(low, high)]
         p = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         out = np.minimum(np.min(p, axis=1), np.min(np.array([20, 16, 10]) - p, axis=1))
         out = np.where(signed_distance_mm(paths, p) < 0, out, 0.0)
-        best, step = p[out.argmax()], (high - low) / 10
+        best, step = p[out.argmax()], (high - low) / 5
         low, high = best - step, best + step
     return out.max()
 
