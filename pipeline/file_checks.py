@@ -62,7 +62,7 @@ def _differing(row, number, wanted, control):
     """The first value of a table's row that is not the tool's."""
     for letter in ("Z", "D", *sorted(row.values_mm.keys() | {"X", "Y"})):
         there, right = row.values_mm.get(letter, 0.0), wanted.get(letter, 0.0)
-        if abs(there - right) > MM[control.units] * 10.0 ** -IN_TABLE_DECIMALS:
+        if abs(there - right) > MM[control.units] / 10 ** IN_TABLE_DECIMALS:
             yield _finding("wrong_tool_table", f"{TABLE} gives T{number} {letter} {there:.6g} mm, tools.json "
                            f"{right:.6g} mm: measure the tool, correct the one that is wrong, and build again",
                            line=row.line, block=f"{TABLE}: {row.text}", amount_mm=round(abs(there - right), 6))

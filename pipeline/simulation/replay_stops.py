@@ -9,7 +9,7 @@ from cuspline.simulation.swept import CLOSED_UPWARD
 
 TOUCHING_MM = 0.01        # flutes nearer to the stock than this touch it: cusps, rounding and chords lie far below
 HEIGHT_MM = 1e-3          # missing of a height by less than a control shows is nothing
-RINGS, SPOKES = 24, 64    # places asked under a tool
+RINGS, SPOKES = 64, 128   # places asked under a tool
 SENSE = {"M3": 1, "M4": -1, "M5": 0, "M6": 0}
 
 

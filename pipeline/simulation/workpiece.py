@@ -60,6 +60,11 @@ class Workpiece:
         found = [nearest_moves(c.paths, c.frame.into(points_mm))[0] for c in self.cuts]
         return np.min([np.full(len(points_mm), np.inf), *found], axis=0)
 
+    def is_stock(self, points_mm):
+        """(n,) bool: within the billet, and not cut away."""
+        inside = ((points_mm > self.min_mm) & (points_mm < self.max_mm)).all(axis=1)
+        return inside & (self.cut_distance_mm(points_mm) > 0)
+
     def deviations_of_cuts(self, points_mm, normals, limit_mm, ask=deviations_and_moves):
         """Deviations (cuts, n) and rows of PostedMoves (cuts, n) that each clamping alone would leave.
 

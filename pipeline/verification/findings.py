@@ -59,6 +59,7 @@ class Finding:
     amount: float | None = None                     # how much, where it is no length
     unit: str = ""                                  # of `amount`
     row: int = -1                                   # of the posted move; -1 not known
+    is_at_least: bool = False                       # the search for the amount ended before all was looked at
 
     def as_dict(self):
         """For verify.json."""

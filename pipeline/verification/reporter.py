@@ -19,6 +19,10 @@ def allowed_mm(finish):
     return finish.scallop_mm + finish.profile_tolerance_mm
 
 
+def _at_least(more):
+    return "at least " if more else ""
+
+
 def rounded(value, decimals=6):
     """A number for verify.json; whole numbers stay whole."""
     return value if isinstance(value, int) else round(float(value), decimals)
@@ -27,26 +31,28 @@ def rounded(value, decimals=6):
 class Reporter:
     """Findings of both verifiers about one clamping."""
 
-    def __init__(self, program, finish, found, own):
+    def __init__(self, program, finish, found, own, true_mm):
+        """`true_mm`: function (Residuals, rows) -> (amount, row, whether it may be more), see true_depths."""
         self.posted, self.setup, self.frame = program.posted, program.setup.name, program.setup.frame
-        self.finish, self.found, self.own = finish, found, own
+        self.finish, self.found, self.own, self.true_mm = finish, found, own, true_mm
 
-    def _finding(self, kind, found, sample, amount, advice):
+    def _finding(self, kind, found, sample, amount, advice, is_at_least=False):
         row = int(found.row[sample])
         place = found.samples.points_mm[sample].round(6)
         return Finding(kind=kind, amount_mm=rounded(amount), place_mm=tuple(place.tolist()),
                        operation=self.posted.operation_name(row) if row >= 0 else "",
-                       line=int(self.posted.line[row]) if row >= 0 else 0, setup=self.setup, advice=advice, row=row)
+                       line=int(self.posted.line[row]) if row >= 0 else 0, setup=self.setup, advice=advice, row=row,
+                       is_at_least=is_at_least)
 
     def gouges(self):
         """One finding a connected gouge deeper than the finish allows."""
         d = self.own.deviation_mm
         for group in self.own.groups(d < -self.finish.gouge_mm - NOISE_MM):
-            worst = group[d[group].argmin()]
-            yield self._finding("gouge", self.own, worst, -d[worst],
-                                f"the cutter goes {-d[worst]:.4f} mm below the surface, {self.finish.gouge_mm:g} mm are "
-                                f"allowed, over {self.own.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
-                                "take a smaller cutter here, or mend the offset of this pass")
+            amount, worst, more = self.true_mm(self.own, group)
+            yield self._finding("gouge", self.own, worst, amount,
+                                f"the cutter goes {_at_least(more)}{amount:.4f} mm into the part, {self.finish.gouge_mm:g} mm "
+                                f"are allowed, over {self.own.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
+                                "take a smaller cutter here, or mend the offset of this pass", more)
 
     def unseen_gouges(self, proven):
         """Moves that are not proven to keep to what the finish allows, where no sample tells of them."""
@@ -68,12 +74,13 @@ class Reporter:
         """One finding a connected area that a ball could finish and that was left proud."""
         d, allowed = self.found.deviation_mm, allowed_mm(self.finish)
         for group in self.found.groups(self.found.is_reachable & (d > allowed + NOISE_MM)):
-            worst, area = group[d[group].argmax()], self.found.area_mm2(group)
+            (amount, worst, more), area = self.true_mm(self.found, group), self.found.area_mm2(group)
             missed = np.median(d[group]) > MISSED * allowed and area >= MISSED_MM2
-            advice = (f"{area:.1f} mm2 were never finished: add a pass here, or a smaller cutter" if missed else
-                      f"{d[worst]:.4f} mm are left over {area:.2f} mm2, {allowed:.4f} mm are allowed: "
+            left = f"{_at_least(more)}{amount:.4f} mm are left"
+            advice = (f"{area:.1f} mm2 were never finished, {left}: add a pass here, or a smaller cutter" if missed else
+                      f"{left} over {area:.2f} mm2, {allowed:.4f} mm are allowed: "
                       "reduce the step, or take a smaller cutter here")
-            yield self._finding("missing_area" if missed else "excess", self.found, worst, d[worst], advice)
+            yield self._finding("missing_area" if missed else "excess", self.found, worst, amount, advice, more)
 
     def unseen_excess(self, proof, cut):
         """One finding a connected group of places that only the proof has found to stand too high."""

@@ -8,6 +8,7 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
 from cuspline import fixed_math as fixed
+from cuspline import fixed_math as fixed
 from cuspline import brep, mesh_quality, solids
 from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree
@@ -29,6 +30,7 @@ from cuspline.verification.reach import REACHABLE, drop_mesh
 from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
 from cuspline.verification.residuals import (LIMIT_MM, Residuals, default_spacing_mm, reach_of, residuals,
                                              unreachable_places, weighted_percentile)
+from cuspline.verification.true_depths import largest_true_mm
 from cuspline.verification.samples import Samples, face_area_mm2, sample_faces
 from cuspline.verification.solids import SolidComparison, compare
 from cuspline.verification.tessellation import Tessellation, tessellate
@@ -117,6 +119,7 @@ class Verdict:
                 "error_bounds_mm": {k: _largest([p["error_bounds_mm"][k] for p in parts])
                                     for k in parts[0]["error_bounds_mm"]}
                 if parts else {},
+                "at_least": sorted({name for p in parts for name in p["at_least"]}),
                 **{k: [item for p in parts for item in p[k]] for k in together}, "setups": parts}
 
 
@@ -202,6 +205,11 @@ class _Part:
     closest: ClosestTree | None       # of the design, where cutters undercut or lean
 
     @cached_property
+    def surface(self):
+        """ClosestTree of the whole part."""
+        return self.closest or ClosestTree.of_faces(brep.faces_of(self.solid))
+
+    @cached_property
     def path_error_mm(self):
         return max((p.error_mm for c in self.piece.cuts for p in c.paths), default=0.0)
 
@@ -283,7 +291,8 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
               "path_tolerance_mm": path_tolerance_mm(c.program.posted, machine),
               "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm}
     bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
-    report = Reporter(c.program, finish, found, own)
+    true_mm = partial(_true_mm, part, c, found)
+    report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     findings = (*history.findings, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
                 *report.unseen_excess(proof, part.piece.cuts[c.number]),
@@ -291,7 +300,7 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
     return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,
                         cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings, stock=part.made,
                         mesh=part.mesh,
-                        numbers={**_numbers(found, view, finish, bounds, history), **_between_samples(proof, found, c.options),
+                        numbers={**_numbers(found, view, finish, bounds, history, true_mm), **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
                                  "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict())})
 
@@ -387,14 +396,37 @@ def _replayed(part, c, tools, machine, kept):
                   shank_clearance_mm=options.shank_clearance_mm, kept=kept)
 
 
-def _numbers(found, solid_view, finish, bounds, history):
+def _true_mm(part, c, found, residuals, rows):
+    """True amount of a group of samples of clamping c: (amount, row, whether it may be more)."""
+    piece, far = part.piece, float(fixed.length(np.subtract(part.piece.max_mm, part.piece.min_mm)))
+    left = piece if residuals is found else Workpiece(min_mm=piece.min_mm, max_mm=piece.max_mm, cuts=(piece.cuts[c.number],))
+    is_proud = residuals.deviation_mm[rows[0]] > 0
+    belongs = lambda p: left.is_stock(p) if is_proud else left.cut_distance_mm(p) < 0
+    return largest_true_mm(residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0],
+                           part.surface, belongs, residuals.spacing_mm)
+
+
+def _largest_mm(found, is_beyond, is_side, true_mm):
+    """(largest true amount of the samples of one side, whether it may be more): what is beyond tolerance is followed."""
+    size = np.abs(found.deviation_mm)
+    amount, more = size[is_side & ~is_beyond].max(initial=0.0), False
+    if (is_side & is_beyond).any():
+        true, _, more = true_mm(found, np.flatnonzero(is_side & is_beyond))
+        amount = max(amount, true)
+    return float(amount), more
+
+
+def _numbers(found, solid_view, finish, bounds, history, true_mm):
     """verify.json's numbers of one setup."""
     d, fair = found.deviation_mm, found.is_reachable
+    gouge, excess = (_largest_mm(found, np.abs(d) > allowed + NOISE_MM, side, true_mm) for allowed, side in (
+        (finish.gouge_mm, d < 0), (allowed_mm(finish), fair & (d > 0))))
     finished = fair & (d <= MISSED * allowed_mm(finish))
     area = found.area_mm2
     clearance, held = history.holder_clearance_mm, solid_view.volumes
     numbers = {
-        "gouge_max_mm": max(0.0, -d.min(initial=0.0)), "excess_max_mm": max(0.0, d[fair].max(initial=0.0)),
+        "gouge_max_mm": gouge[0], "excess_max_mm": excess[0],
+        "at_least": [name for name, (_, more) in (("gouge_max_mm", gouge), ("excess_max_mm", excess)) if more],
         "cusp_max_mm": max(0.0, d[finished].max(initial=0.0)),
         "cusp_p99_mm": max(0.0, weighted_percentile(d[finished], found.samples.weight_mm2[finished], 0.99)),
         "gouge_volume_mm3": solid_view.gouge_volume_mm3, "excess_volume_mm3": solid_view.excess_volume_mm3,

@@ -13,6 +13,7 @@ import numpy as np
 from cuspline.program import Kind, Plane
 
 AMOUNT_MM = 2e-3          # post's decimals, touches, sampling of the oracle's paths
+TOUCHED_MM = 0.1          # how high a steep wall touches a ball hangs on how finely both look
 STEP_MM = 0.02            # between the oracle's tips along a move
 
 
@@ -226,19 +227,19 @@ def end_in_the_cut(base, rng):
     base, line, _, depth = _cut_short(base, rng)
     end = _lines_like(base, r"^M(2|30)$")[-1]
     text = _with(base, line, [base.lines[end - 1]], gone=end - line)
-    return Spoilt(text=text, kind="ends_in_cut", line=line + 1, amount_mm=depth, within_mm=0.02)
+    return Spoilt(text=text, kind="ends_in_cut", line=line + 1, amount_mm=depth, within_mm=TOUCHED_MM)
 
 
 def spindle_stopped_in_the_cut(base, rng):
     """M5 between two blocks of a cut; it runs again before the next one."""
     base, line, _, depth = _cut_short(base, rng)
-    return Spoilt(text=_with(base, line, ["M5", "M3"]), kind="no_spindle", line=line + 1, amount_mm=depth, within_mm=0.02)
+    return Spoilt(text=_with(base, line, ["M5", "M3"]), kind="no_spindle", line=line + 1, amount_mm=depth, within_mm=TOUCHED_MM)
 
 
 def spindle_reversed_in_the_cut(base, rng):
     """M4 in place of M3 between two blocks of a cut, and back."""
     base, line, _, depth = _cut_short(base, rng)
-    return Spoilt(text=_with(base, line, ["M4", "M3"]), kind="no_spindle", line=line + 1, amount_mm=depth, within_mm=0.02)
+    return Spoilt(text=_with(base, line, ["M4", "M3"]), kind="no_spindle", line=line + 1, amount_mm=depth, within_mm=TOUCHED_MM)
 
 
 def rapid_over_raw_stock(base, rng):

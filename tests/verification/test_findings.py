@@ -28,7 +28,7 @@ def test_axes_are_frame_offset_and_length_one_after_the_other(known):
     assert found.machine_mm == pytest.approx((-300 + 1, -200 + 2, -400 - 3 + LENGTH))
     assert found.block == "N11 G1 X11" and found.place_mm == (11.0, 18.0, 33.0)
     assert {"kind", "amount_mm", "place_mm", "machine_mm", "operation", "line", "block", "setup", "advice",
-            "call_line", "amount", "unit"} == set(found.as_dict())
+            "call_line", "amount", "unit", "is_at_least"} == set(found.as_dict())
 
 
 @pytest.mark.parametrize("line,place,block", [(0, (1.0, 2.0, 3.0), ""), (11, None, "N11 G1 X11"), (400, (1.0, 2.0, 3.0), "")])

@@ -1,0 +1,100 @@
+"""How deep a cut really goes into the part, and how high stock really stands over it: along the nearest way.
+
+A deviation is measured along the normal of a sample.  Near an edge the ray runs beside another face for long: a cut 1.16 mm
+deep into a corner shows 1.81 mm along one of its normals.  Here every place of the ray counts with its distance to the
+nearest surface of the exact part, rays that had reached their longest are followed to their end, and from the best place
+a search goes on through what was cut, or left, for one that lies deeper still.
+"""
+
+import numpy as np
+
+from cuspline.verification.residuals import LIMIT_MM
+
+AT_CAP_MM = 1e-6          # a deviation so near to the longest that is measured is capped
+PLACES = 33               # on a ray, and again between the neighbours of the best one
+ZOOMS = 3                 # 2 mm are then looked at every 0.5 um
+BATCH = 512               # samples asked at a time, the largest deviations first
+MOST = 4096               # samples asked of one finding: the true amount is then only known to be no less
+STARTS = 6                # rays from whose best places the search goes on
+SIDES = (-1.0, -0.5, 0.0, 0.5, 1.0)
+AROUND = np.array([(x, y, z) for x in SIDES for y in SIDES for z in SIDES if max(abs(x), abs(y), abs(z)) == 1.0])
+LAST_MM = 1e-5            # step at which the search ends
+MOST_STEPS = 400
+
+
+def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, step_mm):
+    """The true amount of a group of samples that are all proud, or all gouged.
+
+    Args:
+        samples: samples.Samples.   deviation_mm: (n,) of all, capped at LIMIT_MM.   rows: (k,) of the group, k > 0.
+        followed: function of points and normals (m, 3) to deviations (m,) that are not capped.
+        closest: ClosestTree of the whole part.
+        belongs: function of places (m, 3) to (m,) bool: cut away, where the samples are gouged; stock, where they are proud.
+        step_mm: distance of the samples.
+    Returns:
+        (amount in mm > 0 outside the part for proud samples, inside it for gouged ones; row of `samples`; whether it may
+        be more because not all samples were asked).
+    """
+    sign = 1.0 if deviation_mm[rows[0]] > 0 else -1.0
+    size = np.abs(deviation_mm[rows])
+    is_capped = size >= LIMIT_MM - AT_CAP_MM
+    order = np.concatenate([_spread(rows[is_capped]), rows[~is_capped][np.argsort(-size[~is_capped], kind="stable")]])
+    found, best = [], -np.inf
+    for first in range(0, min(len(order), MOST), BATCH):
+        some = order[first:first + BATCH]
+        length = np.abs(deviation_mm[some])
+        capped = length >= LIMIT_MM - AT_CAP_MM
+        if not capped.any() and length.max() <= best:
+            order = order[:MOST]
+            break
+        points, normals = samples.points_mm[some], samples.normals[some]
+        if capped.any():
+            length[capped] = np.maximum(length[capped], np.abs(followed(points[capped], normals[capped])))
+        true, t = _along(points, sign * normals, length, sign, closest)
+        found += [(float(true[k]), int(some[k]), points[k] + t[k] * sign * normals[k])
+                  for k in np.argsort(-true, kind="stable")[:STARTS]]
+        best = max(best, float(true.max()))
+    found = sorted(found, key=lambda f: -f[0])[:STARTS]
+    at = found[0][1]
+    for true, _, place in found:
+        best = max(best, _climbed(place, true, step_mm, lambda p: sign * closest.signed_distances_mm(p), belongs))
+    rest = order[MOST:]
+    return best, at, bool(len(rest)) and bool(is_capped.sum() > MOST or np.abs(deviation_mm[rest]).max() > best)
+
+
+def _spread(rows):
+    """The same rows, at most MOST of them first, evenly out of all."""
+    step = max(1, -(-len(rows) // MOST))
+    return np.concatenate([rows[k::step] for k in range(step)]) if len(rows) else rows
+
+
+def _along(points, directions, length_mm, sign, closest):
+    """(n,) greatest distance from the part's surface along rays, to the side that counts, and where on the ray (n,)."""
+    low, high = np.zeros(len(points)), length_mm.copy()
+    best, at = np.full(len(points), -np.inf), np.zeros(len(points))
+    share = np.linspace(0.0, 1.0, PLACES)
+    for _ in range(ZOOMS):
+        t = low[:, None] + share * (high - low)[:, None]
+        places = points[:, None] + t[:, :, None] * directions[:, None]
+        d = sign * closest.signed_distances_mm(places.reshape(-1, 3)).reshape(t.shape)
+        k = d.argmax(axis=1)
+        here = d[np.arange(len(d)), k]
+        at, best = np.where(here > best, t[np.arange(len(t)), k], at), np.maximum(best, here)
+        pick = lambda j: t[np.arange(len(t)), np.clip(j, 0, PLACES - 1)]
+        low, high = pick(k - 1), pick(k + 1)
+    return best, at
+
+
+def _climbed(place, best, step_mm, height, belongs):
+    """The greatest distance found by steps in all directions from a place, through what belongs."""
+    for _ in range(MOST_STEPS):
+        if step_mm < LAST_MM:
+            break
+        places = place + step_mm * AROUND
+        values = np.where(belongs(places), height(places), -np.inf)
+        k = int(values.argmax())
+        if values[k] > best:
+            best, place = float(values[k]), places[k]
+        else:
+            step_mm /= 2
+    return best
