@@ -20,10 +20,12 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from cuspline.design import Companion, Design, Finish, FixtureBox, Parameters, Setup, StockBox
+from cuspline.designs._rfq_checks import refuse_contradictions
 from cuspline.designs._rfq_clampings import WORK_OFFSETS, clampings, markers, predicates, splits
 from cuspline.designs._rfq_solid import quadrupole, vane_solid
-from cuspline.designs._rfq_table import CellLaw, read_table, refuse_wrong_units, table_of_law
-from cuspline.designs._rfq_tip_line import LOOKS_A_VANE, fitted_tip, refuse_impossible, tip_line
+from cuspline.designs._rfq_table import CellLaw, read_table, table_of_law
+from cuspline.designs._rfq_tip_line import (
+    LOOKS_A_VANE, fitted_tip, follows_thin_formula, refuse_impossible, tip_line)
 from cuspline.errors import DesignError
 
 DATA = Path(__file__).parent / "data"
@@ -53,8 +55,8 @@ class RfqVane(Parameters):
     vane: Literal["x", "y"] = Field("x", description="x begins the first cell at its narrowest, y at its widest")
     law: Literal["two_term", "eight_term"] = Field("two_term", description="potential that the tip follows")
     matcher: Literal["thin", "equipotential"] = Field(
-        "thin", description="matching section: thin-vane formula (as PARMTEQM prints it), or its equipotential where "
-        "that has a root, the thin-vane formula nearer to the wall")
+        "thin", description="matching section: thin-vane formula (as PARMTEQM prints it; a table with other apertures is "
+        "followed), or its equipotential where that has a root, the thin-vane formula nearer to the wall")
     rho_mm: float = Field(7.2885, gt=0.1, le=30, description="transverse radius of the tip")
     rho_follows_r0: bool = Field(False, description="let the radius follow each cell's r0 instead, in the ratio it has "
                                  "to r0_mm")
@@ -103,14 +105,14 @@ class RfqVane(Parameters):
 
 
 def table_of(p):
-    """CellTable that the parameters name, its units checked against the ion's way."""
+    """CellTable that the parameters name, its columns held against each other and the ion."""
     if p.table == "law":
         return table_of_law(CellLaw(
             frequency_mhz=p.frequency_mhz, mass_amu=p.ion_mass_amu, charge=p.ion_charge, energy_mev=p.energy_in_mev,
             voltage_kv=p.voltage_kv, r0_mm=p.r0_mm, modulation_max=p.modulation_max, cells=p.cells,
             ramp_cells=p.ramp_cells, matching_cells=p.matching_cells, phase_deg=p.phase_deg))
     table = read_table(TABLES.get(p.table, p.table))
-    refuse_wrong_units(table, p.ion_mass_amu, p.frequency_mhz)
+    refuse_contradictions(table, p.ion_mass_amu, p.ion_charge, p.frequency_mhz)
     return table
 
 
@@ -193,8 +195,9 @@ def _description(p, line):
     said = (f"RFQ {p.vane} vane, {p.table}: {law} tip from Z {line.from_mm:.3f} to {line.to_mm:.3f} mm, joints "
             f"blended by at most {blend * 1e3:.0f} um ({where})")
     if line.cell_at(line.from_mm) == "matching section":
-        said += (", thin-vane matching section" if p.matcher == "thin" else
-                 ", matching section on its equipotential, by the thin-vane formula where that has no root")
+        said += (", matching section on its equipotential, by the thin-vane formula where that has no root"
+                 if p.matcher == "equipotential" else ", thin-vane matching section"
+                 if follows_thin_formula(table_of(p)) else ", matching section through the table's apertures")
     return said
 
 

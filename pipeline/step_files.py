@@ -3,6 +3,8 @@
 A face's own colour stands before its body's.  Colours are sRGB, 0 to 1.
 """
 
+import errno
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,8 +26,9 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.TopoDS import TopoDS_Solid
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
-from cuspline.errors import DesignError, InputError
+from cuspline.errors import InputError
 
+STEP_END = "END-ISO-10303-21;"
 STEP_DATE = "2000-01-01T00:00:00"     # same inputs, same bytes: STEP files carry no clock
 SRGB = Quantity_TypeOfColor.Quantity_TOC_sRGB
 COLOR_KINDS = (XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen)
@@ -92,9 +95,9 @@ def write_step(solid, path, name):
         writer = STEPControl_Writer()
         writer.Transfer(solid, STEPControl_AsIs)
         is_written = writer.Write(str(scratch)) == IFSelect_RetDone
-    if not is_written:
-        raise DesignError(f"the kernel could not write {path.name}")
-    text = scratch.read_text(encoding="latin-1")
+    text = scratch.read_text(encoding="latin-1") if scratch.exists() else ""
+    if not is_written or not text.rstrip().endswith(STEP_END):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))      # the kernel does not tell why
     text = re.sub(r"FILE_NAME\(.*?\);", f"FILE_NAME('{name}','{STEP_DATE}',(''),(''),'cuspline','cuspline','');",
                   text, count=1, flags=re.S)
     text = re.sub(r"PRODUCT\('[^']*',\s*'[^']*'", f"PRODUCT('{name}','{name}'", text)

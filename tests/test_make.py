@@ -265,10 +265,27 @@ def test_a_folder_built_by_hand_with_other_parameters_is_built_again(shop):
 def test_params_go_to_a_folder_of_their_own(shop):
     built(shop)
     assert built(shop, "plate", "PARAMS=width_mm=30 length_mm=-2.5") == ["plate-length_mm=-2.5-width_mm=30"]
-    assert "-p width_mm=30 -p length_mm=-2.5" in (shop / "calls").read_text()
+    assert "--params width_mm=30 length_mm=-2.5 --out" in (shop / "calls").read_text()
     assert built(shop, "plate", "PARAMS=length_mm=-2.5 width_mm=30") == []
     assert built(shop) == []
     assert built(shop, "PARAMS=width_mm=30", ok=False) == []
+
+
+@needs_make
+@pytest.mark.parametrize("params", [
+    'table="my cells.csv" vane=y', "table='my cells.csv'", 'note="it\'s; a $HOME `id` % #1"', "table=a/b.csv",
+    'x="a b"', 'x="b a"'])
+def test_values_with_spaces_and_quotes_reach_the_command_as_they_are(shop, params):
+    folders = built(shop, "plate", "PARAMS=" + params)
+    assert f"--params {params} --out" in (shop / "calls").read_text()
+    assert len(folders) == 1 and re.fullmatch(r"plate-[\w.=+,-]+-\d+", folders[0]), folders
+    assert built(shop, "plate", "PARAMS=" + params) == []
+
+
+@needs_make
+def test_two_sets_of_odd_values_never_share_a_folder(shop):
+    assert len({*built(shop, "plate", 'PARAMS=x="a b"'), *built(shop, "plate", 'PARAMS=x="b a"'),
+                *built(shop, "plate", "PARAMS=x=a/b"), *built(shop, "plate", "PARAMS=x=a_b")}) == 4
 
 
 @needs_make

@@ -13,10 +13,11 @@ import pytest
 from OCP.TopAbs import TopAbs_SOLID
 
 from cuspline import brep, catalogue
+from cuspline.designs._rfq_checks import refuse_contradictions
 from cuspline.designs._rfq_eight_term import EightTerm
 from cuspline.designs._rfq_potential import (
     TwoTerm, equipotential_matcher_mm, thin_matcher_mm, transition_length_mm)
-from cuspline.designs._rfq_table import half_wave_mm, read_table, refuse_wrong_units
+from cuspline.designs._rfq_table import half_wave_mm, read_table
 from cuspline.designs._rfq_tip_line import Segment, TipLine, fitted_tip
 from cuspline.designs.rfq_vane import TABLES, RfqVane, assembly, design, line_of, table_of
 from cuspline.errors import CamError, CutterDoesNotFit, DesignError, InputError
@@ -47,7 +48,7 @@ def test_the_table_is_read_whole():
     assert [len(TABLE.of_kind(k)) for k in ("matching", "accelerating", "transition", "straight", "fringe")] == [
         4, 51, 1, 1, 1]
     assert sum(c.length_mm for c in TABLE.cells) == pytest.approx(1323.13, abs=0.01)      # "RFQ length" of the program
-    refuse_wrong_units(TABLE, 2.0, 32.8)
+    refuse_contradictions(TABLE, 2.0, 1.0, 32.8)
 
 
 def test_r0_of_the_table_is_constant():
@@ -139,7 +140,7 @@ def test_millimetres_called_centimetres_are_refused(tmp_path):
 
 
 def test_a_file_that_is_not_there_is_refused():
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="does not exist"):
         table_of(RfqVane(table="/nowhere/table.csv"))
 
 
