@@ -95,8 +95,9 @@ def find_design(name_or_file):
     if path.suffix == ".toml":
         return _from_job(path)
     if path.suffix.lower() in (".step", ".stp"):
-        from cuspline.brep import read_step
-        read_step(path)
+        from cuspline import brep
+        brep.refuse_unreadable(path)
+        brep.read_step(path)
         raise InputError(f"{path} is a STEP part: write a job file (TOML) that names it with its faces, finish, "
                          "stock and setups, and build that")
     raise InputError(f"{path}: a design is a .py file, or a .toml job for a STEP part")
@@ -147,9 +148,11 @@ def _from_job(path):
     job = checked(_Job, toml_of(path, "job file"), f"job file {path}")
 
     def make(parameters):
-        from cuspline.brep import read_step
+        from cuspline import brep
+        step = path.parent / job.step
+        brep.refuse_unreadable(step)
         return Design(name=path.stem, description=job.description or f"STEP part {job.step}", parameters=parameters,
-                      solid=read_step(path.parent / job.step), predicates=job.faces, material=job.material,
+                      solid=brep.read_step(step), predicates=job.faces, material=job.material,
                       stock=job.stock, finish=job.finish, setups=job.setups)
 
     return DesignSource(name=path.stem, path=path, parameters=_NoParameters, make=make)

@@ -10,6 +10,7 @@ import shlex
 import sys
 import traceback
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -90,6 +91,7 @@ def verify(
         measured: Annotated[Optional[Path], typer.Option(
             help="markers (CSV): judge the programs as they stand on a part that lies as measured here")] = None):
     """Judge posted files on disk again, against the STEP beside them."""
+    from cuspline import brep
     from cuspline.job import read_job
     from cuspline.judge import judge
     from cuspline.refixturing import read_measured
@@ -106,6 +108,7 @@ def verify(
                 raise InputError(f"{folder / only} is no program of {job.design}; there are "
                                  + ", ".join(name for p in job.posted for name in p.files))
             job = job.model_copy(update={"posted": kept})
+        brep.refuse_unreadable(folder / job.step)
         with kept_until_done(folder) as kept:
             judged = judge(folder, job, _say, kept=kept)
         refused = judged.refused(job.accepted)
@@ -286,7 +289,7 @@ def run(arguments):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")       # a name of a file may be no text
     try:
-        code = app(list(arguments), prog_name="cuspline", standalone_mode=False)
+        code = _command().main(list(arguments), prog_name="cuspline", standalone_mode=False) or 0
         sys.stdout.flush()
         if code == INTERRUPTED:                                 # typer's answer to Ctrl-C
             raise KeyboardInterrupt
@@ -300,6 +303,11 @@ def run(arguments):
             print(f"cuspline: {WORDS_OF_AN_INTERRUPTION}", file=sys.stderr)
             code = INTERRUPTED
     return code
+
+
+@cache
+def _command():
+    return typer.main.get_command(app)
 
 
 def _told(error):
