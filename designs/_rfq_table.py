@@ -103,14 +103,24 @@ def read_table(path):
     return CellTable(name=path.name, cells=tuple(c for c in cells if c.length_mm > 0), halves=_halves(rows))
 
 
+def _number(text):
+    """A text's number, None where it is none or beyond all measure."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if abs(value) <= LARGEST else None
+
+
 def _halves(rows):
     """{column: half a unit of its last digit}; programs that print drop zeros, so the column's finest counts."""
     found = {}
     for row in rows:
         scale = {**dict.fromkeys(LENGTHS, UNIT_MM[row["_unit"]]), **row["_scales"]}
         for column, text in row.items():
-            if not column.startswith("_") and re.fullmatch(r"[-+.0-9eE]+", text or "") and column != "cell":
-                half = 0.5 * 10.0 ** Decimal(text).as_tuple().exponent * scale.get(column, 1.0)
+            value = None if column == "cell" or column.startswith("_") else _number(text or "")
+            if value is not None:
+                half = 0.5 * 10.0 ** Decimal(f"{value:.12g}").as_tuple().exponent * scale.get(column, 1.0)
                 found[column] = min(found.get(column, half), half)
     return found
 
@@ -189,29 +199,25 @@ def _cell(row):
         raise InputError(f"{shortened(row['cell'])} is no cell: a number, and behind it nothing or one of "
                          + ", ".join(k for k in KINDS if k))
     faults = []
-    number, kind = int(found[1]), KINDS[found[2]]
+    cell, kind = int(found[1]), KINDS[found[2]]
 
     def value(column, is_needed=False):
         text = (row.get(column) or "").strip()
         if not text and not is_needed:
             return None
-        try:
-            value = float(text)
-        except ValueError:
-            value = np.nan
-        if abs(value) <= LARGEST:
-            return value
-        faults.append(f"column {column} holds {shortened(text)}, a number is needed")
-        return None
+        number = _number(text)
+        if number is None:
+            faults.append(f"column {column} holds {shortened(text)}, a number is needed")
+        return number
 
     scale = UNIT_MM[row["_unit"]]
-    length = value("L", number > 0) or 0.0
-    aperture = value("a", number > 0 and kind != "fringe")
-    modulation = value("m", kind == "accelerating" and number > 0) or 1.0
+    length = value("L", cell > 0) or 0.0
+    aperture = value("a", cell > 0 and kind != "fringe")
+    modulation = value("m", kind == "accelerating" and cell > 0) or 1.0
     end = value("Z")
     scaled = {c: None if (v := value(c)) is None else v * row["_scales"].get(c, 1.0) for c in ("Wsyn", "V", "Phi")}
     more = {"a10": value("A10"), "a01": value("A0"), "focusing": value("B")}
-    if not faults and number > 0 and length <= 0:
+    if not faults and cell > 0 and length <= 0:
         faults.append(f"its length is {length:g}, it must be above 0")
     if aperture is not None and aperture <= 0:
         faults.append(f"its aperture is {aperture:g}, it must be above 0")
@@ -220,8 +226,8 @@ def _cell(row):
     if scaled["Wsyn"] is not None and scaled["Wsyn"] <= 0:
         faults.append(f"its energy Wsyn is {scaled['Wsyn']:g} MeV, it must be above 0")
     if faults:
-        raise InputError(f"cell {number}: " + ", ".join(faults))
-    return Cell(number=number, kind=kind, aperture_mm=(aperture or 0.0) * scale, modulation=modulation,
+        raise InputError(f"cell {cell}: " + ", ".join(faults))
+    return Cell(number=cell, kind=kind, aperture_mm=(aperture or 0.0) * scale, modulation=modulation,
                 length_mm=length * scale, energy_mev=scaled["Wsyn"], voltage_kv=scaled["V"], phase_deg=scaled["Phi"],
                 end_mm=None if end is None else end * scale, **more)
 

@@ -32,7 +32,8 @@ DATA = Path(__file__).parent / "data"
 TABLES = {"isodar_32p8": DATA / "rfq_isodar_32p8MHz_cells.csv"}
 PANEL_CELLS = 6             # faces are split every so many cells
 CLEARED_MM = 20.0           # beyond its stretch a clamping's tools clear so far: room for the finishing ball
-FLANK_MARGIN_MM = 2.0       # of the body's side that stays below the lowest foot of the flanks, above the jaws
+LARGEST_BALL_MM = 16.0      # diameter of the largest ball that the tool library may finish with
+FLANK_MARGIN_MM = 2.0       # that stay free between the ball that finishes the flanks' foot and the jaws
 
 # what a preset gives in place of the defaults; a parameter that is given stands before it
 PRESETS = {
@@ -144,12 +145,8 @@ def design(p: RfqVane) -> Design:
     line, other = line_of(p), line_of(p, "y" if p.vane == "x" else "x")
     refuse_impossible(line, other, p.thickness_mm / 2, p.flank_deg, p.axis_height_mm)
     tip = tip_of(p, line)
-    if tip.foot_z_mm < p.grip_mm + FLANK_MARGIN_MM:
-        low = line.cell_at(tip.range_mm[0])
-        raise DesignError(f"the flanks come down to {tip.foot_z_mm:.2f} mm above the base, the jaws reach up to "
-                          f"{p.grip_mm:g} mm and need {FLANK_MARGIN_MM:g} mm less than that (deepest near {low}): "
-                          "raise axis_height_mm or flank_deg, lower grip_mm, thickness_mm or entry_aperture_mm")
     _refuse_ball(p, line, tip)
+    _refuse_jaws(p, line, tip)
     half, (start, end) = p.thickness_mm / 2, tip.range_mm
     spans = clampings(start, end, p.bed_travel_mm, p.overlap_mm)
     top = float(tip.crest_z_mm(np.linspace(start, end, LOOKS_A_VANE)).max())
@@ -176,6 +173,27 @@ def _setup(p, spans, k):
         reach_x_mm=(spans[k][0] - CLEARED_MM, spans[k][1] + CLEARED_MM) if len(spans) > 1 else None,
         markers=markers(spans[k], p.thickness_mm / 2, p.grip_mm),
         wcs_in_words=f"{zero}, Y0 in the mid-plane, Z0 on the base")
+
+
+def _refuse_jaws(p, line, tip):
+    """A ball that finishes the flanks down to their foot stands lower than it touches, beside the body, over the jaws.
+
+    Its tip is lower than the contact by R (1 - n_z), n_z = sin f / sqrt(1 + y'^2 sin^2 f), f the flanks' angle from the
+    vertical and y' the crest's slope along the vane: most where a vane opens steeply towards the wall.
+    """
+    x = np.linspace(*tip.range_mm, LOOKS_A_VANE)
+    slopes = np.abs(np.diff(tip.crest_z_mm(x)) / np.diff(x))
+    steep, sine = int(slopes.argmax()), np.sin(np.radians(p.flank_deg))
+    hollow = min(radius for radius, _ in tip.tightest_hollows())
+    radius = p.ball_mm / 2 if p.ball_mm else min(LARGEST_BALL_MM / 2, hollow)
+    drop = 0.0 if p.cutter == "side" else radius * (1 - sine / np.sqrt(1 + (slopes[steep] * sine) ** 2))
+    lowest = tip.foot_z_mm - drop
+    if lowest < p.grip_mm + FLANK_MARGIN_MM:
+        ball = f", a ball of {2 * radius:g} mm that finishes them to {lowest:.2f} mm" if drop else ""
+        raise DesignError(f"the flanks come down to {tip.foot_z_mm:.2f} mm above the base{ball}; the jaws reach up to "
+                          f"{p.grip_mm:g} mm and need {FLANK_MARGIN_MM:g} mm less than that (steepest at "
+                          f"{line.cell_at(x[steep])}): raise axis_height_mm or flank_deg, lower grip_mm, thickness_mm, "
+                          "entry_aperture_mm or ball_mm")
 
 
 def _refuse_ball(p, line, tip):
