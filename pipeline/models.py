@@ -51,12 +51,15 @@ def complaints(error, model=None):
 
 def shortened(value):
     """A value as a message shows it."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):        # nested too deep, or an integer of too many digits
+        text = f"{type(value).__name__} too large to show"
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
 
 
 def _complaint(found, model):
-    where, kind = ".".join(map(str, found["loc"])), found["type"]
+    where, kind = ".".join(str(step)[:SHOWN] for step in found["loc"]), found["type"]
     if kind == "extra_forbidden":
         return f"{where}: there is no such key{_nearest(str(found['loc'][-1]), _model_at(model, found['loc'][:-1]))}"
     if kind == "missing":
