@@ -4,8 +4,8 @@ Every input is made from a sound one and a seed, and handed to `cli.run` in a wo
 memory.  Right is exit code 0, 1 or 2 with at most one message; a traceback, an internal fault (3), a worker that dies
 or hangs, and memory that runs out are failures, told with the seed that makes the same input again:
 
-    python bench/fuzz.py [inputs [seed]]          a table of all formats, failures below it
-    python bench/fuzz.py FORMAT SEED NUMBER       one input, shown, run and answered
+    python bench/fuzz.py [inputs [seed [format ...]]]     a line a format, failures below them
+    python bench/fuzz.py one FORMAT SEED NUMBER           one input, shown, run and answered
 
 Stages stop where planning would begin: what is fuzzed is what reads, checks and refuses.
 """
@@ -166,12 +166,12 @@ def _virtual_bytes():
     return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 
 
-def all_outcomes(inputs, seed, say=lambda text: None):
-    """Outcome of every format, the inputs shared out by their weights."""
+def all_outcomes(inputs, seed, say=lambda text: None, only=()):
+    """Outcome of every format, or only of some, the inputs shared out by the weights of all."""
     with fuzz_inputs.sound_files() as files:
         cases = fuzz_inputs.cases(files)
         whole = sum(c.weight for c in cases)
-        rows = []
+        rows, cases = [], [c for c in cases if not only or c.name in only]
         for case in cases:          # what is imported here, no worker imports anew
             with tempfile.TemporaryDirectory() as folder:
                 answered(case, seed, 0, Path(folder))
@@ -203,18 +203,19 @@ def measure():
 
 
 def main(arguments):
-    if len(arguments) == 3:
+    if arguments[:1] == ["one"]:
+        _, name, seed, number = arguments
         with fuzz_inputs.sound_files() as files, tempfile.TemporaryDirectory() as folder:
-            case = next(c for c in fuzz_inputs.cases(files) if c.name == arguments[0])
-            print("arguments:", case.write(random.Random(f"{arguments[1]} {case.name} {arguments[2]}"), Path(folder)))
+            case = next(c for c in fuzz_inputs.cases(files) if c.name == name)
+            print("arguments:", case.write(random.Random(f"{seed} {name} {number}"), Path(folder)))
             for path in sorted(Path(folder).iterdir()):
                 print(f"--- {path.name}\n{path.read_bytes()[:4000]!r}" if path.is_file() else f"--- {path.name}/")
             shutil.rmtree(folder)
             Path(folder).mkdir()
-            print(answered(case, int(arguments[1]), int(arguments[2]), Path(folder)))
+            print(answered(case, int(seed), int(number), Path(folder)))
         return
     rows = all_outcomes(int(arguments[0]) if arguments else INPUTS, int(arguments[1]) if arguments[1:] else SEED,
-                        lambda text: print(text, flush=True))
+                        lambda text: print(text, flush=True), arguments[2:])
     for f in [f for r in rows for f in r.failures][:TOLD * len(rows)]:
         print(f"FAILED {f.format} {f.seed} {f.number}: {f.what}")
 

@@ -1,5 +1,6 @@
 """How a sound input is spoilt: bytes, words, lines, and the nodes of a document."""
 
+import copy
 import json
 
 NUMBERS = ("nan", "inf", "-inf", "NaN", "Infinity", "-Infinity", "0", "-0.0", "-1", "1e-300", "1e308", "1e999", "-1e999",
@@ -125,7 +126,7 @@ def _spoil(chance, holder):
     inside, key = chance.choice(nodes)
     kind = chance.randrange(6)
     if kind <= 2:
-        inside[key] = chance.choice(SCALARS)
+        inside[key] = copy.deepcopy(chance.choice(SCALARS))
     elif kind == 3 and inside is not holder:
         del inside[key]
     elif kind == 4 and isinstance(inside, dict):

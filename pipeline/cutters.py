@@ -58,7 +58,7 @@ class Cutter(Model):
     type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "side", "apt"]
     diameter_mm: float = Field(gt=0)
     corner_radius_mm: float = Field(ge=0, description="0 flat, diameter/2 ball")
-    flutes: int = Field(ge=1)
+    flutes: int = Field(ge=1, le=100)
     flute_length_mm: float = Field(gt=0)
     neck_diameter_mm: float = Field(gt=0)
     reach_mm: float = Field(gt=0, description="tip to where the neck ends and the shank begins")
@@ -324,6 +324,6 @@ def library_from_json(path):
     document = json_of(path, "tool library")
     try:
         in_millimetres = in_mm(document)
-    except (ValueError, RecursionError) as error:
+    except (ValueError, OverflowError, RecursionError) as error:
         raise InputError(f"tool library {path}: {complaints(error)}") from None
     return checked(ToolLibrary, in_millimetres, f"tool library {path}")

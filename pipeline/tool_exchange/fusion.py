@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from cuspline.cutters import Holder
 from cuspline.errors import InputError
 from cuspline.input_files import LARGEST_BYTES, json_of, parsed_json
-from cuspline.models import complaints
+from cuspline.models import complaints, shortened
 from cuspline.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
 
 UNITS_MM = {"millimeters": 1.0, "inches": 25.4}
@@ -149,7 +149,7 @@ def _segments(fields, mm, *path):
     try:
         rows = [{name: float(row[key]) * mm for name, key in zip(
             ("height_mm", "lower_diameter_mm", "upper_diameter_mm"), SEGMENT)} for row in rows]
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise SkippedTool(f"{'.'.join(path)} must be a list of {', '.join(SEGMENT)}") from None
     return [row for row in rows if row["height_mm"] > 0]
 
@@ -157,8 +157,8 @@ def _segments(fields, mm, *path):
 def _holder(fields, tool_mm):
     """The Holder up to its gauge line, or None."""
     unit = fields.get("holder", "unit")
-    if unit is not None and unit not in UNITS_MM:
-        raise SkippedTool(f"holder.unit is {unit!r}; known are {', '.join(UNITS_MM)}")
+    if unit is not None and (not isinstance(unit, str) or unit not in UNITS_MM):
+        raise SkippedTool(f"holder.unit is {shortened(unit)}; known are {', '.join(UNITS_MM)}")
     mm = tool_mm if unit is None else UNITS_MM[unit]
     segments = _segments(fields, mm, "holder", "segments")
     if not segments:
