@@ -3,7 +3,8 @@
 # Set-up needs python3 (3.11 or later, with venv) and GNU make 3.81 or later, nothing else.
 # One target a design: outputs/<design>/manifest.json, the last file that `cuspline build` puts in place.
 # With PARAMS the outputs go to a folder of their own, outputs/<design>-<name>=<value>..., so the
-# defaults are never overwritten.  docs/decisions/make.md gives the reasons.
+# defaults are never overwritten; a value with spaces is quoted once more: PARAMS='table="my cells.csv"'.
+# docs/decisions/make.md gives the reasons.
 
 SHELL := /bin/sh
 MAKEFLAGS += --no-builtin-rules
@@ -24,13 +25,20 @@ KERNELS := $(shell grep -rlE 'njit|numba' pipeline --include='*.py')
 
 nothing :=
 space := $(nothing) $(nothing)
-VARIANT := $(if $(PARAMS),-$(subst $(space),-,$(subst /,_,$(sort $(PARAMS)))))
+# the text of PARAMS as it was given, and as one word of a shell's; a folder cannot be called by all of what may stand
+# in it: other characters become _, and a checksum keeps two of them apart
+export CUSPLINE_PARAMS := $(value PARAMS)
+WORD := '$(subst ','\'',$(CUSPLINE_PARAMS))'
+ODD := $(shell printf %s $(WORD) | LC_ALL=C tr -d 'A-Za-z0-9_.=+, -')
+ODD_NAME = $(shell printf %s $(WORD) | LC_ALL=C tr -cs 'A-Za-z0-9_.=+,-' _ | cut -c1-60)
+NAME = $(subst $(space),-,$(sort $(CUSPLINE_PARAMS)))
+VARIANT := $(if $(strip $(CUSPLINE_PARAMS)),-$(if $(ODD),$(ODD_NAME)-$(firstword $(shell printf %s $(WORD) | cksum)),$(NAME)))
 PUBLISHED := $(DESIGNS:%=outputs/%$(VARIANT)/manifest.json)
 STEPS := $(DESIGNS:%=outputs/%$(VARIANT)-step/manifest.json)
 
-ifneq ($(strip $(PARAMS)),)
+ifneq ($(strip $(CUSPLINE_PARAMS)),)
 ifeq ($(filter $(DESIGNS),$(MAKECMDGOALS)),)
-$(error PARAMS belong to one design: make $(firstword $(DESIGNS)) PARAMS="$(PARAMS)")
+$(error PARAMS belong to one design: make $(firstword $(DESIGNS)) PARAMS='name=value name="a value"')
 endif
 endif
 
@@ -129,7 +137,7 @@ endif
 define build
 @mkdir -p outputs/.made
 @: > 'outputs/.made/$(@:outputs/%/manifest.json=%).json'
-$(BIN)/cuspline build $(1) $(foreach p,$(PARAMS),-p '$(p)') --out '$(@D)' $(2)
+$(BIN)/cuspline build $(1) --params "$$CUSPLINE_PARAMS" --out '$(@D)' $(2)
 @touch -r 'outputs/.made/$(@:outputs/%/manifest.json=%).json' '$@'
 @cp -p '$@' 'outputs/.made/$(@:outputs/%/manifest.json=%).json'
 endef

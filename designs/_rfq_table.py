@@ -1,12 +1,12 @@
 """Cell tables of RFQs: a CSV with units in its header, PARMTEQM's output text, or cells reckoned from a law.
 
-What a table can contradict itself in is looked at here: cells that overlap, lengths and apertures in another unit
-than the header says, values out of their range.  Every refusal names the cell.
+What a row can be wrong in by itself is looked at here, and cells that overlap; what columns say of each other in
+_rfq_checks.  Every refusal names the cell.
 """
 
-import csv
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +15,20 @@ from scipy.constants import c as LIGHT_M_PER_S, physical_constants
 from cuspline import fixed_math as fixed
 from cuspline.designs._rfq_potential import aperture_of_r0_mm, thin_matcher_mm
 from cuspline.errors import DesignError, InputError
+from cuspline.input_files import csv_rows, text_of
+from cuspline.models import shortened
 
 AMU_MEV = physical_constants["atomic mass constant energy equivalent in MeV"][0]
 UNIT_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+LENGTHS = ("a", "L", "Z")
+# units of the other columns, as factors on the first of each
+UNITS = {"V": {"kV": 1.0, "V": 1e-3, "MV": 1e3}, "Wsyn": {"MeV": 1.0, "keV": 1e-3, "eV": 1e-6}, "Phi": {"deg": 1.0}}
+LARGEST = 1e9                   # of any value
+MOST_CELLS = 5000               # no RFQ has so many
+TOLD_FAULTS = 6                 # that a message names
 KINDS = {"": "accelerating", "R": "matching", "T": "transition", "M": "straight", "F": "fringe"}
 ORDER = ("matching", "accelerating", "transition", "straight", "fringe")      # in which they follow the beam
 PLACE_ROUNDING_MM, PLACE_SHARE = 0.11, 0.006    # PARMTEQM prints Z to 0.01 cm: of a cell of some centimetres that much
-SPEED_SHARE = 0.5               # a cell's length off half the way of its particle by more: another unit
 # columns of PARMTEQM's table behind the cell's number
 PARMTEQM_COLUMNS = ("V", "Wsyn", "Sig0T", "Sig0L", "A10", "Phi", "a", "m", "B", "L", "Z", "A0", "RFdef", "Oct", "A1")
 
@@ -36,6 +43,9 @@ class Cell:
     modulation: float           # m
     length_mm: float            # L
     energy_mev: float | None = None     # of the synchronous particle at its end
+    voltage_kv: float | None = None     # between vanes
+    phase_deg: float | None = None      # synchronous
+    focusing: float | None = None       # B
     end_mm: float | None = None         # Z as the table says it, from the wall where the beam enters
     a10: float | None = None            # acceleration term as the table says it (circular tips' multipole)
     a01: float | None = None            # quadrupole term, likewise
@@ -47,6 +57,11 @@ class CellTable:
 
     name: str
     cells: tuple[Cell, ...]
+    halves: dict = field(default_factory=dict)      # column -> half a unit of its last printed digit, mm, MeV, ...
+
+    def half(self, column):
+        """How far a column's values may be off by having been printed; 0 where that is not known."""
+        return self.halves.get(column, 0.0)
 
     def __post_init__(self):
         kinds = [c.kind for c in self.cells]
@@ -72,14 +87,43 @@ def read_table(path):
         InputError: missing file, no table in it, a value that cannot be; names the cell.
     """
     path = Path(path)
-    try:
-        text = path.read_text(errors="replace")
-    except OSError as error:
-        raise InputError(f"cell table {path} cannot be read ({error.strerror})") from None
+    text = text_of(path, "cell table")
     rows = _parmteqm_rows(path.name, text) if _is_parmteqm(text) else _csv_rows(path.name, text)
-    cells = [_cell(path.name, row) for row in rows]
+    if len(rows) > MOST_CELLS:
+        raise InputError(f"{path.name}: it has {len(rows)} rows, and no RFQ more than {MOST_CELLS} cells")
+    cells, faults = [], []
+    for row in rows:
+        try:
+            cells.append(_cell(row))
+        except InputError as error:
+            faults.append(str(error))
+    if faults:
+        more = f"; and {len(faults) - TOLD_FAULTS} more" if len(faults) > TOLD_FAULTS else ""
+        raise InputError(f"{path.name}, " + "; ".join(faults[:TOLD_FAULTS]) + more)
     _refuse_gaps(path.name, cells)
-    return CellTable(name=path.name, cells=tuple(c for c in cells if c.length_mm > 0))
+    return CellTable(name=path.name, cells=tuple(c for c in cells if c.length_mm > 0), halves=_halves(rows))
+
+
+def _number(text):
+    """A text's number, None where it is none or beyond all measure."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if abs(value) <= LARGEST else None
+
+
+def _halves(rows):
+    """{column: half a unit of its last digit}; programs that print drop zeros, so the column's finest counts."""
+    found = {}
+    for row in rows:
+        scale = {**dict.fromkeys(LENGTHS, UNIT_MM[row["_unit"]]), **row["_scales"]}
+        for column, text in row.items():
+            value = None if column == "cell" or column.startswith("_") else _number(text or "")
+            if value is not None:
+                half = float(Decimal(5).scaleb(Decimal(f"{value:.12g}").as_tuple().exponent - 1)) * scale.get(column, 1.0)
+                found[column] = min(found.get(column, half), half)
+    return found
 
 
 def _is_parmteqm(text):
@@ -100,7 +144,7 @@ def _parmteqm_rows(name, text):
         if not found:
             continue
         number, letter, values = int(found[1]), found[2], found[3].split()
-        row = {"cell": f"{number}{letter}", "_unit": "cm"}
+        row = {"cell": f"{number}{letter}", "_unit": "cm", "_scales": {}}
         if letter == "F":                           # V, phase advance, A10, m, L, Z: it has no aperture
             row |= dict(zip(("V", "m", "L", "Z"), (values[0], *values[-3:])))
         else:
@@ -116,56 +160,77 @@ def _parmteqm_rows(name, text):
 
 def _csv_rows(name, text):
     """[{column without unit: text}] of a CSV; `_unit` is that of a, L and Z."""
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    reader = csv.reader(lines)
-    header = next(reader, [])
+    (_, header), *rest = csv_rows(text, name) or [(0, [])]
     columns = [re.match(r"([^\[]*)(?:\[(.*)\])?$", h.strip()) for h in header]
     names = [c[1].strip() if c else "" for c in columns]
     units = {c[1].strip(): c[2] for c in columns if c}
+    twice = sorted({n for n in names if n and names.count(n) > 1})
+    if twice:
+        raise InputError(f"{name}: the table has two columns {twice[0]!r}; keep one")
     missing = [c for c in ("cell", "a", "m", "L") if c not in names]
     if missing:
         raise InputError(f"{name}: the table has no column {missing[0]!r}; it needs cell, a, m and L, with units as "
                          "a[cm] or a[mm]")
-    given = {units[c] for c in ("a", "L", "Z") if c in units}
+    given = {units[c] for c in LENGTHS if c in units}
     if len(given) != 1 or None in given or not given <= set(UNIT_MM):
         raise InputError(f"{name}: the columns a, L and Z must all carry one unit, one of {', '.join(UNIT_MM)}, as in "
                          f"a[cm]; the header says {', '.join(sorted(map(str, given)))}")
-    return [{**dict(zip(names, values)), "_unit": next(iter(given))} for values in reader]
+    scales = {}
+    for column, known in UNITS.items():
+        if units.get(column) not in (None, *known):
+            raise InputError(f"{name}: column {column} is in {units[column]!r}; it can be in {', '.join(known)}")
+        scales[column] = known.get(units.get(column), 1.0)
+    for line, values in rest:
+        if len(values) > len(names) and any(v.strip() for v in values[len(names):]):
+            raise InputError(f"{name}, line {line}: it has {len(values)} fields, the header names {len(names)} columns")
+    return [{**dict(zip(names, values)), "_unit": next(iter(given)), "_scales": scales} for _, values in rest]
 
 
 # cells ---------------------------------------------------------------------------------------------
 
 
-def _cell(name, row):
-    found = re.match(r"(\d+)([A-Z]?)$", row["cell"].strip())
+def _cell(row):
+    """The Cell of a row.
+
+    Raises:
+        InputError: begins with the cell; every fault of the row is in it.
+    """
+    found = re.fullmatch(r"([0-9]{1,6})([A-Z]?)", (row["cell"] or "").strip())
     if not found or found[2] not in KINDS:
-        raise InputError(f"{name}: {row['cell']!r} is no cell: a number, and behind it nothing or one of "
+        raise InputError(f"{shortened(row['cell'])} is no cell: a number, and behind it nothing or one of "
                          + ", ".join(k for k in KINDS if k))
-    number, kind = int(found[1]), KINDS[found[2]]
+    faults = []
+    cell, kind = int(found[1]), KINDS[found[2]]
 
     def value(column, is_needed=False):
         text = (row.get(column) or "").strip()
         if not text and not is_needed:
             return None
-        try:
-            return float(text)
-        except ValueError:
-            raise InputError(f"{name}, cell {number}: column {column} holds {text!r}, a number is needed") from None
+        number = _number(text)
+        if number is None:
+            faults.append(f"column {column} holds {shortened(text)}, a number is needed")
+        return number
 
     scale = UNIT_MM[row["_unit"]]
-    length = value("L", number > 0) or 0.0
-    aperture = value("a", number > 0 and kind != "fringe")
-    modulation = value("m", kind == "accelerating" and number > 0) or 1.0
+    length = value("L", cell > 0) or 0.0
+    aperture = value("a", cell > 0 and kind != "fringe")
+    modulation = value("m", kind == "accelerating" and cell > 0) or 1.0
     end = value("Z")
-    if number > 0 and length <= 0:
-        raise InputError(f"{name}, cell {number}: its length is {length:g}, it must be above 0")
+    scaled = {c: None if (v := value(c)) is None else v * row["_scales"].get(c, 1.0) for c in ("Wsyn", "V", "Phi")}
+    more = {"a10": value("A10"), "a01": value("A0"), "focusing": value("B")}
+    if not faults and cell > 0 and length <= 0:
+        faults.append(f"its length is {length:g}, it must be above 0")
     if aperture is not None and aperture <= 0:
-        raise InputError(f"{name}, cell {number}: its aperture is {aperture:g}, it must be above 0")
+        faults.append(f"its aperture is {aperture:g}, it must be above 0")
     if modulation < 1:
-        raise InputError(f"{name}, cell {number}: its modulation is {modulation:g}, it is 1 or above")
-    return Cell(number=number, kind=kind, aperture_mm=(aperture or 0.0) * scale, modulation=modulation,
-                length_mm=length * scale, energy_mev=value("Wsyn"), end_mm=None if end is None else end * scale,
-                a10=value("A10"), a01=value("A0"))
+        faults.append(f"its modulation is {modulation:g}, it is 1 or above")
+    if scaled["Wsyn"] is not None and scaled["Wsyn"] <= 0:
+        faults.append(f"its energy Wsyn is {scaled['Wsyn']:g} MeV, it must be above 0")
+    if faults:
+        raise InputError(f"cell {cell}: " + ", ".join(faults))
+    return Cell(number=cell, kind=kind, aperture_mm=(aperture or 0.0) * scale, modulation=modulation,
+                length_mm=length * scale, energy_mev=scaled["Wsyn"], voltage_kv=scaled["V"], phase_deg=scaled["Phi"],
+                end_mm=None if end is None else end * scale, **more)
 
 
 def _refuse_gaps(name, cells):
@@ -191,26 +256,6 @@ def half_wave_mm(energy_mev, mass_amu, frequency_mhz):
     rest = mass_amu * AMU_MEV
     gamma = 1.0 + energy_mev / rest
     return np.sqrt(1.0 - 1.0 / gamma ** 2) * LIGHT_M_PER_S / (2.0 * frequency_mhz * 1e6) * 1e3
-
-
-def refuse_wrong_units(table, mass_amu, frequency_mhz):
-    """Compare every accelerating cell's length with half the way of its particle in an RF period.
-
-    Raises:
-        InputError: it is off by so much that the table must be in another unit, or for another ion or frequency.
-    """
-    for cell in table.of_kind("accelerating"):
-        if cell.energy_mev is None:
-            continue
-        wanted = half_wave_mm(cell.energy_mev, mass_amu, frequency_mhz)
-        ratio = cell.length_mm / wanted
-        if abs(ratio - 1.0) > SPEED_SHARE:
-            unit = next((f"the table's lengths look 10 times {word}: its header may say cm for mm, or mm for cm"
-                         for word, f in (("too large", 10.0), ("too small", 0.1))
-                         if abs(ratio / f - 1.0) <= SPEED_SHARE), "check frequency_mhz, ion_mass_amu and units")
-            raise InputError(
-                f"{table.name}, cell {cell.number}: it is {cell.length_mm:.4g} mm long, but at {cell.energy_mev:g} MeV "
-                f"{mass_amu:g} amu go {wanted:.4g} mm in half a period of {frequency_mhz:g} MHz; {unit}")
 
 
 # a law ---------------------------------------------------------------------------------------------

@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 from typing import Callable
 
 import numpy as np
+from scipy.optimize import brentq
 
 from cuspline import fixed_math as fixed
-from cuspline.surfaces.spline_interpolation import interpolated
+from cuspline import fixed_math as fixed
+from cuspline.surfaces.spline_interpolation import interpolated, natural
 from cuspline.designs._rfq_eight_term import EightTerm
 from cuspline.designs._rfq_potential import (
     MATCHING_ROOT, Transition, TwoTerm, equipotential_matcher_mm, thin_matcher_mm)
@@ -30,6 +32,11 @@ FIT_ROUNDS = 5                  # doublings of a segment's spans
 LOOKS_A_SPAN = 12               # between two knots, at which the fit is measured
 LOOKS_A_VANE = 20001            # at which a vane is asked for what cannot be: 65 um apart on 1.3 m
 LEAST_VANE_MM = 1.0             # a shorter one is a slip of from_mm and to_mm
+MATCHING = "matching section"
+THIN_POWER = 1.5                # of the sine in the thin-vane formula
+LEAST_SHARE = 1e-3              # of the matching section's length: no vane stands nearer to the wall
+FALLS_AT = 2001                 # places at which a matching section is asked whether it falls
+ROUNDING_SHARE = 1e-9           # of an aperture: what arithmetic leaves
 MUCH_LONGER = 1.5               # than its neighbour: then the blend reaches only as far as the neighbour's
 DIFFERENCE = 1 / 400            # of a segment: step of the differences that give slope and bend at its ends
 
@@ -167,9 +174,12 @@ def tip_line(table, *, vane, law, matcher, radius_of, entry_aperture_mm, from_mm
     if matching:
         place = sum(c.length_mm for c in matching)
         r0 = matching[-1].aperture_mm
-        segments.append(Segment(name="matching section", start_mm=0.0, length_mm=place, radius_mm=radius_of(r0),
-                                aperture_mm=_matcher(matcher, place, r0), spans=4 * SPANS_A_HALF_CELL))
-        first = _opening_mm(place, r0, entry_aperture_mm)
+        follows = matcher == "thin" and not follows_thin_formula(table)
+        aperture = through_apertures(table) if follows else _matcher(matcher, place, r0)
+        segments.append(Segment(name=MATCHING, start_mm=0.0, length_mm=place, radius_mm=radius_of(r0),
+                                aperture_mm=aperture, spans=4 * SPANS_A_HALF_CELL))
+        first = _opening_of(aperture, place, r0, entry_aperture_mm) if follows else _opening_mm(
+            place, r0, entry_aperture_mm)
     last = None
     for cell in table.cells:
         if cell.kind == "accelerating":
@@ -209,7 +219,7 @@ def _named(cell, make):
 
 def _matcher(kind, length_mm, r0_mm):
     """Aperture of the matching section; the thin-vane formula where the equipotential has no root."""
-    thin = lambda z: thin_matcher_mm(np.maximum(z, 1e-3 * length_mm), length_mm, r0_mm)
+    thin = lambda z: thin_matcher_mm(np.maximum(z, LEAST_SHARE * length_mm), length_mm, r0_mm)
     if kind == "thin":
         return thin
     # from the first root on the two are blended in their logarithms, over a sixth of the section
@@ -226,6 +236,69 @@ def _matcher(kind, length_mm, r0_mm):
         return thin(at) * fixed.exp(rise * spline(np.clip(at, z[0], z[-1])))
 
     return aperture
+
+
+def follows_thin_formula(table):
+    """Whether the matching cells' own apertures are the thin-vane formula's, within what the table's digits leave open."""
+    ends, apertures = _matching_ends(table)
+    length, r0 = ends[-1], apertures[-1]
+    angle = np.pi * ends / (2 * length)
+    slope = 1.5 * apertures * np.pi / (2 * length) * np.abs(fixed.cos(angle)) / fixed.sin(angle)
+    printed = 2 * table.half("a") + slope * 2 * table.half("L") * np.arange(1, len(ends) + 1)
+    return bool((np.abs(apertures - thin_matcher_mm(ends, length, r0)) <= printed + ROUNDING_SHARE * apertures).all())
+
+
+def _matching_ends(table):
+    """((n,) ends, (n,) apertures there) of the matching cells."""
+    cells = table.of_kind("matching")
+    return np.cumsum([c.length_mm for c in cells]), np.array([c.aperture_mm for c in cells])
+
+
+def through_apertures(table):
+    """Function z (n,) -> aperture (n,) through the matching cells' own apertures at their ends.
+
+        a = r0 / sin(pi z / 2 L)^p
+
+    with p a natural spline of ln sin through the values that the table asks for: constant where it follows a power,
+    1.5 for the thin-vane formula.  Level at the end, as the cells behind go on.
+
+    Raises:
+        DesignError: an aperture that does not lie below the one before and above r0, or between two of which the line
+            would not fall; names the cell.
+    """
+    cells = table.of_kind("matching")
+    ends, apertures = _matching_ends(table)
+    length, r0 = float(ends[-1]), float(apertures[-1])
+    for before, cell in zip(cells, cells[1:]):
+        if not cell.aperture_mm < before.aperture_mm:
+            raise DesignError(f"{table.name}, cell {cell.number}: its aperture {cell.aperture_mm:.4f} mm is not below the "
+                              f"{before.aperture_mm:.4f} mm of matching cell {before.number}: the section narrows towards "
+                              "the beam; correct column a")
+    depth = lambda z: fixed.log(fixed.sin(np.pi * np.clip(z, LEAST_SHARE * length, length) / (2 * length)))
+    at = depth(ends[:-1])
+    powers = -fixed.log(apertures[:-1] / r0) / at if len(at) else np.zeros(0)
+    if len(at) < 2:
+        power = lambda s: np.full_like(s, powers[0] if len(powers) else THIN_POWER)
+    else:
+        spline = natural(at, powers)
+        power = lambda s: spline(np.maximum(s, at[0]))      # nearer to the wall the first cell's power goes on
+    aperture = lambda z: r0 * fixed.exp(-depth(np.asarray(z, float)) * power(depth(np.asarray(z, float))))
+    z = length * np.linspace(LEAST_SHARE, 1.0, FALLS_AT)
+    rises = np.flatnonzero(np.diff(aperture(z)) > 0)
+    if len(rises):
+        cell = cells[int(np.searchsorted(ends, z[rises[0]]))]
+        raise DesignError(f"{table.name}, cell {cell.number}: no smooth line falls through its aperture "
+                          f"{cell.aperture_mm:.4f} mm and those of its neighbours; correct column a")
+    return aperture
+
+
+def _opening_of(aperture, length_mm, r0_mm, aperture_mm):
+    """Where a falling matching section has the given aperture; where it begins if it never is so wide."""
+    if aperture_mm <= r0_mm:
+        raise DesignError(f"entry_aperture_mm {aperture_mm:g} must exceed r0 = {r0_mm:.4f} mm")
+    wide = lambda z: float(aperture(np.array([z]))[0]) - aperture_mm
+    low = LEAST_SHARE * length_mm
+    return low if wide(low) <= 0 else float(brentq(wide, low, length_mm, xtol=1e-12))
 
 
 def _opening_mm(length_mm, r0_mm, aperture_mm):

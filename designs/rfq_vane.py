@@ -19,18 +19,22 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from cuspline import fixed_math as fixed
 from cuspline.design import Companion, Design, Finish, FixtureBox, Parameters, Setup, StockBox
+from cuspline.designs._rfq_checks import refuse_contradictions
 from cuspline.designs._rfq_clampings import WORK_OFFSETS, clampings, markers, predicates, splits
 from cuspline.designs._rfq_solid import quadrupole, vane_solid
-from cuspline.designs._rfq_table import CellLaw, read_table, refuse_wrong_units, table_of_law
-from cuspline.designs._rfq_tip_line import LOOKS_A_VANE, fitted_tip, refuse_impossible, tip_line
+from cuspline.designs._rfq_table import CellLaw, read_table, table_of_law
+from cuspline.designs._rfq_tip_line import (
+    LOOKS_A_VANE, fitted_tip, follows_thin_formula, refuse_impossible, tip_line)
 from cuspline.errors import DesignError
 
 DATA = Path(__file__).parent / "data"
 TABLES = {"isodar_32p8": DATA / "rfq_isodar_32p8MHz_cells.csv"}
 PANEL_CELLS = 6             # faces are split every so many cells
 CLEARED_MM = 20.0           # beyond its stretch a clamping's tools clear so far: room for the finishing ball
-FLANK_MARGIN_MM = 2.0       # of the body's side that stays below the lowest foot of the flanks, above the jaws
+LARGEST_BALL_MM = 16.0      # diameter of the largest ball that the tool library may finish with
+FLANK_MARGIN_MM = 2.0       # that stay free between the ball that finishes the flanks' foot and the jaws
 
 # what a preset gives in place of the defaults; a parameter that is given stands before it
 PRESETS = {
@@ -53,8 +57,8 @@ class RfqVane(Parameters):
     vane: Literal["x", "y"] = Field("x", description="x begins the first cell at its narrowest, y at its widest")
     law: Literal["two_term", "eight_term"] = Field("two_term", description="potential that the tip follows")
     matcher: Literal["thin", "equipotential"] = Field(
-        "thin", description="matching section: thin-vane formula (as PARMTEQM prints it), or its equipotential where "
-        "that has a root, the thin-vane formula nearer to the wall")
+        "thin", description="matching section: thin-vane formula (as PARMTEQM prints it; a table with other apertures is "
+        "followed), or its equipotential where that has a root, the thin-vane formula nearer to the wall")
     rho_mm: float = Field(7.2885, gt=0.1, le=30, description="transverse radius of the tip")
     rho_follows_r0: bool = Field(False, description="let the radius follow each cell's r0 instead, in the ratio it has "
                                  "to r0_mm")
@@ -103,14 +107,14 @@ class RfqVane(Parameters):
 
 
 def table_of(p):
-    """CellTable that the parameters name, its units checked against the ion's way."""
+    """CellTable that the parameters name, its columns held against each other and the ion."""
     if p.table == "law":
         return table_of_law(CellLaw(
             frequency_mhz=p.frequency_mhz, mass_amu=p.ion_mass_amu, charge=p.ion_charge, energy_mev=p.energy_in_mev,
             voltage_kv=p.voltage_kv, r0_mm=p.r0_mm, modulation_max=p.modulation_max, cells=p.cells,
             ramp_cells=p.ramp_cells, matching_cells=p.matching_cells, phase_deg=p.phase_deg))
     table = read_table(TABLES.get(p.table, p.table))
-    refuse_wrong_units(table, p.ion_mass_amu, p.frequency_mhz)
+    refuse_contradictions(table, p.ion_mass_amu, p.ion_charge, p.frequency_mhz)
     return table
 
 
@@ -142,12 +146,8 @@ def design(p: RfqVane) -> Design:
     line, other = line_of(p), line_of(p, "y" if p.vane == "x" else "x")
     refuse_impossible(line, other, p.thickness_mm / 2, p.flank_deg, p.axis_height_mm)
     tip = tip_of(p, line)
-    if tip.foot_z_mm < p.grip_mm + FLANK_MARGIN_MM:
-        low = line.cell_at(tip.range_mm[0])
-        raise DesignError(f"the flanks come down to {tip.foot_z_mm:.2f} mm above the base, the jaws reach up to "
-                          f"{p.grip_mm:g} mm and need {FLANK_MARGIN_MM:g} mm less than that (deepest near {low}): "
-                          "raise axis_height_mm or flank_deg, lower grip_mm, thickness_mm or entry_aperture_mm")
     _refuse_ball(p, line, tip)
+    _refuse_jaws(p, line, tip)
     half, (start, end) = p.thickness_mm / 2, tip.range_mm
     spans = clampings(start, end, p.bed_travel_mm, p.overlap_mm)
     top = float(tip.crest_z_mm(np.linspace(start, end, LOOKS_A_VANE)).max())
@@ -176,6 +176,27 @@ def _setup(p, spans, k):
         wcs_in_words=f"{zero}, Y0 in the mid-plane, Z0 on the base")
 
 
+def _refuse_jaws(p, line, tip):
+    """A ball that finishes the flanks down to their foot stands lower than it touches, beside the body, over the jaws.
+
+    Its tip is lower than the contact by R (1 - n_z), n_z = sin f / sqrt(1 + y'^2 sin^2 f), f the flanks' angle from the
+    vertical and y' the crest's slope along the vane: most where a vane opens steeply towards the wall.
+    """
+    x = np.linspace(*tip.range_mm, LOOKS_A_VANE)
+    slopes = np.abs(np.diff(tip.crest_z_mm(x)) / np.diff(x))
+    steep, sine = int(slopes.argmax()), fixed.sin(np.radians(p.flank_deg))
+    hollow = min(radius for radius, _ in tip.tightest_hollows())
+    radius = p.ball_mm / 2 if p.ball_mm else min(LARGEST_BALL_MM / 2, hollow)
+    drop = 0.0 if p.cutter == "side" else radius * (1 - sine / np.sqrt(1 + (slopes[steep] * sine) ** 2))
+    lowest = tip.foot_z_mm - drop
+    if lowest < p.grip_mm + FLANK_MARGIN_MM:
+        ball = f", a ball of {2 * radius:g} mm that finishes them to {lowest:.2f} mm" if drop else ""
+        raise DesignError(f"the flanks come down to {tip.foot_z_mm:.2f} mm above the base{ball}; the jaws reach up to "
+                          f"{p.grip_mm:g} mm and need {FLANK_MARGIN_MM:g} mm less than that (steepest at "
+                          f"{line.cell_at(x[steep])}): raise axis_height_mm or flank_deg, lower grip_mm, thickness_mm, "
+                          "entry_aperture_mm or ball_mm")
+
+
 def _refuse_ball(p, line, tip):
     """A ball that is asked for must be smaller than every hollow."""
     if not p.ball_mm:
@@ -193,8 +214,9 @@ def _description(p, line):
     said = (f"RFQ {p.vane} vane, {p.table}: {law} tip from Z {line.from_mm:.3f} to {line.to_mm:.3f} mm, joints "
             f"blended by at most {blend * 1e3:.0f} um ({where})")
     if line.cell_at(line.from_mm) == "matching section":
-        said += (", thin-vane matching section" if p.matcher == "thin" else
-                 ", matching section on its equipotential, by the thin-vane formula where that has no root")
+        said += (", matching section on its equipotential, by the thin-vane formula where that has no root"
+                 if p.matcher == "equipotential" else ", thin-vane matching section"
+                 if follows_thin_formula(table_of(p)) else ", matching section through the table's apertures")
     return said
 
 

@@ -34,7 +34,8 @@ from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
 from cuspline import fixed_math as fixed
 from cuspline.arrays import frozen
 from cuspline.errors import DesignError
-from cuspline.step_files import FaceMark, MarkedSolid, marks_of, read_step, write_step  # noqa: F401  (one door)
+from cuspline.step_files import (  # noqa: F401  (one door)
+    FaceMark, MarkedSolid, marks_of, read_step, refuse_unreadable, write_step)
 from cuspline.surfaces.fitting import fitted
 from cuspline.surfaces.nurbs import NurbsSurface, local_shape
 

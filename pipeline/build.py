@@ -22,10 +22,12 @@ from cuspline import brep, mending, mesh_quality, solids
 from cuspline.bundle import report_bundle, shape_of, view_of
 from cuspline.errors import InputError, PostError
 from cuspline.glb import write_glb
+from cuspline.interruption import held_off
 from cuspline.job import Job, PostedFile
 from cuspline.judge import figures_in_words, judge, post_module, posted_moves
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import plan_setup
+from cuspline.planning.preflight import refuse_impossible_setups
 from cuspline.report.page import write_report
 from cuspline.refixturing import refixturing_in_words
 from cuspline.report.pictures import render_shape
@@ -93,13 +95,15 @@ def build(order, say=lambda text: None):
     try:
         result = _made(order, work, say)
         target = order.out if result.is_ok else _rejected(order.out)
-        _swap_in(work, target)
-        if result.is_ok:
-            shutil.rmtree(_rejected(order.out), ignore_errors=True)
-            kept_beside(order.out).remove()
+        with held_off():
+            _swap_in(work, target)
+            if result.is_ok:
+                shutil.rmtree(_rejected(order.out), ignore_errors=True)
+                kept_beside(order.out).remove()
         return replace(result, folder=target)
     finally:
-        shutil.rmtree(work, ignore_errors=True)
+        with held_off():
+            shutil.rmtree(work, ignore_errors=True)
 
 
 def _made(order, work, say):
@@ -107,6 +111,8 @@ def _made(order, work, say):
     design = order.design
     say(f"{design.name}: STEP")
     solid = brep.the_solid(design.solid, f"design {design.name}")
+    if design.setups and order.last_stage != "step":
+        refuse_impossible_setups(design, solid, order.machine, order.library)
     step = work / f"{design.name}.step"
     brep.write_step(solid, step, design.name)
     inputs = inputs_hash(order, step)

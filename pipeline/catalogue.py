@@ -7,7 +7,6 @@ annotated with its parameter model.  A job file (TOML) does the same for a plain
 import importlib
 import importlib.util
 import inspect
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Callable
@@ -16,14 +15,17 @@ from pydantic import Field, ValidationError
 
 import cuspline.designs
 import cuspline.posts
-from cuspline.cutters import Model, first_complaint, library_from_json
+from cuspline.cutters import library_from_json
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.errors import CamError, DesignError, InputError
+from cuspline.input_files import checked, toml_of
 from cuspline.machines import machine_from_toml
+from cuspline.models import Model, complaints, name_fault
 
 DESIGNS = Path(cuspline.designs.__file__).parent
 POSTS = Path(cuspline.posts.__file__).parent
 DEFAULT_LIBRARY = "tools"
+DESIGN_FILES = (".py", ".toml")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,15 +47,12 @@ class DesignSource:
 
     def validated(self, assignments):
         """The parameter model's value."""
-        given = dict(_assignment(a) for a in assignments)
-        known = self.parameters.model_fields
-        unknown = [n for n in given if n not in known]
-        if unknown:
-            raise InputError(f"design {self.name} has no parameter {unknown[0]!r}; it has {', '.join(known)}")
-        try:
-            return self.parameters.model_validate(given, strict=False)
-        except ValidationError as error:
-            raise InputError(f"design {self.name}: {first_complaint(error)}") from None
+        given = [_assignment(a) for a in assignments]
+        names = [name for name, _ in given]
+        twice = sorted({n for n in names if names.count(n) > 1})
+        if twice:
+            raise InputError(f"design {self.name}: parameter {twice[0]} is given twice; keep one")
+        return checked(self.parameters, dict(given), f"design {self.name}")
 
 
 def _assignment(text):
@@ -89,13 +88,16 @@ def find_design(name_or_file):
     path = Path(name_or_file)
     if not path.is_file():
         raise InputError(f"there is no design {name_or_file!r} and no such file; designs: {', '.join(design_names())}")
+    if path.suffix in DESIGN_FILES and (fault := name_fault(path.stem)):
+        raise InputError(f"design file {path}: {fault}; its outputs are called by it")
     if path.suffix == ".py":
         return _from_module(_loaded(path), path)
     if path.suffix == ".toml":
         return _from_job(path)
     if path.suffix.lower() in (".step", ".stp"):
-        from cuspline.brep import read_step
-        read_step(path)
+        from cuspline import brep
+        brep.refuse_unreadable(path)
+        brep.read_step(path)
         raise InputError(f"{path} is a STEP part: write a job file (TOML) that names it with its faces, finish, "
                          "stock and setups, and build that")
     raise InputError(f"{path}: a design is a .py file, or a .toml job for a STEP part")
@@ -143,17 +145,14 @@ class _NoParameters(Parameters):
 
 
 def _from_job(path):
-    try:
-        job = _Job.model_validate(tomllib.loads(path.read_text()))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"job file {path} is not valid TOML: {error}") from None
-    except ValidationError as error:
-        raise InputError(f"job file {path}: {first_complaint(error)}") from None
+    job = checked(_Job, toml_of(path, "job file"), f"job file {path}")
 
     def make(parameters):
-        from cuspline.brep import read_step
+        from cuspline import brep
+        step = path.parent / job.step
+        brep.refuse_unreadable(step)
         return Design(name=path.stem, description=job.description or f"STEP part {job.step}", parameters=parameters,
-                      solid=read_step(path.parent / job.step), predicates=job.faces, material=job.material,
+                      solid=brep.read_step(step), predicates=job.faces, material=job.material,
                       stock=job.stock, finish=job.finish, setups=job.setups)
 
     return DesignSource(name=path.stem, path=path, parameters=_NoParameters, make=make)
@@ -195,6 +194,8 @@ def make_design(source, assignments):
         made = source.design(assignments)
     except CamError:
         raise
+    except ValidationError as error:
+        raise DesignError(f"design {source.name}: {complaints(error)}") from None
     except Exception as error:      # the CAD kernel raises what it likes
         raise DesignError(f"design {source.name} could not be built: {type(error).__name__}: {error}") from error
     if not isinstance(made, Design):

@@ -3,22 +3,32 @@
 Exit codes: 0 verified, 1 findings, 2 bad input, 3 internal, 130 interrupted.
 """
 
+import errno
 import json as jsonlib
 import os
+import shlex
 import sys
 import traceback
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
+from cuspline import interruption
 from cuspline.errors import CamError, InputError
+from cuspline.input_files import LARGEST_PROGRAM_BYTES, text_of
+from cuspline.models import shortened
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None,
                   help="From a parametric design to a posted and verified program.")
 FINDINGS, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 SHOWN = 20                # findings told on the terminal; verify.json has all
+WORDS_OF_AN_INTERRUPTION = "interrupted, nothing half-written is left"
+NO_ROOM, NO_LEAVE = "make room on that disk", "name another folder, or get leave to write there"
+SYSTEM_ADVICE = {errno.ENOSPC: NO_ROOM, errno.EDQUOT: NO_ROOM, errno.EFBIG: NO_ROOM, errno.EACCES: NO_LEAVE,
+                 errno.EPERM: NO_LEAVE, errno.EROFS: NO_LEAVE, errno.EMFILE: "close other programs, or raise ulimit -n"}
 AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
 
 
@@ -26,6 +36,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
 def build(
         design: Annotated[str, typer.Argument(help="name of a design, a .py file, or a .toml job for a STEP part")],
         param: Annotated[list[str], typer.Option("-p", "--param", help="name=value, repeatable")] = [],
+        params: Annotated[str, typer.Option(help="several name=value in one text, quoted as a shell reads them")] = "",
         machine: Annotated[Optional[str], typer.Option(
             help="name of a machine, or its TOML file; else the design's own")] = None,
         post: Annotated[Optional[str], typer.Option(help="another post than the machine's own")] = None,
@@ -43,7 +54,7 @@ def build(
     source = catalogue.find_design(design)
     if machine is not None:
         catalogue.find_machine(machine)         # a wrong name is told before the part is built
-    made = catalogue.make_design(source, param)
+    made = catalogue.make_design(source, [*_words(params), *param])
     if measured is not None:
         from cuspline.refixturing import read_measured, refixtured_setups
         made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
@@ -67,6 +78,19 @@ def _refuse_unknown_kinds(accept):
         raise InputError(f"--accept {unknown[0]!r} is no kind of finding; there are {', '.join(KINDS)}")
 
 
+def _words(text):
+    """The words of a text, as a shell reads them.
+
+    Raises:
+        InputError: a quote that is not closed.
+    """
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise InputError(f"--params {shortened(text)}: {str(error).lower()}: close every quote; a value with spaces is "
+                         "written name=\"a value\"") from None
+
+
 @app.command()
 def verify(
         folders: Annotated[list[Path], typer.Argument(help="output folders, or programs in them")],
@@ -87,6 +111,7 @@ def verify(
 
 def _verified(folder, measured, accept):
     """Judge one folder, or one program in it; the exit status."""
+    from cuspline import brep
     from cuspline.job import read_job, read_published
     from cuspline.judge import judge
     from cuspline.refixturing import read_measured
@@ -103,6 +128,7 @@ def _verified(folder, measured, accept):
         job = job.model_copy(update={"posted": asked})
         needed = {job.step, "tools.json", "tools.tbl", *(name for p in asked for name in p.files)}
         published = {name: digest for name, digest in published.items() if name in needed}
+    brep.refuse_unreadable(folder / job.step)
     with kept_until_done(folder) as kept:
         judged = judge(folder, job, _say, kept=kept, published=published)
     passed = {*job.accepted, *accept}
@@ -117,16 +143,14 @@ def restart(program: Annotated[Path, typer.Argument(help="a posted program, or o
             to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
     """Begin a program of repeated passes at one of its restart points."""
     from cuspline.posts._restart import restart_points, restarted
-    try:
-        text = program.read_text(encoding="ascii")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"program {program} cannot be read: {error}; name a posted program") from None
+    text = text_of(program, "program", encoding="ascii", largest_bytes=LARGEST_PROGRAM_BYTES)
     if point is None:
         print(" ".join(f"N{k}" for k in restart_points(text)) or "no restart points")
         return
-    if not point.upper().removeprefix("N").isdigit():
-        raise InputError(f"restart point {point!r}: write it as in the program, such as N2003")
-    begun = restarted(text, int(point.upper().removeprefix("N")))
+    digits = point.upper().removeprefix("N")
+    if not digits.isdecimal() or not digits.isascii() or len(digits) > 9:
+        raise InputError(f"restart point {shortened(point)}: write it as in the program, such as N2003")
+    begun = restarted(text, int(digits))
     if to is None:
         print(begun, end="")
         return
@@ -275,31 +299,73 @@ def _in_a_line(f):
 def _say(text):
     """What is being done, on standard error."""
     print(f"  {text}", file=sys.stderr, flush=True)
-
-
-def _say_interrupted():
-    print("cuspline: interrupted, nothing half-written is left", file=sys.stderr)
+    interruption.stop_if_asked()
 
 
 def main():
-    """Entry point: errors become one clear sentence and an exit code."""
+    """Entry point: ends the process with the command's exit code."""
+    interruption.listen()
+    code = run(sys.argv[1:])
+    sys.exit(code)
+
+
+def run(arguments):
+    """Exit code of one command; whatever goes wrong has become one sentence on standard error.
+
+    Args:
+        arguments: words behind `cuspline`.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")       # a name of a file may be no text
     try:
-        code = app(standalone_mode=False)
-        if code == INTERRUPTED:                 # typer's answer to Ctrl-C
-            _say_interrupted()
-        sys.exit(code)
-    except (typer.Abort, KeyboardInterrupt):
-        _say_interrupted()
-        sys.exit(INTERRUPTED)
-    except CamError as error:
-        print(f"cuspline: {error}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
-    except Exception as error:
-        if type(error).__module__.startswith("click") or hasattr(error, "format_message"):
-            print(f"cuspline: {error.format_message()}", file=sys.stderr)
-            sys.exit(BAD_INPUT)
-        print(f"cuspline: internal error, {type(error).__name__}: {error}; run again with CUSPLINE_DEBUG=1 for details",
-              file=sys.stderr)
-        if os.environ.get("CUSPLINE_DEBUG"):
+        code = _command().main(list(arguments), prog_name="cuspline", standalone_mode=False) or 0
+        sys.stdout.flush()
+        if code == INTERRUPTED:                                 # typer's answer to Ctrl-C
+            raise KeyboardInterrupt
+    except BaseException as error:                              # a binding may hand on Ctrl-C as any error
+        code, words = (INTERRUPTED, WORDS_OF_AN_INTERRUPTION) if interruption.is_asked() else _told(error)
+        print(f"cuspline: {_printable(words)}", file=sys.stderr)
+        if code == INTERNAL and os.environ.get("CUSPLINE_DEBUG"):
             traceback.print_exc()
-        sys.exit(INTERNAL)
+    else:
+        if interruption.is_asked():                             # swallowed on the way, so the command came to its end
+            print(f"cuspline: {WORDS_OF_AN_INTERRUPTION}", file=sys.stderr)
+            code = INTERRUPTED
+    return code
+
+
+@cache
+def _command():
+    return typer.main.get_command(app)
+
+
+def _told(error):
+    """(exit code, sentence) of what ended a command."""
+    if isinstance(error, (typer.Abort, KeyboardInterrupt)):
+        return INTERRUPTED, WORDS_OF_AN_INTERRUPTION
+    if isinstance(error, CamError):
+        return BAD_INPUT, str(error)
+    if hasattr(error, "format_message"):                        # of the command line's parser
+        return BAD_INPUT, error.format_message()
+    if isinstance(error, OSError):
+        return BAD_INPUT, _of_the_system(error)
+    if isinstance(error, MemoryError):
+        return BAD_INPUT, ("there is not enough memory for this: close other programs, coarsen the finish, or take a "
+                           "smaller part")
+    return INTERNAL, (f"internal error, {type(error).__name__}: {error}; run again with CUSPLINE_DEBUG=1 for details")
+
+
+def _of_the_system(error):
+    """What the system has refused, and how to mend it."""
+    if isinstance(error, BrokenPipeError):
+        sys.stdout = open(os.devnull, "w")                      # or Python would complain once more at its end
+        return "whoever read the output has closed it"
+    where = f"{error.filename}: " if error.filename else ""
+    mend = SYSTEM_ADVICE.get(error.errno, "look whether the file or folder can be reached, read and written")
+    return f"{where}{error.strerror or error}: {mend}; nothing half-written is left"
+
+
+def _printable(text):
+    """A message without what would move a terminal's cursor or colour it."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)

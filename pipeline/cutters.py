@@ -10,25 +10,19 @@ r"""Cutters, holders and the shop's library: validated, every length with its un
     └─── 0                 \__/     tip; corner_radius_mm
 """
 
-import json
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_serializer, model_validator
+from pydantic import Field, model_serializer, model_validator
 
 from cuspline import fixed_math as fixed
 from cuspline.cutter_profile import apt_profile, lens_profile, side_profile, tangent_corner
 from cuspline.errors import InputError
+from cuspline.input_files import checked, json_of
+from cuspline.models import Model, complaints
 from cuspline.tool_units import in_mm
 
 WIDTH_MM = 1e-9             # lengths that are the same
-
-
-class Model(BaseModel):
-    """Frozen, and an unknown key is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class HolderSegment(Model):
@@ -69,7 +63,7 @@ class Cutter(Model):
     type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "side", "apt"]
     diameter_mm: float = Field(gt=0)
     corner_radius_mm: float = Field(ge=0, description="0 flat, diameter/2 ball")
-    flutes: int = Field(ge=1)
+    flutes: int = Field(ge=1, le=100)
     flute_length_mm: float = Field(gt=0)
     neck_diameter_mm: float = Field(gt=0)
     reach_mm: float = Field(gt=0, description="tip to where the neck ends and the shank begins")
@@ -359,22 +353,11 @@ def library_from_json(path):
     """Read a tool library file; a tool may give its lengths in its own `unit`, see tool_units.
 
     Raises:
-        InputError: missing, broken or inconsistent; names the tool and the key.
+        InputError: missing, broken or inconsistent; names the tool and every key that is wrong.
     """
-    path = Path(path)
+    document = json_of(path, "tool library")
     try:
-        return ToolLibrary.model_validate(in_mm(json.loads(path.read_text())))
-    except FileNotFoundError:
-        raise InputError(f"tool library {path} does not exist") from None
-    except (ValidationError, ValueError) as error:
-        raise InputError(f"tool library {path}: {first_complaint(error)}") from None
-
-
-def first_complaint(error):
-    """One line out of a pydantic or parser error: where, what, and the value given."""
-    if isinstance(error, ValidationError):
-        first = error.errors()[0]
-        where = ".".join(str(p) for p in first["loc"])
-        given = "" if isinstance(first["input"], dict) else f" (given: {first['input']!r})"
-        return f"{where}: {first['msg']}{given}" if where else first["msg"]
-    return " ".join(str(error).split())
+        in_millimetres = in_mm(document)
+    except (ValueError, OverflowError, RecursionError) as error:
+        raise InputError(f"tool library {path}: {complaints(error)}") from None
+    return checked(ToolLibrary, in_millimetres, f"tool library {path}")

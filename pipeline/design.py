@@ -7,13 +7,14 @@ import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
 from cuspline import fixed_math as fixed
-from cuspline.cutters import Model
 from cuspline.errors import DesignError
 from cuspline.frames import Frame
+from cuspline.models import FileName, Model, Point, name_fault, shortened
 from cuspline.surfaces.circular_tip import CircularTip
 
 
 UNIT = 1e-9               # how exact unit vectors must be
+COARSEST_MM = 5.0         # nobody finishes a part more coarsely
 DEFAULT_MACHINE = "mill_3axis"
 
 
@@ -69,16 +70,17 @@ class FacePredicate(Model):
 class Finish(Model):
     """How well the part must be cut."""
 
-    scallop_mm: float = Field(gt=0, description="largest cusp left between passes")
-    profile_tolerance_mm: float = Field(gt=0, description="largest deviation of a path from the true curve")
-    gouge_mm: float = Field(gt=0, description="deepest cut below the surface that is accepted")
+    scallop_mm: float = Field(gt=0, le=COARSEST_MM, description="largest cusp left between passes")
+    profile_tolerance_mm: float = Field(gt=0, le=COARSEST_MM,
+                                        description="largest deviation of a path from the true curve")
+    gouge_mm: float = Field(gt=0, le=COARSEST_MM, description="deepest cut below the surface that is accepted")
 
 
 class StockBox(Model):
     """A rectangular billet, part coordinates."""
 
-    min_mm: tuple[float, float, float]
-    max_mm: tuple[float, float, float]
+    min_mm: Point
+    max_mm: Point
 
     @model_validator(mode="after")
     def _has_volume(self):
@@ -91,15 +93,15 @@ class FixtureBox(Model):
     """A box that no part of the tool may enter, part coordinates; it stands on the table."""
 
     name: str
-    min_mm: tuple[float, float, float]
-    max_mm: tuple[float, float, float]
+    min_mm: Point
+    max_mm: Point
 
 
 class Marker(Model):
     """A place on the part that can be touched in a clamping: a ball's centre, a dowel, a corner."""
 
     name: str = Field(min_length=1)
-    at_mm: tuple[float, float, float] = Field(description="part coordinates")
+    at_mm: Point = Field(description="part coordinates")
 
 
 class Refixturing(Model):
@@ -113,10 +115,10 @@ class Refixturing(Model):
 class Setup(Model):
     """One clamping: where the work coordinate system sits on the part, and which faces are cut."""
 
-    name: str
+    name: FileName
     wcs: Literal["G54", "G55", "G56", "G57", "G58", "G59"] = "G54"
     wcs_in_words: str
-    wcs_origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)     # in part coordinates
+    wcs_origin_mm: Point = (0.0, 0.0, 0.0)     # in part coordinates
     wcs_x: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction of the WCS's X, part coordinates")
     wcs_z: tuple[float, float, float] = Field((0.0, 0.0, 1.0), description="direction of its Z, towards the spindle")
     strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral",
@@ -224,6 +226,7 @@ class Design:
     where: Callable = lambda place_mm: ""   # (3,) part coordinates -> a name for people: the cell of a vane
 
     def __post_init__(self):
+        self._refuse_names()
         if not self.setups and self.measure is None:
             raise DesignError(f"design {self.name} has no setup and nothing to measure its solid by: "
                               "give it one of them")
@@ -233,3 +236,14 @@ class Design:
             if missing:
                 raise DesignError(f"design {self.name}, {setup.name}: faces {missing} are named by no predicate; "
                                   f"there are {sorted(known)}")
+
+    def _refuse_names(self):
+        """Names become files: of the design, its setups, its companions; no two the same."""
+        for what, names in (("its name", [self.name]), ("setup", [s.name for s in self.setups]),
+                            ("companion", [c.name for c in self.companions])):
+            for k, name in enumerate(names):
+                if fault := name_fault(name):
+                    raise DesignError(f"design {shortened(self.name)}, {what}: {fault}")
+                if name in names[:k]:
+                    raise DesignError(f"design {self.name}: two are called {what} {name}; their files would be one: "
+                                      "give each its own name")

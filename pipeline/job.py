@@ -3,15 +3,16 @@
 `cuspline verify` reads it back, so a folder of outputs can be judged again anywhere.
 """
 
-import json
 from pathlib import Path
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from cuspline.cutters import Model, Tool, first_complaint
+from cuspline.cutters import Tool, ToolLibrary
 from cuspline.design import FacePredicate, Finish, Setup, StockBox
 from cuspline.errors import InputError
+from cuspline.input_files import checked, json_of
 from cuspline.machines import Machine
+from cuspline.models import FileName, Model, WrittenName
 from cuspline.refixturing import refixtured_setups
 
 
@@ -19,8 +20,8 @@ class PostedFile(Model):
     """One setup's program on disk: a file, or a numbered set that is run file after file."""
 
     setup: Setup
-    program: str = Field(description="file name, of a set the first")
-    continued: tuple[str, ...] = Field((), description="files of the set that follow, in order")
+    program: WrittenName = Field(description="file name, of a set the first")
+    continued: tuple[WrittenName, ...] = Field((), description="files of the set that follow, in order")
 
     @property
     def files(self):
@@ -31,8 +32,8 @@ class PostedFile(Model):
 class Job(Model):
     """What the posted programs of one design are judged against."""
 
-    design: str
-    step: str
+    design: FileName
+    step: WrittenName
     material: str
     predicates: tuple[FacePredicate, ...]
     stock: StockBox
@@ -56,12 +57,13 @@ def read_job(folder):
         InputError: no manifest, or one without a job that can be used.
     """
     path = Path(folder) / "manifest.json"
-    try:
-        return Job.model_validate(json.loads(path.read_text())["job"])
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist: verify a folder that `cuspline build` has made") from None
-    except (KeyError, ValueError, ValidationError) as error:
-        raise InputError(f"{path}: no usable job: {first_complaint(error)}") from None
+    if not path.exists():
+        raise InputError(f"{path} does not exist: verify a folder that `cuspline build` has made")
+    document = json_of(path, "manifest")
+    job = document.get("job") if isinstance(document, dict) else None
+    if job is None:
+        raise InputError(f"{path}: no usable job: the folder holds no program; build it to --stage gcode or further")
+    return checked(Job, job, f"{path}: no usable job")
 
 
 def read_published(folder):
@@ -80,10 +82,6 @@ def read_tools(folder):
         InputError: missing or broken.
     """
     path = Path(folder) / "tools.json"
-    try:
-        tools = [Tool.model_validate(t) for t in json.loads(path.read_text())["tools"]]
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist: without the tools a program cannot be judged") from None
-    except (KeyError, ValueError, ValidationError) as error:
-        raise InputError(f"{path}: {first_complaint(error)}") from None
-    return {t.number: t for t in tools}
+    if not path.exists():
+        raise InputError(f"{path} does not exist: without the tools a program cannot be judged")
+    return {t.number: t for t in checked(ToolLibrary, json_of(path, "tools"), str(path)).tools}

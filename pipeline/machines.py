@@ -1,21 +1,19 @@
 """Machines as TOML files: travels, speeds, accelerations, and what the control can take."""
 
-import tomllib
-from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, ValidationError, model_serializer, model_validator
+from pydantic import Field, model_serializer, model_validator
 
-from cuspline.cutters import Model, first_complaint
-from cuspline.errors import InputError
+from cuspline.input_files import checked, toml_of
+from cuspline.models import Coordinate, Model, Point
 from cuspline.tool_units import MM
 
 
 class LinearAxis(Model):
     """One linear axis in machine coordinates."""
 
-    min_mm: float
-    max_mm: float
+    min_mm: Coordinate
+    max_mm: Coordinate
     rapid_mm_per_min: float = Field(gt=0, description="largest axis speed")
     acceleration_mm_per_s2: float = Field(gt=0)
 
@@ -75,8 +73,8 @@ class Machine(Model):
     time_constant_s: float = Field(gt=0, description="first-order lag of the axis drives")
     max_feed_mm_per_min: float = Field(gt=0)
     tool_change_s: float = Field(ge=0)
-    table_z_mm: float = Field(description="table top, machine coordinates")
-    wcs_origin_mm: tuple[float, float, float] = Field(
+    table_z_mm: Coordinate = Field(description="table top, machine coordinates")
+    wcs_origin_mm: Point = Field(
         description="where G54 is expected to lie, machine coordinates of the spindle nose")
     tool_change_z_mm: float | None = Field(
         None, description="lowest spindle nose at which a tool is changed, machine coordinates; left out: where "
@@ -111,14 +109,6 @@ def machine_from_toml(path):
     """Read a machine file.
 
     Raises:
-        InputError: missing, broken TOML, or a value out of range; names the key.
+        InputError: missing, broken TOML, or values out of range; names every key that is wrong.
     """
-    path = Path(path)
-    try:
-        return Machine.model_validate(tomllib.loads(path.read_text()))
-    except FileNotFoundError:
-        raise InputError(f"machine file {path} does not exist") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"machine file {path} is not valid TOML: {error}") from None
-    except ValidationError as error:
-        raise InputError(f"machine file {path}: {first_complaint(error)}") from None
+    return checked(Machine, toml_of(path, "machine file"), f"machine file {path}")

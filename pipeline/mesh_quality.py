@@ -5,6 +5,7 @@ pymeshlab is GPL and optional: it is imported inside the functions, and what is 
 their size is what a distance is good for.
 """
 
+import errno
 import importlib.util
 import os
 
@@ -20,6 +21,7 @@ DEGENERATE_MM2 = 1e-12
 QUIET_SPACINGS = 2.0      # no rim, no wall and no place out of reach as near as this
 UP = 0.5                  # least part of a normal along the tool axis
 THIN_MM = 0.05            # more left than this is no finished place
+PLY_BYTES = {"char": 1, "uchar": 1, "short": 2, "ushort": 2, "int": 4, "uint": 4, "float": 4, "double": 8}
 RAMP = ((-1.0, (33, 102, 199)), (0.0, (232, 237, 227)), (1.0, (217, 41, 31)))      # the report's deviation colours
 
 
@@ -139,7 +141,25 @@ def write_coloured_ply(path, vertices_mm, triangles, deviation_mm, scale_mm):
                   v_color_matrix=np.column_stack([colour, np.ones(len(colour))]), v_scalar_array=np.asarray(deviation_mm, float))
     beside = path.with_name(f"{path.stem}.part.ply")
     meshes.save_current_mesh(str(beside), binary=True, save_vertex_quality=True, save_vertex_color=True)
+    if beside.stat().st_size != _ply_bytes(beside):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))       # the library does not tell
     os.replace(beside, path)
+
+
+def _ply_bytes(path):
+    """How long a binary PLY of triangles must be by its header; -1 where the header itself is cut off."""
+    with open(path, "rb") as file:
+        header, end, _ = file.read(10_000).partition(b"end_header\n")
+    size = len(header) + len(end) if end else -1
+    count = 0
+    for words in (line.split() for line in header.decode("latin-1").splitlines()):
+        if words[:1] == ["element"]:
+            count = int(words[2])
+        elif words[:2] == ["property", "list"]:
+            size += count * (PLY_BYTES[words[2]] + 3 * PLY_BYTES[words[3]])
+        elif words[:1] == ["property"]:
+            size += count * PLY_BYTES[words[1]]
+    return size if end else -1
 
 
 def _size_mm(*points_mm):

@@ -4,9 +4,7 @@ The rigid motion from the markers' nominal places to the measured ones is the se
 posted for it, the part is not moved.  It serves a part turned over as well as a long one shifted along the bed.
 """
 
-import csv
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -15,6 +13,8 @@ from cuspline.arrays import frozen
 from cuspline.design import Refixturing
 from cuspline.errors import InputError
 from cuspline.frames import Frame
+from cuspline.input_files import csv_rows, text_of
+from cuspline.models import FAR_MM, shortened
 
 COLUMNS = ("setup", "marker", "x_mm", "y_mm", "z_mm")
 LEAST_MARKERS = 3
@@ -122,12 +122,8 @@ def read_measured(path):
     Raises:
         InputError: what is wrong, with the line.
     """
-    try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError):
-        raise InputError(f"measured markers {path}: no text file that can be read") from None
-    rows = [(n, [c.strip() for c in next(csv.reader([line]))]) for n, line in enumerate(lines, 1)
-            if line.strip() and not line.lstrip().startswith("#")]
+    rows = [(n, [c.strip() for c in row]) for n, row in csv_rows(text_of(path, "measured markers", may_be_empty=True),
+                                                                 f"measured markers {path}")]
     if not rows or tuple(rows[0][1]) != COLUMNS:
         raise InputError(f"measured markers {path}: the first line must name the columns {','.join(COLUMNS)}")
     measured = {}
@@ -144,8 +140,8 @@ def _place(path, number, row):
         place = tuple(float(c) for c in row[2:])
     except ValueError:
         place = ()
-    if len(row) != len(COLUMNS) or not np.isfinite(place).all() or len(place) != 3:
-        raise InputError(f"measured markers {path}, line {number}: {','.join(row)!r} is not {','.join(COLUMNS)} "
+    if len(row) != len(COLUMNS) or len(place) != 3 or not all(abs(c) <= FAR_MM for c in place):
+        raise InputError(f"measured markers {path}, line {number}: {shortened(','.join(row))} is not {','.join(COLUMNS)} "
                          "with three numbers in mm")
     return place
 

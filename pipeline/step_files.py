@@ -3,10 +3,18 @@
 A face's own colour stands before its body's.  Colours are sRGB, 0 to 1.
 """
 
+import errno
+import os
 import re
+import signal
+import time
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.Bnd import Bnd_Box
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Interface import Interface_Static
 from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
@@ -24,8 +32,12 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.TopoDS import TopoDS_Solid
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
-from cuspline.errors import DesignError, InputError
+from cuspline.errors import InputError
 
+LARGEST_STEP_BYTES = 1 << 30
+READ_S, READ_BYTES_PER_S = 30.0, 1e5        # a busy machine reads some megabytes a second
+CHILD_POLL_S = 0.005
+STEP_END = "END-ISO-10303-21;"
 STEP_DATE = "2000-01-01T00:00:00"     # same inputs, same bytes: STEP files carry no clock
 SRGB = Quantity_TypeOfColor.Quantity_TOC_sRGB
 COLOR_KINDS = (XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen)
@@ -92,14 +104,70 @@ def write_step(solid, path, name):
         writer = STEPControl_Writer()
         writer.Transfer(solid, STEPControl_AsIs)
         is_written = writer.Write(str(scratch)) == IFSelect_RetDone
-    if not is_written:
-        raise DesignError(f"the kernel could not write {path.name}")
-    text = scratch.read_text(encoding="latin-1")
+    text = scratch.read_text(encoding="latin-1") if scratch.exists() else ""
+    if not is_written or not text.rstrip().endswith(STEP_END):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))      # the kernel does not tell why
     text = re.sub(r"FILE_NAME\(.*?\);", f"FILE_NAME('{name}','{STEP_DATE}',(''),(''),'cuspline','cuspline','');",
                   text, count=1, flags=re.S)
     text = re.sub(r"PRODUCT\('[^']*',\s*'[^']*'", f"PRODUCT('{name}','{name}'", text)
     scratch.write_text(text, encoding="latin-1")
     scratch.replace(path)
+
+
+def refuse_unreadable(path):
+    """Read a STEP file of somebody else's in a child process first: the kernel may crash or loop on one that is damaged.
+
+    Raises:
+        InputError: the child did not come back, or the file is missing, empty or too large.
+    """
+    path = Path(path)
+    try:
+        size = path.stat().st_size if path.is_file() else None
+    except (OSError, ValueError):
+        size = None
+    if size is None:
+        raise InputError(f"STEP file {path} does not exist")
+    if size > LARGEST_STEP_BYTES:
+        raise InputError(f"STEP file {path} is larger than {LARGEST_STEP_BYTES >> 20} MiB: split the assembly")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)     # threads of the kernels sleep while the child begins
+        child = os.fork()
+    if child == 0:
+        _try_to_read(path)
+    if not _came_back(child, READ_S + size / READ_BYTES_PER_S):
+        raise InputError(f"STEP file {path} is damaged: the CAD kernel breaks down on it; export it anew")
+
+
+def _try_to_read(path):
+    """In the child: read, check, measure; ends the process."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        shape, _ = _read_marked(path)
+        if shape is not None and not shape.IsNull():
+            BRepCheck_Analyzer(shape).IsValid()
+            BRepBndLib.AddOptimal_s(shape, Bnd_Box(), False, False)
+    except BaseException:       # the parent meets it again, and tells it
+        pass
+    finally:
+        os._exit(0)
+
+
+def _came_back(child, seconds):
+    """Whether a child ended by itself and in time."""
+    until = time.monotonic() + seconds
+    try:
+        while time.monotonic() < until:
+            done, status = os.waitpid(child, os.WNOHANG)
+            if done:
+                return os.WIFEXITED(status)
+            time.sleep(CHILD_POLL_S)
+    except BaseException:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        raise
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return False
 
 
 def read_step(path):

@@ -25,7 +25,7 @@ def _tool_in_mm(tool, index):
     if not isinstance(tool, dict) or "unit" not in tool:
         return tool
     unit, rest = tool["unit"], {k: v for k, v in tool.items() if k != "unit"}
-    if unit not in MM:
+    if not isinstance(unit, str) or unit not in MM:
         raise ValueError(f"tools.{index}.unit: {unit!r} is no unit of length; write mm or inch")
     return _scaled(rest, MM[unit], f"tools.{index}")
 

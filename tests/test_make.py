@@ -8,11 +8,12 @@ import shutil
 import subprocess
 import time
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
 
-from cuspline import brep, catalogue, cli
+from cuspline import brep, build, catalogue, cli
 from cuspline.design import Design
 from cuspline.verification.findings import KINDS
 
@@ -167,11 +168,15 @@ def test_ci_is_one_executable_script_that_the_workflow_runs():
 # verdict table ---------------------------------------------------------------------------------
 
 
-def summary_of(outputs):
-    spec = importlib.util.spec_from_file_location("summary", ROOT / ".ci/summary.py")
+def ci(name):
+    spec = importlib.util.spec_from_file_location(name, ROOT / f".ci/{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.table(outputs)
+    return module
+
+
+def summary_of(outputs):
+    return ci("summary").table(outputs)
 
 
 def test_the_verdict_table_shows_rejected_parts_with_their_findings(tmp_path):
@@ -189,7 +194,86 @@ def test_the_verdict_table_shows_rejected_parts_with_their_findings(tmp_path):
 
 
 def test_the_verdict_table_says_when_there_is_nothing(tmp_path):
-    assert summary_of(tmp_path) == ["no part has a verdict: outputs/ holds no verify.json"]
+    assert summary_of(tmp_path) == ["no part has a verdict: outputs/ holds no verify.json and no solid.json"]
+
+
+# a release, out of what builds really leave ------------------------------------------------------
+
+PLUG = """import cadquery as cq
+from cuspline import brep
+from cuspline.design import *
+
+
+class P(Parameters):
+    wanted_mm3: float = 1000.0
+
+
+def design(p: P):
+    box = cq.Workplane().box(10, 10, 10).val()
+    figure = lambda solid: Figure(what="volume", measured=brep.volume_mm3(solid), wanted=p.wanted_mm3, allowed=0.1, unit="mm3")
+    return Design(name="plug", description="", parameters=p, solid=box, material="aluminium_6061", setups=(),
+                  predicates=(FacePredicate(name="top", count=1, normal=(0, 0, 1)),),
+                  stock=StockBox(min_mm=(-5, -5, -5), max_mm=(5, 5, 6)),
+                  finish=Finish(scallop_mm=0.01, profile_tolerance_mm=0.002, gouge_mm=0.003),
+                  measure=lambda solid: SolidReport(figures=(figure(solid),), facts={"mass_kg": 0.0027}))
+"""
+
+
+@pytest.fixture(scope="module")
+def outputs(tmp_path_factory):
+    """A bare solid that was checked and one that was rejected, both built; beside them a part with a report."""
+    folder = tmp_path_factory.mktemp("release")
+    (folder / "plug.py").write_text(PLUG)
+    made = folder / "outputs"
+    with pytest.MonkeyPatch.context() as change:
+        change.setattr(build, "render_shape", lambda shape, out: "")
+        assert cli.run(["build", str(folder / "plug.py"), "--out", str(made / "plug")]) == 0
+        assert cli.run(["build", str(folder / "plug.py"), "--out", str(made / "bad"), "-p", "wanted_mm3=1001"]) == 1
+    shutil.copytree(made / "plug", made / "cut")
+    (made / "cut/report.html").write_text("<html>")
+    (made / "cut/plug.step").rename(made / "cut/cut.step")
+    shutil.copytree(made / "cut", made / "worse-rejected")
+    (made / ".made").mkdir()
+    return made
+
+
+def test_a_release_holds_every_published_part_with_what_it_has(outputs, tmp_path):
+    assets = tmp_path / "assets"
+    said = subprocess.run(["python3", ROOT / ".ci/release.py", "assets", outputs, assets, "v1.2"], capture_output=True, text=True)
+    assert said.returncode == 0, said.stderr
+    assert said.stdout.splitlines() == ["cut: archive, cut.step, report.html", "plug: archive, plug.step",
+                                        "bad-rejected: left out", "worse-rejected: left out"]
+    assert {p.name for p in assets.iterdir()} == {
+        "SHA256SUMS", "cut-v1.2.zip", "cut-v1.2.step", "cut-v1.2.html", "plug-v1.2.zip", "plug-v1.2.step"}
+    with zipfile.ZipFile(assets / "plug-v1.2.zip") as archive:
+        assert {"plug/plug.step", "plug/solid.json", "plug/manifest.json"} <= set(archive.namelist())
+    checked = subprocess.run(["sha256sum", "-c", "--strict", "SHA256SUMS"], cwd=assets, capture_output=True, text=True)
+    assert checked.returncode == 0 and len(checked.stdout.splitlines()) == 5
+
+
+def test_reports_of_a_release_are_those_of_published_parts(outputs):
+    said = subprocess.run(["python3", ROOT / ".ci/release.py", "parts", outputs], capture_output=True, text=True)
+    assert json.loads(said.stdout) == ["cut"]
+
+
+def test_nothing_to_release_is_an_error(tmp_path):
+    done = subprocess.run(["python3", ROOT / ".ci/release.py", "assets", tmp_path, tmp_path / "a", "v1"], capture_output=True,
+                          text=True)
+    assert done.returncode == 1 and "no published part" in done.stderr
+
+
+def test_bare_solids_stand_in_the_summary(outputs):
+    lines = summary_of(outputs)
+    assert "| plug | checked | 1 of 1 | 0.003 |" in lines and "| bad-rejected | **rejected** | 0 of 1 | 0.003 |" in lines
+    assert "- bad-rejected: volume: 1000 mm3 measured, 1001 wanted, 0.1 allowed" in lines
+
+
+def test_the_workflow_sends_rejected_parts_into_an_artifact_of_that_name():
+    workflow = (ROOT / ".github/workflows/build.yml").read_text()
+    assert re.search(r"name: rejected\n +path: outputs/\*-rejected/\n +if-no-files-found: ignore", workflow)
+    assert "!outputs/*-rejected/**" in workflow and "python3 .ci/release.py assets outputs assets" in workflow
+    release = workflow[workflow.index("\n  release:"):]
+    assert release.index("actions/checkout@") < release.index(".ci/release.py")
 
 
 # what make builds again, and what it leaves alone ----------------------------------------------
@@ -274,10 +358,27 @@ def test_a_folder_built_by_hand_with_other_parameters_is_built_again(shop):
 def test_params_go_to_a_folder_of_their_own(shop):
     built(shop)
     assert built(shop, "plate", "PARAMS=width_mm=30 length_mm=-2.5") == ["plate-length_mm=-2.5-width_mm=30"]
-    assert "-p width_mm=30 -p length_mm=-2.5" in (shop / "calls").read_text()
+    assert "--params width_mm=30 length_mm=-2.5 --out" in (shop / "calls").read_text()
     assert built(shop, "plate", "PARAMS=length_mm=-2.5 width_mm=30") == []
     assert built(shop) == []
     assert built(shop, "PARAMS=width_mm=30", ok=False) == []
+
+
+@needs_make
+@pytest.mark.parametrize("params", [
+    'table="my cells.csv" vane=y', "table='my cells.csv'", 'note="it\'s; a $HOME `id` % #1"', "table=a/b.csv",
+    'x="a b"', 'x="b a"'])
+def test_values_with_spaces_and_quotes_reach_the_command_as_they_are(shop, params):
+    folders = built(shop, "plate", "PARAMS=" + params)
+    assert f"--params {params} --out" in (shop / "calls").read_text()
+    assert len(folders) == 1 and re.fullmatch(r"plate-[\w.=+,-]+-\d+", folders[0]), folders
+    assert built(shop, "plate", "PARAMS=" + params) == []
+
+
+@needs_make
+def test_two_sets_of_odd_values_never_share_a_folder(shop):
+    assert len({*built(shop, "plate", 'PARAMS=x="a b"'), *built(shop, "plate", 'PARAMS=x="b a"'),
+                *built(shop, "plate", "PARAMS=x=a/b"), *built(shop, "plate", "PARAMS=x=a_b")}) == 4
 
 
 @needs_make

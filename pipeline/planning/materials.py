@@ -6,7 +6,7 @@ not replace the tool maker's own.  Feed per tooth is a share of the cutter diame
 
 from pydantic import Field
 
-from cuspline.cutters import Model
+from cuspline.models import Model
 from cuspline.errors import InputError
 
 

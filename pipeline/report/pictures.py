@@ -49,7 +49,7 @@ def render_pictures(bundle, out_dir):
         files = {}
         for name in CAPTIONS:
             rendered = Path(scratch) / f"{name}.png"
-            if rendered.exists():
+            if _is_whole(rendered):
                 files[name] = out_dir / rendered.name
                 os.replace(rendered, files[name])
     missing = [name for name in CAPTIONS if name not in files]
@@ -68,9 +68,14 @@ def render_shape(view, out_dir):
         job = Path(scratch) / "scene.npz"
         np.savez(job, vertices=view.vertices_mm, normals=view.normals, triangles=view.triangles)
         failure = _run_child(job, Path(scratch))
-        for rendered in Path(scratch).glob("*.png"):
+        for rendered in filter(_is_whole, sorted(Path(scratch).glob("*.png"))):
             os.replace(rendered, Path(out_dir) / rendered.name)
     return failure
+
+
+def _is_whole(path):
+    """Whether a PNG is there down to its last chunk: on a full disk the renderer cuts it off without a word."""
+    return path.exists() and path.read_bytes()[-8:-4] == b"IEND"
 
 
 def _run_child(job, out_dir):

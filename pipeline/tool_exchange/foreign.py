@@ -3,6 +3,9 @@
 from dataclasses import dataclass, field
 
 from cuspline.cutters import Holder
+from cuspline.models import shortened
+
+LARGEST = 1e9                   # no measure of a tool, in any unit
 
 
 class SkippedTool(Exception):
@@ -51,8 +54,8 @@ class Fields:
         value = self.get(*path)
         if value is None:
             return None
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > least:
-            raise SkippedTool(f"{'.'.join(path)} is {value!r}, it must be a number above {least:g}")
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not least < value < LARGEST:
+            raise SkippedTool(f"{'.'.join(path)} is {shortened(value)}, it must be a number above {least:g}")
         return float(value)
 
     def needed(self, *path):

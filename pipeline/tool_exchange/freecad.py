@@ -4,13 +4,14 @@ A bit knows neither stick-out nor holder. TaperAngle is the included angle of a 
 a bull nose is the radius of its flat, diameter/2 less the corner radius.
 """
 
-import json
 import re
+from pathlib import PurePath
 
 import numpy as np
 
 from cuspline import fixed_math as fixed
 from cuspline.errors import InputError
+from cuspline.input_files import json_of
 from cuspline.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
 
 LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "in": 25.4, '"': 25.4, "thou": 0.0254,
@@ -28,29 +29,26 @@ def freecad_tools(path):
         InputError: a file that is missing or no library; says which.
     """
     if path.suffix == ".fctb":
-        return [_tool(_document(path, "parameter"), None)]
-    try:
-        rows = [(row["nr"], row["path"]) for row in _document(path, "tools")["tools"]]
-    except (KeyError, TypeError) as error:
-        raise InputError(f"{path} is no FreeCAD tool library: every tool has nr and path ({error})") from None
-    return [_tool(_document(_found(path, bit), "parameter"), number) for number, bit in rows]
+        return [_tool(_document(path, "parameter", dict), None)]
+    rows = []
+    for k, row in enumerate(_document(path, "tools", list)["tools"]):
+        if not isinstance(row, dict) or not isinstance(row.get("nr"), int) or not isinstance(row.get("path"), str):
+            raise InputError(f"{path} is no FreeCAD tool library: tools.{k} needs nr, a number, and path, a file")
+        rows.append((row["nr"], row["path"]))
+    return [_tool(_document(_found(path, bit), "parameter", dict), number) for number, bit in rows]
 
 
-def _document(path, key):
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(document[key], (dict, list)):
-            return document
-        raise TypeError(key)
-    except FileNotFoundError:
-        raise InputError(f"tool file {path} does not exist") from None
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} is no FreeCAD tool file: {type(error).__name__}: {error}") from None
+def _document(path, key, kind):
+    document = json_of(path, "tool file")
+    if not isinstance(document, dict) or not isinstance(document.get(key), kind):
+        raise InputError(f"{path} is no FreeCAD tool file: it has no {kind.__name__} called {key}")
+    return document
 
 
 def _found(library, bit):
+    is_plain = bit == PurePath(bit).name and "\0" not in bit
     for folder in (library.parent, library.parent.parent / "Bit"):
-        if (folder / bit).is_file():
+        if is_plain and (folder / bit).is_file():
             return folder / bit
     raise InputError(f"{library} names the bit {bit!r}, which stands neither beside it nor in ../Bit")
 
@@ -111,7 +109,7 @@ def _check_taper(fields, r, beta, flute):
 
 def _flutes(fields):
     value = fields.get("parameter", "Flutes")
-    if isinstance(value, int) and value > 0 or isinstance(value, str) and value.isdigit() and int(value):
+    if isinstance(value, int) and value > 0 or isinstance(value, str) and re.fullmatch("0*[1-9][0-9]{0,3}", value):
         return int(value)
     fields.assume(f"flutes = 1, for the slowest feed (Flutes is {value!r})")
     return 1

@@ -4,14 +4,17 @@ Lengths stand in the tool's own unit, a holder's in the holder's own; TA is the 
 the length below the holder; holder segments run from the nose up, those above the gauge line last.
 """
 
-import json
 import zipfile
+import zlib
 
 import numpy as np
+from pydantic import ValidationError
 
 from cuspline import fixed_math as fixed
 from cuspline.cutters import Holder
 from cuspline.errors import InputError
+from cuspline.input_files import LARGEST_BYTES, json_of, parsed_json
+from cuspline.models import complaints, shortened
 from cuspline.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
 
 UNITS_MM = {"millimeters": 1.0, "inches": 25.4}
@@ -25,22 +28,44 @@ def fusion_tools(path):
     Raises:
         InputError: no such library, or no tools in it.
     """
+    return [_tool(row) for row in _rows(path) if row["type"] != "holder"]
+
+
+def _rows(path):
+    """The tools and holders of a library, each a dict with a type in words."""
+    if path.suffix == ".tools":
+        document = parsed_json(_unzipped(path), f"{path}: its tools.json")
+    else:
+        document = json_of(path, "tool library")
+    rows = document.get("data") if isinstance(document, dict) else None
+    if not isinstance(rows, list):
+        raise InputError(f"{path} is no Fusion tool library: it has no list called data")
+    for k, row in enumerate(rows):
+        if not isinstance(row, dict) or not isinstance(row.get("type"), str):
+            raise InputError(f"{path} is no Fusion tool library: data.{k} has no type in words")
+    return rows
+
+
+def _unzipped(path):
+    """The text of tools.json in a .tools file."""
     try:
-        if path.suffix == ".tools":
-            with zipfile.ZipFile(path) as archive:
-                text = archive.read("tools.json").decode("utf-8")
-        else:
-            text = path.read_text(encoding="utf-8")
-        rows = json.loads(text)["data"]
-        return [_tool(row) for row in rows if row["type"] != "holder"]
-    except (KeyError, TypeError, AttributeError, ValueError, zipfile.BadZipFile) as error:
+        with zipfile.ZipFile(path) as archive, archive.open("tools.json") as file:
+            content = file.read(LARGEST_BYTES + 1)
+        if len(content) > LARGEST_BYTES:
+            raise InputError(f"{path}: its tools.json is larger than {LARGEST_BYTES >> 20} MiB: it is no tool library")
+        return content.decode("utf-8")
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, NotImplementedError, zlib.error,
+            zipfile.BadZipFile) as error:
         raise InputError(f"{path} is no Fusion tool library: {type(error).__name__}: {error}") from None
 
 
 def fusion_holders(path):
     """{name: Holder} of the holders that stand in a Fusion .json library by themselves."""
-    rows = json.loads(path.read_text(encoding="utf-8")).get("data", []) if path.suffix == ".json" else []
-    found = [_holder(Fields({"holder": row}), 1.0) for row in rows if row.get("type") == "holder"]
+    rows = _rows(path) if path.suffix == ".json" else []
+    try:
+        found = [_holder(Fields({"holder": row}), 1.0) for row in rows if row["type"] == "holder"]
+    except SkippedTool as error:
+        raise InputError(f"{path}: one of its holders cannot be used: {error}") from None
     return {h.name: h for h in found if h is not None}
 
 
@@ -125,7 +150,7 @@ def _segments(fields, mm, *path):
     try:
         rows = [{name: float(row[key]) * mm for name, key in zip(
             ("height_mm", "lower_diameter_mm", "upper_diameter_mm"), SEGMENT)} for row in rows]
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise SkippedTool(f"{'.'.join(path)} must be a list of {', '.join(SEGMENT)}") from None
     return [row for row in rows if row["height_mm"] > 0]
 
@@ -133,8 +158,8 @@ def _segments(fields, mm, *path):
 def _holder(fields, tool_mm):
     """The Holder up to its gauge line, or None."""
     unit = fields.get("holder", "unit")
-    if unit is not None and unit not in UNITS_MM:
-        raise SkippedTool(f"holder.unit is {unit!r}; known are {', '.join(UNITS_MM)}")
+    if unit is not None and (not isinstance(unit, str) or unit not in UNITS_MM):
+        raise SkippedTool(f"holder.unit is {shortened(unit)}; known are {', '.join(UNITS_MM)}")
     mm = tool_mm if unit is None else UNITS_MM[unit]
     segments = _segments(fields, mm, "holder", "segments")
     if not segments:
@@ -146,7 +171,10 @@ def _holder(fields, tool_mm):
         segments = _below(segments, gauge * mm)
     name = fields.get("holder", "description") or "holder without a description"
     fields.get("holder", "type")
-    return Holder(name=str(name), segments=segments)
+    try:
+        return Holder(name=str(name), segments=segments)
+    except ValidationError as error:
+        raise SkippedTool(f"its holder: {complaints(error)}") from None
 
 
 def _below(segments, gauge_mm):

@@ -5,8 +5,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from cuspline.cutters import Cutter, Holder, Tool, ToolLibrary, first_complaint
+from cuspline.cutters import Cutter, Holder, Tool, ToolLibrary
 from cuspline.errors import InputError
+from cuspline.models import complaints
 from cuspline.tool_exchange.freecad import freecad_tools
 from cuspline.tool_exchange.fusion import fusion_holders, fusion_tools
 
@@ -50,7 +51,7 @@ class Import:
         try:
             return ToolLibrary(tools=[r.tool for r in self.rows if r.tool is not None])
         except ValidationError as error:
-            raise InputError(f"{self.source}: {first_complaint(error)}: give every tool its own number there, or "
+            raise InputError(f"{self.source}: {complaints(error)}: give every tool its own number there, or "
                              "import with --renumber") from None
 
     def as_dict(self):
@@ -134,7 +135,7 @@ def _made(foreign):
             tool = Tool(number=foreign.number, cutter=Cutter(name=foreign.name, **foreign.cutter),
                         holder=Holder.model_validate(foreign.holder), stick_out_mm=foreign.stick_out_mm)
         except ValidationError as error:
-            reason = first_complaint(error)
+            reason = complaints(error)
     return ImportedTool(**kept, tool=tool, skipped_because=reason)
 
 

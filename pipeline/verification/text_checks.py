@@ -127,7 +127,7 @@ def _feeds(report, machine):
     posted = report.posted
     feed = np.where(report.is_rapid, 0.0, posted.feed_mm_per_min)
     limit = np.minimum(machine.max_feed_mm_per_min, _axis_limits_mm_per_min(posted, machine))
-    rounding = 0.5 * MM[machine.control.units] * 10.0 ** -machine.control.decimals_feed
+    rounding = 0.5 * MM[machine.control.units] / 10 ** machine.control.decimals_feed
     wrong = np.where(feed > limit * (1 + RELATIVE) + rounding, feed, 0.0)
     for f in report.merged("feed_out_of_range", wrong, posted.end_mm, ~report.is_rapid,
                            f"{machine.name} runs at most {machine.max_feed_mm_per_min:g} mm/min, its axes along this "

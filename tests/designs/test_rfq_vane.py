@@ -13,10 +13,11 @@ import pytest
 from OCP.TopAbs import TopAbs_SOLID
 
 from cuspline import brep, catalogue
+from cuspline.designs._rfq_checks import refuse_contradictions
 from cuspline.designs._rfq_eight_term import EightTerm
 from cuspline.designs._rfq_potential import (
     TwoTerm, equipotential_matcher_mm, thin_matcher_mm, transition_length_mm)
-from cuspline.designs._rfq_table import half_wave_mm, read_table, refuse_wrong_units
+from cuspline.designs._rfq_table import half_wave_mm, read_table
 from cuspline.designs._rfq_tip_line import Segment, TipLine, fitted_tip
 from cuspline.designs.rfq_vane import TABLES, RfqVane, assembly, design, line_of, table_of
 from cuspline.errors import CamError, CutterDoesNotFit, DesignError, InputError
@@ -47,7 +48,7 @@ def test_the_table_is_read_whole():
     assert [len(TABLE.of_kind(k)) for k in ("matching", "accelerating", "transition", "straight", "fringe")] == [
         4, 51, 1, 1, 1]
     assert sum(c.length_mm for c in TABLE.cells) == pytest.approx(1323.13, abs=0.01)      # "RFQ length" of the program
-    refuse_wrong_units(TABLE, 2.0, 32.8)
+    refuse_contradictions(TABLE, 2.0, 1.0, 32.8)
 
 
 def test_r0_of_the_table_is_constant():
@@ -128,6 +129,127 @@ def test_impossible_tables_are_refused_with_the_cell(tmp_path, change, unit, sai
     assert all(s in words for s in said), words
 
 
+# columns against each other ----------------------------------------------------------------------------
+
+
+def whole_table(change=lambda rows: None, keep=None):
+    """The 58-cell table's text with rows changed, by the cell's name; `keep`: only these columns."""
+    lines = [line for line in TABLES["isodar_32p8"].read_text().splitlines() if not line.startswith("#")]
+    rows = list(csv.DictReader(lines))
+    columns = [c for c in rows[0] if keep is None or c.split("[")[0] in keep]
+    change({row["cell"]: row for row in rows})
+    return "\n".join([",".join(columns), *(",".join(r[c] for c in columns) for r in rows)]) + "\n"
+
+
+def table_from(tmp_path, text, **parameters):
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    return table_of(RfqVane(table=str(path), **parameters))
+
+
+def refused(tmp_path, text, **parameters):
+    with pytest.raises(InputError) as error:
+        table_from(tmp_path, text, **parameters)
+    return str(error.value)
+
+
+@pytest.mark.parametrize("parameters, said", [
+    ({"frequency_mhz": 43.0}, ("43 MHz", "32.9", "frequency_mhz")), ({"frequency_mhz": 22.6}, ("22.6 MHz",)),
+    ({"ion_mass_amu": 2.58}, ("2.58 amu", "2.02")), ({"ion_charge": 2}, ("column B", "charge 2"))])
+def test_another_ion_or_frequency_than_the_tables_is_refused(tmp_path, parameters, said):
+    words = refused(tmp_path, whole_table(), **parameters)
+    assert all(s in words for s in said), words
+
+
+@pytest.mark.parametrize("cell, column, factor, said", [
+    ("20", "a[cm]", 1.28, ("cell 20", "column B", "r0", "correct column a")),
+    ("20", "a[cm]", 1.04, ("cell 20", "column B says 10.3693")),
+    ("2R", "a[cm]", 1.05, ("cell 2", "column B says 3.6931")),
+    ("40", "L[cm]", 1.03, ("cell 40", "overlaps", "correct L or Z")),
+    ("40", "Wsyn[MeV]", 1.1, ("cell 40", "column Wsyn rises")),
+    ("45", "m[-]", 1.3, ("cell 45", "column A10 says 0.24731")),
+    ("45", "B[-]", 0.9, ("cell 45", "column B says 9.4")),
+    ("30", "V[kV]", 2.0, ("cell 30", "V = 44 kV")),
+])
+def test_a_value_that_the_other_columns_deny_is_named_with_both_values(tmp_path, cell, column, factor, said):
+    def change(rows):
+        rows[cell][column] = f"{float(rows[cell][column]) * factor:.4f}"
+    words = refused(tmp_path, whole_table(change))
+    assert all(s in words for s in said), words
+
+
+def test_the_table_without_its_other_columns_is_taken_and_one_aperture_off_still_refused(tmp_path):
+    few = ("cell", "a", "m", "L")
+    assert len(table_from(tmp_path, whole_table(keep=few)).cells) == 58
+    words = refused(tmp_path, whole_table(lambda rows: rows["20"].update({"a[cm]": "1.2"}), few))
+    assert "cell 20" in words and "r0" in words and "at most 5%" in words
+
+
+def test_entry_cells_that_lost_their_mark_are_refused_with_the_mark(tmp_path):
+    text = whole_table().replace("\n1R,", "\n1,").replace("\n2R,", "\n2,").replace("\n3R,", "\n3,").replace("\n4R,", "\n4,")
+    assert "mark it: 1R" in refused(tmp_path, text)
+
+
+def test_a_matching_section_goes_through_the_tables_own_apertures(tmp_path):
+    """r0 / sin^0.5: the thin-vane formula lies up to 25 mm off it."""
+    wanted = {f"{k}R": 9.718 / np.sin(np.pi * k / 8) ** 0.5 for k in (1, 2, 3)}
+
+    def change(rows):
+        for name, a in wanted.items():
+            old = float(rows[name]["a[cm]"])
+            rows[name].update({"a[cm]": f"{a / 10:.4f}", "B[-]": f"{float(rows[name]['B[-]']) * (10 * old / a) ** 2:.4f}"})
+    path = tmp_path / "slow.csv"
+    path.write_text(whole_table(change))
+    line = line_of(RfqVane(table=str(path), to_mm=60.0))
+    ends = 18.339 * np.arange(1, 4)
+    # the table's last digit is 1 um
+    assert line.aperture_mm(ends) == pytest.approx(list(wanted.values()), abs=0.6e-3)
+    between = np.linspace(8.0, 58.0, 40)
+    assert line.aperture_mm(between) == pytest.approx(9.718 / np.sin(np.pi * between / 4 / 36.678) ** 0.5, abs=5e-3)
+    assert line.aperture_mm(np.array([line.from_mm]))[0] == pytest.approx(41.1, abs=1e-6)
+    tip = fitted_tip(line, 100.0, np.radians(10.0), 10.0)
+    assert 100.0 - tip.crest_z_mm(ends) == pytest.approx(list(wanted.values()), abs=1e-3)
+
+
+def test_a_matching_section_that_widens_towards_the_beam_is_refused_with_the_cell(tmp_path):
+    text = whole_table(lambda rows: rows["3R"].update({"a[cm]": "1.7"}), ("cell", "a", "m", "L"))
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    with pytest.raises(DesignError, match="cell 3: its aperture 17.0000 mm is not below the 16.3440 mm of matching cell 2"):
+        line_of(RfqVane(table=str(path)))
+
+
+def test_all_faults_of_a_table_are_told_at_once_with_their_cells(tmp_path):
+    def change(rows):
+        rows["7"].update({"a[cm]": "nan"})
+        rows["9"].update({"m[-]": "inf", "L[cm]": "long"})
+    words = refused(tmp_path, whole_table(change))
+    assert all(s in words for s in ("cell 7: column a holds 'nan'", "cell 9: column L holds 'long', a number is needed, "
+                                    "column m holds 'inf'")), words
+
+
+def test_a_byte_order_mark_is_no_part_of_a_table(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + TABLES["isodar_32p8"].read_bytes())
+    assert read_table(path).cells == TABLE.cells
+
+
+def test_other_units_of_voltage_and_energy_are_taken_and_unknown_ones_refused(tmp_path):
+    text = whole_table()
+    in_kev = "\n".join(",".join([r[0], r[1], str(float(r[2]) * 1e3) if r[2] else "", *r[3:]]) for r in (
+        line.split(",") for line in text.splitlines()[1:]))
+    header = text.splitlines()[0].replace("Wsyn[MeV]", "Wsyn[keV]")
+    assert table_from(tmp_path, f"{header}\n{in_kev}\n").cells[30].energy_mev == pytest.approx(TABLE.cells[30].energy_mev)
+    assert "'TeV'" in refused(tmp_path, text.replace("Wsyn[MeV]", "Wsyn[TeV]"))
+
+
+@pytest.mark.parametrize("parameters", [{"axis_height_mm": 92.0, "from_mm": 0.0, "to_mm": 40.0}, {"grip_mm": 34.0, "to_mm": 40.0}])
+def test_jaws_that_the_finishing_ball_would_meet_are_refused(parameters):
+    """The flanks' foot stays above them by more than 2 mm; the ball of 16 mm reaches 6.8 mm lower than its contact."""
+    with pytest.raises(DesignError, match="a ball of 16 mm that finishes them.*steepest at matching section"):
+        design(RfqVane(**parameters))
+
+
 def test_millimetres_called_centimetres_are_refused(tmp_path):
     def in_mm(rows):
         for row in rows:
@@ -139,7 +261,7 @@ def test_millimetres_called_centimetres_are_refused(tmp_path):
 
 
 def test_a_file_that_is_not_there_is_refused():
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="does not exist"):
         table_of(RfqVane(table="/nowhere/table.csv"))
 
 

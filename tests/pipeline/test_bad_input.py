@@ -125,6 +125,118 @@ def test_a_missing_library(run, tmp_path):
     assert_refused(run("build", "z_profile", "--cutters", tmp_path / "no.json"), "no.json")
 
 
+# names that become files, numbers that are none, keys that are not there ---------------------------------
+
+
+@pytest.mark.parametrize("name", ["../../evil", "/tmp/evil", "..", "a/b", ".hidden", "", "x" * 65, "a\\nb", "-p"])
+def test_a_name_of_a_setup_that_would_leave_the_folder(run, tmp_path, name):
+    job = saddle_job(tmp_path)
+    job.write_text(job.read_text().replace('name = "setup-1"', f'name = "{name}"'))
+    before = sorted(p.name for p in tmp_path.parent.rglob("*evil*"))
+    assert_refused(run("build", job), "saddle.toml", "setups.0.name", "A-Z")
+    assert sorted(p.name for p in tmp_path.parent.rglob("*evil*")) == before
+
+
+NAMED = """import cadquery as cq
+from cuspline.design import *
+
+
+class P(Parameters):
+    name: str = "mine"
+    setup: str = "setup-1"
+    companion: str = "whole"
+
+
+def design(p: P):
+    box = cq.Workplane().box(10, 10, 10).val()
+    return Design(name=p.name, description="", parameters=p, solid=box, material="aluminium_6061",
+                  predicates=(FacePredicate(name="top", count=1, normal=(0, 0, 1)),),
+                  stock=StockBox(min_mm=(-5, -5, -5), max_mm=(5, 5, 6)),
+                  finish=Finish(scallop_mm=0.01, profile_tolerance_mm=0.002, gouge_mm=0.003),
+                  setups=(Setup(name="setup-1", faces=("top",), wcs_in_words=""),
+                          Setup(name=p.setup, faces=("top",), wcs_in_words="")),
+                  companions=(Companion(name=p.companion, make=lambda: box),))
+"""
+
+
+@pytest.mark.parametrize("assignment, wanted", [
+    ("name=../../evil", "name a file"), ("setup=../../evil", "file"), ("companion=../../evil", "name a file"),
+    ("setup=setup-1", "two are called setup setup-1")])
+def test_names_of_a_design_its_setups_and_companions_that_cannot_be_files(run, tmp_path, assignment, wanted):
+    path = file(tmp_path, "mine.py", NAMED)
+    assert_refused(run("build", path, "-p", "setup=two", "-p", assignment) if "setup" not in assignment else
+                   run("build", path, "-p", assignment), wanted)
+    assert not list(tmp_path.parent.rglob("*evil*"))
+
+
+def test_a_job_whose_own_name_cannot_be_a_files(run, tmp_path):
+    job = saddle_job(tmp_path)
+    assert_refused(run("build", job.rename(tmp_path / "sad'dle.toml")), "sad'dle", "name a file")
+
+
+@pytest.mark.parametrize("changes, wanted", [
+    ({"scallop_mm": "nan"}, ("finish.scallop_mm", "finite")), ({"scallop_mm": "1e9"}, ("finish.scallop_mm", "5")),
+    ({"max_mm": "[30, inf, 9]"}, ("stock.max_mm.1", "finite")), ({"max_mm": "[30, 1e300, 9]"}, ("stock.max_mm.1",)),
+    ({"center_max_mm": "[nan, 6, 7.5]"}, ("faces.0.center_max_mm.0", "finite"))])
+def test_numbers_that_are_none_or_beyond_all_measure(run, tmp_path, changes, wanted):
+    assert_refused(run("build", saddle_job(tmp_path, **changes)), "saddle.toml", *wanted)
+
+
+def test_nan_in_a_library_and_infinity_in_a_machine(run, tmp_path):
+    path = library(tmp_path, lambda tools: tools[0].update(stick_out_mm=float("nan")))
+    assert_refused(run("build", "z_profile", "--cutters", path), "mine.json", "tools.0.stick_out_mm", "finite")
+    text = (catalogue.POSTS / "mill_3axis.toml").read_text().replace("max_feed_mm_per_min = ", "max_feed_mm_per_min = inf #")
+    assert_refused(run("build", "z_profile", "--machine", file(tmp_path, "m.toml", text)), "max_feed_mm_per_min", "finite")
+
+
+def test_a_misspelt_key_is_named_with_the_nearest_right_one(run, tmp_path):
+    job = saddle_job(tmp_path)
+    job.write_text(job.read_text().replace("scallop_mm", "scalop_mm").replace("wcs_in_words", "wcs_in_word"))
+    assert_refused(run("build", job), "finish.scalop_mm", "did you mean scallop_mm?", "finish.scallop_mm: it is missing",
+                   "setups.0.wcs_in_word", "did you mean wcs_in_words?")
+    assert_refused(run("build", "z_profile", "-p", "widht_mm=3", "-p", "slope_deg=nan"), "did you mean width_mm?",
+                   "slope_deg")
+
+
+@pytest.mark.parametrize("content, wanted", [
+    (b"", "empty"), (b" \n\n", "empty"), (b"\x80\x81\xff\x00", "UTF-8"), ("name = 1".encode("utf-16"), "UTF-16"),
+    (b"\x00\x01\x02", "null"), ("# \u00e4".encode("latin-1"), "line 1: byte 0xe4"), (b"a = " + b"[" * 5000, "deep"),
+    (b"a = " + b"9" * 5000, "TOML"), (b"x" * (33 << 20), "larger than 32 MiB")],
+    ids=["empty", "blank", "binary", "utf-16", "null", "latin-1", "deep", "long number", "huge"])
+@pytest.mark.parametrize("what", ["job", "machine", "library"])
+def test_files_that_are_no_text_of_their_kind(run, tmp_path, content, wanted, what):
+    name = {"job": "j.toml", "machine": "m.toml", "library": "l.json"}[what]
+    (tmp_path / name).write_bytes(content)
+    result = run(*{"job": ("build", tmp_path / name), "machine": ("build", "z_profile", "--machine", tmp_path / name),
+                   "library": ("build", "z_profile", "--cutters", tmp_path / name)}[what])
+    is_told = wanted if what != "library" or wanted not in ("TOML", "deep") else "JSON"
+    assert_refused(result, name, is_told)
+
+
+def test_folders_in_place_of_files(run, tmp_path):
+    (tmp_path / "f.toml").mkdir()
+    for arguments in (("build", tmp_path / "f.toml"), ("build", "z_profile", "--machine", tmp_path / "f.toml"),
+                      ("build", "z_profile", "--cutters", tmp_path / "f.toml"),
+                      ("build", "z_profile", "--measured", tmp_path / "f.toml")):
+        assert_refused(run(*arguments), "f.toml")
+    assert_refused(run("restart", tmp_path / "f.toml", out=False), "f.toml", "folder")
+
+
+# what no plan could mend ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("low, high, wanted", [
+    ("[-1, 0, 0]", "[30, 16, 5]", ("Z", "its stock only", "enlarge")),
+    ("[5, 0, 0]", "[30, 16, 30]", ("X", "its stock only")),
+    ("[0, 0, 0]", "[900, 16, 30]", ("setup-1", "stock", "X", "travel is -600 .. 0")),
+    ("[0, 0, 0]", "[30, 16, 900]", ("setup-1", "stock", "Z", "travel"))],
+    ids=["lower than the part", "narrower", "beyond X", "beyond Z"])
+def test_a_stock_that_cannot_be_is_told_before_planning(run, tmp_path, monkeypatch, low, high, wanted):
+    from cuspline import build
+    monkeypatch.setattr(build, "plan_setup", lambda *_: pytest.fail("it was planned"))
+    assert_refused(run("build", saddle_job(tmp_path, min_mm=low, max_mm=high)), *wanted)
+
+
 # STEP parts ---------------------------------------------------------------------------------------------
 
 
@@ -185,6 +297,14 @@ def test_a_step_file_alone_asks_for_a_job(run, tmp_path):
 ], ids=["matches nothing", "matches more", "count", "unknown face", "scallop", "material", "stock", "broken"])
 def test_a_job_that_cannot_be(run, tmp_path, changes, wanted):
     assert_refused(run("build", saddle_job(tmp_path, **changes)), *wanted)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.6, 0.97])
+def test_a_step_that_was_cut_off(run, tmp_path, share):
+    job = saddle_job(tmp_path)
+    content = (tmp_path / "saddle.step").read_bytes()
+    (tmp_path / "saddle.step").write_bytes(content[:int(share * len(content))])
+    assert_refused(run("build", job), "saddle.step")
 
 
 # options and folders ------------------------------------------------------------------------------------

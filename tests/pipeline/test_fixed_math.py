@@ -4,12 +4,12 @@ import mpmath
 import numpy as np
 import pytest
 from scipy import sparse
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.ndimage import gaussian_filter
 from scipy.special import iv, ivp
 
 from cuspline import fixed_math as fixed
-from cuspline.surfaces.spline_interpolation import interpolated
+from cuspline.surfaces.spline_interpolation import interpolated, natural
 from cuspline.toolpaths.blur import blurred
 from cuspline.toolpaths.grid_cholesky import Factors, dissected
 
@@ -88,6 +88,12 @@ def test_splines_agree_with_scipys(degree):
     wanted = make_interp_spline(x, y, degree)
     assert interpolated(x, y, degree)(at) == pytest.approx(wanted(at), rel=1e-6, abs=1e-7 * np.abs(wanted.c).max())
     assert interpolated(x, y, degree)(x) == pytest.approx(y, abs=1e-9 * np.abs(wanted.c).max())
+
+
+def test_natural_splines_agree_with_scipys():
+    x, y = np.sort(RNG.random(9)), RNG.normal(size=9)
+    at = np.linspace(x[0], x[-1], 101)
+    assert natural(x, y)(at) == pytest.approx(CubicSpline(x, y, bc_type="natural")(at), abs=1e-10)
 
 
 @pytest.mark.parametrize("mode", ["reflect", "constant"])
