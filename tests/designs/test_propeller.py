@@ -396,7 +396,9 @@ def test_room_of_the_envelope_is_what_the_fillets_own_surface_says():
     d = fillet.surface.derivatives(np.repeat(rolling.u, 65), np.tile(across, len(rolling.u)))
     square = np.linalg.norm(np.cross(d[:, 1], d[:, 2]), axis=1) / np.linalg.norm(d[:, 2], axis=1)
     own = (square.reshape(-1, 65) / np.linalg.norm(rolling.motion_mm, axis=1)[:, None]).min(axis=1)
-    assert envelope_room(rolling, 2 * np.pi) == pytest.approx(own, abs=2e-3)
+    room = envelope_room(rolling, 2 * np.pi)
+    assert room == pytest.approx(own, abs=4e-3)         # C'' by a spline through the balls' motions
+    assert room.min() == pytest.approx(own.min(), abs=1e-3)
 
 
 def test_roots_that_collide_without_any_fillet_are_refused():
