@@ -76,7 +76,7 @@ def judged(solid):
     volume, read = brep.volume_mm3(solid.solid), _read_back(solid.solid)
     faces = brep.faces_of(read)
     TrimSet.of_faces(faces)                     # refuses a border that does not close
-    figures = fillet_figures(solid) + blade_figures(solid, faces)[0]
+    figures = fillet_figures(solid, faces) + blade_figures(solid, faces)[0]
     found = {"tolerance": max(brep.loosest_tolerance_mm(s) for s in (solid.solid, read)),
              "volume": abs(volume / extrapolated_volume_mm3(solid) - 1),
              "volume as read back": abs(brep.volume_mm3(read) / volume - 1),

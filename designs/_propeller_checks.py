@@ -10,17 +10,19 @@ from OCP.TopAbs import TopAbs_SHELL
 from cuspline import fixed_math as fixed
 from cuspline import brep
 from cuspline.design import Figure, SolidReport
-from cuspline.designs._propeller_blade import wrapped
+from cuspline.designs._propeller_blade import about_x, wrapped
 from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
 from cuspline.designs._propeller_sections import FormAndMeanLine, loop_angle, section_loop
 from cuspline.designs._propeller_solid import volume_of_cuts_mm3
 from cuspline.designs._propeller_tables import area_under_chords, expanded_area_ratio
 from cuspline.solids import solid_of
 from cuspline.surfaces.projection import ClosestTree
+from cuspline.surfaces.rolling_ball import fillet_errors
 
 POINT_MM = 0.002            # table point or definition from the solid
 POINT_SIZE_MM = 304.8       # diameter up to which that goes for table points
 BALL_MM, ANGLE_DEG = 0.001, 0.01
+TURNED_DEG = 1.0            # in the middle of the fillet a micrometre tilts a normal more than at its borders
 TESSELLATION_MM = 0.005
 VOLUME_SHARE = 1e-5
 SHAPE_SHARE = 1e-4          # chord, pitch, thickness of a form: of their value
@@ -52,7 +54,7 @@ def solid_report(made, solid, density_g_per_cm3):
         Figure(what="volume, kernel over mesh", measured=volume / by_mesh, wanted=1, allowed=VOLUME_SHARE),
         Figure(what="closed mesh of blades and hub, deviation", measured=mesh.deviation_mm, wanted=0,
                allowed=TESSELLATION_MM, unit="mm"),
-        *blade, *fillet_figures(made)]
+        *blade, *fillet_figures(made, faces)]
     mass = volume * density_g_per_cm3 * 1e-6
     return SolidReport(figures=tuple(figures), facts={
         "expanded_area_ratio": round(measured_ear, 6), "volume_mm3": round(volume, 3), "mass_kg": round(mass, 6),
@@ -80,16 +82,37 @@ def blade_figures(made, faces):
                    wanted=expanded_area_ratio(made.blade.table, _hub_ratio(made)), allowed=1e-4)], rows, area_ratio
 
 
-def fillet_figures(made):
-    """What the rolling ball keeps, measured between the places it was built from."""
-    e = made.errors
-    limit = lambda what, value, allowed, unit: Figure(what=f"fillet, {what}", measured=value, wanted=0, allowed=allowed,
-                                                      unit=unit)
-    return [limit("distance from its ball", e.ball_mm, BALL_MM, "mm"),
-            limit("normal against the blade's", e.blade_angle_deg, ANGLE_DEG, "deg"),
-            limit("normal against the hub's", e.hub_angle_deg, ANGLE_DEG, "deg"),
-            limit("border from the blade's contact", e.blade_border_mm, BALL_MM, "mm"),
-            limit("border from the hub's contact", e.hub_border_mm, BALL_MM, "mm")]
+def fillet_figures(made, faces):
+    """What the fillets of a solid keep of the rolling ball, measured between the places they were built from.
+
+    Args:
+        made: PropellerSolid.
+        faces: brep.Face values of the solid, named.
+    """
+    blades = made.blade.table.blades
+    errors = [fillet_errors(_surface_of([f for f in faces if f.mark.name == f"fillet {k + 1}"]), made.blade.outward > 0,
+                            made.between.turned(about_x(2 * np.pi * k / blades))) for k in range(blades)]
+    limit = lambda what, name, allowed, unit: Figure(
+        what=f"fillets, {what}", measured=max(getattr(e, name) for e in errors), wanted=0, allowed=allowed, unit=unit)
+    return [limit("distance from the ball", "ball_mm", BALL_MM, "mm"),
+            limit("normal against the blade's", "blade_angle_deg", ANGLE_DEG, "deg"),
+            limit("normal against the hub's", "hub_angle_deg", ANGLE_DEG, "deg"),
+            limit("normal against the way to the ball's centre", "ball_angle_deg", TURNED_DEG, "deg"),
+            limit("border from the blade's contact", "blade_border_mm", BALL_MM, "mm"),
+            limit("border from the hub's contact", "hub_border_mm", BALL_MM, "mm")]
+
+
+def _surface_of(faces):
+    """Function of u, v, (n,) each -> (n, 6, 3): the faces round one loop as one surface on the loop's parameters."""
+    def derivatives(u, v):
+        found = np.full((len(u), 6, 3), np.nan)
+        for face in faces:
+            low, high = face.nurbs.domain[:2]
+            for turn in (-2 * np.pi, 0.0, 2 * np.pi):
+                rows = np.flatnonzero((u + turn >= low) & (u + turn <= high))
+                found[rows] = face.nurbs.derivatives(u[rows] + turn, v[rows])
+        return found
+    return derivatives
 
 
 def definition_deviation_mm(made):

@@ -10,11 +10,12 @@ from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from cuspline import fixed_math as fixed
+from cuspline import fixed_math as fixed
 from cuspline.designs._propeller_blade import about_x
 from cuspline.designs._propeller_sections import stations
 from cuspline.errors import DesignError
 from cuspline.surfaces.fairing import fair_spline
-from cuspline.surfaces.rolling_ball import WIDEST_ARC_RAD, Revolved, rolled
+from cuspline.surfaces.rolling_ball import WIDEST_ARC_RAD, Revolved, arc_poles, deepest_inside, envelope_room, rolled
 
 END_MARGIN_SHARE = 0.002    # of the hub's length, kept free at its ends
 OUTERMOST_CONTACT = 0.6     # blade parameter v above which a fillet is no fillet any more
@@ -22,7 +23,14 @@ TOUCHING_MM = 1e-3          # how far a ball may seem to dip into sampled blades
 CLOSEST_SHARE = 0.002       # of the spacing of the blades: least land between two fillets
 JUMP = 5.0                  # feet that move so much faster than their balls leap across a hollow
 SLICES = 240                # of the hub, in which the width of the root is measured
-HALVINGS = 14               # of the search for the largest radius
+HALVINGS = 12               # of the search for the largest radius
+BALLS_A_SPAN = 3            # of the blade's spans round the loop
+LEAST_ROOM = 0.003          # of the envelope (1: straight, 0: it turns over); known within 0.003
+ARC_SHARES = np.linspace(0.0, 1.0, 9)       # of an arc, where it is held against all other balls
+STATION_WORDS = ("the trailing edge", "the face", "the leading edge", "the back")     # of `radius_round_root`
+SIDE_SITES = 33             # of the line half way between two roots
+RUN_OUT = 0.25              # of the root's length, within which it turns straight beyond it
+LAND = 0.2                  # share of the free land that it must keep to a root
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,6 +53,14 @@ class RadiusLaw:
     def scaled(self, share):
         return RadiusLaw(angle=self.angle, radius_mm=share * self.radius_mm)
 
+    def scaled_at(self, station, share):
+        """The same with the radius of one station alone changed."""
+        only = np.where(np.arange(len(self.angle)) == station, share, 1.0)
+        return RadiusLaw(angle=self.angle, radius_mm=only * self.radius_mm)
+
+    def nearest_station(self, u):
+        return int(np.argmin(np.abs(np.remainder(self.angle - u + np.pi, 2 * np.pi) - np.pi)))
+
 
 def radius_round_root(leading_edge_mm, face_mm, trailing_edge_mm, back_mm):
     """RadiusLaw by its values at the edges and in the middle of face and back."""
@@ -66,32 +82,50 @@ def curved_hub(x_mm, radius_mm):
     return Revolved(profile=fair_spline(x_mm, radius_mm, bending=2), half_angle_rad=None)
 
 
-def rolled_round_root(blade, hub, law, u=None):
+def balls_round_root(blade):
+    """(n,) rising loop angles of the balls that a fillet is built from."""
+    knots = np.unique(blade.surface.knots_u)
+    return (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(BALLS_A_SPAN) / BALLS_A_SPAN).ravel()
+
+
+def rolled_round_root(blade, hub, law):
     """Rolling round the root of a blade, or a refusal in words.
 
     Args:
         blade: Blade.
-        hub, law: as for `rolled`.
-        u: loop angles; None: the knots of the blade.
+        hub: Revolved.
+        law: RadiusLaw.
     Raises:
         DesignError: a ball does not fit; names blade, station, reason and the largest radius that fits there.
     """
-    rolling = _rolled(blade, hub, law, np.unique(blade.surface.knots_u)[:-1] if u is None else u)
+    rolling = _rolled(blade, hub, law)
     found = obstacle(blade, hub, rolling)
     if found is None:
         return rolling
     reason, row = found
     asked = float(rolling.radius_mm[row])
-    share = _largest_share(blade, hub, law)
-    advice = (f"the largest radius that fits there is {share * asked:.3f} mm (all radii scaled alike)" if share
-              else "no radius fits: the roots themselves do not")
     raise DesignError(f"propeller {blade.table.name}, blade 1 (all {blade.table.blades} are alike), root at "
                       f"{station_in_words(blade, rolling.u[row])}: a fillet of radius {asked:.3f} mm {reason}; "
-                      f"{advice}")
+                      f"{_advice(blade, hub, law, asked, float(rolling.u[row]))}")
 
 
-def _rolled(blade, hub, law, u):
-    return rolled(blade.surface, blade.outward, hub, law, u, (0.0, OUTERMOST_CONTACT))
+def _advice(blade, hub, law, asked, u):
+    """The largest radius that fits: of all stations scaled alike, and of the nearest station alone where that helps."""
+    share = _largest_share(blade, hub, law.scaled)
+    if not share:
+        return "no radius fits: the roots themselves do not"
+    told = f"the largest radius that fits there is {_floored(share * asked)} mm (all radii scaled alike)"
+    station = law.nearest_station(u)
+    alone = _floored(_largest_share(blade, hub, lambda s: law.scaled_at(station, s)) * float(law.radius_mm[station]))
+    return told + (f", or {alone} mm at {STATION_WORDS[station]} alone" if float(alone) > 0 else "")
+
+
+def _floored(radius_mm):
+    return f"{np.floor(1e3 * radius_mm) / 1e3:.3f}"
+
+
+def _rolled(blade, hub, law):
+    return rolled(blade.surface, blade.outward, hub, law, balls_round_root(blade), (0.0, OUTERMOST_CONTACT))
 
 
 def obstacle(blade, hub, rolling):
@@ -114,10 +148,13 @@ def obstacle(blade, hub, rolling):
              step(rolling.foot_mm) - JUMP * step(rolling.center_mm)),
             ("is wedged between blade and hub, which lie almost on each other", arc - WIDEST_ARC_RAD),
             ("changes faster along the root than its ball moves", np.abs(rolling.radius_slope) - 0.95 * speed),
-            ("climbs the blade almost to the tip", rolling.v - 0.98 * OUTERMOST_CONTACT)):
+            ("climbs the blade almost to the tip", rolling.v - 0.98 * OUTERMOST_CONTACT),
+            ("rolls round the root's edge tighter than its own radius, so that its surface turns over",
+             LEAST_ROOM - envelope_room(rolling, 2 * np.pi))):
         if (excess > 0).any():
             return reason, int(np.argmax(excess))
-    return (_crowded_by_neighbour(blade, rolling) or _crossing_itself(rolling) or _dipping_into_blades(blade, rolling))
+    return (_crowded_by_neighbour(blade, rolling) or _crossing_itself(rolling) or _dipping_into_blades(blade, rolling)
+            or _cut_by_other_balls(blade, rolling) or _leaving_no_land(blade, hub, rolling))
 
 
 def root_width(rolling):
@@ -178,10 +215,54 @@ def _dipping_into_blades(blade, rolling):
     return None
 
 
-def _largest_share(blade, hub, law):
-    """Largest share of the law that fits; 0: none does."""
-    u = np.unique(blade.surface.knots_u)[:-1]
-    fits = lambda share: obstacle(blade, hub, _rolled(blade, hub, law.scaled(share), u)) is None
+def _cut_by_other_balls(blade, rolling):
+    """No ball, its own neighbours' or another blade's, may reach past the arc of any other: sampled."""
+    poles, share = arc_poles(rolling), ARC_SHARES[:, None]
+    weights = np.stack([(1 - share) ** 2, 2 * share * (1 - share), share ** 2], axis=1)[..., 0]
+    arcs = np.einsum("ts,nsc->ntc", weights, poles)
+    places = (arcs[..., :3] / arcs[..., 3:]).reshape(-1, 3)
+    for turn, whose in ((0, "of its own root"), (1, "of the next blade"), (-1, "of the blade before")):
+        depth, row = deepest_inside(places, fixed.matmul(rolling.center_mm, about_x(2 * np.pi * turn / blade.table.blades).T),
+                                    rolling.radius_mm)
+        if depth > TOUCHING_MM:
+            return f"is cut {depth:.3f} mm deep by the ball at another place {whose}", row // len(ARC_SHARES)
+    return None
+
+
+def half_way_line(hub, rolling, blades):
+    """The line along which neighbouring sectors of the hub meet.
+
+    Returns:
+        scipy BSpline of the polar angle half way between the sides of blade 1's root over x, from end to end of the
+        hub; how far it stays clear of the root on either side, rad (negative: it runs into it).
+    """
+    at, low, high = root_width(rolling)
+    land = max(float((2 * np.pi / blades - (high - low)).min()), 0.0)
+    along = fair_spline(at[::12], ((low + high) / 2)[::12], LAND / 2 * land, bending=2)
+    fore, aft = hub.ends_mm
+    reach = RUN_OUT * (at[-1] - at[0])
+
+    def beyond(x):      # outside the root it turns straight, so that a long hub is not wound round
+        edge = np.clip(x, along.t[0], along.t[-1])
+        return along(edge) + along.derivative()(edge) * reach * fixed.tanh((x - edge) / reach)
+
+    x = np.unique(np.r_[np.linspace(fore, aft, SIDE_SITES), at[::24]])
+    found = fair_spline(x, beyond(x), LAND / 4 * land, domain=(fore, aft), bending=2)
+    half = np.pi / blades
+    return found, float(min((low - found(at) + half).min(), (found(at) + half - high).min()))
+
+
+def _leaving_no_land(blade, hub, rolling):
+    line, clear = half_way_line(hub, rolling, blade.table.blades)
+    if clear > 0:
+        return None
+    x, angle = rolling.foot_mm[:, 0], rolling.foot_angle
+    return "leaves too little of the hub between neighbouring blades", int(np.argmax(np.abs(angle - line(x))))
+
+
+def _largest_share(blade, hub, law_of):
+    """Largest share for which the law that a function gives fits; 0: none does."""
+    fits = lambda share: obstacle(blade, hub, _rolled(blade, hub, law_of(share))) is None
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = (low + high) / 2

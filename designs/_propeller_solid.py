@@ -23,22 +23,17 @@ from cuspline import fixed_math as fixed
 from cuspline.surfaces.spline_interpolation import interpolated
 from cuspline import brep
 from cuspline.designs._propeller_blade import DEGREE, Blade, about_x
-from cuspline.designs._propeller_root import OUTERMOST_CONTACT, rolled_round_root, root_width
+from cuspline.designs._propeller_root import OUTERMOST_CONTACT, half_way_line, rolled_round_root
 from cuspline.errors import DesignError
 from cuspline.shells import (ShellBuilder, Side, cylinder_round_x, plane_across_x, plane_curve, plane_line,
                              plane_rational, rational_curve, spline_curve, spline_surface)
 from cuspline.surfaces.closed_splines import piece, surface_piece
-from cuspline.surfaces.fairing import fair_spline
 from cuspline.surfaces.nurbs import NurbsSurface
-from cuspline.surfaces.rolling_ball import ARC_KNOTS, Fillet, FilletErrors, Revolved, fillet_errors, fillet_of, rolled
+from cuspline.surfaces.rolling_ball import ARC_KNOTS, Fillet, Revolved, Rolling, fillet_of, rolled
 
-BALLS_A_SPAN = 3            # of the blade's spans round the loop
-SIDE_SITES = 33             # of a sector's helical border
 SIDE_SHARES = (0.0, 1 / 3, 2 / 3)       # of the way between them, where its surface is laid through
-RUN_OUT = 0.25              # of the root's length, within which a border turns straight beyond it
 CLEAR_MM = 1.0              # by which tools stand out of the hub
 LEAST_WALL_SHARE = 0.05     # of the hub's radius, left outside its holes
-LAND = 0.2                  # share of the free land that a border must keep to a root
 BELOW = 0.03                # of v: how far the blade's faces go on under their border
 
 
@@ -69,7 +64,7 @@ class PropellerSolid:
     blade: Blade
     hub: Revolved
     fillet: Fillet
-    errors: FilletErrors
+    between: Rolling                # balls found anew, half way between those the fillet is made of
     half_way: BSpline               # over x: polar angle half way between the sides of blade 1's root
     cuts: HubCuts
 
@@ -85,7 +80,7 @@ def propeller_solid(blade, hub, law, cuts=HubCuts()):
     Raises:
         DesignError: the fillet or a cut does not fit; says where and what would.
     """
-    fillet, errors = _rolled_fillet(blade, hub, law)
+    fillet, between = _rolled_fillet(blade, hub, law)
     builder, table = ShellBuilder(), blade.table
     sector = _Sectors(builder, hub, fillet.rolling, table.blades)
     for k in range(table.blades):
@@ -96,20 +91,16 @@ def propeller_solid(blade, hub, law, cuts=HubCuts()):
     solid, faces = builder.solid()
     solid, faces = _cut(solid, faces, hub, cuts, table.name)
     marked = brep.marked(solid, faces)
-    return PropellerSolid(solid=marked, blade=blade, hub=hub, fillet=fillet, errors=errors,
+    return PropellerSolid(solid=marked, blade=blade, hub=hub, fillet=fillet, between=between,
                           half_way=sector.half_way, cuts=cuts)
 
 
 def _rolled_fillet(blade, hub, law):
-    """(Fillet, FilletErrors)."""
-    knots = np.unique(blade.surface.knots_u)
-    rolled_round_root(blade, hub, law)          # refuses where its own search for the largest radius looks
-    share = np.arange(BALLS_A_SPAN) / BALLS_A_SPAN
-    u = (knots[:-1, None] + np.diff(knots)[:, None] * share).ravel()
-    fillet = fillet_of(rolled_round_root(blade, hub, law, u), 2 * np.pi)
+    """(Fillet, Rolling half way between the balls it is made of)."""
+    fillet = fillet_of(rolled_round_root(blade, hub, law), 2 * np.pi)
+    u = fillet.rolling.u
     middle = (u + np.r_[u[1:], u[0] + 2 * np.pi]) / 2
-    between = rolled(blade.surface, blade.outward, hub, law, middle, (0.0, OUTERMOST_CONTACT))
-    return fillet, fillet_errors(fillet, blade.surface, blade.outward, between)
+    return fillet, rolled(blade.surface, blade.outward, hub, law, middle, (0.0, OUTERMOST_CONTACT))
 
 
 # blades ----------------------------------------------------------------------------------------
@@ -241,7 +232,7 @@ class _Sectors:
 
     def __init__(self, builder, hub, rolling, blades):
         self._builder, self._hub, self._half, self._blades = builder, hub, np.pi / blades, blades
-        self.half_way = _half_way(hub, rolling, blades)
+        self.half_way, _ = half_way_line(hub, rolling, blades)
         sites = np.unique(self.half_way.t)
         self._x = _between(sites, SIDE_SHARES)
         self._ends = [builder.vertex(p) for p in self._places(0, -1.0)[[0, -1]]]
@@ -305,32 +296,6 @@ def _between(sites, shares):
     """Rising places: every site, and inner ones at shares of the way to the next."""
     inner = [sites[:-1] + share * np.diff(sites) for share in shares]
     return np.unique(np.concatenate([*inner, sites[-1:]]))
-
-
-def _half_way(hub, rolling, blades):
-    """Spline of the polar angle half way between a root's sides, over x from end to end of the hub.
-
-    Raises:
-        DesignError: between two roots there is no room for it.
-    """
-    at, low, high = root_width(rolling)
-    land = 2 * np.pi / blades - (high - low)
-    along = fair_spline(at[::12], ((low + high) / 2)[::12], LAND / 2 * land.min(), bending=2)
-    fore, aft = hub.ends_mm
-    reach = RUN_OUT * (at[-1] - at[0])
-
-    def beyond(x):      # outside the root it turns straight, so that a long hub is not wound round
-        edge = np.clip(x, along.t[0], along.t[-1])
-        return along(edge) + along.derivative()(edge) * reach * fixed.tanh((x - edge) / reach)
-
-    x = np.unique(np.r_[np.linspace(fore, aft, SIDE_SITES), at[::24]])
-    found = fair_spline(x, beyond(x), LAND / 4 * land.min(), domain=(fore, aft), bending=2)
-    half = np.pi / blades
-    if (found(at) - half >= low).any() or (found(at) + half <= high).any():
-        raise DesignError(f"the roots of neighbouring blades leave too little of the hub between them: "
-                          f"{np.degrees(land.min()):.2f} deg at the narrowest; "
-                          "use a smaller fillet, a larger hub, or less chord")
-    return found
 
 
 def _cut(solid, faces, hub, cuts, name):

@@ -17,6 +17,7 @@ from OCP.BRepTools import BRepTools
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.Bnd import Bnd_Box
 from OCP.BRepBndLib import BRepBndLib
+from OCP.Geom import Geom_BSplineSurface
 from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.GeomAbs import GeomAbs_CN, GeomAbs_SurfaceType
 from OCP.GeomConvert import GeomConvert
@@ -158,6 +159,8 @@ class Face:
     @cached_property
     def nurbs_face(self):
         """The same face on a B-spline surface; trim tests for `nurbs` parameters use this one."""
+        if _is_plain_spline(self.shape):
+            return self.shape
         shape = BRepBuilderAPI_NurbsConvert(self.shape, True).Shape()
         return TopoDS.Face_s(explore(shape, TopAbs_FACE)[0])
 
@@ -186,6 +189,14 @@ class Face:
         properties = GProp_GProps()
         BRepGProp.SurfaceProperties_s(self.shape, properties, 1e-6)
         return properties.Mass()
+
+
+def _is_plain_spline(face):
+    """Whether a face lies on a B-spline surface as it is: neither moved nor periodic (converting it would take long)."""
+    here = TopLoc_Location()
+    surface = BRep_Tool.Surface_s(face, here)
+    return (here.IsIdentity() and isinstance(surface, Geom_BSplineSurface)
+            and not (surface.IsUPeriodic() or surface.IsVPeriodic()))
 
 
 def seen_from(solid, frame):

@@ -38,6 +38,7 @@ from cuspline.tooltable import dropped_fields, tool_table
 from cuspline.verification.findings import Finding
 from cuspline.verification.in_process import PART
 from cuspline.verification.kept import kept_beside
+from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.verdict import Options, SetupProgram, residuals_of
 
 TIP_PARTS = ("crest", "sides")
@@ -116,15 +117,20 @@ def _made(order, work, say):
     step = work / f"{design.name}.step"
     brep.write_step(solid, step, design.name)
     inputs = inputs_hash(order, step)
+    # from here on every stage sees what a reader of the file sees
+    solid = brep.the_solid(brep.read_step(step), step.name)
+    design = replace(design, solid=solid)
+    order = replace(order, design=design)
     for companion in design.companions:
         name = f"{design.name}.{companion.name}"
         brep.write_step(companion.make(), work / f"{name}.step", name)
     shape = shape_of(solid, has_thin_edges=not design.setups)
+    refuse_self_crossing(solid, shape, f"design {design.name}: the solid in {step.name}")
     write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":
         return _finished(order, work, inputs, None)
     if not design.setups:
-        return _measured(order, work, inputs, step, shape, say)
+        return _measured(order, work, inputs, shape, say)
     kept, tell = kept_beside(order.out), lambda text: say(f"{design.name}: {text}")
     plans = _checked(order, _planned(order, say), solid, kept, tell)
     if order.last_stage == "plan":
@@ -148,11 +154,11 @@ def _made(order, work, say):
     return replace(result, figures=judged.figures_in_words, accepted=judged.passed_over(order.accepted))
 
 
-def _measured(order, work, inputs, step, shape, say):
-    """A design without setups: its solid is read back and measured, nothing is planned."""
+def _measured(order, work, inputs, shape, say):
+    """A design without setups: its solid as read back from STEP is measured, nothing is planned."""
     design = order.design
     say(f"{design.name}: solid read back from STEP and measured")
-    report = design.measure(brep.the_solid(brep.read_step(step), step.name))
+    report = design.measure(design.solid)
     off = tuple(f for f in report.figures if not f.is_kept)
     findings = tuple(Finding(
         kind="solid_off", amount_mm=abs(f.measured - f.wanted), place_mm=None, operation="", line=0, setup="",

@@ -3,7 +3,6 @@
 import csv
 import json
 import tomllib
-from pathlib import Path
 
 from pydantic import ValidationError
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from cuspline.cutters import Tool, ToolLibrary
+from cuspline.cutters import ToolLibrary
 from cuspline.design import FacePredicate, Finish, Setup, StockBox
 from cuspline.errors import InputError
 from cuspline.input_files import checked, json_of

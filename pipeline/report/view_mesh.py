@@ -33,6 +33,7 @@ class ViewMesh(NamedTuple):
     triangles: np.ndarray                   # (m, 3) counter-clockwise seen from the air
     edges_mm: tuple[np.ndarray, ...]        # B-rep edges as polylines (k, 3)
     face_index: np.ndarray                  # (n,) which face, in OCP's own order, a vertex lies on
+    uv: np.ndarray                          # (n, 2) parameters of a vertex on its face
 
 
 def tessellate_for_view(solid, deflection_mm, longest_edge_mm=None, angle_rad=ANGLE_RAD):
@@ -55,15 +56,15 @@ def tessellate_for_view(solid, deflection_mm, longest_edge_mm=None, angle_rad=AN
     patches = [_face_patch(TopoDS.Face_s(f), row, longest_edge_mm) for row, f in enumerate(_parts_of(shape, TopAbs_FACE))]
     if not patches:
         raise DesignError("the shape has no face: there is nothing to draw")
-    counts = [len(vertices) for vertices, _, _ in patches]
+    counts = [len(vertices) for vertices, *_ in patches]
     offsets = np.concatenate([[0], np.cumsum(counts)[:-1]])
     return ViewMesh(
-        vertices_mm=np.vstack([vertices for vertices, _, _ in patches]),
-        normals=np.vstack([normals for _, normals, _ in patches]),
-        triangles=np.vstack([triangles + o for (_, _, triangles), o in zip(patches, offsets)]),
+        vertices_mm=np.vstack([vertices for vertices, *_ in patches]),
+        normals=np.vstack([normals for _, normals, *_ in patches]),
+        triangles=np.vstack([triangles + o for (_, _, triangles, _), o in zip(patches, offsets)]),
         edges_mm=tuple(_edge_polyline(e, deflection_mm) for e in map(TopoDS.Edge_s, _parts_of(shape, TopAbs_EDGE))
                        if not BRep_Tool.Degenerated_s(e)),
-        face_index=np.repeat(np.arange(len(patches)), counts))
+        face_index=np.repeat(np.arange(len(patches)), counts), uv=np.vstack([uv for *_, uv in patches]))
 
 
 def _parts_of(shape, kind):
@@ -74,7 +75,7 @@ def _parts_of(shape, kind):
 
 
 def _face_patch(face, row, longest_edge_mm):
-    """(vertices, normals, triangles) of one face, turned so that normals leave the material."""
+    """(vertices, normals, triangles, parameters) of one face, turned so that normals leave the material."""
     location = TopLoc_Location()
     mesh = BRep_Tool.Triangulation_s(face, location)
     if mesh is None:
@@ -85,12 +86,12 @@ def _face_patch(face, row, longest_edge_mm):
     vertices = np.array([_triple(mesh.Node(i).Transformed(move)) for i in nodes])
     normals = np.array([_triple(mesh.Normal(i).Transformed(move)) for i in nodes])
     triangles = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)]) - 1
+    uv = np.array([(p.X(), p.Y()) for p in map(mesh.UVNode, nodes)])
     if longest_edge_mm is not None:
-        uv = np.array([(p.X(), p.Y()) for p in map(mesh.UVNode, nodes)])
-        vertices, normals, triangles = _divided(BRepAdaptor_Surface(face), vertices, normals, uv, triangles, longest_edge_mm)
+        vertices, normals, triangles, uv = _divided(BRepAdaptor_Surface(face), vertices, normals, uv, triangles, longest_edge_mm)
     if face.Orientation() == TopAbs_REVERSED:
-        return vertices, -normals, triangles[:, ::-1]
-    return vertices, normals, triangles
+        return vertices, -normals, triangles[:, ::-1], uv
+    return vertices, normals, triangles, uv
 
 
 def _triple(vector):
@@ -117,7 +118,7 @@ def _divided(surface, vertices, normals, uv, triangles, longest_edge_mm):
         vertices, normals = np.vstack([vertices, points]), np.vstack([normals, directions])
         uv = np.vstack([uv, middle_uv])
         triangles = _split(triangles, middle[side_edge.reshape(-1, 3)])
-    return vertices, normals, triangles
+    return vertices, normals, triangles, uv
 
 
 def _split(triangles, middle):

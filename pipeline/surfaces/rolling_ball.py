@@ -11,15 +11,26 @@ r"""A ball of changing radius rolls round a blade's root, touching the blade and
 The balls' envelope touches ball u along a circle in the plane square to C', centred r r' / |C'| behind C; it passes
 through both contacts, and its arc between them is square to both normals, so the fillet is tangent to blade and hub
 for any smooth r(u).  The arcs are rational quadratic; their homogeneous poles are interpolated along u.
+
+A place x of the arc bounds what the balls sweep only while the balls just before and behind leave it free:
+f(u) = |x - C|^2 - r^2 has its least value 0 there, so
+
+    1 - ((x - C) . C'' + r'^2 + r r'') / |C'|^2  >  0         (half of f'' over |C'|^2)
+
+Where it falls to 0 the ball turns round the edge tighter than its own radius and the envelope turns over.  What the
+balls leave standing goes on from there with a sharp ridge between two flanks: no fillet, whatever is done with it.
 Frame: the axis of revolution is X.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
+from cuspline import fixed_math as fixed
 from cuspline import fixed_math as fixed
 from cuspline.surfaces.closed_splines import periodic_spline
 from cuspline.surfaces.nurbs import NurbsSurface, local_shape
@@ -101,6 +112,12 @@ class Rolling:
     radius_slope: np.ndarray    # (n,) dr/du
     hollow_mm: np.ndarray       # (n,) tightest hollow of the blade at p1, inf on ridges
 
+    def turned(self, turn):
+        """The balls turned by a (3, 3) rotation about X."""
+        vectors = ("center_mm", "contact_mm", "blade_normal", "foot_mm", "hub_normal", "motion_mm")
+        angle = self.foot_angle + fixed.arctan2(turn[2, 1], turn[1, 1])
+        return replace(self, foot_angle=angle, **{name: fixed.matmul(getattr(self, name), turn.T) for name in vectors})
+
 
 def rolled(surface, outward, hub, law, u, v_range):
     """Where the ball touches.
@@ -177,6 +194,44 @@ def _normals(d, outward):
     return n, derived(np.cross(suu, sv) + np.cross(su, suv)), derived(np.cross(suv, sv) + np.cross(su, svv))
 
 
+def envelope_room(rolling, period):
+    """(n,) least value over each ball's arc of the condition above: 1 on a straight way, 0 where the envelope turns over.
+
+    Args:
+        rolling: Rolling all the way round, parameters rising.
+        period: of the parameter.
+    """
+    dot = lambda a, b: np.einsum("ij,ij->i", a, b)
+    along = periodic_spline(rolling.u, np.column_stack([rolling.motion_mm, rolling.radius_slope]), period)
+    bend = along.derivative()(rolling.u)
+    bend, radius_bend = bend[:, :3], bend[:, 3]
+    speed2, middle = dot(rolling.motion_mm, rolling.motion_mm), arc_centers_mm(rolling)
+    a, b = rolling.contact_mm - middle, rolling.foot_mm - middle
+    # the arc's farthest place along C'' is where the arc points its way, or one of its ends
+    aa, ab, pa, pb = dot(a, a), dot(a, b), dot(a, bend), dot(b, bend)
+    points_in = (pa * aa >= pb * ab) & (pb * aa >= pa * ab)
+    inside = np.sqrt(np.maximum(pa * pa + pb * pb - 2 * pa * pb * ab / aa, 0.0) / np.maximum(1 - (ab / aa) ** 2, 1e-12))
+    farthest = np.where(points_in, inside, np.maximum(pa, pb)) + dot(middle - rolling.center_mm, bend)
+    return 1 - (farthest + rolling.radius_slope ** 2 + rolling.radius_mm * radius_bend) / speed2
+
+
+@njit(cache=True)
+def deepest_inside(places, centers, radii):
+    """How deep the deepest of some places lies inside any of some balls (negative: outside all), and its row.
+
+    Args:
+        places: (n, 3).   centers: (m, 3).   radii: (m,).
+    """
+    deepest, found = -math.inf, -1
+    for i in range(len(places)):
+        for j in range(len(centers)):
+            dx, dy, dz = places[i, 0] - centers[j, 0], places[i, 1] - centers[j, 1], places[i, 2] - centers[j, 2]
+            least = radii[j] - deepest
+            if least > 0 and dx * dx + dy * dy + dz * dz < least * least:
+                deepest, found = radii[j] - math.sqrt(dx * dx + dy * dy + dz * dz), i
+    return deepest, found
+
+
 # the fillet ------------------------------------------------------------------------------------
 
 
@@ -199,13 +254,18 @@ class FilletErrors:
     ball_mm: float              # distance of the fillet from the ball it should touch
     blade_angle_deg: float      # between the fillet's normal and the blade's
     hub_angle_deg: float
+    ball_angle_deg: float       # between the fillet's normal and the way to the ball's centre; 180: it has turned over
+
+
+def arc_centers_mm(rolling):
+    """(n, 3) middles of the circles along which the balls touch their envelope."""
+    speed2 = np.einsum("ij,ij->i", rolling.motion_mm, rolling.motion_mm)
+    return rolling.center_mm - (rolling.radius_mm * rolling.radius_slope / speed2)[:, None] * rolling.motion_mm
 
 
 def arc_poles(rolling):
     """(n, 3, 4) homogeneous poles of the arcs from blade to hub."""
-    speed2 = np.einsum("ij,ij->i", rolling.motion_mm, rolling.motion_mm)
-    behind = (rolling.radius_mm * rolling.radius_slope / speed2)[:, None] * rolling.motion_mm
-    middle = rolling.center_mm - behind
+    middle = arc_centers_mm(rolling)
     a, b = rolling.contact_mm - middle, rolling.foot_mm - middle
     size2 = np.einsum("ij,ij->i", a, a)
     half = np.sqrt((1 + np.einsum("ij,ij->i", a, b) / size2) / 2)       # cosine of half the arc
@@ -226,27 +286,26 @@ def fillet_of(rolling, period):
                   on_hub=BSpline(borders.t, borders.c[:, 1:], DEGREE), rolling=rolling)
 
 
-def fillet_errors(fillet, blade, outward, between):
-    """FilletErrors of a fillet.
+def fillet_errors(derivatives, flip, between):
+    """FilletErrors of a fillet's surface.
 
     Args:
-        fillet: Fillet.
-        blade: NurbsSurface of the blade.
-        outward: as for `rolled`.
+        derivatives: function of u, t, (n,) each -> (n, 6, 3), as `NurbsSurface.derivatives`.
+        flip: its normal out of the material is -(Su x Sv).
         between: Rolling at other parameters than the fillet's knots.
     """
     count, across = len(between.u), np.linspace(0.0, 1.0, 9)
-    u, t = np.repeat(between.u, len(across)), np.tile(across, count)
-    points = fillet.surface.derivatives(u, t)
-    shape = local_shape(points)
-    places = points[:, 0].reshape(count, len(across), 3)
-    off = np.linalg.norm(places - between.center_mm[:, None], axis=2) - between.radius_mm[:, None]
-    normals = shape.normal.reshape(count, len(across), 3)
+    shape = local_shape(derivatives(np.repeat(between.u, len(across)), np.tile(across, count)), flip)
+    places, normals = (a.reshape(count, len(across), 3) for a in (shape.point_mm, shape.normal))
+    to_center = between.center_mm[:, None] - places
+    far = np.linalg.norm(to_center, axis=2)
     return FilletErrors(
         blade_border_mm=_longest(places[:, 0] - between.contact_mm),
-        hub_border_mm=_longest(places[:, -1] - between.foot_mm), ball_mm=float(np.abs(off).max()),
+        hub_border_mm=_longest(places[:, -1] - between.foot_mm),
+        ball_mm=float(np.abs(far - between.radius_mm[:, None]).max()),
         blade_angle_deg=_widest_deg(normals[:, 0], between.blade_normal),
-        hub_angle_deg=_widest_deg(normals[:, -1], between.hub_normal))
+        hub_angle_deg=_widest_deg(normals[:, -1], between.hub_normal),
+        ball_angle_deg=_widest_deg(normals.reshape(-1, 3), (to_center / far[..., None]).reshape(-1, 3)))
 
 
 def _longest(vectors):
@@ -254,5 +313,5 @@ def _longest(vectors):
 
 
 def _widest_deg(a, b):
-    """Largest angle between lines, by the sine: exact where it is small."""
-    return float(np.degrees(fixed.arcsin(np.minimum(np.linalg.norm(np.cross(a, b), axis=1), 1.0)).max()))
+    """Largest angle between unit vectors, exact where it is small too."""
+    return float(np.degrees(2 * fixed.arcsin(np.minimum(np.linalg.norm(a - b, axis=1) / 2, 1.0)).max()))

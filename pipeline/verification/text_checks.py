@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from cuspline import fixed_math as fixed
 from cuspline.errors import ReadError
 from cuspline.planning.materials import MATERIALS
 from cuspline.program import Kind

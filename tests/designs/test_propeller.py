@@ -9,20 +9,22 @@ import pytest
 from scipy.interpolate import BSpline
 
 from cuspline import brep, build, catalogue
-from cuspline.designs import _propeller_tables as tables
+from cuspline.designs import _propeller_root, _propeller_tables as tables
 from cuspline.designs._propeller_blade import blade_of, loop_angles, radial_laws
 from cuspline.designs._propeller_checks import (blade_figures, definition_deviation_mm, fillet_figures,
                                                 section_on_solid, solid_report, table_points)
 from cuspline.designs._propeller_design import blade_over
 from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
-from cuspline.designs._propeller_root import (curved_hub, obstacle, radius_round_root, rolled_round_root, straight_hub)
+from cuspline.designs._propeller_root import (balls_round_root, curved_hub, obstacle, radius_round_root,
+                                               rolled_round_root, straight_hub)
 from cuspline.designs._propeller_sections import TrailingEdge, form_and_mean_line, naca66_a08, section_loop
 from cuspline.designs._propeller_solid import HubCuts, _tools, propeller_solid, volume_of_cuts_mm3
 from cuspline.errors import DesignError
 from cuspline.shells import ShellBuilder, Side, plane_across_x, plane_curve, spline_curve
 from cuspline.solids import solid_of
+from cuspline.surfaces.folds import folds_of
 from cuspline.surfaces.nurbs import local_shape
-from cuspline.surfaces.rolling_ball import rolled
+from cuspline.surfaces.rolling_ball import envelope_room, fillet_of, rolled
 from cuspline.surfaces.trims import TrimSet
 
 
@@ -67,7 +69,7 @@ def test_dtmb_4119_keeps_every_figure_as_read_back_from_its_file(dtmb, dtmb_read
     points = [f for f in report.figures if f.what.startswith("table points")]
     assert len(points) >= 9 and all(f.measured <= 0.002 for f in points)
     assert 0.604 <= report.facts["expanded_area_ratio"] <= 0.607
-    assert sum(f.what.startswith("fillet") and f.measured <= 1e-3 for f in report.figures) == 5
+    assert sum(f.what.startswith("fillets, ") and f.measured <= 1e-3 for f in report.figures) >= 5
     assert report.facts["centre_mm"][1] == pytest.approx(0, abs=1e-3)
     inertia = np.array(report.facts["inertia_kg_mm2"])
     assert inertia[0, 0] > 1.2 * inertia[1, 1] and inertia[1, 1] == pytest.approx(inertia[2, 2], rel=2e-3)
@@ -224,7 +226,7 @@ def assert_sound(made):
     assert brep.loosest_tolerance_mm(made.solid) <= 1e-3
     assert brep.volume_mm3(made.solid) == pytest.approx(extrapolated_volume_mm3(made), rel=1e-5)
     assert definition_deviation_mm(made) <= 0.002
-    assert [f for f in fillet_figures(made) if not f.is_kept] == []
+    assert [f for f in fillet_figures(made, brep.faces_of(made.solid)) if not f.is_kept] == []
 
 
 def assert_sound_as_read_back(made, path):
@@ -346,10 +348,57 @@ def test_a_radius_that_does_not_fit_is_named_with_the_one_that_does(make, length
     size = table.diameter_mm
     hub = straight_hub(-length * size / 2, length * size / 2, 0.1 * size)
     blade, law = blade_over(table, hub), radius_round_root(*(r * size / 300 for r in radii))
-    u = np.unique(blade.surface.knots_u)[:-1]
+    u = balls_round_root(blade)
     for share, is_fitting in ((0.995 * fits / asked, True), (1.02 * fits / asked, False)):
         rolling = rolled(blade.surface, 1.0, hub, law.scaled(share), u, (0.0, 0.6))
         assert (obstacle(blade, hub, rolling) is None) is is_fitting
+
+
+def five_blades(hand, trailing_edge_mm):
+    """Blade, hub and law of a five-bladed B-screw of 250 mm; above 3.37 mm its trailing edge is too tight for a ball."""
+    table = tables.b_series(5, 0.75, 1.0, 250.0, hand)
+    hub = straight_hub(-55.0, 45.0, 0.167 * 125.0)
+    return blade_over(table, hub), hub, radius_round_root(4.0, 8.0, trailing_edge_mm, 8.0)
+
+
+@pytest.mark.parametrize("hand", [True, False], ids=["right", "left"])
+def test_a_ball_that_turns_tighter_than_its_radius_is_refused_with_the_largest_that_does_not(hand):
+    with pytest.raises(DesignError, match="at the trailing edge.*its surface turns over") as told:
+        rolled_round_root(*five_blades(hand, 4.0))
+    fits = float(re.search(r"or ([\d.]+) mm at the trailing edge alone", str(told.value))[1])
+    assert 3.2 < fits < 3.5
+    blade, hub, law = five_blades(hand, fits)
+    room = envelope_room(rolled_round_root(blade, hub, law), 2 * np.pi)
+    assert 0 < room.min() < 0.01                        # hardly any is left: the next larger one is refused
+    with pytest.raises(DesignError, match="turns over"):
+        rolled_round_root(*five_blades(hand, fits + 0.05))
+
+
+@pytest.mark.parametrize("hand, trailing_edge_mm", [(True, 4.0), (False, 3.5)], ids=["right", "left, hardly"])
+def test_an_overturned_fillet_is_found_on_the_solid_as_read_back(hand, trailing_edge_mm, tmp_path, monkeypatch):
+    """Built in spite of the refusal: faces' normals, figures of the fillet and the general check all tell."""
+    monkeypatch.setattr(_propeller_root, "obstacle", lambda *_: None)
+    made = propeller_solid(*five_blades(hand, trailing_edge_mm))
+    brep.write_step(made.solid, tmp_path / "bad.step", "bad")
+    read = brep.the_solid(brep.read_step(tmp_path / "bad.step"))      # BRepCheck finds nothing wrong
+    faces = brep.faces_of(read)
+    assert {f.mark.name for f in faces if len(folds_of(f))} == {f"fillet {k}" for k in range(1, 6)}
+    figures = {f.what: f for f in fillet_figures(made, faces)}
+    turned = figures["fillets, normal against the way to the ball's centre"]
+    assert not turned.is_kept and turned.measured > 90
+
+
+def test_room_of_the_envelope_is_what_the_fillets_own_surface_says():
+    """An even ball: Su x Sv over Sv and the motion of the ball's centre, least over the arc."""
+    blade, hub, _ = five_blades(True, 3.0)
+    rolling = rolled_round_root(blade, hub, radius_round_root(3.0, 3.0, 3.0, 3.0))
+    fillet, across = fillet_of(rolling, 2 * np.pi), np.linspace(0.0, 1.0, 65)
+    d = fillet.surface.derivatives(np.repeat(rolling.u, 65), np.tile(across, len(rolling.u)))
+    square = np.linalg.norm(np.cross(d[:, 1], d[:, 2]), axis=1) / np.linalg.norm(d[:, 2], axis=1)
+    own = (square.reshape(-1, 65) / np.linalg.norm(rolling.motion_mm, axis=1)[:, None]).min(axis=1)
+    room = envelope_room(rolling, 2 * np.pi)
+    assert room == pytest.approx(own, abs=4e-3)         # C'' by a spline through the balls' motions
+    assert room.min() == pytest.approx(own.min(), abs=1e-3)
 
 
 def test_roots_that_collide_without_any_fillet_are_refused():

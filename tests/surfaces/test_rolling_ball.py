@@ -51,7 +51,7 @@ def test_the_fillet_is_tangent_to_both_and_rolls_truly(law, slope):
     u = np.linspace(0, 2 * np.pi, 240, endpoint=False)
     blade, hub = post(), shaft(slope)
     fillet = fillet_of(rolled(blade, 1.0, hub, law, u, (0.1, 0.95)), 2 * np.pi)
-    errors = fillet_errors(fillet, blade, 1.0, rolled(blade, 1.0, hub, law, u + 0.5 * u[1], (0.1, 0.95)))
+    errors = fillet_errors(fillet.surface.derivatives, True, rolled(blade, 1.0, hub, law, u + 0.5 * u[1], (0.1, 0.95)))
     assert errors.ball_mm < 1e-6 and errors.blade_angle_deg < 1e-4 and errors.hub_angle_deg < 1e-4
     assert errors.blade_border_mm < 1e-6 and errors.hub_border_mm < 1e-6
 
@@ -80,7 +80,7 @@ def test_halving_the_spacing_divides_the_error_by_thirty():
         u = np.linspace(0, 2 * np.pi, count, endpoint=False)
         fillet = fillet_of(rolled(post(), 1.0, shaft(), changing, u, (0.1, 0.95)), 2 * np.pi)
         between = rolled(post(), 1.0, shaft(), changing, u + 0.5 * u[1], (0.1, 0.95))
-        errors.append(fillet_errors(fillet, post(), 1.0, between).ball_mm)
+        errors.append(fillet_errors(fillet.surface.derivatives, True, between).ball_mm)
     assert errors[0] / errors[1] > 30
 
 
