@@ -57,7 +57,8 @@ def loads(posted, tools, zmap, events, first, before_mm):
     volume, deepest, plunge = _taken(*events, first, z.ravel(), zmap.nx, np.array([*zmap.origin_mm, zmap.pitch_mm]), count,
                                      bin_way, starts[:-1], way, feeds, _ends(posted), diameter)
     of = np.searchsorted(starts[1:], (np.arange(count) + 0.5) * bin_way).clip(max=len(posted) - 1)
-    slot, sure = _windows(volume * zmap.pitch_mm ** 2, deepest * zmap.pitch_mm, bin_way, diameter[of])
+    cut = np.cumsum(posted.kind == Kind.RAPID)          # windows do not reach over rapids, to another place or tool
+    slot, sure = _windows(volume * zmap.pitch_mm ** 2, deepest * zmap.pitch_mm, bin_way, diameter[of], cut[of])
     first_bin = (starts[:-1] / bin_way).astype(np.int64)
     last_bin = np.minimum((starts[1:] / bin_way).astype(np.int64), count - 1)
     best = _best_of(sure, first_bin, last_bin)
@@ -154,15 +155,16 @@ def _taken(rows, cells, heights, first, z, nx, grid, count, bin_way, starts, way
 
 
 @njit(cache=True)
-def _windows(volume, strip, bin_way, width):
-    """(k,) slot depth of the window around each bin, and the same less its deepest strip."""
+def _windows(volume, strip, bin_way, width, cut):
+    """(k,) slot depth of the window around each bin within its cut, and the same less its deepest strip."""
     count = len(volume)
     slot, sure = np.zeros(count), np.zeros(count)
     for k in range(count):
         total, deep = 0.0, 0.0
         for j in range(max(0, k - WINDOW // 2), min(count, k - WINDOW // 2 + WINDOW)):
-            total += volume[j]
-            deep = max(deep, strip[j])
+            if cut[j] == cut[k]:
+                total += volume[j]
+                deep = max(deep, strip[j])
         if width[k] > 0.0:
             area = total / (WINDOW * bin_way * width[k])
             slot[k], sure[k] = area / width[k], max(area - deep, 0.0) / width[k]
