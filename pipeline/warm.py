@@ -10,12 +10,11 @@ import numpy as np
 
 import cuspline
 
-from cuspline import fixed_math as fixed
-
 
 def steps():
     """(what, function) pairs; each function makes its kernels compile."""
-    return (("throwing away what was compiled before", _forget), ("surface evaluation", _surfaces),
+    return (("throwing away what was compiled before", _forget), ("arithmetic", _arithmetic),
+            ("surface evaluation", _surfaces),
             ("closest points", _closest_points), ("drop-cutter on triangles", _drop_cutter),
             ("drop-cutter on exact surfaces", _exact_drop), ("certificate", _certificate),
             ("arc fitting", _arcs), ("feeds", _feeds), ("planning of a small part", _planning),
@@ -27,6 +26,19 @@ def _forget():
     for pattern in ("*.nbi", "*.nbc"):
         for compiled in Path(cuspline.__file__).parent.rglob(f"__pycache__/{pattern}"):
             compiled.unlink(missing_ok=True)
+
+
+def _arithmetic():
+    from cuspline import fixed_math as fixed        # its functions are compiled as it is imported
+    from cuspline.toolpaths.grid_cholesky import Factors
+    from scipy import sparse
+    matrix = np.diag([2.0, 3.0, 4.0])
+    fixed.solve(matrix, np.ones(3))
+    fixed.least_squares(matrix, np.ones((3, 1)))
+    fixed.null_space_and_particular(matrix[:2], np.ones((2, 1)))
+    fixed.singular_values(matrix)
+    fixed.solve_banded(np.arange(3), np.ones((3, 1)), np.ones((3, 1)))
+    Factors.of(sparse.csr_matrix(matrix), np.array([(0, 0), (0, 1), (0, 2)])).solve(np.ones(3))
 
 
 def _surfaces():
@@ -102,6 +114,7 @@ def _planning():
 
 
 def _arcs():
+    from cuspline import fixed_math as fixed
     from cuspline.toolpaths.arcfit import fit_arcs
     t = np.linspace(0.2, 1.0, 200)
     fit_arcs(np.column_stack([t, t * t * t]) * 10, fixed.arctan(3 * t ** 2), 0.01, 1e4)

@@ -9,8 +9,8 @@ sys.path.append(str(Path(__file__).parent / "parts"))       # for known_parts, b
 
 from built_parts import built_once  # noqa: E402
 
-settings.register_profile("same", derandomize=True)     # a red run can be repeated
-settings.register_profile("search", derandomize=False)  # what it finds goes into the test as an @example
+settings.register_profile("same", derandomize=True, deadline=None)     # a red run can be repeated
+settings.register_profile("search", derandomize=False, deadline=None)  # what it finds goes into the test as an @example
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 
