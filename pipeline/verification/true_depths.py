@@ -19,7 +19,7 @@ STARTS = 6                # rays from whose best places the search goes on
 SIDES = (-1.0, -0.5, 0.0, 0.5, 1.0)
 AROUND = np.array([(x, y, z) for x in SIDES for y in SIDES for z in SIDES if max(abs(x), abs(y), abs(z)) == 1.0])
 LAST_MM = 1e-5            # step at which the search ends
-MOST_STEPS = 400
+MOST_STEPS = 100
 
 
 def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, step_mm):
@@ -56,8 +56,7 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
         best = max(best, float(true.max()))
     found = sorted(found, key=lambda f: -f[0])[:STARTS]
     at = found[0][1]
-    for true, _, place in found:
-        best = max(best, _climbed(place, true, step_mm, lambda p: sign * closest.signed_distances_mm(p), belongs))
+    best = max(best, _climbed(found, step_mm, lambda p: sign * closest.signed_distances_mm(p), belongs))
     rest = order[MOST:]
     return best, at, bool(len(rest)) and bool(is_capped.sum() > MOST or np.abs(deviation_mm[rest]).max() > best)
 
@@ -85,16 +84,24 @@ def _along(points, directions, length_mm, sign, closest):
     return best, at
 
 
-def _climbed(place, best, step_mm, height, belongs):
-    """The greatest distance found by steps in all directions from a place, through what belongs."""
+def _climbed(found, step_mm, height, belongs):
+    """The greatest distance reached by steps in all directions from several places, through what belongs.
+
+    Args:
+        found: list of (distance, row, place (3,)).   height, belongs: functions of places (m, 3).
+    """
+    place, best = np.array([f[2] for f in found]), np.array([f[0] for f in found])
+    step = np.full(len(best), step_mm)
     for _ in range(MOST_STEPS):
-        if step_mm < LAST_MM:
+        going = np.flatnonzero(step >= LAST_MM)
+        if not len(going):
             break
-        places = place + step_mm * AROUND
-        values = np.where(belongs(places), height(places), -np.inf)
-        k = int(values.argmax())
-        if values[k] > best:
-            best, place = float(values[k]), places[k]
-        else:
-            step_mm /= 2
-    return best
+        places = place[going, None] + step[going, None, None] * AROUND
+        flat = places.reshape(-1, 3)
+        values = np.where(belongs(flat), height(flat), -np.inf).reshape(len(going), -1)
+        k = values.argmax(axis=1)
+        top, at = values[np.arange(len(going)), k], places[np.arange(len(going)), k]
+        is_better = top > best[going]
+        place[going[is_better]], best[going[is_better]] = at[is_better], top[is_better]
+        step[going[~is_better]] /= 2
+    return float(best.max())
