@@ -17,18 +17,21 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from cuspline import fixed_math as fixed
-from cuspline.surfaces.spline_interpolation import interpolated
-from cuspline.designs._propeller_sections import TrailingEdge, loop_angle, section_loop
+from cuspline.designs._propeller_sections import TrailingEdge, loop_angle, section_loop, stations
 from cuspline.errors import DesignError
 from cuspline.surfaces.closed_splines import periodic_spline
 from cuspline.surfaces.fairing import fair_spline
+from cuspline.surfaces.spline_interpolation import interpolated
 from cuspline.surfaces.nurbs import NurbsSurface
 
 DEGREE = 5
 NOSE, TAIL = 0.30, 0.26         # loop angle on either side of an edge that counts as that edge
 FINEST, WIDEST, GROWTH = 0.008, 0.09, 1.2       # spacing of the loop's knots, from the edges inward
 SPANS = 44                      # of the blade's surface from below the hub to the tip
-FIT_MM = 7e-4                   # how far the surface may be from the laws
+FIT_MM = 7e-4                   # how far the surface may be from the laws, up to FIT_SIZE_MM across; above, in
+FIT_SIZE_MM, FIT_MOST = 304.8, 2.0      # proportion to the size, but no more than so many times
+REFINEMENTS = (1.0, 1.5, 2.25, 3.4)
+EDGE_SHARE = 0.02               # of the chord: what counts as an edge in words
 TIP_SHARE = 0.02                # of the radius: what counts as the tip
 CLOSED = 1e-9                   # chord / diameter below which the tip has none
 
@@ -211,13 +214,37 @@ def blade_of(table, innermost):
     """
     laws = radial_laws(table, innermost)
     _refuse_bad_laws(laws, innermost)
-    for refinement in (1.0, 1.5, 2.25):
+    allowed = FIT_MM * min(max(1.0, table.diameter_mm / FIT_SIZE_MM), FIT_MOST)
+    for refinement in REFINEMENTS:
         surface = _interpolated(laws, innermost, refinement)
-        error = _fit_error_mm(laws, innermost, surface)
-        if error < FIT_MM:
+        error, u, v = _fit_error_mm(laws, innermost, surface)
+        if error < allowed:
             return Blade(laws=laws, innermost=innermost, surface=surface, fit_error_mm=error)
-    raise DesignError(f"propeller {table.name}: the blade's surface stays {error:.5f} mm off its definition: "
-                      "an edge is too thin for its chord, or the table is not smooth")
+    raise DesignError(f"propeller {table.name}: the blade's surface stays {error:.5f} mm off its definition, "
+                      f"{allowed:.5f} mm are allowed, {_misfit_in_words(laws, u, rho_at(v, innermost, table.has_round_tip))}")
+
+
+def _misfit_in_words(laws, u, rho):
+    """Where the surface does not close in on its definition, how thin the blade is there, and what mends it."""
+    table, at = laws.table, np.array([rho])
+    chord, thick = float(laws.chord_mm(at)[0]), float((laws.thickness_share(at) * laws.chord_mm(at))[0])
+    x = float(stations(np.array([u]), table.edge)[0][0])
+    near = table.r_R[np.argmin(np.abs(table.r_R - rho))]
+    place = f"at r/R = {rho:.3f}, {100 * x:.2f} % of the chord"
+    size = f"the section there is {thick:.3f} mm thick on a chord of {chord:.2f} mm"
+    bevel = table.edge.bevel_chord_share if table.edge.kind == "anti-singing" else 0.0
+    if EDGE_SHARE < 1 - x < 2 * bevel:
+        return (f"{place}: {size}, and the anti-singing bevel bends off it too sharply; lengthen it (bevel_chord_share, now "
+                f"{bevel:g}) or let it leave more (bevel_leaves, now {table.edge.bevel_leaves:g})")
+    if min(x, 1 - x) < EDGE_SHARE:
+        share = table.edge.thickness_share
+        own = "as the section table has it" if share is None else f"now {share:g}"
+        what, mend = (("trailing", f"raise trailing_edge_share ({own})") if x > 0.5 else
+                      ("leading", "raise the edges' thickness (edge_share, or the section table's first stations)"))
+        return (f"{place}: {size}, and its {what} edge is too thin for it; {mend}, or the thickness near r/R = {near:g} "
+                "(t0 in the table, thickness_scale)")
+    return (f"{place}: {size}, and the table's columns change too sharply near r/R = {near:g}; smooth them there, or give "
+            "more radii")
 
 
 def _refuse_bad_laws(laws, innermost):
@@ -259,7 +286,19 @@ def _interpolated(laws, innermost, refinement):
 
 
 def _fit_error_mm(laws, innermost, surface):
-    middle = lambda knots: (np.unique(knots)[1:] + np.unique(knots)[:-1]) / 2
-    u, v = (g.ravel() for g in np.meshgrid(middle(surface.knots_u), middle(surface.knots_v), indexing="ij"))
+    """Largest distance from the definition between the interpolated places, and its parameters u, v.
+
+    Along v, whose splines end freely, it is looked for in thirds.
+    """
+    u, v = (g.ravel() for g in np.meshgrid(_between(surface.knots_u, (0.0, 1 / 2)),
+                                           _between(surface.knots_v, (1 / 6, 1 / 2, 5 / 6)), indexing="ij"))
     wanted = blade_points_mm(laws, u, rho_at(v, innermost, laws.table.has_round_tip))
-    return float(np.linalg.norm(surface.derivatives(u, v)[:, 0] - wanted, axis=1).max())
+    off = np.linalg.norm(surface.derivatives(u, v)[:, 0] - wanted, axis=1)
+    row = int(off.argmax())
+    return float(off[row]), float(u[row]), float(v[row])
+
+
+def _between(knots, shares):
+    """Places at shares of the way from every knot to the next."""
+    at = np.unique(knots)
+    return (at[:-1, None] + np.diff(at)[:, None] * np.asarray(shares)).ravel()

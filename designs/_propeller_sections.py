@@ -23,6 +23,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from cuspline import fixed_math as fixed
+from cuspline import fixed_math as fixed
 from cuspline.errors import DesignError
 from cuspline.surfaces.fairing import DEGREE, fair_spline
 
@@ -167,10 +168,12 @@ def table(path):
         DesignError: no such file, or a field that is no number; names it.
     """
     try:
-        with open(path) as file:
+        with open(path, encoding="utf-8-sig") as file:
             lines = [line for line in file if line.strip() and not line.startswith("#")]
     except OSError as error:
         raise DesignError(f"propeller table {path} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise DesignError(f"propeller table {path} is no text: save it as CSV in UTF-8") from None
     rows = list(csv.DictReader(lines))
     if not rows:
         raise DesignError(f"propeller table {path} has no rows")
@@ -180,10 +183,16 @@ def table(path):
 
 
 def _number(text, path, column, row):
+    if not (text and text.strip()):
+        return float("nan")
     try:
-        return float(text) if text and text.strip() else float("nan")
+        value = float(text)
     except ValueError:
         raise DesignError(f"propeller table {path}, row {row}, column {column}: {text!r} is no number") from None
+    if not np.isfinite(value):
+        raise DesignError(f"propeller table {path}, row {row}, column {column}: {text.strip()!r} is no value a blade can "
+                          "have; give the number, or in the tip's row leave the field empty")
+    return value
 
 
 def naca66_a08():
@@ -200,15 +209,18 @@ def form_and_mean_line(x_c, half_thickness, camber, camber_slope, leading_radius
         x_c: (n,) rising from 0 to 1.
         half_thickness: (n,) shares of the greatest thickness; 0 at x/c = 0.
         camber: (n,) shares of the greatest camber; 0 at both ends.
-        camber_slope: (n,) d(camber)/d(x/c), only to measure by; NaN where it is not told.
+        camber_slope: (n,) d(camber)/d(x/c), kept exactly: by it thickness is laid off; NaN where it is not told.
         leading_radius: radius of the nose times chord / (greatest thickness)^2; along the mean line.
         rounding: how far the ordinates may be off.
     """
     theta = 2 * fixed.arcsin(np.sqrt(x_c))
+    inside = (x_c > 0) & (x_c < 1)
+    along = np.where(inside, camber_slope * np.sqrt(x_c * (1 - x_c)), np.nan)      # dx/dtheta = sin(theta) / 2
     return FormAndMeanLine(
         half_thickness=fair_spline(theta, half_thickness, rounding, zero_derivatives=(ODD, EVEN),
                                    slope_at_start=np.sqrt(leading_radius / 2)),
-        camber=fair_spline(theta, camber, rounding, zero_derivatives=((0, *EVEN), (0, *EVEN))),
+        camber=fair_spline(theta, camber, rounding, zero_derivatives=((0, *EVEN), (0, *EVEN)), slopes=along,
+                           sites=np.interp(np.arange(3 * len(theta) - 2) / 3, np.arange(len(theta)), theta)),
         ordinates=(x_c, half_thickness, camber, camber_slope))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from cuspline import fixed_math as fixed
 from cuspline.designs._propeller_blade import PropellerTable, radial_laws
+from cuspline.designs._propeller_entries import refuse_bad_entries
 from cuspline.designs._propeller_sections import (DATA, TrailingEdge, b_series_offsets, naca66_a08, offset_shapes,
                                                   table)
 from cuspline.errors import DesignError
@@ -102,6 +103,7 @@ def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv
         return _from_columns(name, columns, blades, diameter_mm, is_right_handed, naca66_a08(), edge)
     rows = table(offsets_csv)
     _require(offsets_csv, rows, ("r_R", "x_c", "face_c", "back_c"))
+    refuse_bad_entries(Path(offsets_csv).name, rows, diameter_mm, has_tip=False)
     radii = np.unique(rows["r_R"])
     per = [np.flatnonzero(rows["r_R"] == r) for r in radii]
     per = [k[np.argsort(rows["x_c"][k], kind="stable")] for k in per]
@@ -124,14 +126,13 @@ def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv
 
 
 def _from_columns(name, columns, blades, diameter_mm, is_right_handed, shape, edge):
+    is_in_radians = "skew_rad" in columns and "skew_deg" not in columns
+    if is_in_radians:
+        columns = {**columns, "skew_deg": np.degrees(columns["skew_rad"])}
     _require(name, columns, (*COLUMNS, "f0_c"))
     if "t0_D" not in columns and "t0_c" not in columns:
         raise DesignError(f"propeller table {name} has neither t0_D nor t0_c: the greatest thickness is missing")
-    for column in (*COLUMNS, "f0_c"):
-        if np.isnan(columns[column][:-1]).any():
-            row = int(np.argmax(np.isnan(columns[column])))
-            raise DesignError(f"propeller table {name}, row {row + 1}: {column} is empty; "
-                              "only the tip's row may have gaps")
+    refuse_bad_entries(name, columns, diameter_mm, may_be_radians=not is_in_radians)
     thickness = columns["t0_D"] if "t0_D" in columns else columns["t0_c"] * columns["c_D"]
     return PropellerTable(
         name=name, blades=blades, diameter_mm=diameter_mm, is_right_handed=is_right_handed, r_R=columns["r_R"],

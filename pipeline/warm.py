@@ -15,7 +15,8 @@ def steps():
     """(what, function) pairs; each function makes its kernels compile."""
     return (("throwing away what was compiled before", _forget), ("arithmetic", _arithmetic),
             ("surface evaluation", _surfaces),
-            ("closest points", _closest_points), ("drop-cutter on triangles", _drop_cutter),
+            ("closest points", _closest_points), ("solids that cross themselves", _self_crossing),
+            ("drop-cutter on triangles", _drop_cutter),
             ("drop-cutter on exact surfaces", _exact_drop), ("certificate", _certificate),
             ("arc fitting", _arcs), ("feeds", _feeds), ("planning of a small part", _planning),
             ("clearance", _clearance), ("simulation and comparison", _simulation),
@@ -70,6 +71,15 @@ def _closest_points():
         tree.patches.derivatives(0, np.zeros(count), np.zeros(count))
         tree.trims.is_inside(0, np.zeros(count), np.zeros(count))
     tightest_hollow(faces, range(len(faces)))
+
+
+def _self_crossing():
+    from cuspline.report.view_mesh import tessellate_for_view
+    from cuspline.surfaces.rolling_ball import deepest_inside
+    from cuspline.verification.self_crossing import self_crossings
+    solid = _small_part()
+    self_crossings(solid, tessellate_for_view(solid, 0.1))
+    deepest_inside(np.zeros((1, 3)), np.ones((1, 3)), np.ones(1))
 
 
 def _drop_cutter():

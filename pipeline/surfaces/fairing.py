@@ -15,7 +15,7 @@ STIFFNESS = (-12.0, 8.0)        # decimal logarithm of the weight of the bending
 
 
 def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=((), ()), slope_at_start=None,
-                bending=3):
+                slopes=None, bending=3):
     """Quintic spline through values, smoothed as far as their rounding allows.
 
     Args:
@@ -27,6 +27,7 @@ def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=(
         zero_derivatives: orders of the derivatives that vanish at the low and at the high end of the domain:
             ((1, 3), ()) makes it even about its low end, ((0, 2, 4), ()) odd.
         slope_at_start: first derivative at the low end of the domain; None: free.
+        slopes: (n,) first derivatives at the values' places, kept exactly; NaN: free; None: all free.
         bending: order of the derivative that is kept small, 2 or 3.
     Returns:
         scipy BSpline.
@@ -42,6 +43,10 @@ def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=(
     low, high = sites[0], sites[-1]
     knots = np.r_[[low] * DEGREE, sites, [high] * DEGREE]
     rows, values = _end_conditions(knots, low, high, zero_derivatives, slope_at_start, y.shape[1:])
+    if slopes is not None:
+        told = np.isfinite(slopes)
+        rows = np.vstack([rows, BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE).derivative()(x[told])])
+        values = np.concatenate([values, np.asarray(slopes, float)[told]])
     through = BSpline.design_matrix(x, knots, DEGREE).toarray()
     energy = _energy(knots, sites, bending)
     exact = _Constrained(energy, np.vstack([rows, through]), np.concatenate([values, y]))
