@@ -243,7 +243,7 @@ def _judged(order, plans, job, work, inputs, kept, tell):
             _remove_programs(work, job)
             job = _written(order, plans, work, inputs, tell)
     _write_json(work / "plan.json", plan_document(order, plans))
-    return job, judged
+    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans))
 
 
 def _remove_programs(work, job):

@@ -91,6 +91,20 @@ def mended(plans, wants, number, by):
     return out, changed
 
 
+def with_reasons(verdict, plans):
+    """The Verdict, with what was tried, or why nothing was, in the advice of findings that mending is for."""
+    def told(finding, plan):
+        if finding.kind not in (*TOO_HIGH, *TOO_DEEP):
+            return finding
+        reason = plan.mending[-1]["done"] if plan.mending else ""
+        if plan.setup.strategy == UNMENDED:
+            reason = f"nothing: {UNMENDED} leaves what one arc in a plane cannot cut; the strategy sections holds it"
+        return replace(finding, advice=f"{finding.advice} (tried: {reason})") if reason else finding
+
+    return replace(verdict, setups=tuple(replace(v, findings=tuple(told(f, plan) for f in v.findings))
+                                         for v, plan in zip(verdict.setups, plans)))
+
+
 def _mended(plan, want, number, by):
     told = {"round": number, "found_by": by, "places": len(want.places_mm),
             "highest_mm": round(want.left_mm, 6) if len(want.places_mm) else None,

@@ -18,7 +18,7 @@ def design(p: Dish) -> Design:
     x, y = p.length_mm, p.width_mm
     crown = [(0.25 * x, 9.6), (0.5 * x, 10.4), (0.75 * x, 9.3), (x, 10.5)]
     block = cq.Workplane("XZ").lineTo(0, 10.6).spline(crown, includeCurrent=True).lineTo(x, 0).close().extrude(-y)
-    dish = cq.Workplane("XY").sphere(8.0).translate((x / 2, y / 2, 17.0))
+    dish = cq.Workplane("XY").sphere(8.0).translate((x / 2, y / 2, 17.4))
     return Design(
         name="small_dish", description="block with a wavy top and a dish", parameters=p, solid=block.cut(dish).val(),
         predicates=(FacePredicate(name="top", count=2, normal=(0, 0, 1), normal_within_deg=60.0),),

@@ -94,3 +94,13 @@ def test_the_build_mends_what_the_verdict_finds(order, plan, monkeypatch):
     assert result.is_ok
     told = recipe._read_json(result.folder / "plan.json")["setups"][0]
     assert [m["found_by"] for m in told["mending"]] == ["the verdict"] and told["operations"][-1]["name"] == "clean-up 1"
+
+
+def test_what_could_not_be_mended_is_told_with_what_was_tried(order, plan, monkeypatch):
+    monkeypatch.setattr(recipe, "plan_setup", lambda *args: spoilt(plan, 0.3))
+    monkeypatch.setattr(recipe, "_checked", lambda order, plans, *rest: plans)
+    monkeypatch.setattr(recipe, "Options", lambda: Options(spacing_mm=0.25, solid_pitch_mm=0.2))
+    monkeypatch.setattr(mending, "clean_up", lambda shop, operations, places, *rest: ([], np.zeros(len(places), bool)))
+    result = recipe.build(replace(order, last_stage="verify", out=order.out.with_name("stays")))
+    assert not result.is_ok and {f.kind for f in result.findings} <= {"missing_area", "excess"}
+    assert all("tried: nothing: no ball of the library touches" in f.advice for f in result.findings)
