@@ -37,8 +37,8 @@ def _asked(cases):
     lines = sum(c.expected.lines is not None for c in cases)
     calls = sum(bool(c.expected.calls and c.expected.calls[0]) for c in cases)
     amounts = sum(c.expected.amount is not None for c in cases)
-    return (f"{len({c.what for c in cases})} kinds of sabotage. A line is asked of {lines} of {len(cases)}, the line of a call "
-            f"too of {calls}, an amount of {amounts}: a refusal has none.")
+    return (f"{len({c.what for c in cases})} kinds of sabotage. A line is asked of {lines} of {len(cases)}, the line of a "
+            f"call too of {calls}, an amount of {amounts}: a refusal has none.")
 
 
 def _judged(case, folder):
