@@ -26,10 +26,19 @@ def table():
         folder, begin = Path(folder), time.process_time()
         made = bases(folder / "bases")
         spoilt, edited = list(sabotages.cases(made)), list(sabotages.harmless_cases(made))
-        lines = [*_by_kind(spoilt, folder), "", *_harmless(edited, folder)]
+        lines = [*_by_kind(spoilt, folder), "", _asked(spoilt), "", *_harmless(edited, folder)]
         lines += ["", f"{len(made)} jobs, {sum(len(b.programs) for b in made.values())} programs; "
                   f"{time.process_time() - begin:.0f} CPU s."]
         return [*lines, "", *_beside_linuxcnc([*spoilt, *edited], folder)]
+
+
+def _asked(cases):
+    """Of how many a line, a call and an amount are asked at all."""
+    lines = sum(c.expected.lines is not None for c in cases)
+    calls = sum(bool(c.expected.calls and c.expected.calls[0]) for c in cases)
+    amounts = sum(c.expected.amount is not None for c in cases)
+    return (f"{len({c.what for c in cases})} kinds of sabotage. A line is asked of {lines} of {len(cases)}, the line of a "
+            f"call too of {calls}, an amount of {amounts}: a refusal has none.")
 
 
 def _judged(case, folder):
