@@ -166,15 +166,20 @@ def _virtual_bytes():
     return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 
 
+def warm(cases):
+    """Answer one input a format in this process: what is imported here, no worker imports anew."""
+    for case in cases:
+        with tempfile.TemporaryDirectory() as folder:
+            answered(case, SEED, 0, Path(folder))
+
+
 def all_outcomes(inputs, seed, say=lambda text: None, only=()):
     """Outcome of every format, or only of some, the inputs shared out by the weights of all."""
     with fuzz_inputs.sound_files() as files:
         cases = fuzz_inputs.cases(files)
         whole = sum(c.weight for c in cases)
         rows, cases = [], [c for c in cases if not only or c.name in only]
-        for case in cases:          # what is imported here, no worker imports anew
-            with tempfile.TemporaryDirectory() as folder:
-                answered(case, seed, 0, Path(folder))
+        warm(cases)
         for case in cases:
             rows.append(fuzzed(case, math.ceil(inputs * case.weight / whole), seed))
             say(line_of(rows[-1]))
