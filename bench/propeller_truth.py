@@ -4,7 +4,8 @@ Usage: make bench ARGS=propeller_truth, or python bench/propeller_truth.py [rows
 
 What judges knows nothing of rolling balls: the surfaces' own facets, of two densities, must not cross, Su x Sv must not
 change its sign, rays must find the material once; every FULL-th, and every one whose facets cross, is also written as
-STEP, read back and asked as every build asks, on the exact surfaces.  Of a refusal the radius it names is tried: all radii scaled so must be accepted, and true.
+STEP, read back and asked as every build asks, on the exact surfaces.  Of a refusal the radius it names is tried: all
+radii scaled so must be accepted, and true.
 """
 
 import json
@@ -44,7 +45,8 @@ def drawn(number):
         r, wave = base.r_R, draw.normal(size=3)
         skew = np.degrees(base.skew_rad) + 8 * wave[0] * np.sin(3 * r) + 3 * wave[1] * np.cos(5 * r)
         rounded = lambda values: np.round(values, 4)
-        columns = {"r_R": r, "c_D": rounded(base.chord_D), "P_D": rounded(base.pitch_D * (1 + 0.05 * wave[2] * np.sin(4 * r))),
+        pitches = base.pitch_D * (1 + 0.05 * wave[2] * np.sin(4 * r))
+        columns = {"r_R": r, "c_D": rounded(base.chord_D), "P_D": rounded(pitches),
                    "skew_deg": rounded(skew), "rake_D": rounded(base.rake_D), "t0_D": rounded(base.thickness_D),
                    "f0_c": rounded(base.camber_c)}
         table = tables._from_columns("drawn", columns, blades, size, hand, naca66_a08(), edge)
@@ -84,7 +86,7 @@ def untrue(made):
         pairs, places = kernels.crossing_pairs(corners, ids, boxes, kernels.tree_over(
             boxes, kernels.levels_over(len(corners))), 5000)
         found = Counter(tuple(sorted(names[of[tuple(triangles[k].tolist())]] for k in pair)) for pair in pairs)
-        found.pop(("hub", "hub"), None)             # the hub's facets are laid between root and border, however they run
+        found.pop(("hub", "hub"), None)             # its facets are laid between root and border, however they run
         if not found:
             break
     if found:
@@ -119,7 +121,8 @@ def surfaces_of(table, hub, law):
     blade = blade_over(table, hub)
     fillet, between = _rolled_fillet(blade, hub, law)
     line, _ = half_way_line(hub, fillet.rolling, table.blades)
-    return PropellerSolid(solid=None, blade=blade, hub=hub, fillet=fillet, between=between, half_way=line, cuts=HubCuts())
+    return PropellerSolid(solid=None, blade=blade, hub=hub, fillet=fillet, between=between, half_way=line,
+                          cuts=HubCuts())
 
 
 def untrue_as_read_back(made, law):

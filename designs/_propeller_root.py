@@ -13,7 +13,8 @@ from cuspline.designs._propeller_blade import about_x
 from cuspline.designs._propeller_sections import stations
 from cuspline.errors import DesignError
 from cuspline.surfaces.fairing import fair_spline
-from cuspline.surfaces.rolling_ball import WIDEST_ARC_RAD, Revolved, arc_poles, deepest_inside, envelope_room, fillet_of, fillet_room, rolled
+from cuspline.surfaces.rolling_ball import (WIDEST_ARC_RAD, Revolved, arc_poles, deepest_inside, envelope_room,
+                                            fillet_of, fillet_room, rolled)
 
 END_MARGIN_SHARE = 0.002    # of the hub's length, kept free at its ends
 OUTERMOST_CONTACT = 0.6     # blade parameter v above which a fillet is no fillet any more
@@ -152,7 +153,8 @@ def obstacle(blade, hub, rolling):
         if (excess > 0).any():
             return reason, int(np.argmax(excess))
     return (_turning_over(blade, rolling) or _crowded_by_neighbour(blade, rolling) or _crossing_itself(rolling)
-            or _dipping_into_blades(blade, rolling) or _cut_by_other_balls(blade, rolling) or _leaving_no_land(blade, hub, rolling))
+            or _dipping_into_blades(blade, rolling) or _cut_by_other_balls(blade, rolling)
+            or _leaving_no_land(blade, hub, rolling))
 
 
 def _turning_over(blade, rolling):

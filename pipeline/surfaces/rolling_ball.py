@@ -194,7 +194,7 @@ def _normals(d, outward):
 
 
 def envelope_room(rolling, period):
-    """(n,) least value over each ball's arc of the condition above: 1 on a straight way, 0 where the envelope turns over.
+    """(n,) least value over each ball's arc of the condition above: 1 on a straight way, 0 where it turns over.
 
     Args:
         rolling: Rolling all the way round, parameters rising.
