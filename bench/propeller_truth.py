@@ -3,8 +3,9 @@
 Usage: make bench ARGS=propeller_truth, or python bench/propeller_truth.py [rows.jsonl [cases]] to go on with a run.
 
 What judges knows nothing of rolling balls: the surfaces' own facets, of two densities, must not cross, Su x Sv must not
-change its sign, rays must find the material once; every FULL-th is also written as STEP, read back and asked as every
-build asks.  Of a refusal the radius it names is tried: all radii scaled so must be accepted, and true.
+change its sign, rays must find the material once; every FULL-th, and every one whose facets cross, is also written as
+STEP, read back and asked as every build asks, on the exact surfaces.  Of a refusal the radius it names is tried: all
+radii scaled so must be accepted, and true.
 """
 
 import json
@@ -44,7 +45,8 @@ def drawn(number):
         r, wave = base.r_R, draw.normal(size=3)
         skew = np.degrees(base.skew_rad) + 8 * wave[0] * np.sin(3 * r) + 3 * wave[1] * np.cos(5 * r)
         rounded = lambda values: np.round(values, 4)
-        columns = {"r_R": r, "c_D": rounded(base.chord_D), "P_D": rounded(base.pitch_D * (1 + 0.05 * wave[2] * np.sin(4 * r))),
+        pitches = base.pitch_D * (1 + 0.05 * wave[2] * np.sin(4 * r))
+        columns = {"r_R": r, "c_D": rounded(base.chord_D), "P_D": rounded(pitches),
                    "skew_deg": rounded(skew), "rake_D": rounded(base.rake_D), "t0_D": rounded(base.thickness_D),
                    "f0_c": rounded(base.camber_c)}
         table = tables._from_columns("drawn", columns, blades, size, hand, naca66_a08(), edge)
@@ -61,7 +63,7 @@ def drawn(number):
     return kind, table, hub, radius_round_root(*radii.tolist())
 
 
-def untrue(made, say_all=False):
+def untrue(made):
     """What speaks against a PropellerSolid's surfaces, in words; "": nothing."""
     import numpy as np
 
@@ -84,7 +86,7 @@ def untrue(made, say_all=False):
         pairs, places = kernels.crossing_pairs(corners, ids, boxes, kernels.tree_over(
             boxes, kernels.levels_over(len(corners))), 5000)
         found = Counter(tuple(sorted(names[of[tuple(triangles[k].tolist())]] for k in pair)) for pair in pairs)
-        found.pop(("hub", "hub"), None)             # the hub's facets are laid between root and border, however they run
+        found.pop(("hub", "hub"), None)             # its facets are laid between root and border, however they run
         if not found:
             break
     if found:
@@ -119,7 +121,8 @@ def surfaces_of(table, hub, law):
     blade = blade_over(table, hub)
     fillet, between = _rolled_fillet(blade, hub, law)
     line, _ = half_way_line(hub, fillet.rolling, table.blades)
-    return PropellerSolid(solid=None, blade=blade, hub=hub, fillet=fillet, between=between, half_way=line, cuts=HubCuts())
+    return PropellerSolid(solid=None, blade=blade, hub=hub, fillet=fillet, between=between, half_way=line,
+                          cuts=HubCuts())
 
 
 def untrue_as_read_back(made, law):
@@ -138,15 +141,21 @@ def untrue_as_read_back(made, law):
     return "; ".join(told + [f.what for f in fillet_figures(made, brep.faces_of(read)) if not f.is_kept])
 
 
+def judged(made, law, is_full):
+    """(what speaks against it, whether it went through a STEP file): facets that cross are looked into there."""
+    what = untrue(made)
+    if is_full and not what or what.startswith("facets cross"):
+        return untrue_as_read_back(made, law), True
+    return what, False
+
+
 def tried(number):
     """{number, kind, outcome, what, full, seconds}."""
     from cuspline.errors import CamError
     start, (kind, table, hub, law), full = time.process_time(), drawn(number), False
     try:
         made = surfaces_of(table, hub, law)
-        outcome, what = "true", untrue(made)
-        if not what and number % FULL == 0:
-            full, what = True, untrue_as_read_back(made, law)
+        what, full = judged(made, law, number % FULL == 0)
         outcome = "false" if what else "true"
     except CamError as error:
         outcome, what = _refusal(str(error), table, hub, law)
@@ -161,7 +170,8 @@ def _refusal(message, table, hub, law):
     if fits is None:
         return ("refused: no radius fits" if "no radius fits" in message else "refused: table or blade"), message
     try:
-        left = untrue(surfaces_of(table, hub, law.scaled(0.9995 * float(fits[1]) / float(asked[1]))))
+        law = law.scaled(0.9995 * float(fits[1]) / float(asked[1]))
+        left, _ = judged(surfaces_of(table, hub, law), law, False)
     except CamError as error:
         return "refused with a radius that does not work", f"{message} -- then: {error}"
     if left:

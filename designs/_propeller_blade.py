@@ -220,8 +220,9 @@ def blade_of(table, innermost):
         error, u, v = _fit_error_mm(laws, innermost, surface)
         if error < allowed:
             return Blade(laws=laws, innermost=innermost, surface=surface, fit_error_mm=error)
+    where = _misfit_in_words(laws, u, rho_at(v, innermost, table.has_round_tip))
     raise DesignError(f"propeller {table.name}: the blade's surface stays {error:.5f} mm off its definition, "
-                      f"{allowed:.5f} mm are allowed, {_misfit_in_words(laws, u, rho_at(v, innermost, table.has_round_tip))}")
+                      f"{allowed:.5f} mm are allowed, {where}")
 
 
 def _misfit_in_words(laws, u, rho):
@@ -234,17 +235,17 @@ def _misfit_in_words(laws, u, rho):
     size = f"the section there is {thick:.3f} mm thick on a chord of {chord:.2f} mm"
     bevel = table.edge.bevel_chord_share if table.edge.kind == "anti-singing" else 0.0
     if EDGE_SHARE < 1 - x < 2 * bevel:
-        return (f"{place}: {size}, and the anti-singing bevel bends off it too sharply; lengthen it (bevel_chord_share, now "
-                f"{bevel:g}) or let it leave more (bevel_leaves, now {table.edge.bevel_leaves:g})")
+        return (f"{place}: {size}, and the anti-singing bevel bends off it too sharply; lengthen it "
+                f"(bevel_chord_share, now {bevel:g}) or let it leave more (bevel_leaves, now {table.edge.bevel_leaves:g})")
     if min(x, 1 - x) < EDGE_SHARE:
         share = table.edge.thickness_share
         own = "as the section table has it" if share is None else f"now {share:g}"
         what, mend = (("trailing", f"raise trailing_edge_share ({own})") if x > 0.5 else
                       ("leading", "raise the edges' thickness (edge_share, or the section table's first stations)"))
-        return (f"{place}: {size}, and its {what} edge is too thin for it; {mend}, or the thickness near r/R = {near:g} "
-                "(t0 in the table, thickness_scale)")
-    return (f"{place}: {size}, and the table's columns change too sharply near r/R = {near:g}; smooth them there, or give "
-            "more radii")
+        return (f"{place}: {size}, and its {what} edge is too thin for it; {mend}, or the thickness near "
+                f"r/R = {near:g} (t0 in the table, thickness_scale)")
+    return (f"{place}: {size}, and the table's columns change too sharply near r/R = {near:g}; smooth them there, "
+            "or give more radii")
 
 
 def _refuse_bad_laws(laws, innermost):

@@ -84,7 +84,8 @@ def _refuse_gaps(name, columns, column, has_tip):
 def _refuse_units(name, columns, column, diameter_mm):
     values, known = columns[column], COLUMNS[column]
     size = np.nan_to_num(np.abs(values))
-    off = np.nan_to_num(values, nan=known.least) - np.clip(np.nan_to_num(values, nan=known.least), known.least, known.most)
+    told = np.nan_to_num(values, nan=known.least)
+    off = told - np.clip(told, known.least, known.most)
     if off.any():
         row = int(np.argmax(np.abs(off)))
         raise DesignError(f"{_place(name, columns, row)}: {column} {values[row]:g} is no {known.meaning}, which lies "
@@ -97,8 +98,8 @@ def _refuse_radians(name, columns):
     if KEPT_DEG < size.max() < RADIANS_DEG:
         row = int(size.argmax())
         raise DesignError(f"{_place(name, columns, row)}: skew_deg {values[row]:g} is the greatest: less than "
-                          f"{RADIANS_DEG:g} degree looks like radians ({np.degrees(values[row]):.1f} degrees); multiply the "
-                          "column by 57.29578, or name it skew_rad")
+                          f"{RADIANS_DEG:g} degree looks like radians ({np.degrees(values[row]):.1f} degrees); multiply "
+                          "the column by 57.29578, or name it skew_rad")
 
 
 def _unit_in_words(column, size, diameter_mm):
@@ -131,7 +132,7 @@ def _refuse_kinks(name, columns, column):
     off = np.abs(v[1:-1] - line)
     k = int(off.argmax())
     if off[k] > COLUMNS[column].kink:
-        raise DesignError(f"{_place(name, columns, rows[k + 1])}: {column} {v[k + 1]:g} makes a kink: the rows before and "
-                          f"behind it ({v[k]:g}, {v[k + 2]:g}) lie on a line through {line[k]:.4g} there, "
+        raise DesignError(f"{_place(name, columns, rows[k + 1])}: {column} {v[k + 1]:g} makes a kink: the rows before "
+                          f"and behind it ({v[k]:g}, {v[k + 2]:g}) lie on a line through {line[k]:.4g} there, "
                           f"{COLUMNS[column].kink:g} off it is the most a fair blade takes; mend the entry or its "
                           "neighbours, or give radii between them")

@@ -15,7 +15,8 @@ from cuspline.designs._propeller_blade import about_x
 from cuspline.designs._propeller_sections import stations
 from cuspline.errors import DesignError
 from cuspline.surfaces.fairing import fair_spline
-from cuspline.surfaces.rolling_ball import WIDEST_ARC_RAD, Revolved, arc_poles, deepest_inside, envelope_room, rolled
+from cuspline.surfaces.rolling_ball import (WIDEST_ARC_RAD, Revolved, arc_poles, deepest_inside, envelope_room,
+                                            fillet_of, fillet_room, rolled)
 
 END_MARGIN_SHARE = 0.002    # of the hub's length, kept free at its ends
 OUTERMOST_CONTACT = 0.6     # blade parameter v above which a fillet is no fillet any more
@@ -27,6 +28,7 @@ HALVINGS = 12               # of the search for the largest radius
 BALLS_A_SPAN = 3            # of the blade's spans round the loop
 LEAST_ROOM = 0.003          # of the envelope (1: straight, 0: it turns over); known within 0.003
 ARC_SHARES = np.linspace(0.0, 1.0, 9)       # of an arc, where it is held against all other balls
+TURNS_OVER = "rolls round the root's edge tighter than its own radius, so that its surface turns over"
 STATION_WORDS = ("the trailing edge", "the face", "the leading edge", "the back")     # of `radius_round_root`
 SIDE_SITES = 33             # of the line half way between two roots
 RUN_OUT = 0.25              # of the root's length, within which it turns straight beyond it
@@ -149,12 +151,20 @@ def obstacle(blade, hub, rolling):
             ("is wedged between blade and hub, which lie almost on each other", arc - WIDEST_ARC_RAD),
             ("changes faster along the root than its ball moves", np.abs(rolling.radius_slope) - 0.95 * speed),
             ("climbs the blade almost to the tip", rolling.v - 0.98 * OUTERMOST_CONTACT),
-            ("rolls round the root's edge tighter than its own radius, so that its surface turns over",
-             LEAST_ROOM - envelope_room(rolling, 2 * np.pi))):
+            (TURNS_OVER, LEAST_ROOM - envelope_room(rolling, 2 * np.pi))):
         if (excess > 0).any():
             return reason, int(np.argmax(excess))
-    return (_crowded_by_neighbour(blade, rolling) or _crossing_itself(rolling) or _dipping_into_blades(blade, rolling)
-            or _cut_by_other_balls(blade, rolling) or _leaving_no_land(blade, hub, rolling))
+    return (_turning_over(blade, rolling) or _crowded_by_neighbour(blade, rolling) or _crossing_itself(rolling)
+            or _dipping_into_blades(blade, rolling) or _cut_by_other_balls(blade, rolling)
+            or _leaving_no_land(blade, hub, rolling))
+
+
+def _turning_over(blade, rolling):
+    """The surface through the balls' arcs, looked at between the balls."""
+    u, room = fillet_room(fillet_of(rolling, 2 * np.pi), blade.outward, 2 * np.pi)
+    if room.min() >= LEAST_ROOM:
+        return None
+    return TURNS_OVER, int(np.argmin(np.abs(rolling.u - u[room.argmin()])))
 
 
 def root_width(rolling):

@@ -190,8 +190,8 @@ def _number(text, path, column, row):
     except ValueError:
         raise DesignError(f"propeller table {path}, row {row}, column {column}: {text!r} is no number") from None
     if not np.isfinite(value):
-        raise DesignError(f"propeller table {path}, row {row}, column {column}: {text.strip()!r} is no value a blade can "
-                          "have; give the number, or in the tip's row leave the field empty")
+        raise DesignError(f"propeller table {path}, row {row}, column {column}: {text.strip()!r} is no value a blade "
+                          "can have; give the number, or in the tip's row leave the field empty")
     return value
 
 

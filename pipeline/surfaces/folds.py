@@ -12,9 +12,9 @@ import numpy as np
 REGULAR = ("plane", "cylinder", "cone", "sphere", "torus")      # cannot
 HALVINGS = 10               # of the way between two samples whose normals oppose each other: no bend turns so fast,
 #                             and nearer to the edge rounding would turn the normals anyhow
-OPPOSED = -0.9              # cosine of the normals on either side in the end: a fold's are opposite, a crease's need not be
+OPPOSED = -0.9              # cosine of the normals on either side in the end: opposite at a fold, but not at a crease
 A_SPAN, LEAST = 3, 13       # samples between two knots, and along the whole face
-SHRUNK = 0.5                # of the median |Su x Sv| of its line: round a least value below, the surface is looked at again
+SHRUNK = 0.5                # of the median |Su x Sv| of its line: round lesser least values it is looked at again
 CLOSER = np.linspace(-1.0, 1.0, 9)      # of the way to the neighbours, where it is
 
 
@@ -62,7 +62,8 @@ def _opposed_neighbours(u, v, cross):
     """(n, 4) rows u, v, u', v' of neighbouring samples whose normals oppose each other."""
     i, j = np.nonzero(_dot(cross[:-1], cross[1:]) < 0)
     k, m = np.nonzero(_dot(cross[:, :-1], cross[:, 1:]) < 0)
-    return np.concatenate([np.stack([u[i], v[j], u[i + 1], v[j]], axis=1), np.stack([u[k], v[m], u[k], v[m + 1]], axis=1)])
+    return np.concatenate([np.stack([u[i], v[j], u[i + 1], v[j]], axis=1),
+                           np.stack([u[k], v[m], u[k], v[m + 1]], axis=1)])
 
 
 def _opposed_nearby(face, u, v, cross):

@@ -38,6 +38,7 @@ from cuspline.surfaces.nurbs import NurbsSurface, local_shape
 DEGREE = 5
 SITES = 400                 # of a curved profile, from which its feet are sought
 SCAN = 48                   # places in v between which the contact is bracketed
+LOOKS_A_SPAN, LOOKS_ACROSS = 4, 17      # at a fillet between its knots, and from blade to hub
 STEPS = 60                  # of the bracketed Newton iteration
 ARC_KNOTS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
 WIDEST_ARC_RAD = np.radians(170.0)      # beyond, the ball is wedged between blade and hub
@@ -195,7 +196,7 @@ def _normals(d, outward):
 
 
 def envelope_room(rolling, period):
-    """(n,) least value over each ball's arc of the condition above: 1 on a straight way, 0 where the envelope turns over.
+    """(n,) least value over each ball's arc of the condition above: 1 on a straight way, 0 where it turns over.
 
     Args:
         rolling: Rolling all the way round, parameters rising.
@@ -284,6 +285,28 @@ def fillet_of(rolling, period):
     surface = NurbsSurface(degree_u=DEGREE, degree_v=2, knots_u=around.t, knots_v=ARC_KNOTS, poles=around.c)
     return Fillet(surface=surface, on_blade=BSpline(borders.t, borders.c[:, :1], DEGREE),
                   on_hub=BSpline(borders.t, borders.c[:, 1:], DEGREE), rolling=rolling)
+
+
+def fillet_room(fillet, outward, period):
+    """As `envelope_room`, of the surface as it is built, looked at between its knots.
+
+    Args:
+        fillet: Fillet.
+        outward: as for `rolled`.
+        period: of the parameter.
+    Returns:
+        (n,) parameters u, (n,) least value across.
+    """
+    knots, across = np.unique(fillet.surface.knots_u), np.linspace(0.0, 1.0, LOOKS_ACROSS)
+    u = (knots[:-1, None] + np.diff(knots)[:, None] * (np.arange(LOOKS_A_SPAN) + 0.5) / LOOKS_A_SPAN).ravel()
+    way = periodic_spline(fillet.rolling.u, fillet.rolling.center_mm, period)
+    d = fillet.surface.derivatives(np.repeat(u, len(across)), np.tile(across, len(u)))
+    to_center = np.repeat(way(u), len(across), axis=0) - d[:, 0]
+    dot = lambda a, b: np.einsum("ij,ij->i", a, b)
+    size = np.sqrt(dot(d[:, 2], d[:, 2]) * dot(to_center, to_center))
+    room = -outward * dot(np.cross(d[:, 1], d[:, 2]), to_center) / size
+    speed = np.linalg.norm(way.derivative()(u), axis=1)
+    return u, room.reshape(len(u), -1).min(axis=1) / speed
 
 
 def fillet_errors(derivatives, flip, between):

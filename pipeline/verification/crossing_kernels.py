@@ -143,7 +143,7 @@ def _pierces(p, q, t, place):
 
 @njit(cache=True)
 def enclosures(points, direction, corners):
-    """(n,) how often each point is enclosed by a closed mesh: 1 inside, 0 outside, anything else where it crosses itself.
+    """(n,) how often each point is enclosed by a closed mesh: 1 inside, 0 outside, else it crosses itself.
 
     Args:
         points: (n, 3).

@@ -70,8 +70,8 @@ def refuse_self_crossing(solid, mesh, name):
     if found:
         told = "; ".join(f"{c.what} at ({', '.join(f'{x:.3f}' for x in c.place_mm)})" for c in found[:4])
         more = f", and {len(found) - 4} more" if len(found) > 4 else ""
-        raise DesignError(f"{name} crosses itself, it bounds no solid: {told}{more}; change the shape there, most often "
-                          "a radius too large for the place, or a wall too thin")
+        raise DesignError(f"{name} crosses itself, it bounds no solid: {told}{more}; change the shape there, most "
+                          "often a radius too large for the place, or a wall too thin")
 
 
 def _middle(places):
@@ -194,8 +194,8 @@ def _wrongly_enclosed(names, mesh):
     middle = corners[rows].mean(axis=1)
     corners = np.ascontiguousarray(corners)
     out, within = (_enclosures(middle + s * aside, corners, wanted) for s, wanted in ((1, 0), (-1, 1)))
-    return [Crossing(what=f"beside {names[owner[row]]} there is material {int(a)} times outside and {int(b)} times inside",
-                     place_mm=tuple(float(x) for x in place.round(4)))
+    return [Crossing(what=f"beside {names[owner[row]]} there is material {int(a)} times outside and {int(b)} times "
+                          "inside", place_mm=tuple(float(x) for x in place.round(4)))
             for row, place, a, b in zip(rows, middle, out, within) if (a, b) != (0, 1)]
 
 

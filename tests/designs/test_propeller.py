@@ -12,8 +12,8 @@ from scipy.interpolate import BSpline
 from cuspline import brep, build, catalogue
 from cuspline.designs import _propeller_blade, _propeller_root, _propeller_tables as tables
 from cuspline.designs._propeller_blade import blade_of, loop_angles, radial_laws
-from cuspline.designs._propeller_checks import (_nearest_on_blade_mm, blade_figures, definition_deviation_mm, fillet_figures,
-                                                section_on_solid, solid_report, table_points)
+from cuspline.designs._propeller_checks import (_nearest_on_blade_mm, blade_figures, definition_deviation_mm,
+                                                fillet_figures, section_on_solid, solid_report, table_points)
 from cuspline.designs._propeller_design import blade_over
 from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
 from cuspline.designs._propeller_root import (balls_round_root, curved_hub, obstacle, radius_round_root,
@@ -356,7 +356,7 @@ def test_a_radius_that_does_not_fit_is_named_with_the_one_that_does(make, length
 
 
 def five_blades(hand, trailing_edge_mm):
-    """Blade, hub and law of a five-bladed B-screw of 250 mm; above 3.37 mm its trailing edge is too tight for a ball."""
+    """Blade, hub and law of a five-bladed B-screw of 250 mm; above 3.37 mm no ball rolls round its trailing edge."""
     table = tables.b_series(5, 0.75, 1.0, 250.0, hand)
     hub = straight_hub(-55.0, 45.0, 0.167 * 125.0)
     return blade_over(table, hub), hub, radius_round_root(4.0, 8.0, trailing_edge_mm, 8.0)
@@ -459,10 +459,10 @@ def only(row, value):
                                   "diameter, 300 mm"),
     ("c_D", lambda n, x: 300 / 25.4 * x, "inches .divide by the diameter, 11.811 in"),
     ("P_D", lambda n, x: 300 * x, "row 1, r/R = 0.2: P_D 436.5 is no pitch over diameter.*millimetres"),
-    ("f0_c", lambda n, x: 100 * x, "row 1, r/R = 0.2: f0_c 4.3 is no greatest camber over chord.*percent .divide by 100"),
+    ("f0_c", lambda n, x: 100 * x, "row 1, r/R = 0.2: f0_c 4.3 is no greatest camber over chord.*percent .divide"),
     ("t0_D", lambda n, x: 100 * x, "t0_D 4.34 is no greatest thickness over diameter.*percent"),
     ("rake_D", lambda n, x: 12.0, "rake_D 12 is no rake over diameter.*millimetres"),
-    ("r_R", lambda n, x: 150 * x, "r_R 150 is no radius over the tip's radius.*millimetres .divide by the radius, 150 mm"),
+    ("r_R", lambda n, x: 150 * x, "r_R 150 is no radius over the tip's radius.*divide by the radius, 150 mm"),
     ("skew_deg", lambda n, x: np.radians(x), "row 10, r/R = 0.95: skew_deg 0.58.*radians .33.8 degrees.*skew_rad"),
     ("c_D", only(3, "inf"), "row 3, column c_D: 'inf' is no value"),
     ("P_D", only(3, "nan"), "row 3, column P_D: 'nan' is no value"),
@@ -503,11 +503,11 @@ def test_a_thick_skewed_table_is_held_at_all_radii(tmp_path):
 def test_a_blade_too_thin_for_its_surface_names_radius_and_parameter(monkeypatch):
     monkeypatch.setattr(_propeller_blade, "REFINEMENTS", (1.0,))
     edge = TrailingEdge(kind="anti-singing", thickness_share=0.02, bevel_leaves=0.2)
-    with pytest.raises(DesignError, match=r"0.00070 mm are allowed, at r/R = 0\.2\d\d, 9\d\.\d+ % of the chord: the section "
-                                          r"there is 4\.\d+ mm thick on a chord of .*bevel_chord_share, now 0.06"):
+    with pytest.raises(DesignError, match=r"0.00070 mm are allowed, at r/R = 0\.2\d\d, 9\d\.\d+ % of the chord: the "
+                                          r"section there is 4\.\d+ mm thick on a chord of .*bevel_chord_share, now 0.06"):
         blade_of(tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, thickness_scale=0.5, edge=edge), 0.19)
     monkeypatch.setattr(_propeller_blade, "FIT_MM", 1e-7)
-    with pytest.raises(DesignError, match="trailing edge is too thin for it; raise trailing_edge_share|smooth them there"):
+    with pytest.raises(DesignError, match="trailing edge is too thin for it; raise trailing_edge|smooth them there"):
         blade_of(tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2), 0.19)
 
 

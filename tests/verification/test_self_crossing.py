@@ -88,8 +88,9 @@ def canal(bend_mm, ball_mm):
     v = np.linspace(-np.pi / 2, np.pi / 2, 24)
     grid_u, grid_v = np.meshgrid(u, v, indexing="ij")
     # an ellipse whose sharpest bend is at u = 1; its radius of curvature there is `bend_mm`
-    way = np.stack([8.0 * np.sin(np.pi * (grid_u - 1) / 3), (64.0 / bend_mm) * (1 - np.cos(np.pi * (grid_u - 1) / 3))], -1)
-    tangent = np.stack([8.0 * np.cos(np.pi * (grid_u - 1) / 3), (64.0 / bend_mm) * np.sin(np.pi * (grid_u - 1) / 3)], -1)
+    turn = np.pi * (grid_u - 1) / 3
+    way = np.stack([8.0 * np.sin(turn), (64.0 / bend_mm) * (1 - np.cos(turn))], -1)
+    tangent = np.stack([8.0 * np.cos(turn), (64.0 / bend_mm) * np.sin(turn)], -1)
     tangent /= np.linalg.norm(tangent, axis=-1, keepdims=True)
     side = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
     points = np.concatenate([way + ball_mm * np.cos(grid_v)[..., None] * side, ball_mm * np.sin(grid_v)[..., None]], -1)
