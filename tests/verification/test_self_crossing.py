@@ -10,6 +10,7 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_SHELL
 from OCP.TopoDS import TopoDS, TopoDS_Solid
 from scipy.interpolate import make_interp_spline
+from troublesome_parts import closed_face, hole_and_islands, knife_edge, pole_and_apex, slivers
 
 from cuspline import brep
 from cuspline.errors import DesignError
@@ -44,8 +45,9 @@ def box(x, size=10.0):
     lambda: cq.Workplane().sphere(5), lambda: cq.Workplane().cylinder(8, 3).faces(">Z").workplane().hole(2),
     lambda: cq.Workplane().polygon(3, 10).workplane(offset=8).circle(0.01).loft(),
     lambda: cq.Workplane("XZ").moveTo(6, 0).circle(2).revolve(300, (0, 0), (0, 1)),
-    lambda: cq.Workplane().rect(0.02, 30).extrude(20)],
-    ids=["hollow box", "sphere", "bored cylinder", "needle", "part of a ring", "foil of 0.02 mm"])
+    lambda: cq.Workplane().rect(0.02, 30).extrude(20), knife_edge, pole_and_apex, closed_face, slivers, hole_and_islands],
+    ids=["hollow box", "sphere", "bored cylinder", "needle", "part of a ring", "foil of 0.02 mm", "knife edge",
+         "pole and apex", "closed face", "slivers", "hole and islands"])
 def test_sound_solids_do_not_cross_themselves(make):
     assert crossings(brep.the_solid(make())) == ()
 
