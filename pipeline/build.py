@@ -232,10 +232,12 @@ def _judged(order, plans, job, work, inputs, kept, tell):
     options = Options()
     for number in range(1, mending.ROUNDS + 2):
         judged = judge(work, job, tell, options, kept)
+        if number > mending.ROUNDS:
+            break
         wants = [mending.wants_of_verdict(v, order.accepted) for v in judged.verdict.setups]
         plans, is_mended = mending.mended(plans, wants, number, "the verdict")
         is_coarse = options.finer == 1.0 and mending.wants_a_closer_look(judged.verdict, order.accepted)
-        if number > mending.ROUNDS or not (is_mended or is_coarse):
+        if not (is_mended or is_coarse):
             break
         options = replace(options, finer=mending.FINER) if is_coarse else options
         if is_mended:

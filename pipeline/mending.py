@@ -19,6 +19,7 @@ ROUNDS = 4                  # of posting and judging again
 OWN_ROUNDS = 2              # of the planner's own check before
 MARGIN = 0.03               # of what the finish allows, that the planner keeps from it
 TIGHTER = 0.6               # of the tolerance, where a path gouges
+HELPED = 0.9                # of the places and of their height, or of the gouge: a round that leaves more did not help
 FINER = 2.0                 # as fine a look again, where the verifiers differ for their own resolution
 UNMENDED = "transverse_arcs"      # leaves what one arc a plane cannot cut, and says where: `sections` is the choice then
 TOO_HIGH = ("excess", "missing_area")
@@ -109,6 +110,8 @@ def _mended(plan, want, number, by):
     told = {"round": number, "found_by": by, "places": len(want.places_mm),
             "highest_mm": round(want.left_mm, 6) if len(want.places_mm) else None,
             "gouge_mm": round(want.gouge_mm, 6) if want.gouge_mm else None}
+    if _is_no_better(plan, told):
+        return _told(plan, {**told, "done": "nothing: the round before did not help"})
     shop = plan.shop
     if want.gouge_mm:
         finish = shop.design.finish
@@ -127,6 +130,17 @@ def _mended(plan, want, number, by):
     rest = int((~touched).sum())
     return replace(plan, operations=(*plan.operations, *added), mending=(*plan.mending, {
         **told, "done": f"clean-up passes with {done}" + (f"; {rest} places are out of reach" if rest else "")}))
+
+
+def _is_no_better(plan, told):
+    """Whether the last round of the same check has left as much as it found."""
+    last = plan.mending[-1] if plan.mending else None
+    if last is None or last["found_by"] != told["found_by"]:
+        return False
+    if told["gouge_mm"]:
+        return bool(last["gouge_mm"]) and told["gouge_mm"] > HELPED * last["gouge_mm"]
+    return bool(last["places"]) and (told["places"] > HELPED * last["places"]
+                                     and told["highest_mm"] > HELPED * last["highest_mm"])
 
 
 def _told(plan, told):

@@ -85,6 +85,14 @@ def test_a_place_that_no_ball_touches_is_told(order, plan):
     assert "no ball of the library touches these places" in same.mending[0]["done"]
 
 
+def test_a_round_that_did_not_help_is_the_last(plan):
+    """The same depth again after the setup was planned again: nothing more is tried."""
+    deep = Wants(places_mm=np.zeros((0, 3)), left_mm=0.0, gouge_mm=0.01)
+    before = {"found_by": "the verdict", "places": 0, "highest_mm": None, "gouge_mm": 0.01, "done": "planned again"}
+    (same,), is_changed = mended([replace(plan, mending=(before,))], [deep], 2, "the verdict")
+    assert not is_changed and same.mending[-1]["done"] == "nothing: the round before did not help"
+
+
 def test_the_build_mends_what_the_verdict_finds(order, plan, monkeypatch):
     """Planned with passes missing and without the planner's own check: the verdict sends the places back."""
     monkeypatch.setattr(recipe, "plan_setup", lambda *args: spoilt(plan, 0.3))
