@@ -229,21 +229,17 @@ def _written(order, plans, work, inputs, tell):
 
 def _judged(order, plans, job, work, inputs, kept, tell):
     """(Job, Judged) of what is posted, mended and judged again while that helps."""
-    options = Options()
     for number in range(1, mending.ROUNDS + 2):
-        judged = judge(work, job, tell, options, kept)
+        judged = judge(work, job, tell, Options(), kept)
         if number > mending.ROUNDS:
             break
         wants = [mending.wants_of_verdict(v, order.accepted) for v in judged.verdict.setups]
         plans, is_mended = mending.mended(plans, wants, number, "the verdict")
-        is_coarse = options.finer == 1.0 and mending.wants_a_closer_look(judged.verdict, order.accepted)
-        if not (is_mended or is_coarse):
+        if not is_mended:
             break
-        options = replace(options, finer=mending.FINER) if is_coarse else options
-        if is_mended:
-            tell(f"mended, round {number} of {mending.ROUNDS}")
-            _remove_programs(work, job)
-            job = _written(order, plans, work, inputs, tell)
+        tell(f"mended, round {number} of {mending.ROUNDS}")
+        _remove_programs(work, job)
+        job = _written(order, plans, work, inputs, tell)
     _write_json(work / "plan.json", plan_document(order, plans))
     return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans))
 

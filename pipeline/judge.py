@@ -4,6 +4,7 @@ The only way to a verdict, for `build` and `verify` alike: nothing comes from th
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ from cuspline.verification.in_process import stock_states
 from cuspline.verification.kept import NOTHING
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
+
+CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -146,9 +149,13 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted, fixtures=_fixtures(setup)))
         extra += _file_findings(program, job.machine)
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
-    setups = verify_setups(programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
-                           ball_radius_mm=job.smallest_ball_radius_mm, options=options, say=say,
-                           kept=kept)
+    look = partial(verify_setups, programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
+                   ball_radius_mm=job.smallest_ball_radius_mm, say=say, kept=kept)
+    setups = look(options=options)
+    differ = any(f.kind == "verifiers_disagree" for v in setups for f in v.findings)
+    if differ and options.solid_pitch_mm is None and "verifiers_disagree" not in job.accepted:
+        say("the two verifiers differ: both look closer")
+        setups = look(options=replace(options, finer=CLOSER * options.finer))
     setups = tuple(replace(v, findings=_placed((*p.findings, *v.findings), p, job.machine, tools))
                    for v, p in zip(setups, read))
     return Judged(verdict=Verdict(setups=setups), solid=solid, programs=tuple(programs), tools=tools,

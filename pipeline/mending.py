@@ -1,9 +1,9 @@
-"""What a check finds the build mends: places and amounts go back to the planner, the program is posted and judged again.
+"""What a check finds the build mends: its places go back to the planner, the program is posted and judged again.
 
 Two checks ask for it.  The planner's own measures the posted moves as the first verifier will, against limits that keep
 MARGIN: a verdict never hangs on the last digit.  The verdict's findings are the other.  Places that stand too high
-get clean-up passes; a gouge has its setup planned again to a tighter tolerance; two verifiers that differ for their own
-resolution look closer.  After ROUNDS what is left reaches a person, with the reason.
+get clean-up passes; a gouge has its setup planned again to a tighter tolerance.  After ROUNDS what is left reaches a
+person, with what was tried.
 """
 
 from dataclasses import dataclass, replace
@@ -20,11 +20,9 @@ OWN_ROUNDS = 2              # of the planner's own check before
 MARGIN = 0.03               # of what the finish allows, that the planner keeps from it
 TIGHTER = 0.6               # of the tolerance, where a path gouges
 HELPED = 0.9                # of the places and of their height, or of the gouge: a round that leaves more did not help
-FINER = 2.0                 # as fine a look again, where the verifiers differ for their own resolution
-UNMENDED = "transverse_arcs"      # leaves what one arc a plane cannot cut, and says where: `sections` is the choice then
+UNMENDED = "transverse_arcs"    # leaves what one arc a plane cannot cut, and says where; `sections` holds it
 TOO_HIGH = ("excess", "missing_area")
 TOO_DEEP = ("gouge",)
-TOO_COARSE = ("verifiers_disagree",)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,11 +64,6 @@ def wants_of_verdict(verdict, accepted):
                      more_mm=verdict.excess_proof.higher_mm)
     deepest = max((f.amount_mm for f in verdict.findings if f.kind in TOO_DEEP and f.kind in kinds), default=0.0)
     return replace(wants, gouge_mm=deepest)
-
-
-def wants_a_closer_look(verdict, accepted):
-    """Whether the two verifiers differ in any setup, which a finer look may settle."""
-    return any(f.kind in TOO_COARSE and f.kind not in accepted for f in verdict.findings)
 
 
 def mended(plans, wants, number, by):
@@ -116,8 +109,9 @@ def _mended(plan, want, number, by):
     if want.gouge_mm:
         finish = shop.design.finish
         tighter = finish.model_copy(update={"profile_tolerance_mm": TIGHTER * finish.profile_tolerance_mm})
+        design = replace(shop.design, finish=tighter)
         try:
-            again = plan_setup(replace(shop.design, finish=tighter), shop.setup, shop.machine, shop.library, shop.before)
+            again = plan_setup(design, shop.setup, shop.machine, shop.library, shop.before)
         except CamError as error:
             return _told(plan, {**told, "done": f"nothing: {error}"})
         return replace(again, mending=(*plan.mending, {**told, "done": "planned again to a tolerance of "
@@ -125,7 +119,8 @@ def _mended(plan, want, number, by):
     places = shop.setup.turn.into(want.places_mm)
     added, touched = clean_up(shop, plan.operations, places, want.left_mm, number)
     if not added:
-        return _told(plan, {**told, "done": "nothing: no ball of the library touches these places with its holder clear"})
+        return _told(plan, {**told, "done": "nothing: no ball of the library touches these places with its holder "
+                                            "clear"})
     done = ", ".join(f"T{o.tool.number} {o.tool.cutter.name}" for o in added)
     rest = int((~touched).sum())
     return replace(plan, operations=(*plan.operations, *added), mending=(*plan.mending, {
