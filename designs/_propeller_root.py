@@ -10,7 +10,6 @@ from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from cuspline import fixed_math as fixed
-from cuspline import fixed_math as fixed
 from cuspline.designs._propeller_blade import about_x
 from cuspline.designs._propeller_sections import stations
 from cuspline.errors import DesignError

@@ -23,7 +23,6 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from cuspline import fixed_math as fixed
-from cuspline import fixed_math as fixed
 from cuspline.errors import DesignError
 from cuspline.surfaces.fairing import DEGREE, fair_spline
 

@@ -16,7 +16,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cuspline import fixed_math as fixed
-from cuspline import fixed_math as fixed
 from cuspline.surfaces.spline_interpolation import interpolated, natural
 from cuspline.designs._rfq_eight_term import EightTerm
 from cuspline.designs._rfq_potential import (

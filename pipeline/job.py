@@ -67,11 +67,9 @@ def read_job(folder):
 
 
 def read_published(folder):
-    """{file name: SHA-256} of what was published with a folder's manifest; empty where it does not say."""
-    try:
-        files = json.loads((Path(folder) / "manifest.json").read_text()).get("files", {})
-    except (OSError, ValueError):
-        return {}
+    """{file name: SHA-256} of what was published with a folder's manifest, which `read_job` takes; empty where it
+    does not say."""
+    files = json_of(Path(folder) / "manifest.json", "manifest").get("files", {})
     return files if isinstance(files, dict) else {}
 
 

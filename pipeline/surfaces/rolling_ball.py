@@ -31,7 +31,6 @@ from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from cuspline import fixed_math as fixed
-from cuspline import fixed_math as fixed
 from cuspline.surfaces.closed_splines import periodic_spline
 from cuspline.surfaces.nurbs import NurbsSurface, local_shape
 

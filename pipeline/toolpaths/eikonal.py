@@ -18,7 +18,6 @@ import math
 import numpy as np
 from numba import njit
 
-from cuspline import fixed_math as fixed
 from cuspline.errors import ToolpathError
 
 FAR, TRIAL, DONE = 0, 1, 2

@@ -4,8 +4,6 @@ Boxes stand in a complete binary tree over the triangles in the order of `simula
 children 2 k + 1 and 2 k + 2.
 """
 
-import math
-
 import numpy as np
 from numba import njit
 

@@ -8,7 +8,6 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
 from cuspline import fixed_math as fixed
-from cuspline import fixed_math as fixed
 from cuspline import brep, mesh_quality, solids
 from cuspline.errors import InputError
 from cuspline.simulation.clearance import ClearanceTree

@@ -10,7 +10,6 @@ from cuspline import brep, catalogue, mending
 from cuspline import build as recipe
 from cuspline.mending import Wants, mended, wants_of
 from cuspline.program import Kind, Moves
-from cuspline.verification.kept import NOTHING
 from cuspline.verification.reporter import allowed_mm
 from cuspline.verification.verdict import Options, SetupProgram, residuals_of
 
