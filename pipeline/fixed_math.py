@@ -240,8 +240,16 @@ def tanh(x):
 
 @vectorize(["float64(float64, float64)"], cache=True)
 def hypot(x, y):
-    """Length of the vector (x, y), both far from the ends of the number range."""
-    return math.sqrt(x * x + y * y)
+    """Length of the vector (x, y)."""
+    if x != x or y != y:
+        return math.nan
+    long = max(abs(x), abs(y))
+    if 1e-140 < long < 1e140:
+        return math.sqrt(x * x + y * y)
+    if long == 0.0 or long == math.inf:
+        return long
+    x, y = x / long, y / long           # squares of these neither overflow nor vanish
+    return long * math.sqrt(x * x + y * y)
 
 
 @vectorize(["float64(float64, float64)"], cache=True)

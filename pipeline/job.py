@@ -67,9 +67,10 @@ def read_job(folder):
 
 
 def read_published(folder):
-    """{file name: SHA-256} of what was published with a folder's manifest, which `read_job` takes; empty where it
-    does not say."""
-    files = json_of(Path(folder) / "manifest.json", "manifest").get("files", {})
+    """{file name: SHA-256} of what was published with a folder's manifest; empty where it does not say."""
+    path = Path(folder) / "manifest.json"
+    document = json_of(path, "manifest") if path.exists() else {}
+    files = document.get("files", {}) if isinstance(document, dict) else {}
     return files if isinstance(files, dict) else {}
 
 

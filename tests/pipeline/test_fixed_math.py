@@ -45,6 +45,8 @@ def test_special_values():
     assert fixed.arctan2(0.0, -1.0) == np.pi and fixed.arctan2(-0.0, -1.0) == -np.pi and fixed.arctan2(0.0, 0.0) == 0.0
     assert fixed.arctan2(np.inf, np.inf) == np.pi / 4 and fixed.arctan2(1.0, 0.0) == np.pi / 2
     assert fixed.exp(1000.0) == np.inf and fixed.exp(-1000.0) == 0.0 and fixed.log(0.0) == -np.inf
+    assert fixed.hypot(3e200, 4e200) == pytest.approx(5e200, rel=1e-15) and fixed.hypot(3e-200, -4e-200) == pytest.approx(5e-200)
+    assert fixed.hypot(0.0, 0.0) == 0.0 and fixed.hypot(-np.inf, 1.0) == np.inf and np.isnan(fixed.hypot(np.nan, 1.0))
     assert fixed.power(-2.0, 3.0) == -8.0 and fixed.power(2.0, -2.0) == 0.25 and fixed.power(0.0, 0.3) == 0.0
     for name in ("sin", "cos", "tan", "arctan", "exp", "log", "arcsin", "arccos", "tanh", "cbrt"):
         assert np.isnan(getattr(fixed, name)(np.nan)), name

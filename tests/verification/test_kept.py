@@ -204,13 +204,18 @@ def test_verify_uses_the_store_beside_the_folder_and_clears_it_when_it_is_done(t
     folder.mkdir()
 
     class Job:
-        design, accepted = "part", ()
+        design, accepted, step = "part", (), "part.step"
 
     class Judged:
+        figures_in_words = ""
+
         def refused(self, accepted):
             return ()
 
-    def judge(folder, job, say, kept):
+        def passed_over(self, accepted):
+            return ()
+
+    def judge(folder, job, say, kept, published):
         kept.of(square)(np.ones(3))
         seen.append(files(kept))
         return Judged()
@@ -218,6 +223,7 @@ def test_verify_uses_the_store_beside_the_folder_and_clears_it_when_it_is_done(t
     square.calls = 0
     monkeypatch.setattr("cuspline.judge.judge", judge)
     monkeypatch.setattr("cuspline.job.read_job", lambda folder: Job)
+    monkeypatch.setattr("cuspline.brep.refuse_unreadable", lambda path: None)
     monkeypatch.setattr(sys, "argv", ["cuspline", "verify", str(folder)])
     with pytest.raises(SystemExit):
         cli.main()
