@@ -48,7 +48,7 @@ OPTIONAL = ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_cen
             "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth")
 CENTRE_CUTTING = ("ball", "tapered_ball", "lens")   # types whose teeth meet in the middle, where a library does not say
 RAMP_DEG = 10.0             # of a cutter that does not cut at its centre: three times the ramp that is planned
-SLOT_SHARE = 0.3            # of the diameter: docs/decisions/physical_state.md
+SLOT_SHARE = 0.5            # of the diameter: docs/decisions/physical_state.md
 PLUNGE_SHARE = 0.012        # of the diameter a tooth: half more than the largest feed of `planning.materials`
 
 

@@ -22,6 +22,8 @@ HOME = Frame.shift((0.0, 0.0, 0.0))
 MACHINES = {"linuxcnc": "mill_3axis", "fanuc": "mill_fanuc"}
 SETUP = Setup(name="setup-1", faces=("top",), wcs_in_words="corner of the billet, Z0 on its base")
 
+SLOT_SHARE = 0.3        # of the diameter: what the tools of these programs take
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Base:
@@ -73,7 +75,9 @@ def _posted(name, operations, dialect):
 
 
 def _tool(number):
-    return catalogue.find_library(None).number(number)
+    tool = catalogue.find_library(None).number(number)
+    cutter = tool.cutter.model_copy(update={"slot_depth_mm": SLOT_SHARE * tool.cutter.diameter_mm})
+    return tool.model_copy(update={"cutter": cutter})
 
 
 def _lane(writer, points, feed):
