@@ -8,8 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.report.wording import (DASH, box_size, decimal, duration, file_size, grouped, number, percent,
-                                     place, short, tool_name)
+from cuspline.report.wording import (
+    DASH,
+    box_size,
+    decimal,
+    duration,
+    file_size,
+    grouped,
+    number,
+    percent,
+    place,
+    short,
+    tool_name,
+)
 
 VERIFIED, ACCEPTED, REFUSED = "verified", "accepted", "refused"     # states of a verdict, and CSS classes
 

@@ -50,7 +50,7 @@ def saddle_job(folder, **changes):
     """
     import cadquery as cq
 
-    from cuspline import brep
+    from cuspline.kernel import brep
     body = cq.Workplane("XZ").lineTo(30, 0).lineTo(30, 12).threePointArc((15, 8), (0, 12)).close().extrude(-16)
     brep.write_step(brep.the_solid(body.val(), "saddle"), Path(folder) / "saddle.step", "saddle")
     lines = [f"{line.split(' ')[0]} = {changes[line.split(' ')[0]]}" if line.split(" ")[0] in changes else line
