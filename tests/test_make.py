@@ -201,7 +201,7 @@ def test_the_verdict_table_says_when_there_is_nothing(tmp_path):
 # a release, out of what builds really leave ------------------------------------------------------
 
 PLUG = """import cadquery as cq
-from cuspline import brep
+from cuspline.kernel import brep
 from cuspline.design import *
 
 

@@ -80,7 +80,7 @@ def test_code_asks_nothing_that_depends_on_the_processor():
         if name != "pipeline/values/fixed_math.py":
             wrong += [f"{name}:{line}: {what}" for line, what in asked(ast.parse(path.read_text()))
                       if what not in ALLOWED.get(name, ())]
-    assert not wrong, "use cuspline.fixed_math: " + "; ".join(wrong)
+    assert not wrong, "use cuspline.values.fixed_math: " + "; ".join(wrong)
 
 
 def test_the_reading_finds_what_it_is_for():

@@ -66,7 +66,7 @@ def cutter_stepover_mm(profile, scallop_mm, curvature_per_mm, stance=Stance()):
         CutterDoesNotFit: the silhouette is flatter than a hollow; `.rows` lists where.
     Source: FORMULAS 4; checked against the envelope of two passes found by brute force.
 
-    >>> from cuspline.cutter_profile import apt_profile
+    >>> from cuspline.shop.cutter_profile import apt_profile
     >>> cutter_stepover_mm(apt_profile(6, 3, 0, 3, 0, 0, 10), 0.01, [0.0, 0.1, -0.1]).round(3)     # ball of radius 3
     array([0.489, 0.429, 0.585])
     """

@@ -147,7 +147,7 @@ def test_ctrl_c_while_a_step_file_is_read_in_a_child(tmp_path, run, monkeypatch)
     assert time.monotonic() - begun < 30
 
 
-@pytest.mark.parametrize("module", ["typer", "cuspline.cli", "cuspline.catalogue", "numpy"])
+@pytest.mark.parametrize("module", ["typer", "cuspline.app.cli", "cuspline.app.catalogue", "numpy"])
 def test_ctrl_c_while_modules_are_imported(module):
     code = ("import os, signal, sys\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
             "class Finder:\n def find_spec(self, name, *_):\n"

@@ -223,9 +223,9 @@ def test_verify_uses_the_store_beside_the_folder_and_clears_it_when_it_is_done(t
         return Judged()
 
     square.calls = 0
-    monkeypatch.setattr("cuspline.judge.judge", judge)
-    monkeypatch.setattr("cuspline.job.read_job", lambda folder: Job)
-    monkeypatch.setattr("cuspline.brep.refuse_unreadable", lambda path: None)
+    monkeypatch.setattr("cuspline.app.judge.judge", judge)
+    monkeypatch.setattr("cuspline.design.job.read_job", lambda folder: Job)
+    monkeypatch.setattr("cuspline.kernel.brep.refuse_unreadable", lambda path: None)
     monkeypatch.setattr(sys, "argv", ["cuspline", "verify", str(folder)])
     with pytest.raises(SystemExit):
         cli.main()
