@@ -152,7 +152,7 @@ def test_ctrl_c_while_modules_are_imported(module):
     code = ("import os, signal, sys\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
             "class Finder:\n def find_spec(self, name, *_):\n"
             f"  if name == {module!r}: sys.meta_path.remove(self); {PRESS}\n"
-            "from cuspline.entry import main\nsys.meta_path.insert(0, Finder())\nsys.argv = ['cuspline', 'machines']\nmain()")
+            "from cuspline.app.entry import main\nsys.meta_path.insert(0, Finder())\nsys.argv = ['cuspline', 'machines']\nmain()")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr.splitlines()) == (130, "", SAID)
 
@@ -202,6 +202,6 @@ def test_what_the_system_refuses_is_told_with_its_mending(run, tmp_path, monkeyp
 
 def test_standard_output_on_a_full_disk():
     with open("/dev/full", "w") as full:
-        done = subprocess.run([sys.executable, "-c", "from cuspline.entry import main; main()", "machines"], stdout=full,
+        done = subprocess.run([sys.executable, "-c", "from cuspline.app.entry import main; main()", "machines"], stdout=full,
                               stderr=subprocess.PIPE, text=True)
     assert done.returncode == 2 and done.stderr.startswith("cuspline: No space left"), done.stderr
