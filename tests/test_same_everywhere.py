@@ -111,7 +111,7 @@ SETTINGS = {
 EVERYTHING = {**SETTINGS["a BLAS of 2004"], **SETTINGS["NumPy without AVX2"], **ONE_THREAD}
 ALL_IN_ONE = """
 import json, sys
-from cuspline.cli import app
+from cuspline.app.cli import app
 for order in json.loads(sys.argv[1]):
     try:
         app(order, standalone_mode=True)

@@ -225,7 +225,7 @@ def test_a_build_killed_at_any_moment_leaves_the_old_outputs(saddle, tmp_path):
     out, job = copied(saddle, tmp_path / "out"), saddle_job(tmp_path)
     before = bytes_of(out)
     for delay_s, sign in ((0.5, signal.SIGKILL), (2.5, signal.SIGTERM), (4.5, signal.SIGKILL)):
-        process = subprocess.Popen([sys.executable, "-c", "from cuspline.cli import main; main()", "build", str(job),
+        process = subprocess.Popen([sys.executable, "-c", "from cuspline.app.cli import main; main()", "build", str(job),
                                     "--stage", "verify", "--out", str(out)], stdout=subprocess.DEVNULL,
                                    stderr=subprocess.DEVNULL)
         time.sleep(delay_s)
@@ -239,7 +239,7 @@ def test_a_build_killed_at_any_moment_leaves_the_old_outputs(saddle, tmp_path):
 
 
 INTERRUPTIBLE = ("import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-                 "from cuspline.cli import main; main()")       # a shell's background job inherits an ignored SIGINT
+                 "from cuspline.app.cli import main; main()")       # a shell's background job inherits an ignored SIGINT
 
 
 def test_a_build_interrupted_while_it_verifies_ends_with_one_line_and_code_130(saddle, tmp_path):
@@ -259,6 +259,6 @@ def test_a_build_interrupted_while_it_verifies_ends_with_one_line_and_code_130(s
 
 def test_the_command_line_is_imported_without_kernels_and_cad():
     heavy = ("OCP", "cadquery", "build123d", "numba", "matplotlib")
-    code = f"import sys, cuspline.cli; print([m for m in {heavy!r} if m in sys.modules])"
+    code = f"import sys, cuspline.app.cli; print([m for m in {heavy!r} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done.stderr

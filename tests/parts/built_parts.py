@@ -36,7 +36,7 @@ faces = ["saddle"]
 
 def cuspline(*arguments, env=(), timeout=300):
     """Run the command line in its own process."""
-    return subprocess.run([sys.executable, "-c", "from cuspline.cli import main; main()", *map(str, arguments)],
+    return subprocess.run([sys.executable, "-c", "from cuspline.app.cli import main; main()", *map(str, arguments)],
                           capture_output=True, text=True, timeout=timeout, env={**os.environ, **dict(env)})
 
 
