@@ -2,13 +2,13 @@
 
 import time
 
-import numba
 import numpy as np
 import workload
 
 from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm
 from cuspline.toolpaths.gouge.depth_tree import DepthTree
 from cuspline.toolpaths.gouge.move_depths import move_depths
+from cuspline.values.threads import set_thread_count, thread_count
 from cuspline.verification.certificate import THICKNESS_SHARE
 
 TOLERANCES_MM = (0.005, 0.001)
@@ -18,8 +18,8 @@ MARGIN_MM = 0.5
 
 def measure():
     """[(what, number, unit)]."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
+    before = thread_count()
+    set_thread_count(1)
     part = ExactPart.of_solid(workload.patch_solid())
     x, y = (np.arange(MARGIN_MM, size - MARGIN_MM, step) for size, step in zip(workload.SIZE_MM, (ALONG_MM, STEP_MM)))
     xy = np.stack(np.meshgrid(x, y), axis=-1)
@@ -38,7 +38,7 @@ def measure():
                      (f"{what} with the tree", len(start) / (cpu + built), "moves per CPU s"),
                      (f"{what}, largest proven gouge", bound.max() * 1e3, "µm"),
                      (f"{what} not proven clean to the tolerance", (bound > tolerance_mm).sum(), "")]
-    numba.set_num_threads(before)
+    set_thread_count(before)
     return rows
 
 

@@ -9,12 +9,12 @@ import tempfile
 import time
 from pathlib import Path
 
-import numba
 import numpy as np
 import workload
 from peers import peer_python, run_job
 
 from cuspline.replay.clearance import ClearanceTree
+from cuspline.values.threads import set_thread_count
 
 SEGMENTS = np.array([[12.0, 5.0, 45.0, 5.0, 0.0], [45.0, 20.0, 100.0, 20.0, 0.0]])
 MARGIN_MM, CAP_MM = 1.0, 4.0
@@ -76,7 +76,7 @@ def _coal(mesh, tips, axes):
 
 def measure():
     """[(what, number, unit)]."""
-    numba.set_num_threads(1)
+    set_thread_count(1)
     rows = []
     for deviation in DEVIATIONS_MM:
         rows += _on_mesh(mesh_with_wall(deviation))

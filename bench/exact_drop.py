@@ -2,11 +2,11 @@
 
 import time
 
-import numba
 import numpy as np
 import workload
 
 from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm, gouge_depths_mm
+from cuspline.values.threads import set_thread_count, thread_count
 
 
 def raster(low, high, step_mm, along_mm):
@@ -17,7 +17,7 @@ def raster(low, high, step_mm, along_mm):
 
 def measure():
     """[(what, number, unit)]."""
-    rows, before = [], numba.get_num_threads()
+    rows, before = [], thread_count()
     for name, solid, low, high in (("patch", workload.patch_solid(), (11, 11), (89, 49)),
                                    ("trimmed part", workload.trimmed_part(), None, None)):
         start = time.process_time()
@@ -30,7 +30,7 @@ def measure():
         xy = raster(low, high, 1.5, 0.1)
         for cutter, (R, rc) in workload.CUTTERS.items():
             rows += _of_cutter(f"{name}, {cutter}", part, xy, R, rc)
-    numba.set_num_threads(before)
+    set_thread_count(before)
     return rows
 
 
@@ -38,10 +38,10 @@ def _of_cutter(what, part, xy, R, rc):
     """Rates of one cutter over one part."""
     tips = np.column_stack([xy, drop_tips_mm(part, xy, R, rc)])
     tips = tips[np.isfinite(tips[:, 2])]
-    numba.set_num_threads(1)
+    set_thread_count(1)
     cpu, wall_1 = _timed(lambda: drop_tips_mm(part, xy, R, rc))
     gouge_cpu, _ = _timed(lambda: gouge_depths_mm(part, tips, R, rc))
-    numba.set_num_threads(2)
+    set_thread_count(2)
     _, wall_2 = _timed(lambda: drop_tips_mm(part, xy, R, rc))
     return [(f"{what}: drop", len(xy) / cpu, "points per CPU s"),
             (f"{what}: gouge check of clean points", len(tips) / gouge_cpu, "points per CPU s"),

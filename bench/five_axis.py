@@ -6,13 +6,13 @@ round along every pass.  The samples lie on the surface.
 
 import time
 
-import numba
 import numpy as np
 
 from cuspline.program.posted import PostedMoves
 from cuspline.program.program import Kind
 from cuspline.shop.cutters import Cutter, Holder, HolderSegment, Tool
 from cuspline.stock.swept import deviation_mm, signed_distance_mm, swept_paths
+from cuspline.values.threads import set_thread_count, thread_count
 
 GRIDS = ((500, 120), (1000, 240), (2000, 500))      # moves along a pass, passes
 SHAPES = {"ball": (6.0, 6.0), "bull_nose": (6.0, 1.0)}
@@ -106,12 +106,12 @@ def _in_tool(p, posted, row, share):
 
 def measure():
     """[(what, number, unit)]."""
-    rows, before = [], numba.get_num_threads()
-    numba.set_num_threads(1)
+    rows, before = [], thread_count()
+    set_thread_count(1)
     for type_, (radius, corner) in SHAPES.items():
         for grid in GRIDS:
             rows += _of_one(type_, radius, corner, grid)
-    numba.set_num_threads(before)
+    set_thread_count(before)
     return rows
 
 

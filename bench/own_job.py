@@ -9,12 +9,12 @@ import sys
 import time
 from pathlib import Path
 
-import numba
 import numpy as np
 from peers import peak_mb
 
 from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
 from cuspline.toolpaths.freeform.waterline import mesh_waterlines
+from cuspline.values.threads import set_thread_count
 
 
 def timed(run):
@@ -45,7 +45,7 @@ def warm():
 
 def main(folder):
     job = json.loads((folder / "job.json").read_text())
-    numba.set_num_threads(min(job["threads"], os.cpu_count()))
+    set_thread_count(min(job["threads"], os.cpu_count()))
     vertices, triangles = np.load(folder / "vertices.npy"), np.load(folder / "triangles.npy")
     warm()
     before = peak_mb()

@@ -16,7 +16,6 @@ import tempfile
 import time
 from pathlib import Path
 
-import numba
 import numpy as np
 import workload
 from peers import HERE, peer_python, run_job
@@ -26,6 +25,7 @@ from cuspline.program.program import Kind, Plane
 from cuspline.shop.cutters import Cutter, Holder, HolderSegment, Tool
 from cuspline.stock.swept import deviations_and_moves, signed_distance_mm, stock_height_mm, swept_paths
 from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm
+from cuspline.values.threads import set_thread_count, thread_count
 
 LOW, HIGH = np.zeros(2), np.array(workload.SIZE_MM)           # passes; samples keep REACH_MM from their border
 REACH_MM = 8.0
@@ -83,8 +83,8 @@ def samples():
 
 def measure():
     """[(what, number, unit)]."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
+    before = thread_count()
+    set_thread_count(1)
     part, (points, normals) = ExactPart.of_solid(workload.patch_solid()), samples()
     rows = [("sample points", len(points), "")]
     for count, steps in STEPS_MM.items():
@@ -92,7 +92,7 @@ def measure():
             rows += _of_path(f"{name}, {count // 1000} 000 moves", part, points, normals, tool(kind, R, rc),
                              zigzag(*steps), count)
     rows += _beside_peers(part)
-    numba.set_num_threads(before)
+    set_thread_count(before)
     return rows
 
 

@@ -14,7 +14,7 @@ from cuspline.kernel.brep import Face
 from cuspline.surfaces.curvature import tightest_hollow
 from cuspline.surfaces.patches import _derive_rows
 from cuspline.surfaces.projection import ClosestTree
-from cuspline.surfaces.projection_kernels import project_block, refine_rows
+from cuspline.surfaces.projection_kernels import project_rows, refine_rows
 from cuspline.toolpaths.contact.forward_offset import _rows
 
 POINTS, KERNEL_POINTS, REPEATS = 40_000, 400, 3
@@ -74,7 +74,7 @@ def _evaluation(patches, u, v):
 def _projection(tree, surface, points, u, v):
     given, answers = (tree.arrays, tree.patches.arrays, tree.trims.arrays), _answers(POINTS)
     anywhere, face = np.full(POINTS, -1), np.zeros(POINTS, np.int64)
-    searched = POINTS / _seconds(lambda: project_block(*given, points, anywhere, 0, POINTS, *answers))
+    searched = POINTS / _seconds(lambda: project_rows(*given, points, anywhere, *answers, 0, POINTS))
     start, foot = np.column_stack([u + START, v - START]), np.empty((POINTS, 3))
     refined = POINTS / _seconds(lambda: refine_rows(tree.patches.arrays, face, points, start.copy(), foot, 0, POINTS))
     theirs, projector = np.empty(KERNEL_POINTS), GeomAPI_ProjectPointOnSurf()

@@ -8,10 +8,10 @@ acceleration allows round an arc.  The time follows from speeds reached under th
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.program.program import Kind
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 
 # LinuxCNC gives the acceleration across an arc half of an axis' limit and what is left along it;
 # measured on its motion controller (tests/authorities)

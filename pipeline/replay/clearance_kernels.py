@@ -15,9 +15,9 @@ widths of the box across the axis.
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 
 LEAF = 4                  # triangles in a leaf
 ROUNDING_MM = 1e-9        # taken off every bound

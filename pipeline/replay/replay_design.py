@@ -7,10 +7,10 @@ whose box keeps the distance wanted is done with; another is halved, down to sin
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.replay.clearance_kernels import least_distance, workspace
 from cuspline.replay.replay_stock import DEEP_MM, SHARE, beyond
+from cuspline.values.compiled import njit
 
 TOLERANCE_MM = 1e-3       # of an amount, and of the least clearance
 GROUP = 64                # pieces looked at as one, at most

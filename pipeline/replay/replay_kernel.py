@@ -9,7 +9,6 @@ between them.  Every part counts as going on upward: a height field below it can
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.replay.replay_stock import (
     BUDGET,
@@ -26,6 +25,7 @@ from cuspline.replay.replay_stock import (
 )
 from cuspline.stock.distance_kernels import corner_distance
 from cuspline.stock.height_kernels import piece_height
+from cuspline.values.compiled import njit
 
 RUBBING_MM = 0.001        # a shank as wide as its flutes may rub so much on the stock that these have just cut
 TILE = 8                  # cells along the side of a tile whose highest bound is kept: where a piece cuts no lower it

@@ -13,11 +13,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from cuspline.program.program import Kind, Plane
 from cuspline.stock.path_pieces import Arcs
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 
 BINS = 8                  # of a diameter of way
 WINDOW = 4                # bins looked at together: half a diameter, so that a pass that nicks an edge is seen

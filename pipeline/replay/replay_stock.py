@@ -9,10 +9,10 @@ middle, which shows a contact if there is one.
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.replay.clearance_kernels import swept_distance
 from cuspline.stock.height_kernels import piece_height
+from cuspline.values.compiled import njit
 
 CELL_MM = 0.0005          # parts of cells are not quartered below it, half of what a shank may rub: a thinner fin can
                           # stay unseen, and is counted

@@ -7,10 +7,11 @@ Agrees with OCCT's own evaluation (tests/splines/test_nurbs.py).
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
+from cuspline.values.threads import in_blocks
 
 CHUNK = 256              # points a thread takes at a time
 SERIAL_ROWS = 2000       # below this, starting threads costs more than it saves
@@ -46,11 +47,9 @@ class NurbsSurface:
         """
         u = np.clip(np.ascontiguousarray(u, float), *self.domain[:2])
         v = np.clip(np.ascontiguousarray(v, float), *self.domain[2:])
-        arrays = (self.degree_u, self.degree_v, self.knots_u, self.knots_v, self.poles, u, v)
-        if len(u) > SERIAL_ROWS:
-            return _derivatives_in_parallel(*arrays)
         out = np.empty((len(u), 6, 3))
-        _derive_rows(*arrays, 0, len(u), out)
+        in_blocks(_derive_rows, len(u), CHUNK, self.degree_u, self.degree_v, self.knots_u, self.knots_v, self.poles, u, v,
+                  out, serial_rows=SERIAL_ROWS)
         return out
 
 
@@ -177,17 +176,8 @@ def _basis(knots, degree, span, t, out):
             now, nxt = nxt, now
 
 
-@njit(cache=True, parallel=True)
-def _derivatives_in_parallel(pu, pv, U, V, poles, u, v):
-    n = u.shape[0]
-    out = np.empty((n, 6, 3))
-    for block in prange((n + CHUNK - 1) // CHUNK):
-        _derive_rows(pu, pv, U, V, poles, u, v, block * CHUNK, min(n, block * CHUNK + CHUNK), out)
-    return out
-
-
 @njit(cache=True)
-def _derive_rows(pu, pv, U, V, poles, u, v, first, last, out):
+def _derive_rows(pu, pv, U, V, poles, u, v, out, first, last):
     """Rows first..last-1 of the derivatives."""
     bu, bv = np.empty((3, pu + 1)), np.empty((3, pv + 1))
     h = np.empty((6, 4))

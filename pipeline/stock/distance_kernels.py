@@ -12,7 +12,7 @@ The distance is negative inside, 1-Lipschitz, and its sign is exact.  All length
 
 import math
 
-from numba import njit
+from cuspline.values.compiled import njit
 
 VERTICAL_MM = 1e-9        # a move shorter than this from above is a plunge
 CLOSE_MM = 1e-10          # how well the closest position along a sloping move is found

@@ -9,9 +9,8 @@ and the piece leaves min over its positions of z + p(d).  Lengths in mm; inf: ne
 
 import math
 
-from numba import njit
-
 from cuspline.stock.distance_kernels import VERTICAL_MM
+from cuspline.values.compiled import njit
 
 STEEP = 0.003             # a tangent to p is taken where no more than this share of rc² is left below the root
 

@@ -20,9 +20,9 @@ A piece is a row of ten numbers:
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 from cuspline.values.errors import SimulationError
 
 TURN_RIGHT = 1e-6         # a corner may turn right by this (rad): rounding of an outline's own numbers

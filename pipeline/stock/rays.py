@@ -16,13 +16,14 @@ followed through one piece to where it leaves it, and from there through the nex
 import math
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.stock import tree
 from cuspline.stock.tilted_kernels import WAITING
 from cuspline.stock.tilted_tree import nearest_substep, one_distance, one_slope
 from cuspline.stock.tracing import CLOSE_MM, GRAZING, PATIENT_STEPS, box_crossings
 from cuspline.stock.tree import CHUNK, nearest_piece, one_piece_distance
+from cuspline.values.compiled import njit
+from cuspline.values.threads import in_blocks
 
 UPRIGHT_ARRAYS = 4        # of the world's arrays
 GAP_MM = 2e-5             # stock or air along less of a ray than this may be overlooked
@@ -204,53 +205,59 @@ def _deviation(p, n, low, high, limit, d, piece, at, world, work):
     return -min(s, max(out, start))
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
 def distances(points, world):
     """Signed distance (n,) and piece (n,) of points (n, 3)."""
-    n = len(points)
-    out, piece = np.empty(n), np.empty(n, np.int64)
-    for c in prange((n + CHUNK - 1) // CHUNK):
-        work, hint = scratch(), -1
-        for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
-            out[i], hint, _ = nearest(points[i, 0], points[i, 1], points[i, 2], world, hint, work)
-            piece[i] = hint
+    out, piece = np.empty(len(points)), np.empty(len(points), np.int64)
+    in_blocks(_distances, len(points), CHUNK, points, world, out, piece)
     return out, piece
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
+def _distances(points, world, out, piece, first, last):
+    work, hint = scratch(), -1
+    for i in range(first, last):
+        out[i], hint, _ = nearest(points[i, 0], points[i, 1], points[i, 2], world, hint, work)
+        piece[i] = hint
+
+
 def deviations(points, normals, low, high, limit, world):
     """Deviation (n,) along normals (n, 3) at points (n, 3), and the piece nearest to each point (n,)."""
-    n = len(points)
-    out, piece = np.empty(n), np.empty(n, np.int64)
-    for c in prange((n + CHUNK - 1) // CHUNK):
-        work, hint = scratch(), -1
-        for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
-            p = points[i]
-            d, hint, at = _nearest_and_keep(p, world, hint, work)
-            piece[i] = hint
-            out[i] = _deviation(p, normals[i], low, high, limit, d, hint, at, world, work)
+    out, piece = np.empty(len(points)), np.empty(len(points), np.int64)
+    in_blocks(_deviations, len(points), CHUNK, points, normals, low, high, limit, world, out, piece)
     return out, piece
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
+def _deviations(points, normals, low, high, limit, world, out, piece, first, last):
+    work, hint = scratch(), -1
+    for i in range(first, last):
+        p = points[i]
+        d, hint, at = _nearest_and_keep(p, world, hint, work)
+        piece[i] = hint
+        out[i] = _deviation(p, normals[i], low, high, limit, d, hint, at, world, work)
+
+
 def highest_stock(xy, top, bottom, world):
     """Highest remaining stock (n,) over xy (n, 2) between top and bottom, and the piece that ends there (-1: uncut)."""
-    n = len(xy)
-    out, piece = np.empty(n), np.empty(n, np.int64)
-    down = np.array([0.0, 0.0, -1.0])
-    for c in prange((n + CHUNK - 1) // CHUNK):
-        work, hint = scratch(), -1
-        for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
-            p = np.array([xy[i, 0], xy[i, 1], top])
-            d, hint, at = nearest(p[0], p[1], p[2], world, hint, work)
-            out[i], piece[i], s = top, -1, 0.0
-            if abs(d) <= CLOSE_MM:           # flutes that end in the billet's top
-                s = GAP_MM
-                d, hint, at = _at(p, down, s, True, hint, world, work)
-            if d < -CLOSE_MM:
-                s, piece[i] = leave(p, down, s, top - bottom, d, hint, at, world, work)
-                out[i] = top - s
+    out, piece = np.empty(len(xy)), np.empty(len(xy), np.int64)
+    in_blocks(_highest_stock, len(xy), CHUNK, xy, top, bottom, world, out, piece)
     return out, piece
+
+
+@njit(cache=True, error_model="numpy")
+def _highest_stock(xy, top, bottom, world, out, piece, first, last):
+    down = np.array([0.0, 0.0, -1.0])
+    work, hint = scratch(), -1
+    for i in range(first, last):
+        p = np.array([xy[i, 0], xy[i, 1], top])
+        d, hint, at = nearest(p[0], p[1], p[2], world, hint, work)
+        out[i], piece[i], s = top, -1, 0.0
+        if abs(d) <= CLOSE_MM:           # flutes that end in the billet's top
+            s = GAP_MM
+            d, hint, at = _at(p, down, s, True, hint, world, work)
+        if d < -CLOSE_MM:
+            s, piece[i] = leave(p, down, s, top - bottom, d, hint, at, world, work)
+            out[i] = top - s
 
 
 @njit(cache=True, error_model="numpy")
@@ -289,15 +296,17 @@ def _stock_on_ray(p, n, s, end, out, hint, world, work):
     return count, hint
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
 def stock_along(origins, directions, low, high, room, world):
     """Intervals of remaining stock along lines: (n, room, 2), and how many there are (n,), the last ones cut off."""
-    n = len(origins)
-    out, count = np.empty((n, room, 2)), np.zeros(n, np.int64)
-    for c in prange((n + CHUNK - 1) // CHUNK):
-        work, hint = scratch(), -1
-        for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
-            enter, end = box_crossings(origins[i], directions[i], low, high)
-            if enter < end:
-                count[i], hint = _stock_on_ray(origins[i], directions[i], enter, end, out[i], hint, world, work)
+    out, count = np.empty((len(origins), room, 2)), np.zeros(len(origins), np.int64)
+    in_blocks(_stock_along, len(origins), CHUNK, origins, directions, low, high, world, out, count)
     return out, count
+
+
+@njit(cache=True, error_model="numpy")
+def _stock_along(origins, directions, low, high, world, out, count, first, last):
+    work, hint = scratch(), -1
+    for i in range(first, last):
+        enter, end = box_crossings(origins[i], directions[i], low, high)
+        if enter < end:
+            count[i], hint = _stock_on_ray(origins[i], directions[i], enter, end, out[i], hint, world, work)

@@ -11,9 +11,8 @@ below.  All lengths in mm; distances are negative inside.
 
 import math
 
-from numba import njit
-
 from cuspline.stock.outlines import outline_distance
+from cuspline.values.compiled import njit
 
 CLOSE_MM = 4e-10          # the least distance along a sub-step is found to this
 WAITING = 64              # more intervals than can wait at once: every one is halved at the latest at 1e-15

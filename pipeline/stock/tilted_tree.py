@@ -24,14 +24,16 @@ A forest is a tuple of arrays that numba takes as one argument:
 import math
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.stock.outlines import touching_point
 from cuspline.stock.tilted_kernels import poses_distance, slope_along, substep_distance
 from cuspline.stock.tree import SLACK_MM
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
+from cuspline.values.threads import in_blocks
 
 LEAF = 4                  # sub-steps in a leaf
+NODES = 32                # of a level that a thread fills in at a time
 INHERIT = 1e-3            # weight of the parent's frame where a node's own points leave it open
 BESIDE = 20.0             # mm, z0 and z2 of a node are this far from z1, where the cutter goes on so far
 KEPT_SHARE = 1.5          # a point keeps the sub-steps that are within this many times its distance,
@@ -60,8 +62,8 @@ def build_nodes(geometry, outline, lowest, highest):
     moments = _moments(np.ascontiguousarray(geometry), leaves)
     width = 1
     while width <= leaves:
-        _fill_level(nodes, moments, np.ascontiguousarray(geometry), outline, width, leaves, float(lowest),
-                    float(highest))
+        in_blocks(_fill_level, width, NODES, nodes, moments, np.ascontiguousarray(geometry), outline, width, leaves,
+                  float(lowest), float(highest))
         width *= 2
     return nodes, leaves
 
@@ -198,11 +200,11 @@ def _enclose(node, axis, geometry, first, last):
                     node[box + 3] = max(node[box + 3], tip + z * turn + abs(z) * bend)
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
-def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highest):
-    """Nodes of one level; the level above is there."""
+@njit(cache=True, error_model="numpy")
+def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highest, low, high):
+    """Nodes low..high-1 of one level; the level above is there."""
     span = leaves // width * LEAF
-    for i in prange(width):
+    for i in range(low, high):
         node, moment = nodes[width - 1 + i], moments[width - 1 + i]
         first, last = i * span, min((i + 1) * span, len(geometry))
         if first >= last:

@@ -7,7 +7,6 @@ the distance never jumps over the surface.  The box is convex: its two crossings
 import math
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.stock.distance_kernels import child_distances, piece_distance
 from cuspline.stock.tree import (
@@ -21,6 +20,8 @@ from cuspline.stock.tree import (
     push_children,
     work,
 )
+from cuspline.values.compiled import njit
+from cuspline.values.threads import in_blocks
 
 CLOSE_MM = 1e-8           # where tracing stops short of the surface
 SETTLED_MM = 1e-10        # how well a surface is met
@@ -189,14 +190,16 @@ def _deviation(p, n, low, high, limit, forest, hint, stack, bounds):
     return -min(t, max(leave, start)), piece if piece >= 0 else hint
 
 
-@njit(cache=True, parallel=True)
 def deviations(points, normals, low, high, limit, forest):
     """Deviation (n,) along normals (n, 3) at points (n, 3), and the piece nearest to each point (n,)."""
-    n = len(points)
-    out, piece = np.empty(n), np.empty(n, np.int64)
-    for c in prange((n + CHUNK - 1) // CHUNK):
-        (stack, bounds), hint = work(), -1
-        for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
-            out[i], hint = _deviation(points[i], normals[i], low, high, limit, forest, hint, stack, bounds)
-            piece[i] = hint
+    out, piece = np.empty(len(points)), np.empty(len(points), np.int64)
+    in_blocks(_deviations, len(points), CHUNK, points, normals, low, high, limit, forest, out, piece)
     return out, piece
+
+
+@njit(cache=True)
+def _deviations(points, normals, low, high, limit, forest, out, piece, first, last):
+    (stack, bounds), hint = work(), -1
+    for i in range(first, last):
+        out[i], hint = _deviation(points[i], normals[i], low, high, limit, forest, hint, stack, bounds)
+        piece[i] = hint

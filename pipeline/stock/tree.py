@@ -19,10 +19,11 @@ A search works in a stack and in bounds, the last BLOCK of which hold a block an
 import math
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.stock.distance_kernels import child_distances, piece_distance
 from cuspline.stock.height_kernels import child_heights, piece_height
+from cuspline.values.compiled import njit
+from cuspline.values.threads import in_blocks
 
 WIDTH = 8                 # children of a node
 PLANE_SPAN = 4096         # nodes over more pieces carry no plane
@@ -334,27 +335,31 @@ def lowest_piece(x, y, forest, top_mm, hint, stack, bounds):
     return best, found
 
 
-@njit(cache=True, parallel=True)
 def distances(points, forest):
     """Signed distance (n,) and piece (n,) of points (n, 3)."""
-    n = len(points)
-    out, piece = np.empty(n), np.empty(n, np.int64)
-    for c in prange((n + CHUNK - 1) // CHUNK):
-        (stack, bounds), hint = work(), -1
-        for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
-            d, hint = nearest_piece(points[i, 0], points[i, 1], points[i, 2], forest, hint, stack, bounds)
-            out[i], piece[i] = d, hint
+    out, piece = np.empty(len(points)), np.empty(len(points), np.int64)
+    in_blocks(_distances, len(points), CHUNK, points, forest, out, piece)
     return out, piece
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True)
+def _distances(points, forest, out, piece, first, last):
+    (stack, bounds), hint = work(), -1
+    for i in range(first, last):
+        d, hint = nearest_piece(points[i, 0], points[i, 1], points[i, 2], forest, hint, stack, bounds)
+        out[i], piece[i] = d, hint
+
+
 def heights(xy, forest, top_mm):
     """Stock height (n,) and piece (n,) over xy (n, 2)."""
-    n = len(xy)
-    out, piece = np.empty(n), np.empty(n, np.int64)
-    for c in prange((n + CHUNK - 1) // CHUNK):
-        (stack, bounds), hint = work(), -1
-        for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
-            z, hint = lowest_piece(xy[i, 0], xy[i, 1], forest, top_mm, hint, stack, bounds)
-            out[i], piece[i] = z, hint
+    out, piece = np.empty(len(xy)), np.empty(len(xy), np.int64)
+    in_blocks(_heights, len(xy), CHUNK, xy, forest, top_mm, out, piece)
     return out, piece
+
+
+@njit(cache=True)
+def _heights(xy, forest, top_mm, out, piece, first, last):
+    (stack, bounds), hint = work(), -1
+    for i in range(first, last):
+        z, hint = lowest_piece(xy[i, 0], xy[i, 1], forest, top_mm, hint, stack, bounds)
+        out[i], piece[i] = z, hint

@@ -9,7 +9,6 @@ halved.  What is left out, and why:
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from OCP.BRepTools import BRepTools
 
 from cuspline.splines.nurbs import local_shape
@@ -26,6 +25,7 @@ from cuspline.surfaces.face_pieces import (
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.trims import TrimSet
 from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
 from cuspline.values.errors import PlanError
 
 GRID = 48

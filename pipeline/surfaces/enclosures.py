@@ -9,7 +9,8 @@ asked of the bounds (1e-2).
 import math
 
 import numpy as np
-from numba import njit
+
+from cuspline.values.compiled import njit
 
 SOUND = 0.05            # share of its middle's area element that must be left all over a piece, else no bound
 

@@ -5,9 +5,9 @@ the border of its face.  Borders are those of `trims`: chords closer than CHORD_
 """
 
 import numpy as np
-from numba import njit
 
 from cuspline.surfaces.trims import is_inside
+from cuspline.values.compiled import njit
 
 OUTSIDE, ACROSS, INSIDE = 0, 1, 2
 

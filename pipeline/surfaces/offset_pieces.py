@@ -1,7 +1,6 @@
 """Pieces of patches moved out along their normals: flat parallelograms, and how far off them the true ones can be."""
 
 import numpy as np
-from numba import njit
 
 from cuspline.surfaces.enclosures import (
     _add,
@@ -18,6 +17,7 @@ from cuspline.surfaces.enclosures import (
     _vector,
     shifted,
 )
+from cuspline.values.compiled import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,11 +9,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
 from scipy.interpolate import BSpline
 
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
+from cuspline.values.threads import in_blocks
 
 CHUNK = 512             # points a thread takes at a time
 SERIAL_ROWS = 4000      # below this, starting threads costs more than it saves
@@ -89,10 +90,8 @@ class PatchSet:
         """
         u, v = np.ascontiguousarray(u, float), np.ascontiguousarray(v, float)
         faces = np.ascontiguousarray(np.broadcast_to(face, u.shape), np.int64)
-        if len(u) > SERIAL_ROWS:
-            return _derivatives_in_parallel(self.arrays, faces, u, v)
         out = np.empty((len(u), 6, 3))
-        _derive_rows(self.arrays, faces, u, v, 0, len(u), out)
+        in_blocks(_derive_rows, len(u), CHUNK, self.arrays, faces, u, v, out, serial_rows=SERIAL_ROWS)
         return out
 
 
@@ -212,15 +211,6 @@ def scale_derivatives(out, a, b):
 
 
 @njit(cache=True)
-def _derive_rows(arrays, face, u, v, first, last, out):
+def _derive_rows(arrays, face, u, v, out, first, last):
     for k in range(first, last):
         derive_on_face(arrays, face[k], u[k], v[k], out[k])
-
-
-@njit(cache=True, parallel=True)
-def _derivatives_in_parallel(arrays, face, u, v):
-    n = u.shape[0]
-    out = np.empty((n, 6, 3))
-    for block in prange((n + CHUNK - 1) // CHUNK):
-        _derive_rows(arrays, face, u, v, block * CHUNK, min(n, block * CHUNK + CHUNK), out)
-    return out

@@ -11,12 +11,11 @@ import numpy as np
 
 from cuspline.surfaces import projection_tree
 from cuspline.surfaces.patches import PatchSet
-from cuspline.surfaces.projection_kernels import CHUNK, NOWHERE, project_block, project_in_parallel, refine_in_parallel
+from cuspline.surfaces.projection_kernels import CHUNK, NOWHERE, project_rows, refine_rows
 from cuspline.surfaces.trims import TrimSet
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import PlanError
-
-SERIAL_ROWS = 2000      # below this, starting threads costs more than it saves
+from cuspline.values.threads import in_blocks
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,13 +92,8 @@ class ClosestTree:
         wanted = np.ascontiguousarray(np.broadcast_to(NOWHERE if face is None else face, (n,)), np.int64)
         distance, foot, owner, uv = np.empty(n), np.empty((n, 3)), np.empty(n, np.int64), np.empty((n, 2))
         normal, is_edge = np.empty((n, 3)), np.empty(n, np.bool_)
-        given = (self.arrays, self.patches.arrays, self.trims.arrays, points, wanted)
-        answers = (distance, foot, owner, uv, normal, is_edge)
-        if n > SERIAL_ROWS:
-            project_in_parallel(*given, *answers)
-        else:
-            for first in range(0, n, CHUNK):
-                project_block(*given, first, min(n, first + CHUNK), *answers)
+        in_blocks(project_rows, n, CHUNK, self.arrays, self.patches.arrays, self.trims.arrays, points, wanted, distance,
+                  foot, owner, uv, normal, is_edge)
         return ClosestPoints(distance_mm=distance, point_mm=foot, face=owner, u=uv[:, 0], v=uv[:, 1], normal=normal,
                              is_edge=is_edge)
 
@@ -125,5 +119,5 @@ def refined(patches, face, u, v, points_mm):
     uv = np.column_stack([np.asarray(u, float), np.asarray(v, float)])
     feet = np.empty_like(points)
     faces = np.ascontiguousarray(np.broadcast_to(face, (len(points),)), np.int64)
-    refine_in_parallel(patches.arrays, faces, points, uv, feet)
+    in_blocks(refine_rows, len(points), CHUNK, patches.arrays, faces, points, uv, feet)
     return uv[:, 0], uv[:, 1], feet

@@ -7,12 +7,12 @@ in the squared distance, or proven to hold nothing nearer.
 """
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.surfaces.enclosures import _add, _dot, _largest_over_piece, _quotients, _recentred, _scaled, shifted
 from cuspline.surfaces.face_pieces import INSIDE
 from cuspline.surfaces.patches import derive, patch_at
 from cuspline.surfaces.trims import is_inside
+from cuspline.values.compiled import njit
 
 CHUNK = 256             # points that a thread takes at a time, each beginning with the leaf of the one before
 STACK = 128             # open nodes: twice the depth of a tree of 2^60 leaves
@@ -320,7 +320,7 @@ def _normal(patches, face, u, v, d, normal):
 
 
 @njit(cache=True, error_model="numpy")
-def project_block(tree, patches, trims, points, face, first, last, distance, foot, owner, uv, normal, is_edge):
+def project_rows(tree, patches, trims, points, face, distance, foot, owner, uv, normal, is_edge, first, last):
     """Rows first..last-1."""
     out, d, parts = np.empty(5), np.empty((6, 3)), np.empty((DEPTH, 4))
     stack, reach = np.empty(STACK, np.int64), np.empty(STACK)
@@ -340,14 +340,6 @@ def project_block(tree, patches, trims, points, face, first, last, distance, foo
         is_edge[k] = tree[5][leaf, 2] < 0
         owner[k] = _finish(tree, patches, trims, leaf, out, d, stack, reach, parts, work, foot[k], uv[k], normal[k])
         distance[k] = np.sqrt(value)
-
-
-@njit(cache=True, parallel=True)
-def project_in_parallel(tree, patches, trims, points, face, distance, foot, owner, uv, normal, is_edge):
-    n = points.shape[0]
-    for block in prange((n + CHUNK - 1) // CHUNK):
-        project_block(tree, patches, trims, points, face, block * CHUNK, min(n, block * CHUNK + CHUNK),
-                      distance, foot, owner, uv, normal, is_edge)
 
 
 @njit(cache=True, error_model="numpy")
@@ -391,10 +383,3 @@ def refine_rows(patches, face, points, uv, foot, first, last):
     box, d = np.empty(4), np.empty((6, 3))
     for k in range(first, last):
         refine_one(patches, face[k], points[k], uv[k], foot[k], box, d)
-
-
-@njit(cache=True, parallel=True)
-def refine_in_parallel(patches, face, points, uv, foot):
-    n = points.shape[0]
-    for block in prange((n + CHUNK - 1) // CHUNK):
-        refine_rows(patches, face, points, uv, foot, block * CHUNK, min(n, block * CHUNK + CHUNK))

@@ -1,7 +1,6 @@
 """Leaves and tree for closest points: pieces of faces that turn little, stretches of edges, boxes over them."""
 
 import numpy as np
-from numba import njit
 from OCP.BRep import BRep_Tool
 
 from cuspline.kernel.brep import edges_of_faces
@@ -18,6 +17,7 @@ from cuspline.surfaces.enclosures import (
     shifted,
 )
 from cuspline.surfaces.face_pieces import ACROSS, OUTSIDE, halves, side_to_cut, trim_states, whole_patches
+from cuspline.values.compiled import njit
 
 TURN = 0.35             # of the normal from the middle of a piece to its side, radians: then it is a leaf
 STRETCH = 1.0           # change of a tangent's length from the middle to the side, as a share: Newton still converges

@@ -26,13 +26,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from cuspline.splines.closed_splines import periodic_spline
 from cuspline.splines.nurbs import NurbsSurface, local_shape
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 
 DEGREE = 5
 SITES = 400                 # of a curved profile, from which its feet are sought

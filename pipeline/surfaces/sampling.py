@@ -9,7 +9,6 @@ each.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.enclosures import size_of_piece
@@ -26,6 +25,7 @@ from cuspline.surfaces.face_pieces import (
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.trims import TrimSet
 from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
 
 ROUNDS = 60
 SHARES = 6              # places along a side by which the inner share of a piece across the border is counted

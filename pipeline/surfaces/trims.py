@@ -7,12 +7,13 @@ either; whoever must be exact there asks the edges themselves.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
 from scipy.optimize import linear_sum_assignment
 
 from cuspline.kernel import brep
 from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
 from cuspline.values.errors import DesignError
+from cuspline.values.threads import in_blocks
 
 CHORD_MM = 1e-5
 LARGEST_ROUNDS = 14         # halvings of a border curve's first chords
@@ -74,10 +75,8 @@ class TrimSet:
         """
         u, v = np.ascontiguousarray(u, float), np.ascontiguousarray(v, float)
         faces = np.ascontiguousarray(np.broadcast_to(face, u.shape), np.int64)
-        if len(u) > SERIAL_ROWS:
-            return _inside_in_parallel(self.arrays, faces, u, v)
         out = np.empty(len(u), np.bool_)
-        _inside_rows(self.arrays, faces, u, v, 0, len(u), out)
+        in_blocks(_inside_rows, len(u), CHUNK, self.arrays, faces, u, v, out, serial_rows=SERIAL_ROWS)
         return out
 
 
@@ -180,15 +179,6 @@ def is_inside(trims, face, u, v):
 
 
 @njit(cache=True)
-def _inside_rows(trims, face, u, v, first, last, out):
+def _inside_rows(trims, face, u, v, out, first, last):
     for k in range(first, last):
         out[k] = is_inside(trims, face[k], u[k], v[k])
-
-
-@njit(cache=True, parallel=True)
-def _inside_in_parallel(trims, face, u, v):
-    n = u.shape[0]
-    out = np.empty(n, np.bool_)
-    for block in prange((n + CHUNK - 1) // CHUNK):
-        _inside_rows(trims, face, u, v, block * CHUNK, min(n, block * CHUNK + CHUNK), out)
-    return out

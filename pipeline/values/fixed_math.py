@@ -12,7 +12,9 @@ some units in the last place.  NumPy's own +, -, *, /, sqrt, abs, floor, compari
 import math
 
 import numpy as np
-from numba import njit, vectorize
+from numba import vectorize
+
+from cuspline.values.compiled import njit
 
 HALF_PI_PARTS = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21     # 33 bits, 33 bits, the rest
 LOG_2_PARTS = 0.6931471804855391, 7.440617110012397e-11                 # 33 bits, the rest

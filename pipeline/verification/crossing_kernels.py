@@ -5,7 +5,8 @@ children 2 k + 1 and 2 k + 2.
 """
 
 import numpy as np
-from numba import njit
+
+from cuspline.values.compiled import njit
 
 LEAF = 4                # triangles in a box at the bottom
 THIN = 1e-12            # of a volume over the cube of the longest side: below, it is none

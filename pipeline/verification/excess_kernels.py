@@ -13,17 +13,19 @@ mean of several such distances.  A mean that is nowhere positive has no point ou
 import math
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.stock.distance_kernels import piece_distance
 from cuspline.stock.tree import nearest_piece, work
 from cuspline.surfaces.face_pieces import ACROSS, INSIDE, OUTSIDE, trim_state
 from cuspline.surfaces.offset_pieces import offset_of_piece
 from cuspline.surfaces.trims import is_inside
+from cuspline.values.compiled import njit
+from cuspline.values.threads import in_blocks
 
 ABOVE, FLOOR = 0, 1       # why a cell was given up: its middle is not cut away; it is as small as they get
 NEAR = 12                 # pieces of path remembered from cell to cell
 ROOM = 160                # cells given up in one root
+ROOTS = 16                # a thread proves at a time
 BEYOND = 1.5              # pieces are looked for this far out at corners
 LIFT_MM = 1.0
 DEEPEST = 48              # halvings
@@ -282,7 +284,6 @@ def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm,
     return cells, given
 
 
-@njit(cache=True, parallel=True)
 def prove_roots(surface, trims, frame, forest, patch, boxes, height_mm, floor_mm):
     """Prove roots, cells (n, 4) of patches (n,), to be cut away at a height above the face.
 
@@ -294,13 +295,19 @@ def prove_roots(surface, trims, frame, forest, patch, boxes, height_mm, floor_mm
         cells looked at (n,), cells given up (n,): more than ROOM where a root must be halved and proven anew, and those
         (n, ROOM, 7): box, ABOVE or FLOOR, 1 across the border, area if flat.
     """
-    n, widest = len(patch), 0
+    n = len(patch)
+    cells, given, out = np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, ROOM, 7))
+    in_blocks(_prove_roots, n, ROOTS, surface, trims, frame, forest, patch, boxes, height_mm, floor_mm, cells, given, out)
+    return cells, given, out
+
+
+@njit(cache=True)
+def _prove_roots(surface, trims, frame, forest, patch, boxes, height_mm, floor_mm, cells, given, out, first, last):
+    widest = 0
     for k in range(len(surface[1])):
         widest = max(widest, surface[1][k, 2], surface[1][k, 3])
-    cells, given, out = np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, ROOM, 7))
-    for k in prange(n):
-        room = (np.empty((widest + 1, widest + 1, 4)), np.empty(NEAR + 2, np.int64), np.empty(12),
-                np.empty((NEAR, 4)), np.empty(4), np.empty(2))
+    room = (np.empty((widest + 1, widest + 1, 4)), np.empty(NEAR + 2, np.int64), np.empty(12), np.empty((NEAR, 4)),
+            np.empty(4), np.empty(2))
+    for k in range(first, last):
         cells[k], given[k] = _prove_root(surface, trims, frame, forest, patch[k], boxes[k], height_mm, floor_mm, room,
                                          out[k])
-    return cells, given, out

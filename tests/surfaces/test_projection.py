@@ -13,7 +13,7 @@ from OCP.gp import gp_Pnt
 from OCP.TopoDS import TopoDS_Compound
 
 from cuspline.kernel.brep import Face, faces_of, the_solid
-from cuspline.surfaces.projection import SERIAL_ROWS, ClosestTree, refined
+from cuspline.surfaces.projection import CHUNK, ClosestTree, refined
 from cuspline.values.errors import PlanError
 
 SAME_MM = 1e-7
@@ -161,7 +161,7 @@ def test_closest_points_turn_with_the_part():
 
 def test_many_rows_in_parallel_equal_few():
     tree = ClosestTree.of_faces([kinds()["bspline"]])
-    points = around([kinds()["bspline"]], SERIAL_ROWS + 1)
+    points = around([kinds()["bspline"]], 4 * CHUNK + 1)
     many, few = tree.closest_points(points), tree.closest_points(points[:300])
     np.testing.assert_allclose(many.distance_mm[:300], few.distance_mm, atol=1e-12)
 

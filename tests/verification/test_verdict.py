@@ -14,6 +14,7 @@ from cuspline.kernel import brep, mesh_quality
 from cuspline.program.program import Plane
 from cuspline.stock.stock_solids import upright_walls
 from cuspline.values.errors import InputError
+from cuspline.values.threads import set_thread_count
 from cuspline.verification import residuals
 from cuspline.verification.climbing import Tops
 from cuspline.verification.reporter import Reporter
@@ -212,11 +213,11 @@ def test_turning_part_and_program_changes_no_number():
 
 
 def test_same_inputs_give_the_same_numbers_on_any_number_of_threads():
-    numba.set_num_threads(1)
+    set_thread_count(1)
     try:
         one = json.dumps(verdict().as_dict())
     finally:
-        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+        set_thread_count(numba.config.NUMBA_NUM_THREADS)
     assert json.dumps(verdict().as_dict()) == one
 
 

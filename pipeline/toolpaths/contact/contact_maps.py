@@ -12,9 +12,8 @@ and no contact holds.  Neither depends on where in the box the axis stands, so l
 
 import math
 
-from numba import njit
-
 from cuspline.surfaces.patches import derive
+from cuspline.values.compiled import njit
 
 HAIR = 1e-8         # of a box: contacts on the line between two boxes belong to both
 

@@ -16,11 +16,12 @@ across.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.threads import in_blocks
 
 LINE, ARC = 0, 1
 CHUNK, SERIAL_ROWS = 1024, 8000
@@ -80,8 +81,8 @@ def cutter_locations(elements, contact_mm, normal, axis=(0.0, 0.0, 1.0), allowan
     contact, normal = (np.ascontiguousarray(a, float).reshape(-1, 3) for a in (contact_mm, normal))
     axes = np.ascontiguousarray(np.broadcast_to(np.asarray(axis, float), contact.shape))
     tips = np.empty_like(contact)
-    kernel = _tips_in_parallel if len(contact) > SERIAL_ROWS else _tips
-    kernel(np.ascontiguousarray(elements, float), contact, normal, axes, float(allowance_mm), tips)
+    in_blocks(_tips, len(contact), CHUNK, np.ascontiguousarray(elements, float), contact, normal, axes,
+              float(allowance_mm), tips, serial_rows=SERIAL_ROWS)
     lost = np.flatnonzero(np.isnan(tips[:, 0]))
     if len(lost):
         raise ToolpathError(f"{len(lost)} of {len(contact)} contacts face away from the cutter (first: row {lost[0]} "
@@ -134,14 +135,6 @@ def _tip(elements, contact, normal, axis, allowance, out):
 
 
 @njit(cache=True)
-def _tips(elements, contact, normal, axis, allowance, out):
-    for k in range(contact.shape[0]):
+def _tips(elements, contact, normal, axis, allowance, out, first, last):
+    for k in range(first, last):
         _tip(elements, contact[k], normal[k], axis[k], allowance, out[k])
-
-
-@njit(cache=True, parallel=True)
-def _tips_in_parallel(elements, contact, normal, axis, allowance, out):
-    n = contact.shape[0]
-    for block in prange((n + CHUNK - 1) // CHUNK):
-        for k in range(block * CHUNK, min(n, block * CHUNK + CHUNK)):
-            _tip(elements, contact[k], normal[k], axis[k], allowance, out[k])

@@ -5,12 +5,14 @@ over a block of neighbouring v together, so that the processor's vector units wo
 """
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.surfaces.patches import find_span
 from cuspline.toolpaths.contact.cutter_location import LEVEL
+from cuspline.values.compiled import njit
+from cuspline.values.threads import in_blocks
 
 BLOCK = 128             # grid points of a row worked on together
+ROWS = 4                # a thread takes at a time
 SERIAL_POINTS = 20_000  # below this, starting threads costs more than it saves
 
 
@@ -29,20 +31,14 @@ def forward_tips(patches, face, u, v, radius_mm, corner_radius_mm, allowance_mm=
     """
     u, v = np.ascontiguousarray(u, float), np.ascontiguousarray(v, float)
     out = np.empty((len(u), len(v), 3))
-    kernel = _rows_in_parallel if len(u) * len(v) > SERIAL_POINTS else _rows
-    kernel(patches.arrays, int(face), u, v, float(radius_mm), float(corner_radius_mm), float(allowance_mm), out)
+    in_blocks(_rows, len(u), ROWS, patches.arrays, int(face), u, v, float(radius_mm), float(corner_radius_mm),
+              float(allowance_mm), out, serial_rows=SERIAL_POINTS // max(len(v), 1))
     return out
 
 
 @njit(cache=True)
-def _rows(arrays, face, u, v, radius, corner, allowance, out):
-    for k in range(u.shape[0]):
-        _row(arrays, face, u[k], v, radius, corner, allowance, out[k])
-
-
-@njit(cache=True, parallel=True)
-def _rows_in_parallel(arrays, face, u, v, radius, corner, allowance, out):
-    for k in prange(u.shape[0]):
+def _rows(arrays, face, u, v, radius, corner, allowance, out, first, last):
+    for k in range(first, last):
         _row(arrays, face, u[k], v, radius, corner, allowance, out[k])
 
 

@@ -9,9 +9,9 @@ rows within the ranges of their gradients is regular; along an edge z and Q mono
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.surfaces.patches import derive
+from cuspline.values.compiled import njit
 
 STEPS = 30
 RIM_MM = 1e-9           # a point this far outside the disk counts as under it: the safe side

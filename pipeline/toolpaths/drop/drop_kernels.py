@@ -13,7 +13,8 @@ bounds it from above.  That bound converges quadratically with the node's size.
 import math
 
 import numpy as np
-from numba import njit
+
+from cuspline.values.compiled import njit
 
 STACK = 128          # deeper than any balanced tree of 2**63 leaves
 SETTLED_MM = 1e-12   # an edge's contact is left when nothing better than this can come

@@ -7,12 +7,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.toolpaths.contact.contacts import checked_radii_mm
 from cuspline.toolpaths.drop.drop_kernels import STACK, drop_one, first_of, holder_above
 from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.threads import in_blocks
 
 SERIAL_ROWS = 512       # fewer are done before the other threads have woken
 CHUNK_ROWS = 256
@@ -108,9 +109,9 @@ def is_held_above(mesh, xy_mm, radius_mm, corner_radius_mm, height_mm):
     """
     xy, R, rc = _checked(xy_mm, radius_mm, corner_radius_mm)
     held = np.empty(len(xy), np.bool_)
-    kernel = _held_rows if len(xy) <= SERIAL_ROWS else _held_chunks
     heights = np.ascontiguousarray(np.broadcast_to(np.asarray(height_mm, float), len(xy)))
-    kernel(mesh.corners_mm, mesh.facets, mesh.nodes, xy, R, rc, heights, held)
+    in_blocks(_held_rows, len(xy), CHUNK_ROWS, mesh.corners_mm, mesh.facets, mesh.nodes, xy, R, rc, heights, held,
+              serial_rows=SERIAL_ROWS)
     return held
 
 
@@ -129,47 +130,31 @@ def _drop(mesh, xy_mm, R, rc, wants_contacts):
     n = len(xy)
     count = n if wants_contacts else 0
     tips, contacts, owners = np.empty(n), np.empty((count, 3)), np.empty(count, np.int64)
-    kernel = _drop_rows if n <= SERIAL_ROWS else _drop_chunks
-    kernel(mesh.corners_mm, mesh.facets, mesh.nodes, xy, R, rc, tips, contacts, owners)
+    in_blocks(_drop_rows, n, CHUNK_ROWS, mesh.corners_mm, mesh.facets, mesh.nodes, xy, R, rc, tips, contacts, owners,
+              serial_rows=SERIAL_ROWS)
     return tips, contacts, owners
 
 
 @njit(cache=True, error_model="numpy")
-def _drop_rows(corners, facets, nodes, xy, R, rc, tips, contacts, owners):
+def _drop_rows(corners, facets, nodes, xy, R, rc, tips, contacts, owners, first, end):
     """One row after the other, each search starting from the triangle that held the cutter before."""
     stack, bounds = np.empty(STACK, np.int64), np.empty(STACK)
     last = -1
-    for i in range(xy.shape[0]):
+    for i in range(first, end):
         tips[i], last, tx, ty, tz = drop_one(corners, facets, nodes, xy[i, 0], xy[i, 1], R, rc, last, stack, bounds)
         if owners.shape[0] > 0:
             owners[i] = last
             contacts[i, 0], contacts[i, 1], contacts[i, 2] = tx, ty, tz
 
 
-@njit(cache=True, parallel=True, error_model="numpy")
-def _drop_chunks(corners, facets, nodes, xy, R, rc, tips, contacts, owners):
-    n = xy.shape[0]
-    for chunk in prange((n + CHUNK_ROWS - 1) // CHUNK_ROWS):
-        rows = slice(chunk * CHUNK_ROWS, min(n, (chunk + 1) * CHUNK_ROWS))
-        _drop_rows(corners, facets, nodes, xy[rows], R, rc, tips[rows], contacts[rows], owners[rows])
-
-
 @njit(cache=True, error_model="numpy")
-def _held_rows(corners, facets, nodes, xy, R, rc, z, held):
+def _held_rows(corners, facets, nodes, xy, R, rc, z, held, first, end):
     stack = np.empty(STACK, np.int64)
     last = -1
-    for i in range(xy.shape[0]):
+    for i in range(first, end):
         holder = holder_above(corners, facets, nodes, xy[i, 0], xy[i, 1], R, rc, z[i], last, stack)
         held[i] = holder >= 0
         last = holder if holder >= 0 else last
-
-
-@njit(cache=True, parallel=True, error_model="numpy")
-def _held_chunks(corners, facets, nodes, xy, R, rc, z, held):
-    n = xy.shape[0]
-    for chunk in prange((n + CHUNK_ROWS - 1) // CHUNK_ROWS):
-        rows = slice(chunk * CHUNK_ROWS, min(n, (chunk + 1) * CHUNK_ROWS))
-        _held_rows(corners, facets, nodes, xy[rows], R, rc, z[rows], held[rows])
 
 
 def _sides(corners):

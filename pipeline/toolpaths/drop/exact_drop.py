@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.kernel import brep
 from cuspline.surfaces.edge_curves import EdgeCurves
@@ -20,7 +19,9 @@ from cuspline.toolpaths.drop.patch_bounds import EDGE, FACE, conversions
 from cuspline.toolpaths.drop.patch_search import STACK, drop_one
 from cuspline.toolpaths.drop.patch_tree import grow_leaves, grow_tree
 from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.threads import in_blocks
 
 TOLERANCE_MM = 1e-5         # what asks for less than this more than the best contact is not looked for
 CHUNK = 256                 # points a thread takes at a time; within it the last contact guides the next search
@@ -140,11 +141,8 @@ def _dropped(part, xy_mm, start_mm, radius_mm, corner_radius_mm, tolerance_mm):
     xy = np.ascontiguousarray(xy_mm, float)
     start = np.full(len(xy), -np.inf) if start_mm is None else start_mm
     tips, at = np.empty(len(xy)), np.empty((len(xy), 3))
-    args = (xy, start, R, rc, float(tolerance_mm))
-    if len(xy) > SERIAL_ROWS:
-        _drop_in_parallel(part.arrays[:9], part.arrays[9], *args, tips, at)
-    else:
-        _drop_rows(part.arrays, *args, 0, len(xy), tips, at)
+    in_blocks(_drop_rows, len(xy), CHUNK, part.arrays, xy, start, R, rc, float(tolerance_mm), tips, at,
+              serial_rows=SERIAL_ROWS)
     return tips, at
 
 
@@ -156,7 +154,7 @@ def scratch_space():
 
 
 @njit(cache=True, error_model="numpy")
-def _drop_rows(tree, xy, start, R, rc, tolerance, low, high, tips, at):
+def _drop_rows(tree, xy, start, R, rc, tolerance, tips, at, low, high):
     """Drop rows low..high-1; the contact runs on along them as the next one's hint."""
     scratch = scratch_space()
     hint, last = np.full(3, -1.0), np.full(3, -1.0)
@@ -169,13 +167,6 @@ def _drop_rows(tree, xy, start, R, rc, tolerance, low, high, tips, at):
                 hint[1] = min(max(2.0 * at[i, 1] - last[1], -1.0), 1.0)
                 hint[2] = min(max(2.0 * at[i, 2] - last[2], -1.0), 1.0)
         last[:] = at[i]
-
-
-@njit(cache=True, parallel=True, error_model="numpy")
-def _drop_in_parallel(tree, trims, xy, start, R, rc, tolerance, tips, at):
-    n = xy.shape[0]
-    for block in prange((n + CHUNK - 1) // CHUNK):      # parallel loops take no tuples of tuples
-        _drop_rows(tree + (trims,), xy, start, R, rc, tolerance, block * CHUNK, min(n, block * CHUNK + CHUNK), tips, at)
 
 
 @njit(cache=True, error_model="numpy")

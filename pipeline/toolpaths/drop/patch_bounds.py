@@ -12,10 +12,10 @@ middle by no more than the product rule allows: that gives the cone of normals.
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.surfaces.trims import is_inside
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 
 TURN_RAD = 0.08             # cone half-angle below which a sub-patch is left whole
 SMALLEST_MM = 0.02          # sub-patches without a normal (poles) are halved down to this

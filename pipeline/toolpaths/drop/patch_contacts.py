@@ -14,10 +14,10 @@ each of them: at most one contact, and the local search finds it.  Boxes without
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.surfaces.patches import derive
 from cuspline.toolpaths.drop.drop_kernels import bottom, rise, tangent_of_bottom
+from cuspline.values.compiled import njit
 
 KEEP = 0.7          # share of d_i d_j kept when the direction to the axis turns within a box (Young's inequality)
 STEPS = 24

@@ -7,8 +7,6 @@ Contacts outside a face's trim are none: there the face's edges rule, and they a
 
 import math
 
-from numba import njit
-
 from cuspline.surfaces.patches import derive, scale_derivatives
 from cuspline.surfaces.trims import is_inside
 from cuspline.toolpaths.contact.contact_maps import HAIR, map_proof, map_step
@@ -17,6 +15,7 @@ from cuspline.toolpaths.drop.patch_bounds import BORDER, EDGE, FACE, OUTSIDE, co
 from cuspline.toolpaths.drop.patch_contacts import bottom, box_proof, climb, node_bound
 from cuspline.toolpaths.drop.patch_tree import CURVED
 from cuspline.toolpaths.drop.plane_contacts import plane_contact
+from cuspline.values.compiled import njit
 
 STACK = 1024
 SMALLEST_MM = 1e-6          # halvings end here: at an upright tangent the tip is that of a cutter this far aside

@@ -8,7 +8,6 @@ those outside the trim.
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.surfaces.patches import derive, scale_derivatives
 from cuspline.toolpaths.drop.patch_bounds import (
@@ -28,6 +27,7 @@ from cuspline.toolpaths.drop.patch_bounds import (
     part_state,
 )
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 
 STEEPEST = 5.0              # slope up to which a node's plane follows the surface
 LEAF_COLUMNS = 24           # middle and half sizes (4), reaches (9), change of the normal, normals (8), top nz, dz

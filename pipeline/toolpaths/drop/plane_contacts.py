@@ -3,11 +3,11 @@
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.surfaces.patches import derive
 from cuspline.toolpaths.drop.patch_contacts import bottom
 from cuspline.toolpaths.drop.patch_tree import LEVEL
+from cuspline.values.compiled import njit
 
 
 @njit(cache=True, error_model="numpy")

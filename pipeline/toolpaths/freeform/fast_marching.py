@@ -16,8 +16,8 @@ of quadratic forms, SIAM J. Numer. Anal. 57 (2019).
 import math
 
 import numpy as np
-from numba import njit
 
+from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
 
 FAR, TRIAL, DONE = 0, 1, 2

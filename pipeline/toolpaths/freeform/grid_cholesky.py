@@ -12,8 +12,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy import sparse
+
+from cuspline.values.compiled import njit
 
 SMALLEST = 12       # nodes that are not parted any more
 

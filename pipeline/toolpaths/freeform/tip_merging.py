@@ -3,7 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
+
+from cuspline.values.compiled import njit
 
 HIGH_SHARE = 0.9            # of the tolerance, for air at the dense tips
 STRAIGHT_MM = 1e-9          # dense tips this near a chord in plan lie on it: they have tested it already

@@ -12,11 +12,11 @@ that rises above z over less than the pitch.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
 
 NOTHING_MM = 1e6        # how far below z nothing at all is taken to lie

@@ -13,10 +13,10 @@ point makes it close, to second order in the sizes of piece and move.  That is a
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.toolpaths.drop.patch_bounds import FACE, cone_box
 from cuspline.toolpaths.drop.patch_tree import LEVEL
+from cuspline.values.compiled import njit
 
 OUTWARD_MM = 1e-9       # added to every bound: rounding of coordinates below a metre
 UPRIGHT = 0.02          # N_z below which a node's N says nothing about heights

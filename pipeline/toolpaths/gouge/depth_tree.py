@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from cuspline.toolpaths.drop.patch_bounds import (
     BORDER,
@@ -24,6 +23,7 @@ from cuspline.toolpaths.drop.patch_bounds import (
     conversions,
 )
 from cuspline.toolpaths.drop.patch_tree import CURVED, grow_tree
+from cuspline.values.compiled import njit
 
 MOST_PIECES = 600_000     # a part that asks for more is cut four times as coarsely
 UP = 1e-9                   # weight of the upward direction where a piece has none of its own

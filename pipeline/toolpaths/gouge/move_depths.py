@@ -7,7 +7,6 @@ stands within the tolerance of the deepest point known.
 """
 
 import numpy as np
-from numba import njit, prange
 
 from cuspline.surfaces.patches import derive, position, scale_derivatives
 from cuspline.surfaces.trims import CHORD_MM
@@ -16,7 +15,9 @@ from cuspline.toolpaths.drop.patch_bounds import BORDER, FACE
 from cuspline.toolpaths.drop.patch_search import in_trim
 from cuspline.toolpaths.gouge.depth_bounds import depth_at, node_depth, piece_depth
 from cuspline.toolpaths.gouge.depth_tree import outside_trim
+from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.threads import in_blocks
 
 FINEST_MM = 1e-4        # tolerance
 RUN = 16                # moves that go down the tree together at most
@@ -57,11 +58,8 @@ def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_m
     depth, share, place = np.full(len(start), -np.inf), np.full(len(start), 0.5), np.full((len(start), 3), np.nan)
     runs = _runs(start, end, RUN_SHARE * R)
     part, rest = tree.arrays[0], tree.arrays[1:]
-    args = rest, start, end, runs, R, rc, tolerance_mm - CHORD_MM, depth, share, place
-    if len(runs) > SERIAL_RUNS:
-        _depths_in_parallel(part[:9], part[9], *args)
-    else:
-        _depths_of_runs(part, *args, 0, len(runs) - 1)
+    in_blocks(_depths_of_runs, len(runs) - 1, CHUNK, part, rest, start, end, runs, R, rc, tolerance_mm - CHORD_MM, depth,
+              share, place, serial_rows=SERIAL_RUNS - 1)
     # a point that the trim's chords leave out lies that near to an edge
     return np.maximum(depth + CHORD_MM, 0.0), share, place
 
@@ -84,14 +82,6 @@ def _runs(start, end, longest):
         length, rows = length + own, rows + 1
     out[count] = len(start)
     return out[:count + 1].copy()
-
-
-@njit(cache=True, parallel=True, error_model="numpy")
-def _depths_in_parallel(part, trims, rest, start, end, runs, R, rc, tolerance, depth, share, place):
-    n = len(runs) - 1
-    for block in prange((n + CHUNK - 1) // CHUNK):      # parallel loops take no tuples of tuples
-        _depths_of_runs(part + (trims,), rest, start, end, runs, R, rc, tolerance, depth, share, place,
-                        block * CHUNK, min(n, block * CHUNK + CHUNK))
 
 
 @njit(cache=True, error_model="numpy")

@@ -13,11 +13,11 @@ changes nothing farther away:
 import math
 
 import numpy as np
-from numba import njit
 from scipy import ndimage
 
 from cuspline.toolpaths.roughing.level_fields import inner_distance, nearest_seed
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 
 FARTHEST_NODES = 4.0    # free room beyond this is cut off, so that it does not matter when it was worked out
 STROKE_NODES = 3        # a stroke changes the material no farther outside the cutter

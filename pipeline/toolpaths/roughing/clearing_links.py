@@ -8,9 +8,9 @@ import heapq
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.toolpaths.roughing.engagement import value_at
+from cuspline.values.compiled import njit
 
 FAR_NODES = 2.0             # from the tool's place to the first node of a way
 SIGHT_NODES = 0.5           # a straight line is looked at this often

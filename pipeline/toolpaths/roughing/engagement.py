@@ -15,9 +15,9 @@ in thin slices and narrow channels in crescents, without being looked for.
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 
 ARC_SAMPLES = 120           # half the circle ahead is looked at in steps of 1.5 degrees
 SIDE_SAMPLES = 8

@@ -12,9 +12,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
 
 BISECTIONS = 6          # a crossing is found to the pitch / 64, on the low side
 

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
 
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 
 STRAIGHT_RADII = 1e4        # flatter arcs (radius over tolerance) are lines
 WIDEST_SWEEP_RAD = 2.8      # an arc stays below half a turn

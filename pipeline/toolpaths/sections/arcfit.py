@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
 
 JOINTS = 220            # candidate joints along one curve

@@ -12,6 +12,7 @@ from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm
 from cuspline.toolpaths.gouge.depth_tree import DepthTree
 from cuspline.toolpaths.gouge.move_depths import DEEP_SHARE, move_depths
 from cuspline.values.errors import ToolpathError
+from cuspline.values.threads import set_thread_count, thread_count
 
 CUTTERS = pytest.mark.parametrize("R, rc", [(4.0, 4.0), (4.0, 1.0), (3.0, 0.0)], ids=["ball", "bull nose", "flat"])
 TOLERANCE_MM = 1e-3
@@ -116,11 +117,11 @@ def test_one_thread_and_two_prove_the_same():
     tree, x = DepthTree.of_part(part, TOLERANCE_MM), np.linspace(2, 28, 4000)
     xy = np.column_stack([x, np.full(4000, 12.0)])
     tips = np.column_stack([xy, drop_tips_mm(part, xy, 4.0, 4.0)])
-    before, bounds = numba.get_num_threads(), []
+    before, bounds = thread_count(), []
     for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
-        numba.set_num_threads(threads)
+        set_thread_count(threads)
         bounds.append(move_depths(tree, tips[:-1], tips[1:], 4.0, 4.0, TOLERANCE_MM)[0])
-    numba.set_num_threads(before)
+    set_thread_count(before)
     np.testing.assert_array_equal(*bounds)
 
 
