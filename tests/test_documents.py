@@ -1,0 +1,50 @@
+"""The pages of docs/ and the README say what the code does."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from cuspline.verification.finding_kinds import KINDS
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def page(name):
+    return (ROOT / "docs" / name).read_text()
+
+
+def on_one_line(text):
+    return " ".join(text.split())
+
+
+# findings ---------------------------------------------------------------------------------------
+
+
+def sections_of_findings():
+    """{kind: (group, its text on one line)} of docs/findings.md."""
+    found, group = {}, ""
+    for level, title, body in re.findall(r"^(##+) (.*)\n((?:(?!##).*\n?)*)", page("findings.md"), re.M):
+        if level == "##":
+            group = title
+        else:
+            found[title.strip("`")] = (group, on_one_line(body))
+    return found
+
+
+def test_the_page_of_findings_has_every_kind_of_the_code_in_the_same_order():
+    assert list(sections_of_findings()) == list(KINDS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_page_says_of_a_kind_what_the_command_says(kind):
+    found = KINDS[kind]
+    meaning = found.meaning[0].upper() + found.meaning[1:]
+    assert sections_of_findings()[kind] == (
+        found.group, f"{meaning}. **Example:** {found.example} **Fix:** {found.fix}")
+
+
+def test_the_readme_leads_whoever_accepts_a_finding_to_the_page_of_kinds():
+    row = next(line for line in README.splitlines() if "--accept excess" in line)
+    assert "docs/findings.md" in row and "`cuspline findings`" in README
