@@ -33,6 +33,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
 
 from cuspline import fixed_math as fixed
+from cuspline.amounts import counted
 from cuspline.arrays import frozen
 from cuspline.errors import DesignError
 from cuspline.step_files import (  # noqa: F401  (one door)
@@ -76,7 +77,7 @@ def the_solid(shape, name="the part"):
     """
     solids = explore(wrapped(shape), TopAbs_SOLID)
     if len(solids) != 1:
-        raise DesignError(f"{name} holds {len(solids)} solids, it must be exactly one: "
+        raise DesignError(f"{name} holds {counted(len(solids), 'solid')}, it must be exactly one: "
                           + ("close its shell" if not solids else "fuse them, or build them one by one"))
     solid = TopoDS.Solid_s(solids[0])
     if not BRepCheck_Analyzer(solid).IsValid():

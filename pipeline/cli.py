@@ -18,6 +18,7 @@ import typer
 
 import cuspline
 from cuspline import interruption
+from cuspline.amounts import counted
 from cuspline.errors import CamError, InputError
 from cuspline.input_files import LARGEST_PROGRAM_BYTES, text_of
 from cuspline.models import no_such, shortened
@@ -294,7 +295,7 @@ def doctor():
         print(f"WRONG: {what}; {mend}")
     for note in notes():
         print(f"note: {note}")
-    print("environment is well" if not found else f"{len(found)} things are wrong")
+    print("environment is well" if not found else f"{counted(len(found), 'fault')} in the environment")
     raise typer.Exit(BAD_INPUT if found else 0)
 
 
@@ -312,8 +313,9 @@ def _tell(name, folder, findings, left_out, stage, told="", figures="", accepted
     if told:
         print(f"{name}: {told} ({folder})")
     elif stage in ("verify", "report"):
-        passed = f" with {len(accepted)} accepted" if accepted else ""
-        print(f"{name}: {f'VERIFIED{passed}' if not findings else f'REJECTED, {len(findings)} findings'}"
+        passed = f" with {counted(len(accepted), 'accepted finding')}" if accepted else ""
+        verdict = f"REJECTED, {counted(len(findings), 'finding')}" if findings else f"VERIFIED{passed}"
+        print(f"{name}: {verdict}"
               f"{', ' + figures if figures else ''} ({folder})")
     else:
         print(f"{name}: {stage} made, nothing verified ({folder})")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from cuspline.amounts import counted
 from cuspline.cutters import Cutter, Holder, Tool, ToolLibrary
 from cuspline.errors import InputError
 from cuspline.models import complaints
@@ -122,7 +123,7 @@ def _refuse_incomplete(path, tools):
                              ("number", "number", "--renumber")):
         lacking = [f.name for f in tools if not f.skipped_because and getattr(f, field) is None]
         if lacking:
-            raise InputError(f"{path}: {len(lacking)} tools have no {what} ({', '.join(lacking[:5])}"
+            raise InputError(f"{path}: {counted(len(lacking), 'tool')} without a {what} ({', '.join(lacking[:5])}"
                              f"{', ...' if len(lacking) > 5 else ''}): it is never guessed; write it into the file, "
                              f"or give it with {way}")
 

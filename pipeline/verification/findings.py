@@ -4,6 +4,8 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from cuspline.amounts import length
+
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
@@ -36,7 +38,7 @@ class Finding:
         """The amount with its unit; "" where there is none."""
         if self.amount is not None:
             return f"{self.amount:g} {self.unit}"
-        return f"{self.amount_mm:.4f} mm" if self.amount_mm else ""
+        return length(self.amount_mm) if self.amount_mm else ""
 
 
 def located(findings, posted, blocks, frame, wcs_origin_mm, tool_offsets_mm):

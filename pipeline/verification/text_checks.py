@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cuspline.amounts import counted
 from cuspline.errors import ReadError
 from cuspline.planning.materials import MATERIALS
 from cuspline.program import Kind
@@ -99,7 +100,7 @@ def _path_tolerances(report, machine, finish):
     for value in np.unique(tolerance[np.isfinite(tolerance) & (tolerance > finish.gouge_mm * (1 + RELATIVE))]):
         rows = np.flatnonzero(tolerance == value)
         yield report.finding("path_tolerance", rows[0], value, posted.end_mm[rows[0]],
-                             f"the control may leave the path by {value:g} mm in {len(rows)} moves from here, "
+                             f"the control may leave the path by {value:g} mm in {counted(len(rows), 'move')} from here, "
                              f"{finish.gouge_mm:g} mm are allowed: tighten G64 P and Q before them, or what the control's "
                              "own parameters allow and the machine's file states")
 
