@@ -13,8 +13,8 @@ from typing import Literal
 import build123d as bd
 from pydantic import Field, model_validator
 
-from cuspline import fixed_math as fixed
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.values import fixed_math as fixed
 
 NODES = (9, 7)              # of the crown's interpolated surface along x and y
 BOSS, DISH, HOLE = (-18.0, -8.0), (16.0, 11.0), (20.0, -14.0)     # places in plan, mm

@@ -19,15 +19,14 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from cuspline import fixed_math as fixed
 from cuspline.design import Companion, Design, Finish, FixtureBox, Parameters, Setup, StockBox
-from cuspline.designs._rfq_checks import refuse_contradictions
-from cuspline.designs._rfq_clampings import WORK_OFFSETS, clampings, markers, predicates, splits
-from cuspline.designs._rfq_solid import quadrupole, vane_solid
-from cuspline.designs._rfq_table import CellLaw, read_table, table_of_law
-from cuspline.designs._rfq_tip_line import (
-    LOOKS_A_VANE, fitted_tip, follows_thin_formula, refuse_impossible, tip_line)
-from cuspline.errors import DesignError
+from cuspline.designs.rfq.checks import refuse_contradictions
+from cuspline.designs.rfq.setups import WORK_OFFSETS, clampings, markers, predicates, splits
+from cuspline.designs.rfq.solid import quadrupole, vane_solid
+from cuspline.designs.rfq.table import CellLaw, read_table, table_of_law
+from cuspline.designs.rfq.tip_line import LOOKS_A_VANE, fitted_tip, follows_thin_formula, refuse_impossible, tip_line
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import DesignError
 
 DATA = Path(__file__).parent / "data"
 TABLES = {"isodar_32p8": DATA / "rfq_isodar_32p8MHz_cells.csv"}

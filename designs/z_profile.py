@@ -17,8 +17,8 @@ from typing import Literal
 import cadquery as cq
 from pydantic import Field, model_validator
 
-from cuspline import fixed_math as fixed
 from cuspline.design import Design, FacePredicate, Finish, FixtureBox, Parameters, Setup, StockBox
+from cuspline.values import fixed_math as fixed
 
 
 class ZProfile(Parameters):

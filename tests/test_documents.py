@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cuspline.verification.finding_kinds import KINDS
+from cuspline.values.finding_kinds import KINDS
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()

@@ -9,17 +9,17 @@ import math
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cuspline import fixed_math as fixed
-from cuspline.errors import ToolpathError
+from cuspline.planning.context import ROUGH_ALLOWANCE_MM, path_tolerance_mm, ridge_for_step_mm
 from cuspline.planning.cutter_choice import missing_stick_outs_mm
-from cuspline.planning.freeform_finishing import LATERAL_SHARE, NODES_A_STEP, flat_step_mm, link_rules, wall_paths_at
-from cuspline.planning.shop import ROUGH_ALLOWANCE_MM, path_tolerance_mm, ridge_for_step_mm
-from cuspline.program import Moves
-from cuspline.toolpaths.parallel_passes import parallel_curves
-from cuspline.toolpaths.tip_field import tip_field
-from cuspline.toolpaths.tip_links import moves_of_tip_paths
-from cuspline.toolpaths.tip_paths import PathRules, tip_paths
-from cuspline.clusters import clusters_of
+from cuspline.planning.strategies.freeform import LATERAL_SHARE, NODES_A_STEP, flat_step_mm, link_rules, wall_paths_at
+from cuspline.program.program import Moves
+from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
+from cuspline.toolpaths.freeform.tip_field import tip_field
+from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
+from cuspline.toolpaths.freeform.tip_paths import PathRules, tip_paths
+from cuspline.values import fixed_math as fixed
+from cuspline.values.clusters import clusters_of
+from cuspline.values.errors import ToolpathError
 
 BEYOND_STEPS = 0.75         # of the finish's own step: passes run that far beyond a place
 GROUP_STEPS = 6.0           # places nearer to each other than that are cut together

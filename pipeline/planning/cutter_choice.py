@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline import fixed_math as fixed
-from cuspline.arrays import frozen
-from cuspline.cutters import Tool
-from cuspline.errors import CutterDoesNotFit, PlanError
-from cuspline.toolpaths.dropcutter import drop_tips_mm
+from cuspline.shop.cutters import Tool
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
+from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import CutterDoesNotFit, PlanError
 
 FIT_SHARE = 0.9             # the ball stays this share below the tightest hollow: a full-contact ball chatters
 HOLDER_CLEARANCE_MM = 1.0

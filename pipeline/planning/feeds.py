@@ -10,8 +10,8 @@ import math
 import numpy as np
 from numba import njit
 
-from cuspline import fixed_math as fixed
-from cuspline.program import Kind
+from cuspline.program.program import Kind
+from cuspline.values import fixed_math as fixed
 
 # LinuxCNC gives the acceleration across an arc half of an axis' limit and what is left along it;
 # measured on its motion controller (tests/authorities)

@@ -8,15 +8,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.errors import CutterDoesNotFit
-from cuspline.planning import freeform_finishing, section_finishing, transverse_finishing
+from cuspline.planning.context import (
+    ROUGH_ALLOWANCE_MM,
+    SEMI_ALLOWANCE_MM,
+    SEMI_SCALLOP_MM,
+    PlannedOperation,
+    Shop,
+    ridge_for_step_mm,
+)
 from cuspline.planning.cutter_choice import choose_ball, choose_rest_ball
 from cuspline.planning.finishing_chain import choose_finishing
-from cuspline.planning.roughing_plan import roughed
-from cuspline.planning.shop import (
-    ROUGH_ALLOWANCE_MM, SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, PlannedOperation, Shop, ridge_for_step_mm)
-from cuspline.program import Operation, Program
+from cuspline.planning.strategies import freeform, sections, transverse_arcs
+from cuspline.planning.strategies.roughing import roughed
+from cuspline.program.program import Operation, Program
 from cuspline.surfaces.inner_corners import inner_edges
+from cuspline.values.errors import CutterDoesNotFit
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,13 +57,13 @@ def _by_sections(shop):
     finish, work = shop.design.finish, shop.finishing_work()
     ball, candidates, reach = choose_ball(shop.finishing_library, shop.samples, shop.hollow.radius_mm, shop.mesh,
                                           ROUGH_ALLOWANCE_MM, work)
-    semi = lambda: section_finishing.finish(shop, "semi-finish", ball, SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, (), reach)
+    semi = lambda: sections.finish(shop, "semi-finish", ball, SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, (), reach)
     operations = roughed(shop, ball, reach.is_reached, semi)
-    operations.append(section_finishing.finish(shop, "finish", ball, 0.0, finish.scallop_mm, candidates, reach))
+    operations.append(sections.finish(shop, "finish", ball, 0.0, finish.scallop_mm, candidates, reach))
     rest, candidates, adds = choose_rest_ball(shop.library, shop.samples, reach, shop.mesh, ball.cutter.radius_mm,
                                               ROUGH_ALLOWANCE_MM)
     if rest is not None:
-        operations.append(section_finishing.rest(shop, ball, rest, candidates))
+        operations.append(sections.rest(shop, ball, rest, candidates))
     return operations, reach.is_reached | adds
 
 
@@ -66,12 +72,12 @@ def _free_form(shop):
     chain, candidates, reached = choose_finishing(shop.finishing_library, shop.samples, shop.mesh, ROUGH_ALLOWANCE_MM,
                                                   shop.finishing_work())
     tools = [link.tool for link in chain]
-    semi = lambda: freeform_finishing.finish(shop, "semi-finish", tools[0], SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, ())
+    semi = lambda: freeform.finish(shop, "semi-finish", tools[0], SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, ())
     operations = roughed(shop, tools[0], chain[0].adds, semi)
     scallop_mm = shop.design.finish.scallop_mm
-    finishing = [freeform_finishing.finish(shop, "finish", tools[0], 0.0, scallop_mm, candidates)]
+    finishing = [freeform.finish(shop, "finish", tools[0], 0.0, scallop_mm, candidates)]
     for tool in tools[1:]:
-        rest = freeform_finishing.rest(shop, finishing, tool, candidates)
+        rest = freeform.rest(shop, finishing, tool, candidates)
         finishing += [rest] if rest is not None else []
     return operations + finishing, reached
 
@@ -107,7 +113,7 @@ def plan_setup(design, setup, machine, library, before=None):
     for name, scallop_mm in (("semi-finish", SEMI_SCALLOP_MM), ("finish", design.finish.scallop_mm)):
         ridge_for_step_mm(name, scallop_mm, design.finish)
     shop = Shop(design, setup, machine, library, before)
-    cut = {"sections": _by_sections, "transverse_arcs": transverse_finishing.operations}.get(setup.strategy, _free_form)
+    cut = {"sections": _by_sections, "transverse_arcs": transverse_arcs.operations}.get(setup.strategy, _free_form)
     try:
         operations, reached = cut(shop)
     except CutterDoesNotFit as error:

@@ -8,9 +8,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.amounts import length
-from cuspline.report.wording import (DASH, box_size, counted, decimal, duration, file_size, grouped, number, percent,
-                                     place, short, short_of_length, tool_name)
+from cuspline.report.wording import (
+    DASH,
+    box_size,
+    counted,
+    decimal,
+    duration,
+    file_size,
+    grouped,
+    number,
+    percent,
+    place,
+    short,
+    short_of_length,
+    tool_name,
+)
+from cuspline.values.amounts import length
 
 VERIFIED, ACCEPTED, REFUSED = "verified", "accepted", "refused"     # states of a verdict, and CSS classes
 

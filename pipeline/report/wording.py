@@ -2,7 +2,7 @@
 
 import math
 
-from cuspline import amounts
+from cuspline.values import amounts
 
 DASH, GROUP = "–", "\N{NARROW NO-BREAK SPACE}"
 

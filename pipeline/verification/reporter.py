@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from cuspline import fixed_math as fixed
-from cuspline.amounts import counted, length, over_area
-from cuspline.simulation.swept import nearest_moves
+from cuspline.stock.swept import nearest_moves
+from cuspline.values import fixed_math as fixed
+from cuspline.values.amounts import counted, length, over_area
+from cuspline.values.clusters import clusters_of
+from cuspline.values.findings import Finding
 from cuspline.verification.certificate import gouges_beyond
-from cuspline.clusters import clusters_of
-from cuspline.verification.findings import Finding
 
 NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud

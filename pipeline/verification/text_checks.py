@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from cuspline.amounts import counted
-from cuspline.errors import ReadError
-from cuspline.planning.materials import MATERIALS
-from cuspline.program import Kind
-from cuspline.simulation.replay_checks import Reporter
-from cuspline.tool_units import MM
+from cuspline.program.program import Kind
+from cuspline.replay.replay_checks import Reporter
+from cuspline.shop.materials import MATERIALS
+from cuspline.values.amounts import counted
+from cuspline.values.errors import ReadError
+from cuspline.values.units import MM
 
 CHIP_FACTOR = 2.0         # times the starting value of a material: makers' tables differ by less
 RELATIVE = 1e-6           # a limit is exceeded only by more than this: rounding of inch feeds

@@ -5,8 +5,8 @@ import math
 import cadquery as cq
 import numpy as np
 
-from cuspline import brep
 from cuspline.design import Design, FacePredicate, Finish, Marker, Parameters, Setup, StockBox
+from cuspline.kernel import brep
 
 
 def knife_edge():

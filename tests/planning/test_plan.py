@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import cuspline.posts
-from cuspline.cutters import ToolLibrary, library_from_json
 from cuspline.designs.z_profile import ZProfile, design
-from cuspline.errors import CutterDoesNotFit
-from cuspline.machines import machine_from_toml
 from cuspline.planning.plan import plan_setup
-from cuspline.program import Kind
+from cuspline.program.program import Kind
+from cuspline.shop.cutters import ToolLibrary, library_from_json
+from cuspline.shop.machines import machine_from_toml
+from cuspline.values.errors import CutterDoesNotFit
 
 POSTS = Path(cuspline.posts.__file__).parent
-MACHINE, SHOP = machine_from_toml(POSTS / "mill_3axis.toml"), library_from_json(POSTS / "tools.json")
+MACHINE, SHOP = machine_from_toml(POSTS / "machines" / "mill_3axis.toml"), library_from_json(POSTS / "tools" / "tools.json")
 # choosing among all roughing cutters takes most of the time of a small part
 LIBRARY = ToolLibrary(tools=(*SHOP.of_type("ball"), SHOP.of_type("flat", "bull_nose")[0]))
 

@@ -1,18 +1,23 @@
-"""What the text alone shows; tests/pipeline/test_sabotages.py has the faults in whole programs."""
+"""What the text alone shows; tests/app/test_sabotages.py has the faults in whole programs."""
 
 import numpy as np
 import pytest
 from known_tools import tool
 
-from cuspline.catalogue import find_machine
+from cuspline.app.catalogue import find_machine
 from cuspline.design import Finish, Setup, StockBox
-from cuspline.errors import ReadError
 from cuspline.planning.feeds import spindle_rpm
-from cuspline.planning.materials import MATERIALS
-from cuspline.posts.fanuc_reader import read_program as read_fanuc
-from cuspline.posts.rs274_reader import read_program
+from cuspline.posts.readers.fanuc_reader import read_program as read_fanuc
+from cuspline.posts.readers.rs274_reader import read_program
+from cuspline.shop.materials import MATERIALS
+from cuspline.values.errors import ReadError
 from cuspline.verification.text_checks import (
-    CHIP_FACTOR, FAR, path_tolerance_mm, refuse_what_cannot_be_simulated, text_findings)
+    CHIP_FACTOR,
+    FAR,
+    path_tolerance_mm,
+    refuse_what_cannot_be_simulated,
+    text_findings,
+)
 
 MILL, SETUP = find_machine("mill_3axis"), Setup(name="setup-1", wcs_in_words="corner", faces=("top",))
 FINISH = Finish(scallop_mm=0.01, profile_tolerance_mm=0.002, gouge_mm=0.003)

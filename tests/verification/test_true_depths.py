@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from known_programs import feed, program, rapid, raster, tool
 
-from cuspline import brep
 from cuspline.design import Finish, Setup, StockBox
-from cuspline.simulation.swept import signed_distance_mm, swept_paths
+from cuspline.kernel import brep
+from cuspline.stock.swept import signed_distance_mm, swept_paths
 from cuspline.verification.verdict import Options, verify_setup
 
 BLOCK = brep.the_solid(cq.Workplane().box(20, 16, 10, centered=False))

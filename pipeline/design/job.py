@@ -1,0 +1,86 @@
+"""The job: everything that verification needs beside the files themselves, as it stands in manifest.json.
+
+`cuspline verify` reads it back, so a folder of outputs can be judged again anywhere.
+"""
+
+from pathlib import Path
+
+from pydantic import Field
+
+from cuspline.design import FacePredicate, Finish, Setup, StockBox
+from cuspline.design.setup_alignment import refixtured_setups
+from cuspline.shop.cutters import ToolLibrary
+from cuspline.shop.machines import Machine
+from cuspline.values.errors import InputError
+from cuspline.values.input_files import checked, json_of
+from cuspline.values.models import FileName, Model, WrittenName
+
+
+class PostedFile(Model):
+    """One setup's program on disk: a file, or a numbered set that is run file after file."""
+
+    setup: Setup
+    program: WrittenName = Field(description="file name, of a set the first")
+    continued: tuple[WrittenName, ...] = Field((), description="files of the set that follow, in order")
+
+    @property
+    def files(self):
+        """All file names in the order in which they are run."""
+        return (self.program, *self.continued)
+
+
+class Job(Model):
+    """What the posted programs of one design are judged against."""
+
+    design: FileName
+    step: WrittenName
+    material: str
+    predicates: tuple[FacePredicate, ...]
+    stock: StockBox
+    finish: Finish
+    machine: Machine
+    posted: tuple[PostedFile, ...]
+    smallest_ball_radius_mm: float = Field(gt=0)
+    accepted: tuple[str, ...] = ()
+
+    def placed(self, measured):
+        """The same programs on a part that lies as its measured markers say (`refixturing.read_measured`)."""
+        setups = refixtured_setups([p.setup for p in self.posted], measured)
+        return self.model_copy(update={"posted": tuple(
+            p.model_copy(update={"setup": s}) for p, s in zip(self.posted, setups))})
+
+
+def read_job(folder):
+    """The Job in a folder's manifest.
+
+    Raises:
+        InputError: no manifest, or one without a job that can be used.
+    """
+    path = Path(folder) / "manifest.json"
+    if not path.exists():
+        raise InputError(f"{path} does not exist: verify a folder that `cuspline build` has made")
+    document = json_of(path, "manifest")
+    job = document.get("job") if isinstance(document, dict) else None
+    if job is None:
+        raise InputError(f"{path}: no usable job: the folder holds no program; build it to --stage gcode or further")
+    return checked(Job, job, f"{path}: no usable job")
+
+
+def read_published(folder):
+    """{file name: SHA-256} of what was published with a folder's manifest; empty where it does not say."""
+    path = Path(folder) / "manifest.json"
+    document = json_of(path, "manifest") if path.exists() else {}
+    files = document.get("files", {}) if isinstance(document, dict) else {}
+    return files if isinstance(files, dict) else {}
+
+
+def read_tools(folder):
+    """{number: Tool} from tools.json.
+
+    Raises:
+        InputError: missing or broken.
+    """
+    path = Path(folder) / "tools.json"
+    if not path.exists():
+        raise InputError(f"{path} does not exist: without the tools a program cannot be judged")
+    return {t.number: t for t in checked(ToolLibrary, json_of(path, "tools"), str(path)).tools}
