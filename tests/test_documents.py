@@ -1,5 +1,6 @@
 """The pages of docs/ and the README say what the code does."""
 
+import doctest
 import re
 from pathlib import Path
 
@@ -48,3 +49,27 @@ def test_the_page_says_of_a_kind_what_the_command_says(kind):
 def test_the_readme_leads_whoever_accepts_a_finding_to_the_page_of_kinds():
     row = next(line for line in README.splitlines() if "--accept excess" in line)
     assert "docs/findings.md" in row and "`cuspline findings`" in README
+
+
+# formulas ---------------------------------------------------------------------------------------
+
+
+def sources():
+    """Every source file, once."""
+    for folder in ("pipeline", "posts", "designs", "tests", "bench"):
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in (".py", ".toml", ".csv", ".js") and path.resolve() == path and path != Path(__file__):
+                yield path
+
+
+def test_every_formula_that_the_code_cites_is_on_the_page():
+    there = set(re.findall(r"^## (\d+) ", page("formulas.md"), re.M))
+    cited = {(str(path.relative_to(ROOT)), number) for path in sources()
+             for number in re.findall(r"docs/formulas\.md (\d+)", path.read_text())}
+    assert len(cited) > 10 and {number for _, number in cited} <= there
+    assert [str(path) for path in sources() if re.search(r"\bFORMULAS\b", path.read_text())] == []
+
+
+def test_the_check_numbers_of_the_formulas_are_true():
+    done = doctest.testfile(str(ROOT / "docs/formulas.md"), module_relative=False)
+    assert done.failed == 0 and done.attempted > 10
