@@ -73,3 +73,11 @@ def test_every_formula_that_the_code_cites_is_on_the_page():
 def test_the_check_numbers_of_the_formulas_are_true():
     done = doctest.testfile(str(ROOT / "docs/formulas.md"), module_relative=False)
     assert done.failed == 0 and done.attempted > 10
+
+
+# glossary ---------------------------------------------------------------------------------------
+
+
+def test_the_glossary_has_each_word_once_and_in_order():
+    words = [row.split(",")[0].lower().replace("-", " ") for row in re.findall(r"^\| ([^|]+) \| ", page("glossary.md"), re.M)[1:]]
+    assert words == sorted(set(words)) and len(words) > 50
