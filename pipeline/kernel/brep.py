@@ -43,6 +43,7 @@ from cuspline.kernel.step_files import (  # noqa: F401
 from cuspline.splines.fitting import fitted
 from cuspline.splines.nurbs import NurbsSurface, local_shape
 from cuspline.values import fixed_math as fixed
+from cuspline.values.amounts import counted
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import DesignError
 
@@ -82,7 +83,7 @@ def the_solid(shape, name="the part"):
     """
     solids = explore(wrapped(shape), TopAbs_SOLID)
     if len(solids) != 1:
-        raise DesignError(f"{name} holds {len(solids)} solids, it must be exactly one: "
+        raise DesignError(f"{name} holds {counted(len(solids), 'solid')}, it must be exactly one: "
                           + ("close its shell" if not solids else "fuse them, or build them one by one"))
     solid = TopoDS.Solid_s(solids[0])
     if not BRepCheck_Analyzer(solid).IsValid():

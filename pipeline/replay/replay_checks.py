@@ -6,6 +6,7 @@ from cuspline.program.program import Kind, Plane
 from cuspline.replay.replay_kernel import LOW, RAPID
 from cuspline.replay.replay_loads import of_tools
 from cuspline.stock.path_pieces import pieces_of
+from cuspline.values.amounts import counted
 from cuspline.values.findings import Finding
 
 NOISE_MM = 1e-6
@@ -112,7 +113,7 @@ class Reporter:
         for group in self._gathered(self.runs(is_unsure, np.ones(len(self.posted), dtype=bool))):
             yield self.finding("clearance_not_proven", group[0], 0.0, self.posted.end_mm[group[0]],
                                "keep neck, shank and holder farther from the stock here, a rapid higher above it: a "
-                               f"longer reach, a thinner shank, a wider slot ({len(group)} moves)")
+                               f"longer reach, a thinner shank, a wider slot ({counted(len(group), 'move')})")
 
     def states(self, top_mm):
         """Spindle and tool length offset: both on whenever the tool feeds, the offset below the stock top too."""

@@ -71,7 +71,7 @@ def test_a_changed_program_is_judged_and_named(boss, verify, tmp_path):
 def test_a_kind_accepted_for_this_time_is_told(boss, verify, tmp_path):
     folder = edited(boss, tmp_path / "a", lambda text: text + "(BY HAND)\n")
     code, out, _ = verify(folder, "--accept", "changed_file")
-    assert code == 0 and "VERIFIED with 1 accepted, gouge" in out and "  accepted: changed_file: setup-1.ngc" in out
+    assert code == 0 and "VERIFIED with 1 accepted finding, gouge" in out and "  accepted: changed_file: setup-1.ngc" in out
 
 
 def test_what_the_manifest_accepts_is_told(boss, verify, tmp_path):

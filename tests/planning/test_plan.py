@@ -74,7 +74,7 @@ def test_no_feed_exceeds_the_machine_and_no_cut_is_without_one(plan):
 
 
 def test_planes_are_as_far_apart_as_the_cusp_allows(plan):
-    # the profile is straight across: FORMULAS 4 for a flat, with what the path's own tolerance leaves of the cusp
+    # the profile is straight across: docs/formulas.md 5 for a flat, with what the path's own tolerance leaves of the cusp
     finish = named(plan, "finish")
     r, h = finish.tool.cutter.radius_mm, finish.facts["ridge_for_step_mm"]
     assert h == pytest.approx(0.05 - 0.0024, abs=2e-4) and h < 0.05 - 0.0023

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from cuspline.shop.cutters import Cutter, Holder, Tool, ToolLibrary
 from cuspline.shop.tool_exchange.freecad import freecad_tools
 from cuspline.shop.tool_exchange.fusion import fusion_holders, fusion_tools
+from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
 from cuspline.values.models import complaints
 
@@ -122,7 +123,7 @@ def _refuse_incomplete(path, tools):
                              ("number", "number", "--renumber")):
         lacking = [f.name for f in tools if not f.skipped_because and getattr(f, field) is None]
         if lacking:
-            raise InputError(f"{path}: {len(lacking)} tools have no {what} ({', '.join(lacking[:5])}"
+            raise InputError(f"{path}: {counted(len(lacking), 'tool')} without a {what} ({', '.join(lacking[:5])}"
                              f"{', ...' if len(lacking) > 5 else ''}): it is never guessed; write it into the file, "
                              f"or give it with {way}")
 
