@@ -150,15 +150,16 @@ def test_the_length_offset_in_force_is_that_of_the_tool_in_the_spindle(blocks, f
     assert remarks(AT_ZERO + blocks, "wrong_length_offset") == found
 
 
-SAID = "G21\nG17 G90 G91.1 G94 G40 G49\nG64 P0.001 Q0\nG54\nT1 M6\nG43 H1\nG0 X0 Y0\nZ0\nG1 X1 F9\nG2 X3 I1"
+SAID = "G21\nG17 G90 G91.1 G94 G40 G49 G92.1\nG64 P0.001 Q0\nG54\nT1 M6\nG43 H1\nG0 X0 Y0\nZ0\nG1 X1 F9\nG2 X3 I1"
 
 
 @pytest.mark.parametrize("word, line", [
-    ("G90", 7), ("G54", 7), ("G40", 7), ("G64 P0.001 Q0", 9), ("G94", 9), ("G17", 10), ("G91.1", 10)])
+    ("G90", 7), ("G54", 7), ("G40", 7), ("G64 P0.001 Q0", 9), ("G94", 9), ("G17", 10), ("G91.1", 10),
+    ("G92.1", 7)])
 def test_what_a_move_relies_on_must_have_been_said(word, line):
     text = SAID.replace(word, "").replace("\n\n", "\n(gone)\n")
     (remark,) = [r for r in read(text).remarks if r.kind == "unknown_start"]
-    assert read(text).line[remark.row] == line and remark.advice.startswith(word[:3])
+    assert read(text).line[remark.row] == line and remark.advice.startswith(word[:5])
 
 
 @pytest.mark.parametrize("text", [SAID, SAID.replace("G49", ""), SAID.replace("G2 X3 I1", "G2 X3 R1").replace("G91.1",
