@@ -112,6 +112,7 @@ def verify(
 def _verified(folder, measured, accept):
     """Judge one folder, or one program in it; the exit status."""
     from cuspline import brep
+    from cuspline.file_checks import own_acceptances
     from cuspline.job import read_job, read_published
     from cuspline.judge import judge
     from cuspline.refixturing import read_measured
@@ -126,12 +127,11 @@ def _verified(folder, measured, accept):
             raise InputError(f"{folder / only} is no program of {job.design}; there are "
                              + ", ".join(name for p in job.posted for name in p.files))
         job = job.model_copy(update={"posted": asked})
-        needed = {job.step, "tools.json", "tools.tbl", *(name for p in asked for name in p.files)}
-        published = {name: digest for name, digest in published.items() if name in needed}
+        published = published.of_programs([name for p in asked for name in p.files], job)
     brep.refuse_unreadable(folder / job.step)
     with kept_until_done(folder) as kept:
         judged = judge(folder, job, _say, kept=kept, published=published)
-    passed = {*job.accepted, *accept}
+    passed = {*own_acceptances(folder, job, published), *accept}
     refused = judged.refused(passed)
     _tell(job.design, folder, refused, "", "verify", "", judged.figures_in_words, judged.passed_over(passed))
     return FINDINGS if refused else 0

@@ -12,8 +12,8 @@ import numpy as np
 from cuspline import brep
 from cuspline.catalogue import find_post, reader_of
 from cuspline.errors import InputError, ReadError
-from cuspline.file_checks import changed_files, program_findings, tool_table_findings
-from cuspline.job import read_tools
+from cuspline.file_checks import changed_files, changed_job, program_findings, tool_table_findings
+from cuspline.job import Published, read_tools
 from cuspline.posted import PostedMoves
 from cuspline.simulation.replay import Fixture
 from cuspline.simulation.replay_checks import Reporter
@@ -23,6 +23,7 @@ from cuspline.verification.kept import NOTHING
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
 
+UNPUBLISHED = Published()
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
 
 
@@ -103,7 +104,7 @@ def read_programs(folder, job, tools):
         yield ReadProgram(setup=item.setup, texts=texts, posted=moves, findings=found)
 
 
-def judge_text(folder, job, published=None):
+def judge_text(folder, job, published=UNPUBLISHED):
     """What a folder's programs and tool table show without STEP and simulation: seconds for the longest program.
 
     Args:
@@ -114,16 +115,16 @@ def judge_text(folder, job, published=None):
         InputError, ReadError: see `read_programs`.
     """
     tools = read_tools(folder)
-    found = [*changed_files(folder, published or {}), *tool_table_findings(folder, tools, job.machine.control)]
+    found = _file_findings(folder, job, tools, published)
     for program in read_programs(folder, job, tools):
         report = Reporter(program.posted, program.setup.name, program.setup.frame)
         top_mm = program.setup.frame.box_into(job.stock.min_mm, job.stock.max_mm)[1][2]
         own = (*program.findings, *report.travel(job.machine), *report.states(top_mm), *report.end())
-        found += [*_file_findings(program, job.machine), *_placed(own, program, job.machine, tools)]
+        found += [*_program_findings(program, job.machine), *_placed(own, program, job.machine, tools)]
     return tuple(found)
 
 
-def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, published=None):
+def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, published=UNPUBLISHED):
     """Verdict on the files of a folder.
 
     Args:
@@ -132,13 +133,13 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         say: called with what is being done.
         options: how finely to look; the post's rounding is put in here.
         kept: kept.Kept of a run before that was interrupted.
-        published: {file name: SHA-256} that the files must have; None: they are not published yet.
+        published: job.Published of what the files must be; nothing in it: they are not published yet.
     Raises:
         InputError: a file is missing.  ReadError: see `read_programs`.
     """
     folder = Path(folder)
     tools = read_tools(folder)
-    extra = [*changed_files(folder, published or {}), *tool_table_findings(folder, tools, job.machine.control)]
+    extra = _file_findings(folder, job, tools, published)
     say(f"read {', '.join(name for item in job.posted for name in item.files)}")
     read = tuple(read_programs(folder, job, tools))
     solid = brep.the_solid(brep.read_step(folder / job.step), job.step)
@@ -147,7 +148,7 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         setup = program.setup
         wanted = tuple(f for p in job.predicates if p.name in setup.faces for f in brep.select_faces(faces, p))
         programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted, fixtures=_fixtures(setup)))
-        extra += _file_findings(program, job.machine)
+        extra += _program_findings(program, job.machine)
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     look = partial(verify_setups, programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
                    ball_radius_mm=job.smallest_ball_radius_mm, say=say, kept=kept)
@@ -162,7 +163,13 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
                   extra=tuple(extra))
 
 
-def _file_findings(program, machine):
+def _file_findings(folder, job, tools, published):
+    """Of what lies in the folder beside what was published, and of the tool table."""
+    return [*changed_files(folder, published), *changed_job(folder, job, published),
+            *tool_table_findings(folder, tools, job.machine.control)]
+
+
+def _program_findings(program, machine):
     """Of all files of a program."""
     return [finding for name, text in program.texts.items()
             for finding in program_findings(name, text, program.setup.name, machine)]

@@ -26,7 +26,7 @@ KINDS = {
     "program_too_long": "the file is larger than the control's store",
     "line_too_long": "a line is longer than the control takes",
     "wrong_tool_table": "the control's tool table does not hold the tools that were judged",
-    "changed_file": "a file is not the one that was published",
+    "changed_file": "a file, or the job in the manifest, is not the one that was published",
     "verifiers_disagree": "the two verifiers differ by more than their error bounds",
     "clearance_not_proven": "a contact is neither shown nor excluded",
     "solid_off": "a solid does not keep what its design asks of it",

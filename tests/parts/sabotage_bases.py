@@ -18,7 +18,7 @@ from written_parts import BALL, MILL, boss, boss_operations, operation, program_
 from cuspline import brep, catalogue
 from cuspline.cutters import Tool
 from cuspline.design import FacePredicate, Setup, StockBox
-from cuspline.job import Job, PostedFile, read_job, read_tools
+from cuspline.job import Job, PostedFile, Published, read_job, read_tools
 from cuspline.judge import judge, judge_text, lines_of, posted_moves
 from cuspline.pass_templates import Call, Go, PassTemplate, Quantity, Register, Restart, TemplatedPasses, terms
 from cuspline.posts.rs274_reader import read_program
@@ -52,9 +52,9 @@ class Base:
 
     @cached_property
     def published(self):
-        """{file: SHA-256} as a manifest would have it."""
-        return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(self.folder.iterdir())
-                if p.name != "manifest.json"}
+        """What a manifest would say of the files."""
+        return Published(files={p.name: hashlib.sha256(p.read_bytes()).hexdigest()
+                                for p in sorted(self.folder.iterdir()) if p.name != "manifest.json"})
 
     @cached_property
     def programs(self):

@@ -102,7 +102,7 @@ def tools_that_the_table_does_not_know(sheet, rng):
 @sabotage(times=3)
 def file_that_was_not_published(sheet, rng):
     """One file longer by a line feed, or gone, is named."""
-    names = sorted(sheet.base.published)
+    names = sorted(sheet.base.published.files)
     name = pick(rng, names)
     data = (sheet.base.folder / name).read_bytes()
     is_gone = not re.match(r"setup|tools", name) and rng.random() < 0.5
