@@ -10,20 +10,21 @@ from pathlib import Path
 import numpy as np
 
 from cuspline import brep
+from cuspline.bundle import shape_of
 from cuspline.catalogue import find_post, reader_of
 from cuspline.errors import InputError, ReadError
 from cuspline.file_checks import changed_files, changed_job, program_findings, tool_table_findings
-from cuspline.job import Published, read_tools
+from cuspline.job import read_tools
 from cuspline.posted import PostedMoves
 from cuspline.simulation.replay import Fixture
 from cuspline.simulation.replay_checks import Reporter
 from cuspline.verification.findings import Finding, located
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.kept import NOTHING
+from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
 
-UNPUBLISHED = Published()
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
 
 
@@ -104,7 +105,7 @@ def read_programs(folder, job, tools):
         yield ReadProgram(setup=item.setup, texts=texts, posted=moves, findings=found)
 
 
-def judge_text(folder, job, published=UNPUBLISHED):
+def judge_text(folder, job, published=None):
     """What a folder's programs and tool table show without STEP and simulation: seconds for the longest program.
 
     Args:
@@ -124,7 +125,7 @@ def judge_text(folder, job, published=UNPUBLISHED):
     return tuple(found)
 
 
-def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, published=UNPUBLISHED):
+def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, published=None):
     """Verdict on the files of a folder.
 
     Args:
@@ -133,9 +134,10 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         say: called with what is being done.
         options: how finely to look; the post's rounding is put in here.
         kept: kept.Kept of a run before that was interrupted.
-        published: job.Published of what the files must be; nothing in it: they are not published yet.
+        published: job.Published of what the files must be; None: they are not published yet, and who builds them has
+            asked the solid whether it crosses itself.
     Raises:
-        InputError: a file is missing.  ReadError: see `read_programs`.
+        InputError: a file is missing.  ReadError: see `read_programs`.  DesignError: the STEP's solid crosses itself.
     """
     folder = Path(folder)
     tools = read_tools(folder)
@@ -143,6 +145,8 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     say(f"read {', '.join(name for item in job.posted for name in item.files)}")
     read = tuple(read_programs(folder, job, tools))
     solid = brep.the_solid(brep.read_step(folder / job.step), job.step)
+    if published is not None:
+        refuse_self_crossing(solid, shape_of(solid), f"the solid in {job.step}")
     faces, programs = brep.faces_of(solid), []
     for program in read:
         setup = program.setup
@@ -164,9 +168,9 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
 
 
 def _file_findings(folder, job, tools, published):
-    """Of what lies in the folder beside what was published, and of the tool table."""
-    return [*changed_files(folder, published), *changed_job(folder, job, published),
-            *tool_table_findings(folder, tools, job.machine.control)]
+    """Of what lies in the folder against what was published, and of the tool table."""
+    changed = () if published is None else (*changed_files(folder, published), *changed_job(folder, job, published))
+    return [*changed, *tool_table_findings(folder, tools, job.machine.control)]
 
 
 def _program_findings(program, machine):

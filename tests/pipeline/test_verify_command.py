@@ -10,8 +10,9 @@ import time
 import pytest
 from built_parts import copied
 from sabotage_bases import COARSE, bases
+from troublesome_parts import bow_tie
 
-from cuspline import cli
+from cuspline import brep, cli
 from cuspline import judge as judging
 from cuspline.file_checks import changed_job
 from cuspline.job import digest_of, job_line, read_job, read_published
@@ -141,6 +142,13 @@ def test_what_a_changed_manifest_accepts_does_not_count(boss, verify, tmp_path):
     code, out, _ = verify(folder)
     assert code == 1 and "changed_file: manifest.json: what its job says of accepted" in out and "\n  gouge" in out
     assert verify(folder, "--accept", "changed_file", "--accept", "gouge")[0] == 0
+
+
+def test_a_step_file_whose_solid_crosses_itself_is_refused(boss, verify, tmp_path):
+    folder = edited(boss, tmp_path / "a", lambda text: text)
+    brep.write_step(bow_tie(low_mm=6), folder / boss.job.step, "boss")
+    code, _, (message,) = verify(folder)
+    assert code == 2 and "the solid in boss.step crosses itself" in message
 
 
 def test_it_goes_on_after_a_refusal_and_ends_with_the_worst(boss, verify, tmp_path):
