@@ -46,6 +46,7 @@ TOUCH_UP_SHARE = 0.9        # of the cusp: what is left in so many places betwee
 TOUCH_UP_STEPS = 0.6        # how far the touch-up reaches beyond
 LINK_STEPS = 3.0            # links along the surface are no longer than that
 HOP_RADII = 6.0             # links over what lies between
+RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls by 0.13 of its radius, whatever stands there
 OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
 
 
@@ -136,9 +137,20 @@ def _field(shop, tool, allowance_mm, pitch_mm):
     """Where the ball touches the faces wanted."""
     boxes = [bounding_box_mm(shop.faces[i].shape) for i in shop.wanted]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
-    run_over = OVERLAP_STEPS * NODES_A_STEP * pitch_mm
+    run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
     dropper = shop.dropper_of(tool.cutter.radius_mm, allowance_mm)
     return tip_field(dropper, shop.wanted, (low[:2], high[:2]), pitch_mm, run_over)
+
+
+def run_over_mm(step_mm, radius_mm):
+    """How far the ball rolls over an outer edge: the last pass, up to a step before that, still cuts the edge clean.
+
+    A wide step would let it fall into the stock behind the edge by its whole radius, where no pass before has been.
+
+    >>> run_over_mm(0.5, 3.0), run_over_mm(2.5, 3.0)
+    (0.75, 1.5)
+    """
+    return max(min(OVERLAP_STEPS * step_mm, RUN_OVER_RADII * radius_mm), 0.5 * step_mm)
 
 
 def _gentle(field, steep_rad, overlap_mm):

@@ -237,6 +237,22 @@ def test_fanuc_text_that_is_not_sure_is_refused_with_its_line(name):
     assert re.match(r"line \d+(, called in line \d+)?: ", str(caught.value))
 
 
+def nested_in_fanuc(levels, times=1):
+    """Text whose O7001 moves, O7002 calls it `times` times, and so on; the main program calls the last."""
+    subs = "".join(f"O{7000 + k}\n" + f"M98 P{6999 + k}\n" * times + "M99\n" for k in range(2, levels + 1))
+    return GOOD.format(f"#500=2.\n#1=1.\n#2=1.\nM98 P{7000 + levels}")[:-2] + subs + "%\n"
+
+
+def test_fanuc_calls_nest_four_deep_and_no_deeper(monkeypatch):
+    read = lambda text: read_fanuc(text, work_offsets=ZERO, tool_lengths=LENGTHS)
+    assert len(read(nested_in_fanuc(4))) == 3
+    with pytest.raises(ReadError, match="line 17, called in line 11: 'M98 P7001': calls nested deeper than 4"):
+        read(nested_in_fanuc(5))
+    monkeypatch.setattr("cuspline.posts.rs274_blocks.MOST_CALLED", 1000)
+    with pytest.raises(ReadError, match="called in line 11: .* come to more than 1,000 blocks"):
+        read(nested_in_fanuc(4, 10))
+
+
 def test_fanuc_h0_switches_the_length_offset_off():
     moves = read_fanuc(GOOD.format("G43 Z5. H0\nG1 X1. F100."), work_offsets=ZERO, tool_lengths=LENGTHS)
     assert not moves.length_offset_on[-1] and moves.machine_end_mm[-2, 2] == pytest.approx(5.0)

@@ -290,6 +290,25 @@ def test_what_is_not_sure_is_refused_with_its_line(name):
     assert re.match(rf"line {line}(, called in line \d+)?: ", str(refusal.value))
 
 
+def nested(levels, times=1):
+    """Sub-programs that call one another so deep, each `times` times; the innermost moves."""
+    bodies = ["G1 X5 F100"] + ["\n".join([f"o{k} call"] * times) for k in range(1, levels)]
+    return "\n".join(f"o{k} sub\n{body}\no{k} endsub" for k, body in enumerate(bodies, 1)) + f"\no{levels} call"
+
+
+def test_calls_nest_as_deep_as_the_control_takes_and_no_deeper():
+    assert len(read(AT_ZERO + nested(9))) == 2
+    with pytest.raises(ReadError, match="line 7, called in line 33: 'o1 call': calls nested deeper than 9"):
+        read(AT_ZERO + nested(10))
+
+
+def test_calls_that_multiply_are_refused_with_the_line_of_the_call(monkeypatch):
+    monkeypatch.setattr("cuspline.posts.rs274_blocks.MOST_CALLED", 1000)
+    assert len(read(AT_ZERO + nested(3, 10))) == 101
+    with pytest.raises(ReadError, match=r"called in line 42: .*: the sub-programs called come to more than 1,000 blocks"):
+        read(AT_ZERO + nested(4, 10))
+
+
 @pytest.mark.parametrize("text, words", [
     ("", "program end"), ("G21\nG0 X1\n", "program end"), ("G0 X1\nM2", "G20 or G21"), ("F10\nG21\nM2", "G20 or G21"),
     ("G21\nX1\nM2", "no G0"), ("G21\nG0 X1 Y1\nG1 X2 F9\nM2", "where Z stands"),
