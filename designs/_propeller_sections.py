@@ -24,6 +24,7 @@ from scipy.interpolate import BSpline
 
 from cuspline import fixed_math as fixed
 from cuspline.errors import DesignError
+from cuspline.input_files import text_of
 from cuspline.surfaces.fairing import DEGREE, fair_spline
 
 DATA = Path(__file__).parent / "data"
@@ -164,15 +165,10 @@ def table(path):
     """{column: (n,) float64} of a CSV whose comment lines start with #; an empty field is NaN.
 
     Raises:
-        DesignError: no such file, or a field that is no number; names it.
+        InputError: no such file, or no text.  DesignError: a field that is no number; names it.
     """
-    try:
-        with open(path, encoding="utf-8-sig") as file:
-            lines = [line for line in file if line.strip() and not line.startswith("#")]
-    except OSError as error:
-        raise DesignError(f"propeller table {path} cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise DesignError(f"propeller table {path} is no text: save it as CSV in UTF-8") from None
+    text = text_of(path, "propeller table")
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     rows = list(csv.DictReader(lines))
     if not rows:
         raise DesignError(f"propeller table {path} has no rows")

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 from cuspline.errors import InputError
+from cuspline.input_files import refuse_irregular
 from cuspline.job import digest_of, job_line
 from cuspline.tool_units import MM
 from cuspline.tooltable import IN_TABLE_DECIMALS, read_tool_table
@@ -41,6 +42,7 @@ def tool_table_findings(folder, tools, control):
         control: machines.Control.
     """
     path = Path(folder) / TABLE
+    refuse_irregular(path, "tool table")
     if not path.exists():
         yield _finding("wrong_tool_table",
                        f"{TABLE} is missing: the control would cut with the lengths of another job; "

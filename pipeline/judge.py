@@ -14,6 +14,7 @@ from cuspline.bundle import shape_of
 from cuspline.catalogue import find_post, reader_of
 from cuspline.errors import InputError, ReadError
 from cuspline.file_checks import changed_files, changed_job, program_findings, tool_table_findings
+from cuspline.input_files import refuse_irregular
 from cuspline.job import read_tools
 from cuspline.posted import PostedMoves
 from cuspline.simulation.replay import Fixture
@@ -265,6 +266,7 @@ def _fixtures(setup):
 
 def _text(path):
     """The bytes of a program as text, nothing translated: line ends are the control's business."""
+    refuse_irregular(path, "program")
     try:
         return path.read_bytes().decode("ascii")
     except FileNotFoundError:

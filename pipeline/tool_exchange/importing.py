@@ -7,6 +7,7 @@ from pydantic import ValidationError
 
 from cuspline.cutters import Cutter, Holder, Tool, ToolLibrary
 from cuspline.errors import InputError
+from cuspline.input_files import refuse_irregular
 from cuspline.models import complaints
 from cuspline.tool_exchange.freecad import freecad_tools
 from cuspline.tool_exchange.fusion import fusion_holders, fusion_tools
@@ -76,6 +77,7 @@ def import_tools(path, *, holder=None, holders=(), stick_out_mm=None, is_renumbe
     path = Path(path)
     if path.suffix not in READERS:
         raise InputError(f"{path}: a tool library to import is one of {', '.join(READERS)}")
+    refuse_irregular(path, "tool library")
     if not path.is_file():
         raise InputError(f"tool library {path} does not exist")
     foreign = READERS[path.suffix](path)

@@ -3,7 +3,9 @@
 import functools
 import hashlib
 import json
+import os
 import re
+import signal
 import sys
 import time
 
@@ -142,6 +144,17 @@ def test_what_a_changed_manifest_accepts_does_not_count(boss, verify, tmp_path):
     code, out, _ = verify(folder)
     assert code == 1 and "changed_file: manifest.json: what its job says of accepted" in out and "\n  gouge" in out
     assert verify(folder, "--accept", "changed_file", "--accept", "gouge")[0] == 0
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "tools.json", "tools.tbl", "setup-1.ngc", "boss.step"])
+def test_a_pipe_among_the_files_is_refused(boss, verify, tmp_path, name):
+    folder = edited(boss, tmp_path / "a", lambda text: text)
+    (folder / name).unlink()
+    os.mkfifo(folder / name)
+    signal.alarm(20)            # instead of waiting for ever
+    code, _, (message,) = verify(folder)
+    signal.alarm(0)
+    assert code == 2 and f"{name} is a pipe or a device, not a regular file" in message
 
 
 def test_a_step_file_whose_solid_crosses_itself_is_refused(boss, verify, tmp_path):
