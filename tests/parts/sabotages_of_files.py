@@ -110,6 +110,18 @@ def file_that_was_not_published(sheet, rng):
         kind="changed_file", words=f"{name} {'was published and is missing' if is_gone else 'is not the file'}"))
 
 
+@sabotage(times=2)
+def job_that_was_not_published(sheet, rng):
+    """What the programs are judged against is loosened where it stands."""
+    if not is_first(sheet):
+        return None
+    name, value = pick(rng, [("finish", {"scallop_mm": 1.0, "profile_tolerance_mm": 0.5, "gouge_mm": 0.5}),
+                             ("accepted", ["gouge", "excess"]), ("smallest_ball_radius_mm", 8.0),
+                             ("design", "another")])
+    return Spoilt(name="manifest.json", content=changed_manifest(sheet, lambda job: job.update({name: value})),
+                  expected=Expected(kind="changed_file", words=f"manifest.json: what its job says of {name} is not"))
+
+
 @sabotage()
 def control_that_cuts_corners(sheet, rng):
     """The machine's file says that the control leaves the path by more: of Fanuc's G64 nothing else tells."""
