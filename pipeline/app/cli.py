@@ -132,6 +132,7 @@ def _verified(folder, measured, accept):
     from cuspline.design.setup_alignment import read_measured
     from cuspline.kernel import brep
     from cuspline.values.checkpoints import kept_until_done
+    from cuspline.verification.file_checks import own_acceptances
     folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
     job, published = read_job(folder), read_published(folder)
     if measured is not None:
@@ -142,12 +143,11 @@ def _verified(folder, measured, accept):
             raise InputError(f"{folder / only} is no program of {job.design}; there are "
                              + ", ".join(name for p in job.posted for name in p.files))
         job = job.model_copy(update={"posted": asked})
-        needed = {job.step, "tools.json", "tools.tbl", *(name for p in asked for name in p.files)}
-        published = {name: digest for name, digest in published.items() if name in needed}
+        published = published.of_programs([name for p in asked for name in p.files], job)
     brep.refuse_unreadable(folder / job.step)
     with kept_until_done(folder) as kept:
         judged = judge(folder, job, _say, kept=kept, published=published)
-    passed = {*job.accepted, *accept}
+    passed = {*own_acceptances(folder, job, published), *accept}
     refused = judged.refused(passed)
     _tell(job.design, folder, refused, "", "verify", "", judged.figures_in_words, judged.passed_over(passed))
     return FINDINGS if refused else 0
@@ -285,8 +285,8 @@ def posts(json: AsJson = False):
 @app.command()
 def materials(json: AsJson = False):
     """List the work materials with their cutting data, and where these come from."""
-    from cuspline.shop.materials import MATERIALS
-    _print([m.model_dump(mode="json") for m in MATERIALS.values()], json, lambda m: [
+    from cuspline.shop.materials import known_materials
+    _print([m.model_dump(mode="json") for m in known_materials().values()], json, lambda m: [
         f"{m['name']}: {m['description']}",
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "

@@ -48,6 +48,7 @@ FLAT_STEP_SHARE = 0.1       # of its radius: how closely a flat cutter's waterli
 TOUCHING_MM = 0.02         # a bull nose or flat cutter nearer to a face than that touches it
 RIM_STEPS = 3               # until the nearest place of a bull nose's corner stands still
 TERRACE_SHARE = 0.8         # of its flutes a flat cutter goes deep beside an upright wall
+RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls by 0.13 of its radius, whatever stands there
 OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
 
 
@@ -191,9 +192,20 @@ def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False):
     """Where the ball touches the faces wanted."""
     boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
-    run_over = OVERLAP_STEPS * NODES_A_STEP * pitch_mm
+    run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
     dropper = work.dropper_of(tool.cutter, allowance_mm)
     return tip_field(dropper, work.wanted, (low[:2], high[:2]), pitch_mm, run_over, may_be_empty)
+
+
+def run_over_mm(step_mm, radius_mm):
+    """How far the ball rolls over an outer edge: the last pass, up to a step before that, still cuts the edge clean.
+
+    A wide step would let it fall into the stock behind the edge by its whole radius, where no pass before has been.
+
+    >>> run_over_mm(0.5, 3.0), run_over_mm(2.5, 3.0)
+    (0.75, 1.5)
+    """
+    return max(min(OVERLAP_STEPS * step_mm, RUN_OVER_RADII * radius_mm), 0.5 * step_mm)
 
 
 def _gentle(field, steep_rad, overlap_mm):
