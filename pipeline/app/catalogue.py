@@ -128,7 +128,7 @@ def _from_module(module, path):
     models = [h for n, h in hints.items() if n != "return" and inspect.isclass(h) and issubclass(h, Parameters)]
     if len(models) != 1:
         raise InputError(f"{path}: annotate the argument of `design` with its parameter model "
-                         "(a subclass of cuspline.design.design.Parameters)")
+                         "(a subclass of cuspline.design.Parameters)")
     return DesignSource(name=path.stem, path=path, parameters=models[0], make=make)
 
 
@@ -213,7 +213,7 @@ def make_design(source, assignments):
         raise DesignError(f"design {source.name} could not be built: {type(error).__name__}: {error}") from error
     if not isinstance(made, Design):
         raise DesignError(f"design {source.name}: its function `design` returned {type(made).__name__}, "
-                          "it must return a cuspline.design.design.Design")
+                          "it must return a cuspline.design.Design")
     return made
 
 
