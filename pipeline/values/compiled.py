@@ -6,6 +6,7 @@ of the arguments, processor.  What has not changed is found again after any edit
 processes may compile at the same time.
 """
 
+import gc
 import hashlib
 import os
 import pickle
@@ -25,6 +26,8 @@ from numba.np.ufunc.dufunc import DUFunc
 
 SUFFIX = ".kernel"
 LETTERS = 20            # of a checksum in hexadecimal
+COLLECTED_AFTER = 100_000, 50, 100      # objects; a compiler makes many: looking for dead ones took a seventh of its time
+LIBRARIES = {"numpy", "numba", "math", "cmath", "operator"}        # numba knows them itself
 
 
 def njit(function=None, **options):
@@ -46,7 +49,12 @@ class Kernel(CPUDispatcher):
     def compile(self, sig):
         if not isinstance(self._cache, KernelCache):        # at first use: what it calls may stand below it in the file
             self._cache = KernelCache(self)
-        return super().compile(sig)
+        before = gc.get_threshold()
+        gc.set_threshold(*COLLECTED_AFTER)
+        try:
+            return super().compile(sig)
+        finally:
+            gc.set_threshold(*before)
 
     def get_call_template(self, args, kws):
         return super().get_call_template([types.unliteral(a) for a in args],
@@ -82,10 +90,9 @@ class KernelFiles:
     def load(self, key):
         """What `save` was given, or None."""
         try:
-            data = self._path(key).read_bytes()
-        except OSError:
+            return pickle.loads(self._path(key).read_bytes())
+        except (OSError, EOFError, pickle.UnpicklingError):         # not there, or cut off
             return None
-        return pickle.loads(data)
 
     def save(self, key, data):
         """Write a file and remove those of other sources.  Where there is no room for it the next process compiles anew."""
@@ -153,7 +160,7 @@ def _describe(name, value, names, texts, needs):
     if isinstance(value, (Dispatcher, DUFunc)):
         needs.append(value)
     elif isinstance(value, python_types.ModuleType):
-        if value.__name__.partition(".")[0] == __name__.partition(".")[0]:
+        if value.__name__.partition(".")[0] not in LIBRARIES:
             for inner in sorted(names & vars(value).keys()):
                 _describe(f"{name}.{inner}", vars(value)[inner], names, texts, needs)
     elif isinstance(value, type):

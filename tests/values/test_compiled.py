@@ -1,0 +1,131 @@
+"""Kernels are compiled once, and anew when anything that they are made of has changed."""
+
+import importlib.util
+import sys
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from cuspline.values import compiled
+from cuspline.values.compiled import fingerprint, njit
+
+CALLED = """
+from cuspline.values.compiled import njit
+STEP = 2.0
+
+
+@njit
+def inner(x):
+    return x + STEP
+"""
+CALLING = """
+import numpy as np
+from cuspline.values.compiled import njit
+import {0}
+from {0} import inner
+
+
+@njit
+def outer(x):
+    \"\"\"Says what.\"\"\"
+    return {0}.inner(x) * np.sqrt(4.0)
+
+
+@njit
+def beside(x):
+    return x - 1.0
+"""
+
+
+@pytest.fixture
+def read(tmp_path, monkeypatch):
+    """read(called=..., calling=...): the calling module of two files, as a new process would import it."""
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+    def load(called=CALLED, calling=CALLING):
+        for name, text in (("called_kernels", called), ("calling_kernels", calling.format("called_kernels"))):
+            (tmp_path / f"{name}.py").write_text(text)
+            spec = importlib.util.spec_from_file_location(name, tmp_path / f"{name}.py")
+            module = importlib.util.module_from_spec(spec)
+            monkeypatch.setitem(sys.modules, name, module)
+            spec.loader.exec_module(module)
+        return module
+    return load
+
+
+def was_compiled(kernel, *arguments):
+    """Whether a call compiled (and did not find compiled code on disk)."""
+    kernel(*arguments)
+    return bool(kernel.stats.cache_misses)
+
+
+def test_what_was_compiled_is_found_again(read):
+    assert read().outer(1.0) == 6.0
+    assert [was_compiled(read().outer, x) for x in (1.0, np.float64(2.0), 3)] == [False, False, True]
+
+
+@pytest.mark.parametrize("before,after,result", [("STEP = 2.0", "STEP = 3.0", 8.0), ("x + STEP", "x - STEP", -2.0)])
+def test_a_changed_constant_or_line_of_another_file_compiles_what_hangs_on_it(before, after, result, read):
+    read().outer(1.0), read().beside(1.0)
+    changed = read(called=CALLED.replace(before, after))
+    assert was_compiled(changed.outer, 1.0) and changed.outer(1.0) == result
+    assert not was_compiled(changed.beside, 1.0)
+
+
+@pytest.mark.parametrize("before,after", [("Says what.", "Says more."), ("x - 1.0", "x - 2.0"), ("import np", "\n\n\nimport np"),
+                                          ("@njit\ndef outer", "# a comment\n@njit\ndef outer")])
+def test_an_edit_beside_a_kernel_leaves_it(before, after, read):
+    read().outer(1.0)
+    assert not was_compiled(read(calling=CALLING.replace(before, after)).outer, 1.0)
+
+
+def test_only_the_files_of_the_sources_as_they_are_stay(read, tmp_path):
+    read().outer(1.0), read().beside(1.0)
+    before = set(tmp_path.rglob("*.kernel"))
+    read(calling=CALLING.replace("np.sqrt(4.0)", "np.sqrt(9.0)")).outer(1.0)
+    after = set(tmp_path.rglob("*.kernel"))
+    assert len(before) == len(after) == 3 and len(before & after) == 2
+
+
+def test_a_spoilt_file_of_compiled_code_is_compiled_anew(read, tmp_path):
+    read().outer(1.0)
+    for path in tmp_path.rglob("*.kernel"):
+        path.write_bytes(path.read_bytes()[:100])
+    assert was_compiled(read().outer, 1.0) and not was_compiled(read().outer, 1.0)
+
+
+def test_fields_of_a_named_tuple_that_change_places_are_another_type():
+    @njit
+    def first(pair):
+        return pair.a
+
+    for fields in (("a", "b"), ("b", "a")):
+        pair = NamedTuple("Pair", [(name, float) for name in fields])(1.0, 2.0)
+        assert first(pair) == pair.a
+
+
+def test_a_constant_is_one_argument_like_any_other(monkeypatch):
+    monkeypatch.setattr(compiled.KernelFiles, "load", lambda self, key: None)
+
+    @njit
+    def inner(x, k):
+        return x + k
+
+    @njit
+    def outer(x, k):
+        return inner(x, 1) + inner(x, 2) + inner(x, k)
+    assert outer(0.0, 3) == 6.0 and len(inner.signatures) == 1
+
+
+def test_a_constant_that_cannot_be_told_apart_is_refused():
+    names = {"njit": njit, "odd": object(), "__name__": "odd"}
+    exec("@njit\ndef kernel():\n    return odd", names)
+    with pytest.raises(TypeError, match="constant of type object"):
+        fingerprint(names["kernel"])
+
+
+def test_the_checksum_of_a_kernel_does_not_depend_on_the_process():
+    """Sets of words are in another order in every process."""
+    assert compiled._constant(frozenset({"b", "a", "c"})) == "[\"'a'\", \"'b'\", \"'c'\"]"
