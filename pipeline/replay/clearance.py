@@ -11,7 +11,7 @@ import numpy as np
 from cuspline.replay import clearance_kernels as kernels
 from cuspline.stock.tree import morton_order
 from cuspline.values import fixed_math as fixed
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.errors import SimulationError
 
 SAGITTA_MM = 1e-3         # of outlines whose arcs cannot be taken whole; the segments are grown by as much
@@ -174,7 +174,7 @@ def _sliced(segments):
 
 
 def _rows(values, name):
-    return np.ascontiguousarray(frozen(values, (None, 3), name))
+    return for_kernel(frozen(values, (None, 3), name))
 
 
 def _units(values, name):
@@ -186,7 +186,7 @@ def _units(values, name):
 
 
 def _segments(values):
-    rows = np.ascontiguousarray(frozen(values, (None, 5), "segments"))
+    rows = for_kernel(frozen(values, (None, 5), "segments"))
     if not len(rows) or (rows[:, 2] < rows[:, 0]).any() or (rows[:, [1, 3, 4]] < 0).any() \
             or ((rows[:, 2] == rows[:, 0]) & (rows[:, 1] != rows[:, 3])).any():
         raise SimulationError("a tool's segments are rows (z0, r0, z1, r1, grow) with z1 >= z0 and no radius below 0, "

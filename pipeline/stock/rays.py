@@ -53,7 +53,7 @@ def _nearest(px, py, pz, world, hint, keep, work):
     behind = len(upright[0])
     d, found, at = math.inf, -1, 0.5
     if behind:
-        d, found = nearest_piece(px, py, pz, upright, hint if hint < behind else -1, stack, bounds)
+        d, found = nearest_piece(px, py, pz, upright, hint if hint < behind else -1, stack, bounds, math.inf)
     reach[0] = -1.0
     if len(posed[0]):
         of_upright = d

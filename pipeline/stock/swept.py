@@ -19,7 +19,7 @@ from cuspline.shop.cutters import Tool
 from cuspline.stock import rays, tracing, tree
 from cuspline.stock.path_pieces import pieces_of
 from cuspline.stock.tilted import PosedPath, posed_forest, posed_path
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.errors import SimulationError
 
 CLOSED_UPWARD = ("ball", "bull_nose", "flat")     # types that a SweptPath knows, while they stand upright
@@ -163,7 +163,7 @@ def _rows_of(paths, piece):
 
 
 def _rows3(points, name):
-    return np.ascontiguousarray(frozen(points, (None, 3), name))
+    return for_kernel(frozen(points, (None, 3), name))
 
 
 def signed_distance_mm(paths, points_mm):
@@ -220,7 +220,7 @@ def stock_height_mm(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
 
 def lowest_moves(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
     """Heights (n,) as `stock_height_mm`, and the row of PostedMoves (n,) that left each; -1: uncut."""
-    xy = np.ascontiguousarray(frozen(xy_mm, (None, 2), "xy_mm"))
+    xy = for_kernel(frozen(xy_mm, (None, 2), "xy_mm"))
     paths, forest, world = _world([p.grown(inflate_mm) for p in paths] if inflate_mm else paths)
     flat = np.column_stack([xy, np.zeros(len(xy))])
     ask = lambda order: (tree.heights(xy[order], forest, float(top_mm)) if world is None else

@@ -272,7 +272,7 @@ def one_piece_distance(px, py, pz, piece, forest):
 
 
 @njit(cache=True)
-def nearest_piece(px, py, pz, forest, hint, stack, bounds, best=math.inf):
+def nearest_piece(px, py, pz, forest, hint, stack, bounds, best):
     """Least signed distance of a point to anything swept, and the piece it belongs to (-1: nothing below `best`)."""
     geometry, blocks, trees, tools = forest
     found = -1
@@ -346,7 +346,7 @@ def distances(points, forest):
 def _distances(points, forest, out, piece, first, last):
     (stack, bounds), hint = work(), -1
     for i in range(first, last):
-        d, hint = nearest_piece(points[i, 0], points[i, 1], points[i, 2], forest, hint, stack, bounds)
+        d, hint = nearest_piece(points[i, 0], points[i, 1], points[i, 2], forest, hint, stack, bounds, math.inf)
         out[i], piece[i] = d, hint
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from cuspline.values import fixed_math as fixed
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.threads import in_blocks
 
@@ -88,8 +88,8 @@ class PatchSet:
         Returns:
             (n, 6, 3): S, Su, Sv, Suu, Suv, Svv.
         """
-        u, v = np.ascontiguousarray(u, float), np.ascontiguousarray(v, float)
-        faces = np.ascontiguousarray(np.broadcast_to(face, u.shape), np.int64)
+        u, v = for_kernel(u), for_kernel(v)
+        faces = for_kernel(np.broadcast_to(face, u.shape), np.int64)
         out = np.empty((len(u), 6, 3))
         in_blocks(_derive_rows, len(u), CHUNK, self.arrays, faces, u, v, out, serial_rows=SERIAL_ROWS)
         return out

@@ -13,7 +13,7 @@ from cuspline.surfaces import projection_tree
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection_kernels import CHUNK, NOWHERE, project_rows, refine_rows
 from cuspline.surfaces.trims import TrimSet
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.errors import PlanError
 from cuspline.values.threads import in_blocks
 
@@ -87,9 +87,9 @@ class ClosestTree:
         Returns:
             ClosestPoints.
         """
-        points = np.ascontiguousarray(points_mm, float).reshape(-1, 3)
+        points = for_kernel(points_mm).reshape(-1, 3)
         n = len(points)
-        wanted = np.ascontiguousarray(np.broadcast_to(NOWHERE if face is None else face, (n,)), np.int64)
+        wanted = for_kernel(np.broadcast_to(NOWHERE if face is None else face, (n,)), np.int64)
         distance, foot, owner, uv = np.empty(n), np.empty((n, 3)), np.empty(n, np.int64), np.empty((n, 2))
         normal, is_edge = np.empty((n, 3)), np.empty(n, np.bool_)
         in_blocks(project_rows, n, CHUNK, self.arrays, self.patches.arrays, self.trims.arrays, points, wanted, distance,
@@ -115,9 +115,9 @@ def refined(patches, face, u, v, points_mm):
     Returns:
         u (n,), v (n,), feet (n, 3): a local minimum of the distance near the start, or on the domain's border.
     """
-    points = np.ascontiguousarray(points_mm, float).reshape(-1, 3)
+    points = for_kernel(points_mm).reshape(-1, 3)
     uv = np.column_stack([np.asarray(u, float), np.asarray(v, float)])
     feet = np.empty_like(points)
-    faces = np.ascontiguousarray(np.broadcast_to(face, (len(points),)), np.int64)
+    faces = for_kernel(np.broadcast_to(face, (len(points),)), np.int64)
     in_blocks(refine_rows, len(points), CHUNK, patches.arrays, faces, points, uv, feet)
     return uv[:, 0], uv[:, 1], feet

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from cuspline.kernel import brep
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.errors import DesignError
 from cuspline.values.threads import in_blocks
@@ -73,8 +73,8 @@ class TrimSet:
             face: (n,) face indices, or one for all.
             u, v: (n,) parameters of the face's `nurbs`.
         """
-        u, v = np.ascontiguousarray(u, float), np.ascontiguousarray(v, float)
-        faces = np.ascontiguousarray(np.broadcast_to(face, u.shape), np.int64)
+        u, v = for_kernel(u), for_kernel(v)
+        faces = for_kernel(np.broadcast_to(face, u.shape), np.int64)
         out = np.empty(len(u), np.bool_)
         in_blocks(_inside_rows, len(u), CHUNK, self.arrays, faces, u, v, out, serial_rows=SERIAL_ROWS)
         return out

@@ -23,3 +23,11 @@ def frozen(array, shape, name, dtype=np.float64, is_handed_over=False):
         raise ValueError(f"{name}: expected shape {shape}, got {copy.shape}")
     copy.setflags(write=False)
     return copy
+
+
+def for_kernel(array, dtype=np.float64):
+    """The array as kernels are handed it: contiguous and writable, a copy where it is not.
+
+    Numba compiles a kernel once more for arrays that lie otherwise or are read-only.
+    """
+    return np.require(array, dtype, ("C", "W"))

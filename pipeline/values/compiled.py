@@ -6,27 +6,33 @@ of the arguments, processor.  What has not changed is found again after any edit
 processes may compile at the same time.
 """
 
+import fcntl
 import gc
 import hashlib
 import os
 import pickle
 import sys
+import time
 import types as python_types
 import uuid
+from contextlib import contextmanager, nullcontext
+from functools import cached_property
 from pathlib import Path
 
 import numba
 import numpy as np
 from numba.core import types
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, NullCache
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
-from numba.np.ufunc.dufunc import DUFunc
 
 SUFFIX = ".kernel"
 LETTERS = 20            # of a checksum in hexadecimal
-COLLECTED_AFTER = 100_000, 50, 100      # objects; a compiler makes many: looking for dead ones took a seventh of its time
+OPTIONS = {"nopython": True, "boundscheck": None, "nogil": True, "no_cfunc_wrapper": True}
+COLLECTED_AFTER = 100_000, 50, 100      # objects; Python's own figures cost a compiler a seventh of its time
+PATIENCE_S, LOOK_S = 120.0, 0.02        # waiting for another process that compiles the same; how often to look
 LIBRARIES = {"numpy", "numba", "math", "cmath", "operator"}        # numba knows them itself
 
 
@@ -38,27 +44,92 @@ def njit(function=None, **options):
     """
     if function is None:
         return lambda function: njit(function, **options)
-    given = {"nopython": True, "boundscheck": None, "nogil": True, "no_cfunc_wrapper": True, **options}
-    given.pop("cache", None)
-    return Kernel(py_func=function, targetoptions=given)
+    options.pop("cache", None)
+    return Kernel(py_func=function, targetoptions={**OPTIONS, **options})
+
+
+def elementwise(function):
+    """A function of numbers as a kernel; called from Python it takes arrays too, broadcast, as NumPy's ufuncs do.
+
+    >>> @elementwise
+    ... def double(x):
+    ...     return 2.0 * x
+    >>> double(1), double([[1, 2]])
+    (np.float64(2.0), array([[2., 4.]]))
+    """
+    return Elementwise(py_func=function, targetoptions={**OPTIONS, "error_model": "numpy"})
 
 
 class Kernel(CPUDispatcher):
     """A function compiled for each combination of types that it is called with."""
 
     def compile(self, sig):
-        if not isinstance(self._cache, KernelCache):        # at first use: what it calls may stand below it in the file
-            self._cache = KernelCache(self)
-        before = gc.get_threshold()
-        gc.set_threshold(*COLLECTED_AFTER)
-        try:
-            return super().compile(sig)
-        finally:
-            gc.set_threshold(*before)
+        with global_compiler_lock:
+            if tuple(getattr(sig, "args", sig)) in self.overloads:
+                return super().compile(sig)
+            if type(self._cache) is NullCache:      # at first use: what it calls may stand below it in the file
+                self._cache = KernelCache(self) if Path(self.py_func.__code__.co_filename).exists() else NotKept()
+            with self._cache.turn(sig, self.targetctx), _rare_collections():
+                return super().compile(sig)
 
     def get_call_template(self, args, kws):
-        return super().get_call_template([types.unliteral(a) for a in args],
-                                         {name: types.unliteral(a) for name, a in kws.items()})
+        return super().get_call_template([self._as_handed_over(a) for a in args],
+                                         {name: self._as_handed_over(a) for name, a in kws.items()})
+
+    @staticmethod
+    def _as_handed_over(argument):
+        """The type of an argument in another kernel's call."""
+        return types.unliteral(argument)
+
+
+class Elementwise(Kernel):
+    """See `elementwise`."""
+
+    def __call__(self, *values):
+        if all(isinstance(value, (float, int)) for value in values):
+            return np.float64(super().__call__(*map(float, values)))
+        arrays = [np.array(a) for a in np.broadcast_arrays(*(np.asarray(value, float) for value in values))]
+        out = np.empty(arrays[0].shape)
+        self._over_rows(*(a.reshape(-1) for a in arrays), out.reshape(-1))
+        return out if out.ndim else out[()]
+
+    @cached_property
+    def _over_rows(self):
+        """The kernel that calls this one for each row of flat arrays."""
+        one = self
+        if self.py_func.__code__.co_argcount == 1:
+            def rows(x, out):
+                for k in range(len(out)):
+                    out[k] = one(x[k])
+        else:
+            def rows(x, y, out):
+                for k in range(len(out)):
+                    out[k] = one(x[k], y[k])
+        rows.__qualname__ = f"{self.py_func.__qualname__}.rows"
+        rows.__module__ = self.py_func.__module__
+        return njit(rows)
+
+    @staticmethod
+    def _as_handed_over(argument):
+        return types.float64 if isinstance(argument, types.Number) else argument
+
+
+@contextmanager
+def _rare_collections():
+    """A compiler makes objects by the million, and nearly all of them stay: looking for dead ones finds few."""
+    before = gc.get_threshold()
+    gc.set_threshold(*COLLECTED_AFTER)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
+class NotKept(NullCache):
+    """For a function without a file, as in a doctest."""
+
+    def turn(self, sig, target_context):
+        return nullcontext()
 
 
 class KernelCache(FunctionCache):
@@ -71,6 +142,10 @@ class KernelCache(FunctionCache):
 
     def _index_key(self, sig, codegen):
         return repr((sig, list(_fields(sig)), codegen.magic_tuple()))
+
+    def turn(self, sig, target_context):
+        """A block in which no other process compiles the same."""
+        return self._cache_file.turn(self._index_key(sig, target_context.codegen()))
 
 
 def _fields(sig):
@@ -95,7 +170,7 @@ class KernelFiles:
             return None
 
     def save(self, key, data):
-        """Write a file and remove those of other sources.  Where there is no room for it the next process compiles anew."""
+        """Write a file, remove those of other sources.  Where there is no room for it the next process compiles anew."""
         path = self._path(key)
         beside = path.with_suffix(f".{uuid.uuid4().hex[:LETTERS]}")
         try:
@@ -107,6 +182,29 @@ class KernelFiles:
         except OSError:
             beside.unlink(missing_ok=True)
 
+    @contextmanager
+    def turn(self, key):
+        """A block for which another process that has begun to compile this is waited for.
+
+        Kernels need each other in one direction: two processes never wait for each other.
+        """
+        path = self._path(key)
+        try:
+            lock = None if path.exists() else open(path.with_suffix(".lock"), "w")
+        except OSError:                     # nothing can be kept here
+            lock = None
+        if lock is None:
+            yield
+            return
+        with lock:
+            until = time.monotonic() + PATIENCE_S
+            while not _is_mine(lock) and time.monotonic() < until:
+                time.sleep(LOOK_S)
+            try:
+                yield
+            finally:
+                Path(lock.name).unlink(missing_ok=True)
+
     def flush(self):
         """Remove the files of this kernel."""
         for path in self.folder.glob(f"{self.name}.*{SUFFIX}"):
@@ -114,6 +212,15 @@ class KernelFiles:
 
     def _path(self, key):
         return self.folder / f"{self.name}.{self.sources}.{_checksum(key)}{SUFFIX}"
+
+
+def _is_mine(lock):
+    """Whether an open file is locked by this process now, and by no other."""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 # what compiled code is made of -----------------------------------------------------------------
@@ -133,13 +240,13 @@ def fingerprint(kernel):
 def _own_text(kernel, known={}):
     """What a kernel says itself, and the kernels that it names; kept, as functions do not change."""
     if id(kernel) not in known:
-        function = kernel.py_func if isinstance(kernel, Dispatcher) else kernel._dispatcher.py_func
-        texts, needs = [function.__module__, function.__qualname__, repr(function.__defaults__)], []
-        texts.append(repr(sorted(kernel.targetoptions.items())) if isinstance(kernel, Dispatcher) else "")
-        names = set()
+        function, names, needs = kernel.py_func, set(), []
+        texts = [function.__module__, function.__qualname__, repr(function.__defaults__),
+                 repr(sorted(kernel.targetoptions.items()))]
         _read(function.__code__, function.__doc__, texts, names)
-        for name in sorted(names & function.__globals__.keys()):
-            _describe(name, function.__globals__[name], names, texts, needs)
+        outer = {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, function.__closure__ or ())}
+        for name in sorted(names & function.__globals__.keys() | outer.keys()):
+            _describe(name, outer.get(name, function.__globals__.get(name)), names, texts, needs)
         known[id(kernel)] = kernel, "\n".join(texts), needs
     return known[id(kernel)][1:]
 
@@ -157,7 +264,7 @@ def _read(code, doc, texts, names):
 
 def _describe(name, value, names, texts, needs):
     """A global name of a kernel: another kernel into needs, anything else into texts."""
-    if isinstance(value, (Dispatcher, DUFunc)):
+    if isinstance(value, Dispatcher):
         needs.append(value)
     elif isinstance(value, python_types.ModuleType):
         if value.__name__.partition(".")[0] not in LIBRARIES:

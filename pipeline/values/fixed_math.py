@@ -4,7 +4,7 @@ NumPy, BLAS, LAPACK and the C library choose among kernels at run time, by the p
 results differ in the last digit.  One digit decides a branch, a branch decides a path.  What stands here is made of
 + - * / and square roots in a stated order, which IEEE 754 fixes to the last bit; nothing is fused or reordered.
 
-Functions of numbers are ufuncs (arrays, broadcasting, scalars) and can be called inside compiled kernels; each is within
+Functions of numbers take arrays too, broadcast as by ufuncs, and can be called inside kernels; each is within
 some units in the last place.  NumPy's own +, -, *, /, sqrt, abs, floor, comparisons, sums, cross and einsum (without
 `optimize`) are fixed already and are used as they are.  docs/decisions/same-everywhere.md tells what is not, and why.
 """
@@ -12,9 +12,8 @@ some units in the last place.  NumPy's own +, -, *, /, sqrt, abs, floor, compari
 import math
 
 import numpy as np
-from numba import vectorize
 
-from cuspline.values.compiled import njit
+from cuspline.values.compiled import elementwise, njit
 
 HALF_PI_PARTS = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21     # 33 bits, 33 bits, the rest
 LOG_2_PARTS = 0.6931471804855391, 7.440617110012397e-11                 # 33 bits, the rest
@@ -77,19 +76,19 @@ def _sin_cos(x):
     return s, c
 
 
-@vectorize(["float64(float64)"], cache=True)
+@elementwise
 def sin(x):
     """Sine of an angle in rad."""
     return _sin_cos(x)[0] if abs(x) < math.inf else math.nan
 
 
-@vectorize(["float64(float64)"], cache=True)
+@elementwise
 def cos(x):
     """Cosine of an angle in rad."""
     return _sin_cos(x)[1] if abs(x) < math.inf else math.nan
 
 
-@vectorize(["float64(float64)"], cache=True)
+@elementwise
 def tan(x):
     """Tangent of an angle in rad."""
     if not abs(x) < math.inf:
@@ -127,25 +126,25 @@ def _arctan2(y, x):
     return math.copysign(high + low, y)
 
 
-@vectorize(["float64(float64, float64)"], cache=True)
+@elementwise
 def arctan2(y, x):
     """Angle in rad, -pi to pi, of the direction (x, y)."""
     return _arctan2(y, x)
 
 
-@vectorize(["float64(float64)"], cache=True)
+@elementwise
 def arctan(x):
     """Angle in rad whose tangent is x."""
     return _arctan2(x, 1.0)
 
 
-@vectorize(["float64(float64)"], cache=True)
+@elementwise
 def arcsin(x):
     """Angle in rad, -pi/2 to pi/2, whose sine is x; NaN beyond -1..1."""
     return _arctan2(x, math.sqrt((1.0 - x) * (1.0 + x))) if abs(x) <= 1.0 else math.nan
 
 
-@vectorize(["float64(float64)"], cache=True)
+@elementwise
 def arccos(x):
     """Angle in rad, 0 to pi, whose cosine is x; NaN beyond -1..1."""
     return _arctan2(math.sqrt((1.0 - x) * (1.0 + x)), x) if abs(x) <= 1.0 else math.nan
@@ -188,19 +187,19 @@ def _log(x):
     return e * LOG_2_PARTS[0] + (e * LOG_2_PARTS[1] + (2.0 * t + 2.0 * t * z * s))
 
 
-@vectorize(["float64(float64)"], cache=True)
+@elementwise
 def exp(x):
     """e to the power x."""
     return _exp(x)
 
 
-@vectorize(["float64(float64)"], cache=True)
+@elementwise
 def log(x):
     """Natural logarithm; NaN of negative numbers."""
     return _log(x)
 
 
-@vectorize(["float64(float64, float64)"], cache=True)
+@elementwise
 def power(x, y):
     """x to the power y, x not negative unless y is whole; whole powers up to 64 by products."""
     if y == np.rint(y) and abs(y) <= 64.0:
@@ -218,7 +217,7 @@ def power(x, y):
     return _exp(y * _log(x))
 
 
-@vectorize(["float64(float64)"], cache=True)
+@elementwise
 def cbrt(x):
     """Cube root."""
     if x == 0.0 or not abs(x) < math.inf:
@@ -228,7 +227,7 @@ def cbrt(x):
     return math.copysign(root, x)
 
 
-@vectorize(["float64(float64)"], cache=True)
+@elementwise
 def tanh(x):
     """Hyperbolic tangent."""
     if abs(x) > 20.0:
@@ -240,7 +239,7 @@ def tanh(x):
     return (e - 1.0) / (e + 1.0)
 
 
-@vectorize(["float64(float64, float64)"], cache=True)
+@elementwise
 def hypot(x, y):
     """Length of the vector (x, y)."""
     if x != x or y != y:
@@ -254,7 +253,7 @@ def hypot(x, y):
     return long * math.sqrt(x * x + y * y)
 
 
-@vectorize(["float64(float64, float64)"], cache=True)
+@elementwise
 def bessel_i(order, x):
     """Modified Bessel function of the first kind, whole order >= 0, |x| up to some 50: its power series."""
     half, term = 0.5 * x, 1.0

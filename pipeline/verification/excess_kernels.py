@@ -174,7 +174,7 @@ def _searched(cell, forest, near, search, corner):
         s, t = 0.0, 0.0
     hint = near[2] if near[0] > 0 else -1
     d, piece = nearest_piece(cell[0] + s * cell[3] + t * cell[6], cell[1] + s * cell[4] + t * cell[7],
-                             cell[2] + s * cell[5] + t * cell[8], forest, hint, search[0], search[1])
+                             cell[2] + s * cell[5] + t * cell[8], forest, hint, search[0], search[1], math.inf)
     return d, piece >= 0 and _remembered(piece, near)
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.values import fixed_math as fixed
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
 from cuspline.values.threads import in_blocks
@@ -78,10 +78,10 @@ def cutter_locations(elements, contact_mm, normal, axis=(0.0, 0.0, 1.0), allowan
     Raises:
         ToolpathError: normals that no point of the profile can meet (undercut from this axis); `.rows` lists them.
     """
-    contact, normal = (np.ascontiguousarray(a, float).reshape(-1, 3) for a in (contact_mm, normal))
-    axes = np.ascontiguousarray(np.broadcast_to(np.asarray(axis, float), contact.shape))
+    contact, normal = (for_kernel(a).reshape(-1, 3) for a in (contact_mm, normal))
+    axes = for_kernel(np.broadcast_to(np.asarray(axis, float), contact.shape))
     tips = np.empty_like(contact)
-    in_blocks(_tips, len(contact), CHUNK, np.ascontiguousarray(elements, float), contact, normal, axes,
+    in_blocks(_tips, len(contact), CHUNK, for_kernel(elements), contact, normal, axes,
               float(allowance_mm), tips, serial_rows=SERIAL_ROWS)
     lost = np.flatnonzero(np.isnan(tips[:, 0]))
     if len(lost):

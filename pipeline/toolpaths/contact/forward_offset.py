@@ -8,6 +8,7 @@ import numpy as np
 
 from cuspline.surfaces.patches import find_span
 from cuspline.toolpaths.contact.cutter_location import LEVEL
+from cuspline.values.arrays import for_kernel
 from cuspline.values.compiled import njit
 from cuspline.values.threads import in_blocks
 
@@ -29,7 +30,7 @@ def forward_tips(patches, face, u, v, radius_mm, corner_radius_mm, allowance_mm=
         (m, k, 3) tips.  NaN where the surface has no normal (a pole) or looks down: no 3-axis cutter touches there.
         Gouging elsewhere is not looked at.
     """
-    u, v = np.ascontiguousarray(u, float), np.ascontiguousarray(v, float)
+    u, v = for_kernel(u), for_kernel(v)
     out = np.empty((len(u), len(v), 3))
     in_blocks(_rows, len(u), ROWS, patches.arrays, int(face), u, v, float(radius_mm), float(corner_radius_mm),
               float(allowance_mm), out, serial_rows=SERIAL_POINTS // max(len(v), 1))

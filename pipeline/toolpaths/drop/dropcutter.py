@@ -10,7 +10,7 @@ import numpy as np
 
 from cuspline.toolpaths.contact.contacts import checked_radii_mm
 from cuspline.toolpaths.drop.drop_kernels import STACK, drop_one, first_of, holder_above
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
 from cuspline.values.threads import in_blocks
@@ -109,7 +109,7 @@ def is_held_above(mesh, xy_mm, radius_mm, corner_radius_mm, height_mm):
     """
     xy, R, rc = _checked(xy_mm, radius_mm, corner_radius_mm)
     held = np.empty(len(xy), np.bool_)
-    heights = np.ascontiguousarray(np.broadcast_to(np.asarray(height_mm, float), len(xy)))
+    heights = for_kernel(np.broadcast_to(np.asarray(height_mm, float), len(xy)))
     in_blocks(_held_rows, len(xy), CHUNK_ROWS, mesh.corners_mm, mesh.facets, mesh.nodes, xy, R, rc, heights, held,
               serial_rows=SERIAL_ROWS)
     return held
@@ -117,7 +117,7 @@ def is_held_above(mesh, xy_mm, radius_mm, corner_radius_mm, height_mm):
 
 def _checked(xy_mm, R, rc):
     """Positions and cutter as the kernels want them."""
-    xy = np.ascontiguousarray(xy_mm, dtype=float).reshape(-1, 2)
+    xy = for_kernel(xy_mm).reshape(-1, 2)
     if not np.isfinite(xy).all():
         rows = np.flatnonzero(~np.isfinite(xy).all(axis=1))
         raise ToolpathError(f"drop-cutter: position {rows[0]} is not a number; leave such rows out", rows=rows)

@@ -18,7 +18,7 @@ from cuspline.toolpaths.contact.contacts import checked_radii_mm
 from cuspline.toolpaths.drop.patch_bounds import EDGE, FACE, conversions
 from cuspline.toolpaths.drop.patch_search import STACK, drop_one
 from cuspline.toolpaths.drop.patch_tree import grow_leaves, grow_tree
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
 from cuspline.values.threads import in_blocks
@@ -113,7 +113,7 @@ def drop_contacts(part, xy_mm, radius_mm, corner_radius_mm, *, tolerance_mm=TOLE
     """As `drop_tips_mm`, with the contacts: SurfaceContacts."""
     tips, at = _dropped(part, xy_mm, None, radius_mm, corner_radius_mm, tolerance_mm)
     contact, normal = np.zeros((len(tips), 3)), np.zeros((len(tips), 3))
-    xy = np.ascontiguousarray(xy_mm, float)
+    xy = for_kernel(xy_mm)
     _describe(part.arrays, xy, at, float(radius_mm), float(corner_radius_mm), contact, normal)
     patch = at[:, 0].astype(np.int64)
     found = patch >= 0
@@ -130,15 +130,15 @@ def gouge_depths_mm(part, tips_mm, radius_mm, corner_radius_mm, *, tolerance_mm=
     Returns:
         (n,) mm, 0 where it cuts into nothing (to the tolerance).
     """
-    tips = np.ascontiguousarray(tips_mm, float)
-    own = np.ascontiguousarray(tips[:, 2])
+    tips = for_kernel(tips_mm)
+    own = for_kernel(tips[:, 2])
     return _dropped(part, tips[:, :2], own, radius_mm, corner_radius_mm, tolerance_mm)[0] - own
 
 
 def _dropped(part, xy_mm, start_mm, radius_mm, corner_radius_mm, tolerance_mm):
     """(n,) tips and (n, 3) patch, s, t of the contacts."""
     R, rc = checked_radii_mm(radius_mm, corner_radius_mm)
-    xy = np.ascontiguousarray(xy_mm, float)
+    xy = for_kernel(xy_mm)
     start = np.full(len(xy), -np.inf) if start_mm is None else start_mm
     tips, at = np.empty(len(xy)), np.empty((len(xy), 3))
     in_blocks(_drop_rows, len(xy), CHUNK, part.arrays, xy, start, R, rc, float(tolerance_mm), tips, at,

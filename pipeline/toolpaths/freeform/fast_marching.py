@@ -17,6 +17,7 @@ import math
 
 import numpy as np
 
+from cuspline.values.arrays import for_kernel
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
 
@@ -42,8 +43,7 @@ def metric_distance(metric, is_inside, step_mm, start, farthest=np.inf, walls=No
     Raises:
         ToolpathError: a metric that is no metric, or no seed inside.
     """
-    inside = np.ascontiguousarray(is_inside, dtype=np.bool_)
-    m = np.ascontiguousarray(metric, dtype=float)
+    inside, m = for_kernel(is_inside, np.bool_), for_kernel(metric)
     seeds = np.where(inside, np.asarray(start, float), np.inf)
     xx, xy, yy = m[inside].T
     if not (np.isfinite(m[inside]).all() and (xx > 0).all() and (xx * yy > xy * xy).all()):
@@ -69,16 +69,16 @@ def seed_distance(metric, is_inside, x_mm, y_mm, curves, reach=2.5, walls=None):
         (ny, nx); inf beyond reach.
     """
     start = np.full(np.shape(is_inside), np.inf)
-    m, inside = np.ascontiguousarray(metric, dtype=float), np.ascontiguousarray(is_inside, dtype=np.bool_)
-    x, y, shut = np.ascontiguousarray(x_mm, dtype=float), np.ascontiguousarray(y_mm, dtype=float), _shut(walls, inside)
+    m, inside = for_kernel(metric), for_kernel(is_inside, np.bool_)
+    x, y, shut = for_kernel(x_mm), for_kernel(y_mm), _shut(walls, inside)
     for curve in curves:
-        line = np.ascontiguousarray(curve, dtype=float).reshape(-1, 2)
+        line = for_kernel(curve).reshape(-1, 2)
         _seed_line(m, inside, shut, x, y, line if len(line) > 1 else np.vstack([line, line]), float(reach), start)
     return start
 
 
 def _shut(walls, inside):
-    return np.ascontiguousarray(np.zeros((*inside.shape, 2)) if walls is None else walls, dtype=np.bool_)
+    return for_kernel(np.zeros((*inside.shape, 2)) if walls is None else walls, np.bool_)
 
 
 @njit(cache=True, error_model="numpy")

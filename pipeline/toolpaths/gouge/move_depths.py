@@ -15,6 +15,7 @@ from cuspline.toolpaths.drop.patch_bounds import BORDER, FACE
 from cuspline.toolpaths.drop.patch_search import in_trim
 from cuspline.toolpaths.gouge.depth_bounds import depth_at, node_depth, piece_depth
 from cuspline.toolpaths.gouge.depth_tree import outside_trim
+from cuspline.values.arrays import for_kernel
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
 from cuspline.values.threads import in_blocks
@@ -54,7 +55,7 @@ def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_m
     if not tolerance_mm >= FINEST_MM:
         raise ToolpathError(f"a depth tolerance of {tolerance_mm} mm is finer than the {FINEST_MM} mm that borders of "
                             "faces are known to: ask for more than that")
-    start, end = np.ascontiguousarray(start_mm, float), np.ascontiguousarray(end_mm, float)
+    start, end = for_kernel(start_mm), for_kernel(end_mm)
     depth, share, place = np.full(len(start), -np.inf), np.full(len(start), 0.5), np.full((len(start), 3), np.nan)
     runs = _runs(start, end, RUN_SHARE * R)
     part, rest = tree.arrays[0], tree.arrays[1:]
