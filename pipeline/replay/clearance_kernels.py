@@ -18,6 +18,7 @@ import numpy as np
 
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 
 LEAF = 4                  # triangles in a leaf
 ROUNDING_MM = 1e-9        # taken off every bound
@@ -210,7 +211,7 @@ def least_distance(mesh, place, segments, cap, floor, tolerance, hint, work):
             got, least = _triangle(triangles[hint], place, segments[k], best, floor, least, tolerance, parts, trial)
             if got < best:
                 best, found = got, hint
-                point[:] = trial
+                put(point, trial)
                 if best < floor:
                     return -math.inf, best, found
     close = 0.1 * tolerance
@@ -231,7 +232,7 @@ def least_distance(mesh, place, segments, cap, floor, tolerance, hint, work):
                                            trial)
                     if got < best:
                         best, found = got, t
-                        point[:] = trial
+                        put(point, trial)
                         if best < floor:
                             return -math.inf, best, found
             continue
@@ -306,7 +307,7 @@ def build_nodes(triangles, leaves):
                 node[3 + a] = 0.5 * (high - low)
                 for k in range(3):
                     middle[k] += 0.5 * (low + high) * node[6 + 3 * a + k]
-            node[:3] = middle
+            put(node, middle)
         width //= 2
     return nodes
 
@@ -393,7 +394,7 @@ def _over_move(mesh, segments, tip0, tip1, axis0, axis1, turn, lever, margin, ca
         bound, got, found = least_distance(mesh, place, segments, cap + slack, margin + slack, tolerance, hint, work)
         if found >= 0:
             hint = found
-            spot[:] = work[3]
+            put(spot, work[3])
         if bound - slack >= margin:
             lower = min(lower, bound - slack)
             continue
@@ -402,7 +403,7 @@ def _over_move(mesh, segments, tip0, tip1, axis0, axis1, turn, lever, margin, ca
             _, got, found = least_distance(mesh, place, segments, margin, margin, tolerance, hint, work)
             if got < margin:
                 hint = found
-                spot[:] = work[3]
+                put(spot, work[3])
         if got < margin or slack <= tolerance:
             return got, False, hint
         spans[waiting, 0], spans[waiting, 1] = middle, hi
@@ -446,7 +447,8 @@ def certify(mesh, tips0, tips1, axes0, axes1, segments, lever, margin, cap, tole
         elif left - motion[i] >= margin:
             left -= motion[i]
             if left < lower[i]:
-                lower[i], places[i] = left, spot
+                lower[i] = left
+                put(places[i], spot)
         else:
             j, way = i, 0.0                  # a pose ahead, if the last distance promises that it reaches back to here
             while j + 1 < n and way + motion[j] + gap[j + 1] <= trust:
@@ -457,7 +459,7 @@ def certify(mesh, tips0, tips1, axes0, axes1, segments, lever, margin, cap, tole
             spot[:] = math.nan
             if found >= 0:
                 hint = found
-                spot[:] = work[3]
+                put(spot, work[3])
             if j > i:
                 trust = AHEAD * (left - margin)
                 if left - way < margin:
@@ -465,14 +467,15 @@ def certify(mesh, tips0, tips1, axes0, axes1, segments, lever, margin, cap, tole
                     continue
                 for k in range(i, j):
                     if left - way < lower[k] and is_clear[k]:
-                        lower[k], places[k] = left - way, spot
+                        lower[k] = left - way
+                        put(places[k], spot)
                     way -= motion[k] + gap[k + 1]
                 i = j
                 continue
             trust = AHEAD * (left - margin)
             if got < margin:
                 lower[i], is_clear[i], left = got, False, -math.inf
-                places[i] = spot
+                put(places[i], spot)
             elif left - motion[i] >= margin:
                 continue
             else:
@@ -481,7 +484,8 @@ def certify(mesh, tips0, tips1, axes0, axes1, segments, lever, margin, cap, tole
                     cap, tolerance, hint, place, work, spans, spot)
                 left = -math.inf
                 if bound < lower[i] or not is_clear[i]:
-                    lower[i], places[i] = bound, spot
+                    lower[i] = bound
+                    put(places[i], spot)
         i += 1
         if i < n:
             left -= gap[i]

@@ -11,6 +11,7 @@ import numpy as np
 from cuspline.replay.clearance_kernels import least_distance, workspace
 from cuspline.replay.replay_stock import DEEP_MM, SHARE, beyond
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 
 TOLERANCE_MM = 1e-3       # of an amount, and of the least clearance
 GROUP = 64                # pieces looked at as one, at most
@@ -81,9 +82,9 @@ def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
                 hint = found
                 if got < least:
                     least = got
-                    spot[:] = work[3]
+                    put(spot, work[3])
                 if wanted - got > max(table[0], 0.0):
                     table[0] = wanted - got
-                    table[1:] = work[3]
+                    put(table[1:], work[3])
             proven = min(proven, bound)
     return proven, least, spot

@@ -26,6 +26,7 @@ from cuspline.replay.replay_stock import (
 from cuspline.stock.distance_kernels import corner_distance
 from cuspline.stock.height_kernels import piece_height
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 
 RUBBING_MM = 0.001        # a shank as wide as its flutes may rub so much on the stock that these have just cut
 TILE = 8                  # cells along the side of a tile whose highest bound is kept: where a piece cuts no lower it
@@ -39,7 +40,7 @@ RAPID, SHANK, HOLDER, FIXTURE, LOW = range(5)
 @njit(cache=True)
 def chord(g, out):
     """A piece as a straight line that lies nowhere above it."""
-    out[:] = g
+    put(out, g)
     out[11] = 0.0
     if g[11] != 0.0 and g[10] < 0.0:
         dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
@@ -52,7 +53,7 @@ def chord(g, out):
 @njit(cache=True)
 def lowered(line, by_mm, out):
     """A rapid's straight way lowered by the height it is to keep; where it leads up, it may begin in the cut."""
-    out[:] = line
+    put(out, line)
     rise = line[5] - line[2]
     across = math.sqrt((line[3] - line[0]) ** 2 + (line[4] - line[1]) ** 2)
     if rise > 0.0 and across < by_mm:
@@ -179,7 +180,7 @@ def _against_stock(line, part, wanted, enough, before, stock, highest, past, dou
         proven, doubt = min(proven, lower), doubt or unsure
         if got < best:
             best = got
-            spot[:] = here
+            put(spot, here)
             if best < wanted:
                 enough = min(enough, best - DEPTH_MM)
     return proven, best, doubt and best >= wanted
@@ -253,7 +254,9 @@ def _with_room(events, count):
     """The same events in arrays of more than twice the length."""
     room = 2 * count + 1024
     rows, cells, heights = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room)
-    rows[:count], cells[:count], heights[:count] = events[0], events[1], events[2]
+    put(rows, events[0][:count])
+    put(cells, events[1][:count])
+    put(heights, events[2][:count])
     return rows, cells, heights
 
 
@@ -315,7 +318,7 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
                 least[0] = min(least[0], proven)
                 if got < least[1]:
                     least[1] = got
-                    least[2:] = spot
+                    put(least[2:], spot)
             unsure[row[p]] |= in_doubt
             if got < limit:
                 amount = wanted[kind] - got

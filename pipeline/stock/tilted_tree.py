@@ -30,6 +30,7 @@ from cuspline.stock.tilted_kernels import poses_distance, slope_along, substep_d
 from cuspline.stock.tree import SLACK_MM
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 from cuspline.values.threads import in_blocks
 
 LEAF = 4                  # sub-steps in a leaf
@@ -165,9 +166,9 @@ def _frame(node, axis, moment, before, outline, lowest, highest):
     if ratio < ROUND:                        # u along the cutter's meridian: off along v does not pull along u
         turn = fixed.arctan2(b[0] * axis[0] + b[1] * axis[1] + b[2] * axis[2],
                              a[0] * axis[0] + a[1] * axis[1] + a[2] * axis[2])
-    node[3:6] = fixed.cos(turn) * a + fixed.sin(turn) * b
-    node[6:9] = fixed.cos(turn) * b - fixed.sin(turn) * a
-    node[9:12] = w
+    cosine, sine = fixed.cos(turn), fixed.sin(turn)
+    for k in range(3):
+        node[3 + k], node[6 + k], node[9 + k] = cosine * a[k] + sine * b[k], cosine * b[k] - sine * a[k], w[k]
     for c in range(3):
         along = node[3 + 3 * c:6 + 3 * c]
         node[12 + c] = along[0] * axis[0] + along[1] * axis[1] + along[2] * axis[2]
@@ -209,7 +210,7 @@ def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highes
         first, last = i * span, min((i + 1) * span, len(geometry))
         if first >= last:
             continue
-        node[0:3] = moment[1:4] / moment[0]
+        put(node, moment[1:4] / moment[0])
         axis = moment[4:7] / moment[0]
         length = math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
         axis = axis / length if length > 1e-9 else geometry[first, 6:9] / 1.0

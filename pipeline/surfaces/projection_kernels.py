@@ -13,6 +13,7 @@ from cuspline.surfaces.face_pieces import INSIDE
 from cuspline.surfaces.patches import derive, patch_at
 from cuspline.surfaces.trims import is_inside
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 
 CHUNK = 256             # points that a thread takes at a time, each beginning with the leaf of the one before
 STACK = 128             # open nodes: twice the depth of a tree of 2^60 leaves
@@ -137,7 +138,7 @@ def _take(patches, trims, face, patch, q, s, t, box, inside, out, d, best):
 def _by_parts(patches, trims, face, patch, q, box, inside, out, d, parts, work, best):
     """Halve a piece until its parts are convex in the squared distance or hold nothing nearer."""
     row, top = patches[1][patch], 1
-    parts[0] = box
+    put(parts[0], box)
     center = np.empty(3)
     for _ in range(PARTS):
         if top == 0:
@@ -159,7 +160,8 @@ def _by_parts(patches, trims, face, patch, q, box, inside, out, d, parts, work, 
         best = _take(patches, trims, face, patch, q, ms, mt, part, inside, out, d, best)
         if is_convex or top + 2 > DEPTH:
             continue
-        parts[top], parts[top + 1] = part, part
+        put(parts[top], part)
+        put(parts[top + 1], part)
         if abs(hss[1]) + abs(hss[2]) + hss[3] + abs(hss[0]) > abs(htt[1]) + abs(htt[2]) + htt[3] + abs(htt[0]):
             parts[top, 1], parts[top + 1, 0] = ms, ms
         else:

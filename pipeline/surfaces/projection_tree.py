@@ -18,6 +18,7 @@ from cuspline.surfaces.enclosures import (
 )
 from cuspline.surfaces.face_pieces import ACROSS, OUTSIDE, halves, side_to_cut, trim_states, whole_patches
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 
 TURN = 0.35             # of the normal from the middle of a piece to its side, radians: then it is a leaf
 STRETCH = 1.0           # change of a tangent's length from the middle to the side, as a share: Newton still converges
@@ -86,7 +87,7 @@ def measure(coefficients, rows, patch, box, work, boxes, geometry, bend):
         for c in range(3):
             boxes[k, c], boxes[k, 3 + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
         _frame(S, Ss, St, g)
-        g[15:19] = box[k]
+        put(g[15:19], box[k])
         ls, lt = _middle_length(Ss) + 1e-300, _middle_length(St) + 1e-300
         n = g[3:6]
         turn_s, turn_t = _along(n, Sss) / ls + _along(n, Sst) / lt, _along(n, Sst) / ls + _along(n, Stt) / lt
@@ -185,7 +186,7 @@ def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
         g[13] = np.sqrt(fast) / (slow * slow) if slow > 0.0 else np.inf
         g[14] = np.sqrt(far)
         bend[k] = _likely_length(Sss) / (length + 1e-300)
-        g[15:19] = box[k]
+        put(g[15:19], box[k])
 
 
 # tree --------------------------------------------------------------------------------------------------
@@ -207,13 +208,14 @@ def grown(boxes):
             for c in range(3):
                 low[c], high[c] = min(low[c], boxes[k, c]), max(high[c], boxes[k, 3 + c])
                 mid_low[c], mid_high[c] = min(mid_low[c], middle[k, c]), max(mid_high[c], middle[k, c])
-        nodes[node, :3], nodes[node, 3:] = low, high
+        put(nodes[node, :3], low)
+        put(nodes[node, 3:], high)
         if end - first <= LEAF_ITEMS:
             children[node, 0], children[node, 1] = -1 - first, end
             continue
         axis = np.argmax(mid_high - mid_low)
         run = order[first:end]
-        order[first:end] = run[np.argsort(middle[run, axis], kind="mergesort")]
+        put(run, run[np.argsort(middle[run, axis], kind="mergesort")])
         half = (first + end) // 2
         children[node, 0], children[node, 1] = made, made + 1
         todo.append((made, first, half))

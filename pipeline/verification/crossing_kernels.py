@@ -7,6 +7,7 @@ children 2 k + 1 and 2 k + 2.
 import numpy as np
 
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 
 LEAF = 4                # triangles in a box at the bottom
 THIN = 1e-12            # of a volume over the cube of the longest side: below, it is none
@@ -77,7 +78,7 @@ def crossing_pairs(corners, ids, boxes, tree, limit):
             for j in range(max(start, i + 1), min(start + LEAF, len(corners))):
                 if not _are_apart(boxes[i], boxes[j]) and _crosses(corners[i], corners[j], ids[i], ids[j], place):
                     pairs[found, 0], pairs[found, 1] = i, j
-                    places[found] = place
+                    put(places[found], place)
                     found += 1
                     if found == limit:
                         return pairs, places

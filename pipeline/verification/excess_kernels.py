@@ -20,6 +20,7 @@ from cuspline.surfaces.face_pieces import ACROSS, INSIDE, OUTSIDE, trim_state
 from cuspline.surfaces.offset_pieces import offset_of_piece
 from cuspline.surfaces.trims import is_inside
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 from cuspline.values.threads import in_blocks
 
 ABOVE, FLOOR = 0, 1       # why a cell was given up: its middle is not cut away; it is as small as they get
@@ -35,7 +36,7 @@ STEEP = 0.05              # an arc whose tangent is steeper than 1 in this is ta
 @njit(cache=True)
 def _straightened(g, rc, px, py, pz, out):
     """A piece of path for which a distance is convex: the piece, or a tangent of an arc that bulges upward."""
-    out[:] = g
+    put(out, g)
     if g[11] == 0.0 or g[10] < 0.0:
         return
     k = int(g[6])
@@ -136,7 +137,7 @@ def least_largest(corners, count, enough, mean):
         most = max(corners[k, 0], corners[k, 1], corners[k, 2], corners[k, 3])
         if most < least:
             least = most
-            mean[:] = corners[k]
+            put(mean, corners[k])
     for i in range(count):
         for k in range(i):
             if least <= enough:
@@ -144,14 +145,14 @@ def least_largest(corners, count, enough, mean):
             share, most = _best_share(corners[i], corners[k])
             if most < least:
                 least = most
-                mean[:] = corners[i] + share * (corners[k] - corners[i])
+                put(mean, corners[i] + share * (corners[k] - corners[i]))
     for k in range(count):
         if least <= enough:
             return least
         share, most = _best_share(mean, corners[k])
         if most < least:
             least = most
-            mean[:] += share * (corners[k] - mean)
+            put(mean, mean + share * (corners[k] - mean))
     return least
 
 
@@ -243,7 +244,8 @@ def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm,
     search = work()
     todo, deep = np.empty((DEEPEST + 2, 4)), np.zeros(DEEPEST + 2, np.int64)
     whole, cell = np.zeros(DEEPEST + 2, np.bool_), np.empty(10)
-    todo[0], top, cells, given = root, 1, 0, 0
+    put(todo[0], root)
+    top, cells, given = 1, 0, 0
     while top > 0 and given <= ROOM:
         top -= 1
         box, depth = todo[top].copy(), deep[top]
@@ -269,7 +271,7 @@ def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm,
             continue
         if small or (above > 0.0 and on_face):
             if given < ROOM:
-                out[given, :4] = box
+                put(out[given], box)
                 out[given, 4] = ABOVE if above > 0.0 and on_face else FLOOR
                 out[given, 5], out[given, 6] = state == ACROSS, 4.0 * a * b
             given += 1
@@ -277,7 +279,7 @@ def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm,
         low = 2 if second else 0
         middle = (box[low] + box[low + 1]) / 2
         for half in range(2):
-            todo[top] = box
+            put(todo[top], box)
             todo[top, low + 1 - half] = middle
             deep[top], whole[top] = depth + 1, state == INSIDE
             top += 1

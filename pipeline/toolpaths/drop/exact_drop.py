@@ -21,6 +21,7 @@ from cuspline.toolpaths.drop.patch_tree import grow_leaves, grow_tree
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.rows import put
 from cuspline.values.threads import in_blocks
 
 TOLERANCE_MM = 1e-5         # what asks for less than this more than the best contact is not looked for
@@ -166,7 +167,7 @@ def _drop_rows(tree, xy, start, R, rc, tolerance, tips, at, low, high):
             if last[0] == at[i, 0]:
                 hint[1] = min(max(2.0 * at[i, 1] - last[1], -1.0), 1.0)
                 hint[2] = min(max(2.0 * at[i, 2] - last[2], -1.0), 1.0)
-        last[:] = at[i]
+        put(last, at[i])
 
 
 @njit(cache=True, error_model="numpy")

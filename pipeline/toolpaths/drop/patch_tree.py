@@ -28,6 +28,7 @@ from cuspline.toolpaths.drop.patch_bounds import (
 )
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 
 STEEPEST = 5.0              # slope up to which a node's plane follows the surface
 LEAF_COLUMNS = 24           # middle and half sizes (4), reaches (9), change of the normal, normals (8), top nz, dz
@@ -64,7 +65,7 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, ro
             for k in range(3):
                 hull[i, j, k] = b[i, j, k] / b[i, j, 3]
     row[0], row[1], row[2], row[3] = box[0], box[1], box[2], box[3]
-    row[4:13] = a[1:10]
+    put(row[4:13], a[1:10])
     row[23] = r[0, 1]
     tag[1], tag[2], tag[3] = kind, state, CURVED
     if kind == EDGE:
@@ -140,13 +141,15 @@ def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices):
             if count == rows.shape[0]:
                 rows, tags = _doubled(rows), _doubled(tags)
                 more = np.empty(2 * count + 1, np.int64)
-                more[:count] = firsts[:count]
+                put(more, firsts[:count])
                 firsts = more
             while used + size > points.shape[0]:
                 points = _doubled(points)
             tag[0] = p
-            rows[count], tags[count], firsts[count] = row, tag, used
-            points[used:used + size] = hull.reshape(size, 3)
+            put(rows[count], row)
+            put(tags[count], tag)
+            firsts[count] = used
+            put(points[used:used + size].reshape(-1), hull.reshape(-1))
             used += size
             count += 1
     firsts[count] = used
@@ -156,7 +159,7 @@ def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices):
 @njit(cache=True)
 def _doubled(a):
     out = np.empty((2 * a.shape[0], a.shape[1]), a.dtype)
-    out[:a.shape[0]] = a
+    put(out.reshape(-1), a.reshape(-1))
     return out
 
 
@@ -192,7 +195,8 @@ def grow_tree(points, firsts):
             reach = side.max() - side.min()
             if reach > longest:
                 axis, longest = a, reach
-        order[low:high] = order[low:high][np.argsort(middles[order[low:high], axis], kind="mergesort")]
+        run = order[low:high]
+        put(run, run[np.argsort(middles[run, axis], kind="mergesort")])
         half = (low + high) // 2
         first[k] = used
         stack[top] = np.array([used, low, half])

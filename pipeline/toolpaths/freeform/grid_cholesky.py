@@ -15,6 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 
 SMALLEST = 12       # nodes that are not parted any more
 
@@ -98,7 +99,7 @@ def _column_starts(first, row, parent):
                 mark[i] = k
                 i = parent[i]
     starts = np.zeros(n + 1, np.int64)
-    starts[1:] = np.cumsum(counts)
+    put(starts[1:], np.cumsum(counts))
     return starts
 
 

@@ -24,6 +24,7 @@ from cuspline.toolpaths.drop.patch_bounds import (
 )
 from cuspline.toolpaths.drop.patch_tree import CURVED, grow_tree
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 
 MOST_PIECES = 600_000     # a part that asks for more is cut four times as coarsely
 UP = 1e-9                   # weight of the upward direction where a piece has none of its own
@@ -80,7 +81,7 @@ def _corners(points, first_point):
 @njit(cache=True)
 def _longer(a):
     out = np.empty((2 * a.shape[0],) + a.shape[1:], a.dtype)
-    out[:a.shape[0]] = a
+    put(out.reshape(-1), a.reshape(-1))
     return out
 
 
@@ -140,7 +141,7 @@ def thin_pieces(tree, matrices, thickness, most):
             if count == leaf.shape[0]:
                 leaf, piece, normal = _longer(leaf), _longer(piece), _longer(normal)
                 more = np.empty(2 * count + 1, np.int64)
-                more[:count + 1] = first_point[:count + 1]
+                put(more, first_point[:count + 1])
                 first_point = more
             used = first_point[count]
             while used + size > points.shape[0]:
@@ -148,7 +149,7 @@ def thin_pieces(tree, matrices, thickness, most):
             leaf[count] = k
             piece[count, 0], piece[count, 1], piece[count, 2], piece[count, 3] = si, ti, alpha, beta
             normal[count] = n * max(area, 1e-12)
-            points[used:used + size] = hull.reshape(size, 3)
+            put(points[used:used + size].reshape(-1), hull.reshape(-1))
             count += 1
             first_point[count] = used + size
             if count >= most:

@@ -18,6 +18,7 @@ from cuspline.toolpaths.gouge.depth_tree import outside_trim
 from cuspline.values.arrays import for_kernel
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.rows import put
 from cuspline.values.threads import in_blocks
 
 FINEST_MM = 1e-4        # tolerance
@@ -239,8 +240,8 @@ def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, 
                 boxes[slot, 3], boxes[slot, 4], boxes[slot, 5], boxes[slot, 6] = pieces[p]
                 bound, depth = _look(part, leaf, start, end, boxes[slot], R, rc, lower, heap)
                 if depth > lower:
-                    lower = depth
-                    share[row], place[row] = at[2], point
+                    lower, share[row] = depth, at[2]
+                    put(place[row], point)
                 boxes[slot, 0] = bound
                 if bound > _settled(lower, tolerance):
                     _push(boxes, order, live, slot)
@@ -275,8 +276,8 @@ def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, 
                 else:
                     b[0], depth = _look(part, -1 - child, start, end, b, R, rc, lower, heap)
                     if depth > lower:
-                        lower = depth
-                        share[row], place[row] = at[2], point
+                        lower, share[row] = depth, at[2]
+                        put(place[row], point)
                 if b[0] > _settled(lower, tolerance):
                     _push(boxes, order, live, new)
                     live += 1

@@ -15,6 +15,7 @@ import numpy as np
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.rows import put
 
 JOINTS = 220            # candidate joints along one curve
 BUCKETS = 41            # heading states kept at each joint
@@ -238,13 +239,12 @@ def _traced(points, headings, rows, error, before, tail, out, largest_radius):
         middle = int(tail[3])
         start = headings[rows[a]] + error[a, s]
         arrived = _end_heading(points, rows[a], middle, start, largest_radius)
-        out[n] = np.array([points[middle, 0], points[middle, 1], points[last, 0], points[last, 1], arrived])
+        put(out[n], (points[middle, 0], points[middle, 1], points[last, 0], points[last, 1], arrived))
         n += 1
         last = middle
     while True:
         i = rows[a]
-        out[n] = np.array([points[i, 0], points[i, 1], points[last, 0], points[last, 1],
-                           headings[i] + error[a, s]])
+        put(out[n], (points[i, 0], points[i, 1], points[last, 0], points[last, 1], headings[i] + error[a, s]))
         n += 1
         if a == 0:
             break
