@@ -35,7 +35,7 @@ class FacePredicate(Model):
     at_least: int | None = Field(None, ge=1, description="in place of count: no fewer than that")
     kinds: tuple[Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion",
                          "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
-    normal: tuple[float, float, float] | None = Field(None, description="direction the normal lies close to")
+    normal: tuple[float, float, float] | None = Field(None, description="direction that the normal is close to")
     normal_within_deg: float = Field(1.0, ge=0, le=180)
     center_min_mm: tuple[float, float, float] | None = Field(None,
                                                              description="corner of a box round the face's middle")
@@ -129,21 +129,21 @@ class Setup(Model):
     steep_deg: float = Field(65.0, ge=20, le=90, description="walls steeper than this get waterline passes "
                              "(all strategies but sections); 90: none do")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
-    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: what the rough passes leave; the "
-                                "register is larger than the ball by it")
-    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later; the register of the "
+    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: what the rough passes leave; their "
+                                "tool offset is larger than the ball by it")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later; the tool offset of the "
                               "finish is smaller than the ball by it")
-    cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side cutter on a "
-                                            "right-angle head, its axis along the vane")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or of a side cutter's "
+    cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side-and-face cutter on "
+                                            "an angle head, its axis along the vane")
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or the width of a side-and-face cutter's "
                                   "teeth; None: the largest that fits")
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
 
-    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it lies, along wcs_x: "
+    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it sits, along wcs_x: "
                                                    "between these roughing tools stay; None: they clear all")
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
-    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part lies")
-    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may lie from the rigid part")
+    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part sits")
+    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may be from the rigid part")
     refixturing: Refixturing | None = Field(None, description="what measured markers came to; None: as designed")
 
     @model_validator(mode="after")
@@ -157,7 +157,7 @@ class Setup(Model):
     @model_validator(mode="after")
     def _side_cutters_run_across(self):
         if self.cutter == "side" and self.strategy != "transverse_arcs":
-            raise ValueError(f"setup {self.name!r}: a side cutter runs transverse_arcs, not {self.strategy}")
+            raise ValueError(f"setup {self.name!r}: a side-and-face cutter runs transverse_arcs, not {self.strategy}")
         return self
 
     @property
