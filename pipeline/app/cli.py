@@ -11,6 +11,7 @@ import sys
 import traceback
 from dataclasses import asdict, replace
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -55,6 +56,7 @@ def build(
             help="name of a machine, or its TOML file; else the design's own")] = None,
         post: Annotated[Optional[str], typer.Option(help="another post than the machine's own")] = None,
         cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
+        shop: Annotated[Optional[Path], typer.Option(help="the shop's own values and materials (TOML)")] = None,
         measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their setups (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
@@ -68,7 +70,8 @@ def build(
     source = catalogue.find_design(design)
     if machine is not None:
         catalogue.find_machine(machine)         # a wrong name is told before the part is built
-    made = catalogue.make_design(source, [*_words(params), *param])
+    practice, assignments = catalogue.find_shop(shop, [*_words(params), *param])
+    made = catalogue.make_design(source, assignments)
     if measured is not None:
         from cuspline.design.setup_alignment import read_measured, refixtured_setups
         made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
@@ -78,7 +81,7 @@ def build(
         chosen = chosen.model_copy(update={"control": chosen.control.model_copy(update={"post": post})})
     library = catalogue.find_library(cutters)
     folder = out if out is not None else Path("outputs") / made.name
-    result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
+    result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library, shop=practice,
                                        accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
     _tell(made.name, result.folder, result.findings, result.left_out, stage, result.told, result.figures,
           result.accepted)
@@ -129,6 +132,7 @@ def _verified(folder, measured, accept):
     from cuspline.design.setup_alignment import read_measured
     from cuspline.kernel import brep
     from cuspline.values.checkpoints import kept_until_done
+    from cuspline.verification.file_checks import own_acceptances
     folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
     job, published = read_job(folder), read_published(folder)
     if measured is not None:
@@ -139,12 +143,11 @@ def _verified(folder, measured, accept):
             raise InputError(f"{folder / only} is no program of {job.design}; there are "
                              + ", ".join(name for p in job.posted for name in p.files))
         job = job.model_copy(update={"posted": asked})
-        needed = {job.step, "tools.json", "tools.tbl", *(name for p in asked for name in p.files)}
-        published = {name: digest for name, digest in published.items() if name in needed}
+        published = published.of_programs([name for p in asked for name in p.files], job)
     brep.refuse_unreadable(folder / job.step)
     with kept_until_done(folder) as kept:
         judged = judge(folder, job, _say, kept=kept, published=published)
-    passed = {*job.accepted, *accept}
+    passed = {*own_acceptances(folder, job, published), *accept}
     refused = judged.refused(passed)
     _tell(job.design, folder, refused, "", "verify", "", judged.figures_in_words, judged.passed_over(passed))
     return FINDINGS if refused else 0
@@ -188,6 +191,8 @@ def designs(json: AsJson = False):
 
 
 def _parameter_row(name, field):
+    given = [f for f in field.get("anyOf", []) if f.get("type") != "null"]
+    field = {**(given[0] if given else {}), **field}
     low, high = field.get("minimum", field.get("exclusiveMinimum")), field.get("maximum", field.get("exclusiveMaximum"))
     choices = field.get("enum")
     span = " | ".join(map(str, choices or [])) if low is None and high is None else (
@@ -195,6 +200,31 @@ def _parameter_row(name, field):
     unit = next((u for u in ("mm", "deg", "rad", "mm2") if name.endswith("_" + u)), "")
     return {"name": name, "default": field.get("default"), "unit": unit, "range": span,
             "description": field.get("description", "")}
+
+
+@app.command()
+def strategies(json: AsJson = False):
+    """List the strategies: what operations of a setup can do, with their parameters."""
+    import_module("cuspline.planning.strategies")
+    from cuspline.design.operations import REGISTERED
+    rows = []
+    for kind, strategy in sorted(REGISTERED.items()):
+        fields = strategy.model_json_schema()["properties"]
+        rows.append({"kind": kind, "description": (strategy.__doc__ or "").split("\n")[0],
+                     "class": f"{strategy.__module__}.{strategy.__name__}", "picture": strategy.picture.strip("\n"),
+                     "parameters": [_parameter_row(n, f) for n, f in fields.items()]})
+    _print(rows, json, lambda r: [f"{r['kind']}: {r['description']}  ({r['class']})", "", *r["picture"].split("\n"), ""] + [
+        f"  {p['name']} = {p['default']}  {p['range']}  {p['description']}" for p in r["parameters"]])
+
+
+@app.command()
+def shop(file: Annotated[Optional[Path], typer.Argument(help="a shop's own file (TOML)")] = None, json: AsJson = False):
+    """List what a shop decides: allowances, depths of cut, clearances."""
+    from cuspline.shop.practice import Practice, shop_file
+    values = shop_file(file).practice.model_dump()
+    fields = Practice.model_json_schema()["properties"]
+    rows = [{**_parameter_row(n, f), "value": values[n]} for n, f in fields.items()]
+    _print(rows, json, lambda p: [f"{p['name']} = {p['value']}  {p['range']}  {p['description']}"])
 
 
 @app.command()
@@ -256,8 +286,8 @@ def posts(json: AsJson = False):
 @app.command()
 def materials(json: AsJson = False):
     """List the work materials with their cutting data, and where these come from."""
-    from cuspline.shop.materials import MATERIALS
-    _print([m.model_dump(mode="json") for m in MATERIALS.values()], json, lambda m: [
+    from cuspline.shop.materials import known_materials
+    _print([m.model_dump(mode="json") for m in known_materials().values()], json, lambda m: [
         f"{m['name']}: {m['description']}",
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "

@@ -153,7 +153,7 @@ KINDS = {
             "T3 was measured again: `tools.tbl` now has another length than `tools.json`.",
             "Correct the one that is wrong and build again, so that the programs are judged with the tool that cuts."),
         "changed_file": (
-            "a file is not the one that was published",
+            "a file, or the job in the manifest, is not the one that was published",
             "A feed was edited in `setup-1.ngc` by hand: its SHA-256 is no longer that of `manifest.json`.",
             "Put the file back or build again. If the edit was on purpose: `cuspline verify outputs/part --accept "
             "changed_file` judges the file as it stands."),

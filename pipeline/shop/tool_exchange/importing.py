@@ -10,6 +10,7 @@ from cuspline.shop.tool_exchange.freecad import freecad_tools
 from cuspline.shop.tool_exchange.fusion import fusion_holders, fusion_tools
 from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
+from cuspline.values.input_files import refuse_irregular
 from cuspline.values.models import complaints
 
 OVERALL_MM, SHANK_MM, HOLDER_MM = (20.0, 600.0), (1.5, 130.0), (5.0, 300.0)   # what stands in mill spindles
@@ -77,6 +78,7 @@ def import_tools(path, *, holder=None, holders=(), stick_out_mm=None, is_renumbe
     path = Path(path)
     if path.suffix not in READERS:
         raise InputError(f"{path}: a tool library to import is one of {', '.join(READERS)}")
+    refuse_irregular(path, "tool library")
     if not path.is_file():
         raise InputError(f"tool library {path} does not exist")
     foreign = READERS[path.suffix](path)
