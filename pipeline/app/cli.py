@@ -57,7 +57,7 @@ def build(
         post: Annotated[Optional[str], typer.Option(help="another post than the machine's own")] = None,
         cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
         shop: Annotated[Optional[Path], typer.Option(help="the shop's own values and materials (TOML)")] = None,
-        measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their clampings (CSV)")] = None,
+        measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their setups (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
         accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
@@ -111,7 +111,7 @@ def _words(text):
 def verify(
         folders: Annotated[list[Path], typer.Argument(help="output folders, or programs in them")],
         measured: Annotated[Optional[Path], typer.Option(
-            help="markers (CSV): judge the programs as they stand on a part that lies as measured here")] = None,
+            help="markers (CSV): judge the programs as they stand on a part that sits as measured here")] = None,
         accept: Annotated[list[str], typer.Option(help="kind of finding to pass over this time, repeatable")] = []):
     """Judge posted files on disk again, against the STEP beside them; the exit status is the worst of all."""
     _refuse_unknown_kinds(accept)
@@ -195,7 +195,8 @@ def _parameter_row(name, field):
     field = {**(given[0] if given else {}), **field}
     low, high = field.get("minimum", field.get("exclusiveMinimum")), field.get("maximum", field.get("exclusiveMaximum"))
     choices = field.get("enum")
-    span = f"{low} .. {high}" if low is not None or high is not None else " | ".join(map(str, choices or []))
+    span = " | ".join(map(str, choices or [])) if low is None and high is None else (
+        f"{low} .. {high}" if None not in (low, high) else f"from {low}" if high is None else f"up to {high}")
     unit = next((u for u in ("mm", "deg", "rad", "mm2") if name.endswith("_" + u)), "")
     return {"name": name, "default": field.get("default"), "unit": unit, "range": span,
             "description": field.get("description", "")}

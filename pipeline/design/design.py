@@ -36,7 +36,7 @@ class FacePredicate(Model):
     at_least: int | None = Field(None, ge=1, description="in place of count: no fewer than that")
     kinds: tuple[Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion",
                          "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
-    normal: tuple[float, float, float] | None = Field(None, description="direction the normal lies close to")
+    normal: tuple[float, float, float] | None = Field(None, description="direction that the normal is close to")
     normal_within_deg: float = Field(1.0, ge=0, le=180)
     center_min_mm: tuple[float, float, float] | None = Field(None,
                                                              description="corner of a box round the face's middle")
@@ -124,11 +124,11 @@ class Setup(Model):
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut, and judged after the setup")
     operations: tuple[AnyOperation, ...] = Field((), description="what cuts them, in this order; none: `Auto`, all chosen "
                                                  "by curvature")
-    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it lies, along wcs_x: "
+    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it sits, along wcs_x: "
                                                    "between these roughing tools stay; None: they clear all")
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
-    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part lies")
-    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may lie from the rigid part")
+    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part sits")
+    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may be from the rigid part")
     refixturing: Refixturing | None = Field(None, description="what measured markers came to; None: as designed")
 
     @model_validator(mode="after")

@@ -23,7 +23,7 @@ def program_findings(name, text, setup, machine):
     """
     size, room = len(text.encode()), machine.control.program_store_bytes
     if size > room:
-        yield _finding("program_too_long", f"{name} has {size} bytes, the store of {machine.name} holds {room}: raise "
+        yield _finding("program_too_long", f"{name} has {size} bytes, the program memory of {machine.name} holds {room}: raise "
                        "the scallop height, or feed it through the control's buffer", setup=setup)
     lines = text.split("\n")
     longest = max(range(len(lines)), key=lambda k: len(lines[k]))

@@ -100,7 +100,7 @@ def _vane(work):
     wide = float(max(-work.stock_min_mm[1], work.stock_max_mm[1]))
     if wide > half + BESIDE_MM - BOX_ROUNDING_MM:
         raise PlanError(f"{setup.name}: transverse arcs go down beside the body, {half:.3f} mm from the mid-plane, and "
-                        f"the billet reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
+                        f"the stock reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
     if work.operation.plating_mm > work.finish.gouge_mm:
         raise PlanError(f"{setup.name}: a plating of {work.operation.plating_mm:g} mm leaves the metal that far below the "
                         f"plated surface, and finish.gouge_mm accepts {work.finish.gouge_mm:g} mm: raise it")
