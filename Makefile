@@ -18,7 +18,7 @@ BIN := .venv/bin
 UV := $(BIN)/uv
 
 DESIGNS := $(filter-out _%,$(patsubst designs/%.py,%,$(wildcard designs/*.py)))
-SHARED := $(shell find designs/data designs/_*.py -type f ! -name '*.pyc' 2>/dev/null)
+SHARED := $(shell find $(wildcard designs/*/) designs/_*.py -type f ! -path '*/__pycache__/*' 2>/dev/null)
 STAGES := $(shell find pipeline posts -type f \( -name '*.py' -o -name '*.toml' -o -name '*.json' \
             -o -name '*.js' -o -name '*.html' -o -name '*.css' \))
 KERNELS := $(shell grep -rlE 'njit|numba' pipeline --include='*.py')

@@ -6,9 +6,9 @@ import numba
 import numpy as np
 import workload
 
-from cuspline.toolpaths.depth_tree import DepthTree
-from cuspline.toolpaths.exact_drop import ExactPart, drop_tips_mm
-from cuspline.toolpaths.move_depths import move_depths
+from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm
+from cuspline.toolpaths.gouge.depth_tree import DepthTree
+from cuspline.toolpaths.gouge.move_depths import move_depths
 from cuspline.verification.certificate import THICKNESS_SHARE
 
 TOLERANCES_MM = (0.005, 0.001)

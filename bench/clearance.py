@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numba
 import numpy as np
-
 import workload
-from cuspline.simulation.clearance import ClearanceTree
 from peers import peer_python, run_job
+
+from cuspline.replay.clearance import ClearanceTree
 
 SEGMENTS = np.array([[12.0, 5.0, 45.0, 5.0, 0.0], [45.0, 20.0, 100.0, 20.0, 0.0]])
 MARGIN_MM, CAP_MM = 1.0, 4.0

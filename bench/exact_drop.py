@@ -1,4 +1,4 @@
-"""Exact drop-cutter: points and certified moves per CPU second on the common patch and on a trimmed part."""
+"""Exact drop-cutter: points per CPU second on the common patch and on a trimmed part."""
 
 import time
 
@@ -6,10 +6,7 @@ import numba
 import numpy as np
 import workload
 
-from cuspline.toolpaths.exact_drop import ExactPart, drop_tips_mm, gouge_depths_mm
-from cuspline.toolpaths.path_gouges import path_gouges
-
-MOVE_TOLERANCES_MM = (0.005, 0.001)
+from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm, gouge_depths_mm
 
 
 def raster(low, high, step_mm, along_mm):
@@ -44,23 +41,12 @@ def _of_cutter(what, part, xy, R, rc):
     numba.set_num_threads(1)
     cpu, wall_1 = _timed(lambda: drop_tips_mm(part, xy, R, rc))
     gouge_cpu, _ = _timed(lambda: gouge_depths_mm(part, tips, R, rc))
-    moves = [(tolerance, *_of_moves(part, tips, R, rc, tolerance)) for tolerance in MOVE_TOLERANCES_MM]
     numba.set_num_threads(2)
     _, wall_2 = _timed(lambda: drop_tips_mm(part, xy, R, rc))
     return [(f"{what}: drop", len(xy) / cpu, "points per CPU s"),
             (f"{what}: gouge check of clean points", len(tips) / gouge_cpu, "points per CPU s"),
             (f"{what}: gouge check over drop (goal 0.4)", len(tips) / gouge_cpu / (len(xy) / cpu), "times"),
-            *((f"{what}: moves certified to {t * 1e3:.0f} µm", rate, "moves per CPU s") for t, rate, _ in moves),
-            *((f"{what}: 99 % of bounds at {t * 1e3:.0f} µm below", bound * 1e3, "µm") for t, _, bound in moves),
             (f"{what}: two threads against one", wall_1 / wall_2, "times")]
-
-
-def _of_moves(part, tips, R, rc, tolerance):
-    """Moves per CPU second between neighbouring clean tips of a row, and the bound that 99 % of them keep, mm."""
-    inside = np.abs(np.diff(tips[:, :2], axis=0)).sum(axis=1) < 0.11
-    start, end = tips[:-1][inside], tips[1:][inside]
-    cpu, _ = _timed(lambda: path_gouges(part, start, end, R, rc, tolerance))
-    return len(start) / cpu, np.percentile(path_gouges(part, start, end, R, rc, tolerance)[0], 99)
 
 
 def _timed(job, runs=2):

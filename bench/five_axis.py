@@ -9,10 +9,10 @@ import time
 import numba
 import numpy as np
 
-from cuspline.cutters import Cutter, Holder, HolderSegment, Tool
-from cuspline.posted import PostedMoves
-from cuspline.program import Kind
-from cuspline.simulation.swept import deviation_mm, signed_distance_mm, swept_paths
+from cuspline.program.posted import PostedMoves
+from cuspline.program.program import Kind
+from cuspline.shop.cutters import Cutter, Holder, HolderSegment, Tool
+from cuspline.stock.swept import deviation_mm, signed_distance_mm, swept_paths
 
 GRIDS = ((500, 120), (1000, 240), (2000, 500))      # moves along a pass, passes
 SHAPES = {"ball": (6.0, 6.0), "bull_nose": (6.0, 1.0)}

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import fuzz_inputs
-import fuzz_mangling
+import fuzz_mangling  # noqa: F401
 
 INPUTS, SEED = 100_000, 12
 LONGEST_S = 60.0                # of one input, on a machine that does other work too
@@ -70,7 +70,7 @@ def answered(case, seed, number, folder):
     arguments = case.write(chance, folder)
     said, told = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(told), fuzz_inputs.doors(case) as reached:
-        from cuspline import cli
+        from cuspline.app import cli
         code = cli.run([str(a) for a in arguments])
     messages = [line for line in told.getvalue().splitlines() if line.startswith("cuspline: ")]
     fault = ""

@@ -29,12 +29,14 @@ kinds = ["plane"]
 name = "setup-1"
 faces = ["top"]
 wcs_in_words = "corner of the block, Z0 on its base"
-section_plane = "ZX"
-strategy = "parallel"
-pass_angle_deg = 30.0
-ball_mm = 6.0
 fixtures = [{ name = "jaw", min_mm = [0, -40, -30], max_mm = [30, 0, 4] }]
 markers = [{ name = "a", at_mm = [0, 0, 0] }, { name = "b", at_mm = [30, 0, 0] }, { name = "c", at_mm = [0, 16, 0] }]
+
+[[setups.operations]]
+kind = "auto"
+strategy = "parallel"
+pass_angle_deg = 30.0
+tool = "ball 6"
 '''
 MARKERS = '''# touched with the probe
 setup,marker,x_mm,y_mm,z_mm
@@ -203,13 +205,14 @@ def sound_files():
     """Files, in a folder that goes at the end."""
     import cadquery as cq
 
-    from cuspline import brep, catalogue
+    from cuspline.app import catalogue
+    from cuspline.kernel import brep
     with TemporaryDirectory(prefix="cuspline-fuzz-") as name:
         folder = Path(name)
         brep.write_step(brep.the_solid(cq.Workplane().box(*MAIN_MM, centered=False).val()), folder / "box.step", "box")
         (folder / "box.toml").write_text(JOB)
-        library = json.loads((catalogue.POSTS / "tools.json").read_text())
-        machines = [(catalogue.POSTS / f"{n}.toml").read_text() for n in ("mill_3axis", "mill_fanuc")]
+        library = json.loads((catalogue.POSTS / "tools" / "tools.json").read_text())
+        machines = [(catalogue.POSTS / "machines" / f"{n}.toml").read_text() for n in ("mill_3axis", "mill_fanuc")]
         tools = {"tools": [t for t in library["tools"] if t["number"] <= 3]}
         yield Files(folder=folder, machine=machines[0], fanuc_machine=machines[1], library=library, tools=tools,
                     manifest=_manifest(folder), step=(folder / "box.step").read_bytes())
@@ -217,8 +220,8 @@ def sound_files():
 
 def _manifest(folder):
     """manifest.json of a build of the box, the programs' texts put beside it by the case."""
-    from cuspline import catalogue
-    from cuspline.job import Job, PostedFile
+    from cuspline.app import catalogue
+    from cuspline.design.job import Job, PostedFile
     made = catalogue.make_design(catalogue.find_design(str(folder / "box.toml")), [])
     job = Job(design="box", step="box.step", material=made.material, predicates=made.predicates, stock=made.stock,
               finish=made.finish, machine=catalogue.find_machine("mill_3axis"), smallest_ball_radius_mm=1.0,
@@ -234,11 +237,12 @@ def doors(case):
     """Inside, stages stop where the reading ends; yields a list that is not empty once that has been reached."""
     import typer
 
-    from cuspline import brep, build, judge
+    from cuspline.app import build, judge
     from cuspline.designs import propeller, rfq_vane
-    from cuspline.designs._propeller_design import hub_of
-    from cuspline.errors import InputError
+    from cuspline.designs.propellers.design import hub_of
+    from cuspline.kernel import brep
     from cuspline.planning.preflight import refuse_impossible_setups
+    from cuspline.values.errors import InputError
     reached = []
 
     def stop(*_, **__):
@@ -276,7 +280,7 @@ def doors(case):
 
 def _refuse_missing(path):
     """STEP files have a case of their own; here only a missing one is told."""
-    from cuspline.errors import InputError
+    from cuspline.values.errors import InputError
     if not _is_file(path):
         raise InputError(f"STEP file {path} does not exist")
 
@@ -372,7 +376,7 @@ def cases(files):
         if machine_text is not None:
             import tomllib
 
-            from cuspline.machines import Machine
+            from cuspline.shop.machines import Machine
             manifest["job"]["machine"] = Machine.model_validate(tomllib.loads(machine_text)).model_dump(mode="json")
         put(folder, "manifest.json", json.dumps(manifest))
         put(folder, "tools.json", json.dumps(files.tools))
@@ -422,7 +426,7 @@ def cases(files):
 @lru_cache(1)
 def _models():
     """{design: names of its parameters}; solids that take long are left to the tests of their designs."""
-    from cuspline import catalogue
+    from cuspline.app import catalogue
     return {name: tuple(catalogue.find_design(name).parameters.model_fields) for name in ("rfq_vane", "propeller")}
 
 

@@ -16,12 +16,13 @@ import simulation
 import workload
 from peers import peak_mb
 
-from cuspline import brep, catalogue
+from cuspline.app import catalogue
 from cuspline.design import Finish, Setup, StockBox
-from cuspline.posts.linuxcnc import post
-from cuspline.posts.rs274_reader import read_program
-from cuspline.program import Kind, Moves, Operation, Plane, Program
-from cuspline.toolpaths.exact_drop import ExactPart, drop_tips_mm
+from cuspline.kernel import brep
+from cuspline.posts.readers.rs274_reader import read_program
+from cuspline.posts.writers.linuxcnc import post
+from cuspline.program.program import Kind, Moves, Operation, Plane, Program
+from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm
 from cuspline.verification.samples import face_area_mm2
 from cuspline.verification.verdict import Options, SetupProgram, verify_setups
 

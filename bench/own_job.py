@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numba
 import numpy as np
-
-from cuspline.toolpaths.dropcutter import DropMesh, drop_tips_mm
-from cuspline.toolpaths.waterline import mesh_waterlines
 from peers import peak_mb
+
+from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
+from cuspline.toolpaths.freeform.waterline import mesh_waterlines
 
 
 def timed(run):

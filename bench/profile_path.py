@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline import brep
-from cuspline.job import read_job, read_tools
-from cuspline.posts.rs274_reader import read_program
-from cuspline.program import Kind, Plane
+from cuspline.design.job import read_job, read_tools
+from cuspline.kernel import brep
+from cuspline.posts.readers.rs274_reader import read_program
+from cuspline.program.program import Kind, Plane
 
 CHORD_MM = 0.0025
 FINISHING = ("finish", "rest finish")

@@ -43,11 +43,11 @@ def made(*, kind, diameter_mm, number, radii, blades=3, area_ratio=0.5, pitch_ra
     """PropellerSolid of one set and one law; hand, edge, taper and rake change with its number."""
     import numpy as np
 
-    from cuspline.designs import _propeller_tables as tables
-    from cuspline.designs._propeller_design import blade_over
-    from cuspline.designs._propeller_root import radius_round_root, straight_hub
-    from cuspline.designs._propeller_sections import TrailingEdge
-    from cuspline.designs._propeller_solid import propeller_solid
+    from cuspline.designs.propellers import tables
+    from cuspline.designs.propellers.design import blade_over
+    from cuspline.designs.propellers.root import radius_round_root, straight_hub
+    from cuspline.designs.propellers.sections import TrailingEdge
+    from cuspline.designs.propellers.solid import propeller_solid
 
     edge, hand = TrailingEdge(kind=EDGES[number % 3]), number % 2 == 0
     rake, taper = (0.0, 10.0, -5.0)[number // 2 % 3], np.radians((0.0, 3.0, -3.0)[number // 3 % 3])
@@ -69,9 +69,9 @@ def judged(solid):
     """{gate: measured} of a PropellerSolid, as built and as read back from STEP, and the gates that it breaks."""
     from OCP.TopAbs import TopAbs_SHELL
 
-    from cuspline import brep
-    from cuspline.designs._propeller_checks import blade_figures, definition_deviation_mm, fillet_figures
-    from cuspline.designs._propeller_mesh import extrapolated_volume_mm3
+    from cuspline.designs.propellers.checks import blade_figures, definition_deviation_mm, fillet_figures
+    from cuspline.designs.propellers.mesh import extrapolated_volume_mm3
+    from cuspline.kernel import brep
     from cuspline.surfaces.trims import TrimSet
     volume, read = brep.volume_mm3(solid.solid), _read_back(solid.solid)
     faces = brep.faces_of(read)
@@ -95,7 +95,7 @@ def judged(solid):
 
 def _read_back(solid):
     """The solid as it comes back from a STEP file."""
-    from cuspline import brep
+    from cuspline.kernel import brep
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "propeller.step"
         brep.write_step(solid, path, "propeller")
@@ -104,7 +104,7 @@ def _read_back(solid):
 
 def tried(case):
     """One row of the grid: (family, law, outcome, what, measured, seconds)."""
-    from cuspline.errors import DesignError
+    from cuspline.values.errors import DesignError
     (family, given), law = case
     start = time.process_time()
     try:

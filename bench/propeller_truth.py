@@ -28,9 +28,9 @@ def drawn(number):
     """(kind, table, hub, law) of a number: the first PROPELLERS by parameters, the others by tables of columns."""
     import numpy as np
 
-    from cuspline.designs import _propeller_tables as tables
-    from cuspline.designs._propeller_root import radius_round_root, straight_hub
-    from cuspline.designs._propeller_sections import TrailingEdge, naca66_a08
+    from cuspline.designs.propellers import tables
+    from cuspline.designs.propellers.root import radius_round_root, straight_hub
+    from cuspline.designs.propellers.sections import TrailingEdge, naca66_a08
     draw = np.random.default_rng([SEED, number])
     blades, size = int(draw.integers(3, 8)), float(np.exp(draw.uniform(np.log(80), np.log(1200))))
     hand, edge = bool(draw.integers(2)), TrailingEdge(kind=EDGES[draw.integers(3)])
@@ -67,7 +67,7 @@ def untrue(made):
     """What speaks against a PropellerSolid's surfaces, in words; "": nothing."""
     import numpy as np
 
-    from cuspline.designs._propeller_mesh import _meshed
+    from cuspline.designs.propellers.mesh import _meshed
     from cuspline.verification import crossing_kernels as kernels
     from cuspline.verification.self_crossing import WAYS, _in_order
     surface = made.fillet.surface
@@ -115,9 +115,9 @@ def _fine(knots, count):
 
 def surfaces_of(table, hub, law):
     """PropellerSolid without its solid: the surfaces alone."""
-    from cuspline.designs._propeller_design import blade_over
-    from cuspline.designs._propeller_root import half_way_line
-    from cuspline.designs._propeller_solid import HubCuts, PropellerSolid, _rolled_fillet
+    from cuspline.designs.propellers.design import blade_over
+    from cuspline.designs.propellers.root import half_way_line
+    from cuspline.designs.propellers.solid import HubCuts, PropellerSolid, _rolled_fillet
     blade = blade_over(table, hub)
     fillet, between = _rolled_fillet(blade, hub, law)
     line, _ = half_way_line(hub, fillet.rolling, table.blades)
@@ -127,10 +127,10 @@ def surfaces_of(table, hub, law):
 
 def untrue_as_read_back(made, law):
     """What the general check and the fillet's figures say of the solid as read back from STEP; "": nothing."""
-    from cuspline import brep
-    from cuspline.bundle import shape_of
-    from cuspline.designs._propeller_checks import fillet_figures
-    from cuspline.designs._propeller_solid import propeller_solid
+    from cuspline.app.report_inputs import shape_of
+    from cuspline.designs.propellers.checks import fillet_figures
+    from cuspline.designs.propellers.solid import propeller_solid
+    from cuspline.kernel import brep
     from cuspline.verification.self_crossing import self_crossings
     solid = propeller_solid(made.blade, made.hub, law).solid
     with tempfile.TemporaryDirectory() as folder:
@@ -151,7 +151,7 @@ def judged(made, law, is_full):
 
 def tried(number):
     """{number, kind, outcome, what, full, seconds}."""
-    from cuspline.errors import CamError
+    from cuspline.values.errors import CamError
     start, (kind, table, hub, law), full = time.process_time(), drawn(number), False
     try:
         made = surfaces_of(table, hub, law)
@@ -165,7 +165,7 @@ def tried(number):
 
 def _refusal(message, table, hub, law):
     """(outcome, words) of a refusal: the radius it names must be accepted and true."""
-    from cuspline.errors import CamError
+    from cuspline.values.errors import CamError
     asked, fits = (re.search(p, message) for p in (r"radius ([\d.]+) mm", r"fits there is ([\d.]+) mm"))
     if fits is None:
         return ("refused: no radius fits" if "no radius fits" in message else "refused: table or blade"), message

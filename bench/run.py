@@ -14,9 +14,8 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 import drop_speed
+import numpy as np
 import workload
 from peers import HERE, peer_python
 

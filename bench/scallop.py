@@ -15,22 +15,21 @@ from pathlib import Path
 
 import numpy as np
 from numba import njit, prange
-
-from cuspline import brep
-from cuspline.cutters import Cutter, Holder, HolderSegment, Tool
-from cuspline.planning.stepover import stepover_for_scallop_mm
-from cuspline.posted import PostedMoves
-from cuspline.program import Kind
-from cuspline.simulation.swept import deviation_mm, swept_paths
-from cuspline.toolpaths.exact_dropper import ExactDropper
-from cuspline.toolpaths.level_passes import constant_scallop_curves
-from cuspline.toolpaths.plane_curves import PlaneCurve
-from cuspline.toolpaths.scallop_ground import ground_of
-from cuspline.toolpaths.tip_field import tip_field
-from cuspline.toolpaths.tip_paths import PathRules, tip_paths
-
 from peers import peer_python, run_job
 from workload import SIZE_MM, patch, patch_mesh, patch_solid
+
+from cuspline.kernel import brep
+from cuspline.program.posted import PostedMoves
+from cuspline.program.program import Kind
+from cuspline.scallop.stepover import stepover_for_scallop_mm
+from cuspline.shop.cutters import Cutter, Holder, HolderSegment, Tool
+from cuspline.stock.swept import deviation_mm, swept_paths
+from cuspline.toolpaths.drop.exact_dropper import ExactDropper
+from cuspline.toolpaths.freeform.iso_scallop_passes import constant_scallop_curves
+from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
+from cuspline.toolpaths.freeform.scallop_region import ground_of
+from cuspline.toolpaths.freeform.tip_field import tip_field
+from cuspline.toolpaths.freeform.tip_paths import PathRules, tip_paths
 
 CELLS_UV = 820, 490         # 0.12 mm apart, one place anywhere in each: rows of them would miss the ridges along them
 RIDGE_SHARE = 0.8           # cells with at least that much of the highest near them get more places

@@ -21,11 +21,11 @@ import numpy as np
 import workload
 from peers import HERE, peer_python, run_job
 
-from cuspline.cutters import Cutter, Holder, HolderSegment, Tool
-from cuspline.posted import PostedMoves
-from cuspline.program import Kind, Plane
-from cuspline.simulation.swept import deviations_and_moves, signed_distance_mm, stock_height_mm, swept_paths
-from cuspline.toolpaths.exact_drop import ExactPart, drop_tips_mm
+from cuspline.program.posted import PostedMoves
+from cuspline.program.program import Kind, Plane
+from cuspline.shop.cutters import Cutter, Holder, HolderSegment, Tool
+from cuspline.stock.swept import deviations_and_moves, signed_distance_mm, stock_height_mm, swept_paths
+from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm
 
 LOW, HIGH = np.zeros(2), np.array(workload.SIZE_MM)           # passes; samples keep REACH_MM from their border
 REACH_MM = 8.0

@@ -10,12 +10,12 @@ from OCP.gp import gp_Pnt
 from OCP.TColgp import TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 
-from cuspline.brep import Face
+from cuspline.kernel.brep import Face
 from cuspline.surfaces.curvature import tightest_hollow
 from cuspline.surfaces.patches import _derive_rows
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.surfaces.projection_kernels import project_block, refine_rows
-from cuspline.toolpaths.forward_offset import _rows
+from cuspline.toolpaths.contact.forward_offset import _rows
 
 POINTS, KERNEL_POINTS, REPEATS = 40_000, 400, 3
 NEAR_MM, START = 0.3, 0.003         # points this far off the sheet; starts this far off in its parameters

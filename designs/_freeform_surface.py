@@ -17,7 +17,7 @@ from OCP.Geom import Geom_BezierSurface
 from OCP.gp import gp_Pnt
 from OCP.TColgp import TColgp_Array2OfPnt
 
-from cuspline import fixed_math as fixed
+from cuspline.values import fixed_math as fixed
 
 POINTS = Path(__file__).parent / "data" / "freeform_lopes_points.csv"
 EDGE_TOLERANCE_MM = 1e-7

@@ -6,8 +6,8 @@ Table and sources: data/propeller_dtmb4119.csv.  Shaft along X, downstream; blad
 from pydantic import Field
 
 from cuspline.design import Design
-from cuspline.designs._propeller_design import PropellerParameters, propeller_design
-from cuspline.designs._propeller_tables import DTMB_4119_MM, dtmb_4119
+from cuspline.designs.propellers.design import PropellerParameters, propeller_design
+from cuspline.designs.propellers.tables import DTMB_4119_MM, dtmb_4119
 
 HUB_RATIO = 0.2             # hub over propeller diameter, where the published table begins
 

@@ -8,8 +8,8 @@ Shaft along X, downstream; generator line of blade 1 along Z.
 from pydantic import Field, model_validator
 
 from cuspline.design import Design
-from cuspline.designs._propeller_design import PropellerParameters, propeller_design
-from cuspline.designs._propeller_tables import from_files, own_propeller
+from cuspline.designs.propellers.design import PropellerParameters, propeller_design
+from cuspline.designs.propellers.tables import from_files, own_propeller
 
 
 class Propeller(PropellerParameters):

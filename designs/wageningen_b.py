@@ -6,8 +6,8 @@ Tables and sources: data/propeller_bseries_*.csv.  Shaft along X, downstream; ge
 from pydantic import Field
 
 from cuspline.design import Design
-from cuspline.designs._propeller_design import PropellerParameters, propeller_design
-from cuspline.designs._propeller_tables import B_SERIES_HUB, OTHER_HUB, b_series
+from cuspline.designs.propellers.design import PropellerParameters, propeller_design
+from cuspline.designs.propellers.tables import B_SERIES_HUB, OTHER_HUB, b_series
 
 
 class WageningenB(PropellerParameters):

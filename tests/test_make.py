@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from cuspline import brep, build, catalogue, cli
+from cuspline.app import build, catalogue, cli
 from cuspline.design import Design
-from cuspline.verification.findings import KINDS
+from cuspline.kernel import brep
 
 ROOT = Path(__file__).parents[1]
 MAKEFILE = (ROOT / "Makefile").read_text()
@@ -39,14 +39,6 @@ def make(folder, *arguments):
     """Run make without what an outer make has put into the environment."""
     environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS")}
     return subprocess.run(["make", "-C", str(folder), *arguments], capture_output=True, text=True, env=environment)
-
-
-# README ----------------------------------------------------------------------------------------
-
-
-def test_the_readme_lists_every_kind_of_finding_with_its_meaning():
-    part = README.split("kinds:begin")[1].split("kinds:end")[0]
-    assert dict(re.findall(r"\| `(\w+)` \| (.+) \|", part)) == KINDS
 
 
 # lock ------------------------------------------------------------------------------------------
@@ -95,14 +87,14 @@ def test_readme_starts_with_make_and_make_test():
 def test_every_command_of_the_readme_exists():
     commands = {c.name or c.callback.__name__ for c in cli.app.registered_commands}
     targets = set(re.search(r"^\.PHONY: (.*)$", MAKEFILE, re.M)[1].split()) | set(catalogue.design_names())
-    told = set(re.findall(r"(?:`|bin/)cuspline ([a-z]+)", README))
-    assert {"build", "verify", "designs", "doctor", "warm"} <= told <= commands
+    named = set(re.findall(r"(?:`|bin/)cuspline ([a-z]+)", README))
+    assert {"build", "verify", "designs", "doctor", "warm"} <= named <= commands
     made = set(re.findall(r"(?:`|^    )make ([a-z_0-9]+)", README, re.M))
     assert {"test", "help", "step"} <= made <= targets
 
 
 def test_every_option_of_the_readme_exists():
-    source = (ROOT / "pipeline/cli.py").read_text()
+    source = (ROOT / "pipeline/app/cli.py").read_text()
     for option in re.findall(r"`[^`]*?--([a-z]+)", README):
         assert re.search(rf'\b{option}: Annotated|"--{option}"', source), option
 
@@ -200,7 +192,7 @@ def test_the_verdict_table_says_when_there_is_nothing(tmp_path):
 # a release, out of what builds really leave ------------------------------------------------------
 
 PLUG = """import cadquery as cq
-from cuspline import brep
+from cuspline.kernel import brep
 from cuspline.design import *
 
 
@@ -291,8 +283,8 @@ echo "$line" > "$out/manifest.json"
 def shop(tmp_path):
     """The real Makefile beside two designs, in an environment whose cuspline only writes manifests."""
     files = {"Makefile": MAKEFILE, "requirements.lock": "", "pyproject.toml": "", "designs/__init__.py": "",
-             "designs/plate.py": "", "designs/vane.py": "", "designs/data/cells.csv": "", "posts/mill.toml": "",
-             "pipeline/build.py": "", "pipeline/report/style.css": "", ".venv/bin/cuspline": STUB, ".venv/bin/python": STUB}
+             "designs/plate.py": "", "designs/vane.py": "", "designs/data/cells.csv": "", "posts/machines/mill.toml": "",
+             "pipeline/app/build.py": "", "pipeline/report/style.css": "", ".venv/bin/cuspline": STUB, ".venv/bin/python": STUB}
     for name, text in files.items():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -324,8 +316,8 @@ def test_a_second_make_does_nothing(shop):
 
 @needs_make
 @pytest.mark.parametrize("source, stale", [
-    ("designs/vane.py", ["vane"]), ("designs/data/cells.csv", ["plate", "vane"]), ("posts/mill.toml", ["plate", "vane"]),
-    ("pipeline/report/style.css", ["plate", "vane"]), ("pipeline/build.py", ["plate", "vane"])])
+    ("designs/vane.py", ["vane"]), ("designs/data/cells.csv", ["plate", "vane"]), ("posts/machines/mill.toml", ["plate", "vane"]),
+    ("pipeline/report/style.css", ["plate", "vane"]), ("pipeline/app/build.py", ["plate", "vane"])])
 def test_a_changed_source_builds_what_depends_on_it(shop, source, stale):
     built(shop)
     (shop / source).touch()

@@ -25,8 +25,8 @@ IN_LIBM = {"sin", "cos", "tan", "exp", "exp2", "log", "log2", "log10", "log1p", 
 ASKING_LAPACK = {"splu", "spsolve", "make_interp_spline", "make_lsq_spline", "CubicSpline", "gaussian_filter", "iv", "ivp",
                  "leggauss", "curve_fit", "least_squares"}
 ALLOWED = {
-    "pipeline/toolpaths/even_steps.py": {"@"},      # SciPy's sparse products: plain loops
-    "pipeline/simulation/tree.py": {"**"},          # whole numbers
+    "pipeline/toolpaths/freeform/scallop_field.py": {"@"},      # SciPy's sparse products: plain loops
+    "pipeline/stock/tree.py": {"**"},          # whole numbers
 }
 
 
@@ -77,10 +77,10 @@ def test_code_asks_nothing_that_depends_on_the_processor():
     wrong = []
     for path in sorted(p for folder in ("pipeline", "posts", "designs") for p in (ROOT / folder).rglob("*.py")):
         name = str(path.relative_to(ROOT))
-        if name != "pipeline/fixed_math.py":
+        if name != "pipeline/values/fixed_math.py":
             wrong += [f"{name}:{line}: {what}" for line, what in asked(ast.parse(path.read_text()))
                       if what not in ALLOWED.get(name, ())]
-    assert not wrong, "use cuspline.fixed_math: " + "; ".join(wrong)
+    assert not wrong, "use cuspline.values.fixed_math: " + "; ".join(wrong)
 
 
 def test_the_reading_finds_what_it_is_for():
@@ -111,7 +111,7 @@ SETTINGS = {
 EVERYTHING = {**SETTINGS["a BLAS of 2004"], **SETTINGS["NumPy without AVX2"], **ONE_THREAD}
 ALL_IN_ONE = """
 import json, sys
-from cuspline.cli import app
+from cuspline.app.cli import app
 for order in json.loads(sys.argv[1]):
     try:
         app(order, standalone_mode=True)

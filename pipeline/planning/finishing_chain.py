@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.arrays import frozen
-from cuspline.cutters import Tool
-from cuspline.errors import CutterDoesNotFit
 from cuspline.planning.cutter_choice import FIT_SHARE, Candidate, ball_reach, missing_stick_outs_mm
-from cuspline.planning.stepover import stepover_for_scallop_mm
+from cuspline.scallop.stepover import stepover_for_scallop_mm
+from cuspline.shop.cutters import Tool
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import CutterDoesNotFit
 
 WORTH_SHARE = 1e-3      # of the area wanted: what a further ball must clean to be taken at all
 

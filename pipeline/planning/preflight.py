@@ -5,8 +5,8 @@ Only what is certain is refused; whether every move stays within the travels is 
 
 import numpy as np
 
-from cuspline import brep
-from cuspline.errors import PlanError
+from cuspline.kernel import brep
+from cuspline.values.errors import PlanError
 
 HELD_MM = 1e-3              # the part may stand out of its stock by the kernel's own tolerance
 

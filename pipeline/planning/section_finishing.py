@@ -2,42 +2,41 @@
 
 import numpy as np
 
-from cuspline.errors import PlanError
-from cuspline.planning.shop import (
-    APPROACH_MM, CLEARANCE_MM, PLUNGE_SHARE, finite, path_tolerance_mm, ridge_for_step_mm)
-from cuspline.planning.stepover import stepover_for_scallop_mm
-from cuspline.toolpaths.pass_links import LinkRules, moves_of_passes
-from cuspline.toolpaths.profile_passes import ProfilePlanner, planes_across, smallest_step
-from cuspline.toolpaths.rest_passes import rest_passes
+from cuspline.planning.context import finite, path_tolerance_mm, ridge_for_step_mm
+from cuspline.scallop.stepover import stepover_for_scallop_mm
+from cuspline.toolpaths.sections.pass_links import LinkRules, moves_of_passes
+from cuspline.toolpaths.sections.profile_passes import ProfilePlanner, planes_across, smallest_step
+from cuspline.toolpaths.sections.rest_passes import rest_passes
+from cuspline.values.errors import PlanError
 
 ROWS_BESIDE = 2.0           # largest gaps between samples, that are looked at beside every step
 
 
-def finish(shop, name, tool, allowance_mm, scallop_mm, candidates, reach):
+def finish(work, name, tool, allowance_mm, scallop_mm, candidates, reach):
     """Section passes over all faces wanted with one ball."""
-    tolerance = path_tolerance_mm(shop.design.finish)
-    planner = ProfilePlanner(shop.solid, shop.plane, tool.cutter.radius_mm, allowance_mm, tolerance,
-                             shop.machine.control.arc_max_radius_mm)
-    ridge_mm = ridge_for_step_mm(name, scallop_mm, shop.design.finish)
-    step = _plane_step(shop, tool.cutter.radius_mm, ridge_mm)
-    low, high = planner.extent(*shop.box)
-    wanted = set(shop.wanted)
-    across = planes_across(*_across_range(shop, tool, reach), step)
+    tolerance = path_tolerance_mm(work.finish)
+    planner = ProfilePlanner(work.solid, work.plane, tool.cutter.radius_mm, allowance_mm, tolerance,
+                             work.machine.control.arc_max_radius_mm)
+    ridge_mm = ridge_for_step_mm(name, scallop_mm, work.finish)
+    step = _plane_step(work, tool.cutter.radius_mm, ridge_mm)
+    low, high = planner.extent(*work.box)
+    wanted = set(work.wanted)
+    across = planes_across(*_across_range(work, tool, reach), step)
     planes = [planner.section_passes(c, low, high, wanted) for c in across]
-    passes = _in_cutting_order([plane for plane in planes if plane], shop.setup.passes == "one-way")
+    passes = _in_cutting_order([plane for plane in planes if plane], work.operation.passes == "one-way")
     if not passes:
-        raise PlanError(f"{name}: no section plane meets the faces {shop.setup.faces}")
-    rpm, feed = shop.speeds(tool, is_rough=False)
-    moves = moves_of_passes(passes, shop.plane, _link_rules(shop, tool, allowance_mm, feed))
+        raise PlanError(f"{name}: no section plane meets the faces {work.face_names}")
+    rpm, feed = work.speeds(tool, is_rough=False)
+    moves = moves_of_passes(passes, work.plane, _link_rules(work, tool, allowance_mm, feed))
     steps = np.diff(np.unique([p.across_mm for p in passes]))
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(float(steps.max(initial=0.0)), 6),
              "stepover_min_mm": round(float(steps.min(initial=np.inf)), 6) if len(steps) else 0.0,
-             "passes": len(passes), "section_plane": shop.plane.name, "links": shop.setup.passes,
-             "min_concave_radius_mm": finite(shop.hollow.radius_mm),
-             "min_concave_place_mm": shop.in_part(shop.hollow.place_mm),
+             "passes": len(passes), "section_plane": work.plane.name, "links": work.operation.passes,
+             "min_concave_radius_mm": finite(work.hollow.radius_mm),
+             "min_concave_place_mm": work.in_part(work.hollow.place_mm),
              "candidates": [c.as_dict() for c in candidates]}
-    return shop.operation(name, tool, rpm, moves, facts)
+    return work.measured(name, tool, rpm, moves, facts)
 
 
 def _in_cutting_order(planes, is_one_way):
@@ -45,30 +44,30 @@ def _in_cutting_order(planes, is_one_way):
     return [p for k, plane in enumerate(planes) for p in (plane if is_one_way or k % 2 == 0 else plane[::-1])]
 
 
-def rest(shop, ball, tool, candidates):
+def rest(work, ball, tool, candidates):
     """Passes of a smaller ball where the finishing ball was held off."""
-    finish = shop.design.finish
+    finish = work.finish
     tolerance, ridge_mm = path_tolerance_mm(finish), ridge_for_step_mm("rest finish", finish.scallop_mm, finish)
-    rpm, feed = shop.speeds(tool, is_rough=False)
-    small, large = (ProfilePlanner(shop.solid, shop.plane, t.cutter.radius_mm, 0.0, tolerance,
-                                   shop.machine.control.arc_max_radius_mm) for t in (tool, ball))
-    moves, facts = rest_passes(small, large, set(shop.wanted), shop.box, ridge_mm, _link_rules(shop, tool, 0.0, feed))
+    rpm, feed = work.speeds(tool, is_rough=False)
+    small, large = (ProfilePlanner(work.solid, work.plane, t.cutter.radius_mm, 0.0, tolerance,
+                                   work.machine.control.arc_max_radius_mm) for t in (tool, ball))
+    moves, facts = rest_passes(small, large, set(work.wanted), work.box, ridge_mm, _link_rules(work, tool, 0.0, feed))
     facts = {"allowance_mm": 0.0, "scallop_mm": finish.scallop_mm, "segment_tolerance_mm": tolerance,
              **facts, "candidates": [c.as_dict() for c in candidates]}
-    return shop.operation("rest finish", tool, rpm, moves, facts)
+    return work.measured("rest finish", tool, rpm, moves, facts)
 
 
-def _link_rules(shop, tool, allowance_mm, feed):
-    return LinkRules(mesh=shop.mesh, ball_radius_mm=tool.cutter.radius_mm, allowance_mm=allowance_mm,
-                     lead_radius_mm=min(2.0, tool.cutter.radius_mm), clearance_z_mm=shop.clearance_z_mm,
-                     approach_z_mm=shop.clearance_z_mm - CLEARANCE_MM + APPROACH_MM, feed_mm_per_min=feed,
-                     plunge_mm_per_min=PLUNGE_SHARE * feed, is_one_way=shop.setup.passes == "one-way")
+def _link_rules(work, tool, allowance_mm, feed):
+    return LinkRules(mesh=work.mesh, ball_radius_mm=tool.cutter.radius_mm, allowance_mm=allowance_mm,
+                     lead_radius_mm=work.lead_radius_mm(tool.cutter.radius_mm), clearance_z_mm=work.clearance_z_mm,
+                     approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
+                     plunge_mm_per_min=work.practice.plunge_share * feed, is_one_way=work.operation.passes == "one-way")
 
 
-def _across_range(shop, tool, reach):
+def _across_range(work, tool, reach):
     """First and last plane: where the ball's centre stands when it touches the outermost points."""
-    k, r = shop.plane.across, tool.cutter.radius_mm
-    rims = [shop.faces[i].shape_at(*_rim(shop.faces[i])) for i in shop.wanted]
+    k, r = work.plane.across, tool.cutter.radius_mm
+    rims = [work.faces[i].shape_at(*_rim(work.faces[i])) for i in work.wanted]
     centers = np.concatenate([rim.point_mm[:, k] + r * rim.normal[:, k] for rim in rims] + [reach.tip_mm[:, k]])
     return float(centers.min()), float(centers.max())
 
@@ -82,13 +81,13 @@ def _rim(face):
     return u, v
 
 
-def _plane_step(shop, radius_mm, ridge_mm):
+def _plane_step(work, radius_mm, ridge_mm):
     """Function (low, high) -> widest plane step for planes between two across coordinates.
 
     Across the surface the step follows from the curvature there; the planes' own distance is that
-    times the cosine of the surface's slope across (FORMULAS 4).
+    times the cosine of the surface's slope across (docs/formulas.md 5).
     """
-    samples, k = shop.samples, shop.plane.across
+    samples, k = work.samples, work.plane.across
     usable = samples.across_per_mm * radius_mm > -0.98      # a hollow that the ball does not enter
     chord = stepover_for_scallop_mm(radius_mm, ridge_mm, samples.across_per_mm[usable])
     slope = np.sqrt(np.maximum(1.0 - samples.normal[usable][:, k] ** 2, 1e-6))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.design import Finish
-from cuspline.frames import Frame
+from cuspline.values.frames import Frame
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,7 +89,7 @@ class ReportBundle:
     step_file: str
     step_sha256: str
     part_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]
-    plan: dict                      # plan.json as written (see pipeline/build.py)
+    plan: dict                      # plan.json as written (see pipeline/app/build.py)
     verify: dict                    # verify.json as written (DESIGN.md's contract)
     mesh: FaceMesh
     deviation_samples_mm: np.ndarray    # (n,) all judged residuals, for the histogram

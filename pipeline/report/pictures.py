@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline import fixed_math as fixed
 from cuspline.report.view_data import OPERATION_COLOURS
+from cuspline.values import fixed_math as fixed
 
 CAPTIONS = {"iso": "The design", "top": "The design from above",
             "paths": "Posted paths, coloured by operation; rapids red",

@@ -10,17 +10,23 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import vtkmodules.vtkRenderingFreeType          # noqa: F401  registers the fonts
-import vtkmodules.vtkRenderingOpenGL2           # noqa: F401  registers the renderer
+import vtkmodules.vtkRenderingFreeType  # noqa: F401  registers the fonts
+import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  registers the renderer
 from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkLookupTable, vtkPoints, vtkVersion
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkImageData, vtkPolyData
 from vtkmodules.vtkIOImage import vtkPNGWriter
 from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
-from vtkmodules.vtkRenderingCore import (vtkActor, vtkLightKit, vtkPolyDataMapper, vtkRenderer, vtkRenderWindow,
-                                         vtkWindowToImageFilter)
+from vtkmodules.vtkRenderingCore import (
+    vtkActor,
+    vtkLightKit,
+    vtkPolyDataMapper,
+    vtkRenderer,
+    vtkRenderWindow,
+    vtkWindowToImageFilter,
+)
 
-from cuspline import fixed_math as fixed
+from cuspline.values import fixed_math as fixed
 
 WIDTH, HEIGHT, SUPERSAMPLING = 1400, 900, 2
 PART_SHARE = 0.88       # of the width, where a colour bar stands beside the part

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline import fixed_math as fixed
-from cuspline.report.facts import (findings, measure_rows, minimum_z_mm, operation_rows, operations, verdict)
-from cuspline.report.wording import (DASH, box_size, decimal, duration, file_size, grouped, number, short, tool_name)
+from cuspline.report.facts import findings, measure_rows, minimum_z_mm, operation_rows, operations, verdict
+from cuspline.report.wording import DASH, box_size, decimal, duration, file_size, grouped, number, short, tool_name
+from cuspline.values import fixed_math as fixed
 
 NOTICE = ("Simulated only: nothing here says that the program has run on a machine. "
           "Prove it out before you trust it: single block, reduced rapid, hand on feed hold.")

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from cuspline import fixed_math as fixed
 from cuspline.report.facts import findings, operation_rows, operations, unreachable
 from cuspline.report.wording import number
+from cuspline.values import fixed_math as fixed
 
 PATH_STEP_MM = 1e-4         # posted coordinates carry at most four decimals: nothing is lost
 FEED_STEP = 0.1             # mm/min

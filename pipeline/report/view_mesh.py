@@ -20,7 +20,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from cuspline.errors import DesignError
+from cuspline.values.errors import DesignError
 
 ANGLE_RAD = 0.15        # largest turn between neighbouring facets: 42 facets round a full circle
 

@@ -12,13 +12,21 @@ import numpy as np
 from numba import njit
 from OCP.BRepTools import BRepTools
 
-from cuspline.arrays import frozen
-from cuspline.errors import PlanError
+from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.enclosures import curvature_of_piece
-from cuspline.surfaces.nurbs import local_shape
+from cuspline.surfaces.face_pieces import (
+    ACROSS,
+    INSIDE,
+    OUTSIDE,
+    halves,
+    in_face_parameters,
+    trim_states,
+    whole_patches,
+)
 from cuspline.surfaces.patches import PatchSet
-from cuspline.surfaces.pieces import ACROSS, INSIDE, OUTSIDE, halves, in_face_parameters, trim_states, whole_patches
 from cuspline.surfaces.trims import TrimSet
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import PlanError
 
 GRID = 48
 ONE_WAY = ("cylinder", "cone", "sphere")    # a ridge somewhere is a ridge everywhere

@@ -13,9 +13,9 @@ from OCP.Geom import Geom_TrimmedCurve
 from OCP.GeomConvert import GeomConvert
 from OCP.TopExp import TopExp
 
-from cuspline.arrays import frozen
-from cuspline.brep import edges_of_faces
+from cuspline.kernel.brep import edges_of_faces
 from cuspline.surfaces.patches import span_powers
+from cuspline.values.arrays import frozen
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,8 +14,8 @@ from OCP.GCPnts import GCPnts_AbscissaPoint
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_REVERSED
 
-from cuspline import fixed_math as fixed
-from cuspline.brep import edges_of_faces
+from cuspline.kernel.brep import edges_of_faces
+from cuspline.values import fixed_math as fixed
 
 CONCAVE_SINE = 1e-3         # edges flatter than this angle count as smooth
 ALONG_EDGE = 15             # places of an edge looked at, its middle among them

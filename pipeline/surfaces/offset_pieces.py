@@ -3,8 +3,21 @@
 import numpy as np
 from numba import njit
 
-from cuspline.surfaces.enclosures import (_add, _cross, _derived, _dot, _inverse, _inverse_root, _less, _mul, _recentred,
-                                          _scaled, _times, _vector, shifted)
+from cuspline.surfaces.enclosures import (
+    _add,
+    _cross,
+    _derived,
+    _dot,
+    _inverse,
+    _inverse_root,
+    _less,
+    _mul,
+    _recentred,
+    _scaled,
+    _times,
+    _vector,
+    shifted,
+)
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit, prange
 from scipy.interpolate import BSpline
 
-from cuspline import fixed_math as fixed
-from cuspline.arrays import frozen
+from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import frozen
 
 CHUNK = 512             # points a thread takes at a time
 SERIAL_ROWS = 4000      # below this, starting threads costs more than it saves

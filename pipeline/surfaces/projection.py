@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.arrays import frozen
-from cuspline.errors import PlanError
 from cuspline.surfaces import projection_tree
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection_kernels import CHUNK, NOWHERE, project_block, project_in_parallel, refine_in_parallel
 from cuspline.surfaces.trims import TrimSet
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import PlanError
 
 SERIAL_ROWS = 2000      # below this, starting threads costs more than it saves
 

@@ -9,9 +9,9 @@ in the squared distance, or proven to hold nothing nearer.
 import numpy as np
 from numba import njit, prange
 
-from cuspline.surfaces.enclosures import (_add, _dot, _largest_over_piece, _quotients, _recentred, _scaled, shifted)
+from cuspline.surfaces.enclosures import _add, _dot, _largest_over_piece, _quotients, _recentred, _scaled, shifted
+from cuspline.surfaces.face_pieces import INSIDE
 from cuspline.surfaces.patches import derive, patch_at
-from cuspline.surfaces.pieces import INSIDE
 from cuspline.surfaces.trims import is_inside
 
 CHUNK = 256             # points that a thread takes at a time, each beginning with the leaf of the one before

@@ -4,11 +4,20 @@ import numpy as np
 from numba import njit
 from OCP.BRep import BRep_Tool
 
-from cuspline.brep import edges_of_faces
+from cuspline.kernel.brep import edges_of_faces
 from cuspline.surfaces.edge_curves import curve_spans
-from cuspline.surfaces.enclosures import (_cross, _dot, _middle_length, _likely_length, _quotients, _reach, _recentred,
-                                          curvature_of_piece, shifted)
-from cuspline.surfaces.pieces import ACROSS, OUTSIDE, halves, side_to_cut, trim_states, whole_patches
+from cuspline.surfaces.enclosures import (
+    _cross,
+    _dot,
+    _likely_length,
+    _middle_length,
+    _quotients,
+    _reach,
+    _recentred,
+    curvature_of_piece,
+    shifted,
+)
+from cuspline.surfaces.face_pieces import ACROSS, OUTSIDE, halves, side_to_cut, trim_states, whole_patches
 
 TURN = 0.35             # of the normal from the middle of a piece to its side, radians: then it is a leaf
 STRETCH = 1.0           # change of a tangent's length from the middle to the side, as a share: Newton still converges

@@ -30,9 +30,9 @@ from numba import njit
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
-from cuspline import fixed_math as fixed
-from cuspline.surfaces.closed_splines import periodic_spline
-from cuspline.surfaces.nurbs import NurbsSurface, local_shape
+from cuspline.splines.closed_splines import periodic_spline
+from cuspline.splines.nurbs import NurbsSurface, local_shape
+from cuspline.values import fixed_math as fixed
 
 DEGREE = 5
 SITES = 400                 # of a curved profile, from which its feet are sought

@@ -11,13 +11,21 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from cuspline.arrays import frozen
+from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.enclosures import size_of_piece
-from cuspline.surfaces.nurbs import local_shape
+from cuspline.surfaces.face_pieces import (
+    ACROSS,
+    OUTSIDE,
+    halves,
+    in_face_parameters,
+    point_on_border,
+    side_to_cut,
+    trim_states,
+    whole_patches,
+)
 from cuspline.surfaces.patches import PatchSet
-from cuspline.surfaces.pieces import (ACROSS, OUTSIDE, halves, in_face_parameters, point_on_border, side_to_cut,
-                                      trim_states, whole_patches)
 from cuspline.surfaces.trims import TrimSet
+from cuspline.values.arrays import frozen
 
 ROUNDS = 60
 SHARES = 6              # places along a side by which the inner share of a piece across the border is counted

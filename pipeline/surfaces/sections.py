@@ -10,16 +10,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.GeomAbs import GeomAbs_CurveType
 from OCP.gp import gp_Pnt, gp_Vec
-from OCP.BRep import BRep_Tool
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS
 
-from cuspline import fixed_math as fixed
-from cuspline.arrays import frozen
-from cuspline.brep import edge_points, explore
+from cuspline.kernel.brep import edge_points, explore
+from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import frozen
 
 PARALLEL = 1e-9             # sine of the angle below which directions count as parallel
 CLEAR_MM = 1e-7             # a plane through a corner of a face would meet its edges there twice or not at all

@@ -7,12 +7,12 @@ either; whoever must be exact there asks the edges themselves.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 from numba import njit, prange
+from scipy.optimize import linear_sum_assignment
 
-from cuspline import brep
-from cuspline.arrays import frozen
-from cuspline.errors import DesignError
+from cuspline.kernel import brep
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import DesignError
 
 CHORD_MM = 1e-5
 LARGEST_ROUNDS = 14         # halvings of a border curve's first chords

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline import brep
-from cuspline.arrays import frozen
-from cuspline.program import Kind
-from cuspline.toolpaths.depth_tree import DepthTree
-from cuspline.toolpaths.exact_drop import ExactPart
-from cuspline.toolpaths.move_depths import move_depths
+from cuspline.kernel import brep
+from cuspline.program.program import Kind
+from cuspline.toolpaths.drop.exact_drop import ExactPart
+from cuspline.toolpaths.gouge.depth_tree import DepthTree
+from cuspline.toolpaths.gouge.move_depths import move_depths
+from cuspline.values.arrays import frozen
+from cuspline.values.checkpoints import NOTHING
 from cuspline.verification.certificate_chords import chords_of
-from cuspline.verification.kept import NOTHING
 
 PROVABLE = ("ball", "bull_nose", "flat")
 SAGITTA_SHARE = 0.1         # of the tolerance: what the chords of arcs may take of it

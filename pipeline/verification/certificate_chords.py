@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.arrays import frozen
-from cuspline.program import Kind
-from cuspline.simulation.pieces import Arcs, part_counts, repeated_parts
+from cuspline.program.program import Kind
+from cuspline.stock.path_pieces import Arcs, part_counts, repeated_parts
+from cuspline.values.arrays import frozen
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

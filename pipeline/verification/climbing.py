@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cuspline import fixed_math as fixed
-from cuspline.surfaces.nurbs import local_shape
+from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection import refined
 from cuspline.surfaces.trims import TrimSet
+from cuspline.values import fixed_math as fixed
 from cuspline.verification.samples import in_parameters
 
 CLOSE_MM = 1e-3           # last step: 0.1 um of height on flanks of one in ten

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.arrays import frozen
-from cuspline.planning.stepover import scallop_for_stepover_mm
-from cuspline.program import Kind, Plane
-from cuspline.simulation.swept import nearest_moves, upright_paths
+from cuspline.program.program import Kind, Plane
+from cuspline.scallop.stepover import scallop_for_stepover_mm
+from cuspline.stock.swept import nearest_moves, upright_paths
 from cuspline.surfaces.projection import refined
+from cuspline.values.arrays import frozen
 from cuspline.verification.climbing import CELL, CLOSE_MM, FIRST, Tops, hill_rows, unit, walked
 from cuspline.verification.samples import in_parameters
 

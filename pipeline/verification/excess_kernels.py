@@ -15,10 +15,10 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from cuspline.simulation.distance_kernels import piece_distance
-from cuspline.simulation.tree import nearest_piece, work
+from cuspline.stock.distance_kernels import piece_distance
+from cuspline.stock.tree import nearest_piece, work
+from cuspline.surfaces.face_pieces import ACROSS, INSIDE, OUTSIDE, trim_state
 from cuspline.surfaces.offset_pieces import offset_of_piece
-from cuspline.surfaces.pieces import ACROSS, INSIDE, OUTSIDE, trim_state
 from cuspline.surfaces.trims import is_inside
 
 ABOVE, FLOOR = 0, 1       # why a cell was given up: its middle is not cut away; it is as small as they get

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.simulation.swept import forest_of, upright_paths
-from cuspline.surfaces.pieces import halves, in_face_parameters
+from cuspline.stock.swept import forest_of, upright_paths
+from cuspline.surfaces.face_pieces import halves, in_face_parameters
 from cuspline.surfaces.sampling import served_pieces
 from cuspline.verification.excess_kernels import ABOVE, ROOM, prove_roots
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from cuspline import solids
-from cuspline.frames import Frame
-from cuspline.simulation.stock_solids import StockSolids
-from cuspline.simulation.swept import stock_height_mm, swept_paths
-from cuspline.simulation.workpiece import Workpiece
-from cuspline.verification.kept import NOTHING
+from cuspline.kernel import solids
+from cuspline.stock.stock_solids import StockSolids
+from cuspline.stock.swept import stock_height_mm, swept_paths
+from cuspline.stock.workpiece import Workpiece
+from cuspline.values.checkpoints import NOTHING
+from cuspline.values.frames import Frame
 
 SIMPLER_MM = 0.002        # the file's triangles may lie this far off the grid's
 PART = Frame.shift((0.0, 0.0, 0.0))

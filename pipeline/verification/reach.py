@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cuspline.simulation.tree import morton_order
-from cuspline.toolpaths.dropcutter import DropMesh, drop_tips_mm
+from cuspline.stock.tree import morton_order
+from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
 
 TOLERANCE_MM = 0.005      # a ball smaller by this must fit: curvature equal to the ball's is reachable
 LEVEL = -1e-6             # normals below this point downward

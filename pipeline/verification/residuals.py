@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.arrays import frozen
-from cuspline.simulation.swept import deviations_and_moves, is_height_field, nearest_moves, signed_distance_mm, upright_paths
-from cuspline.verification.kept import NOTHING
-from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable, why_unreachable_leaning
-from cuspline.clusters import clusters_of
+from cuspline.stock.swept import deviations_and_moves, is_height_field, nearest_moves, signed_distance_mm, upright_paths
+from cuspline.values.arrays import frozen
+from cuspline.values.checkpoints import NOTHING
+from cuspline.values.clusters import clusters_of
 from cuspline.verification.climbing import bottoms_of, tops_of
+from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable, why_unreachable_leaning
 from cuspline.verification.samples import Samples
 
 LIMIT_MM = 2.0            # deviations are capped here: far more than any tolerance

@@ -18,10 +18,10 @@ from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_IN, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS
 
-from cuspline import brep
-from cuspline.errors import DesignError
-from cuspline.simulation.tree import halved_order
+from cuspline.kernel import brep
+from cuspline.stock.tree import halved_order
 from cuspline.surfaces.folds import folds_of
+from cuspline.values.errors import DesignError
 from cuspline.verification.crossing_kernels import LEAF, boxes_of, crossing_pairs, enclosures, levels_over, tree_over
 from cuspline.verification.tessellation import surface_tangents
 

@@ -12,16 +12,16 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
-from OCP.gp import gp_Pnt, gp_Vec
 from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from cuspline.arrays import frozen
-from cuspline.errors import DesignError
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import DesignError
 
 ANGLE_RAD = 0.35          # largest turn of the normal along a triangle's side
 POINT_MM = 1e-7           # a surface whose derivative is shorter has shrunk to a point there

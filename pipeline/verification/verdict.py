@@ -7,33 +7,40 @@ import numpy as np
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
-from cuspline import fixed_math as fixed
-from cuspline import brep, mesh_quality, solids
-from cuspline.errors import InputError
-from cuspline.simulation.clearance import ClearanceTree
-from cuspline.simulation.replay import Replay, ZMap, replay
-from cuspline.simulation.stock_solids import StockSolids
-from cuspline.simulation.swept import is_height_field, lowest_moves, stock_height_mm, swept_paths
-from cuspline.simulation.workpiece import Workpiece
+from cuspline.kernel import brep, mesh_quality, solids
+from cuspline.replay.clearance import ClearanceTree
+from cuspline.replay.replay import Replay, ZMap, replay
+from cuspline.stock.stock_solids import StockSolids
+from cuspline.stock.swept import is_height_field, lowest_moves, stock_height_mm, swept_paths
+from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.projection import ClosestTree
-from cuspline.toolpaths.dropcutter import drop_tips_mm
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
+from cuspline.values import fixed_math as fixed
+from cuspline.values.checkpoints import NOTHING
+from cuspline.values.errors import InputError
+from cuspline.values.findings import Finding
 from cuspline.verification.certificate import Certificate, certify, part_in_wcs
 from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
-from cuspline.verification.findings import Finding
 from cuspline.verification.in_process import PART
-from cuspline.verification.joints import joints
-from cuspline.verification.kept import NOTHING
 from cuspline.verification.reach import REACHABLE, drop_mesh
 from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
-from cuspline.verification.residuals import (LIMIT_MM, Residuals, default_spacing_mm, reach_of, residuals,
-                                             unreachable_places, weighted_percentile)
-from cuspline.verification.true_depths import largest_true_mm
+from cuspline.verification.residuals import (
+    LIMIT_MM,
+    Residuals,
+    default_spacing_mm,
+    reach_of,
+    residuals,
+    unreachable_places,
+    weighted_percentile,
+)
 from cuspline.verification.samples import Samples, face_area_mm2, sample_faces
-from cuspline.verification.solids import SolidComparison, compare
+from cuspline.verification.setup_mismatch import joints
+from cuspline.verification.solid_check import SolidComparison, compare
 from cuspline.verification.tessellation import Tessellation, tessellate
 from cuspline.verification.text_checks import path_tolerance_mm
+from cuspline.verification.true_depths import largest_true_mm
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
 TRACING_MM = 1e-7         # length of a traced ray

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline import solids
-from cuspline.simulation.swept import signed_distance_mm, stock_height_mm
-from cuspline.toolpaths.dropcutter import drop_tips_mm
+from cuspline.kernel import solids
+from cuspline.stock.swept import signed_distance_mm, stock_height_mm
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 
 MOST_PLACES = 20_000        # at which the grid's error is looked at where no cell is quiet
 CELLS = 8                 # pitches along the side of a cell in which volumes are compared

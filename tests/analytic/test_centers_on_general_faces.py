@@ -6,7 +6,7 @@ import pytest
 from known_parts import JOIN_MM, Drawing, chain_of, largest_gap_mm, up_of
 from scipy.optimize import brentq
 
-from cuspline.brep import the_solid
+from cuspline.kernel.brep import the_solid
 
 EXACT_MM = 1e-6         # a thousandth of the profile tolerance
 PLANES = pytest.mark.parametrize("plane", ["ZX", "YZ"])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from known_parts import JOIN_MM, Drawing, chain_of, largest_gap_mm, swept, up_of
 
-from cuspline.toolpaths.pieces import ArcPiece, LinePiece
+from cuspline.toolpaths.sections.section_pieces import ArcPiece, LinePiece
 
 EXACT_MM = 1e-6
 PLANES = pytest.mark.parametrize("plane", ["ZX", "YZ"])

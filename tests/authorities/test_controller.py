@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cuspline.machines import Control, LinearAxis, Machine, Spindle
-from cuspline.posts.rs274_reader import read_program
+from cuspline.posts.readers.rs274_reader import read_program
+from cuspline.shop.machines import Control, LinearAxis, Machine, Spindle
 
 from .linuxcnc.controller import run_on_controller
 from .linuxcnc.deviation import deviation_mm, path_of, segments_of

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from cuspline.catalogue import find_machine
-from cuspline.job import read_tools
+from cuspline.app.catalogue import find_machine
+from cuspline.design.job import read_tools
 
 from .linuxcnc.comparison import assert_same_moves
 from .linuxcnc.controller import run_on_controller

@@ -6,11 +6,11 @@ from known_passes import LENGTHS, ZERO, machine, program
 from known_tools import on_a_head
 from known_vanes import CLEARANCE_MM, passes, steep_tip, vane_program
 
-from cuspline.posts._restart import restart_points, restarted
-from cuspline.posts.linuxcnc import post
-from cuspline.program import Operation, Program
-from cuspline.tooltable import tool_table
-from cuspline.toolpaths.side_cutter import with_wheel
+from cuspline.posts.restart import restart_points, restarted
+from cuspline.posts.writers.linuxcnc import post
+from cuspline.program.program import Operation, Program
+from cuspline.shop.tool_table import tool_table
+from cuspline.toolpaths.vane.side_cutter import with_wheel
 
 from .linuxcnc.comparison import assert_same_moves
 from .linuxcnc.interpreter import write_tool_table

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from cuspline import brep, catalogue
+from cuspline.app import catalogue
 from cuspline.designs.lopes_surface import LopesSurface
-from cuspline.designs.mould_insert import MouldInsert, design as insert_design
+from cuspline.designs.mould_insert import MouldInsert
+from cuspline.designs.mould_insert import design as insert_design
+from cuspline.kernel import brep
 from cuspline.surfaces.curvature import tightest_hollow
 
 

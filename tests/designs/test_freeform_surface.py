@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cuspline.brep import Face
 from cuspline.designs._freeform_surface import curve_points_mm, freeform_face
+from cuspline.kernel.brep import Face
 from cuspline.surfaces.patches import PatchSet
 
 BALL_RADIUS_MM = 10.0

@@ -9,24 +9,38 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from cuspline import brep, build, catalogue
-from cuspline.designs import _propeller_blade, _propeller_root, _propeller_tables as tables
-from cuspline.designs._propeller_blade import blade_of, loop_angles, radial_laws
-from cuspline.designs._propeller_checks import (_nearest_on_blade_mm, blade_figures, definition_deviation_mm,
-                                                fillet_figures, section_on_solid, solid_report, table_points)
-from cuspline.designs._propeller_design import blade_over
-from cuspline.designs._propeller_mesh import extrapolated_volume_mm3, propeller_mesh
-from cuspline.designs._propeller_root import (balls_round_root, curved_hub, obstacle, radius_round_root,
-                                               rolled_round_root, straight_hub)
-from cuspline.designs._propeller_sections import TrailingEdge, form_and_mean_line, loop_angle, naca66_a08, section_loop
-from cuspline.designs._propeller_solid import HubCuts, _tools, propeller_solid, volume_of_cuts_mm3
-from cuspline.errors import DesignError
-from cuspline.shells import ShellBuilder, Side, plane_across_x, plane_curve, spline_curve
-from cuspline.solids import solid_of
+from cuspline.app import build, catalogue
+from cuspline.designs.propellers import blade, root, tables
+from cuspline.designs.propellers.blade import blade_of, loop_angles, radial_laws
+from cuspline.designs.propellers.checks import (
+    _nearest_on_blade_mm,
+    blade_figures,
+    definition_deviation_mm,
+    fillet_figures,
+    section_on_solid,
+    solid_report,
+    table_points,
+)
+from cuspline.designs.propellers.design import blade_over
+from cuspline.designs.propellers.mesh import extrapolated_volume_mm3, propeller_mesh
+from cuspline.designs.propellers.root import (
+    balls_round_root,
+    curved_hub,
+    obstacle,
+    radius_round_root,
+    rolled_round_root,
+    straight_hub,
+)
+from cuspline.designs.propellers.sections import TrailingEdge, form_and_mean_line, loop_angle, naca66_a08, section_loop
+from cuspline.designs.propellers.solid import HubCuts, _tools, propeller_solid, volume_of_cuts_mm3
+from cuspline.kernel import brep
+from cuspline.kernel.shells import ShellBuilder, Side, plane_across_x, plane_curve, spline_curve
+from cuspline.kernel.solids import solid_of
+from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.folds import folds_of
-from cuspline.surfaces.nurbs import local_shape
 from cuspline.surfaces.rolling_ball import envelope_room, fillet_of, rolled
 from cuspline.surfaces.trims import TrimSet
+from cuspline.values.errors import DesignError
 
 
 def made_of(table, hub_ratio=0.2, radii=(4.0, 8.0, 4.0, 8.0), cuts=HubCuts(), length=0.46):
@@ -378,7 +392,7 @@ def test_a_ball_that_turns_tighter_than_its_radius_is_refused_with_the_largest_t
 @pytest.mark.parametrize("hand, trailing_edge_mm", [(True, 4.0), (False, 3.5)], ids=["right", "left, hardly"])
 def test_an_overturned_fillet_is_found_on_the_solid_as_read_back(hand, trailing_edge_mm, tmp_path, monkeypatch):
     """Built in spite of the refusal: faces' normals, figures of the fillet and the general check all tell."""
-    monkeypatch.setattr(_propeller_root, "obstacle", lambda *_: None)
+    monkeypatch.setattr(root, "obstacle", lambda *_: None)
     made = propeller_solid(*five_blades(hand, trailing_edge_mm))
     brep.write_step(made.solid, tmp_path / "bad.step", "bad")
     read = brep.the_solid(brep.read_step(tmp_path / "bad.step"))      # BRepCheck finds nothing wrong
@@ -501,12 +515,12 @@ def test_a_thick_skewed_table_is_held_at_all_radii(tmp_path):
 
 
 def test_a_blade_too_thin_for_its_surface_names_radius_and_parameter(monkeypatch):
-    monkeypatch.setattr(_propeller_blade, "REFINEMENTS", (1.0,))
+    monkeypatch.setattr(blade, "REFINEMENTS", (1.0,))
     edge = TrailingEdge(kind="anti-singing", thickness_share=0.02, bevel_leaves=0.2)
     with pytest.raises(DesignError, match=r"0.00070 mm are allowed, at r/R = 0\.2\d\d, 9\d\.\d+ % of the chord: the "
                                           r"section there is 4\.\d+ mm thick on a chord of .*bevel_chord_share, now 0.06"):
         blade_of(tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, thickness_scale=0.5, edge=edge), 0.19)
-    monkeypatch.setattr(_propeller_blade, "FIT_MM", 1e-7)
+    monkeypatch.setattr(blade, "FIT_MM", 1e-7)
     with pytest.raises(DesignError, match="trailing edge is too thin for it; raise trailing_edge|smooth them there"):
         blade_of(tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2), 0.19)
 

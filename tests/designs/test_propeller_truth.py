@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cuspline.designs import _propeller_root
+from cuspline.designs.propellers import root
 
 HERE = Path(__file__).parents[2] / "bench/propeller_truth.py"
 
@@ -28,5 +28,5 @@ def test_random_propellers_are_true_or_refused_with_a_radius_that_works(truth, n
 
 def test_the_judge_of_random_propellers_knows_a_false_one(truth, monkeypatch):
     _, table, hub, law = truth.drawn(205)
-    monkeypatch.setattr(_propeller_root, "obstacle", lambda *_: None)
+    monkeypatch.setattr(root, "obstacle", lambda *_: None)
     assert truth.untrue(truth.surfaces_of(table, hub, law)) == "the fillet turns over"

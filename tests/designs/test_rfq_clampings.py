@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cuspline import brep
-from cuspline.catalogue import find_design, make_design
-from cuspline.designs._rfq_clampings import clampings, predicates, splits
-from cuspline.errors import DesignError
+from cuspline.app.catalogue import find_design, make_design
+from cuspline.designs.rfq.setups import clampings, predicates, splits
+from cuspline.kernel import brep
+from cuspline.values.errors import DesignError
 
 
 @pytest.mark.parametrize("length, travel, overlap", [(1310.0, 500.0, 10.0), (1310.0, 660.0, 10.0), (90.0, 50.0, 10.0)])

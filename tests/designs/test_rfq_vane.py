@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 from OCP.TopAbs import TopAbs_SOLID
 
-from cuspline import brep, catalogue
-from cuspline.designs._rfq_checks import refuse_contradictions
-from cuspline.designs._rfq_eight_term import EightTerm
-from cuspline.designs._rfq_potential import (
-    TwoTerm, equipotential_matcher_mm, thin_matcher_mm, transition_length_mm)
-from cuspline.designs._rfq_table import half_wave_mm, read_table
-from cuspline.designs._rfq_tip_line import Segment, TipLine, fitted_tip
+from cuspline.app import catalogue
+from cuspline.designs.rfq.checks import refuse_contradictions
+from cuspline.designs.rfq.eight_term import EightTerm
+from cuspline.designs.rfq.potential import TwoTerm, equipotential_matcher_mm, thin_matcher_mm, transition_length_mm
+from cuspline.designs.rfq.table import half_wave_mm, read_table
+from cuspline.designs.rfq.tip_line import Segment, TipLine, fitted_tip
 from cuspline.designs.rfq_vane import TABLES, RfqVane, assembly, design, line_of, table_of
-from cuspline.errors import CamError, CutterDoesNotFit, DesignError, InputError
+from cuspline.kernel import brep
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.section_finishing import _plane_step
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.sections import SectionPlane
+from cuspline.values.errors import CamError, CutterDoesNotFit, DesignError, InputError
 
 VALUES = Path(__file__).parent / "rfq"
 TABLE = read_table(TABLES["isodar_32p8"])

@@ -7,8 +7,8 @@ import pytest
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import ValidationError
 
-from cuspline.brep import bounding_box_mm, faces_of, select_faces, the_solid, volume_mm3
 from cuspline.designs.z_profile import ZProfile, design, profile_knots
+from cuspline.kernel.brep import bounding_box_mm, faces_of, select_faces, the_solid, volume_mm3
 
 VARIANTS = {
     "default": {}, "YZ": {"section_plane": "YZ"}, "up": {"sweep_slope_deg": 12},

@@ -29,14 +29,13 @@ center_max_mm = [20, 11, 12.5]
 [[setups]]
 name = "setup-1"
 wcs_in_words = "corner of the block, Z0 on its base"
-section_plane = "ZX"
 faces = ["saddle"]
 """
 
 
 def cuspline(*arguments, env=(), timeout=300):
     """Run the command line in its own process."""
-    return subprocess.run([sys.executable, "-c", "from cuspline.cli import main; main()", *map(str, arguments)],
+    return subprocess.run([sys.executable, "-c", "from cuspline.app.cli import main; main()", *map(str, arguments)],
                           capture_output=True, text=True, timeout=timeout, env={**os.environ, **dict(env)})
 
 
@@ -50,7 +49,7 @@ def saddle_job(folder, **changes):
     """
     import cadquery as cq
 
-    from cuspline import brep
+    from cuspline.kernel import brep
     body = cq.Workplane("XZ").lineTo(30, 0).lineTo(30, 12).threePointArc((15, 8), (0, 12)).close().extrude(-16)
     brep.write_step(brep.the_solid(body.val(), "saddle"), Path(folder) / "saddle.step", "saddle")
     lines = [f"{line.split(' ')[0]} = {changes[line.split(' ')[0]]}" if line.split(" ")[0] in changes else line

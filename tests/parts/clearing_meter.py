@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from cuspline.program import Kind
-from cuspline.toolpaths.level_fields import PlaneGrid
-from cuspline.toolpaths.stock_fields import points_of_move
+from cuspline.program.program import Kind
+from cuspline.toolpaths.roughing.level_fields import PlaneGrid
+from cuspline.toolpaths.roughing.stock_fields import points_of_move
 
 BINS = 60                   # of the front half, 3 degrees each
 GAP = 2                     # empty bins between marked ones that count as engaged: a thin chip misses cells

@@ -6,7 +6,7 @@ import numpy as np
 from sabotages import harmless
 from sabotages_of_text import GONE, lines_with, motion_lines, without
 
-from cuspline.program import Kind
+from cuspline.program.program import Kind
 
 
 def each_line(sheet, change, which=None):

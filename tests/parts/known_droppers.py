@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.toolpaths.contacts import NO_FACE, TipContacts
-from cuspline.toolpaths.droppers import Dropper
+from cuspline.toolpaths.contact.contacts import NO_FACE, TipContacts
+from cuspline.toolpaths.drop.droppers import Dropper
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import cadquery as cq
 import numpy as np
 
-from cuspline.brep import bounding_box_mm, the_solid
+from cuspline.kernel.brep import bounding_box_mm, the_solid
 from cuspline.surfaces.sections import SectionPlane
-from cuspline.toolpaths.profile_passes import ProfilePlanner
+from cuspline.toolpaths.sections.profile_passes import ProfilePlanner
 
 TOLERANCE_MM = 0.0024
 LARGEST_RADIUS_MM = 1e4

@@ -6,12 +6,23 @@ import numpy as np
 from known_tools import tool
 
 import cuspline.posts
-from cuspline.machines import machine_from_toml
-from cuspline.pass_templates import (
-    Call, Go, Let, Named, PassTemplate, Quantity, Register, Restart, Root, TemplatedPasses, terms)
-from cuspline.program import Kind, Operation, Plane, Program
+from cuspline.program.pass_templates import (
+    Call,
+    Go,
+    Let,
+    Named,
+    PassTemplate,
+    Quantity,
+    Register,
+    Restart,
+    Root,
+    TemplatedPasses,
+    terms,
+)
+from cuspline.program.program import Kind, Operation, Plane, Program
+from cuspline.shop.machines import machine_from_toml
 
-MILL = machine_from_toml(Path(cuspline.posts.__file__).parent / "mill_3axis.toml")
+MILL = machine_from_toml(Path(cuspline.posts.__file__).parent / "machines" / "mill_3axis.toml")
 BALL, OTHER = tool("ball", 6, number=7), tool("ball", 8, number=3)
 CLEARANCE_MM = 40.0
 ZERO = {"G54": (0, 0, 0), "G55": (-300.0, -200.0, -400.0)}

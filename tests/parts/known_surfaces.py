@@ -3,16 +3,25 @@
 import cadquery as cq
 import numpy as np
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-from OCP.Geom import (Geom_BezierCurve, Geom_BezierSurface, Geom_ConicalSurface,
-                      Geom_CylindricalSurface, Geom_OffsetSurface, Geom_Plane, Geom_SphericalSurface,
-                      Geom_SurfaceOfLinearExtrusion, Geom_SurfaceOfRevolution, Geom_ToroidalSurface)
+from OCP.Geom import (
+    Geom_BezierCurve,
+    Geom_BezierSurface,
+    Geom_ConicalSurface,
+    Geom_CylindricalSurface,
+    Geom_OffsetSurface,
+    Geom_Plane,
+    Geom_SphericalSurface,
+    Geom_SurfaceOfLinearExtrusion,
+    Geom_SurfaceOfRevolution,
+    Geom_ToroidalSurface,
+)
 from OCP.gp import gp_Ax1, gp_Ax3, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
-from cuspline.brep import Face
-from cuspline.shells import surface_of_poles
+from cuspline.kernel.brep import Face
+from cuspline.kernel.shells import surface_of_poles
 
 TOLERANCE_MM = 1e-7
 

@@ -1,6 +1,6 @@
 """Tools of plain proportions."""
 
-from cuspline.cutters import Cutter, HeadBox, Holder, HolderSegment, RightAngleHead, Tool
+from cuspline.shop.cutters import Cutter, HeadBox, Holder, HolderSegment, RightAngleHead, Tool
 
 # a cutter that takes whatever a test of geometry asks of it
 TAKES_ALL = {"slot_depth_mm": 1000.0, "ramp_deg": 90.0, "plunge_mm_per_tooth": 100.0}

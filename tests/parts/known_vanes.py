@@ -4,11 +4,11 @@ import numpy as np
 from known_tools import tool
 from scipy.interpolate import make_interp_spline
 
-from cuspline.program import Operation, Program
-from cuspline.surfaces.circular_tip import CircularTip
-from cuspline.toolpaths.arc_templates import templated_passes
-from cuspline.toolpaths.cutter_surface import cut_map
-from cuspline.toolpaths.transverse_arcs import arc_steps, stretches
+from cuspline.program.program import Operation, Program
+from cuspline.splines.circular_tip import CircularTip
+from cuspline.toolpaths.vane.arc_templates import templated_passes
+from cuspline.toolpaths.vane.cutter_surface import cut_map
+from cuspline.toolpaths.vane.transverse_arcs import arc_steps, stretches
 
 BALL_MM, RIDGE_MM, RESOLUTION_MM, HALF_MM, CLEARANCE_MM = 3.0, 0.004, 1e-4, 9.0, 60.0
 JOINT_MM = 0.7 * BALL_MM     # beside a joint of sections the neighbour may reach lower than the map says

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline import catalogue
+from cuspline.app import catalogue
+from cuspline.app.judge import posted_moves
 from cuspline.design import Setup
-from cuspline.frames import Frame
-from cuspline.job import read_job, read_tools
-from cuspline.judge import posted_moves
-from cuspline.program import Kind, MoveWriter, Operation, Plane, Program
-from cuspline.simulation.replay import Fixture, replay
-from cuspline.simulation.swept import swept_paths
-from cuspline.simulation.workpiece import Workpiece
+from cuspline.design.job import read_job, read_tools
+from cuspline.program.program import Kind, MoveWriter, Operation, Plane, Program
+from cuspline.replay.replay import Fixture, replay
+from cuspline.stock.swept import swept_paths
+from cuspline.stock.workpiece import Workpiece
+from cuspline.values.frames import Frame
 
 LOW_MM, HIGH_MM = (0.0, 0.0, 0.0), (60.0, 30.0, 20.0)
 CLEARANCE_MM = 5.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.program import Kind, Plane
+from cuspline.program.program import Kind, Plane
 
 AMOUNT_MM = 2e-3          # post's decimals, touches, sampling of the oracle's paths
 TOUCHED_MM = 0.1          # how high a steep wall touches a ball hangs on how finely both look

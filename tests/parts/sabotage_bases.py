@@ -15,15 +15,16 @@ import known_passes
 import numpy as np
 from written_parts import BALL, MILL, boss, boss_operations, operation, program_text, write_tools
 
-from cuspline import brep, catalogue
-from cuspline.cutters import Tool
+from cuspline.app import catalogue
+from cuspline.app.judge import judge, judge_text, lines_of, posted_moves
 from cuspline.design import FacePredicate, Setup, StockBox
-from cuspline.job import (
+from cuspline.design.job import (
     Job, PostedFile, Published, digest_of, job_line, read_job, read_published, read_tools)
-from cuspline.judge import judge, judge_text, lines_of, posted_moves
-from cuspline.pass_templates import Call, Go, PassTemplate, Quantity, Register, Restart, TemplatedPasses, terms
-from cuspline.posts.rs274_reader import read_program
-from cuspline.program import Kind, MoveWriter, Operation, Program
+from cuspline.kernel import brep
+from cuspline.posts.readers.rs274_reader import read_program
+from cuspline.program.pass_templates import Call, Go, PassTemplate, Quantity, Register, Restart, TemplatedPasses, terms
+from cuspline.program.program import Kind, MoveWriter, Operation, Program
+from cuspline.shop.cutters import Tool
 from cuspline.verification.verdict import Options
 
 COARSE = Options(spacing_mm=3.0, solid_pitch_mm=3.0, replay_pitch_mm=1.0, tessellation_mm=0.02)

@@ -22,10 +22,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.errors import InputError, ReadError
-from cuspline.judge import posted_moves
-from cuspline.posts.rs274_reader import read_program
-from cuspline.program import Kind
+from cuspline.app.judge import posted_moves
+from cuspline.posts.readers.rs274_reader import read_program
+from cuspline.program.program import Kind
+from cuspline.values.errors import InputError, ReadError
 
 REFUSED = "refused"
 MODULES = ("sabotages_of_text", "sabotages_of_files", "sabotages_of_geometry", "harmless_edits")

@@ -11,7 +11,7 @@ import numpy as np
 from sabotages import Expected, Spoilt, changed_manifest, sabotage
 from sabotages_of_text import cutting, lines_with, pick
 
-from cuspline.program import Kind
+from cuspline.program.program import Kind
 
 FLOOR_MM, BALL_MM, STEP_MM = 6.0, 3.0, 0.4
 HALF_GAP = lambda gap_mm: BALL_MM - (BALL_MM ** 2 - (gap_mm / 2) ** 2) ** 0.5     # ridge between passes so far apart

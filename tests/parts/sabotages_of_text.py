@@ -5,7 +5,7 @@ import re
 import numpy as np
 from sabotages import REFUSED, Expected, Spoilt, refused_at, sabotage
 
-from cuspline.program import Kind
+from cuspline.program.program import Kind
 
 GONE = "(GONE)"
 MOTION = re.compile(r"(G[0123] )?[XYZ]-?[\d.]+")

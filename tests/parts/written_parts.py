@@ -6,12 +6,13 @@ import cadquery as cq
 import numpy as np
 from known_tools import TAKES_ALL, tool
 
-from cuspline import brep, catalogue
-from cuspline.build import UNVERIFIED
-from cuspline.cutters import Cutter, Tool
+from cuspline.app import catalogue
+from cuspline.app.build import UNVERIFIED
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
-from cuspline.job import Job, PostedFile
-from cuspline.tooltable import tool_table
+from cuspline.design.job import Job, PostedFile
+from cuspline.kernel import brep
+from cuspline.shop.cutters import Cutter, Tool
+from cuspline.shop.tool_table import tool_table
 
 FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
 CLEAR = "G0 Z30"

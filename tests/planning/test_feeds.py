@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import cuspline.posts
-from cuspline.machines import machine_from_toml
 from cuspline.planning import feeds
-from cuspline.program import MoveWriter, Plane
+from cuspline.program.program import MoveWriter, Plane
+from cuspline.shop.machines import machine_from_toml
 
-MACHINE = machine_from_toml(Path(cuspline.posts.__file__).parent / "mill_3axis.toml")
+MACHINE = machine_from_toml(Path(cuspline.posts.__file__).parent / "machines" / "mill_3axis.toml")
 A = 2000.0              # mm/s², the slowest axis
 
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from known_tools import tool
 
-from cuspline.brep import faces_of, planning_mesh, the_solid
-from cuspline.cutters import ToolLibrary
-from cuspline.errors import CutterDoesNotFit
+from cuspline.kernel.brep import faces_of, planning_mesh, the_solid
 from cuspline.planning.cutter_choice import choose_ball
 from cuspline.planning.finishing_chain import WORTH_SHARE, FinishingWork, _clear_reach, choose_finishing
+from cuspline.shop.cutters import ToolLibrary
 from cuspline.surfaces.curvature import sample_faces
-from cuspline.toolpaths.dropcutter import DropMesh
+from cuspline.toolpaths.drop.dropcutter import DropMesh
+from cuspline.values.errors import CutterDoesNotFit
 
 BALLS = (16, 10, 8, 6, 4, 2)
 SHOP = ToolLibrary(tools=tuple(tool("ball", d, number=k) for k, d in enumerate(BALLS, 1)))

@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 
 import cuspline.posts
-from cuspline import brep
-from cuspline.cutters import ToolLibrary, library_from_json
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.designs.z_profile import ZProfile, design
-from cuspline.errors import CutterDoesNotFit
-from cuspline.machines import machine_from_toml
+from cuspline.kernel import brep
 from cuspline.planning.plan import plan_setup
-from cuspline.program import Kind
+from cuspline.planning.strategies.auto import Auto
+from cuspline.program.program import Kind
+from cuspline.shop.cutters import ToolLibrary, library_from_json
+from cuspline.shop.machines import machine_from_toml
+from cuspline.values.errors import CutterDoesNotFit
 
 POSTS = Path(cuspline.posts.__file__).parent
-MACHINE, SHOP = machine_from_toml(POSTS / "mill_3axis.toml"), library_from_json(POSTS / "tools.json")
+MACHINE, SHOP = machine_from_toml(POSTS / "machines" / "mill_3axis.toml"), library_from_json(POSTS / "tools" / "tools.json")
 # choosing among all roughing cutters takes most of the time of a small part
 LIBRARY = ToolLibrary(tools=(*SHOP.of_type("ball"), SHOP.of_type("flat", "bull_nose")[0]))
 
@@ -77,7 +78,7 @@ def test_no_feed_exceeds_the_machine_and_no_cut_is_without_one(plan):
 
 
 def test_planes_are_as_far_apart_as_the_cusp_allows(plan):
-    # the profile is straight across: FORMULAS 4 for a flat, with what the path's own tolerance leaves of the cusp
+    # the profile is straight across: docs/formulas.md 5 for a flat, with what the path's own tolerance leaves of the cusp
     finish = named(plan, "finish")
     r, h = finish.tool.cutter.radius_mm, finish.facts["ridge_for_step_mm"]
     assert h == pytest.approx(0.05 - 0.0024, abs=2e-4) and h < 0.05 - 0.0023
@@ -95,7 +96,7 @@ def test_a_library_without_a_fitting_ball_is_refused_with_every_candidate(small)
 def test_a_wide_step_does_not_let_the_ball_fall_over_an_edge():
     """The stock in a bore that is made later: half the radius over the rim a ball lies 0.134 of its radius lower."""
     plate = cq.Workplane().box(30, 20, 5, centered=False).faces(">Z").workplane(origin=(15, 10, 5)).hole(10)
-    setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",), strategy="parallel")
+    setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",), operations=(Auto(strategy="parallel"),))
     wide = Design(name="plate", description="plate", parameters=Parameters(), solid=brep.the_solid(plate),
                   predicates=(FacePredicate(name="top", count=1, kinds=("plane",), normal=(0, 0, 1)),),
                   material="aluminium_6061", stock=StockBox(min_mm=(0, 0, 0), max_mm=(30, 20, 6)), setups=(setup,),

@@ -14,14 +14,14 @@ import pytest
 from known_tools import tool
 
 import cuspline.posts
-from cuspline.errors import PostError
-from cuspline.machines import machine_from_toml
-from cuspline.posts.linuxcnc import post
-from cuspline.posts.rs274_reader import read_program
-from cuspline.program import Kind, Moves, MoveWriter, Operation, Plane, Program
+from cuspline.posts.readers.rs274_reader import read_program
+from cuspline.posts.writers.linuxcnc import post
+from cuspline.program.program import Kind, Moves, MoveWriter, Operation, Plane, Program
+from cuspline.shop.machines import machine_from_toml
+from cuspline.values.errors import PostError
 
 GOLD = Path(__file__).parent.parent / "gold"
-MACHINES = {unit: machine_from_toml(Path(cuspline.posts.__file__).parent / f"mill_3axis{suffix}.toml")
+MACHINES = {unit: machine_from_toml(Path(cuspline.posts.__file__).parent / "machines" / f"mill_3axis{suffix}.toml")
             for unit, suffix in (("mm", ""), ("inch", "_inch"))}
 ROUNDING_MM = {"mm": 0.5e-4 * 1.0001, "inch": 0.5e-6 * 25.4 * 1.0001}      # half of the last decimal
 UNITS = pytest.mark.parametrize("unit", MACHINES)

@@ -7,9 +7,9 @@ import time
 import numpy as np
 import pytest
 
-from cuspline.errors import ReadError
-from cuspline.posts.rs274_reader import read_program
-from cuspline.program import Kind, Plane
+from cuspline.posts.readers.rs274_reader import read_program
+from cuspline.program.program import Kind, Plane
+from cuspline.values.errors import ReadError
 
 WORK_OFFSETS = {"G54": (100.0, 200.0, -300.0), "G55": (110.0, 200.0, -290.0)}
 TOOL_LENGTHS = {1: 50.0, 2: 80.0, 3: 50.0, 5: 127.0}

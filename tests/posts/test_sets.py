@@ -5,14 +5,14 @@ import pytest
 from known_passes import BALL, CLEARANCE_MM, LENGTHS, ZERO, machine, program
 from typer.testing import CliRunner
 
-from cuspline.catalogue import find_post, reader_of
-from cuspline.cli import app
-from cuspline.judge import _in_files
-from cuspline.posted import PostedMoves
-from cuspline.posts._restart import restarted
-from cuspline.posts.linuxcnc import post
-from cuspline.program import Kind, MoveWriter, Operation, Program
-from cuspline.verification.findings import Finding
+from cuspline.app.catalogue import find_post, reader_of
+from cuspline.app.cli import app
+from cuspline.app.judge import _in_files
+from cuspline.posts.restart import restarted
+from cuspline.posts.writers.linuxcnc import post
+from cuspline.program.posted import PostedMoves
+from cuspline.program.program import Kind, MoveWriter, Operation, Program
+from cuspline.values.findings import Finding
 
 
 def read_set():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cuspline.design import Finish
-from cuspline.frames import Frame
 from cuspline.report.bundle import FaceMesh, PathPoints, ReportBundle, SetupBundle, StockReplay
+from cuspline.values.frames import Frame
 
 LENGTH, WIDTH, TOP, STOCK_TOP, PITCH = 60.0, 40.0, 20.0, 22.0, 0.5
 GROOVE_X, GROOVE_R, STEP_X, STEP_Z = 20.0, 8.0, 42.0, 14.0
@@ -95,6 +95,7 @@ def _pass(zmap, y, xs, fine, height, radius, is_ball, operation, feed):
 def sample_mesh(zmap):
     """Tessellation with the deviation of the simulated stock; walls and sides are not judged."""
     from scipy.interpolate import RegularGridInterpolator
+
     from cuspline.report.view_mesh import tessellate_for_view
     mesh = tessellate_for_view(design_solid(), 0.01, longest_edge_mm=1.2)
     left = zmap.height - design_height_mm(zmap.x)[None, :]

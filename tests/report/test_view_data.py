@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cuspline.frames import Frame
 from cuspline.report import view_data
 from cuspline.report.bundle import PathPoints, StockReplay
+from cuspline.values.frames import Frame
 
 
 class Reader:

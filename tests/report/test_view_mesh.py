@@ -6,8 +6,8 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeSphere
 from OCP.gp import gp_Pnt
 from OCP.TopoDS import TopoDS_Compound
 
-from cuspline.errors import DesignError
 from cuspline.report.view_mesh import tessellate_for_view
+from cuspline.values.errors import DesignError
 
 
 def signed_volume(mesh):

@@ -8,7 +8,7 @@ from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf
 from OCP.GeomLProp import GeomLProp_SLProps
 from OCP.gp import gp_Dir, gp_Pnt, gp_Vec
 
-from cuspline.surfaces.nurbs import principal_directions
+from cuspline.splines.nurbs import principal_directions
 from cuspline.surfaces.patches import PatchSet
 
 POINT_MM, NORMAL = 1e-9, 1e-9

@@ -3,16 +3,22 @@
 import cadquery as cq
 import numpy as np
 import pytest
+from known_surfaces import bspline, clamped, face_of, random_weights, round_pocket_block, wavy_poles
 from OCP.TopoDS import TopoDS
 
-from cuspline.brep import Face, faces_of, the_solid
 from cuspline.designs._freeform_surface import freeform_face
-from cuspline.errors import PlanError
+from cuspline.kernel.brep import Face, faces_of, the_solid
 from cuspline.surfaces import curvature
-from cuspline.surfaces.curvature import (FLATTEST_MM, POLE_MM, PROVEN_SHARE, hollows_of_faces, sample_faces,
-                                         tightest_hollow)
+from cuspline.surfaces.curvature import (
+    FLATTEST_MM,
+    POLE_MM,
+    PROVEN_SHARE,
+    hollows_of_faces,
+    sample_faces,
+    tightest_hollow,
+)
 from cuspline.surfaces.inner_corners import fillets, inner_edges
-from known_surfaces import bspline, clamped, face_of, random_weights, round_pocket_block, wavy_poles
+from cuspline.values.errors import PlanError
 
 FOUND_MM = 1e-4         # of a radius that the pattern search brings home to 1e-6 of the face
 

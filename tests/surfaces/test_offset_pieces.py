@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cuspline.surfaces.nurbs import NurbsSurface
+from cuspline.splines.nurbs import NurbsSurface
 from cuspline.surfaces.offset_pieces import offset_of_piece
 from cuspline.surfaces.patches import PatchSet
 

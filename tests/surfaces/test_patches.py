@@ -4,8 +4,8 @@ import cadquery as cq
 import numpy as np
 import pytest
 
-from cuspline import brep
-from cuspline.surfaces.nurbs import NurbsSurface
+from cuspline.kernel import brep
+from cuspline.splines.nurbs import NurbsSurface
 from cuspline.surfaces.patches import SERIAL_ROWS, PatchSet
 
 

@@ -12,9 +12,9 @@ from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.gp import gp_Pnt
 from OCP.TopoDS import TopoDS_Compound
 
-from cuspline.brep import Face, faces_of, the_solid
-from cuspline.errors import PlanError
+from cuspline.kernel.brep import Face, faces_of, the_solid
 from cuspline.surfaces.projection import SERIAL_ROWS, ClosestTree, refined
+from cuspline.values.errors import PlanError
 
 SAME_MM = 1e-7
 

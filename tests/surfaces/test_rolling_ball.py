@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from cuspline.surfaces.closed_splines import periodic_spline
-from cuspline.surfaces.nurbs import NurbsSurface
+from cuspline.splines.closed_splines import periodic_spline
+from cuspline.splines.nurbs import NurbsSurface
 from cuspline.surfaces.rolling_ball import Revolved, fillet_errors, fillet_of, rolled
 
 POST_MM, SHAFT_MM, TOP_MM = 5.0, 20.0, 60.0

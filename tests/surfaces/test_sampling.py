@@ -6,7 +6,7 @@ import pytest
 from known_surfaces import bspline, face_of, kinds, random_weights, round_pocket_block, wavy_poles
 from scipy.spatial import cKDTree
 
-from cuspline.brep import Face, faces_of, the_solid
+from cuspline.kernel.brep import Face, faces_of, the_solid
 from cuspline.surfaces.sampling import samples_of_faces
 
 

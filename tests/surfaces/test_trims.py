@@ -4,10 +4,10 @@ import cadquery as cq
 import numpy as np
 import pytest
 
-from cuspline import brep
-from cuspline.errors import DesignError
+from cuspline.kernel import brep
 from cuspline.surfaces import trims
 from cuspline.surfaces.trims import SERIAL_ROWS, TrimSet
+from cuspline.values.errors import DesignError
 
 
 def _parts():

@@ -9,14 +9,14 @@ from brute_depth import depth_of
 from exact_parts import patch_solid, random_poles
 from known_programs import arc, feed, program, rapid, tool
 
-from cuspline import brep
-from cuspline.errors import SimulationError
-from cuspline.frames import Frame
-from cuspline.job import read_job, read_tools
-from cuspline.posted import PostedMoves
-from cuspline.posts.rs274_reader import read_program
-from cuspline.program import Plane
-from cuspline.toolpaths.exact_drop import ExactPart, drop_tips_mm
+from cuspline.design.job import read_job, read_tools
+from cuspline.kernel import brep
+from cuspline.posts.readers.rs274_reader import read_program
+from cuspline.program.posted import PostedMoves
+from cuspline.program.program import Plane
+from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm
+from cuspline.values.errors import SimulationError
+from cuspline.values.frames import Frame
 from cuspline.verification.certificate import certify, gouges_beyond, part_in_wcs
 from cuspline.verification.certificate_chords import chords_of
 

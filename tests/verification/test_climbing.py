@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from known_programs import feed, program, rapid, raster, tool
 
-from cuspline import brep
-from cuspline.frames import Frame
-from cuspline.simulation.swept import swept_paths
-from cuspline.simulation.workpiece import Workpiece
+from cuspline.kernel import brep
+from cuspline.stock.swept import swept_paths
+from cuspline.stock.workpiece import Workpiece
+from cuspline.values.frames import Frame
 from cuspline.verification.climbing import Ground, bottoms_of, tops_of
 from cuspline.verification.samples import sample_faces
 
@@ -99,7 +99,7 @@ def test_no_place_of_a_dense_grid_is_higher_than_what_was_found():
 
 
 def test_a_sphere_cut_in_rings_shows_the_cusp_of_the_formula():
-    from cuspline.planning.stepover import scallop_for_stepover_mm
+    from cuspline.scallop.stepover import scallop_for_stepover_mm
     dome = brep.the_solid(cq.Workplane().sphere(12).intersect(cq.Workplane().box(16, 16, 12, centered=(True, True, False))))
     faces = [f for f in brep.faces_of(dome) if f.kind == "sphere"]
     turn, moves = 0.6 / 12, [rapid(0, 0, 20)]

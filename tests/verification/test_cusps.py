@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from known_programs import arc, feed, program, rapid, raster, tool
 
-from cuspline import brep
-from cuspline.frames import Frame
-from cuspline.planning.stepover import scallop_for_stepover_mm
-from cuspline.program import Plane
-from cuspline.simulation.swept import swept_paths
-from cuspline.simulation.workpiece import Workpiece
+from cuspline.kernel import brep
+from cuspline.program.program import Plane
+from cuspline.scallop.stepover import scallop_for_stepover_mm
+from cuspline.stock.swept import swept_paths
+from cuspline.stock.workpiece import Workpiece
+from cuspline.values.frames import Frame
 from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import centers_mm, measured_cusps
 from cuspline.verification.samples import sample_faces

@@ -6,12 +6,12 @@ import pytest
 from known_programs import arc, feed, program, rapid, raster, tool
 from OCP.BRepTools import BRepTools
 
-from cuspline import brep
-from cuspline.frames import Frame
-from cuspline.program import Plane
-from cuspline.simulation.distance_kernels import piece_distance
-from cuspline.simulation.swept import swept_paths
-from cuspline.simulation.workpiece import Workpiece
+from cuspline.kernel import brep
+from cuspline.program.program import Plane
+from cuspline.stock.distance_kernels import piece_distance
+from cuspline.stock.swept import swept_paths
+from cuspline.stock.workpiece import Workpiece
+from cuspline.values.frames import Frame
 from cuspline.verification.climbing import Ground
 from cuspline.verification.excess_kernels import _straightened, least_largest
 from cuspline.verification.excess_proof import prove_excess

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from known_programs import program, random_moves, tool
 
-from cuspline import brep
 from cuspline.design import Setup
-from cuspline.program import Kind, Plane
-from cuspline.simulation.swept import swept_paths
-from cuspline.simulation.workpiece import Workpiece
+from cuspline.kernel import brep
+from cuspline.program.program import Kind, Plane
+from cuspline.stock.swept import swept_paths
+from cuspline.stock.workpiece import Workpiece
 from cuspline.verification.climbing import Ground
 from cuspline.verification.reach import drop_mesh
 from cuspline.verification.residuals import LIMIT_MM, residuals

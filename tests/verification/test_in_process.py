@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from known_programs import feed, program, rapid, tool
 
-from cuspline import solids
 from cuspline.design import Setup, StockBox
+from cuspline.kernel import solids
 from cuspline.verification.in_process import first_moves, operation_ends, stock_states
 from cuspline.verification.verdict import SetupProgram
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from known_programs import feed, program, rapid, raster, tool
 
-from cuspline import brep
-from cuspline.cutters import Cutter
 from cuspline.design import Finish, Setup, StockBox
+from cuspline.kernel import brep
+from cuspline.shop.cutters import Cutter
 from cuspline.verification.verdict import Options, verify_setup
 
 FINISH = Finish(scallop_mm=0.02, profile_tolerance_mm=0.004, gouge_mm=0.004)

@@ -6,10 +6,10 @@ import pytest
 from manifold3d import Manifold, OpType
 from scipy.spatial import cKDTree
 
-from cuspline import brep, solids
-from cuspline.errors import DesignError, SimulationError
+from cuspline.kernel import brep, solids
+from cuspline.values.clusters import clusters_of
+from cuspline.values.errors import DesignError, SimulationError
 from cuspline.verification import tessellation
-from cuspline.clusters import clusters_of
 from cuspline.verification.samples import INSIDE_MM, sample_faces
 from cuspline.verification.tessellation import tessellate
 

@@ -12,12 +12,12 @@ from OCP.TopoDS import TopoDS, TopoDS_Solid
 from scipy.interpolate import make_interp_spline
 from troublesome_parts import bow_tie, closed_face, hole_and_islands, knife_edge, pole_and_apex, slivers
 
-from cuspline import brep
-from cuspline.errors import DesignError
+from cuspline.kernel import brep
+from cuspline.kernel.shells import spline_surface
 from cuspline.report.view_mesh import tessellate_for_view
-from cuspline.shells import spline_surface
+from cuspline.splines.nurbs import NurbsSurface
 from cuspline.surfaces.folds import folds_of
-from cuspline.surfaces.nurbs import NurbsSurface
+from cuspline.values.errors import DesignError
 from cuspline.verification.crossing_kernels import enclosures
 from cuspline.verification.self_crossing import refuse_self_crossing, self_crossings
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from known_programs import arc, feed, program, rapid, raster, tool
 
-from cuspline import brep, mesh_quality
 from cuspline.design import Finish, Setup, StockBox
-from cuspline.errors import InputError
-from cuspline.program import Plane
-from cuspline.simulation.stock_solids import upright_walls
+from cuspline.kernel import brep, mesh_quality
+from cuspline.program.program import Plane
+from cuspline.stock.stock_solids import upright_walls
+from cuspline.values.errors import InputError
 from cuspline.verification import residuals
 from cuspline.verification.climbing import Tops
 from cuspline.verification.reporter import Reporter

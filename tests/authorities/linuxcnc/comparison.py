@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.errors import ReadError
-from cuspline.posts.rs274_reader import read_program
-from cuspline.program import Kind
+from cuspline.posts.readers.rs274_reader import read_program
+from cuspline.program.program import Kind
+from cuspline.values.errors import ReadError
 
 from .interpreter import interpret, tool_lengths_from_table
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.posts.rs274_reader import read_program
+from cuspline.posts.readers.rs274_reader import read_program
 
 from .deviation import deviation_mm, path_of
 from .interpreter import SYSTEM_PYTHON, write_parameters, write_tool_table
@@ -69,7 +69,7 @@ def run_on_controller(program_path, tools, machine):
 
     Args:
         tools: {number: tool length, mm}.
-        machine: cuspline.machines.Machine; G54 lies at its wcs_origin_mm.
+        machine: cuspline.shop.machines.Machine; G54 lies at its wcs_origin_mm.
     Returns:
         DrivenPath.
     Raises:

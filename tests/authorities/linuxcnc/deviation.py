@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.program import Kind, Plane
+from cuspline.program.program import Kind, Plane
 
 WIDENING = (2, 20, 200)     # segments on either side of the reported one; wider only where still far
 

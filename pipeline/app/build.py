@@ -1,0 +1,505 @@
+"""The recipe: the one place that knows all stages, from a design to published files.
+
+Everything is made in a folder beside the outputs and swapped in at the end; a build killed at any
+moment leaves the old outputs or the new ones.  What took it long stays in `.<outputs>.kept/` until
+a build is published: the next one goes on from there.  A program with a finding that is not accepted
+by name is not published: it stays in `<outputs>-rejected/` with its report.
+"""
+
+import ctypes
+import hashlib
+import importlib.metadata
+import json
+import os
+import shutil
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import cuspline
+from cuspline.app import mending
+from cuspline.app.judge import figures_in_words, judge, post_module, posted_moves
+from cuspline.app.report_inputs import report_bundle, shape_of, view_of
+from cuspline.design.job import Job, PostedFile, digest_of, job_line
+from cuspline.design.setup_alignment import refixturing_in_words
+from cuspline.kernel import brep, mesh_quality, solids
+from cuspline.kernel.glb import write_glb
+from cuspline.kernel.solids import stl_of
+from cuspline.planning.feeds import TIME_ASSUMPTIONS
+from cuspline.planning.plan import plan_setup
+from cuspline.planning.preflight import refuse_impossible_setups
+from cuspline.report.page import write_report
+from cuspline.report.pictures import render_shape
+from cuspline.shop.materials import material_named
+from cuspline.shop.practice import ShopFile
+from cuspline.shop.tool_table import dropped_fields, tool_table
+from cuspline.stock.swept import swept_paths
+from cuspline.stock.workpiece import Workpiece
+from cuspline.values.checkpoints import kept_beside
+from cuspline.values.errors import InputError, PostError
+from cuspline.values.findings import Finding
+from cuspline.values.interruption import held_off
+from cuspline.verification.in_process import PART
+from cuspline.verification.self_crossing import refuse_self_crossing
+from cuspline.verification.verdict import Options, SetupProgram, residuals_of
+
+TIP_PARTS = ("crest", "sides")
+STAGES = ("step", "plan", "gcode", "verify", "report")
+UNVERIFIED = "VERDICT: NOT VERIFIED YET"
+VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """What is to be built."""
+
+    source: object              # catalogue.DesignSource
+    design: object              # design.Design
+    machine: object
+    library: object
+    shop: ShopFile = ShopFile()     # what the shop decides
+    accepted: tuple[str, ...]
+    out: Path
+    last_stage: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """What came of it."""
+
+    folder: Path
+    is_ok: bool
+    findings: tuple
+    left_out: str               # what could not be made here, in words; "" nothing
+    told: str = ""              # what the build came to, where it is not the stage that was asked for
+    figures: str = ""           # gouge, cusp, bound in words; "" where nothing was verified
+    accepted: tuple = ()        # findings that were accepted by name
+
+
+def build(order, say=lambda text: None):
+    """Build one design.
+
+    Args:
+        order: Order.
+        say: called with what is being done.
+    Returns:
+        Result; its folder is `order.out`, or `order.out`-rejected where findings stand.
+    Raises:
+        CamError: what is wrong with the input or the plan; nothing is left half-written.
+    """
+    work = order.out.parent / f".{order.out.name}.part"
+    try:
+        order.out.parent.mkdir(parents=True, exist_ok=True)
+        _restore(order.out)
+        _refuse_what_is_not_ours(order.out)
+        shutil.rmtree(work, ignore_errors=True)
+        work.mkdir()
+    except OSError as error:
+        raise InputError(f"--out {order.out}: cannot be written ({error.strerror}); name another folder") from None
+    try:
+        result = _made(order, work, say)
+        target = order.out if result.is_ok else _rejected(order.out)
+        with held_off():
+            _swap_in(work, target)
+            if result.is_ok:
+                shutil.rmtree(_rejected(order.out), ignore_errors=True)
+                kept_beside(order.out).remove()
+        return replace(result, folder=target)
+    finally:
+        with held_off():
+            shutil.rmtree(work, ignore_errors=True)
+
+
+def _made(order, work, say):
+    """All stages up to the last one wanted, into the work folder."""
+    design = order.design
+    say(f"{design.name}: STEP")
+    solid = brep.the_solid(design.solid, f"design {design.name}")
+    if design.setups and order.last_stage != "step":
+        refuse_impossible_setups(design, solid, order.machine, order.library)
+    step = work / f"{design.name}.step"
+    brep.write_step(solid, step, design.name)
+    inputs = inputs_hash(order, step)
+    # from here on every stage sees what a reader of the file sees
+    solid = brep.the_solid(brep.read_step(step), step.name)
+    design = replace(design, solid=solid)
+    order = replace(order, design=design)
+    for companion in design.companions:
+        name = f"{design.name}.{companion.name}"
+        brep.write_step(companion.make(), work / f"{name}.step", name)
+    shape = shape_of(solid, has_thin_edges=not design.setups)
+    refuse_self_crossing(solid, shape, f"design {design.name}: the solid in {step.name}")
+    write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
+    if order.last_stage == "step":
+        return _finished(order, work, inputs, None)
+    if not design.setups:
+        return _measured(order, work, inputs, shape, say)
+    kept, tell = kept_beside(order.out), lambda text: say(f"{design.name}: {text}")
+    plans = _checked(order, _planned(order, say), solid, kept, tell)
+    if order.last_stage == "plan":
+        _write_json(work / "plan.json", plan_document(order, plans))
+        return _finished(order, work, inputs, None)
+    job = _written(order, plans, work, inputs, tell)
+    if order.last_stage == "gcode":
+        return _finished(order, work, inputs, job)
+    job, judged = _judged(order, plans, job, work, inputs, kept, tell)
+    verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say, kept)}
+    _stamp_verdict(work, job, verify)
+    _write_json(work / "verify.json", verify)
+    say(f"{design.name}: stock coloured by its deviation")
+    left_out = _coloured_stock(work / f"{design.name}.deviation.ply", judged, design.finish)
+    if order.last_stage == "report":
+        say(f"{design.name}: report")
+        bundle = report_bundle(order, work, job, judged, _read_json(work / "plan.json"), verify, view_of(solid), inputs)
+        _, without = write_report(bundle, work)
+        left_out = "; ".join(words for words in (left_out, without) if words)
+    result = _finished(order, work, inputs, job, judged.refused(order.accepted), left_out)
+    return replace(result, figures=judged.figures_in_words, accepted=judged.passed_over(order.accepted))
+
+
+def _measured(order, work, inputs, shape, say):
+    """A design without setups: its solid as read back from STEP is measured, nothing is planned."""
+    design = order.design
+    say(f"{design.name}: solid read back from STEP and measured")
+    report = design.measure(design.solid)
+    off = tuple(f for f in report.figures if not f.is_kept)
+    findings = tuple(Finding(
+        kind="solid_off", amount_mm=abs(f.measured - f.wanted), place_mm=None, operation="", line=0, setup="",
+        advice=f"{f.what}: {f.measured:.6g} {f.unit} measured, {f.wanted:.6g} wanted, "
+               f"{f.allowed:.2g} allowed") for f in off)
+    refused = tuple(f for f in findings if f.kind not in order.accepted)
+    _write_json(work / "solid.json", {
+        "design": design.name, "ok": not refused, "units": "mm", "accepted": list(order.accepted),
+        "figures": [{**asdict(f), "ok": f.is_kept} for f in report.figures], **report.facts})
+    if design.draw is not None:
+        design.draw(work)
+    say(f"{design.name}: pictures")
+    left_out = render_shape(shape, work)
+    told = (f"solid {'CHECKED' if not refused else 'REJECTED'}, {len(report.figures) - len(off)} of {len(report.figures)} "
+            "figures kept; no setup, so nothing is planned or posted")
+    return replace(_finished(order, work, inputs, None, refused, left_out), told=told)
+
+
+def _planned(order, say):
+    """SetupPlan of every setup; each begins with the stock that the programs before it leave, as they are posted."""
+    design, plans = order.design, []
+    piece = Workpiece(min_mm=design.stock.min_mm, max_mm=design.stock.max_mm)
+    for setup in design.setups:
+        say(f"{design.name}: plan {setup.name}")
+        plan = plan_setup(design, setup, order.machine, order.library, piece, order.shop)
+        plans.append(plan)
+        if setup is not design.setups[-1]:
+            say(f"{design.name}: stock after {setup.name}")
+            tools = {o.tool.number: o.tool for o in plan.operations}
+            piece = piece.after(setup.frame, swept_paths(_as_posted(order, plan, tools), tools))
+    return plans
+
+
+def _checked(order, plans, solid, kept, tell):
+    """The plans, mended where the posted moves leave or take more than the finish allows, a margin kept."""
+    if not any(p.is_mended for p in plans):
+        return plans
+    design, faces = order.design, brep.faces_of(solid)
+    balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
+    for number in range(1, mending.OWN_ROUNDS + 1):
+        tools = {o.tool.number: o.tool for p in plans for o in p.operations}
+        programs = [SetupProgram(posted=_as_posted(order, plan, tools), setup=plan.setup, faces=tuple(
+            f for p in design.predicates if p.name in plan.setup.faces for f in brep.select_faces(faces, p)))
+            for plan in plans]
+        tell("check of the plan")
+        found = residuals_of(programs, tools, solid, stock=design.stock, finish=design.finish,
+                             ball_radius_mm=min(balls), kept=kept)
+        wants = [mending.wants_of(*pair, design.finish, share=1.0 - mending.MARGIN) for pair in found]
+        plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
+        if not is_changed:
+            break
+        tell(f"mended, round {number} of the planner's own check")
+    return plans
+
+
+def _as_posted(order, plan, tools):
+    """PostedMoves of a plan: posted as text and read back."""
+    texts = post_module(order.machine).post(plan.program((), plan.setup.name), order.machine).texts
+    return posted_moves(texts, plan.setup, order.machine, tools)
+
+
+def _written(order, plans, work, inputs, tell):
+    """plan.json, programs and tools on disk; Job."""
+    _write_json(work / "plan.json", plan_document(order, plans))
+    tell(f"post for {order.machine.name}")
+    return _posted(order, plans, work, inputs)
+
+
+def _judged(order, plans, job, work, inputs, kept, tell):
+    """(Job, Judged) of what is posted, mended and judged again while that helps."""
+    for number in range(1, mending.ROUNDS + 2):
+        judged = judge(work, job, tell, Options(), kept)
+        if number > mending.ROUNDS:
+            break
+        wants = [mending.wants_of_verdict(v, order.accepted) for v in judged.verdict.setups]
+        plans, is_mended = mending.mended(plans, wants, number, "the verdict")
+        if not is_mended:
+            break
+        tell(f"mended, round {number} of {mending.ROUNDS}")
+        _remove_programs(work, job)
+        job = _written(order, plans, work, inputs, tell)
+    _write_json(work / "plan.json", plan_document(order, plans))
+    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans))
+
+
+def _remove_programs(work, job):
+    for name in (name for item in job.posted for name in item.files):
+        (work / name).unlink()
+
+
+def _coloured_stock(path, judged, finish):
+    """Write the simulated stock, coloured by its deviation; "" or why it is left out."""
+    if not mesh_quality.is_installed():
+        return mesh_quality.LEFT_OUT
+    last = judged.verdict.setups[-1]
+    vertices, triangles = solids.mesh_of(last.stock.stock(PART))
+    off = mesh_quality.signed_distances_mm(vertices, last.mesh.vertices_mm, last.mesh.triangles)
+    mesh_quality.write_coloured_ply(path, vertices, triangles, off, 1.5 * max(finish.scallop_mm, finish.gouge_mm))
+    return ""
+
+
+def _finished(order, work, inputs, job, findings=(), left_out=""):
+    """Write the manifest, the last file of all."""
+    files = {p.name: _sha256(p) for p in sorted(work.iterdir())}
+    asked = None if job is None else job.model_dump(mode="json")
+    manifest = {
+        "design": order.design.name, "stage": order.last_stage, "inputs_sha256": inputs,
+        "parameters": order.design.parameters.model_dump(mode="json"), "machine": order.machine.name,
+        "accepted": list(order.accepted), "left_out": left_out,
+        "versions": {"cuspline": cuspline.__version__, **{n: _version(n) for n in VERSIONED}},
+        "files": files, "job": asked, "job_sha256": {name: digest_of(value) for name, value in (asked or {}).items()}}
+    _write_json(work / "manifest.json", manifest)
+    return Result(folder=work, is_ok=not findings, findings=tuple(findings), left_out=left_out)
+
+
+# plan and program ------------------------------------------------------------------------------
+
+
+def plan_document(order, plans):
+    """plan.json: per operation cutter, step, feeds, time, and the candidates rejected."""
+    setups = []
+    for plan in plans:
+        operations = [_operation_document(o) for o in plan.operations]
+        lies = plan.setup.refixturing
+        setups.append({"name": plan.setup.name, "operations": operations, "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
+                       "refixturing": None if lies is None else lies.model_dump(mode="json"),
+                       "time_s": round(sum(o["time_s"] for o in operations)
+                                       + order.machine.tool_change_s * len(operations), 1),
+                       "time_assumptions": TIME_ASSUMPTIONS, "clearance_z_mm": plan.clearance_z_mm,
+                       "area_required_mm2": round(plan.area_required_mm2, 3),
+                       "area_reached_mm2": round(plan.area_reached_mm2, 3),
+                       "mending": list(plan.mending),
+                       "inner_edges": [{"place_mm": [round(x, 4) for x in e.place_mm],
+                                        "opening_deg": round(e.opening_deg, 3), "length_mm": round(e.length_mm, 3),
+                                        "reason": "two faces meet in a hollow without a fillet: no ball cleans it"}
+                                       for e in plan.inner_edges]})
+    hollow = min((p.hollow for p in plans), key=lambda h: h.radius_mm)
+    return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
+            "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
+            "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
+            **({"tip": _tip_document(order.design)} if order.design.tip is not None else {}), "setups": setups}
+
+
+def _tip_document(design):
+    """A vane's tip: the smallest hollow of its crest and of its sides, each with its place."""
+    tip = design.tip
+    rows = {"range_mm": [round(x, 6) for x in tip.range_mm], "foot_z_mm": round(tip.foot_z_mm, 6)}
+    for name, (radius, place) in zip(TIP_PARTS, tip.tightest_hollows()):
+        rows[f"{name}_concave_radius_mm"] = _finite(radius)
+        rows[f"{name}_concave_place_mm"] = [round(float(x), 4) for x in place]
+        rows[f"{name}_concave_where"] = design.where(place)
+    return rows
+
+
+def _operation_document(o):
+    cutter = o.tool.cutter
+    cutting = o.moves.feed_mm_per_min[o.moves.feed_mm_per_min > 0]
+    return {"name": o.name,
+            "tool": {"number": o.tool.number, **cutter.model_dump(mode="json"), "stick_out_mm": o.tool.stick_out_mm,
+                     "holder": o.tool.holder.model_dump(mode="json"),
+                     "head": None if o.tool.head is None else o.tool.head.model_dump(mode="json")},
+            "spindle_rpm": o.rpm, "coolant": o.coolant,
+            "feed_mm_per_min": [float(cutting.min()), float(cutting.max())], "blocks": len(o.moves), **o.facts}
+
+
+def _posted(order, plans, work, inputs):
+    """Post every setup, write the tools, return the Job."""
+    post = post_module(order.machine)
+    tools = {o.tool.number: o.tool for p in plans for o in p.operations}
+    (work / "tools.tbl").write_text(tool_table(tools.values(), order.machine.control))
+    _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
+    _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
+    posted, written = [], {}
+    for plan in plans:
+        program = plan.program(_header(order, plan, inputs), f"{order.design.name} {plan.setup.name}")
+        texts = post.post(program, order.machine).texts
+        names = [f"{plan.setup.name}.{post.EXTENSION}"] if len(texts) == 1 else [
+            f"{plan.setup.name}-{k:02d}.{post.EXTENSION}" for k in range(1, len(texts) + 1)]
+        written |= zip(names, texts)
+        posted.append(PostedFile(setup=plan.setup.model_copy(update={"operations": ()}), program=names[0],
+                                 continued=tuple(names[1:])))
+    balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
+    job = Job(design=order.design.name, step=f"{order.design.name}.step", material=order.design.material,
+              predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
+              cutting_data=material_named(order.design.material, order.shop.materials),
+              machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
+              accepted=order.accepted)
+    line = job_line(digest_of(job.model_dump(mode="json")))
+    for name, text in written.items():
+        (work / name).write_text(text.replace(f"({job_line('')})", f"({line})"))
+    return job
+
+
+def _header(order, plan, inputs):
+    """Comment lines that tell the operator what this is."""
+    design, setup, machine = order.design, plan.setup, order.machine
+    low, high = setup.frame.box_into(design.stock.min_mm, design.stock.max_mm)
+    program = plan.program((), setup.name)
+    ends = np.vstack([o.moves.end_mm for o in program.operations])
+    show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
+    lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
+             UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
+             f"INPUTS SHA-256 {inputs[:32]}", job_line(""),
+             f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
+             f"{setup.wcs}: {setup.wcs_in_words}",
+             f"STOCK {design.material}: {show(low)} TO {show(high)}",
+             f"TIP EXTENTS {show(ends.min(axis=0))} TO {show(ends.max(axis=0))}",
+             f"RAPIDS ACROSS AT Z{program.clearance_z_mm:.3f}",
+             f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
+             f"GOUGE {design.finish.gouge_mm} PATH TOLERANCE {machine.control.path_tolerance_mm}"]
+    for name, value in design.parameters.model_dump(mode="json").items():
+        lines.append(f"PARAMETER {name} = {value}")
+    seen = set()
+    for o in plan.operations:
+        if o.tool.number not in seen:
+            seen.add(o.tool.number)
+            lines.append(f"T{o.tool.number} {o.tool.cutter.name}, D{o.tool.cutter.diameter_mm:g} "
+                         f"R{o.tool.cutter.corner_radius_mm:g}, STICK-OUT {o.tool.stick_out_mm:g}, "
+                         f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}{_head_in_words(o.tool.head)}")
+    lines += [f"MARKER {m.name} {show(setup.frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
+    if setup.refixturing is not None:
+        lines.append(f"PART LIES AS MEASURED: {refixturing_in_words(setup.refixturing)}")
+    if order.accepted:
+        lines.append(f"ACCEPTED BY NAME: {', '.join(order.accepted)}")
+    return lines
+
+
+def _head_in_words(head):
+    """What the operator must know of a tool's head; nothing where it has none."""
+    return "" if head is None else (f", ON {head.name.upper()}, DISC TOWARD {head.cutter_points}, "
+                                    f"{head.offset_mm:g} BESIDE THE SPINDLE IN X; X Y Z ARE THE DISC'S MIDDLE")
+
+
+def _stock_files(work, job, judged, say, kept):
+    """Write the stock after every operation; what verify.json says of it."""
+    rows = []
+    for state in judged.stock_states(job, kept):
+        say(f"{job.design}: stock after {state.setup} {state.operation}")
+        (work / state.file).write_bytes(stl_of(state.solid))
+        rows.append({**state.as_dict(), "sha256": _sha256(work / state.file)})
+    return rows
+
+
+def _stamp_verdict(work, job, verify):
+    """Put the verdict into each program's header, in place of the line that says there is none yet."""
+    verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
+    line = (f"VERDICT: {verdict}{f' WITH {passed} ACCEPTED' if passed else ''}, {figures_in_words(verify).upper()}, "
+            f"{verify['points_checked']} POINTS")
+    for name in (name for item in job.posted for name in item.files):
+        path = work / name
+        text = path.read_text()
+        if text.count(f"({UNVERIFIED})") != 1:
+            raise PostError(f"{name}: the header has lost its verdict line")
+        path.write_text(text.replace(f"({UNVERIFIED})", f"({line})"))
+
+
+# files -----------------------------------------------------------------------------------------
+
+
+def inputs_hash(order, step):
+    """SHA-256 over everything that decides the outputs: the solid itself and all that is asked of it."""
+    design = order.design
+    asked = {"name": design.name, "parameters": design.parameters.model_dump(mode="json"), "material": design.material,
+             "predicates": [p.model_dump(mode="json") for p in design.predicates],
+             "stock": design.stock.model_dump(mode="json"), "finish": design.finish.model_dump(mode="json"),
+             "setups": [s.model_dump(mode="json") for s in design.setups],
+             "machine": order.machine.model_dump(mode="json"), "shop": order.shop.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
+             "accepted": order.accepted, "version": cuspline.__version__}
+    return hashlib.sha256(step.read_bytes() + json.dumps(asked, sort_keys=True).encode()).hexdigest()
+
+
+def _sha256(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _version(name):
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _write_json(path, value):
+    path.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
+
+
+def _read_json(path):
+    return json.loads(path.read_text())
+
+
+def _finite(value):
+    return round(float(value), 6) if np.isfinite(value) else None
+
+
+def _rejected(out):
+    return out.parent / f"{out.name}-rejected"
+
+
+def _old(out):
+    return out.parent / f".{out.name}.old"
+
+
+def _restore(out):
+    """Finish what a killed build has left: the old outputs come back where the new ones are missing."""
+    if _old(out).exists():
+        if out.exists():
+            shutil.rmtree(_old(out), ignore_errors=True)
+        else:
+            _old(out).rename(out)
+
+
+def _refuse_what_is_not_ours(out):
+    """The outputs replace the whole folder: it must be an earlier output, or hold nothing."""
+    is_ours = not out.exists() or (out.is_dir() and ((out / "manifest.json").exists() or not any(out.iterdir())))
+    if not is_ours:
+        raise InputError(f"--out {out} exists and is no earlier output (it has no manifest.json): "
+                         "it would be replaced whole; name another folder")
+
+
+def _swap_in(work, target):
+    """Exchange two folders in one step where the system can, else in two renames."""
+    if not target.exists():
+        work.rename(target)
+        return
+    if not _exchanged(work, target):
+        old = _old(target)
+        shutil.rmtree(old, ignore_errors=True)
+        target.rename(old)
+        work.rename(target)
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _exchanged(a, b):
+    """Linux exchanges two names atomically (renameat2 with RENAME_EXCHANGE)."""
+    try:
+        rename = ctypes.CDLL(None, use_errno=True).renameat2
+    except (OSError, AttributeError):
+        return False
+    here, exchange = -100, 2
+    return rename(here, os.fsencode(a), here, os.fsencode(b), exchange) == 0

@@ -1,0 +1,225 @@
+"""Finding designs, machines, tool libraries and posts, by name or by file.
+
+A design is a Python file with one function `design(parameters) -> Design` whose argument is
+annotated with its parameter model.  A job file (TOML) does the same for a plain STEP file.
+"""
+
+import importlib
+import importlib.util
+import inspect
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Callable
+
+from pydantic import Field, ValidationError
+
+import cuspline.designs
+import cuspline.posts
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.shop.cutters import library_from_json
+from cuspline.shop.machines import machine_from_toml
+from cuspline.shop.practice import shop_file
+from cuspline.values.errors import CamError, DesignError, InputError
+from cuspline.values.input_files import checked, refuse_irregular, toml_of
+from cuspline.values.models import Model, complaints, name_fault
+
+DESIGNS = Path(cuspline.designs.__file__).parent
+POSTS = Path(cuspline.posts.__file__).parent
+MACHINES, LIBRARIES, WRITERS = POSTS / "machines", POSTS / "tools", POSTS / "writers"
+DEFAULT_LIBRARY = "tools"
+SHOP = "shop."              # of a parameter that is the shop's, not the design's
+DESIGN_FILES = (".py", ".toml")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignSource:
+    """A design that can be made from parameters."""
+
+    name: str
+    path: Path
+    parameters: type[Parameters]
+    make: Callable
+
+    def design(self, assignments):
+        """Make the Design from ["name=value", ...]; what is not named keeps its default.
+
+        Raises:
+            InputError: an unknown parameter, or a value that the model refuses; names it.
+        """
+        return self.make(self.validated(assignments))
+
+    def validated(self, assignments):
+        """The parameter model's value."""
+        given = [_assignment(a) for a in assignments]
+        names = [name for name, _ in given]
+        twice = sorted({n for n in names if names.count(n) > 1})
+        if twice:
+            raise InputError(f"design {self.name}: parameter {twice[0]} is given twice; keep one")
+        return checked(self.parameters, dict(given), f"design {self.name}")
+
+
+def _assignment(text):
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip():
+        raise InputError(f"parameter {text!r} is not of the form name=value")
+    return name.strip(), value.strip()
+
+
+def design_names():
+    """Names of the designs in designs/."""
+    return sorted(p.stem for p in DESIGNS.glob("*.py") if not p.stem.startswith("_"))
+
+
+def machine_names():
+    return sorted(p.stem for p in MACHINES.glob("*.toml"))
+
+
+def post_names():
+    """Names of the posts in posts/writers/: the modules that have a function `post`."""
+    return sorted(p.stem for p in WRITERS.glob("*.py") if re.search(r"^def post\(", p.read_text(), re.MULTILINE))
+
+
+def find_design(name_or_file):
+    """A DesignSource by name, by Python file, or by job file (TOML for a STEP part).
+
+    Raises:
+        InputError: there is none, or the file cannot be used; says why.
+    """
+    if name_or_file in design_names():
+        return _from_module(importlib.import_module(f"cuspline.designs.{name_or_file}"), DESIGNS / f"{name_or_file}.py")
+    path = Path(name_or_file)
+    refuse_irregular(path, "design")
+    if not path.is_file():
+        raise InputError(f"there is no design {name_or_file!r} and no such file; designs: {', '.join(design_names())}")
+    if path.suffix in DESIGN_FILES and (fault := name_fault(path.stem)):
+        raise InputError(f"design file {path}: {fault}; its outputs are called by it")
+    if path.suffix == ".py":
+        return _from_module(_loaded(path), path)
+    if path.suffix == ".toml":
+        return _from_job(path)
+    if path.suffix.lower() in (".step", ".stp"):
+        from cuspline.kernel import brep
+        brep.refuse_unreadable(path)
+        brep.read_step(path)
+        raise InputError(f"{path} is a STEP part: write a job file (TOML) that names it with its faces, finish, "
+                         "stock and setups, and build that")
+    raise InputError(f"{path}: a design is a .py file, or a .toml job for a STEP part")
+
+
+def _loaded(path):
+    """A user's design module, by path."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except CamError:
+        raise
+    except Exception as error:      # anything that a user's file may raise while it is imported
+        raise InputError(f"design file {path} cannot be loaded: {type(error).__name__}: {error}") from error
+    return module
+
+
+def _from_module(module, path):
+    make = getattr(module, "design", None)
+    if not callable(make):
+        raise InputError(f"{path} has no function `design(parameters) -> Design`")
+    hints = inspect.get_annotations(make, eval_str=True)
+    models = [h for n, h in hints.items() if n != "return" and inspect.isclass(h) and issubclass(h, Parameters)]
+    if len(models) != 1:
+        raise InputError(f"{path}: annotate the argument of `design` with its parameter model "
+                         "(a subclass of cuspline.design.Parameters)")
+    return DesignSource(name=path.stem, path=path, parameters=models[0], make=make)
+
+
+class _Job(Model):
+    """A job file: a STEP part and what must be known to cut it."""
+
+    step: str = Field(description="STEP file, relative to the job file")
+    description: str = ""
+    material: str
+    stock: StockBox
+    finish: Finish
+    faces: tuple[FacePredicate, ...] = Field(min_length=1)
+    setups: tuple[Setup, ...] = Field(min_length=1)
+
+
+class _NoParameters(Parameters):
+    """A job has no parameters: the STEP file is what it is."""
+
+
+def _from_job(path):
+    importlib.import_module("cuspline.planning.strategies")       # registers the operations
+    job = checked(_Job, toml_of(path, "job file"), f"job file {path}")
+
+    def make(parameters):
+        from cuspline.kernel import brep
+        step = path.parent / job.step
+        brep.refuse_unreadable(step)
+        return Design(name=path.stem, description=job.description or f"STEP part {job.step}", parameters=parameters,
+                      solid=brep.read_step(step), predicates=job.faces, material=job.material,
+                      stock=job.stock, finish=job.finish, setups=job.setups)
+
+    return DesignSource(name=path.stem, path=path, parameters=_NoParameters, make=make)
+
+
+def find_machine(name_or_file):
+    """A Machine by name or by TOML file.
+
+    Raises:
+        InputError: there is none, or its file is wrong.
+    """
+    if name_or_file in machine_names():
+        return machine_from_toml(MACHINES / f"{name_or_file}.toml")
+    refuse_irregular(name_or_file, "machine file")
+    if not Path(name_or_file).is_file():
+        raise InputError(f"there is no machine {name_or_file!r} and no such file; "
+                         f"machines: {', '.join(machine_names())}")
+    return machine_from_toml(name_or_file)
+
+
+def find_library(path):
+    """The tool library of a file; None: the one that comes with cuspline."""
+    return library_from_json(path if path is not None else LIBRARIES / f"{DEFAULT_LIBRARY}.json")
+
+
+def find_shop(path, assignments):
+    """(ShopFile, the assignments that are not the shop's): values `shop.name=value` go before the file's."""
+    own = [_assignment(a) for a in assignments if a.startswith(SHOP)]
+    given = [(name.removeprefix(SHOP), value) for name, value in own]
+    return shop_file(path, given), [a for a in assignments if not a.startswith(SHOP)]
+
+
+def find_post(name):
+    """The post module of that name.
+
+    Raises:
+        InputError: there is none.
+    """
+    if name not in post_names():
+        raise InputError(f"there is no post {name!r}; posts: {', '.join(post_names())}")
+    return importlib.import_module(f"cuspline.posts.writers.{name}")
+
+
+def make_design(source, assignments):
+    """The Design of a source; whatever its function raises becomes an error that names the design."""
+    try:
+        made = source.design(assignments)
+    except CamError:
+        raise
+    except ValidationError as error:
+        raise DesignError(f"design {source.name}: {complaints(error)}") from None
+    except Exception as error:      # the CAD kernel raises what it likes
+        raise DesignError(f"design {source.name} could not be built: {type(error).__name__}: {error}") from error
+    if not isinstance(made, Design):
+        raise DesignError(f"design {source.name}: its function `design` returned {type(made).__name__}, "
+                          "it must return a cuspline.design.Design")
+    return made
+
+
+def reader_of(machine):
+    """The function that reads what a machine's post writes: (text, *, work_offsets, tool_lengths) -> PostedMoves.
+
+    It is found by the dialect that the post names; nothing else of the post is asked.
+    """
+    return importlib.import_module(f"cuspline.posts.readers.{find_post(machine.control.post).READER}").read_program

@@ -1,0 +1,441 @@
+"""The command line. CAD and kernels are imported only by the commands that need them.
+
+Exit codes: 0 verified, 1 findings, 2 bad input, 3 internal, 130 interrupted.
+"""
+
+import errno
+import json as jsonlib
+import os
+import shlex
+import sys
+import traceback
+from dataclasses import asdict, replace
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+import cuspline
+from cuspline.values import interruption
+from cuspline.values.amounts import counted
+from cuspline.values.errors import CamError, InputError
+from cuspline.values.input_files import LARGEST_PROGRAM_BYTES, text_of
+from cuspline.values.models import no_such, shortened
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+                  help="From a parametric design to a posted and verified program.")
+FINDINGS, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
+SHOWN = 20                # findings told on the terminal; verify.json has all
+WORDS_OF_AN_INTERRUPTION = "interrupted, nothing half-written is left"
+NO_ROOM, NO_LEAVE = "make room on that disk", "name another folder, or get leave to write there"
+SYSTEM_ADVICE = {errno.ENOSPC: NO_ROOM, errno.EDQUOT: NO_ROOM, errno.EFBIG: NO_ROOM, errno.EACCES: NO_LEAVE,
+                 errno.EPERM: NO_LEAVE, errno.EROFS: NO_LEAVE, errno.EMFILE: "close other programs, or raise ulimit -n"}
+AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
+
+
+def _print_version(wanted: bool):
+    if wanted:
+        print(f"cuspline {cuspline.__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def _options(version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True,
+                                                   help="print the version and end")] = False):
+    pass
+
+
+@app.command()
+def build(
+        design: Annotated[str, typer.Argument(help="name of a design, a .py file, or a .toml job for a STEP part")],
+        param: Annotated[list[str], typer.Option("-p", "--param", help="name=value, repeatable")] = [],
+        params: Annotated[str, typer.Option(help="several name=value in one text, quoted as a shell reads them")] = "",
+        machine: Annotated[Optional[str], typer.Option(
+            help="name of a machine, or its TOML file; else the design's own")] = None,
+        post: Annotated[Optional[str], typer.Option(help="another post than the machine's own")] = None,
+        cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
+        shop: Annotated[Optional[Path], typer.Option(help="the shop's own values and materials (TOML)")] = None,
+        measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their clampings (CSV)")] = None,
+        out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
+        stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
+        accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
+    """Build one design: STEP, plan, program, simulation, verdict, report."""
+    from cuspline.app import build as recipe
+    from cuspline.app import catalogue
+    if stage not in recipe.STAGES:
+        raise InputError(f"--stage {stage!r}: it must be one of {', '.join(recipe.STAGES)}")
+    _refuse_unknown_kinds(accept)
+    source = catalogue.find_design(design)
+    if machine is not None:
+        catalogue.find_machine(machine)         # a wrong name is told before the part is built
+    practice, assignments = catalogue.find_shop(shop, [*_words(params), *param])
+    made = catalogue.make_design(source, assignments)
+    if measured is not None:
+        from cuspline.design.setup_alignment import read_measured, refixtured_setups
+        made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
+    chosen = catalogue.find_machine(machine if machine is not None else made.machine)
+    if post is not None:
+        catalogue.find_post(post)
+        chosen = chosen.model_copy(update={"control": chosen.control.model_copy(update={"post": post})})
+    library = catalogue.find_library(cutters)
+    folder = out if out is not None else Path("outputs") / made.name
+    result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library, shop=practice,
+                                       accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
+    _tell(made.name, result.folder, result.findings, result.left_out, stage, result.told, result.figures,
+          result.accepted)
+    raise typer.Exit(0 if result.is_ok else FINDINGS)
+
+
+def _refuse_unknown_kinds(accept):
+    from cuspline.values.finding_kinds import KINDS
+    for kind in sorted(set(accept) - set(KINDS)):
+        raise InputError(f"--accept {shortened(kind)}: {no_such(kind, KINDS)}; `cuspline findings` says what each means")
+
+
+def _words(text):
+    """The words of a text, as a shell reads them.
+
+    Raises:
+        InputError: a quote that is not closed.
+    """
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise InputError(f"--params {shortened(text)}: {str(error).lower()}: close every quote; a value with spaces is "
+                         "written name=\"a value\"") from None
+
+
+@app.command()
+def verify(
+        folders: Annotated[list[Path], typer.Argument(help="output folders, or programs in them")],
+        measured: Annotated[Optional[Path], typer.Option(
+            help="markers (CSV): judge the programs as they stand on a part that lies as measured here")] = None,
+        accept: Annotated[list[str], typer.Option(help="kind of finding to pass over this time, repeatable")] = []):
+    """Judge posted files on disk again, against the STEP beside them; the exit status is the worst of all."""
+    _refuse_unknown_kinds(accept)
+    worst = 0
+    for folder in folders:
+        try:
+            worst = max(worst, _verified(folder, measured, accept))
+        except CamError as error:
+            print(f"cuspline: {folder}: {error}", file=sys.stderr)
+            worst = max(worst, BAD_INPUT)
+    raise typer.Exit(worst)
+
+
+def _verified(folder, measured, accept):
+    """Judge one folder, or one program in it; the exit status."""
+    from cuspline.app.judge import judge
+    from cuspline.design.job import read_job, read_published
+    from cuspline.design.setup_alignment import read_measured
+    from cuspline.kernel import brep
+    from cuspline.values.checkpoints import kept_until_done
+    from cuspline.verification.file_checks import own_acceptances
+    folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
+    job, published = read_job(folder), read_published(folder)
+    if measured is not None:
+        job = job.placed(read_measured(measured))
+    if only is not None:
+        asked = tuple(p for p in job.posted if only in p.files)
+        if not asked:
+            raise InputError(f"{folder / only} is no program of {job.design}; there are "
+                             + ", ".join(name for p in job.posted for name in p.files))
+        job = job.model_copy(update={"posted": asked})
+        published = published.of_programs([name for p in asked for name in p.files], job)
+    brep.refuse_unreadable(folder / job.step)
+    with kept_until_done(folder) as kept:
+        judged = judge(folder, job, _say, kept=kept, published=published)
+    passed = {*own_acceptances(folder, job, published), *accept}
+    refused = judged.refused(passed)
+    _tell(job.design, folder, refused, "", "verify", "", judged.figures_in_words, judged.passed_over(passed))
+    return FINDINGS if refused else 0
+
+
+@app.command()
+def restart(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
+            point: Annotated[Optional[str], typer.Argument(help="restart point, as N2003; none: list them")] = None,
+            to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
+    """Begin a program of repeated passes at one of its restart points."""
+    from cuspline.posts.restart import restart_points, restarted
+    text = text_of(program, "program", encoding="ascii", largest_bytes=LARGEST_PROGRAM_BYTES)
+    if point is None:
+        print(" ".join(f"N{k}" for k in restart_points(text)) or "no restart points")
+        return
+    digits = point.upper().removeprefix("N")
+    if not digits.isdecimal() or not digits.isascii() or len(digits) > 9:
+        raise InputError(f"restart point {shortened(point)}: write it as in the program, such as N2003")
+    begun = restarted(text, int(digits))
+    if to is None:
+        print(begun, end="")
+        return
+    try:
+        to.write_text(begun)
+    except OSError as error:
+        raise InputError(f"--to {to}: cannot be written ({error.strerror}); name another file") from None
+
+
+@app.command()
+def designs(json: AsJson = False):
+    """List the designs with their parameters."""
+    from cuspline.app import catalogue
+    rows = []
+    for name in catalogue.design_names():
+        source = catalogue.find_design(name)
+        fields = source.parameters.model_json_schema()["properties"]
+        rows.append({"name": name, "description": (sys.modules[source.make.__module__].__doc__ or "").split("\n")[0],
+                     "parameters": [_parameter_row(n, f) for n, f in fields.items()]})
+    _print(rows, json, lambda r: [f"{r['name']}: {r['description']}"] + [
+        f"  {p['name']} = {p['default']}  {p['range']}  {p['description']}" for p in r["parameters"]])
+
+
+def _parameter_row(name, field):
+    given = [f for f in field.get("anyOf", []) if f.get("type") != "null"]
+    field = {**(given[0] if given else {}), **field}
+    low, high = field.get("minimum", field.get("exclusiveMinimum")), field.get("maximum", field.get("exclusiveMaximum"))
+    choices = field.get("enum")
+    span = f"{low} .. {high}" if low is not None or high is not None else " | ".join(map(str, choices or []))
+    unit = next((u for u in ("mm", "deg", "rad", "mm2") if name.endswith("_" + u)), "")
+    return {"name": name, "default": field.get("default"), "unit": unit, "range": span,
+            "description": field.get("description", "")}
+
+
+@app.command()
+def strategies(json: AsJson = False):
+    """List the strategies: what operations of a setup can do, with their parameters."""
+    import_module("cuspline.planning.strategies")
+    from cuspline.design.operations import REGISTERED
+    rows = []
+    for kind, strategy in sorted(REGISTERED.items()):
+        fields = strategy.model_json_schema()["properties"]
+        rows.append({"kind": kind, "description": (strategy.__doc__ or "").split("\n")[0],
+                     "class": f"{strategy.__module__}.{strategy.__name__}", "picture": strategy.picture.strip("\n"),
+                     "parameters": [_parameter_row(n, f) for n, f in fields.items()]})
+    _print(rows, json, lambda r: [f"{r['kind']}: {r['description']}  ({r['class']})", "", *r["picture"].split("\n"), ""] + [
+        f"  {p['name']} = {p['default']}  {p['range']}  {p['description']}" for p in r["parameters"]])
+
+
+@app.command()
+def shop(file: Annotated[Optional[Path], typer.Argument(help="a shop's own file (TOML)")] = None, json: AsJson = False):
+    """List what a shop decides: allowances, depths of cut, clearances."""
+    from cuspline.shop.practice import Practice, shop_file
+    values = shop_file(file).practice.model_dump()
+    fields = Practice.model_json_schema()["properties"]
+    rows = [{**_parameter_row(n, f), "value": values[n]} for n, f in fields.items()]
+    _print(rows, json, lambda p: [f"{p['name']} = {p['value']}  {p['range']}  {p['description']}"])
+
+
+@app.command()
+def machines(json: AsJson = False):
+    """List the machines."""
+    from cuspline.app import catalogue
+    rows = [catalogue.find_machine(n).model_dump(mode="json") for n in catalogue.machine_names()]
+    _print(rows, json, lambda m: [f"{m['name']}: {m['description']}"] + [
+        f"  {a.upper()} {m[a]['min_mm']:g} .. {m[a]['max_mm']:g} mm, {m[a]['rapid_mm_per_min']:g} mm/min, "
+        f"{m[a]['acceleration_mm_per_s2']:g} mm/s2" for a in "xyz"] + [
+        f"  spindle {m['spindle']['min_rpm']:g} .. {m['spindle']['max_rpm']:g} rpm, post {m['control']['post']}, "
+        f"units {m['control']['units']}"])
+
+
+@app.command()
+def cutters(
+        library: Annotated[Optional[Path], typer.Argument(help="tool library (JSON)")] = None, json: AsJson = False,
+        foreign: Annotated[Optional[Path], typer.Option(
+            "--import", help="Fusion (.json, .tools) or FreeCAD (.fctb, .fctl) library to read in")] = None,
+        to: Annotated[Optional[Path], typer.Option(
+            help="write it to a .json library or LinuxCNC's .tbl, and beside it what was dropped")] = None,
+        holder: Annotated[Optional[str], typer.Option(help="holder for imported tools that come without one")] = None,
+        stick_out: Annotated[Optional[float], typer.Option(help="mm, for imported tools that come without one")] = None,
+        renumber: Annotated[bool, typer.Option(help="number imported tools 1, 2, ...")] = False,
+        machine: Annotated[str, typer.Option(help="whose units a .tbl is in")] = "mill_3axis"):
+    """List the tools of a library; import one from Fusion or FreeCAD, export one to LinuxCNC."""
+    from cuspline.app import catalogue
+    from cuspline.shop.tool_exchange import files
+    if to is not None:
+        files.refuse_target(to)
+    found = catalogue.find_library(library)
+    imported = None
+    if foreign is not None:
+        from cuspline.shop.tool_exchange.importing import import_tools
+        imported = import_tools(foreign, holder=holder, holders=[t.holder for t in found.tools],
+                                stick_out_mm=stick_out, is_renumbered=renumber)
+        found = imported.library
+        print("\n".join(files.report_lines(imported)), file=sys.stderr)
+    if to is not None:
+        files.write_tools(found, to, catalogue.find_machine(machine).control, imported)
+        print(f"{to} and {files.sidecar(to).name} written", file=sys.stderr)
+        return
+    rows = [t.model_dump(mode="json") for t in found.tools]
+    _print(rows, json, lambda t: [
+        f"T{t['number']} {t['cutter']['name']}: {t['cutter']['type']}, D {t['cutter']['diameter_mm']:g} mm, "
+        f"R {t['cutter']['corner_radius_mm']:g} mm, {t['cutter']['flutes']} flutes, "
+        f"reach {t['cutter']['reach_mm']:g} mm, stick-out {t['stick_out_mm']:g} mm, {t['holder']['name']}"])
+
+
+@app.command()
+def posts(json: AsJson = False):
+    """List the posts."""
+    from cuspline.app import catalogue
+    rows = [{"name": n, "description": (catalogue.find_post(n).__doc__ or "").split("\n")[0]}
+            for n in catalogue.post_names()]
+    _print(rows, json, lambda p: [f"{p['name']}: {p['description']}"])
+
+
+@app.command()
+def materials(json: AsJson = False):
+    """List the work materials with their cutting data, and where these come from."""
+    from cuspline.shop.materials import MATERIALS
+    _print([m.model_dump(mode="json") for m in MATERIALS.values()], json, lambda m: [
+        f"{m['name']}: {m['description']}",
+        f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
+        f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "
+        f"stepdown {m['stepdown_share']:g} of the diameter, coolant {m['coolant']}",
+        f"  source: {m['source']}"])
+
+
+@app.command()
+def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an example, and how to fix it")] = None,
+             json: AsJson = False):
+    """List the kinds of findings that a verdict may have."""
+    from cuspline.values.finding_kinds import KINDS
+    if kind is not None and kind not in KINDS:
+        raise InputError(f"{shortened(kind)}: {no_such(kind, KINDS)}")
+    rows = [{"kind": name, **asdict(found)} for name, found in KINDS.items() if kind in (None, name)]
+    _print(rows, json, lambda f: [f"{f['kind']}: {f['meaning']}"] + (
+        [] if kind is None else [f"  example: {f['example']}", f"  fix: {f['fix']}"]))
+
+
+@app.command()
+def warm():
+    """Compile the kernels once; later commands find them ready."""
+    from cuspline.app.warm import steps
+    all_steps = steps()
+    for number, (what, compile_kernels) in enumerate(all_steps, 1):
+        print(f"compiling kernels {number}/{len(all_steps)}: {what}", flush=True)
+        compile_kernels()
+
+
+@app.command()
+def doctor():
+    """Check the environment for what breaks silently."""
+    from cuspline.app.doctor import complaints, notes
+    found = complaints()
+    for what, mend in found:
+        print(f"WRONG: {what}; {mend}")
+    for note in notes():
+        print(f"note: {note}")
+    print("environment is well" if not found else f"{counted(len(found), 'fault')} in the environment")
+    raise typer.Exit(BAD_INPUT if found else 0)
+
+
+def _print(rows, as_json, lines):
+    if as_json:
+        print(jsonlib.dumps(rows, indent=1))
+    else:
+        print("\n".join(line for row in rows for line in lines(row)))
+
+
+def _tell(name, folder, findings, left_out, stage, told="", figures="", accepted=()):
+    """The verdict in a few lines: its figures where it is good, and every finding, those accepted too."""
+    if left_out:
+        print(f"note: {left_out}")
+    if told:
+        print(f"{name}: {told} ({folder})")
+    elif stage in ("verify", "report"):
+        passed = f" with {counted(len(accepted), 'accepted finding')}" if accepted else ""
+        verdict = f"REJECTED, {counted(len(findings), 'finding')}" if findings else f"VERIFIED{passed}"
+        print(f"{name}: {verdict}"
+              f"{', ' + figures if figures else ''} ({folder})")
+    else:
+        print(f"{name}: {stage} made, nothing verified ({folder})")
+    for mark, shown in (("", findings), ("accepted: ", accepted)):
+        for f in shown[:SHOWN]:
+            print(f"  {mark}{_in_a_line(f)}")
+        if len(shown) > SHOWN:
+            print(f"  {mark}and {len(shown) - SHOWN} more")
+
+
+def _in_a_line(f):
+    """A finding in words."""
+    place = "" if f.place_mm is None else " at " + " ".join(f"{a}{x:.3f}" for a, x in zip("XYZ", f.place_mm))
+    line = (f", line {f.line}" if f.line else "") + (f", called in line {f.call_line}" if f.call_line else "")
+    size = f" {f.size_in_words}" if f.size_in_words else ""
+    return f"{f.kind}{size}{place}{f' in {f.operation}' if f.operation else ''}{line}: {f.advice}"
+
+
+def _say(text):
+    """What is being done, on standard error."""
+    print(f"  {text}", file=sys.stderr, flush=True)
+    interruption.stop_if_asked()
+
+
+def main():
+    """Entry point: ends the process with the command's exit code."""
+    interruption.listen()
+    code = run(sys.argv[1:])
+    sys.exit(code)
+
+
+def run(arguments):
+    """Exit code of one command; whatever goes wrong has become one sentence on standard error.
+
+    Args:
+        arguments: words behind `cuspline`.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")       # a name of a file may be no text
+    try:
+        code = _command().main(list(arguments) or ["--help"], prog_name="cuspline", standalone_mode=False) or 0
+        sys.stdout.flush()
+        if code == INTERRUPTED:                                 # typer's answer to Ctrl-C
+            raise KeyboardInterrupt
+    except BaseException as error:                              # a binding may hand on Ctrl-C as any error
+        code, words = (INTERRUPTED, WORDS_OF_AN_INTERRUPTION) if interruption.is_asked() else _told(error)
+        print(f"cuspline: {_printable(words)}", file=sys.stderr)
+        if code == INTERNAL and os.environ.get("CUSPLINE_DEBUG"):
+            traceback.print_exc()
+    else:
+        if interruption.is_asked():                             # swallowed on the way, so the command came to its end
+            print(f"cuspline: {WORDS_OF_AN_INTERRUPTION}", file=sys.stderr)
+            code = INTERRUPTED
+    return code
+
+
+@cache
+def _command():
+    return typer.main.get_command(app)
+
+
+def _told(error):
+    """(exit code, sentence) of what ended a command."""
+    if isinstance(error, SystemExit) and isinstance(error.__context__, BrokenPipeError):    # typer's answer to it
+        error = error.__context__
+    if isinstance(error, (typer.Abort, KeyboardInterrupt)):
+        return INTERRUPTED, WORDS_OF_AN_INTERRUPTION
+    if isinstance(error, CamError):
+        return BAD_INPUT, str(error)
+    if hasattr(error, "format_message"):                        # of the command line's parser
+        return BAD_INPUT, error.format_message()
+    if isinstance(error, OSError):
+        return BAD_INPUT, _of_the_system(error)
+    if isinstance(error, MemoryError):
+        return BAD_INPUT, ("there is not enough memory for this: close other programs, coarsen the finish, or take a "
+                           "smaller part")
+    return INTERNAL, (f"internal error, {type(error).__name__}: {error}; run again with CUSPLINE_DEBUG=1 for details")
+
+
+def _of_the_system(error):
+    """What the system has refused, and how to mend it."""
+    if isinstance(error, BrokenPipeError):
+        sys.stdout = open(os.devnull, "w")                      # or Python would complain once more at its end
+        return "whoever read the output has closed it"
+    where = f"{error.filename}: " if error.filename else ""
+    mend = SYSTEM_ADVICE.get(error.errno, "look whether the file or folder can be reached, read and written")
+    return f"{where}{error.strerror or error}: {mend}; nothing half-written is left"
+
+
+def _printable(text):
+    """A message without what would move a terminal's cursor or colour it."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)

@@ -1,0 +1,292 @@
+"""Judging posted files on disk against the STEP: read, simulate, compare.
+
+The only way to a verdict, for `build` and `verify` alike: nothing comes from the internal path.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from cuspline.app.catalogue import find_post, reader_of
+from cuspline.app.report_inputs import shape_of
+from cuspline.design.job import read_tools
+from cuspline.kernel import brep
+from cuspline.program.posted import PostedMoves
+from cuspline.replay.replay import Fixture
+from cuspline.replay.replay_checks import Reporter
+from cuspline.shop.materials import known_materials
+from cuspline.values.checkpoints import NOTHING
+from cuspline.values.errors import InputError, ReadError
+from cuspline.values.findings import Finding, located
+from cuspline.values.input_files import refuse_irregular
+from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
+from cuspline.verification.in_process import stock_states
+from cuspline.verification.self_crossing import refuse_self_crossing
+from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
+from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
+
+CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Judged:
+    """A verdict with what it was reached on."""
+
+    verdict: Verdict
+    solid: object                           # TopoDS_Solid out of the STEP file
+    programs: tuple[SetupProgram, ...]      # one a setup
+    tools: dict                             # number -> Tool
+    extra: tuple[Finding, ...]              # about the programs as files
+
+    @property
+    def posted(self):
+        """One PostedMoves a setup."""
+        return tuple(p.posted for p in self.programs)
+
+    def stock_states(self, job, kept=NOTHING):
+        """The stock after every operation, one after the other: in_process.StockState."""
+        return stock_states(self.programs, self.tools, job.stock, [s.solids.pitch_mm for s in self.verdict.setups],
+                            kept)
+
+    @property
+    def findings(self):
+        return self.extra + self.verdict.findings
+
+    def refused(self, accepted):
+        """Findings that are not accepted by their kind."""
+        return tuple(f for f in self.findings if f.kind not in accepted)
+
+    def passed_over(self, accepted):
+        """Findings that are accepted by their kind."""
+        return tuple(f for f in self.findings if f.kind in accepted)
+
+    @property
+    def figures_in_words(self):
+        """Gouge, cusp and the bound of both, in a few words."""
+        return figures_in_words(self.verdict.as_dict())
+
+    def as_dict(self, accepted):
+        """verify.json; every finding says whether it was accepted."""
+        numbers = self.verdict.as_dict()
+        rows = [f.as_dict() for f in self.findings]
+        in_setups = (f for s in numbers["setups"] for name in ("findings", "collisions") for f in s[name])
+        for row in (*rows, *numbers["collisions"], *in_setups):
+            row["accepted"] = row["kind"] in accepted
+        return {**numbers, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReadProgram:
+    """One clamping's program as the files say it, before anything is simulated."""
+
+    setup: object                       # design.Setup
+    texts: dict                         # file name -> text
+    posted: PostedMoves
+    findings: tuple[Finding, ...]       # that the text alone shows
+
+
+def read_programs(folder, job, tools):
+    """Every program of a folder read back, with what its text alone shows.
+
+    Args:
+        folder: with the programs.   job: Job.   tools: {number: Tool}.
+    Yields:
+        ReadProgram.
+    Raises:
+        InputError: a file is missing.  ReadError: a program that no machine of this kind would take, or that goes so
+            far that it cannot be simulated.
+    """
+    for item in job.posted:
+        texts = {name: _text(Path(folder) / name) for name in item.files}
+        parts = [_read(name, text, item.setup, job, tools) for name, text in texts.items()]
+        moves = _joined(parts, texts.values(), tools)
+        found = text_findings(moves, tools, setup=item.setup, machine=job.machine, finish=job.finish,
+                              material=job.cutting_data or known_materials().get(job.material))
+        yield ReadProgram(setup=item.setup, texts=texts, posted=moves, findings=found)
+
+
+def judge_text(folder, job, published=None):
+    """What a folder's programs and tool table show without STEP and simulation: seconds for the longest program.
+
+    Args:
+        folder, job, published: as for `judge`.
+    Returns:
+        tuple of Finding.
+    Raises:
+        InputError, ReadError: see `read_programs`.
+    """
+    tools = read_tools(folder)
+    found = _file_findings(folder, job, tools, published)
+    for program in read_programs(folder, job, tools):
+        report = Reporter(program.posted, program.setup.name, program.setup.frame)
+        top_mm = program.setup.frame.box_into(job.stock.min_mm, job.stock.max_mm)[1][2]
+        own = (*program.findings, *report.travel(job.machine), *report.states(top_mm), *report.end())
+        found += [*_program_findings(program, job.machine), *_placed(own, program, job.machine, tools)]
+    return tuple(found)
+
+
+def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, published=None):
+    """Verdict on the files of a folder.
+
+    Args:
+        folder: with the STEP file, the programs, tools.json and the control's tool table.
+        job: Job.
+        say: called with what is being done.
+        options: how finely to look; the post's rounding is put in here.
+        kept: kept.Kept of a run before that was interrupted.
+        published: job.Published of what the files must be; None: they are not published yet, and who builds them has
+            asked the solid whether it crosses itself.
+    Raises:
+        InputError: a file is missing.  ReadError: see `read_programs`.  DesignError: the STEP's solid crosses itself.
+    """
+    folder = Path(folder)
+    tools = read_tools(folder)
+    extra = _file_findings(folder, job, tools, published)
+    say(f"read {', '.join(name for item in job.posted for name in item.files)}")
+    read = tuple(read_programs(folder, job, tools))
+    solid = brep.the_solid(brep.read_step(folder / job.step), job.step)
+    if published is not None:
+        refuse_self_crossing(solid, shape_of(solid), f"the solid in {job.step}")
+    faces, programs = brep.faces_of(solid), []
+    for program in read:
+        setup = program.setup
+        wanted = tuple(f for p in job.predicates if p.name in setup.faces for f in brep.select_faces(faces, p))
+        programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted, fixtures=_fixtures(setup)))
+        extra += _program_findings(program, job.machine)
+    options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
+    look = partial(verify_setups, programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
+                   ball_radius_mm=job.smallest_ball_radius_mm, say=say, kept=kept)
+    setups = look(options=options)
+    differ = any(f.kind == "verifiers_disagree" for v in setups for f in v.findings)
+    if differ and options.solid_pitch_mm is None and "verifiers_disagree" not in job.accepted:
+        say("the two verifiers differ: both look closer")
+        setups = look(options=replace(options, finer=CLOSER * options.finer))
+    setups = tuple(replace(v, findings=_placed((*p.findings, *v.findings), p, job.machine, tools))
+                   for v, p in zip(setups, read))
+    return Judged(verdict=Verdict(setups=setups), solid=solid, programs=tuple(programs), tools=tools,
+                  extra=tuple(extra))
+
+
+def _file_findings(folder, job, tools, published):
+    """Of what lies in the folder against what was published, and of the tool table."""
+    changed = () if published is None else (*changed_files(folder, published), *changed_job(folder, job, published))
+    return [*changed, *tool_table_findings(folder, tools, job.machine.control)]
+
+
+def _program_findings(program, machine):
+    """Of all files of a program."""
+    return [finding for name, text in program.texts.items()
+            for finding in program_findings(name, text, program.setup.name, machine)]
+
+
+def _placed(findings, program, machine, tools):
+    """Findings with the axes at their places and their lines as they stand in their files."""
+    lines = [line for text in program.texts.values() for line in lines_of(text)]
+    offsets = {n: t.offset_mm for n, t in tools.items()}
+    found = located(findings, program.posted, lines, program.setup.frame, machine.wcs_origin_mm, offsets)
+    return _in_files(found, program.texts)
+
+
+def posted_moves(texts, setup, machine, tools):
+    """PostedMoves of a program's texts, run one after the other, on a machine that knows tools and the setup's zero.
+
+    Tools on heads are seen as they hang: their axis turned, their tip where it is while their middle is driven.
+    """
+    return _joined([_moves_of(text, setup, machine, tools) for text in texts], texts, tools)
+
+
+def _moves_of(text, setup, machine, tools):
+    """PostedMoves of one file, heads left out."""
+    return reader_of(machine)(text, work_offsets={setup.wcs: machine.wcs_origin_mm},
+                              tool_lengths={n: t.offset_mm for n, t in tools.items()})
+
+
+def _read(name, text, setup, job, tools):
+    """The same, of a file that can be simulated; what is refused is named with the file."""
+    try:
+        moves = _moves_of(text, setup, job.machine, tools)
+        refuse_what_cannot_be_simulated(moves, tools, setup, job.machine, job.stock)
+    except ReadError as error:
+        raise ReadError(f"{name}: {error}", rows=error.rows) from None
+    return moves
+
+
+def _joined(parts, texts, tools):
+    """PostedMoves of files run one after the other, tools on heads as they hang."""
+    moves = PostedMoves.joined(parts, [len(lines_of(text)) for text in texts])
+    for number, tool in tools.items():
+        if tool.head is not None:
+            moves = moves.on_head(number, tool.head.axis, tool.driven_mm)
+    return moves
+
+
+def figures_in_words(numbers):
+    """Gouge, cusp and the bound of both out of verify.json.
+
+    >>> figures_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "error_bound_mm": None})
+    'gouge 0.0022 mm, cusp 0.0096 mm, error bound unknown'
+    """
+    bound = numbers["error_bound_mm"]
+    return (f"gouge {numbers['gouge_max_mm']:.4f} mm, cusp {numbers['cusp_max_mm']:.4f} mm, error bound "
+            + ("unknown" if bound is None else f"{bound:.5f} mm"))
+
+
+def lines_of(text):
+    """The lines of a program as the control counts them: each ends with a line feed, the last one perhaps not.
+
+    >>> lines_of("G21\\nM2\\n"), lines_of("G21\\rG0 X1\\nM2")
+    (['G21', 'M2'], ['G21\\rG0 X1', 'M2'])
+    """
+    lines = text.split("\n")
+    return lines[:-1] if lines[-1] == "" else lines
+
+
+def _in_files(findings, parts):
+    """The same with the lines of a set counted in their own files, which the block's text then names."""
+    if len(parts) == 1:
+        return findings
+    ends = np.cumsum([len(lines_of(text)) for text in parts.values()])
+    placed = []
+    for f in findings:
+        k = int(np.searchsorted(ends, f.line))
+        if 0 < f.line and k < len(ends):
+            first = int(ends[k - 1]) if k else 0
+            f = replace(f, line=f.line - first, call_line=max(f.call_line - first, 0),
+                        block=f"{list(parts)[k]}: {f.block}")
+        placed.append(f)
+    return tuple(placed)
+
+
+def _fixtures(setup):
+    """The setup's fixtures in its WCS."""
+    corners = [(f.name, setup.frame.box_into(f.min_mm, f.max_mm)) for f in setup.fixtures]
+    return tuple(Fixture(name=name, min_mm=tuple(c[0].tolist()), max_mm=tuple(c[1].tolist())) for name, c in corners)
+
+
+def _text(path):
+    """The bytes of a program as text, nothing translated: line ends are the control's business."""
+    refuse_irregular(path, "program")
+    try:
+        return path.read_bytes().decode("ascii")
+    except FileNotFoundError:
+        raise InputError(f"program {path} does not exist") from None
+    except OSError as error:
+        raise InputError(f"program {path} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        line = path.read_bytes()[:error.start].count(b"\n") + 1
+        raise InputError(f"program {path}, line {line}: a character that is not ASCII, which controls read in "
+                         "different ways: write it in ASCII", rows=[line]) from None
+
+
+def _half_decimal_mm(control):
+    """Largest error of a rounded word."""
+    if control.units == "mm":
+        return 0.5 / 10 ** control.decimals_mm
+    return 25.4 * 0.5 / 10 ** control.decimals_inch
+
+
+def post_module(machine):
+    """The post that a machine names."""
+    return find_post(machine.control.post)

@@ -1,0 +1,187 @@
+"""Gathers what the report shows out of the stages' values."""
+
+import hashlib
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from cuspline.design.setup_alignment import refixturing_in_words
+from cuspline.kernel import brep
+from cuspline.planning.feeds import times_s
+from cuspline.program.program import Kind, Moves, Plane
+from cuspline.report.bundle import FaceMesh, PathPoints, ReportBundle, SetupBundle, StockReplay
+from cuspline.report.view_mesh import tessellate_for_view
+from cuspline.surfaces.curvature import sample_faces
+from cuspline.values import fixed_math as fixed
+
+VIEW_DEFLECTION_MM = 0.02
+BARE_DEFLECTION_MM, THIN_EDGE_RAD = 0.05, 0.6     # normals are the surface's own: facets this coarse look round
+VIEW_EDGE_MM = 2.0          # the deviation map is drawn from vertex to vertex
+DRAWN_SAGITTA_MM = 0.02
+WORST_WITHIN_MM = 1.0
+
+
+def view_of(solid):
+    """Mesh for pictures and the viewer, fine enough for the deviation map."""
+    return tessellate_for_view(solid, VIEW_DEFLECTION_MM, longest_edge_mm=VIEW_EDGE_MM)
+
+
+def shape_of(solid, has_thin_edges=False):
+    """Mesh of the bare shape, for the glTF.
+
+    Args:
+        has_thin_edges: thin round edges all over, as blades have: facets turn further there, or there were millions.
+    """
+    if has_thin_edges:
+        return tessellate_for_view(solid, BARE_DEFLECTION_MM, angle_rad=THIN_EDGE_RAD)
+    return tessellate_for_view(solid, VIEW_DEFLECTION_MM)
+
+
+def report_bundle(order, work, job, judged, plan, verify, view, inputs_sha256):
+    """ReportBundle of one build.
+
+    Args:
+        order: build.Order.
+        work: folder with the files.
+        job: Job.
+        judged: judge.Judged.
+        plan, verify: the documents as written.
+        view: view_mesh.ViewMesh.
+        inputs_sha256: hash of the inputs.
+    """
+    design = order.design
+    faces = brep.faces_of(judged.solid)
+    wanted = {name for s in design.setups for name in s.faces}
+    chosen = [f for p in design.predicates if p.name in wanted for f in brep.select_faces(faces, p)]
+    indices = [i for i, f in enumerate(faces) if any(f.shape.IsSame(c.shape) for c in chosen)]
+    samples = sample_faces(faces, indices, 1)
+    step = work / job.step
+    low, high = brep.bounding_box_mm(judged.solid)
+    residuals = [s.residuals for s in judged.verdict.setups]
+    return ReportBundle(
+        design=design.name, description=design.description, parameters=design.parameters.model_dump(mode="json"),
+        material=design.material, finish=design.finish, inputs_sha256=inputs_sha256, step_file=job.step,
+        step_sha256=_sha256(step), part_box_mm=(_triple(low), _triple(high)), plan=plan, verify=verify,
+        mesh=FaceMesh(vertices_mm=view.vertices_mm, normals=view.normals, triangles=view.triangles,
+                      deviation_mm=_view_deviation(judged, view, indices), edges_mm=tuple(view.edges_mm)),
+        deviation_samples_mm=np.concatenate([r.deviation_mm[r.is_reachable & (r.samples.weight_mm2 > 0)] for r in residuals]),
+        curvature_per_mm=np.maximum(-samples.hollow_per_mm, 0.0),
+        **{f"cusp_{name}": np.concatenate([getattr(s.cusps, column) for s in judged.verdict.setups])
+           for name, column in (("place_mm", "point_mm"), ("height_mm", "height_mm"), ("formula_mm", "formula_mm"))},
+        setups=tuple(_setup_bundle(work, job, item, posted, verdict) for item, posted, verdict in
+                     zip(job.posted, judged.posted, judged.verdict.setups)))
+
+
+def _view_deviation(judged, view, indices):
+    """(n,) the worst deviation within WORST_WITHIN_MM of each vertex on the faces that are cut; NaN elsewhere.
+
+    The view is coarser than the cusps: a value at the vertex alone would show a pattern of its own.
+    """
+    deviation = np.full(len(view.vertices_mm), np.nan)
+    rows = np.flatnonzero(np.isin(view.face_index, indices))
+    points = np.vstack([s.residuals.samples.points_mm for s in judged.verdict.setups])
+    found = np.concatenate([s.residuals.deviation_mm for s in judged.verdict.setups])
+    for row, near in zip(rows, cKDTree(points).query_ball_point(view.vertices_mm[rows], WORST_WITHIN_MM)):
+        if near:
+            deviation[row] = max(found[near], key=abs)
+    return deviation
+
+
+def _setup_bundle(work, job, item, posted, verdict):
+    path, row_of = drawn_path(posted, item.setup.frame, job.machine)
+    text, *more = ((work / name).read_bytes() for name in item.files)
+    known = np.isfinite(posted.end_mm).all(axis=1)
+    ends = posted.end_mm[known]
+    low, high = item.setup.frame.box_into(job.stock.min_mm, job.stock.max_mm)
+    replay = verdict.replay
+    zero = item.setup.turn.into(item.setup.frame.origin_mm[None])[0]      # the replay stands in the setup's directions
+    origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
+    lies = item.setup.refixturing
+    return SetupBundle(
+        markers=tuple((m.name, _triple(item.setup.frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
+        lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
+        name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
+        program_lines=text.count(b"\n"), program_bytes=len(text), continued=tuple(
+            (name, hashlib.sha256(t).hexdigest()) for name, t in zip(item.continued, more)), machine=job.machine.name,
+        control=job.machine.control.post, units=job.machine.control.units, wcs=item.setup.wcs,
+        wcs_in_words=item.setup.wcs_in_words, frame=item.setup.frame, operation_first_lines=_first_lines(posted),
+        stock_box_mm=(_triple(low), _triple(high)),
+        extents_mm=(_triple(ends.min(axis=0)), _triple(ends.max(axis=0))), path=path,
+        replay=StockReplay(
+            origin_mm=(float(origin[0]), float(origin[1])), pitch_mm=replay.zmap.pitch_mm, nx=replay.zmap.nx,
+            ny=replay.zmap.ny, bottom_mm=replay.bottom_mm + lift, top_mm=replay.top_mm + lift,
+            design_top_mm=replay.design_top_mm + lift, event_move=row_of[replay.event_row],
+            event_cell=replay.event_cell, event_z_mm=replay.event_z_mm + lift))
+
+
+def drawn_path(posted, frame, machine):
+    """(PathPoints in part coordinates, (n,) last point row of every posted move).
+
+    Moves whose start or end is not known are left out of the drawing.
+    """
+    known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
+    rows = np.flatnonzero(known)
+    seconds = _seconds(posted, rows, machine)
+    points, rapid, feed, operation, time = [posted.start_mm[rows[:1]]], [True], [0.0], [-1], [0.0]
+    row_of, now, count = np.zeros(len(posted), int), 0.0, 1
+    for k, duration in zip(rows, seconds):
+        way = _broken_down(posted, k)
+        points.append(way)
+        n = len(way)
+        rapid += [posted.kind[k] == Kind.RAPID] * n
+        feed += [posted.feed_mm_per_min[k]] * n
+        operation += [posted.operation[k]] * n
+        time += list(now + duration * np.arange(1, n + 1) / n)
+        now += duration
+        count += n
+        row_of[k] = count - 1
+    row_of = np.maximum.accumulate(row_of)
+    return PathPoints(points_mm=frame.out(np.vstack(points)), is_rapid=np.array(rapid, bool),
+                      feed_mm_per_min=np.array(feed), operation=np.array(operation, int),
+                      time_s=np.array(time)), row_of
+
+
+def _seconds(posted, rows, machine):
+    """(k,) duration of the known moves by the feed model."""
+    moves = Moves(start_mm=posted.start_mm[rows[0]], kind=posted.kind[rows], end_mm=posted.end_mm[rows],
+                  center_mm=posted.center_mm[rows], plane=posted.plane[rows],
+                  axis=np.tile((0.0, 0.0, 1.0), (len(rows), 1)), feed_mm_per_min=posted.feed_mm_per_min[rows])
+    return times_s(moves, machine)
+
+
+def _broken_down(posted, k):
+    """(n, 3) points after the start of a move: one for a line, many for an arc."""
+    if posted.kind[k] < Kind.ARC_CW:
+        return posted.end_mm[k][None]
+    a, b, c = Plane(posted.plane[k]).axes
+    start, end, center = posted.start_mm[k], posted.end_mm[k], posted.center_mm[k]
+    x0, y0 = start[a] - center[a], start[b] - center[b]
+    r = fixed.hypot(x0, y0)
+    turn = fixed.arctan2(end[b] - center[b], end[a] - center[a]) - fixed.arctan2(y0, x0)
+    full = 2 * np.pi
+    sweep = turn % full if posted.kind[k] == Kind.ARC_CCW else -(-turn % full)
+    if abs(sweep) < 1e-9:
+        sweep = full if posted.kind[k] == Kind.ARC_CCW else -full
+    sweep += np.sign(sweep) * full * posted.turns[k]
+    n = max(1, int(np.ceil(abs(sweep) / (2 * fixed.arccos(max(1 - DRAWN_SAGITTA_MM / r, 0.0))))))
+    share = np.arange(1, n + 1) / n
+    angle = fixed.arctan2(y0, x0) + sweep * share
+    way = np.empty((n, 3))
+    way[:, a], way[:, b] = center[a] + r * fixed.cos(angle), center[b] + r * fixed.sin(angle)
+    way[:, c] = start[c] + share * (end[c] - start[c])
+    way[-1] = end
+    return way
+
+
+def _first_lines(posted):
+    """Line of the text where each operation's first move stands."""
+    return tuple(int(posted.line[np.argmax(posted.operation == k)]) if (posted.operation == k).any() else 0
+                 for k in range(len(posted.operations)))
+
+
+def _sha256(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _triple(point):
+    return tuple(round(float(x), 6) for x in point)

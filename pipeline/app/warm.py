@@ -1,0 +1,190 @@
+"""Compiles every kernel once, so that the first real build does not wait for it.
+
+The compiled code is kept beside the sources (numba's cache).  Numba looks at the file of a kernel only, not at
+the kernels of other files that it calls: what was compiled before is therefore thrown away first.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+import cuspline
+
+
+def steps():
+    """(what, function) pairs; each function makes its kernels compile."""
+    return (("throwing away what was compiled before", _forget), ("arithmetic", _arithmetic),
+            ("surface evaluation", _surfaces),
+            ("closest points", _closest_points), ("solids that cross themselves", _self_crossing),
+            ("drop-cutter on triangles", _drop_cutter),
+            ("drop-cutter on exact surfaces", _exact_drop), ("certificate", _certificate),
+            ("arc fitting", _arcs), ("feeds", _feeds), ("planning of a small part", _planning),
+            ("clearance", _clearance), ("simulation and comparison", _simulation),
+            ("simulation of tilted cutters", _posed_simulation))
+
+
+def _forget():
+    for pattern in ("*.nbi", "*.nbc"):
+        for compiled in Path(cuspline.__file__).parent.rglob(f"__pycache__/{pattern}"):
+            compiled.unlink(missing_ok=True)
+
+
+def _arithmetic():
+    from scipy import sparse
+
+    from cuspline.toolpaths.freeform.grid_cholesky import Factors
+    from cuspline.values import fixed_math as fixed  # its functions are compiled as it is imported
+    matrix = np.diag([2.0, 3.0, 4.0])
+    fixed.solve(matrix, np.ones(3))
+    fixed.least_squares(matrix, np.ones((3, 1)))
+    fixed.null_space_and_particular(matrix[:2], np.ones((2, 1)))
+    fixed.singular_values(matrix)
+    fixed.solve_banded(np.arange(3), np.ones((3, 1)), np.ones((3, 1)))
+    Factors.of(sparse.csr_matrix(matrix), np.array([(0, 0), (0, 1), (0, 2)])).solve(np.ones(3))
+
+
+def _surfaces():
+    from cuspline.splines.nurbs import SERIAL_ROWS, NurbsSurface
+    poles = np.array([[[0, 0, 0, 1], [0, 1, 0, 1]], [[1, 0, 0, 1], [1, 1, 0, 1]]], float)
+    plane = NurbsSurface(degree_u=1, degree_v=1, knots_u=[0, 0, 1, 1], knots_v=[0, 0, 1, 1], poles=poles)
+    for count in (4, SERIAL_ROWS + 1):
+        plane.derivatives(np.linspace(0, 1, count), np.linspace(0, 1, count))
+
+
+def _small_part():
+    """A plate with a dome and a round wall."""
+    import cadquery as cq
+
+    from cuspline.kernel import brep
+    body = cq.Workplane().box(14, 12, 4, centered=(True, True, False)).union(cq.Workplane().circle(3).extrude(5.5))
+    return brep.the_solid(body.union(cq.Workplane().sphere(3).translate((0, 0, 4))))
+
+
+def _closest_points():
+    from cuspline.kernel import brep
+    from cuspline.surfaces.curvature import tightest_hollow
+    from cuspline.surfaces.patches import SERIAL_ROWS as PARALLEL_ROWS
+    from cuspline.surfaces.projection import SERIAL_ROWS, ClosestTree
+    faces = brep.faces_of(_small_part())
+    tree = ClosestTree.of_faces(faces)
+    for count in (3, SERIAL_ROWS + 1):
+        tree.closest_points(np.linspace((-9, -9, 9), (9, 9, 5), count))
+    for count in (3, PARALLEL_ROWS + 1):
+        tree.patches.derivatives(0, np.zeros(count), np.zeros(count))
+        tree.trims.is_inside(0, np.zeros(count), np.zeros(count))
+    tightest_hollow(faces, range(len(faces)))
+
+
+def _self_crossing():
+    from cuspline.report.view_mesh import tessellate_for_view
+    from cuspline.surfaces.rolling_ball import deepest_inside
+    from cuspline.verification.self_crossing import self_crossings
+    solid = _small_part()
+    self_crossings(solid, tessellate_for_view(solid, 0.1))
+    deepest_inside(np.zeros((1, 3)), np.ones((1, 3)), np.ones(1))
+
+
+def _drop_cutter():
+    from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_contacts, drop_tips_mm, is_held_above
+    mesh = DropMesh.from_triangles([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    for count in (1, 5000):
+        drop_tips_mm(mesh, np.zeros((count, 2)), 1.0, 0.5)
+        drop_contacts(mesh, np.zeros((count, 2)), 1.0, 0.5)
+        is_held_above(mesh, np.zeros((count, 2)), 1.0, 0.5, 0.0)
+
+
+def _exact_drop():
+    from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_contacts
+    part = ExactPart.of_solid(_small_part())
+    for count in (4, 2000):
+        drop_contacts(part, np.linspace((-8, -8), (8, 8), count), 2.0, 2.0)
+
+
+def _certificate():
+    from cuspline.toolpaths.drop.exact_drop import ExactPart
+    from cuspline.toolpaths.gouge.depth_tree import DepthTree
+    from cuspline.toolpaths.gouge.move_depths import RUN, SERIAL_RUNS, move_depths
+    tree = DepthTree.of_part(ExactPart.of_solid(_small_part()), 0.01)
+    for count in (2, RUN * (SERIAL_RUNS + 2)):
+        tips = np.linspace((-8, -8, 4), (8, 8, 4), count + 1)
+        move_depths(tree, tips[:-1], tips[1:], 2.0, 2.0, 0.01)
+
+
+def _planning():
+    """Rough, semi-finish, even scallops, parallel passes, waterlines."""
+    from cuspline.app.catalogue import find_library, find_machine
+    from cuspline.design import DEFAULT_MACHINE, Design, FacePredicate, Finish, Parameters, Setup, StockBox
+    from cuspline.planning.plan import plan_setup
+    up = FacePredicate(name="dome", count=1, kinds=("sphere",))
+    wall = FacePredicate(name="wall", count=1, kinds=("cylinder",))
+    setup = Setup(name="warm", wcs_in_words="", faces=("dome", "wall"), strategy="constant_scallop")
+    design = Design(name="warm", description="", parameters=Parameters(), solid=_small_part(), predicates=(up, wall),
+                    material="aluminium_6061", stock=StockBox(min_mm=(-7, -6, 0), max_mm=(7, 6, 8)), setups=(setup,),
+                    finish=Finish(scallop_mm=0.04, profile_tolerance_mm=0.01, gouge_mm=0.01))
+    for way in ("constant_scallop", "parallel"):
+        plan_setup(design, setup.model_copy(update={"strategy": way}), find_machine(DEFAULT_MACHINE), find_library(None))
+
+
+def _arcs():
+    from cuspline.toolpaths.sections.arcfit import fit_arcs
+    from cuspline.values import fixed_math as fixed
+    t = np.linspace(0.2, 1.0, 200)
+    fit_arcs(np.column_stack([t, t * t * t]) * 10, fixed.arctan(3 * t ** 2), 0.01, 1e4)
+
+
+def _feeds():
+    from cuspline.planning.feeds import _ramped
+    _ramped(np.ones(2), np.ones(2), np.zeros(3), 1.0)
+
+
+def _clearance():
+    from cuspline.replay.clearance import ClearanceTree
+    tree = ClearanceTree.of_triangles([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    tool, tips, axes = [[1.0, 1.0, 9.0, 2.0, 0.0]], [[0, 0, 5.0]], [[0, 0, 1.0]]
+    tree.distances_mm(tool, tips, axes, 0.1)
+    tree.certified_clearance(tool, tips, [[0, 9.0, 5]], axes, [[0.6, 0, 0.8]], 0.1)
+
+
+def _posed_simulation():
+    """One tilted move, asked in every way."""
+    from cuspline.app.catalogue import find_library
+    from cuspline.program.posted import PostedMoves
+    from cuspline.program.program import Kind
+    from cuspline.stock import swept
+    axis, one = [(0.6, 0.0, 0.8)], np.ones(1)
+    moves = PostedMoves(kind=[Kind.FEED], start_mm=[(0, 0, 0)], end_mm=[(5, 0, 0)], center_mm=np.full((1, 3), np.nan),
+                        plane=0 * one, turns=0 * one, feed_mm_per_min=one, spindle_rpm=one, tool=one,
+                        length_offset_on=one, machine_end_mm=[(5, 0, 0)], line=one, operation=0 * one, operations=("",),
+                        ended=True, start_axis=axis, end_axis=axis)
+    paths = swept.swept_paths(moves, {1: find_library(None).tools[0]})
+    point, up, low, high = [(2.0, 0.0, 1.0)], [(0.0, 0.0, 1.0)], (-9, -9, -9), (9, 9, 9)
+    swept.signed_distance_mm(paths, point)
+    swept.deviation_mm(paths, low, high, point, up, 1.0)
+    swept.stock_height_mm(paths, [(2.0, 0.0)], 9.0)
+    swept.stock_intervals(paths, low, high, point, up)
+
+
+def _simulation():
+    """A whole little program against a little block, through both verifiers."""
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.gp import gp_Pnt
+
+    from cuspline.app.catalogue import find_library, find_machine
+    from cuspline.design import DEFAULT_MACHINE, Finish, Setup, StockBox
+    from cuspline.kernel import brep
+    from cuspline.posts.readers.rs274_reader import read_program
+    from cuspline.verification.verdict import verify_setup
+    solid = brep.the_solid(BRepPrimAPI_MakeBox(gp_Pnt(0, 0, 0), gp_Pnt(6, 6, 5)).Solid())
+    top = [f for f in brep.faces_of(solid) if f.middle.normal[0, 2] > 0.9]
+    machine, tools = find_machine(DEFAULT_MACHINE), {t.number: t for t in find_library(None).tools}
+    kinds = {t.cutter.type: t.number for t in tools.values()}
+    text = ["G21", "G17 G90 G94", "G64 P0.001", "G54"]
+    for kind in ("flat", "bull_nose", "ball"):
+        text += [f"T{kinds[kind]} M6", f"G43 H{kinds[kind]}", "S1000 M3", "G0 X-12 Y0", "G0 Z12", "G1 Z5 F500"]
+        text += [f"G1 Y{y} F500\nG1 X{18 if y % 2 == 0 else -12}" for y in range(7)]
+        text += ["G18 G2 X6 Z6 R40" if kind == "ball" else "G1 Z6", "G0 Z12"]
+    moves = read_program("\n".join([*text, "G53 G0 Z0", "M2"]) + "\n", work_offsets={"G54": machine.wcs_origin_mm},
+                         tool_lengths={n: t.length_mm for n, t in tools.items()})
+    verify_setup(moves, tools, solid, top, setup=Setup(name="warm", wcs_in_words="", faces=("top",)),
+                 stock=StockBox(min_mm=(0, 0, 0), max_mm=(6, 6, 6)), ball_radius_mm=2.0, machine=machine,
+                 finish=Finish(scallop_mm=0.1, profile_tolerance_mm=0.01, gouge_mm=0.01))

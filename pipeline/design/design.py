@@ -1,0 +1,227 @@
+"""A Design: the B-rep with what must be known to cut it. The truth is the B-rep."""
+
+from dataclasses import dataclass
+from typing import Annotated, Callable, Literal
+
+import numpy as np
+from pydantic import Field, model_serializer, model_validator
+
+from cuspline.design.operations import AnyOperation
+from cuspline.splines.circular_tip import CircularTip
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import DesignError
+from cuspline.values.frames import Frame
+from cuspline.values.models import FileName, Model, Point, name_fault, shortened
+
+UNIT = 1e-9               # how exact unit vectors must be
+COARSEST_MM = 5.0         # nobody finishes a part more coarsely
+DEFAULT_MACHINE = "mill_3axis"
+
+
+class Parameters(Model):
+    """Base of every design's parameter model: frozen, ranges checked, units in the names."""
+
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class FacePredicate(Model):
+    """Chooses faces of a B-rep by what they are, never by index.  All given conditions must hold.
+
+    A face's normal is taken at the middle of its parameter range, out of the material.
+    """
+
+    name: str = Field(description="what the chosen faces are called")
+    count: int | None = Field(None, ge=1, description="how many faces it must match, no more, no fewer")
+    at_least: int | None = Field(None, ge=1, description="in place of count: no fewer than that")
+    kinds: tuple[Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion",
+                         "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
+    normal: tuple[float, float, float] | None = Field(None, description="direction the normal lies close to")
+    normal_within_deg: float = Field(1.0, ge=0, le=180)
+    center_min_mm: tuple[float, float, float] | None = Field(None,
+                                                             description="corner of a box round the face's middle")
+    center_max_mm: tuple[float, float, float] | None = None
+    area_min_mm2: float | None = Field(None, ge=0)
+    area_max_mm2: float | None = Field(None, gt=0)
+    face_name: str | None = Field(None, min_length=1, description="name of the face in the STEP file")
+    color: tuple[Share, Share, Share] | None = Field(None, description="sRGB of the face or its body, 0 to 1")
+    color_within: float = Field(0.02, ge=0, le=1, description="how far each part of the colour may be off")
+
+    @model_validator(mode="after")
+    def _says_something(self):
+        if not any(v is not None for v in (self.kinds, self.normal, self.center_min_mm, self.center_max_mm,
+                                           self.area_min_mm2, self.area_max_mm2, self.face_name, self.color)):
+            raise ValueError(f"predicate {self.name!r} has no condition: it would match every face")
+        if (self.count is None) == (self.at_least is None):
+            raise ValueError(f"predicate {self.name!r} says either count or at_least")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _only_what_it_says(self, dump):
+        row = dump(self)
+        unsaid = [k for k in ("count", "at_least", "face_name", "color") if row[k] is None]
+        return {k: v for k, v in row.items() if k not in unsaid and (k != "color_within" or row["color"] is not None)}
+
+    def is_met_by(self, number):
+        """Whether it may match so many faces."""
+        return number == self.count if self.at_least is None else number >= self.at_least
+
+
+class Finish(Model):
+    """How well the part must be cut."""
+
+    scallop_mm: float = Field(gt=0, le=COARSEST_MM, description="largest cusp left between passes")
+    profile_tolerance_mm: float = Field(gt=0, le=COARSEST_MM,
+                                        description="largest deviation of a path from the true curve")
+    gouge_mm: float = Field(gt=0, le=COARSEST_MM, description="deepest cut below the surface that is accepted")
+
+
+class StockBox(Model):
+    """A rectangular billet, part coordinates."""
+
+    min_mm: Point
+    max_mm: Point
+
+    @model_validator(mode="after")
+    def _has_volume(self):
+        if any(b <= a for a, b in zip(self.min_mm, self.max_mm)):
+            raise ValueError(f"stock box has no volume: {self.min_mm} .. {self.max_mm}")
+        return self
+
+
+class FixtureBox(Model):
+    """A box that no part of the tool may enter, part coordinates; it stands on the table."""
+
+    name: str
+    min_mm: Point
+    max_mm: Point
+
+
+class Marker(Model):
+    """A place on the part that can be touched in a clamping: a ball's centre, a dowel, a corner."""
+
+    name: str = Field(min_length=1)
+    at_mm: Point = Field(description="part coordinates")
+
+
+class Refixturing(Model):
+    """How the part lies by its measured markers, against the clamping as designed (`pipeline/design/setup_alignment.py`)."""
+
+    turn_deg: tuple[float, float, float] = Field(description="of the WCS about X, then Y, then Z")
+    shift_mm: tuple[float, float, float] = Field(description="of the WCS's zero, along its axes as designed")
+    residual_mm: dict[str, float] = Field(description="each marker's distance from where the fit puts it")
+
+
+class Setup(Model):
+    """One setup: how the part is held, where the work coordinate system sits on it, and what cuts which faces."""
+
+    name: FileName
+    wcs: Literal["G54", "G55", "G56", "G57", "G58", "G59"] = "G54"
+    wcs_in_words: str
+    wcs_origin_mm: Point = (0.0, 0.0, 0.0)     # in part coordinates
+    wcs_x: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction of the WCS's X, part coordinates")
+    wcs_z: tuple[float, float, float] = Field((0.0, 0.0, 1.0), description="direction of its Z, towards the spindle")
+    faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut, and judged after the setup")
+    operations: tuple[AnyOperation, ...] = Field((), description="what cuts them, in this order; none: `Auto`, all chosen "
+                                                 "by curvature")
+    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it lies, along wcs_x: "
+                                                   "between these roughing tools stay; None: they clear all")
+    fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
+    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part lies")
+    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may lie from the rigid part")
+    refixturing: Refixturing | None = Field(None, description="what measured markers came to; None: as designed")
+
+    @model_validator(mode="after")
+    def _axes_make_a_frame(self):
+        x, z = np.array(self.wcs_x), np.array(self.wcs_z)
+        if not (abs(fixed.matmul(x, x) - 1) < UNIT and abs(fixed.matmul(z, z) - 1) < UNIT and abs(fixed.matmul(x, z)) < UNIT):
+            raise ValueError(f"setup {self.name!r}: wcs_x {self.wcs_x} and wcs_z {self.wcs_z} must be unit vectors "
+                             "square to each other")
+        return self
+
+    @property
+    def frame(self):
+        """WCS seen from the part."""
+        return Frame(rotation=self.turn.rotation, origin_mm=self.wcs_origin_mm)
+
+    @property
+    def turn(self):
+        """The WCS's directions alone, its zero left where the part's is."""
+        x, z = np.array(self.wcs_x), np.array(self.wcs_z)
+        return Frame(rotation=np.column_stack([x, np.cross(z, x), z]), origin_mm=np.zeros(3))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Companion:
+    """A shape that is written beside the part and is not cut: an assembly it belongs to."""
+
+    name: str                   # its file is <design>.<name>.step
+    make: Callable              # function () -> TopoDS shape, millimetres; called when the file is written
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One figure measured on a solid beside what it should be."""
+
+    what: str
+    measured: float
+    wanted: float
+    allowed: float              # largest difference
+    unit: str = ""
+
+    @property
+    def is_kept(self):
+        """Whether it is near enough; what is no number is not."""
+        return bool(abs(self.measured - self.wanted) <= self.allowed)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SolidReport:
+    """What was measured on a solid as it stands in its STEP file."""
+
+    figures: tuple[Figure, ...]
+    facts: dict                 # what is only told: mass, centre, ...; as it goes into solid.json
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Design:
+    """A part ready to be planned; or, without setups, one whose solid alone is checked."""
+
+    name: str
+    description: str
+    parameters: Parameters
+    solid: object                           # OCP TopoDS_Solid, millimetres
+    predicates: tuple[FacePredicate, ...]
+    material: str                           # a name in planning/materials
+    stock: StockBox
+    finish: Finish
+    setups: tuple[Setup, ...]
+    tip: CircularTip | None = None          # a vane's tip in closed form, part coordinates; None: any other part
+    machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
+    companions: tuple[Companion, ...] = ()
+    measure: Callable | None = None         # function (solid read back from its STEP file) -> SolidReport
+    draw: Callable | None = None            # function (folder): writes drawings
+    where: Callable = lambda place_mm: ""   # (3,) part coordinates -> a name for people: the cell of a vane
+
+    def __post_init__(self):
+        self._refuse_names()
+        if not self.setups and self.measure is None:
+            raise DesignError(f"design {self.name} has no setup and nothing to measure its solid by: "
+                              "give it one of them")
+        known = {p.name for p in self.predicates}
+        for setup in self.setups:
+            for who, faces in ((setup.name, setup.faces), *((f"{setup.name}, {o.title}", o.faces or ()) for o in setup.operations)):
+                if missing := [f for f in faces if f not in known]:
+                    raise DesignError(f"design {self.name}, {who}: faces {missing} are named by no predicate; "
+                                      f"there are {sorted(known)}")
+
+    def _refuse_names(self):
+        """Names become files: of the design, its setups, its companions; no two the same."""
+        for what, names in (("its name", [self.name]), ("setup", [s.name for s in self.setups]),
+                            ("companion", [c.name for c in self.companions])):
+            for k, name in enumerate(names):
+                if fault := name_fault(name):
+                    raise DesignError(f"design {shortened(self.name)}, {what}: {fault}")
+                if name in names[:k]:
+                    raise DesignError(f"design {self.name}: two are called {what} {name}; their files would be one: "
+                                      "give each its own name")

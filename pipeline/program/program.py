@@ -1,0 +1,169 @@
+"""The Program: controller-free moves of one setup, the waist of the pipeline.
+
+Planning ends here; a post writes it out. Nothing after the post looks at it again:
+what is simulated is the text, read back.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from cuspline.shop.cutters import Tool
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import ToolpathError
+
+
+class Kind(IntEnum):
+    """What a move does."""
+
+    RAPID = 0        # straight, non-cutting
+    FEED = 1         # straight, cutting
+    ARC_CW = 2       # clockwise seen from the plane's positive third axis
+    ARC_CCW = 3
+
+
+class Plane(IntEnum):
+    """Arc planes; the third axis is the one the plane is seen from."""
+
+    XY = 0           # G17, seen from +Z
+    ZX = 1           # G18, seen from +Y: first axis Z, second axis X
+    YZ = 2           # G19, seen from +X: first axis Y, second axis Z
+
+    @property
+    def axes(self):
+        """(first, second, third) axis indices, right-handed."""
+        return ((0, 1, 2), (2, 0, 1), (1, 2, 0))[self]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Moves:
+    """Moves one after the other, one row each, tip positions in the setup's WCS."""
+
+    start_mm: np.ndarray            # (3,) where the first move begins
+    kind: np.ndarray                # (n,) Kind
+    end_mm: np.ndarray              # (n, 3) tip at the end of each move
+    center_mm: np.ndarray           # (n, 3) arc centre (its third-axis entry is unused); NaN on lines
+    plane: np.ndarray               # (n,) Plane of arcs; XY on lines
+    axis: np.ndarray                # (n, 3) tool axis at the end, unit, tip to holder
+    feed_mm_per_min: np.ndarray     # (n,) 0 on rapids
+
+    def __post_init__(self):
+        put = lambda name, shape, dtype: object.__setattr__(
+            self, name, frozen(getattr(self, name), shape, name, dtype))
+        put("start_mm", (3,), float)
+        put("kind", (None,), np.int8)
+        n = len(self.kind)
+        put("end_mm", (n, 3), float)
+        put("center_mm", (n, 3), float)
+        put("plane", (n,), np.int8)
+        put("axis", (n, 3), float)
+        put("feed_mm_per_min", (n,), float)
+        cutting = self.kind != Kind.RAPID
+        bad = np.flatnonzero(cutting & ~(self.feed_mm_per_min > 0))
+        if len(bad):
+            raise ToolpathError(f"{len(bad)} cutting moves have no feed, first at row {bad[0]}", rows=bad)
+        if not (np.isfinite(self.end_mm).all() and np.isfinite(self.start_mm).all()):
+            raise ToolpathError("a move has no end point (NaN or infinite)")
+
+    def __len__(self):
+        return len(self.kind)
+
+    @property
+    def starts_mm(self):
+        """(n, 3) where each move begins."""
+        return np.vstack([self.start_mm, self.end_mm])[:-1]
+
+    @classmethod
+    def joined(cls, parts):
+        """Several runs of moves one after the other; a rapid leads from each end to the next start.
+
+        Raises:
+            ToolpathError: there is nothing to join.
+        """
+        if not parts:
+            raise ToolpathError("no moves to join: the operation came out empty")
+        column = lambda name: np.concatenate(
+            [piece for k, part in enumerate(parts) for piece in
+             ([cls._link(parts[k - 1], part)[name]] if k else []) + [getattr(part, name)]])
+        return cls(start_mm=parts[0].start_mm, **{n: column(n) for n in (
+            "kind", "end_mm", "center_mm", "plane", "axis", "feed_mm_per_min")})
+
+    @staticmethod
+    def _link(before, after):
+        """One rapid to where the next part begins, as columns."""
+        return {"kind": np.array([Kind.RAPID]), "end_mm": after.start_mm[None], "center_mm": np.full((1, 3), np.nan),
+                "plane": np.array([Plane.XY]), "axis": before.axis[-1:], "feed_mm_per_min": np.zeros(1)}
+
+    def with_feed(self, feed_mm_per_min):
+        """The same moves at other feeds (n,)."""
+        return Moves(**{**self.__dict__, "feed_mm_per_min": feed_mm_per_min})
+
+
+class MoveWriter:
+    """Collects moves while a pass is laid out; `moves()` freezes them.
+
+    >>> w = MoveWriter((0, 0, 10))
+    >>> w.feed((0, 0, 0), 100); len(w.moves())
+    1
+    """
+
+    def __init__(self, start_mm):
+        self.start_mm = np.array(start_mm, dtype=float)
+        self.here_mm = self.start_mm.copy()
+        self._rows = []
+
+    def __len__(self):
+        return len(self._rows)
+
+    def _add(self, kind, end_mm, center_mm, plane, feed):
+        self.here_mm = np.array(end_mm, dtype=float)
+        self._rows.append((kind, self.here_mm, center_mm, plane, feed))
+
+    def rapid(self, end_mm):
+        """Straight non-cutting move; a move to where the tool stands is left out."""
+        if np.abs(np.asarray(end_mm) - self.here_mm).max() > 1e-9:
+            self._add(Kind.RAPID, end_mm, (np.nan,) * 3, Plane.XY, 0.0)
+
+    def feed(self, end_mm, feed_mm_per_min):
+        """Straight cutting move; a move to where the tool stands is left out."""
+        if np.abs(np.asarray(end_mm) - self.here_mm).max() > 1e-9:
+            self._add(Kind.FEED, end_mm, (np.nan,) * 3, Plane.XY, feed_mm_per_min)
+
+    def arc(self, end_mm, center_mm, plane, is_clockwise, feed_mm_per_min):
+        """Circular cutting move in the given plane; a helix when the third axis differs."""
+        kind = Kind.ARC_CW if is_clockwise else Kind.ARC_CCW
+        self._add(kind, end_mm, center_mm, plane, feed_mm_per_min)
+
+    def moves(self):
+        """All moves so far as one frozen value."""
+        n = len(self._rows)
+        kind, end, center, plane, feed = zip(*self._rows) if n else ((),) * 5
+        return Moves(start_mm=self.start_mm, kind=kind, end_mm=np.reshape(end, (n, 3)),
+                     center_mm=np.reshape(center, (n, 3)), plane=plane,
+                     axis=np.tile((0.0, 0.0, 1.0), (n, 1)), feed_mm_per_min=feed)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Operation:
+    """All moves of one operation with one tool at one spindle speed."""
+
+    name: str                 # as in plan, report and findings: "rough", "finish"
+    tool: Tool
+    spindle_rpm: float
+    coolant: str              # "off", "mist", "flood"
+    moves: Moves
+    passes: object = None     # pass_templates.TemplatedPasses that come to the same moves; None: only the moves
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Program:
+    """One setup's operations in order, with what the operator must know."""
+
+    name: str
+    setup: str                          # "setup-1"
+    wcs: str                            # "G54"
+    wcs_in_words: str                   # where the operator finds the zero
+    operations: tuple[Operation, ...]
+    clearance_z_mm: float               # rapids across run at or above this WCS height
+    header: tuple[str, ...]             # comment lines for the top of the program

@@ -1,0 +1,380 @@
+"""One program replayed in its true order: the stock's history, and everything that went wrong on the way."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.program.program import Kind
+from cuspline.replay import head_clearance, replay_checks, replay_design, replay_doubts, replay_kernel
+from cuspline.replay.clearance import ClearanceTree, flute_segments, head_frusta
+from cuspline.replay.replay_loads import loads
+from cuspline.replay.replay_stock import LEAF
+from cuspline.replay.replay_stops import stop_findings
+from cuspline.stock.path_pieces import pieces_of
+from cuspline.stock.swept import CLOSED_UPWARD, cutting_rows
+from cuspline.stock.tree import morton_order
+from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import frozen
+from cuspline.values.checkpoints import NOTHING
+from cuspline.values.errors import SimulationError
+from cuspline.values.findings import Finding
+from cuspline.values.frames import Frame
+
+TOUCH_MM = 1e-4           # what may be missing of a distance: rounding of the post, pieces of arcs
+PARTS = 4                 # of a cell's side, for the bound of the stock that earlier clampings have left in it
+ENDLESS_MM = 1e4          # a part that nothing above makes wider goes on upward by this
+HOLDER_CLEARANCE_MM = 1.0
+SHANK_CLEARANCE_MM = 0.0  # the neck follows the flutes into the slot they cut
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ZMap:
+    """Nodes of the replay's z-map: x = origin + i pitch, y = origin + j pitch, cell j * nx + i."""
+
+    origin_mm: tuple[float, float]
+    pitch_mm: float
+    nx: int
+    ny: int
+
+    @classmethod
+    def over(cls, stock_min, stock_max, pitch_mm):
+        """Nodes at the given pitch from the stock's lower corner on, none beyond the stock."""
+        count = [int(np.floor((b - a) / pitch_mm + 1e-9)) + 1 for a, b in zip(stock_min[:2], stock_max[:2])]
+        return cls(origin_mm=(float(stock_min[0]), float(stock_min[1])), pitch_mm=float(pitch_mm),
+                   nx=count[0], ny=count[1])
+
+    @property
+    def xy_mm(self):
+        """(ny * nx, 2) nodes in order of their cell number."""
+        x = self.origin_mm[0] + self.pitch_mm * np.arange(self.nx)
+        y = self.origin_mm[1] + self.pitch_mm * np.arange(self.ny)
+        return np.column_stack([np.tile(x, self.ny), np.repeat(y, self.nx)])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fixture:
+    """A box that no part of the tool may enter; WCS.  What lies below it counts as part of it."""
+
+    name: str
+    min_mm: tuple[float, float, float]
+    max_mm: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Replay:
+    """The stock's history and what was found on the way.
+
+    Events are tens of a move: their arrays are handed over, not copied.
+    """
+
+    zmap: ZMap
+    bottom_mm: float
+    top_mm: float                   # before the first cut
+    design_top_mm: np.ndarray       # (ny, nx) as given; NaN where there is no design
+    event_row: np.ndarray           # (e,) row of PostedMoves
+    event_cell: np.ndarray          # (e,)
+    event_z_mm: np.ndarray          # (e,) new height, below the one before
+    final_z_mm: np.ndarray          # (ny, nx) stock after all moves
+    findings: tuple[Finding, ...]
+    holder_clearance_mm: float      # no holder comes nearer to stock or design, proven; inf: beyond 50 mm
+    holder_place_mm: tuple[float, float, float] | None      # where it comes nearest; part coordinates
+    undecided_lines: tuple[int, ...]    # lines of moves where a contact with a fin of stock is not excluded
+    is_table_checked: bool
+
+    def __post_init__(self):
+        shape, e = (self.zmap.ny, self.zmap.nx), len(self.event_row)
+        for name, form, dtype in (("design_top_mm", shape, float), ("event_row", (e,), np.int32),
+                                  ("event_cell", (e,), np.int32), ("event_z_mm", (e,), float),
+                                  ("final_z_mm", shape, float)):
+            object.__setattr__(self, name, frozen(getattr(self, name), form, name, dtype, name.startswith("event_")))
+
+
+def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, stock_within_mm=None,
+           design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
+           frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
+           within_before=None, left_by_heads=None, stock_at=None,
+           holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, kept=NOTHING):
+    """Replays a posted program move by move on a z-map of the stock.
+
+    Contacts are judged over the whole of every move, not at its ends, nor at the nodes alone.  What is left of the
+    stock between the nodes is bounded cell by cell; where a bound does not clear a move the cell is quartered down
+    to `replay_stock.CELL_MM` (0.5 um) until it does or a point shows a contact.  A fin of stock thinner than that can
+    stay unseen: moves for which this is not excluded are listed in `undecided_lines`, and are findings.
+
+    Args:
+        posted: PostedMoves.   tools: dict of tool number -> cutters.Tool.
+        stock_min, stock_max: (3,) corners of the billet, WCS.
+        pitch_mm: distance of the nodes.
+        stock_top_mm: (ny, nx) height of the stock at the nodes before the first move; None: the whole billet.  Between
+            them no contact is taken to be sure above the lowest node round about.
+        stock_within_mm: function of places (n, 2) and a radius to heights (n,) that no stock so near exceeds before the
+            first move, see `Workpiece.highest_within_mm`; None: all that is between the nodes may stand to the top.
+        design_top_mm: (ny, nx) height of the finished design at the nodes of
+            `ZMap.over(stock_min, stock_max, pitch_mm)`, NaN beside it; None: not known.
+        design: ClearanceTree of the finished design, WCS; None: pins of the heights design_top_mm.
+        design_error_mm: how deep neck, shank and holder may seem to touch the design: the deviation of its triangles
+            and what the finish allows the flutes themselves.
+        fixtures: Fixture values, WCS.   machine: machines.Machine, or None: travel and table are not checked and
+            nothing is known of a spindle head.
+        frame: the WCS seen from the part, for the places of findings.
+        within_before: function of a row of PostedMoves to a function as stock_within_mm, of the stock before that move.
+            What the cells leave undecided is asked there once more; tools on right-angle heads are held against the
+            stock that the first of them finds, as head_clearance.py says.  None: what is undecided stays so, and
+            heads meet the whole billet.
+        left_by_heads: function of places (n, 2) to heights (n,) that tools on heads alone leave of the billet, and the
+            rows (n,) that left them: the nodes are lowered by it in the end, contacts of other tools do not know of
+            it.  None: they are not.
+        stock_at: function of a row to a function of places (n, 2) to heights (n,) of the stock before that move, -inf
+            beside it: what a tool that stands still touches.  None: that is not asked.
+        holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
+            counts as part of the holder.
+        kept: kept.Kept, asked first; NOTHING keeps nothing.
+    Raises:
+        SimulationError: a feed move with a tool that is not given.
+    """
+    zmap = ZMap.over(stock_min, stock_max, pitch_mm)
+    shape, top = (zmap.ny, zmap.nx), float(stock_max[2])
+    heights = np.full(shape, np.nan) if design_top_mm is None else frozen(design_top_mm, shape, "design_top_mm")
+    z = np.full(shape, top) if stock_top_mm is None else np.array(frozen(stock_top_mm, shape, "stock_top_mm"))
+    wanted = np.array([0.0, shank_clearance_mm, holder_clearance_mm])
+    boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures], dtype=float).reshape(-1, 6)
+    on_heads = _on_heads(posted, tools)
+    spindle_head = () if machine is None else machine.spindle_head
+    script = _script(posted, tools, spindle_head)
+    near = _pins(zmap, heights, float(stock_min[2])) if design is None else design
+    lines = _lines(zmap, stock_max)
+    before, cut_before = z, _cut_before(z, top)
+    *events, z, worst, least, unsure = kept.of(_history)(
+        script, len(posted), wanted, 0.0 if machine is None else machine.rapid_clearance_mm, boxes, z,
+        _before(z, lines, top, stock_within_mm), lines, cut_before, near, float(design_error_mm + TOUCH_MM))
+    taken = loads(posted, tools, zmap, events, len(cut_before[0]), before)
+    if within_before is not None and unsure.any():
+        doubts = np.flatnonzero(unsure)
+        unsure[replay_doubts.cleared(doubts, posted, script, wanted, within_before, stock_min, stock_max)] = False
+    if on_heads and left_by_heads is not None:
+        events, z = _lowered(events, z, *left_by_heads(zmap.xy_mm))
+    cells = _cells_for_heads(posted, on_heads, within_before, stock_min, stock_max) if on_heads else None
+    for tool in on_heads:
+        proven, at = head_clearance.put_contacts(worst, posted, tool, fixtures, cells, wanted, spindle_head)
+        if proven < least[1]:
+            least[:] = min(least[0], proven), proven, *at
+    report = replay_checks.Reporter(posted, setup, frame)
+    hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
+    found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
+             *report.unknown_starts(_highest(top, boxes), hanging), *report.travel(machine),
+             *report.table(machine, tools, script, hanging), *report.end(),
+             *report.loads(taken, tools),
+             *stop_findings(report, tools, machine, _highest(top, boxes), hanging, stock_at))
+    place = None if np.isnan(least[2]) else report.place(least[2:])
+    return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
+                  event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
+                  findings=found, holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
+                  holder_place_mm=place, undecided_lines=tuple(posted.line[unsure].tolist()),
+                  is_table_checked=machine is not None)
+
+
+def _history(script, moves, wanted, low_mm, boxes, z, before, lines, events, design, allowed_mm):
+    """(row, cell, height of the events, heights in the end, worst, least, undecided), see `replay_kernel.run`."""
+    worst, z = np.full((5, moves, 4), -np.inf), z.copy()
+    least = np.array([replay_kernel.FAR_MM, replay_kernel.FAR_MM, np.nan, np.nan, np.nan])
+    if design is not None:
+        _against_design(design, script, wanted, allowed_mm, worst, least)
+    bounds, sure = before
+    events, unsure = replay_kernel.run(*script, wanted, TOUCH_MM, low_mm, boxes, z, bounds.copy(), sure, lines,
+                                       _past(script[0], script[2], script[4]), worst, least, events)
+    return *events, z, worst, least, unsure & ~(worst[:replay_kernel.LOW, :, 0] > 0).any(axis=0)
+
+
+def _lowered(events, z, height_mm, row):
+    """Events and final heights, with one more event at each node that tools on heads leave lower, where they did."""
+    lower = np.flatnonzero(height_mm < z.ravel())
+    by = np.full(z.size, np.iinfo(np.int64).max)
+    by[lower] = row[lower]
+    kept = (events[0] < by[events[1]]) | (events[2] < height_mm[events[1]])
+    parts = zip((e[kept] for e in events), (row[lower], lower, height_mm[lower]))
+    joined = [np.concatenate([a, b]).astype(a.dtype) for a, b in parts]
+    order = np.argsort(joined[0], kind="stable")
+    return [e[order] for e in joined], np.minimum(z, height_mm.reshape(z.shape))
+
+
+def _cut_before(z, top):
+    """Events of row 0, as the kernel takes them: cells that earlier clampings have lowered."""
+    cells = np.flatnonzero(z.ravel() < top)
+    return np.zeros(len(cells), np.int32), cells.astype(np.int32), z.ravel()[cells]
+
+
+def _highest(top, boxes):
+    return max([top, *boxes[:, 5]])
+
+
+def _lines(zmap, stock_max):
+    """x and y of the grid's lines: through the nodes, and the stock's far side where no node stands on it."""
+    lines = []
+    for origin, count, end in zip(zmap.origin_mm, (zmap.nx, zmap.ny), stock_max):
+        at = origin + zmap.pitch_mm * np.arange(count)
+        lines.append(np.append(at, end) if end - at[-1] > 1e-9 or count == 1 else at)
+    return tuple(lines)
+
+
+def _before(z, lines, top, within):
+    """What is known of each cell before the first move: a height it does not exceed, and one that it surely reaches."""
+    wide = np.pad(z, [(0, len(lines[1]) - len(z)), (0, len(lines[0]) - z.shape[1])], mode="edge")
+    corners = np.array([wide[:-1, :-1], wide[1:, :-1], wide[:-1, 1:], wide[1:, 1:]])
+    bounds = np.full(corners.shape[1:], top)
+    j, i = np.nonzero((corners < top).any(axis=0))
+    if within is not None and len(j):
+        middle, half = (np.column_stack([(s * a[k + 1] + a[k]) / 2 for k, a in zip((i, j), lines)]) for s in (1, -1))
+        share = (2 * np.arange(PARTS) + 1) / PARTS - 1
+        places = [middle + np.abs(half) * (a, b) for a in share for b in share]
+        radius = float(fixed.hypot(*half.T).max()) / PARTS
+        found = within(np.concatenate(places), radius).reshape(PARTS ** 2, -1).max(axis=0)
+        bounds[j, i] = np.maximum(found, corners[:, j, i].max(axis=0)).clip(max=top)
+    return bounds, corners.min(axis=0)
+
+
+def _past(geometry, cutter, cutters):
+    """All pieces as the kernels search them: (forest, order of each, least order under each node)."""
+    trees, parts, first = [], [], [0, 0]
+    for k in range(len(cutters)):
+        rows = np.flatnonzero(cutter == k)
+        g = geometry[rows]
+        middle = np.column_stack([g[:, 0] + g[:, 3], g[:, 1] + g[:, 4], 2 * np.minimum(g[:, 2], g[:, 5])]) / 2
+        rows = rows[morton_order(middle)]
+        nodes, leaves = _boxes(geometry[rows])
+        trees.append((*first, len(rows), leaves))
+        parts.append((geometry[rows], nodes, rows, _least_under(rows, leaves)))
+        first = [first[0] + len(nodes), first[1] + len(rows)]
+    empty = (np.zeros((0, 12)), np.zeros((0, 5)), np.zeros(0, np.int64), np.zeros(0, np.int64))
+    pieces, nodes, orders, firsts = (np.concatenate(column) for column in zip(empty, *parts))
+    return (pieces, nodes, np.array(trees, np.int64).reshape(-1, 4), cutters), orders, firsts
+
+
+def _boxes(geometry):
+    """(2 leaves - 1, 5) rectangle and lowest tip of each node of a binary tree, and the number of leaves."""
+    leaves = 1 << max(0, (-(-len(geometry) // LEAF) - 1).bit_length())
+    xs, ys, low = geometry[:, [0, 3]], geometry[:, [1, 4]], replay_checks.lowest_tips(geometry)
+    least = [_least_under(c, leaves) for c in (xs.min(axis=1), -xs.max(axis=1), ys.min(axis=1), -ys.max(axis=1), low)]
+    return np.column_stack(least) * [1, -1, 1, -1, 1], leaves
+
+
+def _least_under(values, leaves):
+    """(2 leaves - 1,) least value under each node of a binary tree; the largest there is behind the last one."""
+    level = np.full(leaves * LEAF, np.iinfo(np.int64).max if values.dtype == np.int64 else 1e300, values.dtype)
+    level[:len(values)] = values
+    level = level.reshape(leaves, LEAF).min(axis=1)
+    out = np.empty(2 * leaves - 1, values.dtype)
+    while len(level) > 1:
+        out[len(level) - 1:2 * len(level) - 1] = level
+        level = level.reshape(-1, 2).min(axis=1)
+    out[0] = level[0]
+    return out
+
+
+def _pins(zmap, heights, bottom):
+    """Thin pins as high as the design at its nodes; None where it is not known."""
+    known = np.isfinite(heights).ravel()
+    if not known.any():
+        return None
+    xy, top = zmap.xy_mm[known], heights.ravel()[known]
+    n = len(top)
+    ends = np.vstack([np.column_stack([xy, top]), np.column_stack([xy, np.minimum(top, bottom)])])
+    return ClearanceTree.of_triangles(ends, np.column_stack([np.arange(n), np.arange(n) + n, np.arange(n) + n]))
+
+
+def _against_design(design, script, wanted, allowed_mm, worst, least):
+    """Shank and holder of every cutter against the design: `worst` takes contacts, `least` the holder's distance."""
+    geometry, row, cutter, _, _, parts, kinds = script
+    for k in np.unique(cutter):
+        mine = cutter == k
+        lines = replay_kernel.chords(geometry[mine])
+        for kind in (replay_kernel.SHANK, replay_kernel.HOLDER):
+            segments = parts[(kinds[:, 0] == k) & (kinds[:, 1] == kind)]
+            if not len(segments):
+                continue
+            is_holder = kind == replay_kernel.HOLDER
+            proven, got, spot = replay_design.sweep(
+                design.arrays, lines, row[mine], np.ascontiguousarray(segments), wanted[kind] - allowed_mm,
+                least[1] if is_holder else -np.inf, replay_design.TOLERANCE_MM, worst[kind])
+            if is_holder and got < least[1]:
+                least[1:] = got, *spot
+            if is_holder:
+                least[0] = min(least[0], proven)
+    worst[:, :, 0] += allowed_mm             # where there is none, -inf stays
+
+
+def _on_heads(posted, tools):
+    """The tools on right-angle heads that the program takes."""
+    return [t for n, t in sorted(tools.items()) if t.head is not None and (posted.tool == n).any()]
+
+
+def _cells_for_heads(posted, on_heads, within_before, low, high):
+    """StockCells of the stock that the first tool on a head finds; the whole billet where nobody knows."""
+    first = int(np.isin(posted.tool, [t.number for t in on_heads]).argmax())
+    found = (lambda xy, radius: np.full(len(xy), high[2])) if within_before is None else within_before(first)
+    return head_clearance.StockCells.over(low, high, found)
+
+
+def _script(posted, tools, spindle_head):
+    """Pieces of all known moves of upright tools in order, with their cutters and the parts above these."""
+    known = cutting_rows(posted) & np.isin(posted.tool, list(tools))
+    lost = (posted.kind != Kind.RAPID) & ~known
+    if lost.any():
+        k = int(np.flatnonzero(lost)[0])
+        raise SimulationError(f"line {posted.line[k]}: feed move with T{posted.tool[k]} from "
+                              f"{posted.start_mm[k]}; the tool is not in the library or the start is unknown",
+                              rows=np.flatnonzero(lost))
+    numbers = sorted(n for n in {int(n) for n in posted.tool[known]} if tools[n].head is None)
+    pieces = [_pieces(posted, np.flatnonzero(known & (posted.tool == n)), tools[n]) for n in numbers]
+    stack = lambda arrays, empty: np.concatenate([empty, *arrays])
+    geometry = stack([p.geometry for p in pieces], np.zeros((0, 12)))
+    row = stack([p.row for p in pieces], np.zeros(0, np.int64))
+    cutter = stack([np.full(len(p), k) for k, p in enumerate(pieces)], np.zeros(0, np.int64))
+    order = np.argsort(row, kind="stable")
+    cutters = np.array([surely_cut(tools[n].cutter) for n in numbers]).reshape(-1, 2)
+    rows = [(k, *part) for k, n in enumerate(numbers) for part in (*_flutes(tools[n].cutter), *_parts(tools[n], spindle_head))]
+    parts = np.array(rows, dtype=float).reshape(-1, 7)
+    return (geometry[order], row[order], cutter[order], posted.kind[row[order]] == Kind.RAPID, cutters,
+            np.ascontiguousarray(parts[:, 2:]), np.ascontiguousarray(parts[:, :2].astype(np.int64)))
+
+
+def _pieces(posted, rows, tool):
+    """A plunge is cut in steps of half a flute length: the neck enters what the flutes have cut before."""
+    return pieces_of(posted, rows, tool.cutter.type == "ball", deepest_mm=tool.cutter.flute_length_mm / 2)
+
+
+def surely_cut(cutter):
+    """(flat radius, corner radius) of a plain column, open upward, in the cutter's body: it leaves no less stock, mm."""
+    if cutter.type in CLOSED_UPWARD:
+        return cutter.radius_mm - cutter.corner_radius_mm, cutter.corner_radius_mm
+    profile = cutter.profile
+    if cutter.type == "tapered_ball":
+        return 0.0, cutter.corner_radius_mm
+    if cutter.type == "lens":
+        return 0.0, profile.top_radius_mm
+    has_flat_bottom = profile.end_mm[0, 1] == 0.0
+    return (float(profile.end_mm[:, 0].min()) if has_flat_bottom else 0.0), 0.0
+
+
+def _flutes(cutter):
+    """(kind, z0, r0, z1, r1, grow) of the whole cutting part, its surface TOUCH_MM farther in."""
+    if cutter.type in CLOSED_UPWARD:
+        yield _thin_flutes(cutter.radius_mm - cutter.corner_radius_mm, cutter.corner_radius_mm)
+        return
+    for z0, r0, z1, r1, grow in flute_segments(cutter):
+        yield replay_kernel.RAPID, z0 + TOUCH_MM, max(r0 - TOUCH_MM, 0.0), z1, max(r1 - TOUCH_MM, 0.0), grow
+
+
+def _thin_flutes(a, rc):
+    """(kind, z0, r0, z1, r1, grow) of flutes whose surface lies TOUCH_MM farther in."""
+    thin = max(rc - TOUCH_MM, 0.0)
+    a -= TOUCH_MM - (rc - thin)
+    return replay_kernel.RAPID, TOUCH_MM + thin, a, ENDLESS_MM, a, thin
+
+
+def _parts(tool, spindle_head):
+    """(kind, z0, r0, z1, r1, grow) of neck, shank, holder and spindle head; what does not widen goes on upward."""
+    frusta = [(z0 >= tool.stick_out_mm - 1e-9, z0, r0, z1, r1) for z0, r0, z1, r1 in
+              [*tool.non_cutting_frusta(), *head_frusta(tool, spindle_head)]]
+    for is_holder, z0, r0, z1, r1 in frusta:
+        kind = replay_kernel.HOLDER if is_holder else replay_kernel.SHANK
+        yield (kind, z0, r0, z1, r1, 0.0) if r1 > r0 else (kind, z0, r0, ENDLESS_MM, r0, 0.0)

@@ -1,0 +1,89 @@
+"""Neck, shank and holder against the finished design, over every move: groups of moves first, single ones where needed.
+
+The tips of a group stand in a box; a tool that may stand anywhere in it is convex again (clearance_kernels).  A group
+whose box keeps the distance wanted is done with; another is halved, down to single pieces, each swept exactly.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from cuspline.replay.clearance_kernels import least_distance, workspace
+from cuspline.replay.replay_stock import DEEP_MM, SHARE, beyond
+
+TOLERANCE_MM = 1e-3       # of an amount, and of the least clearance
+GROUP = 64                # pieces looked at as one, at most
+
+
+@njit(cache=True)
+def upright(place, lines, first, last):
+    """The place of an upright tool that stands anywhere in the box round some lines; a single line is a way."""
+    place[:] = 0.0
+    place[0] = place[4] = place[8] = 1.0
+    if last - first == 1:
+        for k in range(3):
+            place[9 + k], place[12 + k] = lines[first, k], lines[first, 3 + k] - lines[first, k]
+        return
+    for k in range(3):
+        low, high = math.inf, -math.inf
+        for p in range(first, last):
+            low, high = min(low, lines[p, k], lines[p, 3 + k]), max(high, lines[p, k], lines[p, 3 + k])
+        if k < 2:
+            place[9 + k], place[15 + k] = 0.5 * (low + high), 0.5 * (high - low)
+        else:
+            place[11], place[14] = low, high - low
+
+
+@njit(cache=True)
+def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
+    """Contacts of pieces in order, and the least distance of them all.
+
+    Args:
+        mesh: see clearance_kernels.   lines: (m, 6) ends of the pieces.   rows: (m,) their moves, growing.
+        segments: (k, 5).
+        wanted: distance below which a piece is in contact.
+        least: distances beyond it do not matter; -inf: only contacts are asked for.
+        worst: (moves, 4) takes how much is missing where something is, and where: too little by the tolerance at most,
+            or by SHARE of it where it is more than DEEP_MM.
+    Returns:
+        (proven lower bound of the least distance, the least attained, (3,) its point).
+    """
+    place, work, spot, proven, hint = np.zeros(17), workspace(), np.full(3, math.nan), math.inf, -1
+    spans = np.empty((64, 2), np.int64)
+    for start in range(0, len(lines), GROUP):
+        waiting = 1
+        spans[0, 0], spans[0, 1] = start, min(start + GROUP, len(lines))
+        while waiting > 0:
+            waiting -= 1
+            first, last = spans[waiting]
+            table = worst[rows[first]]
+            upright(place, lines, first, last)
+            enough = max(beyond(wanted, table[0]) if rows[first] == rows[last - 1] else wanted, least - tolerance)
+            if last - first > 1:
+                bound, _, found = least_distance(mesh, place, segments, enough + 2.0 * tolerance, enough + tolerance,
+                                                 tolerance, hint, work)
+                hint = found if found >= 0 else hint
+                if bound >= enough:
+                    proven = min(proven, bound)
+                    continue
+                middle = (first + last) // 2
+                spans[waiting, 0], spans[waiting, 1] = middle, last
+                spans[waiting + 1, 0], spans[waiting + 1, 1] = first, middle
+                waiting += 2
+                continue
+            bound, rough, floor = -math.inf, tolerance, wanted - DEEP_MM
+            while bound == -math.inf:        # deeper than the floor: asked again, as roughly as that is deep
+                bound, got, found = least_distance(mesh, place, segments, enough + tolerance, floor, rough, hint, work)
+                rough, floor = SHARE * (wanted - got), 2.0 * got - wanted
+                if found < 0:
+                    continue
+                hint = found
+                if got < least:
+                    least = got
+                    spot[:] = work[3]
+                if wanted - got > max(table[0], 0.0):
+                    table[0] = wanted - got
+                    table[1:] = work[3]
+            proven = min(proven, bound)
+    return proven, least, spot

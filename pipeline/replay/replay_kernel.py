@@ -1,0 +1,334 @@
+"""The moves in their true order on a z-map: every change of the stock, every contact, one pass.
+
+The z-map holds exact heights at its nodes, and for each cell between them a proven upper bound (replay_stock).
+Before a piece cuts, what must not touch (neck, shank, holder; on rapids the flutes) is held against the stock
+as it then stands: against the bounds; where these do not clear it, against the nodes; where these show no contact,
+between them.  Every part counts as going on upward: a height field below it cannot tell the difference.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from cuspline.replay.replay_stock import (
+    BUDGET,
+    DEPTH_MM,
+    LEAST_MM,
+    SEEN_BUDGET,
+    SHARE,
+    beyond,
+    bulge,
+    part_distance,
+    refine,
+    runs_in_swept,
+    search_space,
+)
+from cuspline.stock.distance_kernels import corner_distance
+from cuspline.stock.height_kernels import piece_height
+
+RUBBING_MM = 0.001        # a shank as wide as its flutes may rub so much on the stock that these have just cut
+TILE = 8                  # cells along the side of a tile whose highest bound is kept: where a piece cuts no lower it
+                          # is left alone
+REFRESH = 256             # pieces after which the highest of the tiles is looked up again: it only falls
+FAR_MM = 50.0             # clearances beyond this are not measured
+NOISE_MM = 1e-6           # heights closer than this are the same
+RAPID, SHANK, HOLDER, FIXTURE, LOW = range(5)
+
+
+@njit(cache=True)
+def chord(g, out):
+    """A piece as a straight line that lies nowhere above it."""
+    out[:] = g
+    out[11] = 0.0
+    if g[11] != 0.0 and g[10] < 0.0:
+        dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
+        half = 0.25 * (dx * dx + dy * dy + dz * dz)
+        sagitta = g[9] - math.sqrt(max(g[9] * g[9] - half, 0.0))
+        out[2] -= sagitta
+        out[5] -= sagitta
+
+
+@njit(cache=True)
+def lowered(line, by_mm, out):
+    """A rapid's straight way lowered by the height it is to keep; where it leads up, it may begin in the cut."""
+    out[:] = line
+    rise = line[5] - line[2]
+    across = math.sqrt((line[3] - line[0]) ** 2 + (line[4] - line[1]) ** 2)
+    if rise > 0.0 and across < by_mm:
+        out[5] -= min(by_mm, rise)
+    else:
+        out[2] -= max(by_mm - max(rise, 0.0), 0.0)
+        out[5] -= by_mm
+
+
+@njit(cache=True)
+def chords(geometry):
+    """(m, 6) ends of all pieces as `chord` gives them."""
+    lines, line = np.empty((len(geometry), 6)), np.empty(12)
+    for p in range(len(geometry)):
+        chord(geometry[p], line)
+        lines[p] = line[:6]
+    return lines
+
+
+@njit(cache=True)
+def _tile_top(bounds, tj, ti):
+    """Highest bound of a tile."""
+    top = -math.inf
+    for j in range(tj * TILE, min((tj + 1) * TILE, len(bounds))):
+        for i in range(ti * TILE, min((ti + 1) * TILE, bounds.shape[1])):
+            top = max(top, bounds[j, i])
+    return top
+
+
+@njit(cache=True)
+def _cells(low, high, lines):
+    """First and last + 1 cell that a stretch meets."""
+    origin, pitch, count = lines[0], lines[1] - lines[0], len(lines) - 1
+    first = max(0, min(int(math.floor((low - origin) / pitch)), count - 1) if high >= origin else 0)
+    last = min(count, int(math.floor((high - origin) / pitch)) + 1) if low <= lines[count] else first
+    return first, max(last, first)
+
+
+@njit(cache=True)
+def _keep_worst(table, row, amount, x, y, z):
+    if amount > table[row, 0]:
+        table[row, 0], table[row, 1], table[row, 2], table[row, 3] = amount, x, y, z
+
+
+@njit(cache=True)
+def _fixture_depth(line, part, box):
+    """How deep a moving upright part enters a box, from above or beside; negative: clear."""
+    hx, hy = 0.5 * (box[3] - box[0]), 0.5 * (box[4] - box[1])
+    return -part_distance(0.5 * (box[0] + box[3]), 0.5 * (box[1] + box[4]), hx, hy, box[5], line, part)[0]
+
+
+@njit(cache=True)
+def _doubtful_cells(line, part, enough, stock, highest, doubtful):
+    """Cells whose bounds leave a part nearer than `enough`: their number, and the least distance of the others."""
+    _, bounds, _, tiles, xs, ys = stock
+    xl, xh, yl, yh = min(line[0], line[3]), max(line[0], line[3]), min(line[1], line[4]), max(line[1], line[4])
+    radius = max(part[1], part[3]) + part[4]
+    low, grow = min(line[2], line[5]) + part[0] - part[4], radius + enough
+    if low - highest >= enough:
+        return 0, min(low - highest, FAR_MM)
+    i0, i1 = _cells(xl - grow, xh + grow, xs)
+    j0, j1 = _cells(yl - grow, yh + grow, ys)
+    count, clear = 0, FAR_MM
+    for tj in range(j0 // TILE, (j1 + TILE - 1) // TILE):
+        for ti in range(i0 // TILE, (i1 + TILE - 1) // TILE):
+            gx = max(xs[ti * TILE] - xh, xl - xs[min((ti + 1) * TILE, len(xs) - 1)], 0.0)
+            gy = max(ys[tj * TILE] - yh, yl - ys[min((tj + 1) * TILE, len(ys) - 1)], 0.0)
+            d = corner_distance(math.sqrt(gx * gx + gy * gy) - radius, low - tiles[tj, ti])
+            if d >= enough:
+                clear = min(clear, d)
+                continue
+            for j in range(max(j0, tj * TILE), min(j1, (tj + 1) * TILE)):
+                for i in range(max(i0, ti * TILE), min(i1, (ti + 1) * TILE)):
+                    d = low - bounds[j, i]
+                    if d < enough:
+                        hx, hy = 0.5 * (xs[i + 1] - xs[i]), 0.5 * (ys[j + 1] - ys[j])
+                        d, _ = part_distance(xs[i] + hx, ys[j] + hy, hx, hy, bounds[j, i], line, part)
+                    if d >= enough:
+                        clear = min(clear, d)
+                    else:
+                        doubtful[count] = j * bounds.shape[1] + i
+                        count += 1
+    return count, clear
+
+
+@njit(cache=True)
+def _at_nodes(line, part, doubtful, count, stock, spot):
+    """Least distance at the corners of cells that are nodes; `spot` takes its place."""
+    z, bounds, _, _, xs, ys = stock
+    best = math.inf
+    for k in range(count):
+        j0, i0 = doubtful[k] // bounds.shape[1], doubtful[k] % bounds.shape[1]
+        for j in range(j0, min(j0 + 2, len(z))):
+            for i in range(i0, min(i0 + 2, z.shape[1])):
+                if xs[i] > xs[i0 + 1] or ys[j] > ys[j0 + 1]:
+                    continue
+                _, d = part_distance(xs[i], ys[j], 0.0, 0.0, z[j, i], line, part)
+                if d < best:
+                    best = d
+                    spot[0], spot[1], spot[2] = xs[i], ys[j], z[j, i]
+    return best
+
+
+@njit(cache=True)
+def _against_stock(line, part, wanted, enough, before, stock, highest, past, doubtful, space, spot, budget):
+    """One part over one piece: (proven lower bound, least attained or inf, whether contact stays possible unseen)."""
+    forest, orders, firsts = past
+    count, proven = _doubtful_cells(line, part, enough, stock, highest, doubtful)
+    if count == 0:
+        return proven, math.inf, False
+    best = _at_nodes(line, part, doubtful, count, stock, spot)
+    is_seen = best < wanted
+    deeper = max(DEPTH_MM, SHARE * (wanted - best))
+    enough = min(enough, best - deeper) if is_seen else min(enough, max(wanted, best - LEAST_MM))
+    if enough == wanted and runs_in_swept(line, part, wanted, before, forest, orders, firsts, space):
+        return min(proven, enough), best, False
+    _, bounds, sure, _, xs, ys = stock
+    doubt, left, here = False, SEEN_BUDGET if is_seen else BUDGET, np.empty(3)
+    for k in range(count):
+        j, i = doubtful[k] // bounds.shape[1], doubtful[k] % bounds.shape[1]
+        hx, hy = 0.5 * (xs[i + 1] - xs[i]), 0.5 * (ys[j + 1] - ys[j])
+        lower, got, unsure, left = refine(xs[i] + hx, ys[j] + hy, hx, hy, bounds[j, i], sure[j, i], before, line, part,
+                                          wanted, enough, forest, orders, firsts, space, here, left)
+        proven, doubt = min(proven, lower), doubt or unsure
+        if got < best:
+            best = got
+            spot[:] = here
+            if best < wanted:
+                enough = min(enough, best - DEPTH_MM)
+    return proven, best, doubt and best >= wanted
+
+
+@njit(cache=True)
+def _gap(x, low, high):
+    return max(low - x, x - high, 0.0)
+
+
+@njit(cache=True)
+def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
+    """Lowers nodes and bounds by one piece; gives the events (grown when full) and their number."""
+    _, bounds, _, tiles, xs, ys = stock
+    radius, low = a + rc, min(g[2], g[5])
+    i0, i1 = _cells(min(g[0], g[3]) - radius, max(g[0], g[3]) + radius, xs)
+    j0, j1 = _cells(min(g[1], g[4]) - radius, max(g[1], g[4]) + radius, ys)
+    if i0 == i1 or j0 == j1:
+        return events, count
+    for tj in range(j0 // TILE, (j1 - 1) // TILE + 1):
+        for ti in range(i0 // TILE, (i1 - 1) // TILE + 1):
+            if tiles[tj, ti] > low:
+                events, count, tiles[tj, ti] = _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids,
+                                                         events, count)
+    return events, count
+
+
+@njit(cache=True)
+def _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
+    """`_cut` within one tile, and its highest bound then; nodes on its far sides belong to the tiles there."""
+    z, bounds, _, tiles, xs, ys = stock
+    j0, j1 = tj * TILE, min((tj + 1) * TILE, len(bounds))
+    i0, i1 = ti * TILE, min((ti + 1) * TILE, bounds.shape[1])
+    low, more, top = min(g[2], g[5]), bulge(g), tiles[tj, ti]
+    thin_rc = max(rc - touch, 0.0)
+    thin_a = a - (touch - (rc - thin_rc))
+    mx, my = 0.5 * (g[0] + g[3]), 0.5 * (g[1] + g[4])
+    reach = a + rc + NOISE_MM + 0.5 * math.sqrt((g[3] - g[0]) * (g[3] - g[0]) + (g[4] - g[1]) * (g[4] - g[1]))
+    if _gap(mx, xs[i0], xs[i1]) ** 2 + _gap(my, ys[j0], ys[j1]) ** 2 > reach * reach:
+        return events, count, top
+    for j in range(j0, j1 + 1):
+        now, before = heights[j % 2], heights[(j + 1) % 2]
+        for i in range(i0, i1 + 1):
+            h = math.inf
+            if (xs[i] - mx) * (xs[i] - mx) + (ys[j] - my) * (ys[j] - my) <= reach * reach:
+                h = piece_height(xs[i], ys[j], g, a, rc)
+            now[i - i0] = h
+            if j > j0 and i > i0:
+                k = i - i0
+                highest = max(max(h, now[k - 1]), max(before[k], before[k - 1])) + more
+                bounds[j - 1, i - 1] = min(bounds[j - 1, i - 1], max(highest, low))
+            is_own = (i < i1 or i1 == bounds.shape[1]) and (j < j1 or j1 == len(bounds))
+            if not is_own or i >= z.shape[1] or j >= len(z) or h >= z[j, i] - NOISE_MM:
+                continue
+            if is_rapid:
+                lifted = g.copy()
+                for k in (2, 5, 8):
+                    lifted[k] += touch
+                if piece_height(xs[i], ys[j], lifted, thin_a, thin_rc) < z[j, i]:
+                    _keep_worst(rapids, row, z[j, i] - h, xs[i], ys[j], h)
+            z[j, i] = h
+            if count == len(events[2]):
+                events = _with_room(events, count)
+            events[0][count], events[1][count], events[2][count] = row, j * z.shape[1] + i, h
+            count += 1
+    return events, count, _tile_top(bounds, tj, ti)
+
+
+@njit(cache=True)
+def _with_room(events, count):
+    """The same events in arrays of more than twice the length."""
+    room = 2 * count + 1024
+    rows, cells, heights = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room)
+    rows[:count], cells[:count], heights[:count] = events[0], events[1], events[2]
+    return rows, cells, heights
+
+
+@njit(cache=True)
+def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, low_mm, boxes, z, bounds, sure, lines,
+        past, worst, least, events):
+    """Replays all pieces in order.
+
+    Args:
+        geometry, row, cutter, is_rapid: (m, ...) pieces, their rows, which cutter, whether rapid.
+        cutters: (t, 2) a, rc.   parts: (c, 5) segments without upper end, see clearance_kernels.
+        kinds: (c, 2) cutter of each part, and RAPID (the flutes, thinner by what they may touch), SHANK or HOLDER.
+        wanted: (3,) distance to the stock that each kind is to keep.   touch: what may be missing of it, mm.
+        low_mm: height that rapids keep above the stock.
+        boxes: (f, 6) fixtures.   z: (ny, nx), lowered in place.
+        bounds, sure: heights that the stock of each cell does not exceed, lowered in place, and reaches at first.
+        lines: x of the grid's lines, and y: the nodes' and the stock's far sides.
+        past: (forest, orders, firsts) of all pieces, see replay_stock.
+        worst: (5, rows, 4) of rapid, shank, holder, fixture and rapid too low, takes amount (-inf: none), x, y, z.
+        least: (5,) takes the least distance of a holder proven, attained, and its place.
+        events: row (int32), cell (int32), height, each (b,): those before the first move.
+    Returns:
+        events of the same form, each (e,), those before the first; rows (rows,) where a contact between the nodes is not excluded.
+    """
+    xs, ys = lines
+    tiles = np.empty(((len(bounds) + TILE - 1) // TILE, (bounds.shape[1] + TILE - 1) // TILE))
+    stock = z, bounds, sure, tiles, xs, ys
+    doubtful, space = np.empty(bounds.size, np.int64), search_space()
+    for tj in range(len(tiles)):
+        for ti in range(tiles.shape[1]):
+            tiles[tj, ti] = _tile_top(bounds, tj, ti)
+    spot, heights = np.empty(3), np.empty((2, TILE + 1))
+    unsure = np.zeros(worst.shape[1], np.bool_)
+    count, line, highest, low = len(events[2]), np.empty(12), math.inf, np.empty(12)
+    for p in range(len(geometry)):
+        if p % REFRESH == 0:
+            highest = tiles.max()
+        chord(geometry[p], line)
+        a, rc = cutters[cutter[p], 0], cutters[cutter[p], 1]
+        for c in range(len(parts)):
+            if kinds[c, 0] != cutter[p]:
+                continue
+            part, kind = parts[c], kinds[c, 1]
+            for f in range(len(boxes)):
+                depth = _fixture_depth(line, part, boxes[f])
+                if kind == RAPID:                # thinner than the flutes by the touch, all round
+                    depth += touch
+                _keep_worst(worst[FIXTURE], row[p], depth, line[3], line[4], boxes[f, 5])
+            if kind == RAPID and not is_rapid[p]:
+                continue
+            may_rub = kind == SHANK and wanted[kind] == 0.0
+            limit = wanted[kind] - (0.0 if kind == RAPID else (RUBBING_MM if may_rub else touch))
+            enough = max(limit, least[1] - LEAST_MM) if kind == HOLDER else limit
+            if kind != RAPID and worst[kind, row[p], 0] > 0.0:     # this move touches already: how much deeper?
+                enough = min(enough, beyond(wanted[kind], worst[kind, row[p], 0]))
+            proven, got, in_doubt = _against_stock(line, part, limit, enough, p, stock, highest, past, doubtful, space,
+                                                   spot, SEEN_BUDGET if unsure[row[p]] else BUDGET)
+            if kind == HOLDER:
+                least[0] = min(least[0], proven)
+                if got < least[1]:
+                    least[1] = got
+                    least[2:] = spot
+            unsure[row[p]] |= in_doubt
+            if got < limit:
+                amount = wanted[kind] - got
+                if kind == RAPID:
+                    amount = spot[2] - piece_height(spot[0], spot[1], geometry[p], a, rc)
+                _keep_worst(worst[kind], row[p], amount, spot[0], spot[1], spot[2])
+            elif kind == RAPID and low_mm > 0.0:
+                lowered(line, low_mm, low)
+                _, got, _ = _against_stock(low, part, -touch, -touch, p, stock, highest, past, doubtful, space, spot,
+                                           SEEN_BUDGET)
+                if got < -touch:
+                    _keep_worst(worst[LOW], row[p], spot[2] - piece_height(spot[0], spot[1], low, a, rc), spot[0],
+                                spot[1], spot[2])
+        events, count = _cut(geometry[p], a, rc, row[p], is_rapid[p], touch, stock, heights, worst[RAPID], events,
+                             count)
+    return (events[0][:count], events[1][:count], events[2][:count]), unsure

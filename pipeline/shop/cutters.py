@@ -1,0 +1,363 @@
+r"""Cutters, holders and the shop's library: validated, every length with its unit.
+
+    z                    ┌──────┐
+    │                    │holder│   holder segments, from the nose upward
+    │                    └┐    ┌┘ ← stick_out_mm
+    │                     │shank│   shank_diameter_mm
+    │                     └┐  ┌┘  ← reach_mm
+    │                      │neck│   neck_diameter_mm
+    │                      ├──┤   ← flute_length_mm
+    └─── 0                 \__/     tip; corner_radius_mm
+"""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_serializer, model_validator
+
+from cuspline.shop.cutter_profile import apt_profile, lens_profile, side_profile, tangent_corner
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import InputError
+from cuspline.values.input_files import checked, json_of
+from cuspline.values.models import Model, complaints
+from cuspline.values.units import in_mm
+
+WIDTH_MM = 1e-9             # lengths that are the same
+
+
+class HolderSegment(Model):
+    """A cone frustum of a holder or of a cutter's shaft, stacked upward."""
+
+    height_mm: float = Field(gt=0, description="length along the axis")
+    lower_diameter_mm: float = Field(gt=0)
+    upper_diameter_mm: float = Field(gt=0)
+
+
+class Holder(Model):
+    """A tool holder: revolved segments from its nose upward."""
+
+    name: str
+    segments: tuple[HolderSegment, ...] = Field(min_length=1)
+
+
+# what says the shape of each type beside diameter, corner radius and flute length
+SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg",), "tapered_ball": ("taper_deg",),
+                "lens": ("tip_radius_mm",), "side": (),
+                "apt": ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm")}
+OPTIONAL = ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm", "tip_radius_mm",
+            "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth")
+CENTRE_CUTTING = ("ball", "tapered_ball", "lens")   # types whose teeth meet in the middle, where a library does not say
+RAMP_DEG = 10.0             # of a cutter that does not cut at its centre: three times the ramp that is planned
+SLOT_SHARE = 0.5            # of the diameter: docs/decisions/physical_state.md
+PLUNGE_SHARE = 0.012        # of the diameter a tooth: half more than the largest feed of `planning.materials`
+
+
+class Cutter(Model):
+    """An end mill of revolution about the tool axis; z = 0 at the tip.
+
+    `diameter_mm` is the trade's: over the flutes; of a tapered ball the ball's; of a dovetail and of an
+    APT shape across where the bottom and side lines cross.
+    """
+
+    name: str
+    type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "side", "apt"]
+    diameter_mm: float = Field(gt=0)
+    corner_radius_mm: float = Field(ge=0, description="0 flat, diameter/2 ball")
+    flutes: int = Field(ge=1, le=100)
+    flute_length_mm: float = Field(gt=0)
+    neck_diameter_mm: float = Field(gt=0)
+    reach_mm: float = Field(gt=0, description="tip to where the neck ends and the shank begins")
+    shank_diameter_mm: float = Field(gt=0)
+    overall_length_mm: float = Field(gt=0)
+    taper_deg: float | None = Field(None, gt=-90, lt=90, description="side to axis; dovetail: how far it leans in")
+    tip_angle_deg: float | None = Field(None, ge=0, lt=90, description="rise of the bottom from the tip (APT alpha)")
+    corner_center_radius_mm: float | None = Field(None, description="APT e")
+    corner_center_height_mm: float | None = Field(None, description="APT f")
+    tip_radius_mm: float | None = Field(None, gt=0, description="lens: the large radius of its bottom")
+    shaft_segments: tuple[HolderSegment, ...] | None = Field(
+        None, min_length=1, description="a neck that is no cylinder: from the flutes' end to the reach")
+    max_rpm: float | None = Field(None, gt=0, description="largest speed that its maker or its holder allows")
+    is_centre_cutting: bool | None = Field(None, description="its teeth meet in the middle; left out: balls alone")
+    ramp_deg: float | None = Field(
+        None, gt=0, le=90, description=f"steepest way into stock; left out: {RAMP_DEG:g}, centre-cutting 90")
+    slot_depth_mm: float | None = Field(
+        None, gt=0, description=f"deepest slot of its full width; left out: {SLOT_SHARE:g} of the diameter")
+    plunge_mm_per_tooth: float | None = Field(
+        None, gt=0, description=f"of a centre-cutting cutter; left out: {PLUNGE_SHARE:g} of the diameter")
+
+    @model_validator(mode="after")
+    def _shape_is_consistent(self):
+        self._says_its_shape()
+        half = self.diameter_mm / 2
+        wanted = {"ball": half, "tapered_ball": half, "flat": 0.0}.get(self.type)
+        if wanted is not None and abs(self.corner_radius_mm - wanted) > 1e-9:
+            raise ValueError(f"a {self.type} cutter of diameter {self.diameter_mm} mm has corner_radius_mm {wanted}")
+        if self.type == "bull_nose" and not 0 < self.corner_radius_mm < half:
+            raise ValueError("a bull_nose cutter has 0 < corner_radius_mm < diameter/2")
+        corner = 0.0 if self.type in ("lens", "apt") else self.corner_radius_mm     # the profile checks theirs
+        if not corner <= self.flute_length_mm <= self.reach_mm < self.overall_length_mm:
+            raise ValueError("lengths must satisfy corner radius <= flute_length <= reach < overall_length")
+        profile = self.profile
+        widest = profile.top_radius_mm if profile.is_undercutting else profile.largest_radius_mm
+        if self.shaft_segments is None and self.neck_diameter_mm > 2 * widest + 1e-9:
+            raise ValueError("neck_diameter_mm must not exceed diameter_mm" if self.taper_deg is None else
+                             f"neck_diameter_mm must not exceed the {2 * widest:.6g} mm of the flutes below it")
+        self._shaft_joins()
+        return self
+
+    def _shaft_joins(self):
+        if self.shaft_segments is None:
+            return
+        length = sum(s.height_mm for s in self.shaft_segments)
+        if abs(self.flute_length_mm + length - self.reach_mm) > 1e-6:
+            raise ValueError(f"shaft_segments are {length:.6g} mm high, from flute_length_mm to reach_mm it is "
+                             f"{self.reach_mm - self.flute_length_mm:.6g} mm")
+        if abs(self.shaft_segments[0].lower_diameter_mm - self.neck_diameter_mm) > 1e-6:
+            raise ValueError("shaft_segments begin with neck_diameter_mm")
+
+    def _says_its_shape(self):
+        needed = SHAPE_FIELDS[self.type]
+        for name in SHAPE_FIELDS["apt"] + SHAPE_FIELDS["lens"]:
+            if (getattr(self, name) is None) == (name in needed):
+                raise ValueError(f"a {self.type} cutter {'needs' if name in needed else 'has no'} {name}")
+        if self.type in ("dovetail", "tapered_ball") and self.taper_deg <= 0:
+            raise ValueError(f"a {self.type} cutter has taper_deg > 0")
+
+    @model_serializer(mode="wrap")
+    def _without_what_it_has_not(self, dump):
+        row = dump(self)
+        return {k: v for k, v in row.items() if v is not None or k not in OPTIONAL}
+
+    @property
+    def radius_mm(self):
+        return self.diameter_mm / 2
+
+    @property
+    def plunges(self):
+        """Whether it cuts at its centre."""
+        return self.type in CENTRE_CUTTING if self.is_centre_cutting is None else self.is_centre_cutting
+
+    @property
+    def steepest_rad(self):
+        """Steepest way into stock."""
+        usual = 90.0 if self.plunges else RAMP_DEG
+        return float(np.radians(usual if self.ramp_deg is None else self.ramp_deg))
+
+    @property
+    def deepest_slot_mm(self):
+        """Deepest slot of its full width; narrower cuts may be deeper in proportion."""
+        return SLOT_SHARE * self.diameter_mm if self.slot_depth_mm is None else self.slot_depth_mm
+
+    @property
+    def largest_plunge_mm(self):
+        """Largest feed a tooth straight down."""
+        return PLUNGE_SHARE * self.diameter_mm if self.plunge_mm_per_tooth is None else self.plunge_mm_per_tooth
+
+    @property
+    def apt(self):
+        """APT's (d, r, e, f, alpha, beta, h), mm and radians; beta < 0 leans inward.
+
+        Raises:
+            InputError: a lens cutter, whose bottom is no straight line; a side cutter, whose two rims are round.
+        """
+        if self.type in ("lens", "side"):
+            raise InputError(f"{self.name}: a {self.type} cutter has no seven-parameter form")
+        d, r = self.diameter_mm, self.corner_radius_mm
+        alpha, beta = np.radians(self.tip_angle_deg or 0.0), np.radians(self.taper_deg or 0.0)
+        if self.type == "apt":
+            return d, r, self.corner_center_radius_mm, self.corner_center_height_mm, alpha, beta, self.flute_length_mm
+        if self.type == "tapered_ball":
+            return 2 * r * (1 - fixed.sin(beta)) / fixed.cos(beta), r, 0.0, r, 0.0, beta, self.flute_length_mm
+        beta = -beta if self.type == "dovetail" else beta
+        return d, r, *tangent_corner(d, r, alpha, beta), alpha, beta, self.flute_length_mm
+
+    @property
+    def profile(self):
+        """CutterProfile of the cutting part.
+
+        Raises:
+            ValueError: the measures do not go together.
+        """
+        if self.type == "side":
+            return side_profile(self.diameter_mm, self.corner_radius_mm, self.flute_length_mm)
+        if self.type == "lens":
+            return lens_profile(self.diameter_mm, self.tip_radius_mm, self.corner_radius_mm, self.flute_length_mm)
+        return apt_profile(*self.apt)
+
+    @property
+    def largest_radius_mm(self):
+        """Radius of the widest place of the flutes; a tapered ball is wider than its ball."""
+        return self.profile.largest_radius_mm
+
+    @property
+    def is_undercutting(self):
+        return self.profile.is_undercutting
+
+
+class HeadBox(Model):
+    """A box that a head's body stays in; from the middle of the cutter's flutes, in the machine's directions."""
+
+    min_mm: tuple[float, float, float]
+    max_mm: tuple[float, float, float]
+
+    @model_validator(mode="after")
+    def _has_a_size(self):
+        if not all(a < b for a, b in zip(self.min_mm, self.max_mm)):
+            raise ValueError(f"a head's box reaches from min_mm {self.min_mm} up to a larger max_mm, not {self.max_mm}")
+        return self
+
+
+class RightAngleHead(Model):
+    """Hangs from the spindle and turns a side cutter about an axis along the machine's X.
+
+        spindle ║      offset_mm: X of the disc's middle, seen from the spindle's axis
+              ┌─╨──┐   length_mm: gauge line down to that middle
+              │    ├──┐
+              └────┤ ▐│▌ the disc; the program drives its middle
+                   └─▐│▌   z ▲ ► x
+    """
+
+    name: str
+    cutter_points: Literal["+X", "-X"] = Field(description="from the head to the disc's free face")
+    offset_mm: float
+    length_mm: float = Field(gt=0)
+    boxes: tuple[HeadBox, ...] = Field(min_length=1, description="its body")
+
+    @property
+    def axis(self):
+        """(3,) unit, from the disc's free face towards the head."""
+        return (-1.0, 0.0, 0.0) if self.cutter_points == "+X" else (1.0, 0.0, 0.0)
+
+
+class Tool(Model):
+    """A cutter in its holder, as it stands in the magazine."""
+
+    number: int = Field(ge=1, le=99999)
+    cutter: Cutter
+    holder: Holder
+    stick_out_mm: float = Field(gt=0, description="tip to holder nose")
+    head: RightAngleHead | None = Field(None, description="that the holder sits in, in place of the spindle")
+
+    @model_validator(mode="after")
+    def _stick_out_is_possible(self):
+        if not self.cutter.flute_length_mm <= self.stick_out_mm < self.cutter.overall_length_mm:
+            raise ValueError("stick_out_mm must lie between flute_length_mm and overall_length_mm")
+        return self
+
+    @model_validator(mode="after")
+    def _head_takes_the_cutter(self):
+        c = self.cutter
+        if self.head is None:
+            return self
+        if c.type != "side" or abs(c.flute_length_mm - 2 * c.corner_radius_mm) > WIDTH_MM:
+            raise ValueError(f"a right-angle head takes a side cutter with full teeth, whose corner_radius_mm is "
+                             "half its flute_length_mm: a flat between the teeth gouges wherever the surface slopes; "
+                             f"T{self.number} has a {c.type} cutter of {c.flute_length_mm:g} mm and "
+                             f"{c.corner_radius_mm:g} mm")
+        if self.head.length_mm <= c.radius_mm:
+            raise ValueError(f"the head's length_mm {self.head.length_mm:g} does not reach beyond the disc's radius")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_a_head_it_has_not(self, dump):
+        row = dump(self)
+        return row if self.head is not None else {k: v for k, v in row.items() if k != "head"}
+
+    @property
+    def wheel_mm(self):
+        """Radius of the circle on which the middles of a side cutter's teeth run."""
+        return self.cutter.radius_mm - self.cutter.corner_radius_mm
+
+    @property
+    def offset_mm(self):
+        """(x, y, z) tool offset: gauge line on the spindle's axis, seen from the point that the program drives."""
+        return (0.0 if self.head is None else -self.head.offset_mm, 0.0, self.length_mm)
+
+    @property
+    def driven_mm(self):
+        """Height of the point that the program drives above the tip, along the cutter's own axis."""
+        return 0.0 if self.head is None else self.cutter.flute_length_mm / 2
+
+    def non_cutting_frusta(self):
+        """(k, 4) frusta (z0_mm, radius0_mm, z1_mm, radius1_mm) above the tip that must never touch.
+
+        Neck and shank as far as they leave the holder, then the holder's segments.
+        """
+        rows = [row for row in map(self._as_far_as_it_leaves_the_holder, self._shaft()) if row is not None]
+        return np.array(rows + _stacked(self.stick_out_mm, self.holder.segments))
+
+    def _shaft(self):
+        """Frusta from the flutes' end to the cutter's own, inside the holder too."""
+        c = self.cutter
+        rows = [(c.flute_length_mm, c.neck_diameter_mm / 2, c.reach_mm, c.neck_diameter_mm / 2)]
+        if c.shaft_segments is not None:
+            rows = _stacked(c.flute_length_mm, c.shaft_segments)
+        return [*rows, (rows[-1][2], c.shank_diameter_mm / 2, c.overall_length_mm, c.shank_diameter_mm / 2)]
+
+    def _as_far_as_it_leaves_the_holder(self, row):
+        z0, r0, z1, r1 = row
+        end = min(z1, self.stick_out_mm)
+        if end <= z0:
+            return None
+        return z0, r0, end, r1 if end == z1 else r0 + (r1 - r0) * (end - z0) / (z1 - z0)
+
+    @property
+    def length_mm(self):
+        """Tool length offset: holder gauge line (top of its last segment) to tip; a head's to the disc's middle."""
+        if self.head is not None:
+            return self.head.length_mm
+        return self.stick_out_mm + sum(s.height_mm for s in self.holder.segments)
+
+
+def _stacked(z, segments):
+    """[(z0, radius0, z1, radius1), ...] of HolderSegments from a height upward."""
+    rows = []
+    for s in segments:
+        rows.append((z, s.lower_diameter_mm / 2, z + s.height_mm, s.upper_diameter_mm / 2))
+        z += s.height_mm
+    return rows
+
+
+class ToolLibrary(Model):
+    """The shop's tools."""
+
+    tools: tuple[Tool, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _numbers_are_unique(self):
+        numbers = [t.number for t in self.tools]
+        twice = sorted({n for n in numbers if numbers.count(n) > 1})
+        if twice:
+            raise ValueError(f"tool numbers used twice: {twice}")
+        return self
+
+    def of_type(self, *types):
+        """Tools of the given cutter types, largest diameter first."""
+        found = [t for t in self.tools if t.cutter.type in types]
+        return sorted(found, key=lambda t: (-t.cutter.diameter_mm, t.number))
+
+    def number(self, number):
+        """The tool with that number.
+
+        Raises:
+            InputError: there is none.
+        """
+        for t in self.tools:
+            if t.number == number:
+                return t
+        raise InputError(f"tool T{number} is not in the library; it holds "
+                         + ", ".join(f"T{t.number}" for t in self.tools))
+
+
+def library_from_json(path):
+    """Read a tool library file; a tool may give its lengths in its own `unit`, see tool_units.
+
+    Raises:
+        InputError: missing, broken or inconsistent; names the tool and every key that is wrong.
+    """
+    document = json_of(path, "tool library")
+    try:
+        in_millimetres = in_mm(document)
+    except (ValueError, OverflowError, RecursionError) as error:
+        raise InputError(f"tool library {path}: {complaints(error)}") from None
+    return checked(ToolLibrary, in_millimetres, f"tool library {path}")

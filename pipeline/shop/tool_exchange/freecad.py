@@ -1,0 +1,134 @@
+"""Tool bits (.fctb) and libraries (.fctl) of FreeCAD: JSON with measures as text, "5.0000 mm".
+
+A bit knows neither stick-out nor holder. TaperAngle is the included angle of a tapered ball nose; FlatRadius of
+a bull nose is the radius of its flat, diameter/2 less the corner radius.
+"""
+
+import re
+from pathlib import PurePath
+
+import numpy as np
+
+from cuspline.shop.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import InputError
+from cuspline.values.input_files import json_of
+
+LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "in": 25.4, '"': 25.4, "thou": 0.0254,
+              "mil": 0.0254, "ft": 304.8, "'": 304.8}
+ANGLES_DEG = {"°": 1.0, "deg": 1.0, "rad": 180 / np.pi}
+SHAPES = {"endmill": "flat", "ballend": "ball", "bullnose": "bull_nose", "torus": "bull_nose",
+          "taperedballnose": "tapered_ball"}
+MEASURE = re.compile(r"\s*([-+]?\d+(?:[.,]\d*)?(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
+
+
+def freecad_tools(path):
+    """ForeignTools of a library (.fctl, its bits beside it or in ../Bit) or of one bit (.fctb).
+
+    Raises:
+        InputError: a file that is missing or no library; says which.
+    """
+    if path.suffix == ".fctb":
+        return [_tool(_document(path, "parameter", dict), None)]
+    rows = []
+    for k, row in enumerate(_document(path, "tools", list)["tools"]):
+        if not isinstance(row, dict) or not isinstance(row.get("nr"), int) or not isinstance(row.get("path"), str):
+            raise InputError(f"{path} is no FreeCAD tool library: tools.{k} needs nr, a number, and path, a file")
+        rows.append((row["nr"], row["path"]))
+    return [_tool(_document(_found(path, bit), "parameter", dict), number) for number, bit in rows]
+
+
+def _document(path, key, kind):
+    document = json_of(path, "tool file")
+    if not isinstance(document, dict) or not isinstance(document.get(key), kind):
+        raise InputError(f"{path} is no FreeCAD tool file: it has no {kind.__name__} called {key}")
+    return document
+
+
+def _found(library, bit):
+    is_plain = bit == PurePath(bit).name and "\0" not in bit
+    for folder in (library.parent, library.parent.parent / "Bit"):
+        if is_plain and (folder / bit).is_file():
+            return folder / bit
+    raise InputError(f"{library} names the bit {bit!r}, which stands neither beside it nor in ../Bit")
+
+
+def _tool(document, number):
+    fields = Fields(document)
+    shape = str(fields.get("shape-type") or fields.get("shape") or "").lower().removesuffix(".fcstd")
+    fields.used |= {("version",), ("name",), ("shape",), ("shape-type",)}
+    units = {m[2] for v in document["parameter"].values() if isinstance(v, str) and (m := MEASURE.fullmatch(v))
+             and m[2] in LENGTHS_MM}
+    made = {"number": number, "name": str(document.get("name") or "bit without a name"), "foreign_type": shape,
+            "unit": ", ".join(sorted(units)) or "mm", "holder": None, "stick_out_mm": None}
+    try:
+        cutter = _cutter(fields, shape)
+    except SkippedTool as reason:
+        return ForeignTool(**made, cutter={}, dropped=(), assumed=(), skipped_because=str(reason))
+    return ForeignTool(**made, cutter=cutter, dropped=fields.dropped(), assumed=tuple(fields.assumed))
+
+
+def _cutter(fields, shape):
+    if shape == "dovetail":
+        raise SkippedTool("CuttingEdgeAngle of a dovetail: the format does not say whether it is measured from the "
+                          "bottom or between the flanks; write this cutter into a cuspline library by hand")
+    if shape not in SHAPES:
+        raise SkippedTool(f"shape {shape!r} has no counterpart; known are {', '.join(SHAPES)}")
+    d, flute, shank, overall = (_measure(fields, key, LENGTHS_MM) for key in (
+        "Diameter", "CuttingEdgeHeight", "ShankDiameter", "Length"))
+    flutes = _flutes(fields)
+    fields.assume("no neck: the shank begins where the flutes end")
+    return {**_shape(fields, SHAPES[shape], d, flute), "flutes": flutes, "flute_length_mm": flute,
+            "shank_diameter_mm": shank, "overall_length_mm": overall, "reach_mm": flute,
+            "neck_diameter_mm": min(d, shank)}
+
+
+def _shape(fields, type_, d, flute):
+    if type_ in ("flat", "ball"):
+        return {"type": type_, "diameter_mm": d, "corner_radius_mm": 0.0 if type_ == "flat" else d / 2}
+    if type_ == "bull_nose":
+        if fields.get("parameter", "CornerRadius") is not None:
+            return {"type": type_, "diameter_mm": d, "corner_radius_mm": _measure(fields, "CornerRadius", LENGTHS_MM)}
+        return {"type": type_, "diameter_mm": d, "corner_radius_mm": d / 2 - _measure(fields, "FlatRadius", LENGTHS_MM)}
+    half = _measure(fields, "TaperAngle", ANGLES_DEG) / 2
+    _check_taper(fields, d / 2, np.radians(half), flute)
+    return {"type": type_, "diameter_mm": d, "corner_radius_mm": d / 2, "taper_deg": half}
+
+
+def _check_taper(fields, r, beta, flute):
+    """The diameter at the top must be what taper and height give, unless the taper goes on above the flutes."""
+    if fields.get("parameter", "TaperDiameter") is None:
+        return
+    given = _measure(fields, "TaperDiameter", LENGTHS_MM)
+    found = 2 * (r * fixed.cos(beta) + (flute - r * (1 - fixed.sin(beta))) * fixed.tan(beta))
+    if found > given + 0.02:
+        raise SkippedTool(f"the taper reaches {found:.3f} mm at CuttingEdgeHeight, TaperDiameter is {given:g} mm")
+    if found < given - 0.02:
+        fields.assume(f"flutes end at diameter {found:.3f} mm, as taper and height give (TaperDiameter {given:g} mm)")
+
+
+def _flutes(fields):
+    value = fields.get("parameter", "Flutes")
+    if isinstance(value, int) and value > 0 or isinstance(value, str) and re.fullmatch("0*[1-9][0-9]{0,3}", value):
+        return int(value)
+    fields.assume(f"flutes = 1, for the slowest feed (Flutes is {value!r})")
+    return 1
+
+
+def _measure(fields, key, units):
+    """A length in mm or an angle in degrees.
+
+    Raises:
+        SkippedTool: missing, not positive, or in no unit of its kind.
+    """
+    value = fields.get("parameter", key)
+    found = MEASURE.fullmatch(value if isinstance(value, str) else repr(value))
+    if value is None or not found:
+        raise SkippedTool(f"parameter.{key} is {value!r}, it must be a measure with a unit")
+    number, unit = float(found[1].replace(",", ".")), found[2]
+    if not unit:
+        unit = next(iter(units))
+        fields.assume(f"{key} in {unit} ({value!r} has no unit)")
+    if unit not in units or number <= 0:
+        raise SkippedTool(f"parameter.{key} is {value!r}; it must be positive, in one of {' '.join(units)}")
+    return number * units[unit]

@@ -1,0 +1,190 @@
+"""Tool libraries of Autodesk Fusion: .json, or .tools (a zip that holds tools.json).
+
+Lengths stand in the tool's own unit, a holder's in the holder's own; TA is the side's angle to the axis; LB is
+the length below the holder; holder segments run from the nose up, those above the gauge line last.
+"""
+
+import zipfile
+import zlib
+
+import numpy as np
+from pydantic import ValidationError
+
+from cuspline.shop.cutters import Holder
+from cuspline.shop.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import InputError
+from cuspline.values.input_files import LARGEST_BYTES, json_of, parsed_json
+from cuspline.values.models import complaints, shortened
+
+UNITS_MM = {"millimeters": 1.0, "inches": 25.4}
+TYPES = ("flat end mill", "ball end mill", "bull nose end mill", "tapered mill", "dovetail mill")
+SEGMENT = ("height", "lower-diameter", "upper-diameter")
+
+
+def fusion_tools(path):
+    """ForeignTools of a Fusion library, in its order; its bare holders are left out.
+
+    Raises:
+        InputError: no such library, or no tools in it.
+    """
+    return [_tool(row) for row in _rows(path) if row["type"] != "holder"]
+
+
+def _rows(path):
+    """The tools and holders of a library, each a dict with a type in words."""
+    if path.suffix == ".tools":
+        document = parsed_json(_unzipped(path), f"{path}: its tools.json")
+    else:
+        document = json_of(path, "tool library")
+    rows = document.get("data") if isinstance(document, dict) else None
+    if not isinstance(rows, list):
+        raise InputError(f"{path} is no Fusion tool library: it has no list called data")
+    for k, row in enumerate(rows):
+        if not isinstance(row, dict) or not isinstance(row.get("type"), str):
+            raise InputError(f"{path} is no Fusion tool library: data.{k} has no type in words")
+    return rows
+
+
+def _unzipped(path):
+    """The text of tools.json in a .tools file."""
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open("tools.json") as file:
+            content = file.read(LARGEST_BYTES + 1)
+        if len(content) > LARGEST_BYTES:
+            raise InputError(f"{path}: its tools.json is larger than {LARGEST_BYTES >> 20} MiB: it is no tool library")
+        return content.decode("utf-8")
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, NotImplementedError, zlib.error,
+            zipfile.BadZipFile) as error:
+        raise InputError(f"{path} is no Fusion tool library: {type(error).__name__}: {error}") from None
+
+
+def fusion_holders(path):
+    """{name: Holder} of the holders that stand in a Fusion .json library by themselves."""
+    rows = _rows(path) if path.suffix == ".json" else []
+    try:
+        found = [_holder(Fields({"holder": row}), 1.0) for row in rows if row["type"] == "holder"]
+    except SkippedTool as error:
+        raise InputError(f"{path}: one of its holders cannot be used: {error}") from None
+    return {h.name: h for h in found if h is not None}
+
+
+def _tool(row):
+    fields, unit = Fields(row), str(row.get("unit"))
+    fields.used |= {("type",), ("unit",), ("description",)}
+    number = fields.get("post-process", "number")
+    made = {"number": number if isinstance(number, int) and number > 0 else None, "foreign_type": row["type"],
+            "name": str(row.get("description") or f"{row['type']} without a description"), "unit": unit}
+    try:
+        if unit not in UNITS_MM:
+            raise SkippedTool(f"unit is {unit!r}; known are {', '.join(UNITS_MM)}")
+        if row["type"] not in TYPES:
+            raise SkippedTool(f"type {row['type']!r} has no counterpart; known are {', '.join(TYPES)}")
+        mm = UNITS_MM[unit]
+        cutter, holder = _cutter(fields, row["type"], mm), _holder(fields, mm)
+        stick_out = fields.number("geometry", "LB")
+    except SkippedTool as reason:
+        return ForeignTool(**made, cutter={}, holder=None, stick_out_mm=None, dropped=(), assumed=(),
+                           skipped_because=str(reason))
+    return ForeignTool(**made, cutter=cutter, holder=holder, stick_out_mm=None if stick_out is None else stick_out * mm,
+                       dropped=fields.dropped(), assumed=tuple(fields.assumed))
+
+
+def _cutter(fields, foreign_type, mm):
+    """Fields of a Cutter."""
+    need = lambda key: fields.needed("geometry", key) * mm
+    d, flute, shank, overall = need("DC"), need("LCF"), need("SFDM"), need("OAL")
+    shape = _shape(fields, foreign_type, d, mm)
+    if (flutes := fields.number("geometry", "NOF")) is None:
+        fields.assume("flutes = 1, for the slowest feed (NOF is missing)")
+    return {**shape, "flutes": int(flutes or 1), "flute_length_mm": flute, "shank_diameter_mm": shank,
+            "overall_length_mm": overall, **_neck(fields, d, flute, shank, mm)}
+
+
+def _shape(fields, foreign_type, d, mm):
+    corner = (fields.number("geometry", "RE", least=-1e-12) or 0.0) * mm
+    if foreign_type == "flat end mill":
+        if corner > 1e-9:
+            raise SkippedTool(f"a flat end mill with a corner radius RE of {corner:g} mm: it is a bull nose end mill")
+        return {"type": "flat", "diameter_mm": d, "corner_radius_mm": 0.0}
+    if foreign_type == "ball end mill":
+        if corner and abs(corner - d / 2) > 1e-3:
+            raise SkippedTool(f"a ball end mill of diameter {d:g} mm with a corner radius RE of {corner:g} mm")
+        return {"type": "ball", "diameter_mm": d, "corner_radius_mm": d / 2}
+    if foreign_type == "bull nose end mill":
+        return {"type": "bull_nose", "diameter_mm": d, "corner_radius_mm": fields.needed("geometry", "RE") * mm}
+    taper = fields.needed("geometry", "TA")
+    if foreign_type == "dovetail mill":
+        return {"type": "dovetail", "diameter_mm": d, "corner_radius_mm": corner, "taper_deg": taper}
+    return _tapered(d, corner, taper)
+
+
+def _tapered(d, corner, taper_deg):
+    """Fusion's tapered mill: flat of diameter DC - 2 RE at the tip, rounded by RE into the side."""
+    if abs(corner - d / 2) < 1e-3:
+        return {"type": "tapered_ball", "diameter_mm": d, "corner_radius_mm": d / 2, "taper_deg": taper_deg}
+    e, f, beta = d / 2 - corner, corner, np.radians(taper_deg)
+    crossing = (corner + e * fixed.cos(beta) - f * fixed.sin(beta)) / fixed.cos(beta)
+    return {"type": "apt", "diameter_mm": float(2 * crossing), "corner_radius_mm": corner, "taper_deg": taper_deg,
+            "tip_angle_deg": 0.0, "corner_center_radius_mm": e, "corner_center_height_mm": f}
+
+
+def _neck(fields, d, flute, shank, mm):
+    """Neck, reach and shaft segments."""
+    length, width = (fields.number("geometry", key) for key in ("shoulder-length", "shoulder-diameter"))
+    reach = max(flute, (length or 0.0) * mm)
+    if reach > flute and width is None:
+        fields.assume(f"neck_diameter_mm = {min(d, shank):g} (shoulder-diameter is missing)")
+    neck = width * mm if width is not None and reach > flute else min(d, shank)
+    segments = _segments(fields, mm, "shaft", "segments")
+    if not segments and neck <= d:
+        return {"neck_diameter_mm": neck, "reach_mm": reach}
+    if reach > flute:
+        segments = [{"height_mm": reach - flute, "lower_diameter_mm": neck, "upper_diameter_mm": neck}, *segments]
+    return {"neck_diameter_mm": segments[0]["lower_diameter_mm"], "shaft_segments": segments,
+            "reach_mm": flute + sum(s["height_mm"] for s in segments)}
+
+
+def _segments(fields, mm, *path):
+    rows = fields.get(*path) or []
+    try:
+        rows = [{name: float(row[key]) * mm for name, key in zip(
+            ("height_mm", "lower_diameter_mm", "upper_diameter_mm"), SEGMENT)} for row in rows]
+    except (KeyError, TypeError, ValueError, OverflowError):
+        raise SkippedTool(f"{'.'.join(path)} must be a list of {', '.join(SEGMENT)}") from None
+    return [row for row in rows if row["height_mm"] > 0]
+
+
+def _holder(fields, tool_mm):
+    """The Holder up to its gauge line, or None."""
+    unit = fields.get("holder", "unit")
+    if unit is not None and (not isinstance(unit, str) or unit not in UNITS_MM):
+        raise SkippedTool(f"holder.unit is {shortened(unit)}; known are {', '.join(UNITS_MM)}")
+    mm = tool_mm if unit is None else UNITS_MM[unit]
+    segments = _segments(fields, mm, "holder", "segments")
+    if not segments:
+        return None
+    if unit is None:
+        fields.assume("holder in the tool's unit (holder.unit is missing)")
+    gauge = fields.number("holder", "gaugeLength")
+    if gauge is not None:
+        segments = _below(segments, gauge * mm)
+    name = fields.get("holder", "description") or "holder without a description"
+    fields.get("holder", "type")
+    try:
+        return Holder(name=str(name), segments=segments)
+    except ValidationError as error:
+        raise SkippedTool(f"its holder: {complaints(error)}") from None
+
+
+def _below(segments, gauge_mm):
+    """Segments up to the gauge line; the one that it crosses is cut there."""
+    kept, z = [], 0.0
+    for s in segments:
+        share = min((gauge_mm - z) / s["height_mm"], 1.0)
+        if share > 1e-9:
+            low, high = s["lower_diameter_mm"], s["upper_diameter_mm"]
+            kept.append({"height_mm": s["height_mm"] * share, "lower_diameter_mm": low,
+                         "upper_diameter_mm": high if share == 1.0 else low + share * (high - low)})
+        z += s["height_mm"]
+    return kept

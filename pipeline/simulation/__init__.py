@@ -1,1 +1,0 @@
-"""The stock that the posted program leaves: swept cutters answered by query."""

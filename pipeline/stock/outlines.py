@@ -1,0 +1,115 @@
+r"""Exact signed distance to a cutter of revolution, in its half plane (r, z).
+
+The cutter is the closed body under its cutting outline, closed by a disk where the flutes end:
+
+    z   ──────┐ ← disk          pieces run counter-clockwise, the body on their left; no corner turns right,
+    │         │                 so the body is convex (dovetails, lenses and barrels are too, though they undercut)
+    └──___⎯⎯╱   ← outline       r
+
+Of a convex body every piece is touched by planes.  The depth of a point inside is its distance to the nearest
+of them; a point outside lies over the inside of one piece, or nearest to a corner.
+
+A piece is a row of ten numbers:
+
+    0      0 line, 1 arc
+    1, 2   its first point r, z
+    3..5   line: direction r, z, length;  arc: centre r, z, radius
+    6..9   arc: directions from the centre to its ends
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import SimulationError
+
+TURN_RIGHT = 1e-6         # a corner may turn right by this (rad): rounding of an outline's own numbers
+ROUNDING_MM = 1e-10       # of a point on the outline
+
+
+def outline_pieces(profile, name):
+    """(k, 10) pieces of the closed body under a CutterProfile.
+
+    Raises:
+        SimulationError: a corner of the outline turns right, so the body is not convex.
+    """
+    top, height = profile.top_radius_mm, profile.height_mm
+    lines = [_line(p, q) for p, q in zip(profile.start_mm, profile.end_mm)]
+    rows = np.array([_arc(p, c, rho, angles) if rho > 0 else line for line, p, c, rho, angles in
+                     zip(lines, profile.start_mm, profile.center_mm, profile.arc_radius_mm, profile.arc_angles_rad)]
+                    + [_line(np.array([top, height]), np.array([0.0, height]))])
+    is_arc = rows[:, :1] != 0
+    first = np.where(is_arc, np.column_stack([-rows[:, 7], rows[:, 6]]), rows[:, 3:5])
+    last = np.where(is_arc, np.column_stack([-rows[:, 9], rows[:, 8]]), rows[:, 3:5])
+    turn = last[:-1, 0] * first[1:, 1] - last[:-1, 1] * first[1:, 0]
+    if turn.min() < -TURN_RIGHT or first[0, 1] < -TURN_RIGHT:
+        raise SimulationError(f"the outline of {name} has a hollow corner, so its body is not convex, which the "
+                              "simulation needs; simulate it as two cutters, below and above that corner")
+    return rows
+
+
+def _line(start, end):
+    length = fixed.hypot(*(end - start))
+    return [0.0, *start, *((end - start) / length), length, 0.0, 0.0, 0.0, 0.0]
+
+
+def _arc(start, center, radius, angles):
+    return [1.0, *start, *center, radius, *(f(a) for a in angles for f in (fixed.cos, fixed.sin))]
+
+
+@njit(cache=True, error_model="numpy")
+def outline_distance(r, z, outline, first, last):
+    """Signed distance of (r, z), r >= 0, to the body of pieces first..last, and its gradient (r, z).
+
+    Outside it is the way to the nearest piece or corner.  On the outline rounding may call a point outside one piece's
+    plane and inside the piece that it lies on: within ROUNDING_MM of all planes it is taken for inside.
+    """
+    worst, wr, wz = -math.inf, 0.0, 0.0
+    for k in range(first, last):
+        o = outline[k]
+        if o[0] == 0.0:
+            x, y = r - o[1], z - o[2]
+            s, nr, nz = x * o[4] - y * o[3], o[4], -o[3]
+            is_over = 0.0 <= x * o[3] + y * o[4] <= o[5]
+        else:
+            x, y = r - o[3], z - o[4]
+            is_over = o[6] * y - o[7] * x >= 0.0 and x * o[9] - y * o[8] >= 0.0
+            rho = math.sqrt(x * x + y * y)
+            if is_over and rho > 0.0:
+                s, nr, nz = rho - o[5], x / rho, y / rho
+            else:
+                s, nr, nz = x * o[6] + y * o[7] - o[5], o[6], o[7]
+                other = x * o[8] + y * o[9] - o[5]
+                if other > s:
+                    s, nr, nz = other, o[8], o[9]
+        if s > 0.0 and is_over:
+            return s, nr, nz
+        if s > worst:
+            worst, wr, wz = s, nr, nz
+    if worst <= ROUNDING_MM:
+        return worst, wr, wz
+    least, x0, z0 = math.inf, 0.0, 0.0
+    for k in range(first, last):
+        x, y = r - outline[k, 1], z - outline[k, 2]
+        square = x * x + y * y
+        if square < least:
+            least, x0, z0 = square, x, y
+    d = math.sqrt(least)
+    return (d, x0 / d, z0 / d) if d > 0.0 else (0.0, wr, wz)
+
+
+@njit(cache=True, error_model="numpy")
+def touching_point(nr, nz, outline, first, last):
+    """Point (r, z) of the body that lies farthest in a direction (nr, nz), nr >= 0, and the outline's radius there."""
+    best, br, bz, radius = -math.inf, 0.0, 0.0, 0.0
+    for k in range(first, last):
+        o = outline[k]
+        r, z, bend = o[1], o[2], 0.0
+        if o[0] != 0.0 and o[6] * nz - o[7] * nr >= 0.0 and nr * o[9] - nz * o[8] >= 0.0:
+            r, z, bend = o[3] + o[5] * nr, o[4] + o[5] * nz, o[5]
+        far = r * nr + z * nz
+        if far > best:
+            best, br, bz, radius = far, r, z, bend
+    return br, bz, radius

@@ -1,0 +1,111 @@
+"""The stock as closed solids: one height field a clamping over its own grid, intersected where there are several."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.kernel import solids
+from cuspline.stock.swept import distance_to, is_height_field, stock_height_mm
+from cuspline.values import fixed_math as fixed
+from cuspline.values.frames import Frame
+
+LATTICE = 400_000         # cells of the lattice on which stock with undercuts is met
+MET_MM = 1e-5             # how well
+WALL_MM = 1e-4            # grid lines hug vertical walls at this distance
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Field:
+    """Exact heights of the stock at the nodes of a grid, WCS of one clamping."""
+
+    frame: Frame              # that WCS seen from the part
+    xs: np.ndarray
+    ys: np.ndarray
+    low: np.ndarray           # (3,) billet
+    high: np.ndarray
+    z: np.ndarray             # (ny * nx,) of the highest stock
+    solid: object             # Manifold
+    is_height_field: bool     # nothing is hollow below the heights: the solid is what lies under them
+
+    def height_at(self, xy_mm):
+        """(n,) heights of the solid's facets over places (n, 2) within the grid."""
+        i = np.clip(np.searchsorted(self.xs, xy_mm[:, 0], side="right") - 1, 0, len(self.xs) - 2)
+        j = np.clip(np.searchsorted(self.ys, xy_mm[:, 1], side="right") - 1, 0, len(self.ys) - 2)
+        s = (xy_mm[:, 0] - self.xs[i]) / (self.xs[i + 1] - self.xs[i])
+        t = (xy_mm[:, 1] - self.ys[j]) / (self.ys[j + 1] - self.ys[j])
+        z = self.z.reshape(len(self.ys), len(self.xs))
+        a, b, c, d = z[j, i], z[j, i + 1], z[j + 1, i + 1], z[j + 1, i]
+        rising = solids.is_split_upward(a, b, c, d)
+        first = np.where(s >= t, a + s * (b - a) + t * (c - b), a + s * (c - d) + t * (d - a))
+        second = np.where(s + t <= 1, a + s * (b - a) + t * (d - a), c + (1 - s) * (d - c) + (1 - t) * (b - c))
+        return np.maximum(np.where(rising, first, second), self.low[2])
+
+
+class StockSolids:
+    """Fields of all clampings of a workpiece, each made once."""
+
+    def __init__(self, piece, pitches_mm, wall_vertices_mm=None, wall_triangles=None, heights=stock_height_mm):
+        """Grid lines hug upright walls of the triangles (part coordinates), if any are given.
+
+        `heights` is swept.stock_height_mm, or answers as it would.
+        """
+        self.piece, self.pitches_mm, self._heights = piece, pitches_mm, heights
+        self._walls = [upright_walls(c.frame.into(wall_vertices_mm), wall_triangles) if wall_vertices_mm is not None
+                       else ([], []) for c in piece.cuts]
+        self._made = {}
+
+    def field(self, k, grown_mm=0.0):
+        """Field of clamping k, its cutters grown by so much (negative: shrunk)."""
+        if (k, grown_mm) not in self._made:
+            self._made[k, grown_mm] = self._field(k, grown_mm)
+        return self._made[k, grown_mm]
+
+    def _field(self, k, grown_mm):
+        cut = self.piece.cuts[k]
+        low, high = self.piece.box_in(cut.frame)
+        xs, ys = (grid_lines(low[i], high[i], self.pitches_mm[k], self._walls[k][i]) for i in (0, 1))
+        flat, xy = is_height_field(cut.paths), np.column_stack([np.tile(xs, len(ys)), np.repeat(ys, len(xs))])
+        z = self._heights(cut.paths, xy, high[2], grown_mm, -np.inf if flat else low[2])
+        solid = (solids.height_field(xs, ys, z.reshape(len(ys), len(xs)), low[2]) if flat else
+                 self._hollow(cut, low, high, self.pitches_mm[k], grown_mm))
+        return Field(frame=cut.frame, xs=xs, ys=ys, low=low, high=high, z=z, solid=solid, is_height_field=flat)
+
+    def _hollow(self, cut, low, high, pitch_mm, grown_mm):
+        """Stock with undercuts: the surface is found along the edges of a lattice, in seven directions."""
+        edge = max(pitch_mm, float(fixed.cbrt(np.prod(high - low) / LATTICE)))
+        left_mm = distance_to(tuple(p.grown(grown_mm) for p in cut.paths))
+        around = edge * np.ones(3)
+        stock = solids.level_set(left_mm, low - around, high + around, edge, MET_MM)
+        return stock ^ solids.box(low, high)
+
+    def stock(self, frame, grown_mm=0.0):
+        """What all clampings leave, as a Manifold seen from a frame."""
+        low, high = self.piece.box_in(frame)
+        left = [solids.moved(f.solid, _seen(f.frame, frame))
+                for f in (self.field(k, grown_mm) for k in range(len(self.piece.cuts)))]
+        return solids.common(left) if left else solids.box(low, high)
+
+
+def _seen(inner, outer):
+    """The frame `inner` seen from the frame `outer`, both given in part coordinates."""
+    return Frame(rotation=fixed.matmul(outer.rotation.T, inner.rotation), origin_mm=outer.into(inner.origin_mm[None])[0])
+
+
+def grid_lines(low, high, pitch_mm, walls):
+    """Coordinates from low to high at the pitch, and two lines hugging each wall between."""
+    lines = np.linspace(low, high, max(1, int(np.ceil((high - low) / pitch_mm))) + 1)
+    hugging = [w + s for w in walls for s in (-WALL_MM, WALL_MM) if low < w + s < high]
+    lines = np.unique(np.concatenate([lines, hugging]))
+    keep = np.concatenate([[True], np.diff(lines) > WALL_MM / 10])
+    return lines[keep]
+
+
+def upright_walls(mesh_vertices, triangles):
+    """Coordinates x and y of axis-parallel vertical planes in a tessellation."""
+    corners = mesh_vertices[triangles]
+    spread = np.ptp(corners, axis=1)
+    found = []
+    for k in (0, 1):
+        upright = (spread[:, k] < 1e-9) & (spread[:, 2] > 1e-6)
+        found.append(np.unique(corners[upright, 0, k].round(9)))
+    return found

@@ -1,0 +1,283 @@
+"""The volume that each cutter sweeps along its posted moves, answered by query.
+
+An upright ball, bull nose or flat cutter (SweptPath) takes away everything above its bottom (flutes, then a neck no
+wider), so what it leaves is a height field h(x, y), and its swept volume is closed upward.  Two sets of
+formulas answer for it and know nothing of each other: the signed distance of a point, and the
+height over (x, y).
+
+Every other cutter, and every move with a tilted axis (PosedPath, tilted.py), takes away what its flutes pass through
+and no more: above flutes shorter than the slot is deep, stock is left.  One formula, the signed distance,
+answers for it; heights and intervals of stock come from rays in it (rays.py).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.program.program import Kind
+from cuspline.shop.cutters import Tool
+from cuspline.stock import rays, tracing, tree
+from cuspline.stock.path_pieces import pieces_of
+from cuspline.stock.tilted import PosedPath, posed_forest, posed_path
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import SimulationError
+
+CLOSED_UPWARD = ("ball", "bull_nose", "flat")     # types that a SweptPath knows, while they stand upright
+LONGEST_RADII = 2.0       # pieces are at most this many cutter radii long: boxes stay tight
+
+FEW_INTERVALS = 4         # room for intervals of stock on a line; lines with more are asked again, all together
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SweptPath:
+    """Upright moves of one ball, bull nose or flat cutter, ready to be queried; WCS, mm."""
+
+    tool: Tool
+    flat_radius_mm: float         # a = R - rc
+    corner_radius_mm: float       # rc
+    geometry: np.ndarray          # (m, 12) pieces in the tree's order, see pieces.py
+    row: np.ndarray               # (m,) row of PostedMoves
+    blocks: np.ndarray            # (k, 8, 8), see tree.py
+    levels: int                   # of blocks
+    second: int                   # blocks of the second level
+    error_mm: float               # bound on what chords and rounded arcs may be off
+
+    def __post_init__(self):
+        object.__setattr__(self, "geometry", frozen(self.geometry, (None, 12), "geometry", is_handed_over=True))
+        object.__setattr__(self, "row", frozen(self.row, (None,), "row", np.int64))
+        object.__setattr__(self, "blocks", frozen(self.blocks, (None, 8, 8), "blocks", is_handed_over=True))
+
+    @property
+    def is_height_field(self):
+        """It leaves no stock above where it cut."""
+        return True
+
+    def grown(self, by_mm):
+        """The same path of a cutter whose surface lies `by_mm` farther out (negative: in).
+
+        Raises:
+            SimulationError: nothing is left of the cutter.
+        """
+        a, rc = self.flat_radius_mm, self.corner_radius_mm + by_mm
+        if rc < 0:
+            a, rc = a + rc, 0.0
+        if a < 0 or a + rc <= 0:
+            raise SimulationError(f"T{self.tool.number} cannot be made smaller by {-by_mm} mm")
+        geometry, blocks = self.geometry.copy(), self.blocks.copy()
+        geometry[:, (2, 5, 8)] -= by_mm
+        blocks[:, (4, 7)] -= by_mm
+        return SweptPath(**{**self.__dict__, "flat_radius_mm": a, "corner_radius_mm": rc,
+                            "geometry": geometry, "blocks": blocks})
+
+
+def cutting_rows(posted):
+    """(n,) bool: moves whose start and end are known and that are made with a tool."""
+    known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
+    return known & (posted.tool > 0)
+
+
+def swept_paths(posted, tools):
+    """What each tool of a program sweeps, rapids included.
+
+    Moves with an unknown start are left out; the replay judges them.
+
+    Args:
+        posted: PostedMoves.
+        tools: dict of tool number -> cutters.Tool.
+    Returns:
+        tuple in order of tool number: for each tool a SweptPath of what is upright and of its types, and a
+        PosedPath of all else; one that would hold no move is left out.
+    Raises:
+        SimulationError: a feed move without a tool or with one that is not given, a cutter whose body is not
+            convex, an axis that turns half round in one move, an arc that is none; `.rows`.
+    """
+    lost = (posted.kind != Kind.RAPID) & ~np.isin(posted.tool, list(tools))
+    if lost.any():
+        k = int(np.flatnonzero(lost)[0])
+        raise SimulationError(f"line {posted.line[k]}: feed move with T{posted.tool[k]}, which the tool library "
+                              f"does not hold; it holds {sorted(tools)}", rows=np.flatnonzero(lost))
+    known = cutting_rows(posted)
+    paths = []
+    for number in (int(n) for n in np.unique(posted.tool[known]) if int(n) in tools):
+        rows, tool = np.flatnonzero(known & (posted.tool == number)), tools[number]
+        plain = posted.is_upright[rows] & (tool.cutter.type in CLOSED_UPWARD)
+        paths += [make(posted, some, tool) for make, some in ((_swept, rows[plain]), (posed_path, rows[~plain]))
+                  if len(some)]
+    return tuple(paths)
+
+
+def upright_paths(paths):
+    """The SweptPaths among paths: balls, bull noses and flat cutters that stand upright."""
+    return tuple(p for p in paths if isinstance(p, SweptPath))
+
+
+def is_height_field(paths):
+    """Whether all that these paths leave is a height field: no stock above a place that was cut."""
+    return all(p.is_height_field for p in paths)
+
+
+def _swept(posted, rows, tool):
+    cutter = tool.cutter
+    a = 0.0 if cutter.type == "ball" else cutter.radius_mm - cutter.corner_radius_mm
+    pieces = pieces_of(posted, rows, cutter.type == "ball", LONGEST_RADII * cutter.radius_mm)
+    g = pieces.geometry
+    low = np.minimum(g[:, 2], g[:, 5])
+    order = tree.halved_order(np.column_stack([g[:, 0] + g[:, 3], g[:, 1] + g[:, 4], 2 * low]) / 2, tree.WIDTH)
+    g = g[order]
+    blocks, levels, second = tree.build_blocks(g)
+    return SweptPath(tool=tool, flat_radius_mm=a, corner_radius_mm=cutter.radius_mm - a, geometry=g,
+                     row=pieces.row[order], blocks=blocks, levels=levels, second=second, error_mm=pieces.error_mm)
+
+
+def forest_of(paths):
+    """SweptPaths as one argument of the kernels of `tree`: all their pieces, path after path."""
+    trees, block, piece = np.zeros((len(paths), 5), np.int64), 0, 0
+    for k, p in enumerate(paths):
+        trees[k] = block, piece, len(p.row), p.levels, p.second
+        block, piece = block + len(p.blocks), piece + len(p.row)
+    stack = lambda arrays, *shape: np.concatenate([np.zeros((0, *shape)), *arrays])
+    tools = np.array([(p.flat_radius_mm, p.corner_radius_mm) for p in paths]).reshape(-1, 2)
+    return stack([p.geometry for p in paths], 12), stack([p.blocks for p in paths], 8, 8), trees, tools
+
+
+def _world(paths):
+    """(SweptPaths, then PosedPaths), the forest of the first, and both forests for rays.py: None without PosedPaths."""
+    upright = upright_paths(paths)
+    posed = [p for p in paths if isinstance(p, PosedPath)]
+    forest = forest_of(upright)
+    return (*upright, *posed), forest, forest + posed_forest(posed) if posed else None
+
+
+def _in_morton_order(points, query):
+    """Answers of `query(points)`, which likes neighbours one after the other, in the given order."""
+    order = tree.morton_order(points)
+    back = np.empty_like(order)
+    back[order] = np.arange(len(order))
+    return tuple(column[back] for column in query(order))
+
+
+def _rows_of(paths, piece):
+    """Rows of PostedMoves of pieces; -1 stays -1."""
+    rows = np.concatenate([*(p.row for p in paths), [-1]])
+    return rows[piece]
+
+
+def _rows3(points, name):
+    return np.ascontiguousarray(frozen(points, (None, 3), name))
+
+
+def signed_distance_mm(paths, points_mm):
+    """Distance of points to everything swept: positive where material is left, negative inside.
+
+    Inside, it is a lower bound of the depth (the deepest in any one piece).
+
+    Args:
+        paths: tuple of SweptPath and PosedPath.
+        points_mm: (n, 3) WCS.
+    Returns:
+        (n,); inf everywhere if nothing moves.
+    """
+    return nearest_moves(paths, points_mm)[0]
+
+
+def distance_to(paths):
+    """`signed_distance_mm` as a function (x, y, z) -> float, for whoever asks point by point."""
+    _, forest, world = _world(paths)
+    world = forest + posed_forest([]) if world is None else world
+    work, found = rays.scratch(), -1
+
+    def distance_mm(x, y, z):
+        nonlocal found
+        d, found, _ = rays.nearest(x, y, z, world, found, work)
+        return d
+
+    return distance_mm
+
+
+def nearest_moves(paths, points_mm):
+    """Signed distances (n,) and the row of PostedMoves (n,) each belongs to; -1: nothing moves."""
+    points, (paths, forest, world) = _rows3(points_mm, "points_mm"), _world(paths)
+    ask = lambda order: tree.distances(points[order], forest) if world is None else rays.distances(points[order], world)
+    d, piece = _in_morton_order(points, ask)
+    return d, _rows_of(paths, piece)
+
+
+def stock_height_mm(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
+    """Exact height of the highest stock over each (x, y) after all moves.
+
+    Args:
+        paths: tuple of SweptPath and PosedPath; with a PosedPath, what lies lower may be hollow.
+        xy_mm: (n, 2) WCS.
+        top_mm: stock top before the first move.
+        inflate_mm: cutters grown by this (the stock eroded, exactly), or shrunk where negative
+            (the stock dilated; along ridges between passes by more than that).
+        bottom_mm: of the billet; heights below it (nothing is left) are given as this.
+    Returns:
+        (n,).
+    """
+    return lowest_moves(paths, xy_mm, top_mm, inflate_mm, bottom_mm)[0]
+
+
+def lowest_moves(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
+    """Heights (n,) as `stock_height_mm`, and the row of PostedMoves (n,) that left each; -1: uncut."""
+    xy = np.ascontiguousarray(frozen(xy_mm, (None, 2), "xy_mm"))
+    paths, forest, world = _world([p.grown(inflate_mm) for p in paths] if inflate_mm else paths)
+    flat = np.column_stack([xy, np.zeros(len(xy))])
+    ask = lambda order: (tree.heights(xy[order], forest, float(top_mm)) if world is None else
+                         rays.highest_stock(xy[order], float(top_mm), float(bottom_mm), world))
+    z, piece = _in_morton_order(flat, ask)
+    return np.maximum(z, bottom_mm), _rows_of(paths, piece)
+
+
+def deviation_mm(paths, stock_min, stock_max, points_mm, normals, limit_mm):
+    """Signed deviation of the remaining stock along design normals, after all moves.
+
+    Positive: length along +normal until the ray leaves the remaining stock.  Negative: depth
+    along -normal until remaining stock begins or the billet ends.  A ray that only grazes the swept volume, over
+    less than a hundredth of its own length, is taken not to meet it.
+
+    Args:
+        paths: tuple of SweptPath and PosedPath.
+        stock_min, stock_max: (3,) corners of the billet, WCS.
+        points_mm, normals: (n, 3) on the design, unit normals out of the material, WCS.
+        limit_mm: longest ray; a deviation of that size means "at least".
+    Returns:
+        (n,) to 1e-7 mm where the ray meets the surface squarely.
+    """
+    return deviations_and_moves(paths, stock_min, stock_max, points_mm, normals, limit_mm)[0]
+
+
+def deviations_and_moves(paths, stock_min, stock_max, points_mm, normals, limit_mm):
+    """Deviations (n,) as `deviation_mm`, and the row of PostedMoves (n,) nearest to each point."""
+    points, normals, (paths, forest, world) = _rows3(points_mm, "points_mm"), _rows3(normals, "normals"), _world(paths)
+    low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
+    trace, cut = (tracing.deviations, forest) if world is None else (rays.deviations, world)
+    ask = lambda order: trace(points[order], normals[order], low, high, float(limit_mm), cut)
+    d, piece = _in_morton_order(points, ask)
+    return d, _rows_of(paths, piece)
+
+
+def stock_intervals(paths, stock_min, stock_max, origins_mm, directions):
+    """All intervals of remaining stock along lines through the billet, after all moves.
+
+    Stock or air along less than 2e-5 mm of a line may be left out; a line that runs in a cut surface counts as
+    cut there.
+
+    Args:
+        paths: tuple of SweptPath and PosedPath.
+        stock_min, stock_max: (3,) corners of the billet, WCS.
+        origins_mm: (n, 3) points on the lines, WCS.   directions: (n, 3) unit vectors along them.
+    Returns:
+        (k, 2) begin and end of intervals along the lines, mm from their origins, growing; (n + 1,) line i holds
+        intervals offsets[i] to offsets[i + 1].
+    """
+    origins, directions = _rows3(origins_mm, "origins_mm"), _rows3(directions, "directions")
+    low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
+    upright = upright_paths(paths)
+    world = forest_of(upright) + posed_forest([p for p in paths if isinstance(p, PosedPath)])
+    room, count = FEW_INTERVALS, np.zeros(0, np.int64)
+    while not len(count) or count.max() > room:
+        room = max(room, count.max(initial=0))
+        ask = lambda order: rays.stock_along(origins[order], directions[order], low, high, room, world)
+        found, count = _in_morton_order(origins, ask)
+    return found[np.arange(room) < count[:, None]], np.r_[0, np.cumsum(count)]

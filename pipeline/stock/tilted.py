@@ -1,0 +1,101 @@
+"""What a cutter of any shape sweeps along moves with any tool axis.
+
+The cutter is the closed solid of revolution of its cutting outline: the flutes only.  Neck, shank and holder cut
+nothing, so where a slot is deeper than the flutes are long, what stood above them is left.  (The replay says
+whether neck or holder would hit it.)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from cuspline.shop.cutters import Tool
+from cuspline.stock import tilted_tree, tree
+from cuspline.stock.outlines import outline_distance, outline_pieces
+from cuspline.stock.tilted_pieces import TURN_ERROR_MM, posed_pieces
+from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import SimulationError
+
+LONGEST_RADII = 2.0       # sub-steps are at most this many cutter radii long: boxes stay tight
+
+HIGHEST_RADII = 10.0      # where contact normals are looked for on the axis: a lean of 6 degrees meets it there
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PosedPath:
+    """Moves of one tool as sub-steps of a tilted, turning cutter, ready to be queried; WCS, mm."""
+
+    tool: Tool
+    outline: np.ndarray           # (o, 10) see outlines.py
+    grown_mm: float               # the cutter's surface lies this much farther out
+    geometry: np.ndarray          # (m, 14) sub-steps in the tree's order, see tilted_pieces.py
+    row: np.ndarray               # (m,) row of PostedMoves
+    nodes: np.ndarray             # (k, 41), see tilted_tree.py
+    leaves: int
+    error_mm: float               # bound on what chords of arcs and sub-steps of turns may be off
+    is_height_field: bool         # upright, and nowhere narrower above: it leaves no stock above where it cut
+
+    def __post_init__(self):
+        for name, width, dtype in (("outline", 10, float), ("geometry", 14, float), ("nodes", 41, float)):
+            object.__setattr__(self, name, frozen(getattr(self, name), (None, width), name, dtype))
+        object.__setattr__(self, "row", frozen(self.row, (len(self.geometry),), "row", np.int64))
+
+    def grown(self, by_mm):
+        """The same path of a cutter whose surface lies `by_mm` farther out (negative: in).
+
+        Its distances are those of the cutter, less `by_mm`: of a smaller cutter exact in sign and inside, and a
+        lower bound outside, opposite its edges.
+
+        Raises:
+            SimulationError: nothing is left of the cutter.
+        """
+        by = self.grown_mm + by_mm
+        if by <= -inradius_mm(self.outline):
+            raise SimulationError(f"T{self.tool.number} cannot be made smaller by {-by_mm} mm")
+        return PosedPath(**{**self.__dict__, "grown_mm": by})
+
+
+def inradius_mm(outline):
+    """Radius of the largest ball in the cutter's body; its centre is on the axis."""
+    height = outline[:, 2].max()
+    depth = minimize_scalar(lambda z: outline_distance(0.0, z, outline, 0, len(outline))[0], bounds=(0.0, height),
+                            method="bounded", options={"xatol": 1e-9 * height})
+    return -float(depth.fun)
+
+
+def posed_path(posted, rows, tool, turn_error_mm=TURN_ERROR_MM):
+    """PosedPath of the given moves.
+
+    Args:
+        posted: PostedMoves.
+        rows: (k,) rows with known start and end, growing, made with `tool`.
+        tool: cutters.Tool.
+        turn_error_mm: how far the cutter's farthest point may be off where the axis turns.
+    Raises:
+        SimulationError: a cutter whose body is not convex; an axis that turns half round in a move; a bad arc.
+    """
+    profile = tool.cutter.profile
+    outline = outline_pieces(profile, f"T{tool.number} {tool.cutter.name}")
+    radius, height = profile.largest_radius_mm, profile.height_mm
+    pieces = posed_pieces(posted, rows, LONGEST_RADII * radius, float(fixed.hypot(radius, height)), turn_error_mm)
+    lowest = outline[0, 4] if outline[0, 0] else outline[1, 4] if outline[1, 0] else 0.0
+    g = pieces.geometry
+    order = tree.halved_order(g[:, :3] + 0.5 * g[:, 3:6] + lowest * (g[:, 6:9] + 0.5 * g[:, 9:12]), tilted_tree.LEAF)
+    nodes, leaves = tilted_tree.build_nodes(g[order], outline, lowest, max(height, lowest + HIGHEST_RADII * radius))
+    return PosedPath(tool=tool, outline=outline, grown_mm=0.0, geometry=g[order],
+                     row=pieces.row[order], nodes=nodes, leaves=leaves, error_mm=pieces.error_mm,
+                     is_height_field=bool(posted.is_upright[rows].all()) and not profile.is_undercutting)
+
+
+def posed_forest(paths):
+    """All PosedPaths as one argument of the kernels."""
+    trees, node, piece, first = np.zeros((len(paths), 6), np.int64), 0, 0, 0
+    for k, p in enumerate(paths):
+        trees[k] = node, piece, len(p.row), p.leaves, first, first + len(p.outline)
+        node, piece, first = node + len(p.nodes), piece + len(p.row), first + len(p.outline)
+    stack = lambda arrays, width: np.concatenate([np.zeros((0, width)), *arrays])
+    grown = np.array([p.grown_mm for p in paths])
+    return (stack([p.geometry for p in paths], 14), stack([p.nodes for p in paths], 41),
+            stack([p.outline for p in paths], 10), trees, grown)

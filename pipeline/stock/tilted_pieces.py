@@ -1,0 +1,109 @@
+r"""Posted moves with any tool axis, broken into the sub-steps that the kernels understand.
+
+A sub-step runs straight from tip to tip, while its axis turns as the normalised mean of both ends' axes.  It is
+a row of fourteen numbers, WCS, mm and rad:
+
+    0..2   tip where it begins        6..8    axis where it begins
+    3..5   tip's way                  9..11   axis where it ends less axis where it begins
+    12     length of the tip's way    13      fastest turning of the axis, rad a sub-step
+
+The normalised mean runs on the great circle of the true axis, only not evenly.  Over a turn of h, at the share
+(1 + u)/2 of it, the angle from the middle is atan(u tan(h/2)) in place of u h/2.  The difference is below
+(u - u³)/3 tan³(h/2), so at most 2/(9 sqrt 3) tan³(h/2), and a point of the cutter is off by at most that times its
+distance from the tip.  Sub-steps are cut so short that the farthest point stays within TURN_ERROR_MM.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.stock.path_pieces import pieces_of, repeated_parts
+from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import SimulationError
+
+TURN_ERROR_MM = 1e-5      # a tenth of what an answer may be off
+UNEVEN = 2 / (9 * np.sqrt(3))
+OPPOSITE_RAD = np.radians(179)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PosedPieces:
+    """Sub-steps in the order in which they are cut."""
+
+    geometry: np.ndarray      # (m, 14)
+    row: np.ndarray           # (m,) row of PostedMoves
+    error_mm: float           # largest distance between the cutter in a sub-step and in the posted move
+
+    def __post_init__(self):
+        object.__setattr__(self, "geometry", frozen(self.geometry, (None, 14), "geometry"))
+        object.__setattr__(self, "row", frozen(self.row, (len(self.geometry),), "row", np.int64))
+
+
+def posed_pieces(posted, rows, longest_mm, reach_mm, turn_error_mm=TURN_ERROR_MM):
+    """Sub-steps of the given moves.
+
+    Args:
+        posted: PostedMoves.
+        rows: (k,) rows with known start and end, growing.
+        longest_mm: no sub-step's tip runs farther.
+        reach_mm: tip to the cutter's farthest point.
+        turn_error_mm: how far that point may be off where the axis turns.
+    Raises:
+        SimulationError: an axis that turns half round, so that the way there is open; a bad arc; `.rows`.
+    """
+    turn = _turns_rad(posted, np.asarray(rows, dtype=np.int64))
+    chords = pieces_of(posted, rows, False, longest_mm)
+    start, way = chords.geometry[:, :3], chords.geometry[:, 3:6] - chords.geometry[:, :3]
+    share0, share1 = _shares(chords.row, np.sqrt((way ** 2).sum(axis=1)))
+    angle = (share1 - share0) * turn[chords.row]
+    most = 2 * fixed.arctan(fixed.cbrt(turn_error_mm / (UNEVEN * reach_mm)))
+    length = np.sqrt((way ** 2).sum(axis=1))
+    counts = np.maximum(1, np.ceil(np.maximum(angle / most, length / longest_mm) - 1e-9)).astype(np.int64)
+    whole, part = repeated_parts(counts)
+    tip = lambda k: start[whole] + (k / counts[whole])[:, None] * way[whole]
+    share = lambda k: share0[whole] + k / counts[whole] * (share1 - share0)[whole]
+    axis = lambda k: _axes(posted, chords.row[whole], share(k), turn)
+    geometry = np.zeros((len(whole), 14))
+    geometry[:, :3], geometry[:, 6:9] = tip(part), axis(part)
+    geometry[:, 3:6], geometry[:, 9:12] = tip(part + 1) - tip(part), axis(part + 1) - axis(part)
+    geometry[:, 12] = np.sqrt((geometry[:, 3:6] ** 2).sum(axis=1))
+    chord = np.sqrt((geometry[:, 9:12] ** 2).sum(axis=1))
+    geometry[:, 13] = chord / np.sqrt(1 - chord ** 2 / 4)
+    uneven = UNEVEN * reach_mm * fixed.power(geometry[:, 13].max(initial=0.0) / 2, 3)
+    return PosedPieces(geometry=geometry, row=chords.row[whole], error_mm=float(chords.error_mm + uneven))
+
+
+def _turns_rad(posted, rows):
+    """(n,) angle between both axes of each move; 0 on rows that are not asked for."""
+    turn = np.zeros(len(posted))
+    a, b = posted.start_axis[rows], posted.end_axis[rows]
+    turn[rows] = fixed.arctan2(np.sqrt((np.cross(a, b) ** 2).sum(axis=1)), (a * b).sum(axis=1))
+    bad = np.flatnonzero(turn > OPPOSITE_RAD)
+    if len(bad):
+        raise SimulationError(f"line {posted.line[bad[0]]}: the tool axis turns by {np.degrees(turn[bad[0]]):.1f}° in "
+                              "one move, so the way it takes is open; give a position between", rows=bad)
+    return turn
+
+
+def _shares(row, length):
+    """(m,), (m,) share of its move at which each chord begins and ends: by length, or evenly where nothing moves."""
+    first = np.flatnonzero(np.r_[True, row[1:] != row[:-1]]) if len(row) else np.zeros(0, np.int64)
+    counts = np.diff(np.r_[first, len(row)])
+    whole = np.repeat(np.arange(len(first)), counts)
+    total = np.add.reduceat(length, first) if len(first) else np.zeros(0)
+    length = np.where(total[whole] > 0, length / np.where(total > 0, total, 1.0)[whole], 1.0 / counts[whole])
+    done = np.cumsum(length)
+    before = (done - length)[first][whole]
+    is_last = np.r_[first[1:], len(row)][whole] - 1 == np.arange(len(row))
+    return done - length - before, np.where(is_last, 1.0, done - before)
+
+
+def _axes(posted, row, share, turn):
+    """(m, 3) axes of moves at a share of their turn along the great circle."""
+    a, b, angle = posted.start_axis[row], posted.end_axis[row], turn[row]
+    is_still = angle < 1e-12
+    sine = np.where(is_still, 1.0, fixed.sin(angle))
+    weight = lambda s: np.where(is_still, s, fixed.sin(s * angle) / sine)[:, None]
+    axis = weight(1 - share) * a + weight(share) * b
+    return axis / np.sqrt((axis ** 2).sum(axis=1))[:, None]

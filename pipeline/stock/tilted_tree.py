@@ -1,0 +1,311 @@
+"""Bounding tree over the sub-steps of tilted, turning cutters, and the near-first search in it.
+
+A tree is an implicit binary heap over sub-steps, halved again and again across their longest side.  A node is a row
+of 41 numbers:
+
+    0..2     its middle tip
+    3..11    its frame, three unit vectors u v w; w along the normal that it leaves on the part, towards the holder
+    12..14   its middle axis, in the frame
+    15..20   box round the points of the axes at height z0 over the tips, from the middle pose's: low u v w, high u v w
+    21..26   the same at height z1
+    27..32   the same at height z2
+    33       largest angle between an axis and the middle one
+    34..36   from the middle tip to where the cutter touches a plane whose normal is w, from above, in the frame
+    37..39   z0, z1, z2: the normal at that contact meets the axis at z1
+    40       1, or 0 where the node holds nothing
+
+A forest is a tuple of arrays that numba takes as one argument:
+
+    geometry (m, 14), nodes (k, 41), outlines (o, 10),
+    trees (t, 6)   first node, first sub-step, sub-steps, leaves, first outline piece, behind the last one
+    grown (t,)     how far the cutter's surface lies out
+"""
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from cuspline.stock.outlines import touching_point
+from cuspline.stock.tilted_kernels import poses_distance, slope_along, substep_distance
+from cuspline.stock.tree import SLACK_MM
+from cuspline.values import fixed_math as fixed
+
+LEAF = 4                  # sub-steps in a leaf
+INHERIT = 1e-3            # weight of the parent's frame where a node's own points leave it open
+BESIDE = 20.0             # mm, z0 and z2 of a node are this far from z1, where the cutter goes on so far
+KEPT_SHARE = 1.5          # a point keeps the sub-steps that are within this many times its distance,
+KEPT_LEAST_MM = 2e-5      # and this
+COLUMNS = 41
+ROUND = 0.5               # ratio of a contact's radii of curvature that still counts as round
+
+
+def leaves_for(count):
+    """Leaves of a tree over so many sub-steps: a power of two."""
+    leaves = 1
+    while leaves * LEAF < count:
+        leaves *= 2
+    return leaves
+
+
+def build_nodes(geometry, outline, lowest, highest):
+    """Nodes (2 leaves - 1, 41) over sub-steps in their given order, and the number of leaves.
+
+    Args:
+        geometry: (m, 14).   outline: (o, 10).
+        lowest, highest: heights over the tip within which normals at contacts are looked for on the axis.
+    """
+    leaves = leaves_for(len(geometry))
+    nodes = np.zeros((2 * leaves - 1, COLUMNS))
+    moments = _moments(np.ascontiguousarray(geometry), leaves)
+    width = 1
+    while width <= leaves:
+        _fill_level(nodes, moments, np.ascontiguousarray(geometry), outline, width, leaves, float(lowest),
+                    float(highest))
+        width *= 2
+    return nodes, leaves
+
+
+@njit(cache=True, error_model="numpy")
+def _moments(geometry, leaves):
+    """(2 leaves - 1, 28) sums over both ends of all sub-steps: count, tip and axis, products of the six."""
+    out = np.zeros((2 * leaves - 1, 28))
+    q = np.empty(6)
+    for t in range(len(geometry)):
+        g, node = geometry[t], out[leaves - 1 + t // LEAF]
+        for end in range(2):
+            for k in range(3):
+                q[k], q[3 + k] = g[k] + end * g[3 + k], g[6 + k] + end * g[9 + k]
+            node[0] += 1.0
+            c = 7
+            for i in range(6):
+                node[1 + i] += q[i]
+                for j in range(i, 6):
+                    node[c] += q[i] * q[j]
+                    c += 1
+    for node in range(leaves - 2, -1, -1):
+        out[node] = out[2 * node + 1] + out[2 * node + 2]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _spread_at(moment, z, out):
+    """Covariance (3, 3) of the axis points at height z over the tips."""
+    n = moment[0]
+    for i in range(3):
+        for j in range(i, 3):
+            total = 0.0
+            for a, b, weight in ((i, j, 1.0), (i, j + 3, z), (j, i + 3, z), (i + 3, j + 3, z * z)):
+                c = 7 + a * 6 - a * (a - 1) // 2 + b - a
+                total += weight * (moment[c] / n - moment[1 + a] / n * moment[1 + b] / n)
+            out[i, j] = out[j, i] = total
+
+
+@njit(cache=True, error_model="numpy")
+def _thinnest(C, w):
+    """Direction in which a covariance is least, sought from w on: powers of its adjugate."""
+    for _ in range(6):
+        x = ((C[1, 1] * C[2, 2] - C[1, 2] ** 2) * w[0] + (C[0, 2] * C[1, 2] - C[0, 1] * C[2, 2]) * w[1]
+             + (C[0, 1] * C[1, 2] - C[0, 2] * C[1, 1]) * w[2])
+        y = ((C[0, 2] * C[1, 2] - C[0, 1] * C[2, 2]) * w[0] + (C[0, 0] * C[2, 2] - C[0, 2] ** 2) * w[1]
+             + (C[0, 1] * C[0, 2] - C[1, 2] * C[0, 0]) * w[2])
+        z = ((C[0, 1] * C[1, 2] - C[0, 2] * C[1, 1]) * w[0] + (C[0, 1] * C[0, 2] - C[1, 2] * C[0, 0]) * w[1]
+             + (C[0, 0] * C[1, 1] - C[0, 1] ** 2) * w[2])
+        length = math.sqrt(x * x + y * y + z * z)
+        if not length > 0.0:
+            return
+        w[0], w[1], w[2] = x / length, y / length, z / length
+
+
+@njit(cache=True, error_model="numpy")
+def _touch(w, axis, outline, out):
+    """Where the cutter touches a plane with normal w from above, from the tip, into `out`.
+
+    Returns at what height the normal there meets the axis, and the outline's radius of curvature there over the way
+    along the normal to the axis.
+    """
+    nz = -(w[0] * axis[0] + w[1] * axis[1] + w[2] * axis[2])
+    ex, ey, ez = -w[0] - nz * axis[0], -w[1] - nz * axis[1], -w[2] - nz * axis[2]
+    nr = math.sqrt(ex * ex + ey * ey + ez * ez)
+    r, z, bend = touching_point(nr, nz, outline, 0, len(outline))
+    share = r / nr if nr > 1e-9 else 0.0
+    out[0], out[1], out[2] = share * ex + z * axis[0], share * ey + z * axis[1], share * ez + z * axis[2]
+    return (z - r * nz / nr, bend * nr / max(r, 1e-9)) if nr > 1e-9 else (math.inf, 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _frame(node, axis, moment, before, outline, lowest, highest):
+    """Fills the frame: w settles where the axis points that the contact normals meet spread least."""
+    C, w, touch = np.empty((3, 3)), before.copy(), np.empty(3)
+    for _ in range(3):
+        z = min(max(_touch(w, axis, outline, touch)[0], lowest), highest)
+        _spread_at(moment, z, C)
+        size = INHERIT * (C[0, 0] + C[1, 1] + C[2, 2]) + 1e-12
+        for i in range(3):
+            for j in range(3):
+                C[i, j] += size * ((i == j) - before[i] * before[j])
+        _thinnest(C, w)
+        if w[0] * axis[0] + w[1] * axis[1] + w[2] * axis[2] < 0.0:
+            w *= -1.0
+    z, ratio = _touch(w, axis, outline, touch)
+    z = min(max(z, lowest), highest)
+    node[37], node[38], node[39] = max(z - BESIDE, lowest - 1.0), z, z + BESIDE
+    a = np.zeros(3)
+    a[np.argmin(np.abs(w))] = 1.0
+    a -= w * (a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
+    a /= math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+    b = np.array([w[1] * a[2] - w[2] * a[1], w[2] * a[0] - w[0] * a[2], w[0] * a[1] - w[1] * a[0]])
+    aa = ab = bb = 0.0
+    for i in range(3):
+        for j in range(3):
+            aa, ab, bb = aa + a[i] * C[i, j] * a[j], ab + a[i] * C[i, j] * b[j], bb + b[i] * C[i, j] * b[j]
+    turn = 0.5 * fixed.arctan2(2.0 * ab, aa - bb)
+    if ratio < ROUND:                        # u along the cutter's meridian: off along v does not pull along u
+        turn = fixed.arctan2(b[0] * axis[0] + b[1] * axis[1] + b[2] * axis[2],
+                             a[0] * axis[0] + a[1] * axis[1] + a[2] * axis[2])
+    node[3:6] = fixed.cos(turn) * a + fixed.sin(turn) * b
+    node[6:9] = fixed.cos(turn) * b - fixed.sin(turn) * a
+    node[9:12] = w
+    for c in range(3):
+        along = node[3 + 3 * c:6 + 3 * c]
+        node[12 + c] = along[0] * axis[0] + along[1] * axis[1] + along[2] * axis[2]
+        node[34 + c] = along[0] * touch[0] + along[1] * touch[1] + along[2] * touch[2]
+
+
+@njit(cache=True, error_model="numpy")
+def _enclose(node, axis, geometry, first, last):
+    """Fills boxes and largest angle over sub-steps first..last."""
+    for box in range(15, 33, 6):
+        node[box:box + 3], node[box + 3:box + 6] = math.inf, -math.inf
+    for t in range(first, last):
+        g = geometry[t]
+        bend = 0.125 * g[13] * g[13]             # how far a unit axis leaves the chord of its ends
+        for end in range(2):
+            chord = 0.0
+            for k in range(3):
+                off = g[6 + k] + end * g[9 + k] - axis[k]
+                chord += off * off
+            angle = 2.0 * fixed.arcsin(min(1.0, 0.5 * math.sqrt(chord)))
+            node[33] = max(node[33], angle if angle < 0.5 * math.pi else math.pi)
+            for c in range(3):
+                tip = turn = 0.0
+                for k in range(3):
+                    tip += node[3 + 3 * c + k] * (g[k] + end * g[3 + k] - node[k])
+                    turn += node[3 + 3 * c + k] * (g[6 + k] + end * g[9 + k] - axis[k])
+                for i in range(3):
+                    box, z = 15 + 6 * i + c, node[37 + i]
+                    node[box] = min(node[box], tip + z * turn - abs(z) * bend)
+                    node[box + 3] = max(node[box + 3], tip + z * turn + abs(z) * bend)
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highest):
+    """Nodes of one level; the level above is there."""
+    span = leaves // width * LEAF
+    for i in prange(width):
+        node, moment = nodes[width - 1 + i], moments[width - 1 + i]
+        first, last = i * span, min((i + 1) * span, len(geometry))
+        if first >= last:
+            continue
+        node[0:3] = moment[1:4] / moment[0]
+        axis = moment[4:7] / moment[0]
+        length = math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+        axis = axis / length if length > 1e-9 else geometry[first, 6:9] / 1.0
+        before = nodes[(width - 2 + i) // 2, 9:12] if width > 1 else axis
+        _frame(node, axis, moment, before, outline, lowest, highest)
+        _enclose(node, axis, geometry, first, last)
+        node[40] = 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def tree_of(piece, trees):
+    """Number of the tree that holds a sub-step."""
+    for k in range(len(trees)):
+        if trees[k, 1] <= piece < trees[k, 1] + trees[k, 2]:
+            return k
+    return -1
+
+
+@njit(cache=True, error_model="numpy")
+def one_distance(px, py, pz, piece, forest, best, waiting):
+    """`substep_distance` of one sub-step of the forest, to the grown cutter."""
+    geometry, _, outlines, trees, grown = forest
+    k = tree_of(piece, trees)
+    d, t = substep_distance(px, py, pz, geometry[piece], outlines, trees[k, 4], trees[k, 5], best + grown[k], waiting)
+    return d - grown[k], t
+
+
+@njit(cache=True, error_model="numpy")
+def one_slope(px, py, pz, n, piece, t, forest):
+    """Derivative of the distance to the cutter at the share t of a sub-step, as the point moves along n (3,)."""
+    geometry, _, outlines, trees, _ = forest
+    k = tree_of(piece, trees)
+    return slope_along(px, py, pz, n[0], n[1], n[2], geometry[piece], t, outlines, trees[k, 4], trees[k, 5])
+
+
+@njit(cache=True)
+def _worth_keeping(best):
+    """How far a ray from here may still run before it meets the surface, if it is not too slanting."""
+    return KEPT_SHARE * abs(best) + KEPT_LEAST_MM
+
+
+@njit(cache=True, error_model="numpy")
+def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, waiting):
+    """Least signed distance to anything swept, if it is below `best`, the sub-step it belongs to (-1: none), where.
+
+    Last comes a reach, at most `keep`: all sub-steps nearer than this are in kept[1:], kept[0] of them.  The nearer the
+    point is to the surface, the smaller it is; -inf where there was no room, or `keep` was.
+    """
+    geometry, nodes, outlines, trees, grown = forest
+    found, at = -1, 0.5
+    kept[0] = 0
+    keep = min(keep, _worth_keeping(best))
+    if hint >= 0:
+        d, t = one_distance(px, py, pz, hint, forest, max(best, keep), waiting)
+        if d < keep:
+            kept[0], kept[1] = 1, hint
+        if d < best:
+            best, found, at = d, hint, t
+            keep = min(keep, _worth_keeping(best))
+    for k in range(len(trees)):
+        base, start, count, leaves, first, last = trees[k]
+        by = grown[k]
+        top = 1
+        stack[0], bounds[0] = 0, -math.inf
+        while top > 0:
+            top -= 1
+            limit = max(best, keep)
+            if bounds[top] - SLACK_MM >= limit:
+                continue
+            node = stack[top]
+            if node >= leaves - 1:
+                t0 = (node - leaves + 1) * LEAF
+                for piece in range(start + t0, start + min(t0 + LEAF, count)):
+                    if piece == hint:
+                        continue
+                    d, t = substep_distance(px, py, pz, geometry[piece], outlines, first, last,
+                                            max(best, keep) + by, waiting)
+                    if d - by < keep:
+                        if kept[0] + 1 == len(kept):
+                            kept[0], keep = 0, -math.inf
+                        else:
+                            kept[0] += 1
+                            kept[kept[0]] = piece
+                    if d - by < best:
+                        best, found, at = d - by, piece, t
+                        keep = min(keep, _worth_keeping(best))
+                continue
+            left = 2 * node + 1
+            b0 = b1 = math.inf
+            if nodes[base + left, 40] != 0.0:
+                b0 = poses_distance(px, py, pz, nodes[base + left], outlines, first, last) - by
+            if nodes[base + left + 1, 40] != 0.0:
+                b1 = poses_distance(px, py, pz, nodes[base + left + 1], outlines, first, last) - by
+            near, far = (left, left + 1) if b0 <= b1 else (left + 1, left)
+            if max(b0, b1) - SLACK_MM < limit:
+                stack[top], bounds[top] = far, max(b0, b1)
+                top += 1
+            if min(b0, b1) - SLACK_MM < limit:
+                stack[top], bounds[top] = near, min(b0, b1)
+                top += 1
+    return best, found, at, keep

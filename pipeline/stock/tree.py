@@ -1,0 +1,360 @@
+"""Bounding trees over pieces of path, one per cutter, and the near-first search in them.
+
+A tree has eight children a node, over runs of pieces in the order of `halved_order`; the last nodes' children are
+single pieces.  All children of a node stand together, one column each, so that their bounds come out of one sweep
+over 64 numbers:
+
+    0..3   xl, xh, yl, yh     rectangle round the tips
+    4      lowest tip
+    5..7   sx, sy, c          every tip has z >= c + sx x + sy y  (0, 0, lowest where nodes are wide)
+
+A forest is a tuple of arrays that numba takes as one argument:
+
+    geometry (m, 12), blocks (k, 8, 8) number and child, trees (t, 5) first block, first piece, pieces, levels of blocks,
+    blocks of the second level (level l > 0 has eight times more than the one above); tools (t, 2) a, rc
+
+A search works in a stack and in bounds, the last BLOCK of which hold a block and what comes of it (see `work`).
+"""
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from cuspline.stock.distance_kernels import child_distances, piece_distance
+from cuspline.stock.height_kernels import child_heights, piece_height
+
+WIDTH = 8                 # children of a node
+PLANE_SPAN = 4096         # nodes over more pieces carry no plane
+STEEPEST = 10.0           # slope of a plane
+SLACK_MM = 1e-10          # a node is left out only if it is farther by this: rounding of its bound
+FAR_MM = 1e9              # where children stand that hold nothing
+CHUNK = 64                # points answered one after the other, each helped by the one before
+DEPTH = 128               # more open nodes than any tree leaves
+LEVEL_BITS = 5            # of an open node's number: its level
+BLOCK = 9 * WIDTH
+
+
+def morton_order(points):
+    """(n,) order of points (n, 3) along a Z-curve: neighbours in it are neighbours in space."""
+    points = np.asarray(points, dtype=float)
+    if not len(points):
+        return np.zeros(0, np.int64)
+    low = points.min(axis=0)
+    scale = (2**21 - 1) / max(float((points.max(axis=0) - low).max()), 1e-9)
+    key = np.zeros(len(points), dtype=np.uint64)
+    for k, column in enumerate(((points - low) * scale).astype(np.uint64).T):
+        key |= _spread(column) << np.uint64(k)
+    return np.argsort(key, kind="stable")
+
+
+def _spread(bits):
+    """Two zero bits between every two of 21 bits."""
+    for shift, mask in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
+                        (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249)):
+        bits = (bits | (bits << np.uint64(shift))) & np.uint64(mask)
+    return bits
+
+
+def halved_order(points, run):
+    """(n,) order of points (n, 3) in which runs of `run`, times any power of two, are halves of the run twice as long.
+
+    Each is cut across its longest side: tighter boxes than along a Z-curve, whose runs jump.
+    """
+    rows = np.empty((len(points), 4))
+    rows[:, :3], rows[:, 3] = points, np.arange(len(points))
+    _halve(rows, run)
+    return rows[:, 3].astype(np.int64)
+
+
+@njit(cache=True)
+def _halve(rows, run):
+    span = run
+    while span < len(rows):
+        span *= 2
+    todo, spans, top = np.zeros(64, np.int64), np.full(64, span), 1
+    while top > 0:                                         # one half to its end before the other: stays in the cache
+        top -= 1
+        lo, span = todo[top], spans[top]
+        hi, middle = min(lo + span, len(rows)), lo + span // 2
+        if middle < hi:
+            _part_at(rows, lo, hi - 1, middle, _longest_side(rows, lo, hi))
+            if span > 2 * run:
+                todo[top], spans[top] = middle, span // 2
+                top += 1
+        if span > 2 * run:
+            todo[top], spans[top] = lo, span // 2
+            top += 1
+
+
+@njit(cache=True)
+def _longest_side(rows, lo, hi):
+    xl, xh, yl, yh, zl, zh = math.inf, -math.inf, math.inf, -math.inf, math.inf, -math.inf
+    for t in range(lo, hi):
+        xl, xh = min(xl, rows[t, 0]), max(xh, rows[t, 0])
+        yl, yh = min(yl, rows[t, 1]), max(yh, rows[t, 1])
+        zl, zh = min(zl, rows[t, 2]), max(zh, rows[t, 2])
+    if xh - xl >= max(yh - yl, zh - zl):
+        return 0
+    return 1 if yh - yl >= zh - zl else 2
+
+
+@njit(cache=True)
+def _part_at(rows, lo, hi, middle, axis):
+    """Reorders rows lo..hi so that what comes before `middle` lies no farther along the axis than what follows."""
+    while lo < hi:
+        pivot, i, j = rows[(lo + hi) // 2, axis], lo, hi
+        while i <= j:
+            while rows[i, axis] < pivot:
+                i += 1
+            while rows[j, axis] > pivot:
+                j -= 1
+            if i <= j:
+                for k in range(4):
+                    rows[i, k], rows[j, k] = rows[j, k], rows[i, k]
+                i, j = i + 1, j - 1
+        if middle <= j:
+            hi = j
+        elif middle >= i:
+            lo = i
+        else:
+            return
+
+
+def build_blocks(geometry):
+    """Blocks (k, 8, 8) over pieces in their given order, the levels of blocks and the blocks of the second level."""
+    levels = 1
+    while WIDTH ** levels < len(geometry):
+        levels += 1
+    second = -(-len(geometry) // WIDTH ** (levels - 1))
+    blocks = np.empty((1 + sum(second * WIDTH ** k for k in range(levels - 1)), WIDTH, WIDTH))
+    _fill_blocks(geometry, levels, second, blocks)
+    return blocks, levels, second
+
+
+@njit(cache=True)
+def _lowest_over_plane(g, sx, sy):
+    """Least z - sx x - sy y over a piece."""
+    best = min(g[2] - sx * g[0] - sy * g[1], g[5] - sx * g[3] - sy * g[4])
+    if g[11] != 0.0 and g[10] < 0.0:                      # the belly of an arc that hangs down
+        s = sx if g[6] == 0.0 else sy
+        root = math.sqrt(1.0 + s * s)
+        k = int(g[6])
+        touch = g[7] + g[9] * s / root
+        if g[k] < touch < g[3 + k]:
+            fixed = sy * g[1] if k == 0 else sx * g[0]
+            best = min(best, g[8] - s * g[7] - g[9] * root - fixed)
+    return best
+
+
+@njit(cache=True)
+def _slope_of(n, mx, my, mz, xx, xy, yy, xz, yz):
+    """Least-squares slope (sx, sy) out of n points' sums and sums of products; 0, 0 where it is steep."""
+    mx, my, mz = mx / n, my / n, mz / n
+    xx, xy, yy, xz, yz = xx - n * mx * mx, xy - n * mx * my, yy - n * my * my, xz - n * mx * mz, yz - n * my * mz
+    ridge = 1e-4 * (xx + yy) + 1e-12
+    xx, yy = xx + ridge, yy + ridge
+    det = xx * yy - xy * xy
+    if not det > 0.0:
+        return 0.0, 0.0
+    sx, sy = (yy * xz - xy * yz) / det, (xx * yz - xy * xz) / det
+    if not sx * sx + sy * sy < STEEPEST * STEEPEST:
+        return 0.0, 0.0
+    return sx, sy
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_blocks(geometry, levels, second, blocks):
+    m, span, row = len(geometry), 1, len(blocks)
+    for level in range(levels - 1, -1, -1):                # from the pieces up
+        count = second * WIDTH ** (level - 1) if level > 0 else 1
+        row -= count
+        for i in range(count * WIDTH):
+            _fill_node(geometry, i * span, min((i + 1) * span, m), span <= PLANE_SPAN, blocks[row + i // WIDTH], i % WIDTH)
+        span *= WIDTH
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_node(geometry, first, last, has_plane, block, j):
+    block[0, j], block[1, j], block[2, j], block[3, j] = FAR_MM, FAR_MM, FAR_MM, FAR_MM
+    block[4, j], block[5, j], block[6, j], block[7, j] = FAR_MM, 0.0, 0.0, FAR_MM
+    if first >= last:                                      # nobody there: far above everything
+        return
+    x0, y0, z0 = geometry[first, 0], geometry[first, 1], geometry[first, 2]
+    xl, xh, yl, yh, low = math.inf, -math.inf, math.inf, -math.inf, math.inf
+    mx = my = mz = xx = xy = yy = xz = yz = 0.0
+    for t in range(first, last):
+        g = geometry[t]
+        xl, xh = min(xl, g[0], g[3]), max(xh, g[0], g[3])
+        yl, yh = min(yl, g[1], g[4]), max(yh, g[1], g[4])
+        low = min(low, g[2], g[5])
+        if has_plane and last - first > 1:
+            for k in (0, 3):
+                x, y, z = g[k] - x0, g[k + 1] - y0, g[k + 2] - z0
+                mx, my, mz = mx + x, my + y, mz + z
+                xx, xy, yy, xz, yz = xx + x * x, xy + x * y, yy + y * y, xz + x * z, yz + y * z
+    sx = sy = 0.0
+    if last - first == 1:
+        g = geometry[first]
+        x, y, z = g[3] - x0, g[4] - y0, g[5] - z0
+        square = x * x + y * y
+        if z * z < STEEPEST * STEEPEST * square:
+            sx, sy = x * z / square, y * z / square
+    elif has_plane:
+        sx, sy = _slope_of(2.0 * (last - first), mx, my, mz, xx, xy, yy, xz, yz)
+    c = math.inf
+    if sx == 0.0 and sy == 0.0:
+        c = low
+    else:
+        for t in range(first, last):
+            c = min(c, _lowest_over_plane(geometry[t], sx, sy))
+    block[0, j], block[1, j], block[2, j], block[3, j] = xl, xh, yl, yh
+    block[4, j], block[5, j], block[6, j], block[7, j] = low, sx, sy, c
+
+
+@njit(cache=True)
+def work():
+    """Stack and bounds of one search."""
+    return np.empty(DEPTH, np.int64), np.empty(DEPTH + BLOCK)
+
+
+@njit(cache=True)
+def open_root(stack, bounds):
+    """Put the root on the stack; how many nodes are there."""
+    stack[0], bounds[0] = 0, -math.inf
+    return 1
+
+
+@njit(cache=True)
+def piece_of(code, tree):
+    """The piece that an open node is, or -1: it has a block."""
+    is_piece = code & (2 ** LEVEL_BITS - 1) == tree[3]
+    return tree[1] + (code >> LEVEL_BITS) if is_piece else -1
+
+
+@njit(cache=True)
+def block_of(code, tree):
+    """Row of an open node's block: levels stand one after the other, the root's first."""
+    level = code & (2 ** LEVEL_BITS - 1)
+    if level == 0:
+        return tree[0]
+    above = tree[4] * ((1 << 3 * (level - 1)) - 1) // (WIDTH - 1)                 # 1 << 3: WIDTH
+    return tree[0] + 1 + above + (code >> LEVEL_BITS)
+
+
+@njit(cache=True)
+def push_children(code, limit, top, stack, bounds):
+    """Put the children whose bound is below the limit on the stack, the nearest last; new height of the stack."""
+    level, node = code & (2 ** LEVEL_BITS - 1), code >> LEVEL_BITS
+    nearest, least = -1, limit
+    for j in range(WIDTH):
+        b = bounds[DEPTH + 8 * WIDTH + j]
+        nearest, least = j if b < least else nearest, b if b < least else least
+    if nearest < 0:
+        return top
+    for j in range(WIDTH):
+        b = bounds[DEPTH + 8 * WIDTH + j]
+        stack[top], bounds[top] = (node * WIDTH + j) << LEVEL_BITS | (level + 1), b
+        top += (b < limit) & (j != nearest)                # no branch, which would be guessed wrong
+    stack[top], bounds[top] = (node * WIDTH + nearest) << LEVEL_BITS | (level + 1), least
+    return top + 1
+
+
+@njit(cache=True)
+def one_piece_distance(px, py, pz, piece, forest):
+    """Signed distance of a point to what is swept along one piece of the forest."""
+    geometry, _, trees, tools = forest
+    for k in range(len(trees)):
+        if trees[k, 1] <= piece < trees[k, 1] + trees[k, 2]:
+            return piece_distance(px, py, pz, geometry[piece], tools[k, 0], tools[k, 1])
+    return math.inf
+
+
+@njit(cache=True)
+def nearest_piece(px, py, pz, forest, hint, stack, bounds, best=math.inf):
+    """Least signed distance of a point to anything swept, and the piece it belongs to (-1: nothing below `best`)."""
+    geometry, blocks, trees, tools = forest
+    found = -1
+    for pick in range(2):                    # first the hint alone, then all trees
+        for k in range(len(trees)):
+            tree = trees[k]
+            a, rc, first, count = tools[k, 0], tools[k, 1], tree[1], tree[2]
+            if pick == 0:
+                if first <= hint < first + count:
+                    d = piece_distance(px, py, pz, geometry[hint], a, rc)
+                    if d < best:
+                        best, found = d, hint
+                continue
+            top = open_root(stack, bounds) if count > 0 else 0
+            while top > 0:
+                top -= 1
+                if bounds[top] - SLACK_MM >= best:
+                    continue
+                code = stack[top]
+                t = piece_of(code, tree)
+                if t >= 0:
+                    d = piece_distance(px, py, pz, geometry[t], a, rc)
+                    if d < best:
+                        best, found = d, t
+                    continue
+                child_distances(px, py, pz, blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
+                top = push_children(code, best + SLACK_MM, top, stack, bounds)
+    return best, found
+
+
+@njit(cache=True)
+def lowest_piece(x, y, forest, top_mm, hint, stack, bounds):
+    """Height left over (x, y), at most top_mm, and the piece that left it (-1: uncut)."""
+    geometry, blocks, trees, tools = forest
+    best, found = top_mm, -1
+    for pick in range(2):
+        for k in range(len(trees)):
+            tree = trees[k]
+            a, rc, first, count = tools[k, 0], tools[k, 1], tree[1], tree[2]
+            if pick == 0:
+                if first <= hint < first + count:
+                    z = piece_height(x, y, geometry[hint], a, rc)
+                    if z < best:
+                        best, found = z, hint
+                continue
+            top = open_root(stack, bounds) if count > 0 else 0
+            while top > 0:
+                top -= 1
+                if bounds[top] - SLACK_MM >= best:
+                    continue
+                code = stack[top]
+                t = piece_of(code, tree)
+                if t >= 0:
+                    z = piece_height(x, y, geometry[t], a, rc)
+                    if z < best:
+                        best, found = z, t
+                    continue
+                child_heights(x, y, blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
+                top = push_children(code, best + SLACK_MM, top, stack, bounds)
+    return best, found
+
+
+@njit(cache=True, parallel=True)
+def distances(points, forest):
+    """Signed distance (n,) and piece (n,) of points (n, 3)."""
+    n = len(points)
+    out, piece = np.empty(n), np.empty(n, np.int64)
+    for c in prange((n + CHUNK - 1) // CHUNK):
+        (stack, bounds), hint = work(), -1
+        for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
+            d, hint = nearest_piece(points[i, 0], points[i, 1], points[i, 2], forest, hint, stack, bounds)
+            out[i], piece[i] = d, hint
+    return out, piece
+
+
+@njit(cache=True, parallel=True)
+def heights(xy, forest, top_mm):
+    """Stock height (n,) and piece (n,) over xy (n, 2)."""
+    n = len(xy)
+    out, piece = np.empty(n), np.empty(n, np.int64)
+    for c in prange((n + CHUNK - 1) // CHUNK):
+        (stack, bounds), hint = work(), -1
+        for i in range(c * CHUNK, min(n, (c + 1) * CHUNK)):
+            z, hint = lowest_piece(xy[i, 0], xy[i, 1], forest, top_mm, hint, stack, bounds)
+            out[i], piece[i] = z, hint
+    return out, piece

@@ -1,0 +1,305 @@
+"""Drop-cutter on a triangle mesh: the lowest tip height at which a cutter touches without cutting in.
+
+The geometry of one contact and the search are in drop_kernels.py; here are the tree and the rows of points.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+
+from cuspline.toolpaths.contact.contacts import checked_radii_mm
+from cuspline.toolpaths.drop.drop_kernels import STACK, drop_one, first_of, holder_above
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import ToolpathError
+
+SERIAL_ROWS = 512       # fewer are done before the other threads have woken
+CHUNK_ROWS = 256
+LEAF_TRIANGLES = 2      # at most
+STEEPEST = 100.0        # slope beyond which a facet's plane is not extrapolated: rounding of 1000 mm stays below 1e-10
+NARROWEST_MM = 1e-3     # and the height in plan below which it is not
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DropMesh:
+    """Triangles in the order of a balanced tree of upper planes."""
+
+    corners_mm: np.ndarray      # (m, 3, 3)
+    facets: np.ndarray          # (m, 5) plane a, b, c, slope, sqrt(1 + slope²); see triangle_contact
+    nodes: np.ndarray           # (k, 12) box, top and upper plane; see node_bound
+    original: np.ndarray        # (m,) the rows of the triangles that it was made from
+
+    @classmethod
+    def from_triangles(cls, vertices_mm, triangles):
+        """Build the tree over (m, 3) vertex indices; cost is m log m.
+
+        Raises:
+            ToolpathError: there is no triangle, or a corner is not a number.
+        """
+        corners = np.asarray(vertices_mm, float)[np.asarray(triangles, dtype=np.int64).reshape(-1, 3)]
+        if len(corners) == 0:
+            raise ToolpathError("drop-cutter: the mesh has no triangle; hand over at least one")
+        if not np.isfinite(corners).all():
+            rows = np.flatnonzero(~np.isfinite(corners).all(axis=(1, 2)))
+            raise ToolpathError(f"drop-cutter: {len(rows)} triangles, the first being row {rows[0]}, have corners "
+                                "that are not numbers; mend the mesh", rows=rows)
+        leaves = 1
+        while leaves * LEAF_TRIANGLES < len(corners):
+            leaves *= 2
+        order = _halved(corners[:, :, :2].mean(axis=1), _sides(corners), leaves)
+        corners = np.ascontiguousarray(corners[order])
+        return cls(corners_mm=frozen(corners, (None, 3, 3), "corners_mm"),
+                   facets=frozen(_facet_planes(corners), (None, 5), "facets"),
+                   nodes=frozen(_upper_planes(corners, leaves), (2 * leaves - 1, 12), "nodes"),
+                   original=frozen(order, (None,), "original", np.int64))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DropContacts:
+    """Where a dropped cutter rests; of several contacts one."""
+
+    tip_z_mm: np.ndarray        # (n,) -inf where nothing lies beneath the cutter
+    contact_mm: np.ndarray      # (n, 3) on the mesh; nan where nothing
+    triangle: np.ndarray        # (n,) row of the triangle as handed to DropMesh; -1 where nothing
+
+
+def drop_tips_mm(mesh, xy_mm, radius_mm, corner_radius_mm):
+    """Lowest safe tip heights.
+
+    Args:
+        mesh: DropMesh.
+        xy_mm: (n, 2) where the cutter stands; neighbours in the array should be neighbours in space.
+        radius_mm: cutter radius R > 0.
+        corner_radius_mm: rc, 0 (flat) to R (ball).
+    Returns:
+        (n,) tip z; -inf where nothing lies beneath the cutter.
+    Raises:
+        ToolpathError: no such cutter, or a position that is not a number.
+    """
+    return _drop(mesh, xy_mm, radius_mm, corner_radius_mm, False)[0]
+
+
+def drop_contacts(mesh, xy_mm, radius_mm, corner_radius_mm):
+    """Lowest safe tips with the points that hold the cutter; arguments and failures of drop_tips_mm.
+
+    Returns:
+        DropContacts, one row a position.
+
+    >>> mesh = DropMesh.from_triangles([[0, 0, 1], [9, 0, 1], [0, 9, 1]], [[0, 1, 2]])
+    >>> rest = drop_contacts(mesh, [[-3.0, 2.0], [2.0, 2.0], [-30.0, 0.0]], 5.0, 5.0)
+    >>> rest.tip_z_mm, rest.triangle
+    (array([  0.,   1., -inf]), array([ 0,  0, -1]))
+    >>> rest.contact_mm[0]
+    array([0., 2., 1.])
+    """
+    tips, contacts, owners = _drop(mesh, xy_mm, radius_mm, corner_radius_mm, True)
+    held = owners >= 0
+    triangle = np.where(held, mesh.original[np.where(held, owners, 0)], -1)
+    return DropContacts(tip_z_mm=frozen(tips, (None,), "tip_z_mm"),
+                        contact_mm=frozen(contacts, (None, 3), "contact_mm"),
+                        triangle=frozen(triangle, (None,), "triangle", np.int64))
+
+
+def is_held_above(mesh, xy_mm, radius_mm, corner_radius_mm, height_mm):
+    """(n,) bool: the lowest safe tip lies above the height, one or (n,); often far faster than asking for the tip.
+
+    Other arguments and failures of drop_tips_mm.
+    """
+    xy, R, rc = _checked(xy_mm, radius_mm, corner_radius_mm)
+    held = np.empty(len(xy), np.bool_)
+    kernel = _held_rows if len(xy) <= SERIAL_ROWS else _held_chunks
+    heights = np.ascontiguousarray(np.broadcast_to(np.asarray(height_mm, float), len(xy)))
+    kernel(mesh.corners_mm, mesh.facets, mesh.nodes, xy, R, rc, heights, held)
+    return held
+
+
+def _checked(xy_mm, R, rc):
+    """Positions and cutter as the kernels want them."""
+    xy = np.ascontiguousarray(xy_mm, dtype=float).reshape(-1, 2)
+    if not np.isfinite(xy).all():
+        rows = np.flatnonzero(~np.isfinite(xy).all(axis=1))
+        raise ToolpathError(f"drop-cutter: position {rows[0]} is not a number; leave such rows out", rows=rows)
+    return xy, *checked_radii_mm(R, rc)
+
+
+def _drop(mesh, xy_mm, R, rc, wants_contacts):
+    """Tips, contacts and rows of the sorted triangles (both empty when not wanted)."""
+    xy, R, rc = _checked(xy_mm, R, rc)
+    n = len(xy)
+    count = n if wants_contacts else 0
+    tips, contacts, owners = np.empty(n), np.empty((count, 3)), np.empty(count, np.int64)
+    kernel = _drop_rows if n <= SERIAL_ROWS else _drop_chunks
+    kernel(mesh.corners_mm, mesh.facets, mesh.nodes, xy, R, rc, tips, contacts, owners)
+    return tips, contacts, owners
+
+
+@njit(cache=True, error_model="numpy")
+def _drop_rows(corners, facets, nodes, xy, R, rc, tips, contacts, owners):
+    """One row after the other, each search starting from the triangle that held the cutter before."""
+    stack, bounds = np.empty(STACK, np.int64), np.empty(STACK)
+    last = -1
+    for i in range(xy.shape[0]):
+        tips[i], last, tx, ty, tz = drop_one(corners, facets, nodes, xy[i, 0], xy[i, 1], R, rc, last, stack, bounds)
+        if owners.shape[0] > 0:
+            owners[i] = last
+            contacts[i, 0], contacts[i, 1], contacts[i, 2] = tx, ty, tz
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _drop_chunks(corners, facets, nodes, xy, R, rc, tips, contacts, owners):
+    n = xy.shape[0]
+    for chunk in prange((n + CHUNK_ROWS - 1) // CHUNK_ROWS):
+        rows = slice(chunk * CHUNK_ROWS, min(n, (chunk + 1) * CHUNK_ROWS))
+        _drop_rows(corners, facets, nodes, xy[rows], R, rc, tips[rows], contacts[rows], owners[rows])
+
+
+@njit(cache=True, error_model="numpy")
+def _held_rows(corners, facets, nodes, xy, R, rc, z, held):
+    stack = np.empty(STACK, np.int64)
+    last = -1
+    for i in range(xy.shape[0]):
+        holder = holder_above(corners, facets, nodes, xy[i, 0], xy[i, 1], R, rc, z[i], last, stack)
+        held[i] = holder >= 0
+        last = holder if holder >= 0 else last
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _held_chunks(corners, facets, nodes, xy, R, rc, z, held):
+    n = xy.shape[0]
+    for chunk in prange((n + CHUNK_ROWS - 1) // CHUNK_ROWS):
+        rows = slice(chunk * CHUNK_ROWS, min(n, (chunk + 1) * CHUNK_ROWS))
+        _held_rows(corners, facets, nodes, xy[rows], R, rc, z[rows], held[rows])
+
+
+def _sides(corners):
+    """(m,) 0 for upper sides, 1 for undersides, 2 for walls: mixed, they have no good upper plane."""
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    nz = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    wall = np.abs(nz) < 1e-9 * np.maximum(np.ptp(corners[:, :, :2], axis=1).max(axis=1) ** 2, 1e-30)
+    return np.where(wall, 2.0, np.where(nz < 0.0, 1.0, 0.0))
+
+
+@njit(cache=True, error_model="numpy")
+def _halved(centers, side, leaves):
+    """(m,) order in which every node's triangles are parted by side, then across their longer extent in plan."""
+    m = centers.shape[0]
+    order, key = np.arange(m), np.empty(m)
+    width = leaves
+    while width > 1:
+        for leaf in range(0, leaves, width):
+            first, last = first_of(leaf, m, leaves), first_of(leaf + width, m, leaves)
+            rows = order[first:last]
+            low, high, is_mixed = centers[rows[0]].copy(), centers[rows[0]].copy(), False
+            for k in rows:
+                is_mixed |= side[k] != side[rows[0]]
+                for axis in range(2):
+                    low[axis], high[axis] = min(low[axis], centers[k, axis]), max(high[axis], centers[k, axis])
+            axis = 0 if high[0] - low[0] > high[1] - low[1] else 1
+            for k in rows:
+                key[k] = side[k] if is_mixed else centers[k, axis]
+            _part(rows, key, first_of(leaf + width // 2, m, leaves) - first)
+        width //= 2
+    return order
+
+
+@njit(cache=True)
+def _part(rows, key, count):
+    """Reorder rows so that the first `count` have the lowest keys (Hoare's selection)."""
+    low, high = 0, rows.shape[0] - 1
+    while low < high:
+        pivot = key[rows[(low + high) // 2]]
+        i, j = low, high
+        while i <= j:
+            while key[rows[i]] < pivot:
+                i += 1
+            while key[rows[j]] > pivot:
+                j -= 1
+            if i <= j:
+                rows[i], rows[j] = rows[j], rows[i]
+                i += 1
+                j -= 1
+        if count <= j:
+            high = j
+        elif count >= i:
+            low = i
+        else:
+            return
+
+
+@njit(cache=True, error_model="numpy")
+def _facet_planes(corners):
+    """Plane a, b, c, slope and sqrt(1 + slope²) of each triangle; slope inf where it is too steep or too narrow."""
+    m = corners.shape[0]
+    facets = np.full((m, 5), np.inf)
+    for k in range(m):
+        ax, ay, az = corners[k, 0]
+        ux, uy, uz = corners[k, 1] - corners[k, 0]
+        vx, vy, vz = corners[k, 2] - corners[k, 0]
+        nz = ux * vy - uy * vx
+        longest = math.sqrt(max(ux * ux + uy * uy, vx * vx + vy * vy, (vx - ux) ** 2 + (vy - uy) ** 2))
+        if not abs(nz) > NARROWEST_MM * longest:
+            continue
+        a, b = -(uy * vz - uz * vy) / nz, -(uz * vx - ux * vz) / nz
+        slope = math.sqrt(a * a + b * b)
+        if slope < STEEPEST:
+            facets[k, 0], facets[k, 1], facets[k, 2] = a, b, az - a * ax - b * ay
+            facets[k, 3], facets[k, 4] = slope, math.sqrt(1.0 + slope * slope)
+    return facets
+
+
+@njit(cache=True, error_model="numpy")
+def _upper_planes(corners, leaves):
+    """Box, top and a least-squares plane lifted until it lies above, for every node of the tree."""
+    nodes = np.empty((2 * leaves - 1, 12))
+    m, width, k = corners.shape[0], leaves, 0
+    while width >= 1:
+        for leaf in range(0, leaves, width):
+            _upper_plane(corners, first_of(leaf, m, leaves), first_of(leaf + width, m, leaves), nodes[k])
+            k += 1
+        width //= 2
+    return nodes
+
+
+@njit(cache=True, error_model="numpy")
+def _upper_plane(corners, first, last, node):
+    """Fill one node from the triangles first..last-1; a node without any lies nowhere."""
+    node[:] = 0.0
+    node[0], node[1], node[2], node[3], node[4], node[7] = np.inf, -np.inf, np.inf, -np.inf, -np.inf, -np.inf
+    if first >= last:
+        return
+    mx = my = mz = 0.0
+    for t in range(first, last):
+        for v in range(3):
+            x, y, z = corners[t, v, 0], corners[t, v, 1], corners[t, v, 2]
+            node[0], node[1], node[2], node[3] = min(node[0], x), max(node[1], x), min(node[2], y), max(node[3], y)
+            node[4] = max(node[4], z)
+            mx += x
+            my += y
+            mz += z
+    n = 3.0 * (last - first)
+    mx, my, mz = mx / n, my / n, mz / n
+    xx = xy = yy = xz = yz = 0.0
+    for t in range(first, last):
+        for v in range(3):
+            x, y, z = corners[t, v, 0] - mx, corners[t, v, 1] - my, corners[t, v, 2] - mz
+            xx += x * x
+            xy += x * y
+            yy += y * y
+            xz += x * z
+            yz += y * z
+    ridge = 1e-4 * (xx + yy) + 1e-12
+    det = (xx + ridge) * (yy + ridge) - xy * xy
+    a = ((yy + ridge) * xz - xy * yz) / det
+    b = ((xx + ridge) * yz - xy * xz) / det
+    slope = math.sqrt(a * a + b * b)
+    if slope > 5.0:                         # a wall: its top says more
+        a = b = slope = 0.0
+    c = -np.inf
+    for t in range(first, last):
+        for v in range(3):
+            c = max(c, corners[t, v, 2] - a * corners[t, v, 0] - b * corners[t, v, 1])
+    node[5], node[6], node[7] = a, b, c
+    if slope > 1e-12:
+        root = math.sqrt(1.0 + slope * slope)
+        node[8], node[9], node[10], node[11] = a / root, b / root, a / slope, b / slope

@@ -1,0 +1,203 @@
+"""Drop-cutter on the exact surfaces of a part: where a cutter over (x, y) first touches, to a tenth of a micrometre.
+
+Contacts on trimmed faces (planes, rational and free-form surfaces), on edges and on corners, for ball, bull nose and
+flat end mill; nothing is tessellated.  How: `patch_tree` bounds, `patch_contacts` and `rim_contacts` find,
+`patch_search` proves that nothing was missed.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+
+from cuspline.kernel import brep
+from cuspline.surfaces.edge_curves import EdgeCurves
+from cuspline.surfaces.patches import PatchSet, derive
+from cuspline.surfaces.trims import TrimSet
+from cuspline.toolpaths.contact.contacts import checked_radii_mm
+from cuspline.toolpaths.drop.patch_bounds import EDGE, FACE, conversions
+from cuspline.toolpaths.drop.patch_search import STACK, drop_one
+from cuspline.toolpaths.drop.patch_tree import grow_leaves, grow_tree
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import ToolpathError
+
+TOLERANCE_MM = 1e-5         # what asks for less than this more than the best contact is not looked for
+CHUNK = 256                 # points a thread takes at a time; within it the last contact guides the next search
+SERIAL_ROWS = 512
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExactPart:
+    """The faces and edges of a part as a tree of sub-patches, millimetres, in the part's own frame (tool axis +z)."""
+
+    arrays: tuple       # what kernels take: coefficients, patch, span, kind, sign, rows, tags, nodes, first, trims
+
+    @classmethod
+    def of_solid(cls, solid):
+        """All faces and edges of a solid (or of a shell, or of a compound of solids)."""
+        return cls.of_faces(brep.faces_of(brep.wrapped(solid)))
+
+    @classmethod
+    def of_faces(cls, faces, geometry=None):
+        """Given `brep.Face` values, indices in this order; `geometry` = (PatchSet, TrimSet) of them if at hand.
+
+        Raises:
+            ToolpathError: no face looks upward and no edge is there: nothing could be touched.
+        """
+        patches, trims = geometry or (PatchSet.of_faces(faces), TrimSet.of_faces(faces))
+        edges = EdgeCurves.of_faces(faces)
+        pieces = edges.piece + np.array([0, len(patches.coefficients), 0, 0, 0])
+        patch = np.vstack([patches.patch, pieces]).astype(np.int64)
+        span = np.vstack([patches.span, np.tile([-1.0, 1.0, -1.0, 1.0], (len(pieces), 1))])
+        kind = np.repeat([FACE, EDGE], [len(patches.patch), len(pieces)])
+        if not len(patch):
+            raise ToolpathError("nothing to drop a cutter on: the part has no faces; check the selection")
+        sign = patches.sign[patch[:, 0]]
+        coefficients = np.concatenate([patches.coefficients, edges.coefficients])
+        most = patch[:, 2:4].max() + 1
+        matrices = np.zeros((most, most, most))
+        for n in range(most):
+            matrices[n, :n + 1, :n + 1] = conversions(n)
+        rows, tags, points, firsts = grow_leaves(coefficients, patch, span, sign, kind, trims.arrays, matrices)
+        if not len(rows):
+            raise ToolpathError("nothing to drop a cutter on: no face of the part looks upward; check the tool axis")
+        nodes, first = grow_tree(points, firsts)
+        arrays = (coefficients, patch, span, kind, sign, rows, tags, nodes, first)
+        for a in arrays:
+            a.setflags(write=False)
+        return cls(arrays=(*arrays, trims.arrays))
+
+    @property
+    def memory_bytes(self):
+        """Size of everything that kernels read."""
+        return sum(a.nbytes for a in (*self.arrays[:9], *self.arrays[9]))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SurfaceContacts:
+    """Where the cutter rests, one row a point; tip -inf, face -1 and zeros where nothing lies beneath."""
+
+    tip_z_mm: np.ndarray        # (n,)
+    contact_mm: np.ndarray      # (n, 3)
+    normal: np.ndarray          # (n, 3) unit, from the contact into the cutter
+    face: np.ndarray            # (n,) index of the touched face; for an edge one that it borders
+    is_edge: np.ndarray         # (n,) bool
+
+    def __post_init__(self):
+        for name, shape, dtype in (("tip_z_mm", (None,), float), ("contact_mm", (None, 3), float),
+                                   ("normal", (None, 3), float), ("face", (None,), np.int64),
+                                   ("is_edge", (None,), bool)):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
+
+
+def drop_tips_mm(part, xy_mm, radius_mm, corner_radius_mm, *, tolerance_mm=TOLERANCE_MM):
+    """Lowest safe tip heights.
+
+    Args:
+        part: ExactPart.
+        xy_mm: (n, 2) where the cutter stands; neighbours in the array should be neighbours in space.
+        radius_mm: cutter radius R > 0.
+        corner_radius_mm: rc, 0 (flat) to R (ball).
+        tolerance_mm: the true height is at most this much higher; 5e-9 is the finest that makes sense.
+    Returns:
+        (n,) tip z; -inf where nothing lies beneath the cutter.
+    Raises:
+        ToolpathError: radii that are no cutter's.
+    """
+    return _dropped(part, xy_mm, None, radius_mm, corner_radius_mm, tolerance_mm)[0]
+
+
+def drop_contacts(part, xy_mm, radius_mm, corner_radius_mm, *, tolerance_mm=TOLERANCE_MM):
+    """As `drop_tips_mm`, with the contacts: SurfaceContacts."""
+    tips, at = _dropped(part, xy_mm, None, radius_mm, corner_radius_mm, tolerance_mm)
+    contact, normal = np.zeros((len(tips), 3)), np.zeros((len(tips), 3))
+    xy = np.ascontiguousarray(xy_mm, float)
+    _describe(part.arrays, xy, at, float(radius_mm), float(corner_radius_mm), contact, normal)
+    patch = at[:, 0].astype(np.int64)
+    found = patch >= 0
+    face = np.where(found, part.arrays[1][patch, 0], -1)
+    return SurfaceContacts(tip_z_mm=tips, contact_mm=contact, normal=normal, face=face,
+                           is_edge=found & (part.arrays[3][patch] == EDGE))
+
+
+def gouge_depths_mm(part, tips_mm, radius_mm, corner_radius_mm, *, tolerance_mm=TOLERANCE_MM):
+    """How far the cutter would have to be lifted at each tip.
+
+    Args:
+        tips_mm: (n, 3), finite.
+    Returns:
+        (n,) mm, 0 where it cuts into nothing (to the tolerance).
+    """
+    tips = np.ascontiguousarray(tips_mm, float)
+    own = np.ascontiguousarray(tips[:, 2])
+    return _dropped(part, tips[:, :2], own, radius_mm, corner_radius_mm, tolerance_mm)[0] - own
+
+
+def _dropped(part, xy_mm, start_mm, radius_mm, corner_radius_mm, tolerance_mm):
+    """(n,) tips and (n, 3) patch, s, t of the contacts."""
+    R, rc = checked_radii_mm(radius_mm, corner_radius_mm)
+    xy = np.ascontiguousarray(xy_mm, float)
+    start = np.full(len(xy), -np.inf) if start_mm is None else start_mm
+    tips, at = np.empty(len(xy)), np.empty((len(xy), 3))
+    args = (xy, start, R, rc, float(tolerance_mm))
+    if len(xy) > SERIAL_ROWS:
+        _drop_in_parallel(part.arrays[:9], part.arrays[9], *args, tips, at)
+    else:
+        _drop_rows(part.arrays, *args, 0, len(xy), tips, at)
+    return tips, at
+
+
+@njit(cache=True)
+def scratch_space():
+    """What one thread needs for `drop_one`."""
+    return (np.empty((STACK, 5)), np.empty(STACK, np.int64), np.empty((6, 3)), np.zeros(12), np.empty(8),
+            np.zeros((1, 12)))
+
+
+@njit(cache=True, error_model="numpy")
+def _drop_rows(tree, xy, start, R, rc, tolerance, low, high, tips, at):
+    """Drop rows low..high-1; the contact runs on along them as the next one's hint."""
+    scratch = scratch_space()
+    hint, last = np.full(3, -1.0), np.full(3, -1.0)
+    for i in range(low, high):
+        tips[i] = drop_one(tree, xy[i, 0], xy[i, 1], R, rc, tolerance, start[i], hint, scratch, at[i])
+        hint[0] = at[i, 0]
+        if at[i, 0] >= 0.0:
+            hint[1], hint[2] = at[i, 1], at[i, 2]
+            if last[0] == at[i, 0]:
+                hint[1] = min(max(2.0 * at[i, 1] - last[1], -1.0), 1.0)
+                hint[2] = min(max(2.0 * at[i, 2] - last[2], -1.0), 1.0)
+        last[:] = at[i]
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _drop_in_parallel(tree, trims, xy, start, R, rc, tolerance, tips, at):
+    n = xy.shape[0]
+    for block in prange((n + CHUNK - 1) // CHUNK):      # parallel loops take no tuples of tuples
+        _drop_rows(tree + (trims,), xy, start, R, rc, tolerance, block * CHUNK, min(n, block * CHUNK + CHUNK), tips, at)
+
+
+@njit(cache=True, error_model="numpy")
+def _describe(tree, xy, at, R, rc, contact, normal):
+    """Contact points, and normals into the cutter: the face's, on an edge the cutter's."""
+    o = np.empty((6, 3))
+    for i in range(xy.shape[0]):
+        if at[i, 0] < 0.0:
+            continue
+        p = int(at[i, 0])
+        row = tree[1][p]
+        derive(tree[0], row[1], row[2], row[3], row[4] != 0, at[i, 1], at[i, 2], o)
+        contact[i] = o[0]
+        n = np.zeros(3)
+        if tree[3][p] == FACE:
+            n = tree[4][p] * np.cross(o[1], o[2])
+        size = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+        if not size > 0.0:
+            n = np.array([0.0, 0.0, 1.0])
+            dx, dy = o[0, 0] - xy[i, 0], o[0, 1] - xy[i, 1]
+            d = np.sqrt(dx * dx + dy * dy)
+            e = d - (R - rc)
+            if rc > 0.0 and e > 0.0:
+                n = np.array([-e * dx / d, -e * dy / d, np.sqrt(max(rc * rc - e * e, 0.0))])
+        normal[i] = n / math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])

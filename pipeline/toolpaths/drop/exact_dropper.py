@@ -1,0 +1,88 @@
+"""Drops a cutter onto the exact faces and edges of a part, and says which faces meet on the edges it touches."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.GCPnts import GCPnts_AbscissaPoint
+from scipy.spatial import cKDTree
+
+from cuspline.kernel import brep
+from cuspline.toolpaths.contact.contacts import NO_FACE, TipContacts, cutter_normals
+from cuspline.toolpaths.drop import exact_drop
+from cuspline.toolpaths.drop.droppers import Dropper, checked_cutter
+from cuspline.values.arrays import frozen
+
+SPACING_MM = 0.1            # of points on edges; nearer to a corner than that the edge may be its neighbour
+MOST_POINTS = 5000          # on one edge
+LEANING = 1e-3              # between the face's normal and the cutter's
+LOOKED_AT = 12              # nearest points looked through for an edge of the face touched
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EdgeNeighbours:
+    """Points along the edges of some faces, each with the faces on both sides (the same on a seam)."""
+
+    tree: cKDTree
+    sides: np.ndarray           # (n, 2)
+
+    @classmethod
+    def of_faces(cls, faces):
+        """From `brep.Face` values; face indices count in this order."""
+        points, sides = [np.zeros((0, 3))], [np.zeros((0, 2), int)]
+        for (first, edge), *others in brep.edges_of_faces(faces):
+            length = GCPnts_AbscissaPoint.Length_s(BRepAdaptor_Curve(edge))
+            points.append(brep.edge_points(edge, min(int(length / SPACING_MM) + 3, MOST_POINTS))[0])
+            sides.append(np.tile((first, others[-1][0] if others else first), (len(points[-1]), 1)))
+        return cls(tree=cKDTree(np.vstack(points)), sides=frozen(np.vstack(sides), (None, 2), "sides", int))
+
+    def beside(self, points_mm, face):
+        """(n,) the face on the other side of the edge of `face` (n,) nearest to each point."""
+        count = min(LOOKED_AT, self.tree.n)
+        near = self.sides[self.tree.query(points_mm, k=count)[1].reshape(len(points_mm), count)]
+        fits = (near == face[:, None, None]).any(axis=2)
+        sides = near[np.arange(len(face)), fits.argmax(axis=1)]
+        other = np.where(sides[:, 0] == face, sides[:, 1], sides[:, 0])
+        return np.where(fits.any(axis=1), other, NO_FACE)
+
+
+class ExactDropper(Dropper):
+    """Drops onto the exact surfaces; nothing is tessellated."""
+
+    def __init__(self, part, neighbours, radius_mm, corner_radius_mm, allowance_mm=0.0):
+        """
+        Args:
+            part: exact_drop.ExactPart.
+            neighbours: EdgeNeighbours of the same faces.
+            radius_mm, corner_radius_mm: R > 0 and rc, 0 (flat) to R (ball).
+            allowance_mm: material to leave, >= 0.
+        """
+        self.radius_mm, self.corner_radius_mm, self.allowance_mm = checked_cutter(
+            radius_mm, corner_radius_mm, allowance_mm)
+        self._part, self._neighbours = part, neighbours
+        self._grown = self.radius_mm + self.allowance_mm, self.corner_radius_mm + self.allowance_mm
+
+    @classmethod
+    def of_faces(cls, faces, radius_mm, corner_radius_mm, allowance_mm=0.0):
+        """From all `brep.Face` values of a part."""
+        return cls(exact_drop.ExactPart.of_faces(faces), EdgeNeighbours.of_faces(faces), radius_mm, corner_radius_mm,
+                   allowance_mm)
+
+    def tips_mm(self, xy_mm):
+        return exact_drop.drop_tips_mm(self._part, xy_mm, *self._grown) + self.allowance_mm
+
+    def contacts(self, xy_mm):
+        xy = np.ascontiguousarray(xy_mm, float)
+        c = exact_drop.drop_contacts(self._part, xy, *self._grown)
+        held = c.face >= 0
+        contact, normal, is_edge = (np.array(column) for column in (c.contact_mm, c.normal, c.is_edge))
+        if self._grown[1] > 0:      # on a face the cutter lies against it; what it only leans on is the face's edge
+            cutter = cutter_normals(xy[held], c.tip_z_mm[held], contact[held], *self._grown)
+            leans = np.linalg.norm(cutter - normal[held], axis=1) > LEANING
+            normal[held] = np.where(leans[:, None], cutter, normal[held])
+            is_edge[held] |= leans
+        contact[~held] = normal[~held] = np.nan
+        beside = np.full(len(held), NO_FACE)
+        beside[is_edge] = self._neighbours.beside(contact[is_edge], c.face[is_edge])
+        return TipContacts(tip_z_mm=c.tip_z_mm + self.allowance_mm, contact_mm=contact, normal=normal, face=c.face,
+                           beside=beside, is_edge=is_edge)

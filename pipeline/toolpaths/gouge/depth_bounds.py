@@ -1,0 +1,263 @@
+"""Upper bounds of how deep a piece of a part lies inside a moving cutter, along whatever direction is nearest out.
+
+The cutter with its tip at C holds what lies within rc of the disk of radius a = R - rc at height C_z + rc, and of the
+column above it.  It is convex and open upward, so the depth of a point S is the least over its supporting planes:
+
+    depth(D) = min over unit n, n_z <= 0, of  H(n) - n . D,    D = S - C,    H(n) = a |n_xy| + rc + rc n_z
+
+Any one n (and any mean of several, with the same mean of their H) therefore bounds the depth of all S and C at
+once by H(n) + max(-n . S) + max(n . C).  A bound needs no exact n: one that points out of the cutter near the deepest
+point makes it close, to second order in the sizes of piece and move.  That is all these functions look for.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from cuspline.toolpaths.drop.patch_bounds import FACE, cone_box
+from cuspline.toolpaths.drop.patch_tree import LEVEL
+
+OUTWARD_MM = 1e-9       # added to every bound: rounding of coordinates below a metre
+UPRIGHT = 0.02          # N_z below which a node's N says nothing about heights
+SWEEPS = 8
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def depth_at(x, y, z, R, rc):
+    """Depth of a point at (x, y, z) from the tip; negative outside: minus the distance."""
+    a = R - rc
+    d = math.sqrt(x * x + y * y)
+    e, f = d - a, rc - z
+    if e > 0.0 and f > 0.0:
+        return rc - math.sqrt(e * e + f * f)
+    return rc - max(e, f)
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _least(tips, low, high, x, y, z):
+    """Least of (x, y, z) . tip over rows low..high."""
+    best = np.inf
+    for i in range(low, high + 1):
+        best = min(best, x * tips[i, 0] + y * tips[i, 1] + z * tips[i, 2])
+    return best
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _most(m, low, high):
+    return m * high if m > 0.0 else m * low
+
+
+@njit(cache=True, error_model="numpy")
+def node_depth(nodes, k, tips, low, high, box, R, rc, enough):
+    """Upper bound of the depth of what node k holds in a cutter whose tip runs through rows low..high of `tips`.
+
+    Args:
+        nodes: see depth_tree.   tips: (n, 3).
+        box: (6,) least and largest x, y, z of these tips.
+        enough: no closer bound is looked for once this is reached.
+    """
+    a = R - rc
+    xl, xh, yl, yh = nodes[k, 0] - box[1], nodes[k, 1] - box[0], nodes[k, 2] - box[3], nodes[k, 3] - box[2]
+    zh = nodes[k, 5] - box[4]
+    dx, dy = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
+    depth = depth_at(dx, dy, zh, R, rc) + OUTWARD_MM
+    if depth <= enough:
+        return depth
+    x, y, z, c, h = nodes[k, 6], nodes[k, 7], nodes[k, 8], nodes[k, 9], nodes[k, 10]
+    c_mid = c - _least(tips, low, high, x, y, z)
+    depth = min(depth, a * h + rc - rc * z + c_mid + OUTWARD_MM)
+    if depth <= enough:
+        return depth
+    reach = rc + a / h if h > 1e-9 else rc
+    px, py = min(max(-reach * x, xl), xh), min(max(-reach * y, yl), yh)
+    is_flat = z > UPRIGHT
+    for turn in range(2):
+        pz = min(zh, (c_mid - x * px - y * py) / z) if is_flat else zh
+        d = math.sqrt(px * px + py * py)
+        e, f = max(d - a, 0.0), max(rc - pz, 0.0)
+        g = math.sqrt(e * e + f * f)
+        if rc > 0.0 and g > 1e-9:
+            s = e / (d * g) if e > 0.0 else 0.0
+            nx, ny, nz = px * s, py * s, -f / g
+            support = a * e / g + rc + rc * nz
+        else:                                   # a mean of the side's plane and the bottom's
+            ux, uy = (px / d, py / d) if d > 1e-9 else (1.0, 0.0)
+            share = 1.0
+            if is_flat:
+                s = -(x * ux + y * uy) / z
+                share = s / (1.0 + s) if s > 0.0 else 0.0
+            nx, ny, nz = share * ux, share * uy, share - 1.0
+            support = share * R
+        w = -nz / z if is_flat else max(-(nx * x + ny * y + nz * z), 0.0)
+        mx, my, mz = -nx - w * x, -ny - w * y, -nz - w * z
+        bound = support + w * c + _most(mx, nodes[k, 0], nodes[k, 1]) + _most(my, nodes[k, 2], nodes[k, 3]) \
+            + _most(mz, nodes[k, 4], nodes[k, 5]) - _least(tips, low, high, -nx, -ny, -nz)
+        depth = min(depth, bound + OUTWARD_MM)
+        if depth <= enough or turn == 1:
+            break
+        step = g * z * z if is_flat else g      # Newton's step along the plane
+        qx, qy = min(max(px + mx * step, xl), xh), min(max(py + my * step, yl), yh)
+        if qx == px and qy == py:
+            break
+        px, py = qx, qy
+    return depth
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _along(o, row, nx, ny, nz):
+    return nx * o[row, 0] + ny * o[row, 1] + nz * o[row, 2]
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _piece_value(o, x, y, z, vx, vy, vz, cubic, nx, ny, nz, support):
+    """The bound that n gives over a piece and a stretch."""
+    return (support - nx * x - ny * y - nz * z + abs(_along(o, 1, nx, ny, nz)) + abs(_along(o, 2, nx, ny, nz))
+            + abs(nx * vx + ny * vy + nz * vz) + max(-_along(o, 3, nx, ny, nz), 0.0) * 0.5
+            + abs(_along(o, 4, nx, ny, nz)) + max(-_along(o, 5, nx, ny, nz), 0.0) * 0.5 + cubic + OUTWARD_MM)
+
+
+@njit(cache=True, error_model="numpy")
+def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, bound, normals, at):
+    """Upper bound of the depth over a box of a leaf and a stretch of a move.
+
+    Args:
+        o: (6, 3) point and derivatives in the box's middle, per half side of the box.
+        row, tag: of the leaf (see patch_tree).   alpha, beta: half sides of the box in units of the leaf's.
+        middle, half: (3,) tip in the middle of the stretch, from there to its end.
+        bound: known so far.
+        normals: (8,) scratch.
+        at: (3,) filled: sigma, tau, theta (-1..1) of a likely deepest point.
+    Returns:
+        the bound; -inf if the deepest point of the face cannot lie inside the box: then its edges hold it.
+    """
+    a = R - rc
+    x, y, z = o[0, 0] - middle[0], o[0, 1] - middle[1], o[0, 2] - middle[2]
+    vx, vy, vz = half[0], half[1], half[2]
+    cubic = (row[9] * alpha ** 3 + 3.0 * row[10] * alpha * alpha * beta + 3.0 * row[11] * alpha * beta * beta
+             + row[12] * beta ** 3) / 6.0
+    at[0] = at[1] = at[2] = 0.0
+    n = 0.0
+    if tag[1] == FACE:
+        nx = sign * (o[1, 1] * o[2, 2] - o[1, 2] * o[2, 1])
+        ny = sign * (o[1, 2] * o[2, 0] - o[1, 0] * o[2, 2])
+        nz = sign * (o[1, 0] * o[2, 1] - o[1, 1] * o[2, 0])
+        n = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if n > 0.0:
+        turn = (row[6] * row[5] + row[4] * row[7]) * alpha + (row[7] * row[5] + row[4] * row[8]) * beta
+        nx, ny, nz, sine = nx / n, ny / n, nz / n, turn * alpha * beta / n
+        h = math.sqrt(nx * nx + ny * ny)
+        if nz >= 0.0:
+            bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, -nx, -ny, -nz, a * h + rc - rc * nz))
+        if sine < 1.0 and not _may_hold_deepest(o, row, tag, alpha, beta, x, y, z, vx, vy, vz, nx, ny, nz, h, sine,
+                                                R, rc, bound, normals):
+            return -np.inf
+    if a > 0.0:                                 # beside a wall: the plane of the cutter's side at the nearest point
+        ux, uy = _nearest_to_axis(o, x, y, vx, vy, at)
+        bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, ux, uy, 0.0, R))
+    # the deepest point of the linear part: nearest to the cutter's core, one unknown after the other
+    ss, tt = _along(o, 1, o[1, 0], o[1, 1], o[1, 2]), _along(o, 2, o[2, 0], o[2, 1], o[2, 2])
+    vv = vx * vx + vy * vy + vz * vz
+    s = t = w = 0.0
+    px, py, pz = x, y, z
+    for _ in range(SWEEPS):
+        d = math.sqrt(px * px + py * py)
+        e, f = max(d - a, 0.0), max(rc - pz, 0.0)
+        if e + f < 1e-9:
+            break
+        m = e / d if e > 0.0 else 0.0
+        rx, ry, rz = px * m, py * m, -f
+        before = s, t, w
+        if ss > 0.0:
+            q = min(max(s - (rx * o[1, 0] + ry * o[1, 1] + rz * o[1, 2]) / ss, -1.0), 1.0) - s
+            rx, ry, rz, s = rx + q * o[1, 0], ry + q * o[1, 1], rz + q * o[1, 2], s + q
+        if tt > 0.0:
+            q = min(max(t - (rx * o[2, 0] + ry * o[2, 1] + rz * o[2, 2]) / tt, -1.0), 1.0) - t
+            rx, ry, rz, t = rx + q * o[2, 0], ry + q * o[2, 1], rz + q * o[2, 2], t + q
+        if vv > 0.0:
+            w = min(max(w + (rx * vx + ry * vy + rz * vz) / vv, -1.0), 1.0)
+        px, py, pz = (x + s * o[1, 0] + t * o[2, 0] - w * vx, y + s * o[1, 1] + t * o[2, 1] - w * vy,
+                      z + s * o[1, 2] + t * o[2, 2] - w * vz)
+        if abs(s - before[0]) + abs(t - before[1]) + abs(w - before[2]) < 1e-3:
+            break
+    d = math.sqrt(px * px + py * py)
+    e, f = max(d - a, 0.0), max(rc - pz, 0.0)
+    g = math.sqrt(e * e + f * f)
+    if g > 1e-9 and rc > 0.0:
+        at[0], at[1], at[2] = s, t, w
+        m = e / (d * g) if e > 0.0 else 0.0
+        return min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, px * m, py * m, -f / g,
+                                       a * e / g + rc - rc * f / g))
+    # inside the core: the mean of the side's plane and the bottom's under which one unknown drops out
+    ux, uy = (px / d, py / d) if d > 1e-9 else (1.0, 0.0)
+    for k in range(5):
+        share = float(k)
+        if k > 1:
+            if k == 2:
+                side, down = -(ux * o[1, 0] + uy * o[1, 1]), o[1, 2]
+            elif k == 3:
+                side, down = -(ux * o[2, 0] + uy * o[2, 1]), o[2, 2]
+            else:
+                side, down = ux * vx + uy * vy, -vz
+            if not side * down < 0.0:
+                continue
+            share = down / (down - side)
+        bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, share * ux, share * uy, share - 1.0, share * R))
+    return bound
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest_to_axis(o, x, y, vx, vy, at):
+    """Direction from the axis to the linear part's point nearest to it; its sigma, tau, theta into `at`."""
+    ss, tt = o[1, 0] * o[1, 0] + o[1, 1] * o[1, 1], o[2, 0] * o[2, 0] + o[2, 1] * o[2, 1]
+    vv = vx * vx + vy * vy
+    s = t = w = 0.0
+    for _ in range(SWEEPS):
+        before = s, t, w
+        if ss > 0.0:
+            q = min(max(s - (x * o[1, 0] + y * o[1, 1]) / ss, -1.0), 1.0) - s
+            x, y, s = x + q * o[1, 0], y + q * o[1, 1], s + q
+        if tt > 0.0:
+            q = min(max(t - (x * o[2, 0] + y * o[2, 1]) / tt, -1.0), 1.0) - t
+            x, y, t = x + q * o[2, 0], y + q * o[2, 1], t + q
+        if vv > 0.0:
+            q = min(max(w + (x * vx + y * vy) / vv, -1.0), 1.0) - w
+            x, y, w = x - q * vx, y - q * vy, w + q
+        if abs(s - before[0]) + abs(t - before[1]) + abs(w - before[2]) < 1e-3:
+            break
+    at[0], at[1], at[2] = s, t, w
+    d = math.sqrt(x * x + y * y)
+    return (x / d, y / d) if d > 1e-9 else (1.0, 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _may_hold_deepest(o, row, tag, alpha, beta, x, y, z, vx, vy, vz, nx, ny, nz, h, sine, R, rc, bound, normals):
+    """Can a deepest point of a face, not on its border, lie in a box with these normals, at most `bound` deep?
+
+    There the cutter, taken smaller all round by the depth, touches the face squarely: its axis stands at
+    S_xy + a' h + r' n_xy, h the horizontal direction of the normal n, r' = rc - depth (a' = a), or 0 (a' = R - depth).
+    """
+    if bound >= R:
+        return True
+    a = R - rc
+    bend = 0.5 * (row[6] * alpha * alpha + 2.0 * row[7] * alpha * beta + row[8] * beta * beta) + OUTWARD_MM
+    d = math.sqrt(x * x + y * y)
+    if d > 0.0:
+        ux, uy = x / d, y / d
+        near = d - abs(ux * o[1, 0] + uy * o[1, 1]) - abs(ux * o[2, 0] + uy * o[2, 1]) - abs(ux * vx + uy * vy) - bend
+        farthest = a + rc * min(h + sine, 1.0)
+        if tag[3] == LEVEL:                     # as deep all over: where the side is no nearer than the bottom
+            farthest = min(a, R - (z - abs(vz))) + OUTWARD_MM
+        if near > farthest:
+            return False
+    cone_box(nx, ny, nz, sine, 1.0, normals)
+    least = max(rc - max(bound, 0.0), 0.0)
+    narrow = a - max(bound - rc, 0.0)
+    for k in range(2):
+        q, v = (x, vx) if k == 0 else (y, vy)
+        wide = abs(o[1, k]) + abs(o[2, k]) + abs(v) + bend
+        n0, n1, h0, h1 = normals[2 * k], normals[2 * k + 1], normals[4 + 2 * k], normals[5 + 2 * k]
+        if q + wide + max(rc * n1, least * n1) + max(a * h1, narrow * h1) < 0.0 \
+                or q - wide + min(rc * n0, least * n0) + min(a * h0, narrow * h0) > 0.0:
+            return False
+    return True

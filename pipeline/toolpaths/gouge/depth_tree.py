@@ -1,0 +1,259 @@
+"""Tree over thin pieces of a part's upper faces and edges: a box, a direction N and the height of all below it along N.
+
+The leaves of `patch_tree` are halved until their control hulls are thin.  A node holds
+
+    0..5 x low, high, y low, high, z low, high   6..8 N, unit, N_z >= 0   9 c: N . S <= c for all S below   10 |N_xy|
+
+A piece is (s, t, half s, half t) of its leaf's own box, in units of that box's half sides.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from cuspline.toolpaths.drop.patch_bounds import (
+    BORDER,
+    FACE,
+    HULL_MM,
+    MOST_HALVINGS,
+    OUTSIDE,
+    bernstein,
+    box_state,
+    conversions,
+)
+from cuspline.toolpaths.drop.patch_tree import CURVED, grow_tree
+
+MOST_PIECES = 600_000     # a part that asks for more is cut four times as coarsely
+UP = 1e-9                   # weight of the upward direction where a piece has none of its own
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DepthTree:
+    """What the kernels of `move_depths` read, millimetres, tool axis +z."""
+
+    arrays: tuple       # the part's arrays, then nodes (k, 11), first (k,), leaf of each piece (m,), pieces (m, 4)
+
+    @classmethod
+    def of_part(cls, part, thickness_mm):
+        """Of an exact_drop.ExactPart.
+
+        Args:
+            thickness_mm: of a piece's control hull along its normal, at most; thinner pieces answer faster near a
+                contact and slower elsewhere.
+        """
+        tree = part.arrays
+        most = tree[1][:, 2:4].max() + 1
+        matrices = np.zeros((most, most, most))
+        for n in range(most):
+            matrices[n, :n + 1, :n + 1] = conversions(n)
+        while True:
+            leaf, piece, points, first_point, normal = thin_pieces(tree, matrices, float(thickness_mm), MOST_PIECES)
+            if len(leaf) < MOST_PIECES:
+                break
+            thickness_mm *= 4.0
+        corners, two = _corners(points, first_point), 2 * np.arange(len(leaf) + 1)
+        first = grow_tree(corners, two)[1]
+        nodes = fill_nodes(first, points, first_point, normal)
+        for a in (nodes, first, leaf, piece):
+            a.setflags(write=False)
+        return cls(arrays=(tree, nodes, first, leaf, piece))
+
+    @property
+    def memory_bytes(self):
+        """Size of what comes on top of the part's own."""
+        return sum(a.nbytes for a in self.arrays[1:])
+
+
+@njit(cache=True)
+def _corners(points, first_point):
+    """(2 m, 3) least and largest coordinates of each piece's hull."""
+    out = np.empty((2 * (len(first_point) - 1), 3))
+    for k in range(len(first_point) - 1):
+        for a in range(3):
+            column = points[first_point[k]:first_point[k + 1], a]
+            out[2 * k, a], out[2 * k + 1, a] = column.min(), column.max()
+    return out
+
+
+@njit(cache=True)
+def _longer(a):
+    out = np.empty((2 * a.shape[0],) + a.shape[1:], a.dtype)
+    out[:a.shape[0]] = a
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def thin_pieces(tree, matrices, thickness, most):
+    """Halve every leaf until it is thin.
+
+    Returns:
+        leaf (m,), piece (m, 4), hull points (h, 3), first hull point of each piece (m + 1,), normals (m, 3) times the
+        piece's area; m stops at `most`.
+    """
+    coefficients, patches, spans, kinds, signs, rows, tags = tree[:7]
+    leaf, piece, normal = np.empty(1024, np.int64), np.empty((1024, 4)), np.empty((1024, 3))
+    points, first_point = np.empty((16384, 3)), np.zeros(1025, np.int64)
+    stack, depth = np.empty((2 * MOST_HALVINGS + 64, 4)), np.empty(2 * MOST_HALVINGS + 64, np.int64)
+    count = 0
+    n = np.empty(3)
+    for k in range(rows.shape[0]):
+        p = patches[tags[k, 0]]
+        du, dv = p[2], p[3]
+        mu, mv = matrices[du, :du + 1, :du + 1], matrices[dv, :dv + 1, :dv + 1]
+        b = np.empty((du + 1, dv + 1, 4))
+        hull = np.empty((du + 1, dv + 1, 3))
+        size = (du + 1) * (dv + 1)
+        stack[0], depth[0] = np.array([0.0, 0.0, 1.0, 1.0]), 0
+        top = 1
+        while top > 0:
+            top -= 1
+            si, ti, alpha, beta = stack[top]
+            level = depth[top]
+            s, t = rows[k, 0] + rows[k, 1] * si, rows[k, 2] + rows[k, 3] * ti
+            hs, ht = rows[k, 1] * alpha, rows[k, 3] * beta
+            if tags[k, 2] == BORDER and level > 0 and outside_trim(tree, k, s, t, hs, ht):
+                continue
+            bernstein(coefficients, p[1], du, dv, s, hs, t, ht, mu, mv, b)
+            for i in range(du + 1):
+                for j in range(dv + 1):
+                    for a in range(3):
+                        hull[i, j, a] = b[i, j, a] / b[i, j, 3]
+            area = _area_normal(hull, signs[tags[k, 0]], tags[k, 1] == FACE, n)
+            if tags[k, 3] == CURVED and level < MOST_HALVINGS:
+                bend_s, bend_t, thick = _bends(hull, n, tags[k, 1] == FACE)
+                if thick > thickness:
+                    if bend_s > bend_t:
+                        axis = 0
+                    elif bend_t > bend_s:
+                        axis = 1
+                    else:
+                        axis = 0 if rows[k, 4] * alpha >= rows[k, 5] * beta else 1
+                    for side in (-1.0, 1.0):
+                        stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3] = si, ti, alpha, beta
+                        stack[top, axis] += side * 0.5 * stack[top, 2 + axis]
+                        stack[top, 2 + axis] *= 0.5
+                        depth[top] = level + 1
+                        top += 1
+                    continue
+            if count == leaf.shape[0]:
+                leaf, piece, normal = _longer(leaf), _longer(piece), _longer(normal)
+                more = np.empty(2 * count + 1, np.int64)
+                more[:count + 1] = first_point[:count + 1]
+                first_point = more
+            used = first_point[count]
+            while used + size > points.shape[0]:
+                points = _longer(points)
+            leaf[count] = k
+            piece[count, 0], piece[count, 1], piece[count, 2], piece[count, 3] = si, ti, alpha, beta
+            normal[count] = n * max(area, 1e-12)
+            points[used:used + size] = hull.reshape(size, 3)
+            count += 1
+            first_point[count] = used + size
+            if count >= most:
+                top = 0
+        if count >= most:
+            break
+    used = first_point[count]
+    return (leaf[:count].copy(), piece[:count].copy(), points[:used].copy(), first_point[:count + 1].copy(),
+            normal[:count].copy())
+
+
+@njit(cache=True)
+def outside_trim(tree, leaf, s, t, hs, ht):
+    """Does a box of a leaf's patch lie outside its face's trim?"""
+    patch = tree[6][leaf, 0]
+    span = tree[2][patch]
+    u0, v0 = 0.5 * (span[0] + span[1]), 0.5 * (span[2] + span[3])
+    hu, hv = 0.5 * (span[1] - span[0]), 0.5 * (span[3] - span[2])
+    return box_state(tree[9], tree[1][patch, 0], u0 + hu * (s - hs), u0 + hu * (s + hs),
+                     v0 + hv * (t - ht), v0 + hv * (t + ht)) == OUTSIDE
+
+
+@njit(cache=True, error_model="numpy")
+def _area_normal(hull, sign, is_face, n):
+    """Unit upward direction of a piece into n (3,); its area.  Of an edge: square to it, as far up as can be."""
+    a, b = hull.shape[0] - 1, hull.shape[1] - 1
+    area = 0.0
+    if is_face:
+        p, q = hull[a, b] - hull[0, 0], hull[0, b] - hull[a, 0]
+        n[0] = 0.5 * sign * (p[1] * q[2] - p[2] * q[1])
+        n[1] = 0.5 * sign * (p[2] * q[0] - p[0] * q[2])
+        n[2] = max(0.5 * sign * (p[0] * q[1] - p[1] * q[0]), 0.0)
+        area = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    else:
+        d = hull[a, 0] - hull[0, 0]
+        square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+        n[0], n[1], n[2] = -d[0] * d[2], -d[1] * d[2], d[0] * d[0] + d[1] * d[1]
+        if not n[2] > 1e-12 * square:
+            n[0] = n[1] = n[2] = 0.0
+    length = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    if length > 1e-30:
+        n[0], n[1], n[2] = n[0] / length, n[1] / length, n[2] / length
+    else:
+        n[0], n[1], n[2] = 0.0, 0.0, 1.0
+    return area
+
+
+@njit(cache=True, error_model="numpy")
+def _bends(hull, n, is_face):
+    """How much the hull bends along s and along t, and how thick it is along n; an edge: how far from straight."""
+    nu, nv = hull.shape[0], hull.shape[1]
+    bend_s = bend_t = 0.0
+    low, high = np.inf, -np.inf
+    if not is_face:
+        for i in range(1, nu - 1):
+            d = hull[i - 1, 0] - 2.0 * hull[i, 0] + hull[i + 1, 0]
+            bend_s = max(bend_s, (nu - 1) * math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]))
+        return bend_s, 0.0, bend_s
+    for i in range(nu):
+        for j in range(nv):
+            z = n[0] * hull[i, j, 0] + n[1] * hull[i, j, 1] + n[2] * hull[i, j, 2]
+            low, high = min(low, z), max(high, z)
+            if 0 < i < nu - 1:
+                d = hull[i - 1, j] - 2.0 * hull[i, j] + hull[i + 1, j]
+                bend_s = max(bend_s, (nu - 1) * abs(n[0] * d[0] + n[1] * d[1] + n[2] * d[2]))
+            if 0 < j < nv - 1:
+                d = hull[i, j - 1] - 2.0 * hull[i, j] + hull[i, j + 1]
+                bend_t = max(bend_t, (nv - 1) * abs(n[0] * d[0] + n[1] * d[1] + n[2] * d[2]))
+    return bend_s, bend_t, high - low
+
+
+@njit(cache=True, error_model="numpy")
+def fill_nodes(first, points, first_point, normal):
+    """(k, 11) rows of all nodes."""
+    nodes = np.empty((first.shape[0], 11))
+    sums = np.zeros((first.shape[0], 3))
+    stack = np.empty(256, np.int64)
+    for k in range(first.shape[0] - 1, -1, -1):         # children stand behind their parents
+        row = nodes[k]
+        if first[k] < 0:
+            p = -1 - first[k]
+            sums[k] = normal[p]
+            for a in range(3):
+                column = points[first_point[p]:first_point[p + 1], a]
+                row[2 * a], row[2 * a + 1] = column.min() - HULL_MM, column.max() + HULL_MM
+        else:
+            a, b = first[k], first[k] + 1
+            sums[k] = sums[a] + sums[b]
+            for i in range(3):
+                row[2 * i] = min(nodes[a, 2 * i], nodes[b, 2 * i])
+                row[2 * i + 1] = max(nodes[a, 2 * i + 1], nodes[b, 2 * i + 1])
+        x, y, z = sums[k, 0], sums[k, 1], sums[k, 2] + UP
+        length = math.sqrt(x * x + y * y + z * z)
+        x, y, z = x / length, y / length, z / length
+        c, top = -np.inf, 1
+        stack[0] = k
+        while top > 0:
+            top -= 1
+            j = stack[top]
+            if first[j] >= 0:
+                stack[top], stack[top + 1] = first[j], first[j] + 1
+                top += 2
+                continue
+            p = -1 - first[j]
+            for i in range(first_point[p], first_point[p + 1]):
+                c = max(c, x * points[i, 0] + y * points[i, 1] + z * points[i, 2])
+        row[6], row[7], row[8], row[9], row[10] = x, y, z, c + HULL_MM, math.sqrt(x * x + y * y)
+    return nodes

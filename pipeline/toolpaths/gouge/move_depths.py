@@ -1,0 +1,352 @@
+"""How deep straight moves cut into a part, proven: runs of moves together first, then what is left, each for itself.
+
+A run of moves goes down the tree of `depth_tree` as one.  What is proven within the tolerance for the whole
+run is done with; the rest of the tree is kept for its two halves, down to single moves.  A single move's rest is
+halved, nodes, pieces of faces and stretches of the move, the one with the largest bound first, until that bound
+stands within the tolerance of the deepest point known.
+"""
+
+import numpy as np
+from numba import njit, prange
+
+from cuspline.surfaces.patches import derive, position, scale_derivatives
+from cuspline.surfaces.trims import CHORD_MM
+from cuspline.toolpaths.drop.exact_drop import checked_radii_mm
+from cuspline.toolpaths.drop.patch_bounds import BORDER, FACE
+from cuspline.toolpaths.drop.patch_search import in_trim
+from cuspline.toolpaths.gouge.depth_bounds import depth_at, node_depth, piece_depth
+from cuspline.toolpaths.gouge.depth_tree import outside_trim
+from cuspline.values.errors import ToolpathError
+
+FINEST_MM = 1e-4        # tolerance
+RUN = 16                # moves that go down the tree together at most
+RUN_SHARE = 0.5         # of the radius: no run is longer
+LEVELS = 6              # 2 ** (LEVELS - 2) >= RUN
+MOST_KEPT = 2048        # nodes kept for the halves of a run
+MOST_BOXES = 30_000     # of one move; what is left open then counts as cut
+SMALLEST_MM = 1e-7      # boxes and stretches end here: what is left open then counts as cut
+DEEP_SHARE = 0.02       # deep gouges are known to this share of their depth
+CHUNK = 16              # runs a thread takes at a time
+SERIAL_RUNS = 32
+
+
+def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_mm):
+    """How deep a point of the part lies inside the cutter at most, at any place along straight moves.
+
+    The depth of a point is its distance from the cutter's surface (the cutter closed upward), whatever the
+    direction.  The bound stands within the tolerance of the true depth, within half of it where the bound exceeds the
+    tolerance, within DEEP_SHARE of the depth where that is more; except where MOST_BOXES do not settle it: there what
+    is open counts as cut, the safe side.
+
+    Args:
+        tree: DepthTree.
+        start_mm, end_mm: (n, 3) tips, finite; moves that follow one another are best given so.
+        radius_mm, corner_radius_mm: R > 0 and rc, 0 (flat) to R (ball).
+        tolerance_mm: >= FINEST_MM.
+    Returns:
+        (n,) upper bound of the depth, >= 0; (n,) where along the move, 0..1, and (n, 3) which point of the part is the
+        deepest known (NaN where none was found inside the cutter).
+    Raises:
+        ToolpathError: radii or a tolerance that cannot be.
+    """
+    R, rc = checked_radii_mm(radius_mm, corner_radius_mm)
+    if not tolerance_mm >= FINEST_MM:
+        raise ToolpathError(f"a depth tolerance of {tolerance_mm} mm is finer than the {FINEST_MM} mm that borders of "
+                            "faces are known to: ask for more than that")
+    start, end = np.ascontiguousarray(start_mm, float), np.ascontiguousarray(end_mm, float)
+    depth, share, place = np.full(len(start), -np.inf), np.full(len(start), 0.5), np.full((len(start), 3), np.nan)
+    runs = _runs(start, end, RUN_SHARE * R)
+    part, rest = tree.arrays[0], tree.arrays[1:]
+    args = rest, start, end, runs, R, rc, tolerance_mm - CHORD_MM, depth, share, place
+    if len(runs) > SERIAL_RUNS:
+        _depths_in_parallel(part[:9], part[9], *args)
+    else:
+        _depths_of_runs(part, *args, 0, len(runs) - 1)
+    # a point that the trim's chords leave out lies that near to an edge
+    return np.maximum(depth + CHORD_MM, 0.0), share, place
+
+
+@njit(cache=True)
+def _runs(start, end, longest):
+    """First row of each run, and the number of rows."""
+    out = np.empty(len(start) + 1, np.int64)
+    count, length, rows = 0, 0.0, 0
+    for i in range(len(start)):
+        own = 0.0
+        joins = rows > 0 and rows < RUN
+        for k in range(3):
+            own = max(own, abs(end[i, k] - start[i, k]))
+            if i > 0 and end[i - 1, k] != start[i, k]:
+                joins = False
+        if not joins or length + own > longest:
+            out[count] = i
+            count, length, rows = count + 1, 0.0, 0
+        length, rows = length + own, rows + 1
+    out[count] = len(start)
+    return out[:count + 1].copy()
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _depths_in_parallel(part, trims, rest, start, end, runs, R, rc, tolerance, depth, share, place):
+    n = len(runs) - 1
+    for block in prange((n + CHUNK - 1) // CHUNK):      # parallel loops take no tuples of tuples
+        _depths_of_runs(part + (trims,), rest, start, end, runs, R, rc, tolerance, depth, share, place,
+                        block * CHUNK, min(n, block * CHUNK + CHUNK))
+
+
+@njit(cache=True, error_model="numpy")
+def _depths_of_runs(part, rest, start, end, runs, R, rc, tolerance, depth, share, place, first_run, last_run):
+    """Fill in runs first_run..last_run-1."""
+    nodes, first = rest[0], rest[1]
+    kept, counts = np.empty((LEVELS, MOST_KEPT), np.int64), np.zeros(LEVELS, np.int64)
+    todo = np.empty((2 * LEVELS, 3), np.int64)          # first and last move, level
+    tips, box = np.empty((RUN + 1, 3)), np.empty(6)
+    heap = heap_space()
+    for run in range(first_run, last_run):
+        base = runs[run]
+        count = runs[run + 1] - base
+        tips[0] = start[base]
+        for i in range(count):
+            tips[i + 1] = end[base + i]
+        todo[0, 0], todo[0, 1], todo[0, 2] = 0, count, 1
+        kept[0, 0], counts[0] = 0, 1
+        top = 1
+        while top > 0:
+            top -= 1
+            low, high, level = todo[top]
+            _fill_box(tips, low, high, box)
+            most = _rest_of_run(nodes, first, tips, low, high, box, R, rc, tolerance, kept[level - 1],
+                                counts[level - 1], kept[level], counts, level)
+            for i in range(base + low, base + high):
+                depth[i] = max(depth[i], most)
+            if counts[level] == 0:
+                continue
+            if high - low == 1:
+                i = base + low
+                depth[i] = max(depth[i], depth_of_move(part, rest, start[i], end[i], R, rc, tolerance, kept[level],
+                                                       counts[level], heap, share, place, i))
+                continue
+            middle = (low + high) // 2
+            todo[top, 0], todo[top, 1], todo[top, 2] = middle, high, level + 1
+            todo[top + 1, 0], todo[top + 1, 1], todo[top + 1, 2] = low, middle, level + 1
+            top += 2
+
+
+@njit(cache=True, inline="always")
+def _fill_box(tips, low, high, box):
+    for k in range(3):
+        least, most = tips[low, k], tips[low, k]
+        for i in range(low + 1, high + 1):
+            least, most = min(least, tips[i, k]), max(most, tips[i, k])
+        box[2 * k], box[2 * k + 1] = least, most
+
+
+@njit(cache=True, error_model="numpy")
+def _rest_of_run(nodes, first, tips, low, high, box, R, rc, tolerance, given, count, kept, counts, level):
+    """Largest bound of what is proven within the tolerance; what is not goes into `kept`, counts[level] nodes."""
+    size = max(box[1] - box[0], box[3] - box[2], box[5] - box[4])
+    most, used = -np.inf, 0
+    stack = np.empty(128, np.int64)
+    for j in range(count):
+        stack[0] = given[j]
+        top = 1
+        while top > 0:
+            top -= 1
+            k = stack[top]
+            bound = node_depth(nodes, k, tips, low, high, box, R, rc, tolerance)
+            if bound <= tolerance:
+                most = max(most, bound)
+                continue
+            wide = max(nodes[k, 1] - nodes[k, 0], nodes[k, 3] - nodes[k, 2])
+            room = used + top + (count - j) + 2 < kept.shape[0] and top + 2 < stack.shape[0]
+            if first[k] >= 0 and wide > size and room:
+                stack[top], stack[top + 1] = first[k] + 1, first[k]
+                top += 2
+            else:
+                kept[used] = k
+                used += 1
+    counts[level] = used
+    return most
+
+
+@njit(cache=True)
+def heap_space():
+    """What one thread needs for `depth_of_move`: boxes (bound, t0, t1, s, t, half s, half t), what each is of, and
+    scratch."""
+    return (np.empty((MOST_BOXES + 8, 7)), np.empty(MOST_BOXES + 8, np.int64), np.empty(MOST_BOXES + 8, np.int64),
+            np.empty((6, 3)), np.empty(8), np.empty(3), np.empty((2, 3)), np.empty(6), np.empty((2, 3)), np.empty(3))
+
+
+@njit(cache=True, inline="always")
+def _push(boxes, order, count, slot):
+    """Let a box sink into the heap of numbers `order`, largest bound on top."""
+    i = count
+    while i > 0:
+        above = (i - 1) // 2
+        if boxes[order[above], 0] >= boxes[slot, 0]:
+            break
+        order[i] = order[above]
+        i = above
+    order[i] = slot
+
+
+@njit(cache=True, inline="always")
+def _pop(boxes, order, count):
+    """Number of the box on top; the heap then holds count - 1."""
+    best, last = order[0], order[count - 1]
+    count -= 1
+    i = 0
+    while 2 * i + 1 < count:
+        k = 2 * i + 1
+        if k + 1 < count and boxes[order[k + 1], 0] > boxes[order[k], 0]:
+            k += 1
+        if boxes[order[k], 0] <= boxes[last, 0]:
+            break
+        order[i] = order[k]
+        i = k
+    order[i] = last
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, share, place, row):
+    """Upper bound of one move's depth in the nodes `given`; share[row] and place[row] are filled if one is found."""
+    rows, tags = part[5], part[6]
+    nodes, first, leaf_of, pieces = rest
+    boxes, ids, order, o, normals, at, tips, tip_box, middle_half, point = heap
+    length = max(abs(end[0] - start[0]), abs(end[1] - start[1]), abs(end[2] - start[2]))
+    lower, upper = 0.0, -np.inf
+    filled = live = 0
+    for j in range(count + 1):                          # the last round: all that come of boxes taken from the heap
+        if j < count:
+            k = given[j]
+            _stretch(start, end, 0.0, 1.0, tips, tip_box)
+            bound = node_depth(nodes, k, tips, 0, 1, tip_box, R, rc, tolerance)
+            if bound <= tolerance:
+                upper = max(upper, bound)
+                continue
+            ids[filled] = k
+            boxes[filled, 0], boxes[filled, 1], boxes[filled, 2] = bound, 0.0, 1.0
+            _push(boxes, order, live, filled)
+            filled, live = filled + 1, live + 1
+            continue
+        while live > 0:
+            slot = order[0]
+            bound = boxes[slot, 0]
+            if bound <= _settled(lower, tolerance) or filled + 2 > MOST_BOXES:
+                upper = max(upper, bound)
+                break
+            _pop(boxes, order, live)
+            live -= 1
+            k, t0, t1 = ids[slot], boxes[slot, 1], boxes[slot, 2]
+            si, ti, alpha, beta = boxes[slot, 3], boxes[slot, 4], boxes[slot, 5], boxes[slot, 6]
+            tm, stretch = 0.5 * (t0 + t1), (t1 - t0) * length
+            if k >= 0 and first[k] < 0:                 # a leaf of the tree: from now on a piece
+                p = -1 - first[k]
+                leaf = leaf_of[p]
+                ids[slot] = -1 - leaf
+                boxes[slot, 3], boxes[slot, 4], boxes[slot, 5], boxes[slot, 6] = pieces[p]
+                bound, depth = _look(part, leaf, start, end, boxes[slot], R, rc, lower, heap)
+                if depth > lower:
+                    lower = depth
+                    share[row], place[row] = at[2], point
+                boxes[slot, 0] = bound
+                if bound > _settled(lower, tolerance):
+                    _push(boxes, order, live, slot)
+                    live += 1
+                else:
+                    upper = max(upper, bound)
+                continue
+            if k >= 0:
+                size = max(nodes[k, 1] - nodes[k, 0], nodes[k, 3] - nodes[k, 2], nodes[k, 5] - nodes[k, 4])
+            else:
+                size = 2.0 * max(rows[-1 - k, 4] * alpha, rows[-1 - k, 5] * beta)
+                if size + stretch < SMALLEST_MM:
+                    upper = max(upper, bound)
+                    continue
+            for side in range(2):
+                new = slot if side == 1 else filled
+                b = boxes[new]
+                b[0], b[1], b[2], b[3], b[4], b[5], b[6] = bound, t0, t1, si, ti, alpha, beta
+                child = k
+                if stretch > size:
+                    b[1], b[2] = (t0, tm) if side == 0 else (tm, t1)
+                elif k >= 0:
+                    child = first[k] + side
+                elif rows[-1 - k, 4] * alpha >= rows[-1 - k, 5] * beta:
+                    b[3], b[5] = si + (side - 0.5) * alpha, 0.5 * alpha
+                else:
+                    b[4], b[6] = ti + (side - 0.5) * beta, 0.5 * beta
+                ids[new] = child
+                if child >= 0:
+                    _stretch(start, end, b[1], b[2], tips, tip_box)
+                    b[0] = min(bound, node_depth(nodes, child, tips, 0, 1, tip_box, R, rc, _settled(lower, tolerance)))
+                else:
+                    b[0], depth = _look(part, -1 - child, start, end, b, R, rc, lower, heap)
+                    if depth > lower:
+                        lower = depth
+                        share[row], place[row] = at[2], point
+                if b[0] > _settled(lower, tolerance):
+                    _push(boxes, order, live, new)
+                    live += 1
+                    if side == 0:
+                        filled += 1
+                else:
+                    upper = max(upper, b[0])
+    return max(upper, lower)
+
+
+@njit(cache=True, inline="always")
+def _settled(lower, tolerance):
+    """What is bounded by this needs no closer look: clean, or close enough to the deepest point known."""
+    return max(tolerance, lower + max(0.5 * tolerance, DEEP_SHARE * lower))
+
+
+@njit(cache=True, inline="always")
+def _stretch(start, end, t0, t1, tips, box):
+    for k in range(3):
+        tips[0, k] = start[k] + t0 * (end[k] - start[k])
+        tips[1, k] = start[k] + t1 * (end[k] - start[k])
+    _fill_box(tips, 0, 1, box)
+
+
+@njit(cache=True, error_model="numpy")
+def _look(part, leaf, start, end, b, R, rc, known, heap):
+    """(bound of a box of a leaf and a stretch, depth of a point found in it); that point and where along the move it
+    is deepest go into the scratch if it is deeper than known."""
+    o, normals, at, middle_half, point = heap[3], heap[4], heap[5], heap[8], heap[9]
+    row, tag = part[5][leaf], part[6][leaf]
+    s, t, hs, ht = row[0] + row[1] * b[3], row[2] + row[3] * b[4], row[1] * b[5], row[3] * b[6]
+    crosses = tag[1] == FACE and tag[2] == BORDER
+    if crosses and outside_trim(part, leaf, s, t, hs, ht):
+        return -np.inf, 0.0
+    p = part[1][tag[0]]
+    derive(part[0], p[1], p[2], p[3], p[4] != 0, s, t, o)
+    scale_derivatives(o, hs, ht)
+    for k in range(3):
+        middle_half[0, k] = start[k] + 0.5 * (b[1] + b[2]) * (end[k] - start[k])
+        middle_half[1, k] = 0.5 * (b[2] - b[1]) * (end[k] - start[k])
+    bound = piece_depth(o, row, tag, part[4][tag[0]], b[5], b[6], middle_half[0], middle_half[1], R, rc, b[0],
+                        normals, at)
+    if bound <= known:
+        return bound, 0.0
+    best = known
+    sigma, tau, theta = at[0], at[1], at[2]
+    for turn in range(2):                       # the likely deepest point, and the middle
+        if turn == 1:
+            sigma = tau = 0.0
+        u, v = s + hs * sigma, t + ht * tau
+        position(part[0], p[1], p[2], p[3], p[4] != 0, u, v, o[1])
+        deepest, when = best, -1.0
+        for k in range(4):
+            w = theta if k == 3 else k - 1.0
+            depth = depth_at(o[1, 0] - middle_half[0, 0] - w * middle_half[1, 0],
+                             o[1, 1] - middle_half[0, 1] - w * middle_half[1, 1],
+                             o[1, 2] - middle_half[0, 2] - w * middle_half[1, 2], R, rc)
+            if depth > deepest:
+                deepest, when = depth, 0.5 * (b[1] + b[2]) + 0.5 * w * (b[2] - b[1])
+        if deepest > best and not (crosses and not in_trim(part, tag[0], u, v)):
+            best = deepest
+            at[2] = when
+            point[0], point[1], point[2] = o[1, 0], o[1, 1], o[1, 2]
+    return bound, best if best > known else 0.0

@@ -1,0 +1,91 @@
+"""The stock as a height field: a function of (n, 2) places that gives the height of material there, mm.
+
+A box, and what earlier moves have left of it.
+"""
+
+import math
+
+import numpy as np
+
+from cuspline.program.program import Kind, Plane
+from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
+from cuspline.values import fixed_math as fixed
+
+CHORD_MM = 1e-3         # arcs count as chords that lie this close to them
+LONGEST_MM = 4.0        # pieces are split for the tree: long ones have loose bounds
+
+
+def box_stock(min_mm, max_mm):
+    """Height field of a box; -inf beside it."""
+    low, high = np.array(min_mm, float), np.array(max_mm, float)
+
+    def height_mm(xy_mm):
+        inside = ((xy_mm >= low[:2]) & (xy_mm <= high[:2])).all(axis=1)
+        return np.where(inside, high[2], -np.inf)
+
+    return height_mm
+
+
+def stock_after(moves, radius_mm, corner_radius_mm, height_mm):
+    """Height field that moves leave of another one.
+
+    Args:
+        moves: program.Moves; rapids cut too.
+        radius_mm, corner_radius_mm: the cutter, 0 (flat) to radius (ball).
+        height_mm: height field before.
+    """
+    if len(moves) == 0:
+        return height_mm
+    bottom = swept_by_lines(lines_of_moves(moves), radius_mm, corner_radius_mm)
+    return lambda xy_mm: np.minimum(height_mm(xy_mm), bottom(xy_mm))
+
+
+def swept_by_lines(lines, radius_mm, corner_radius_mm):
+    """Height field of the lowest that the bottom of a cutter comes to along lines; inf where it never comes.
+
+    The cutter's bottom stands p(d) above its tip.  min over the path of z + p(d) is minus the
+    drop-cutter's max over S of S_z - p(d) on the path turned upside down: its pieces are the edges of
+    flat triangles, and the answer is exact.
+
+    Args:
+        lines: (k, 3) polylines of tips, at least two points in one of them.
+        radius_mm, corner_radius_mm: the cutter, 0 (flat) to radius (ball).
+    """
+    starts, ends = (np.concatenate([line[piece] for line in lines]) for piece in (slice(None, -1), slice(1, None)))
+    counts = np.maximum(np.ceil(np.linalg.norm(ends - starts, axis=1) / LONGEST_MM), 1).astype(int)
+    row = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    at = lambda k: (starts[row] + (k / counts[row])[:, None] * (ends - starts)[row]) * np.array([1.0, 1.0, -1.0])
+    corners = np.stack([at(number), at(number + 1), at(number + 1)], axis=1).reshape(-1, 3)
+    path = DropMesh.from_triangles(corners, np.arange(len(corners)).reshape(-1, 3))
+    return lambda xy_mm: -drop_tips_mm(path, xy_mm, radius_mm, corner_radius_mm)
+
+
+def lines_of_moves(moves):
+    """[(n, 3)] points along each move; chords of arcs lie within CHORD_MM."""
+    return [points_of_move(moves, k) for k in range(len(moves))]
+
+
+def points_of_move(moves, k):
+    """(n, 3) points along one move, its ends included."""
+    start, end = moves.end_mm[k - 1] if k else moves.start_mm, moves.end_mm[k]
+    if moves.kind[k] in (Kind.RAPID, Kind.FEED):
+        return np.stack([start, end])
+    return arc_points(start, end, moves.center_mm[k], Plane(moves.plane[k]), moves.kind[k] == Kind.ARC_CCW, CHORD_MM)
+
+
+def arc_points(start, end, center, plane, is_left, chord_mm):
+    """(n, 3) points along an arc or helix whose chords lie within `chord_mm` of it; equal ends: a full turn."""
+    a, b, c = plane.axes
+    radius = math.hypot(start[a] - center[a], start[b] - center[b])
+    first = fixed.arctan2(start[b] - center[b], start[a] - center[a])
+    sweep = (fixed.arctan2(end[b] - center[b], end[a] - center[a]) - first) * (1 if is_left else -1) % (2 * math.pi)
+    sweep = sweep if sweep > 1e-9 else 2 * math.pi
+    n = max(1, math.ceil(sweep / (2 * fixed.arccos(max(1 - chord_mm / radius, -1.0)))))
+    share = np.linspace(0.0, 1.0, n + 1)
+    angle = first + (1 if is_left else -1) * share * sweep
+    points = np.empty((n + 1, 3))
+    points[:, a], points[:, b] = center[a] + radius * fixed.cos(angle), center[b] + radius * fixed.sin(angle)
+    points[:, c] = start[c] + share * (end[c] - start[c])
+    points[0], points[-1] = start, end
+    return points

@@ -1,0 +1,104 @@
+"""What every record out of a file or from the command line is checked by: finite numbers, known keys, names of files."""
+
+import difflib
+import re
+import typing
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+FAR_MM = 1e6                # no machine, stock or fixture reaches so far
+SHOWN = 60                  # characters of a value, and
+MOST_SHOWN = 12             # faults of a file, that a message repeats
+NAME = r"^[A-Za-z0-9_]([A-Za-z0-9_+=. -]{0,62}[A-Za-z0-9_+=-])?$"
+NAME_IN_WORDS = ("what names a file has at most 64 characters out of A-Z a-z 0-9 _ + = - with dots and spaces between "
+                 "them, and begins with a letter, a digit or _")
+
+FileName = Annotated[str, Field(pattern=NAME)]              # of a design, a setup, a companion
+WrittenName = Annotated[str, Field(pattern=NAME.replace("62", "160"))]      # of a file that such a name has become
+Coordinate = Annotated[float, Field(ge=-FAR_MM, le=FAR_MM)]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+
+
+class Model(BaseModel):
+    """Frozen; an unknown key is an error, and so is a number that is not finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def name_fault(name):
+    """Why a name cannot be a file's, "" where it can.
+
+    >>> name_fault("setup-1"), name_fault("../setup-1")[:31]
+    ('', "'../setup-1' cannot name a file")
+    """
+    return "" if re.fullmatch(NAME[1:-1], str(name)) else f"{shortened(name)} cannot name a file: {NAME_IN_WORDS}"
+
+
+def complaints(error, model=None):
+    """All that is wrong in one line: where, what, the value given; beside an unknown key the nearest one.
+
+    Args:
+        error: pydantic's ValidationError, or any other exception.
+        model: the Model that was asked, whose keys are looked up.
+    """
+    if not isinstance(error, ValidationError):
+        return " ".join(str(error).split()) or type(error).__name__
+    found = [_complaint(e, model) for e in error.errors()]
+    more = f"; and {len(found) - MOST_SHOWN} more" if len(found) > MOST_SHOWN else ""
+    return "; ".join(found[:MOST_SHOWN]) + more
+
+
+def no_such(name, names):
+    """What a message says of a name that is not among those that there are.
+
+    >>> no_such("gauge", ("gouge", "excess"))
+    'there is no such name; did you mean gouge?'
+    """
+    close = difflib.get_close_matches(str(name), names, 1)
+    return "there is no such name; " + (f"did you mean {close[0]}?" if close else f"there are {', '.join(names)}")
+
+
+def shortened(value):
+    """A value as a message shows it."""
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):        # nested too deep, or an integer of too many digits
+        text = f"{type(value).__name__} too large to show"
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+
+
+def _complaint(found, model):
+    where, kind = ".".join(str(step)[:SHOWN] for step in found["loc"]), found["type"]
+    if kind == "extra_forbidden":
+        return f"{where}: there is no such key{_nearest(str(found['loc'][-1]), _model_at(model, found['loc'][:-1]))}"
+    if kind == "missing":
+        return f"{where}: it is missing"
+    words = found["msg"].removeprefix("Value error, ")
+    if kind == "string_pattern_mismatch" and found["ctx"]["pattern"].startswith(NAME[:20]):
+        words = NAME_IN_WORDS
+    given = "" if isinstance(found["input"], (dict, BaseModel)) else f" (given: {shortened(found['input'])})"
+    return f"{where}: {words}{given}" if where else words
+
+
+def _nearest(key, model):
+    if model is None:
+        return ""
+    close = difflib.get_close_matches(key, model.model_fields, 1)
+    return f"; did you mean {close[0]}?" if close else f"; there are {', '.join(model.model_fields)}"
+
+
+def _model_at(model, place):
+    """The Model that a place in a document is checked by; None where that is not one alone."""
+    for step in place:
+        if isinstance(step, str) and model is not None:
+            model = _model_in(model.model_fields[step].annotation) if step in model.model_fields else None
+    return model
+
+
+def _model_in(annotation):
+    """The one Model in a type such as tuple[Tool, ...] | None; None where there is none."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = [m for m in map(_model_in, typing.get_args(annotation)) if m is not None]
+    return found[0] if len(found) == 1 else None

@@ -1,0 +1,158 @@
+"""Second verifier: the stock as a closed solid against the B-rep's solid, one boolean a side.
+
+It shares no formula with the first: heights over a grid instead of distances, a tessellation
+instead of sample points, volumes instead of lengths.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from cuspline.kernel import solids
+from cuspline.stock.swept import is_height_field, signed_distance_mm, stock_height_mm
+from cuspline.values import fixed_math as fixed
+from cuspline.verification.volumes import Volumes, volumes
+
+LAYERS = 12               # of the faces' height: what lies under a face by more than a layer is not theirs
+BELOW_MM = 0.2
+LEAST_MM3 = 1e-6          # smaller bodies are rounding
+SURE_MM = 1e-4            # a body counts when the exact height confirms it by more than this
+EXACT_MM = 1e-9
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SolidBody:
+    """A connected body of excess or gouge beyond tolerance."""
+
+    kind: str                 # "excess" or "gouge"
+    volume_mm3: float
+    depth_mm: float           # deepest deviation, the tolerance included
+    place_mm: tuple[float, float, float]      # of that depth, part coordinates
+    min_mm: tuple[float, float, float]
+    max_mm: tuple[float, float, float]
+    samples: np.ndarray       # indices of the samples next to it
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SolidComparison:
+    """Volumes and bodies of one setup."""
+
+    excess_volume_mm3: float          # stock left above the required faces
+    gouge_volume_mm3: float           # design taken away, anywhere
+    bodies: tuple[SolidBody, ...]     # beyond tolerance
+    artefacts: int                    # bodies that the grid made and the exact height denies
+    volumes: Volumes                  # held against those of the residuals
+    tessellation_mm: float
+    pitch_mm: float                   # of the grid
+
+
+def compare(made, k, tessellation, drops, required, found, own, *, excess_mm, gouge_mm, path_error_mm, ball_radius_mm):
+    """Stock solid against design solid, as one clamping sees it.
+
+    Excess is what all clampings together leave above its faces; gouges are its own, on any face.
+
+    Args:
+        made: stock_solids.StockSolids of the workpiece after all clampings.   k: the clamping's number.
+        tessellation: of the whole design, part coordinates.
+        drops: DropMesh of it in the clamping's WCS.
+        required: indices of the faces that this clamping cuts.
+        found: Residuals of these faces after all clampings.   own: Residuals of all faces after this one alone.
+        excess_mm, gouge_mm: tolerances of the bodies.   path_error_mm: of the swept paths.
+        ball_radius_mm: smallest ball of the shop.
+    """
+    field = made.field(k)
+    frame, low, high = field.frame, field.low, field.high
+    vertices, triangles = frame.into(tessellation.vertices_mm), tessellation.triangles
+    design = solids.solid_of(vertices, triangles, "the design's tessellation")
+    region = _region(vertices, triangles[np.isin(tessellation.face, required)], low, high)
+    surface_mm = tessellation.deviation_mm
+    # one large solid stands at a time
+    bodies, artefacts = _bodies("excess", (made.stock(frame, excess_mm) - design) ^ region,
+                                _beyond_excess(made, k, excess_mm), excess_mm, found, frame, surface_mm)
+    more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
+                           own, frame, surface_mm)
+    excess, gouge, held = volumes(lambda: (made.stock(frame) - design) ^ region, lambda: design - field.solid, field,
+                                  made.piece.cuts[k], drops, found, surface_mm, path_error_mm, made.pitches_mm[k],
+                                  ball_radius_mm)
+    return SolidComparison(
+        excess_volume_mm3=excess, gouge_volume_mm3=gouge, bodies=tuple(bodies + more), artefacts=artefacts + others,
+        tessellation_mm=surface_mm, pitch_mm=made.pitches_mm[k], volumes=held)
+
+
+def _beyond_excess(made, k, by):
+    """Function of points (n, 3) in clamping k's WCS: how far stock reaches above them though all cutters are grown."""
+    top, cuts = made.field(k).high[2], made.piece.cuts
+    paths = tuple(p.grown(by) for p in cuts[k].paths)
+    others = [(c.frame, tuple(p.grown(by) for p in c.paths)) for j, c in enumerate(cuts) if j != k]
+
+    def beyond_mm(points):
+        above = (stock_height_mm(paths, points[:, :2], top) - points[:, 2] if is_height_field(paths)
+                 else signed_distance_mm(paths, points))
+        far = [signed_distance_mm(grown, frame.into(cuts[k].frame.out(points))) for frame, grown in others]
+        return np.min([above, *far], axis=0)
+
+    return beyond_mm
+
+
+def _beyond_gouge(made, k, by):
+    """Function of points (n, 3): how far below them clamping k's shrunk cutters have gone."""
+    top, paths = made.field(k).high[2], tuple(p.grown(-by) for p in made.piece.cuts[k].paths)
+    if not is_height_field(paths):
+        return lambda points: -signed_distance_mm(paths, points)
+    return lambda points: points[:, 2] - stock_height_mm(paths, points[:, :2], top)
+
+
+def _region(vertices, triangles, low, high):
+    """What stands above the required faces: prisms from just below their triangles up, in layers of like height."""
+    corners = vertices[triangles]
+    e, f = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
+    corners = corners[e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0] > 1e-12]
+    bottom = corners[:, :, 2].min(axis=1)
+    layers = np.linspace(bottom.min(initial=np.inf), bottom.max(initial=-np.inf), LAYERS + 1)[:-1] if len(bottom) else []
+    layer = np.searchsorted(layers, bottom, side="right") - 1
+    prisms = [solids.prism_over(list(corners[layer == k][:, :, :2]), max(bottom[layer == k].min() - BELOW_MM, low[2] - 1.0),
+                                high[2] + 1.0) for k in np.unique(layer)]
+    return solids.united(prisms)
+
+
+def _bodies(kind, solid, beyond_mm, tolerance, found, frame, tessellation_mm):
+    """Real bodies, and how many were made by the grid: there the exact stock does not cross the design."""
+    pieces = solids.bodies_of(solid, LEAST_MM3)
+    if not pieces:
+        return [], 0
+    vertices = np.concatenate([p.vertices_mm for p in pieces])
+    points, normals = frame.into(found.samples.points_mm), frame.turn_into(found.samples.normals)
+    near = cKDTree(points).query(vertices)[1]
+    depth = np.abs(np.einsum("nc,nc->n", vertices - points[near], normals[near]))
+    beyond = beyond_mm(vertices)
+    ends = np.cumsum([0] + [len(p.vertices_mm) for p in pieces])
+    real = []
+    for piece, i, j in zip(pieces, ends, ends[1:]):
+        if _is_real(beyond[i:j], depth[i:j], max(2 * tessellation_mm, SURE_MM)) and not _is_hair(piece, tessellation_mm):
+            worst = i + int(depth[i:j].argmax())
+            real.append(_described(kind, piece, tolerance + float(depth[worst]), vertices[worst],
+                                   np.unique(near[i:j]), frame))
+    return real, len(pieces) - len(real)
+
+
+def _described(kind, piece, depth, place, samples, frame):
+    corners = frame.out(np.array([piece.min_mm, piece.max_mm, place])).round(6)
+    low, high = corners[:2].min(axis=0), corners[:2].max(axis=0)
+    return SolidBody(kind=kind, volume_mm3=piece.volume_mm3, depth_mm=depth, place_mm=tuple(corners[2].tolist()),
+                     min_mm=tuple(low.tolist()), max_mm=tuple(high.tolist()), samples=samples)
+
+
+def _is_real(beyond, depth, sure):
+    """Whether the exact stock reaches beyond the design at one of a body's vertices.
+
+    Either the exact height passes a vertex of the design, or a vertex of the grid, where its
+    height is exact, lies off the design.
+    """
+    return bool((beyond > sure).any() or ((np.abs(beyond) < EXACT_MM) & (depth > sure)).any())
+
+
+def _is_hair(piece, tessellation_mm):
+    """A body that stands upright and is thinner than the tessellation: what facets leave along a wall beside the faces."""
+    size = np.asarray(piece.max_mm) - np.asarray(piece.min_mm)
+    return bool(piece.volume_mm3 < tessellation_mm * size[2] * fixed.hypot(*size[:2]))

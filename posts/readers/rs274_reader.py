@@ -1,0 +1,456 @@
+"""Reads RS-274 text (LinuxCNC's dialect) back into moves: what the controller will do.
+
+It knows nothing of any post.  What it does not know it refuses, with the line and the remedy.
+"""
+
+import re
+from array import array
+from math import hypot, inf, isfinite, nan, tau
+
+import numpy as np
+
+from cuspline.posts.readers.rs274_arcs import (
+    INCH_BOUNDS,
+    MM_BOUNDS,
+    MM_PER_INCH,
+    center_from_radius,
+    check_radii,
+    is_same_point,
+    sweep_rad,
+)
+from cuspline.posts.readers.rs274_blocks import blocks_of, refusal
+from cuspline.posts.readers.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, TAKEN_ALWAYS, code_of, in_order
+from cuspline.posts.readers.rs274_expressions import Complaint
+from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, refuse_text_after
+from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on
+from cuspline.program.posted import PostedMoves, Remark, Stop
+from cuspline.program.program import Kind, Plane
+
+OPERATION = re.compile(r"\s*OPERATION\b[^:]*:([^,]*)", re.IGNORECASE)
+PLANES = {"G17": Plane.XY, "G18": Plane.ZX, "G19": Plane.YZ}
+KINDS = {"G0": Kind.RAPID, "G1": Kind.FEED, "G2": Kind.ARC_CW, "G3": Kind.ARC_CCW}
+UNKNOWN = (nan, nan, nan)
+SAME_LENGTH_MM = 2e-5       # half the last of six decimals of an inch: a length written out is no nearer
+NO_OFFSET = (0.0, 0.0, 0.0)
+COLUMNS = 24                # numbers kept of a move
+RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True,
+              path_tolerance_mm=inf)
+
+
+def read_program(text, *, work_offsets, tool_lengths):
+    """The moves of an RS-274 program.
+
+    Args:
+        text: the whole program.
+        work_offsets: {"G54": (x, y, z)} machine coordinates of each WCS origin, mm; the machine
+            coordinates of a WCS that is not listed stay NaN.
+        tool_lengths: {number: length offset, or offsets (x, y, z), mm}; a tool that is not listed is refused.
+    Returns:
+        PostedMoves.  The spindle speed is negative while M4 turns it backwards.  What a move relies on
+        before the text has said it, and a length offset that is not that of the tool in the spindle, are remarks.
+    Raises:
+        ReadError: the controller would refuse the text or might do something else; `.rows` holds the line.
+
+    >>> moves = read_program("G21 G54\\nG0 X1 Y2 Z3\\nG1 X9 F100\\nM2", work_offsets={}, tool_lengths={})
+    >>> moves.end_mm[-1].tolist(), moves.line.tolist()
+    ([9.0, 2.0, 3.0], [2, 3])
+    """
+    blocks = blocks_of(text)
+    controller = Controller(work_offsets, tool_lengths, RULES)
+    end = controller.run(executed(blocks))
+    if end is not None:
+        refuse_text_after(blocks, end)
+    elif not is_closed_by_percent(blocks):
+        raise refusal(Complaint("the text stops without a program end", "end it with M2 or M30"), blocks[-1])
+    return controller.posted_moves()
+
+
+class Controller:
+    """The modal state, block after block, and the moves made so far."""
+
+    def __init__(self, work_offsets, tool_lengths, rules):
+        """`rules`: rs274_modes.Rules of the control."""
+        self.rules, self.code_of = rules, rules.code_of
+        self.taken_by_motion = {"": TAKEN_ALWAYS | MOVING_LETTERS} | {
+            code.name: TAKEN_ALWAYS | set("xyz") | code.takes for code in (self.code_of("g", k) for k in range(4))}
+        self.work_offsets = work_offsets
+        self.tool_offsets = {n: NO_OFFSET[:2] + (float(v),) if np.ndim(v) == 0 else tuple(map(float, v))
+                             for n, v in tool_lengths.items()}
+        self.tip = UNKNOWN                  # in the active WCS
+        self.unit_mm = None                 # the text has to say it
+        self.bounds = MM_BOUNDS
+        self.motion = ""
+        self.plane = Plane.XY
+        self.is_absolute, self.is_center_absolute, self.is_inverse_time = True, False, False
+        self.wcs, self.offset = "G54", tuple(work_offsets.get("G54", UNKNOWN))
+        self.is_foreign_wcs = bool(work_offsets) and "G54" not in work_offsets
+        self.tool_offset, self.is_length_on = NO_OFFSET, False
+        self.length_of, self.length_fault = 0, None     # tool whose offset is in force, 0 nobody's; (amount, advice)
+        self.path_tolerance_mm = rules.path_tolerance_mm
+        self.unsaid, self.remarks = set(rules.modes), []
+        self.feed, self.speed, self.speed_line, self.turning = 0.0, 0.0, 0, 0
+        self.selected, self.tool = None, 0
+        self.names, self.operation = [], -1
+        self.line, self.call_line, self.is_machine_move = 0, 0, False
+        self.ended = False
+        self.rows = array("d")              # COLUMNS a move
+        self.stops = []                     # posted.Stop
+
+    # words ------------------------------------------------------------------------------------------
+
+    def run(self, steps):
+        """Execute (block, words) one after the other; the block that ends the program, None where none does.
+
+        Raises:
+            ReadError: see `read_program`.
+        """
+        for block, words in steps:
+            try:
+                self.execute(block, words)
+            except Complaint as complaint:
+                raise refusal(complaint, block) from None
+            if self.ended:
+                return block
+        return None
+
+    def execute(self, block, words):
+        """Do what one block says."""
+        self.line, self.call_line, self.is_machine_move = block.number, block.call_line, False
+        for comment in block.comments:
+            self._note_operation(comment)
+        codes, values = [], {}
+        for letter, value in words:
+            if letter in "gm":
+                codes.append(self.code_of(letter, value))
+                continue
+            if letter in values:
+                raise Complaint(f"two {letter.upper()} words", "leave one of them")
+            values[letter] = value
+            if letter in BY_LETTER:
+                codes.append(BY_LETTER[letter])
+        steps = self._steps(codes, values)
+        for code in steps:
+            self.unsaid.discard(code.group)
+            self.unsaid.discard(code.says)
+            ACTIONS[code.group](self, code.name, values)
+        if self.is_machine_move and MOVE not in steps:
+            raise Complaint("G53 without a move", "G53 goes with G0 or G1 and axis words")
+
+    def _steps(self, codes, values):
+        """The block's codes in the order of execution, with the move where there is one."""
+        motion = next((code.name for code in codes if code.group == "motion"), "")
+        of_axes = [code.name for code in codes if not code.takes.isdisjoint("xyz")]
+        is_move = motion or not (of_axes or MOVING_LETTERS.isdisjoint(values))
+        if len(of_axes) + bool(motion) > 1:
+            raise Complaint(f"{' and '.join([*of_axes, motion][:2])} share the axis words", "write two blocks")
+        taken = self.taken_by_motion[motion or self.motion] if is_move else TAKEN_ALWAYS
+        if not values.keys() <= taken:
+            _refuse_unused(values.keys() - taken.union(*(code.takes for code in codes)))
+        if is_move:
+            codes.append(MOVE)
+        return in_order(codes) if len(codes) > 1 else codes
+
+    def _note_operation(self, comment):
+        named = OPERATION.match(comment)
+        if named:
+            name = named[1].strip().lower()
+            if name not in self.names:
+                self.names.append(name)
+            self.operation = self.names.index(name)
+
+    # modes ------------------------------------------------------------------------------------------
+
+    def set_feed_mode(self, name, values):
+        """G93, G94: either forgets the feed, even where it changes nothing."""
+        self.is_inverse_time, self.feed = name == "G93", 0.0
+
+    def set_feed(self, name, values):
+        if values["f"] < 0:
+            raise Complaint("a feed below zero", "write a positive F")
+        # LinuxCNC takes F before G20 or G21 of the same block, so in the unit that was active until then
+        self.feed = values["f"] if self.is_inverse_time else values["f"] * self._unit()
+
+    def set_speed(self, name, values):
+        if values["s"] < 0:
+            raise Complaint("a spindle speed below zero", "write M4 for the other sense")
+        self.speed, self.speed_line = values["s"], self.line
+
+    def select_tool(self, name, values):
+        self.selected = self._known_tool(values["t"])
+
+    def change_tool(self, name, values):
+        """The tool selected last comes into the spindle, which stops; the length offset stays."""
+        if self.selected is not None:
+            self.tool = self.selected
+        self.turning = 0
+        self._compare_length()
+        self._stand_still(name)
+
+    def turn_spindle(self, name, values):
+        self.turning = {"M3": 1, "M4": -1, "M5": 0}[name]
+        self._stand_still(name)
+
+    def do_once(self, name, values):
+        """G4, G53, and what takes back a shift of the zero that another program has left: no such shift is read."""
+        if name == "G53" and not self.is_absolute:
+            raise Complaint("G53 while G91 is active", "write G90 first")
+        self.is_machine_move = name == "G53"
+        if name == "G4" and values.get("p", -1.0) < 0:
+            raise Complaint("a dwell without its time", "write G4 P seconds")
+        if name == "G52" and any(values.get(c) != 0 for c in "xyz"):
+            raise Complaint("G52 that shifts the zero, or leaves it shifted in some axes",
+                            "write G52 X0. Y0. Z0., and set the zero by a work offset")
+
+    def set_plane(self, name, values):
+        self.plane = PLANES[name]
+
+    def set_units(self, name, values):
+        self.unit_mm, self.bounds = (MM_PER_INCH, INCH_BOUNDS) if name == "G20" else (1.0, MM_BOUNDS)
+
+    def set_length(self, name, values):
+        """G43, G43.1, G49: the machine stands still, the tip's coordinate changes."""
+        old = self.tool_offset
+        self.length_of, self.tool_offset = {"G43": self._tool_offset, "G43.1": self._given_length,
+                                            "G49": lambda values: (0, NO_OFFSET)}[name](values)
+        self.is_length_on = self.length_of > 0 or name == "G43.1"
+        self.tip = tuple(t + (a - b) for t, a, b in zip(self.tip, old, self.tool_offset))
+        self._compare_length()
+
+    def set_wcs(self, name, values):
+        """The machine stands still, the tip's coordinates change."""
+        if name != self.wcs:
+            new = tuple(self.work_offsets.get(name, UNKNOWN))
+            self.tip = tuple(t + (o - n) for t, o, n in zip(self.tip, self.offset, new))
+            self.wcs, self.offset = name, new
+            self.is_foreign_wcs = bool(self.work_offsets) and name not in self.work_offsets
+
+    def set_path_control(self, name, values):
+        """G61, G61.1, G64: blocks are joined within Q, which is P where it is left out, then blended within P."""
+        if name == "G64" and not values.get("p", 0.0) > 0:
+            raise Complaint("G64 without P lets the machine leave the path by any amount",
+                            "write the tolerance: G64 P0.01")
+        if values.get("q", 0.0) < 0:
+            raise Complaint("a tolerance below zero", "write a positive Q, or Q0")
+        p = values["p"] if name == "G64" else 0.0
+        self.path_tolerance_mm = (p + values.get("q", p)) * self._unit() if p else 0.0
+
+    def set_corner_mode(self, name, values):
+        """G61 stops at every corner; what G64 does there is set in the control."""
+        self.path_tolerance_mm = 0.0 if name == "G61" else nan
+
+    def go_home(self, name, values):
+        """G28: rapid to the machine's reference, its zero, in the axes named; only from where they stand."""
+        axes = [c for c in "xyz" if c in values]
+        if not axes or self.is_absolute or any(values[c] for c in axes):
+            raise Complaint("G28 by way of another place", "write G91 G28 Z0. (and X0. Y0.), then G90")
+        self._rely_on(("canned cycle",))
+        shift = self._shift()
+        start, end = self.tip, tuple(-s if c in axes else t for c, s, t in zip("xyz", shift, self.tip))
+        self._add(Kind.RAPID, start, end, UNKNOWN, 0, 0.0)
+
+    def set_distance(self, name, values):
+        self.is_absolute = name == "G90"
+
+    def set_arc_distance(self, name, values):
+        self.is_center_absolute = name == "G90.1"
+
+    def cancel_cycle(self, name, values):
+        self.motion = ""
+
+    def set_motion(self, name, values):
+        self.motion = name
+
+    def stop(self, name, values):
+        self.ended = name in ("M2", "M30")
+        self._stand_still(name)
+
+    def _stand_still(self, name):
+        self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=name))
+
+    def pass_over(self, name, values):
+        """Nothing that concerns the path: coolant, and G40, for G41 and G42 are refused."""
+
+    # moves ------------------------------------------------------------------------------------------
+
+    def move(self, name, values):
+        if not self.motion:
+            raise Complaint("axis words, but no G0 G1 G2 G3 is active", "write the motion code in this block")
+        kind, start = KINDS[self.motion], self.tip
+        if self.unsaid:
+            self._rely_on(relied_on(kind, values, self.is_machine_move))
+        if self.is_foreign_wcs and not self.is_machine_move:
+            self._remark("wrong_work_offset", 0.0, f"{self.wcs} is in force, the setup's zero is "
+                                                   f"{' '.join(self.work_offsets)}: write that")
+            self.is_foreign_wcs = False
+        if self.length_fault and (kind != Kind.RAPID or "z" in values and not self.is_machine_move):
+            self._remark("wrong_length_offset", *self.length_fault)
+            self.length_fault = None
+        end = self._machine_end(values) if self.is_machine_move else self._end(values)
+        if kind != Kind.RAPID:
+            self._require_known(start, end)
+        if kind <= Kind.FEED:
+            center, turns, length_mm = UNKNOWN, 0, hypot(*(e - s for s, e in zip(start, end)))
+        else:
+            end, center, turns, length_mm = self._arc(kind == Kind.ARC_CW, start, end, values)
+        feed = self._feed(length_mm, values) if kind != Kind.RAPID else 0.0
+        self._add(kind, start, end, center, turns, feed)
+
+    def _add(self, kind, start, end, center, turns, feed):
+        machine = [t + s for t, s in zip(end, self._shift())]
+        self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
+                          self.turning * self.speed, self.tool, self.is_length_on, *machine, self.line,
+                          self.operation, self.path_tolerance_mm, self.speed_line, self.call_line))
+        self.tip = end
+
+    def _shift(self):
+        """Machine less WCS coordinates."""
+        return tuple([o + t for o, t in zip(self.offset, self.tool_offset)])
+
+    def _end(self, values):
+        unit_mm = self._unit()
+        if self.is_absolute:
+            return tuple([values[c] * unit_mm if c in values else t for c, t in zip("xyz", self.tip)])
+        return tuple([t + values.get(c, 0.0) * unit_mm for c, t in zip("xyz", self.tip)])
+
+    def _machine_end(self, values):
+        if KINDS[self.motion] > Kind.FEED:
+            raise Complaint("G53 with an arc", "G53 goes with G0 or G1")
+        unit_mm, shift = self._unit(), self._shift()
+        return tuple([values[c] * unit_mm - s if c in values else t for c, t, s in zip("xyz", self.tip, shift)])
+
+    def _arc(self, is_clockwise, start, end, values):
+        """(end, centre, extra turns, length in mm); an end rounding away from the start is put onto it."""
+        first, second, third = self.plane.axes
+        a, b = (start[first], start[second]), (end[first], end[second])
+        c = self._center(is_clockwise, a, b, values)
+        sweep = sweep_rad(a, b, c, is_clockwise)
+        turns = self._turns(values)
+        end, center = list(end), list(start)
+        if is_same_point(a, b):
+            end[first], end[second] = a
+        center[first], center[second] = c
+        around_mm = hypot(a[0] - c[0], a[1] - c[1]) * (sweep + tau * turns)
+        return tuple(end), center, turns, hypot(around_mm, end[third] - start[third])
+
+    def _center(self, is_clockwise, start, end, values):
+        axes, unit_mm = self.plane.axes, self._unit()
+        first, second, third = ("ijk"[axis] for axis in axes)
+        if "r" in values:
+            if values.keys() & {"i", "j", "k"}:
+                raise Complaint("R and I J K in one arc", "give the radius or the centre")
+            return center_from_radius(start, end, values["r"] * unit_mm, is_clockwise, self.bounds)
+        if third in values or not (first in values or second in values):
+            raise Complaint(f"an arc in the {self.plane.name} plane without its centre",
+                            f"give {first.upper()} and {second.upper()}, or R; no {third.upper()}")
+        if self.is_center_absolute and not (first in values and second in values):
+            raise Complaint("half a centre under G90.1", f"give both {first.upper()} and {second.upper()}")
+        base = (0.0, 0.0) if self.is_center_absolute else start
+        center = tuple(b + values.get(letter, 0.0) * unit_mm for b, letter in zip(base, (first, second)))
+        check_radii(start, end, center, self.bounds)
+        return center
+
+    def _turns(self, values):
+        turns = values.get("p", 1.0)
+        if turns < 1 or turns != int(turns):
+            raise Complaint(f"P{turns:g} turns", "P is 1 or another whole number above")
+        return int(turns) - 1
+
+    def _feed(self, length_mm, values):
+        if self.is_inverse_time and "f" not in values:
+            raise Complaint("a cutting block without F under G93", "G93 needs F in every G1 G2 G3 block")
+        if not self.feed > 0:
+            raise Complaint("a cutting move, but no feed is set", "write F")
+        return self.feed * length_mm if self.is_inverse_time else self.feed
+
+    def _require_known(self, start, end):
+        if not isfinite(sum(start) + sum(end)):
+            unknown = " ".join(n for n, s, e in zip("XYZ", start, end) if not isfinite(s + e))
+            raise Complaint(f"a cutting move while nobody knows where {unknown} stands",
+                            "go to a named place by G0 first")
+
+    # what is held against moves ---------------------------------------------------------------------
+
+    def _remark(self, kind, amount_mm, advice):
+        """About the move that comes next."""
+        self.remarks.append(Remark(kind=kind, amount_mm=amount_mm, row=len(self.rows) // COLUMNS, advice=advice))
+
+    def _rely_on(self, modes):
+        """A move hangs on modes: those that the text has not said are remarked once."""
+        for mode in [mode for mode in modes if mode in self.unsaid]:
+            word, what = UNSAID[mode]
+            self._remark("unknown_start", 0.0, f"{word} is missing: {what} is as the program before left it; write "
+                                               f"{word} before this move")
+            self.unsaid.discard(mode)
+
+    def _compare_length(self):
+        """Hold the length offset in force against the tool in the spindle."""
+        self.length_fault = None
+        if not (self.is_length_on and self.tool) or self.length_of == self.tool:
+            return
+        own = self.tool_offsets[self.tool]
+        off_mm = max(abs(a - b) for a, b in zip(own, self.tool_offset))
+        if self.length_of or off_mm > SAME_LENGTH_MM:
+            said = f"H{self.length_of}" if self.length_of else f"G43.1 Z{self.tool_offset[2]:g} mm"
+            self.length_fault = off_mm, (f"{said} is in force with T{self.tool} in the spindle, whose length is "
+                                         f"{own[2]:g} mm: write G43 H{self.tool}")
+
+    # small facts ------------------------------------------------------------------------------------
+
+    def _unit(self):
+        if self.unit_mm is None:
+            raise Complaint("a length before G20 or G21 was said", "write G21 or G20 in a block above")
+        return self.unit_mm
+
+    def _known_tool(self, number):
+        if number and number not in self.tool_offsets:
+            raise Complaint(f"tool {number:g} is not in the tool table",
+                            f"it lists {', '.join(str(n) for n in sorted(self.tool_offsets)) or 'no tools'}")
+        return int(number)
+
+    def _tool_offset(self, values):
+        """(tool whose offset it is, offset) of a G43."""
+        tool = self._known_tool(values.get("h", 0.0))
+        if self.rules.takes_own_length:
+            tool = tool or self.tool
+        elif "h" not in values:
+            raise Complaint("G43 without H takes the offset that was last in force", "write H with the tool's number")
+        return tool, self.tool_offsets[tool] if tool else NO_OFFSET
+
+    def _given_length(self, values):
+        if "z" not in values:
+            raise Complaint("G43.1 without Z", "write G43.1 Z length")
+        return 0, (0.0, 0.0, values["z"] * self._unit())
+
+    def posted_moves(self):
+        """All moves as one value."""
+        table = np.frombuffer(self.rows).reshape(-1, COLUMNS)
+        (kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line, operation, tolerance,
+         speed_line, call_line) = np.split(table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23), axis=1)
+        return PostedMoves(
+            kind=kind[:, 0], start_mm=start, end_mm=end, center_mm=center, plane=plane[:, 0], turns=turns[:, 0],
+            feed_mm_per_min=feed[:, 0], spindle_rpm=speed[:, 0], tool=tool[:, 0],
+            length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
+            operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
+            path_tolerance_mm=tolerance[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
+            remarks=tuple(self.remarks), stops=tuple(self.stops))
+
+
+def _refuse_unused(letters):
+    if letters:
+        raise Complaint(f"no code in this block uses {' '.join(sorted(letters)).upper()}",
+                        "remove it, or add the code it belongs to")
+
+
+ACTIONS = {
+    "feed mode": Controller.set_feed_mode, "feed": Controller.set_feed, "speed": Controller.set_speed,
+    "select tool": Controller.select_tool, "tool change": Controller.change_tool,
+    "spindle": Controller.turn_spindle, "coolant": Controller.pass_over,
+    "plane": Controller.set_plane, "units": Controller.set_units,
+    "cutter compensation": Controller.pass_over, "tool length": Controller.set_length,
+    "work offset": Controller.set_wcs, "path control": Controller.set_path_control,
+    "corner mode": Controller.set_corner_mode, "reference": Controller.go_home,
+    "distance": Controller.set_distance, "arc distance": Controller.set_arc_distance,
+    "canned cycle": Controller.cancel_cycle,
+    "non-modal": Controller.do_once, "motion": Controller.set_motion,
+    "move": Controller.move, "stopping": Controller.stop,
+}

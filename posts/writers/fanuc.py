@@ -1,0 +1,96 @@
+"""Post for Fanuc milling controls; repeated passes as custom macro B programs called by G65.
+
+Facts of the control that this post respects: the text stands between % lines and begins with its O-number; every
+length and feed has a decimal point (without one the control may count thousandths); the tool length offset goes on
+together with the first Z, for G43 alone would move the axis; a macro call hands its numbers over by letters, and
+macro programs stand behind M30 with M99 at their ends; brackets nest five deep, calls four on the oldest models; the reference return instead of
+machine coordinates.  Path tolerance is the control's own (G64 or its smoothing): it is not in the text, the machine's
+file states it as path_tolerance_mm and the verdict counts it.  A zero shifted by G52 is taken back; a G92 is not,
+for G92.1 is an option that stops a control without it: the header says what to do.
+"""
+
+import re
+
+from cuspline.posts.writers.program_files import Dialect, posted
+from cuspline.posts.writers.sub_programs import FIRST_SUB, Variables
+from cuspline.posts.writers.words import UNIT_WORD
+from cuspline.values.errors import PostError
+
+EXTENSION = "nc"
+READER = "fanuc_reader"
+# letters of argument list I and the variables they arrive in
+LETTERS = {1: "A", 2: "B", 3: "C", 4: "I", 5: "J", 6: "K", 7: "D", 8: "E", 9: "F", 11: "H", 13: "M", 17: "Q", 18: "R",
+           19: "S", 20: "T", 21: "U", 22: "V", 23: "W", 24: "X", 25: "Y", 26: "Z"}
+FILES_A_SETUP = 100
+
+
+def post(program, machine):
+    """Write a Program as text.
+
+    Args:
+        program: cuspline.program.program.Program.
+        machine: cuspline.shop.machines.Machine.
+    Returns:
+        Posted.
+    Raises:
+        PostError: a line longer than the control takes, a spindle speed outside the machine's range, a feed that
+            rounds to nothing, an operation that does not start and end at the clearance height, more letters or
+            deeper brackets than a macro has, a tool beside the spindle's axis.
+    """
+    for tool in (o.tool for o in program.operations):
+        if tool.offset_mm[0]:
+            raise PostError(f"T{tool.number} {tool.cutter.name} hangs {tool.head.offset_mm:g} mm beside the spindle's "
+                            "axis, and G43 of this control moves Z alone: choose a head with offset_mm 0, another cutter, or "
+                            "a machine whose tool table has X")
+    return posted(program, machine, _Fanuc())
+
+
+class _Fanuc(Dialect):
+    """Macro B."""
+
+    point, end = ".", "M30"
+    variables = Variables(arguments=tuple(LETTERS), locals=(*range(27, 34), 10, 12, 14, 15, 16), deepest_brackets=5)
+
+    def head(self, writer, program, file_number):
+        """% and O-number, comments, then a known state."""
+        setup = re.search(r"(\d+)$", program.setup)
+        number = FILES_A_SETUP * int(setup[1] if setup else 1) + file_number
+        if file_number >= FILES_A_SETUP or number >= FIRST_SUB:
+            raise PostError(f"{program.setup}: no program number below O{FIRST_SUB} is left for file {file_number}; "
+                            "number setups below 70 and keep a set below 100 files")
+        writer.block("%")
+        writer.block(f"O{number:04d}")
+        for line in program.header:
+            writer.comment(line)
+        writer.comment("RAPIDS MUST BE STRAIGHT: PARAMETER 1401 BIT 1 LRP = 1")
+        writer.comment("A G92 OF ANOTHER PROGRAM STAYS IN FORCE: AFTER ONE GO HOME BY HAND")
+        writer.block(UNIT_WORD[writer.machine.control.units])
+        writer.block("G17", "G90", "G94", "G40", "G49", "G80", "G64")
+        writer.block(program.wcs)
+        writer.block("G52", "X0.", "Y0.", "Z0.")
+
+    def up(self, writer):
+        writer.block("G91", "G28", "Z0.")
+        writer.block("G90")
+
+    def length_on(self, writer, tool_number):
+        """Together with the first Z."""
+        writer.pending_z = ("G43",), (f"H{tool_number}",)
+
+    def foot(self, writer):
+        super().foot(writer)
+        writer.tail.append("%")
+
+    def sub_program(self, writer, label, comment, blocks):
+        before = len(writer.lines)
+        writer.block(f"O{label}")
+        writer.comment(comment.upper())
+        for block in blocks:
+            writer.block(block)
+        writer.block("M99")
+        writer.tail += writer.lines[before:]
+        del writer.lines[before:]
+
+    def call(self, label, numbers):
+        letters = list(LETTERS.values())
+        return f"G65 P{label} " + " ".join(letter + n for letter, n in zip(letters, numbers))

@@ -1,0 +1,60 @@
+"""Post for LinuxCNC (RS-274/NGC), three axes; repeated passes as O-word sub-programs.
+
+Facts of the controller that this post respects: units on a line of their own before anything else; every line
+below the machine's line length; a path tolerance always with G64 (a bare G64 cuts corners by millimetres); arc
+radii compared after rounding, arcs it would refuse cut into chords; sub-programs before their first call; M2 at the
+end.
+"""
+
+from cuspline.posts.writers.program_files import Dialect, posted
+from cuspline.posts.writers.sub_programs import Variables
+from cuspline.posts.writers.words import UNIT_WORD
+
+EXTENSION = "ngc"
+READER = "rs274_reader"
+TOLERANCE_DECIMALS = 7
+
+
+def post(program, machine):
+    """Write a Program as text.
+
+    Args:
+        program: cuspline.program.program.Program.
+        machine: cuspline.shop.machines.Machine.
+    Returns:
+        Posted.
+    Raises:
+        PostError: a line longer than the control takes, a spindle speed outside the machine's range, a
+            feed that rounds to nothing, an operation that does not start and end at the clearance height.
+    """
+    return posted(program, machine, _LinuxCNC())
+
+
+class _LinuxCNC(Dialect):
+    """O-words; #1 to #30 are a call's own."""
+
+    point, end = "", "M2"
+    variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
+
+    def head(self, writer, program, file_number):
+        """Comments, then a known state: units, plane, absolute, no compensation, no shift, path tolerance."""
+        control = writer.machine.control
+        for line in program.header:
+            writer.comment(line)
+        writer.block(UNIT_WORD[control.units])
+        writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80", "G92.1")
+        writer.block("G64", "P" + writer.length(control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
+        writer.block(program.wcs)
+
+    def up(self, writer):
+        writer.block("G53", "G0", "Z0")
+
+    def sub_program(self, writer, label, comment, blocks):
+        writer.comment(comment.upper())
+        writer.block(f"o{label} sub")
+        for block in blocks:
+            writer.block(block)
+        writer.block(f"o{label} endsub")
+
+    def call(self, label, numbers):
+        return f"o{label} call " + " ".join(f"[{n}]" for n in numbers)

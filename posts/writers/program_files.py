@@ -1,0 +1,238 @@
+"""A Program as text in a control's dialect: one file, or a numbered set.
+
+It is split at restart points, and among plain moves where the tool stands at the clearance height.
+
+    head        comments, known state                         )
+    operation   tool, spindle, sub-programs, registers, start  ) in every file of a set
+    passes      restart point, calls, restart point, calls ...   as many as the store takes
+    foot        spindle off, up, end
+"""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from cuspline.posts.writers.sub_programs import (
+    SubPrograms,
+    Variables,
+    calls_between,
+    largest_rounding_mm,
+    main_lines,
+    restart_number,
+)
+from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines
+from cuspline.values.errors import PostError
+
+LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
+
+
+class Dialect(ABC):
+    """How one kind of control wants things written."""
+
+    point: str                  # behind a number without decimals
+    end: str                    # the word that ends the program
+    variables: Variables
+
+    @abstractmethod
+    def head(self, writer, program, file_number):
+        """Everything before the first operation."""
+
+    @abstractmethod
+    def up(self, writer):
+        """The spindle to the top of the machine."""
+
+    def length_on(self, writer, tool_number):
+        """The tool's length offset goes on, at the top of the machine."""
+        writer.block("G43", f"H{tool_number}")
+
+    def foot(self, writer):
+        """The end of the program; what must stand behind it is in `writer.tail`."""
+        writer.block("M5")
+        writer.block("M9")
+        self.up(writer)
+        writer.block(self.end)
+
+    @abstractmethod
+    def sub_program(self, writer, label, comment, blocks):
+        """Define a sub-program, in the lines or in the tail."""
+
+    @abstractmethod
+    def call(self, label, numbers):
+        """The block that calls it."""
+
+    def setting(self, block, comment):
+        """The block that sets a register, with what it is."""
+        return f"{block} ({comment})"
+
+
+def posted(program, machine, dialect):
+    """Write a Program.
+
+    Args:
+        program: cuspline.program.program.Program.
+        machine: cuspline.shop.machines.Machine.
+        dialect: Dialect.
+    Returns:
+        Posted.
+    Raises:
+        PostError: see the posts.
+    """
+    files = _Files(program, machine, dialect)
+    for number, operation in enumerate(program.operations, 1):
+        if operation.passes is not None and machine.control.sub_programs:
+            files.add_passes(operation, number)
+        else:
+            files.add_moves(operation, number)
+    return files.posted()
+
+
+class _Files:
+    """Files closed so far and the one being written."""
+
+    def __init__(self, program, machine, dialect):
+        self.program, self.machine, self.dialect = program, machine, dialect
+        self.subs = SubPrograms(program, dialect.variables)
+        self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
+        foot = Writer(machine, dialect.point)
+        dialect.foot(foot)
+        self.foot_bytes = _bytes([*foot.lines, *foot.tail])
+        self._open()
+
+    def _open(self):
+        self.writer = Writer(self.machine, self.dialect.point)
+        self.defined, self.under_way = set(), None
+        self.counted, self.counted_bytes = (0, 0), 0        # lines and tail; what they take
+        self.dialect.head(self.writer, self.program, len(self.texts) + 1)
+
+    def _close(self):
+        self.dialect.foot(self.writer)
+        lines = self.writer.lines + self.writer.tail
+        check_lines(lines, self.machine)
+        self.texts.append("\n".join(lines) + "\n")
+        self.arcs_as_lines += self.writer.arcs_as_lines
+        self.largest_rounding_mm = max(self.largest_rounding_mm, self.writer.largest_rounding_mm)
+
+    def posted(self):
+        """All files."""
+        self._close()
+        return Posted(texts=tuple(self.texts), arcs_as_lines=self.arcs_as_lines,
+                      largest_rounding_mm=self.largest_rounding_mm)
+
+    def add_moves(self, operation, number):
+        """An operation move by move; where the store is full, a new file begins at the clearance height."""
+        moves, before = operation.moves, self.writer.state()
+        self._begin(operation, number, is_alone=False)
+        self._go_to_start(moves.start_mm)
+        high = np.flatnonzero(moves.starts_mm[:, 2] >= self.program.clearance_z_mm - 1e-6)
+        bounds = [0, *high[high > 0].tolist(), len(moves)]
+        for first, end in zip(bounds[:-1], bounds[1:]):
+            self._write(moves, first, end)
+            # the first stretch of a program stays where it is: nothing before it could be closed
+            if (first or number > 1) and not self._is_within_store():
+                self.writer.go_back_to(before)
+                self._close()
+                self._open()
+                self._begin(operation, number, is_alone=True)
+                self._go_to_start(moves.starts_mm[first])
+                self._write(moves, first, end)
+            before = self.writer.state()
+
+    def _write(self, moves, first, end):
+        for k in range(first, end):
+            self.writer.move(moves.kind[k], moves.end_mm[k], moves.center_mm[k], moves.plane[k],
+                             moves.feed_mm_per_min[k])
+
+    def add_passes(self, operation, number):
+        """An operation as calls; where the store is full, a new file begins at a restart point."""
+        passes = operation.passes
+        self.under_way = None
+        for span in calls_between(passes):
+            if self._try(operation, number, span):
+                continue
+            self._close()
+            self._open()
+            if not self._try(operation, number, span):
+                raise PostError(f"operation {operation.name}: from one restart point to the next it needs more than "
+                                f"the {self.machine.control.program_store_bytes} bytes that {self.machine.name} "
+                                "stores; put restart points closer together")
+        # arcs and feeds of the sub-programs have left another state than the writer knows
+        self.writer.plane = self.writer.feed = None
+        self.largest_rounding_mm = max(self.largest_rounding_mm,
+                                       largest_rounding_mm(operation.moves, passes, self.writer))
+
+    def _try(self, operation, number, span):
+        """Write the passes of one span; False and nothing written where the file would be too long for the store."""
+        writer, before = self.writer, self.writer.state()
+        if self.under_way is not operation:
+            self._begin(operation, number, is_alone=True)
+            self._prepare(operation, operation.passes)
+            self.under_way = operation
+            if self.texts:
+                writer.comment(f"FROM RESTART POINT N{restart_number(number, operation.passes.items[span[0]].number)}")
+        writer.lines += main_lines(operation.passes, span, self.subs, number, self.dialect.call, writer)
+        is_within = self._is_within_store()
+        if not is_within:
+            writer.go_back_to(before)
+        return is_within
+
+    def _is_within_store(self):
+        """The file fits the store, were it closed now; after a False, a new file must be opened.
+
+        Every line is counted once: what is counted does not change until the file is closed.
+        """
+        lines, tail = self.writer.lines, self.writer.tail
+        self.counted_bytes += _bytes([*lines[self.counted[0]:], *tail[self.counted[1]:]])
+        self.counted = len(lines), len(tail)
+        return self.counted_bytes + self.foot_bytes + LATER_BYTES <= self.machine.control.program_store_bytes
+
+    def _prepare(self, operation, passes):
+        """Sub-programs not yet in this file, registers, and the start."""
+        for template in passes.templates:
+            if template not in self.defined:
+                self.defined.add(template)
+                self.dialect.sub_program(self.writer, self.subs.label(template), self.subs.comment(template),
+                                         self.subs.body(template, self.writer))
+        for block, comment in self.subs.settings(passes, self.writer):
+            self.writer.block(self.dialect.setting(block, comment.upper()))
+        self._go_to_start(np.array(passes.start_mm))
+
+    def _begin(self, operation, number, is_alone):
+        """Tool change at the top of the machine, spindle and length offset before anything moves down."""
+        writer, tool, spindle = self.writer, operation.tool, self.machine.spindle
+        if not spindle.min_rpm <= operation.spindle_rpm <= spindle.max_rpm:
+            raise PostError(f"operation {operation.name}: {operation.spindle_rpm:.0f} rpm, the spindle of "
+                            f"{self.machine.name} runs {spindle.min_rpm:.0f} to {spindle.max_rpm:.0f} rpm")
+        self._check_heights(operation.moves)
+        writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
+        if writer.tool != tool.number or is_alone:      # an operation with restart points brings all that it needs
+            writer.block("M5")
+            writer.block("M9")
+            self.dialect.up(writer)
+            writer.block(f"T{tool.number}", "M6")
+            self.dialect.length_on(writer, tool.number)
+            writer.tool = tool.number
+        writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
+        writer.block(COOLANT_WORD[operation.coolant])
+        writer.forget_position()
+
+    def _check_heights(self, moves):
+        """An operation starts and ends above the work."""
+        clearance = self.program.clearance_z_mm
+        for what, z in (("starts", moves.start_mm[2]), ("ends", moves.end_mm[-1, 2] if len(moves) else np.inf)):
+            if z < clearance - 1e-6:
+                raise PostError(f"an operation {what} at Z{z:.3f}, below the clearance height "
+                                f"Z{clearance:.3f}: begin and end operations above the work")
+
+    def _go_to_start(self, start_mm):
+        """XY before Z, so that nothing is cut on the way."""
+        writer = self.writer
+        writer.block("G0", *writer.words(start_mm, (0, 1)))
+        before, after = writer.pending_z
+        writer.block(*before, "G0", *writer.words(start_mm, (2,)), *after)
+        writer.pending_z = (), ()
+        writer.here_mm = start_mm
+
+
+def _bytes(lines):
+    """Of ASCII lines with their ends."""
+    return sum(len(line) + 1 for line in lines)

@@ -1,0 +1,235 @@
+"""What the posts share: words and blocks, rounding, and arcs that a control accepts.
+
+Blocks are built as lists of words first and joined to text second.  Arc radii are compared after rounding; arcs that
+a control would refuse are cut into chords.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.program.program import Kind, Plane
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import PostError
+
+INCH_MM = 25.4
+# LinuxCNC refuses an arc whose radii at start and end differ by more than 0.0283 mm and 0.1 %
+# (0.0014 in); a tenth of that leaves room for what other versions and controls may ask
+ARC_RADIUS_MISMATCH_MM = 0.00283
+PLANE_WORD = {Plane.XY: "G17", Plane.ZX: "G18", Plane.YZ: "G19"}
+NEARLY_FULL_RAD = math.radians(350)     # rounding must not turn a full circle into none: two halves
+MOTION_WORD = {Kind.RAPID: "G0", Kind.FEED: "G1", Kind.ARC_CW: "G2", Kind.ARC_CCW: "G3"}
+UNIT_WORD = {"mm": "G21", "inch": "G20"}
+COOLANT_WORD = {"off": "M9", "mist": "M7", "flood": "M8"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Posted:
+    """A posted program and what the post had to do to it."""
+
+    texts: tuple[str, ...]      # one file, or a numbered set in the order in which it is run
+    arcs_as_lines: int          # arcs that went out as G1 because the rounded block would be refused
+    largest_rounding_mm: float  # largest distance of a rounded end point from the planned one
+
+    @property
+    def text(self):
+        """The program, where it is one file.
+
+        Raises:
+            PostError: it is a set.
+        """
+        if len(self.texts) != 1:
+            raise PostError(f"the program is a set of {len(self.texts)} files, not one text")
+        return self.texts[0]
+
+
+class Writer:
+    """Lines so far and the modal state that the control is in."""
+
+    def __init__(self, machine, point=""):
+        """`point`: what a control wants behind a number without decimals: "" nothing, "." a point."""
+        self.machine, self.point = machine, point
+        control = machine.control
+        self.scale = 1.0 if control.units == "mm" else 1.0 / INCH_MM
+        self.decimals = control.decimals
+        self.lines, self.tail, self.tool = [], [], None
+        self.pending_z = (), ()         # words before and behind the next Z of an approach
+        self.here_mm = np.zeros(3)
+        self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
+        self.plane, self.feed = Plane.XY, None
+        self.forget_position()
+
+    def state(self):
+        """What `go_back_to` needs to forget all that is written from here on."""
+        return len(self.lines), len(self.tail), {**self.__dict__, "axis_words": list(self.axis_words)}
+
+    def go_back_to(self, state):
+        """Forget what was written since."""
+        lines, tail, values = state
+        self.__dict__.update(values)
+        del self.lines[lines:], self.tail[tail:]
+
+    def forget_position(self):
+        """After a tool change every axis word is written again."""
+        self.motion, self.axis_words = None, [None] * 3
+
+    def block(self, *words):
+        self.lines.append(" ".join(words))
+
+    def comment(self, text):
+        """ASCII, no nested brackets, split to the line length."""
+        clean = " ".join(text.translate({ord("("): "[", ord(")"): "]"}).encode("ascii", "replace").decode().split())
+        room = self.machine.control.line_length - 4
+        for k in range(0, max(len(clean), 1), room):
+            self.lines.append(f"({clean[k:k + room]})")
+
+    def length(self, value_mm, decimals=None):
+        """A length in mm as the control reads it."""
+        return self.number(value_mm * self.scale, decimals or self.decimals)
+
+    def number(self, value, decimals):
+        """A number without useless zeros; never an exponent, never minus zero."""
+        text = f"{value:.{decimals}f}"
+        text = text.rstrip("0").rstrip(".") if "." in text else text
+        text = "0" if text in ("-0", "") else text
+        return text if "." in text else text + self.point
+
+    def rounded_mm(self, value_mm):
+        """What the control will read, in mm."""
+        return round(value_mm * self.scale, self.decimals) / self.scale
+
+    def words(self, point_mm, axes=(0, 1, 2)):
+        """Axis words that differ from where the control stands."""
+        out = []
+        for k in axes:
+            text = self.length(point_mm[k])
+            if text != self.axis_words[k]:
+                out.append("XYZ"[k] + text)
+                self.axis_words[k] = text
+        return out
+
+    def move(self, kind, end_mm, center_mm, plane, feed):
+        self.largest_rounding_mm = max(self.largest_rounding_mm,
+                                       math.dist([self.rounded_mm(v) for v in end_mm], end_mm))
+        if kind >= Kind.ARC_CW:
+            self._curved(kind, end_mm, center_mm, Plane(plane), feed)
+        else:
+            self._straight(MOTION_WORD[kind], end_mm, feed)
+
+    def _straight(self, motion, end_mm, feed):
+        words = self.words(end_mm)
+        if words:
+            self.block(*self._motion(motion), *words, *(self._feed(feed) if motion == "G1" else ()))
+        self.here_mm = np.asarray(end_mm)
+
+    def _curved(self, kind, end_mm, center_mm, plane, feed):
+        """An arc as the control takes it: whole, in two halves, or as chords within the path tolerance."""
+        arc = Arc(self.here_mm, end_mm, center_mm, plane, kind)
+        if arc.sweep_rad > NEARLY_FULL_RAD:
+            self._curved(kind, arc.at(0.5), center_mm, plane, feed)
+            self._curved(kind, end_mm, center_mm, plane, feed)
+        elif self._arc_is_accepted(end_mm, center_mm, plane):
+            self._arc(kind, end_mm, center_mm, plane, feed)
+        else:
+            self.arcs_as_lines += 1
+            for point in arc.chords(self.machine.control.path_tolerance_mm):
+                self._straight("G1", point, feed)
+
+    def _motion(self, word):
+        """The motion word where it changes."""
+        if word == self.motion:
+            return ()
+        self.motion = word
+        return (word,)
+
+    def feed_text(self, feed_mm_per_min):
+        """A feed as the control reads it.
+
+        Raises:
+            PostError: it rounds to nothing.
+        """
+        text = f"{feed_mm_per_min * self.scale:.{self.machine.control.decimals_feed}f}"
+        if float(text) == 0:
+            raise PostError(f"a feed of {feed_mm_per_min:g} mm/min is nothing with "
+                            f"{self.machine.control.decimals_feed} decimals: raise it, or decimals_feed")
+        return text if "." in text else text + self.point
+
+    def _feed(self, feed_mm_per_min):
+        text = self.feed_text(feed_mm_per_min)
+        if text == self.feed:
+            return ()
+        self.feed = text
+        return ("F" + text,)
+
+    def _arc_words(self, end_mm, center_mm, plane):
+        """Rounded start, end and centre offsets of an arc in its plane, mm."""
+        a, b, _ = plane.axes
+        start = [self.rounded_mm(self.here_mm[k]) for k in (a, b)]
+        end = [self.rounded_mm(end_mm[k]) for k in (a, b)]
+        offset = [self.rounded_mm(center_mm[k] - s) for k, s in zip((a, b), start)]
+        return start, end, offset
+
+    def _arc_is_accepted(self, end_mm, center_mm, plane):
+        """The controller's own rule on the rounded words: both radii agree, the arc has a length."""
+        control = self.machine.control
+        start, end, offset = self._arc_words(end_mm, center_mm, plane)
+        r0 = math.hypot(*offset)
+        r1 = math.hypot(end[0] - start[0] - offset[0], end[1] - start[1] - offset[1])
+        chord = math.dist(start, end)
+        return (abs(r0 - r1) <= ARC_RADIUS_MISMATCH_MM and control.arc_min_length_mm < chord
+                and r0 <= control.arc_max_radius_mm)
+
+    def _arc(self, kind, end_mm, center_mm, plane, feed):
+        if plane != self.plane:
+            self.block(PLANE_WORD[plane])
+            self.plane = plane
+        a, b, third = plane.axes
+        _, _, offset = self._arc_words(end_mm, center_mm, plane)
+        names = {0: "I", 1: "J", 2: "K"}
+        # an arc names both its axes: some controls take a missing one for a full circle
+        for k in (a, b):
+            self.axis_words[k] = None
+        is_helix = abs(end_mm[third] - self.here_mm[third]) > 1e-9
+        words = self.words(end_mm, [*sorted((a, b)), *([third] if is_helix else [])])
+        centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
+        self.block(*self._motion(MOTION_WORD[kind]), *words, *centre, *self._feed(feed))
+        self.here_mm = np.asarray(end_mm)
+
+
+class Arc:
+    """Points along an arc or helix of the Program."""
+
+    def __init__(self, start_mm, end_mm, center_mm, plane, kind):
+        self.start_mm, self.end_mm, self.center_mm, self.plane = start_mm, np.asarray(end_mm), center_mm, plane
+        a, b, _ = plane.axes
+        x, y = start_mm[a] - center_mm[a], start_mm[b] - center_mm[b]
+        u, v = end_mm[a] - center_mm[a], end_mm[b] - center_mm[b]
+        self.radius_mm, self.from_rad = math.hypot(x, y), fixed.arctan2(y, x)
+        self.side = -1.0 if kind == Kind.ARC_CW else 1.0
+        sweep = self.side * (fixed.arctan2(v, u) - self.from_rad) % (2 * math.pi)
+        self.sweep_rad = sweep if sweep > 1e-9 else 2 * math.pi
+
+    def at(self, share):
+        """Point after a share of the sweep."""
+        a, b, third = self.plane.axes
+        angle = self.from_rad + self.side * share * self.sweep_rad
+        point = np.empty(3)
+        point[a] = self.center_mm[a] + self.radius_mm * fixed.cos(angle)
+        point[b] = self.center_mm[b] + self.radius_mm * fixed.sin(angle)
+        point[third] = self.start_mm[third] + share * (self.end_mm[third] - self.start_mm[third])
+        return point
+
+    def chords(self, tolerance_mm):
+        """End points of the chords that stay within the tolerance, the arc's own end last."""
+        largest = 2 * fixed.arccos(max(1 - tolerance_mm / max(self.radius_mm, tolerance_mm), 0.0))
+        count = math.ceil(self.sweep_rad / largest)
+        return [self.at(k / count) for k in range(1, count)] + [self.end_mm]
+
+
+def check_lines(lines, machine):
+    """Every line fits the control."""
+    for number, line in enumerate(lines, 1):
+        if len(line) >= machine.control.line_length:
+            raise PostError(f"line {number} has {len(line)} characters, {machine.name} takes fewer than "
+                            f"{machine.control.line_length}")

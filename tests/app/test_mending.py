@@ -1,0 +1,114 @@
+"""What a check finds the build mends, and tells; what cannot be mended is told with its reason."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cuspline.app import build as recipe
+from cuspline.app import catalogue, mending
+from cuspline.app.mending import Wants, mended, wants_of
+from cuspline.kernel import brep
+from cuspline.program.program import Kind, Moves
+from cuspline.verification.reporter import allowed_mm
+from cuspline.verification.verdict import Options, SetupProgram, residuals_of
+
+DISH = Path(__file__).parents[1] / "parts" / "small_dish.py"
+COARSE = Options(spacing_mm=0.25)
+
+
+@pytest.fixture(scope="module")
+def order(tmp_path_factory):
+    source = catalogue.find_design(str(DISH))
+    design = catalogue.make_design(source, [])
+    return recipe.Order(source=source, design=design, machine=catalogue.find_machine(design.machine),
+                        library=catalogue.find_library(None), accepted=(), last_stage="gcode",
+                        out=tmp_path_factory.mktemp("mending") / "dish")
+
+
+@pytest.fixture(scope="module")
+def plan(order):
+    (made,) = recipe._planned(order, lambda text: None)
+    return made
+
+
+def spoilt(plan, share):
+    """The plan with the last share of its finishing moves left out; the ball lifts instead."""
+    *before, last = plan.operations
+    m, n = last.moves, int((1.0 - share) * len(last.moves))
+    lift = [*m.end_mm[n - 1, :2], plan.clearance_z_mm]
+    moves = Moves(start_mm=m.start_mm, kind=np.r_[m.kind[:n], Kind.RAPID], end_mm=np.vstack([m.end_mm[:n], lift]),
+                  center_mm=np.vstack([m.center_mm[:n], [np.nan] * 3]), plane=np.r_[m.plane[:n], m.plane[n - 1]],
+                  axis=np.vstack([m.axis[:n], m.axis[n - 1]]), feed_mm_per_min=np.r_[m.feed_mm_per_min[:n], 0.0])
+    return replace(plan, operations=(*before, replace(last, moves=moves)))
+
+
+def looked(order, plan):
+    """(Residuals after all, of all faces) of a plan's posted moves."""
+    solid = brep.the_solid(order.design.solid, "dish")
+    tools = {o.tool.number: o.tool for o in plan.operations}
+    faces = tuple(brep.select_faces(brep.faces_of(solid), order.design.predicates[0]))
+    program = SetupProgram(posted=recipe._as_posted(order, plan, tools), setup=plan.setup, faces=faces)
+    (found,) = residuals_of((program,), tools, solid, stock=order.design.stock, finish=order.design.finish,
+                            ball_radius_mm=min(t.cutter.radius_mm for t in order.library.of_type("ball")), options=COARSE)
+    return found
+
+
+def test_passes_that_are_missing_are_cut_again_and_told(order, plan):
+    bad, finish = spoilt(plan, 0.3), order.design.finish
+    wants = wants_of(*looked(order, bad), finish)
+    assert len(wants.places_mm) > 50 and wants.left_mm > 2 * allowed_mm(finish)
+    (good,), is_changed = mended([bad], [wants], 1, "the verdict")
+    assert is_changed and good.operations[-1].name == "clean-up 1"
+    assert good.mending[0]["places"] == len(wants.places_mm) and "clean-up passes with T" in good.mending[0]["done"]
+    assert wants_of(*looked(order, good), finish).is_none
+
+
+def test_a_sound_plan_is_left_alone_and_keeps_its_margin(order, plan):
+    wants = wants_of(*looked(order, plan), order.design.finish, share=1.0 - mending.MARGIN)
+    (same,), is_changed = mended([plan], [wants], 1, "the planner's own check")
+    assert wants.is_none and same is plan and not is_changed
+
+
+def test_a_gouge_has_its_setup_planned_again_to_a_tighter_tolerance(order, plan):
+    (again,), is_changed = mended([plan], [Wants(places_mm=np.zeros((0, 3)), left_mm=0.0, gouge_mm=0.01)], 1, "the verdict")
+    finest = lambda p: p.operations[-1].facts["segment_tolerance_mm"]
+    assert is_changed and finest(again) < 0.7 * finest(plan)
+    assert "planned again to a tolerance of 0.0018 mm" in again.mending[0]["done"]
+
+
+def test_a_place_that_no_ball_touches_is_told(order, plan):
+    under = np.array([[7.0, 5.0, 0.0]])             # on the base, which looks down
+    (same,), is_changed = mended([plan], [Wants(places_mm=under, left_mm=1.0, gouge_mm=0.0)], 1, "the verdict")
+    assert not is_changed and same.operations is plan.operations
+    assert "no ball of the library touches these places" in same.mending[0]["done"]
+
+
+def test_a_round_that_did_not_help_is_the_last(plan):
+    """The same depth again after the setup was planned again: nothing more is tried."""
+    deep = Wants(places_mm=np.zeros((0, 3)), left_mm=0.0, gouge_mm=0.01)
+    before = {"found_by": "the verdict", "places": 0, "highest_mm": None, "gouge_mm": 0.01, "done": "planned again"}
+    (same,), is_changed = mended([replace(plan, mending=(before,))], [deep], 2, "the verdict")
+    assert not is_changed and same.mending[-1]["done"] == "nothing: the round before did not help"
+
+
+def test_the_build_mends_what_the_verdict_finds(order, plan, monkeypatch):
+    """Planned with passes missing and without the planner's own check: the verdict sends the places back."""
+    monkeypatch.setattr(recipe, "plan_setup", lambda *args: spoilt(plan, 0.3))
+    monkeypatch.setattr(recipe, "_checked", lambda order, plans, *rest: plans)
+    monkeypatch.setattr(recipe, "Options", lambda: Options(spacing_mm=0.25, solid_pitch_mm=0.2))
+    result = recipe.build(replace(order, last_stage="verify"))
+    assert result.is_ok
+    told = recipe._read_json(result.folder / "plan.json")["setups"][0]
+    assert [m["found_by"] for m in told["mending"]] == ["the verdict"] and told["operations"][-1]["name"] == "clean-up 1"
+
+
+def test_what_could_not_be_mended_is_told_with_what_was_tried(order, plan, monkeypatch):
+    monkeypatch.setattr(recipe, "plan_setup", lambda *args: spoilt(plan, 0.3))
+    monkeypatch.setattr(recipe, "_checked", lambda order, plans, *rest: plans)
+    monkeypatch.setattr(recipe, "Options", lambda: Options(spacing_mm=0.25, solid_pitch_mm=0.2))
+    monkeypatch.setattr(mending, "clean_up", lambda shop, operations, places, *rest: ([], np.zeros(len(places), bool)))
+    result = recipe.build(replace(order, last_stage="verify", out=order.out.with_name("stays")))
+    assert not result.is_ok and {f.kind for f in result.findings} <= {"missing_area", "excess"}
+    assert all("tried: nothing: no ball of the library touches" in f.advice for f in result.findings)

@@ -1,0 +1,55 @@
+"""Parts with what troubles path planners, cut end to end: planned, posted, read back, simulated, compared."""
+
+import hashlib
+import json
+
+import cadquery as cq
+import pytest
+from troublesome_parts import PARTS, design_of, two_sided
+
+from cuspline.app import catalogue
+from cuspline.app.build import Order, build
+from cuspline.kernel import brep
+from cuspline.values.errors import DesignError
+
+STRATEGIES = {"knife_edge": "parallel", "pole_and_apex": "constant_scallop", "closed_face": "boundary",
+              "slivers": "parallel", "hole_and_islands": "constant_scallop"}
+
+
+def built(design, folder):
+    """(Result, verify.json, plan.json) of a build to the verdict."""
+    result = build(Order(source=None, design=design, accepted=(), out=folder, machine=catalogue.find_machine("mill_3axis"),
+                         library=catalogue.find_library(None), last_stage="verify"))
+    return (result, *(json.loads((result.folder / f"{name}.json").read_text()) for name in ("verify", "plan")))
+
+
+@pytest.mark.parametrize("name", list(PARTS))
+def test_the_posted_program_cuts_the_part(name, tmp_path):
+    result, verify, _ = built(design_of(name, STRATEGIES[name]), tmp_path / name)
+    assert result.findings == () and verify["ok"]
+    assert verify["gouge_max_mm"] <= 0.004 and verify["cusp_max_mm"] <= 0.033
+    # what is not reached is listed with its reason, and there is nothing else
+    assert verify["area_required_mm2"] == pytest.approx(verify["area_reached_mm2"] + verify["area_unreachable_mm2"], abs=0.02)
+
+
+def test_a_part_cut_from_both_sides(tmp_path):
+    """The second clamping's roughing begins with what the first has left, and the stock after every operation is kept."""
+    result, verify, plan = built(two_sided(), tmp_path / "two_sided")
+    assert result.findings == () and verify["ok"] and len(verify["setups"]) == 2
+    assert all(0.015 < s["cusp_max_mm"] <= 0.033 and s["gouge_max_mm"] <= 0.004 for s in verify["setups"])
+    volumes = [row["volume_mm3"] for row in verify["stock"]]
+    assert volumes == sorted(volumes, reverse=True) and volumes[0] < 30 * 20 * 9
+    for row in verify["stock"]:
+        assert hashlib.sha256((result.folder / row["file"]).read_bytes()).hexdigest() == row["sha256"]
+    # places in plan.json are the part's: the bottom's hollow is below
+    tops = [s["operations"][-1]["min_concave_place_mm"][2] for s in plan["setups"]]
+    assert tops[0] > 0 > tops[1]
+
+
+def test_several_solids_and_an_open_shell_are_refused_by_name():
+    two = cq.Workplane().box(4, 4, 4).union(cq.Workplane().box(4, 4, 4).translate((9, 0, 0)))
+    with pytest.raises(DesignError, match="bracket holds 2 solids, it must be exactly one"):
+        brep.the_solid(two, "bracket")
+    shell = cq.Shell.makeShell([f for f in cq.Workplane().box(4, 4, 4).faces().vals()][:5])
+    with pytest.raises(DesignError, match="bracket holds 0 solids, it must be exactly one: close its shell"):
+        brep.the_solid(shell, "bracket")

@@ -1,0 +1,148 @@
+"""A short vane end to end: planned, posted, read back, simulated, compared; and what is written beside it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cuspline.app import catalogue
+from cuspline.app.build import Order, build
+from cuspline.app.judge import judge, posted_moves, read_tools
+from cuspline.design.job import read_job
+from cuspline.kernel import brep
+from cuspline.replay.replay import replay
+from cuspline.values.errors import PlanError
+from cuspline.verification.verdict import Options
+
+
+def made(folder, *parameters, stage="verify"):
+    """(Design, output folder) of a part of the vane."""
+    source = catalogue.find_design("rfq_vane")
+    given = {"scallop_mm": "0.012", "axis_height_mm": "70", "grip_mm": "15"} | dict(p.split("=") for p in parameters)
+    design = catalogue.make_design(source, [f"{name}={value}" for name, value in given.items()])
+    result = build(Order(source=source, design=design, accepted=(), out=folder,
+                         machine=catalogue.find_machine(design.machine), library=catalogue.find_library(None),
+                         last_stage=stage))
+    assert result.findings == ()
+    return design, result.folder
+
+
+@pytest.fixture(scope="module")
+def vane(tmp_path_factory):
+    """6 mm round the joint of cells 49 and 50, whose tips differ most."""
+    return made(tmp_path_factory.mktemp("vane") / "out", "from_mm=997", "to_mm=1003")
+
+
+def test_the_posted_program_cuts_the_tip(vane):
+    verify = json.loads((vane[1] / "verify.json").read_text())
+    assert verify["ok"] and verify["gouge_max_mm"] <= 0.0025 and 0.004 < verify["cusp_max_mm"] <= 0.012
+    assert verify["excess_proven_mm"] <= 0.0122 and verify["gouge_proven_mm"] <= 0.0025
+    assert verify["area_reached_mm2"] == pytest.approx(verify["area_required_mm2"])
+
+
+def test_the_hollows_of_crest_and_sides_are_told_with_their_places(vane):
+    design, folder = vane
+    plan = json.loads((folder / "plan.json").read_text())
+    crest, sides = plan["tip"]["crest_concave_radius_mm"], plan["tip"]["sides_concave_radius_mm"]
+    assert crest == pytest.approx(plan["min_concave_radius_mm"], rel=0.01) and sides > crest
+    assert plan["tip"]["crest_concave_where"] in ("cell 49", "cell 50")
+    x, y, z = plan["tip"]["crest_concave_place_mm"]
+    assert 997 <= x <= 1003 and y == 0 and z == pytest.approx(float(design.tip.crest_z_mm([x])[0]), abs=1e-3)
+
+
+def test_passes_lie_in_transverse_planes_and_are_tangent_arcs(vane):
+    operation = json.loads((vane[1] / "plan.json").read_text())["setups"][0]["operations"][-1]
+    assert operation["section_plane"] == "YZ" and operation["arcs"] > 2 * operation["passes"]
+    text = (vane[1] / "setup-1.ngc").read_text()
+    assert "G19" in text
+
+
+def test_the_quadrupole_is_written_beside_the_vane(vane):
+    design, folder = vane
+    path = folder / "rfq_vane.quadrupole.step"
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert path.name in manifest["files"] and manifest["machine"] == "mill_long_bed"
+    with pytest.raises(brep.DesignError, match="4 solids"):
+        brep.the_solid(brep.read_step(path))
+    assert np.ptp(brep.bounding_box_mm(design.solid), axis=0)[0] == pytest.approx(6.0, abs=1e-3)
+
+
+def test_a_vane_longer_than_the_bed_shows_no_step_at_the_joint_unless_it_is_clamped_wrong(tmp_path):
+    """Two clampings; the second is then judged on a vane that lies 10 um lower than the program was posted for."""
+    design, folder = made(tmp_path / "out", "from_mm=990", "to_mm=1016", "bed_travel_mm=20", "overlap_mm=9",
+                          stage="gcode")
+    job, coarse = read_job(folder), Options(spacing_mm=0.25, solid_pitch_mm=0.4, replay_pitch_mm=0.5)
+    joint, = judge(folder, job, options=coarse).as_dict(())["joints"]
+    assert (joint["setup"], joint["with"]) == ("setup-2", "setup-1") and joint["area_mm2"] > 100
+    assert abs(joint["step_mean_mm"]) < 0.001 and abs(joint["step_max_mm"]) < 0.004
+    second = design.setups[1]
+    seen = second.frame.into(np.array([m.at_mm for m in second.markers])) - (0.0, 0.0, 0.010)
+    lower = {"setup-2": {m.name: tuple(p) for m, p in zip(second.markers, seen)}}
+    wrong, = judge(folder, job.placed(lower), options=coarse).as_dict(())["joints"]
+    assert wrong["step_max_mm"] == pytest.approx(0.010, abs=0.003)              # at the crest, all of it
+    assert 0.003 < wrong["step_mean_mm"] - joint["step_mean_mm"] < 0.006        # little along the flanks
+
+
+def test_a_clamping_clears_no_farther_than_it_reaches(tmp_path):
+    design, folder = made(tmp_path / "out", "from_mm=900", "to_mm=1010", "bed_travel_mm=60", "overlap_mm=8",
+                          stage="gcode")
+    job = read_job(folder)
+    for setup, (low, high) in zip(design.setups, [s.reach_x_mm for s in design.setups]):
+        moves = posted_moves(((folder / f"{setup.name}.ngc").read_text(),), setup, job.machine, read_tools(folder))
+        x = setup.frame.out(moves.end_mm[np.isfinite(moves.end_mm).all(axis=1)])[:, 0]
+        assert x.min() > low - 1e-3 and x.max() < high + 1e-3 and high - low < 100
+
+
+def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
+    """Nearly level cells: what arcs leave beside the mid-plane is nothing there, and the disc keeps the finish."""
+    design, folder = made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100",
+                          "strategy=transverse_arcs", "cutter=side", stage="gcode")
+    finish = json.loads((folder / "plan.json").read_text())["setups"][0]["operations"][-1]
+    assert finish["tool"]["type"] == "side" and finish["head"] == "right-angle head" and finish["wheel_mm"] == 27.0
+    assert "X-62.000000 Z150.000000 D60.000000" in (folder / "tools.tbl").read_text()
+    assert "ON RIGHT-ANGLE HEAD" in (folder / "setup-1.ngc").read_text()
+    coarse = Options(spacing_mm=0.25, solid_pitch_mm=0.4, replay_pitch_mm=0.5)
+    judged = judge(folder, read_job(folder), options=coarse)
+    verify = judged.as_dict(())
+    replay = judged.verdict.setups[0].replay            # the disc lowers its nodes too; heights on steep flanks
+    over = replay.final_z_mm - replay.design_top_mm
+    assert -0.01 < np.nanmin(over) and np.nanmax(over) < 0.1 and (np.diff(replay.event_row) >= 0).all()
+    assert judged.verdict.setups[0].findings == () and verify["setups"][0]["holder_clearance_mm"] == pytest.approx(1.0)
+    assert verify["gouge_max_mm"] < 0.001 and 0.008 < verify["cusp_max_mm"] < 0.0125
+    assert verify["area_reached_mm2"] == pytest.approx(verify["area_required_mm2"])
+
+
+def test_a_disc_that_would_meet_the_jaws_is_refused(tmp_path):
+    with pytest.raises(PlanError, match="its disc comes within -.* mm of the .* jaw with the disc's middle at"):
+        made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100", "strategy=transverse_arcs",
+             "cutter=side", "grip_mm=50", stage="gcode")
+
+
+def test_a_head_that_the_machine_has_lower_than_the_program_knew_is_found(tmp_path):
+    """The posted program of a small head, judged with one that hangs into the vane."""
+    _, folder = made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100", "strategy=transverse_arcs",
+                     "cutter=side", stage="gcode")
+    tools = json.loads((folder / "tools.json").read_text())
+    rows = tools["tools"] if isinstance(tools, dict) else tools
+    disc = next(t for t in rows if "head" in t)
+    disc["head"]["boxes"][0].update(min_mm=[-28.0, -12.0, -45.0], max_mm=[-1.0, 12.0, 70.0])
+    (folder / "tools.json").write_text(json.dumps(tools))
+    judged = judge(folder, read_job(folder), options=Options(spacing_mm=0.5, solid_pitch_mm=0.8, replay_pitch_mm=0.5))
+    assert "holder_contact" in {f.kind for f in judged.verdict.setups[0].findings}
+
+
+def test_a_disc_below_the_machines_table_is_found(tmp_path):
+    _, folder = made(tmp_path / "out", "from_mm=150", "to_mm=152", "axis_height_mm=100", "strategy=transverse_arcs",
+                     "cutter=side", stage="gcode")
+    job = read_job(folder)
+    tools = read_tools(folder)
+    lowest = min(float(line.split("Z")[1].split()[0]) for line in (folder / "setup-1.ngc").read_text().splitlines()
+                 if "TIP EXTENTS" in line) - 30.0
+    depth = []
+    for above in (1.0, -2.0):
+        machine = job.machine.model_copy(update={"table_z_mm": job.machine.wcs_origin_mm[2] + lowest - above})
+        moves = posted_moves(((folder / "setup-1.ngc").read_text(),), job.posted[0].setup, machine, tools)
+        found = replay(moves, tools, stock_min=(0.0, -10.0, 0.0), stock_max=(2.0, 10.0, 92.0), pitch_mm=0.5,
+                       machine=machine, within_before=lambda row: lambda xy, radius: np.zeros(len(xy)))
+        depth.append([f.amount_mm for f in found.findings if "table" in f.advice])
+    assert depth[0] == [] and max(depth[1]) == pytest.approx(2.0, abs=0.01)
