@@ -102,7 +102,8 @@ def changed_job(folder, job, published):
              or digest_of(published.job[name]) != published.job_fields[name]]
     if published.job_fields and wrong:
         for name in wrong:
-            yield _finding("changed_file", f"manifest.json: what its job says of {name} is not what was published: {mend}")
+            yield _finding("changed_file", f"manifest.json: what its job says of {name} is not what was published: "
+                           f"{mend}")
         return
     wanted = job_line(digest_of(published.job)).encode()
     for name in (name for item in job.posted for name in item.files):
