@@ -8,11 +8,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from cuspline.program.program import Kind
+from cuspline.program.program import UPRIGHT, Kind
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import SimulationError
 
-UPRIGHT = (0.0, 0.0, 1.0)
 UNIT = 1e-9               # how far a tool axis may be from length 1
 
 

@@ -21,6 +21,7 @@ from cuspline.posts.writers.sub_programs import (
     restart_number,
 )
 from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines
+from cuspline.program.program import TILT_RAD
 from cuspline.values.errors import PostError
 
 LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
@@ -203,6 +204,7 @@ class _Files:
             raise PostError(f"operation {operation.name}: {operation.spindle_rpm:.0f} rpm, the spindle of "
                             f"{self.machine.name} runs {spindle.min_rpm:.0f} to {spindle.max_rpm:.0f} rpm")
         self._check_heights(operation.moves)
+        _refuse_tilted(operation, self.machine)
         writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
         if writer.tool != tool.number or is_alone:      # an operation with restart points brings all that it needs
             writer.block("M5")
@@ -231,6 +233,16 @@ class _Files:
         writer.block(*before, "G0", *writer.words(start_mm, (2,)), *after)
         writer.pending_z = (), ()
         writer.here_mm = start_mm
+
+
+def _refuse_tilted(operation, machine):
+    """A machine without rotary axes holds every tool upright; written out, a tilted axis would be cut upright."""
+    tilt = operation.moves.tilt_rad
+    rows = np.flatnonzero(~(tilt <= TILT_RAD))
+    if len(rows):
+        raise PostError(f"operation {operation.name}: the tool axis leans {np.degrees(tilt[rows[0]]):.3f} degrees from "
+                        f"the spindle in move {rows[0]}, and in {len(rows) - 1} others; {machine.name} has no rotary "
+                        "axes: plan it with the axis along Z, or turn the part to it in a setup of its own", rows=rows)
 
 
 def _bytes(lines):
