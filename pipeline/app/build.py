@@ -19,6 +19,7 @@ import numpy as np
 
 import cuspline
 from cuspline.app import mending
+from cuspline.app.catalogue import sources_of_post
 from cuspline.app.judge import figures_in_words, judge, post_module, posted_moves
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
 from cuspline.design.job import Job, PostedFile
@@ -31,7 +32,7 @@ from cuspline.planning.plan import plan_setup
 from cuspline.planning.preflight import refuse_impossible_setups
 from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
-from cuspline.shop.tool_table import dropped_fields, tool_table
+from cuspline.shop.tool_table import dropped_fields
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.checkpoints import kept_beside
@@ -328,8 +329,9 @@ def _posted(order, plans, work, inputs):
     """Post every setup, write the tools, return the Job."""
     post = post_module(order.machine)
     tools = {o.tool.number: o.tool for p in plans for o in p.operations}
-    (work / "tools.tbl").write_text(tool_table(tools.values(), order.machine.control))
-    _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
+    if post.TOOL_TABLE is not None:
+        (work / post.TOOL_TABLE).write_text(post.tool_table(tools.values(), order.machine.control))
+        _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
     posted = []
     for plan in plans:
@@ -400,14 +402,16 @@ def _stock_files(work, job, judged, say, kept):
 def _stamp_verdict(work, job, verify):
     """Put the verdict into each program's header, in place of the line that says there is none yet."""
     verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
-    line = (f"VERDICT: {verdict}{f' WITH {passed} ACCEPTED' if passed else ''}, {figures_in_words(verify).upper()}, "
-            f"{verify['points_checked']} POINTS")
+    short = f"VERDICT: {verdict}{f' WITH {passed} ACCEPTED' if passed else ''}"
+    whole = f"{short}, {figures_in_words(verify).upper()}, {verify['points_checked']} POINTS"
+    comment = post_module(job.machine).comment
+    line = comment(whole if len(comment(whole)) < job.machine.control.line_length else short)
     for name in (name for item in job.posted for name in item.files):
         path = work / name
         text = path.read_text()
-        if text.count(f"({UNVERIFIED})") != 1:
+        if text.count(comment(UNVERIFIED)) != 1:
             raise PostError(f"{name}: the header has lost its verdict line")
-        path.write_text(text.replace(f"({UNVERIFIED})", f"({line})"))
+        path.write_text(text.replace(comment(UNVERIFIED), line))
 
 
 # files -----------------------------------------------------------------------------------------
@@ -421,7 +425,8 @@ def inputs_hash(order, step):
              "stock": design.stock.model_dump(mode="json"), "finish": design.finish.model_dump(mode="json"),
              "setups": [s.model_dump(mode="json") for s in design.setups],
              "machine": order.machine.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
-             "accepted": order.accepted, "version": cuspline.__version__}
+             "accepted": order.accepted, "version": cuspline.__version__,
+             **sources_of_post(order.machine)}
     return hashlib.sha256(step.read_bytes() + json.dumps(asked, sort_keys=True).encode()).hexdigest()
 
 

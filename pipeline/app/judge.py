@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.app.catalogue import find_post, reader_of
+from cuspline.app.catalogue import find_post, reader_of, tool_table_of
 from cuspline.design.job import read_tools
 from cuspline.kernel import brep
 from cuspline.program.posted import PostedMoves
@@ -114,7 +114,7 @@ def judge_text(folder, job, published=None):
         InputError, ReadError: see `read_programs`.
     """
     tools = read_tools(folder)
-    found = [*changed_files(folder, published or {}), *tool_table_findings(folder, tools, job.machine.control)]
+    found = [*changed_files(folder, published or {}), *tool_table_findings(folder, tools, *tool_table_of(job.machine))]
     for program in read_programs(folder, job, tools):
         report = Reporter(program.posted, program.setup.name, program.setup.frame)
         top_mm = program.setup.frame.box_into(job.stock.min_mm, job.stock.max_mm)[1][2]
@@ -138,7 +138,7 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     """
     folder = Path(folder)
     tools = read_tools(folder)
-    extra = [*changed_files(folder, published or {}), *tool_table_findings(folder, tools, job.machine.control)]
+    extra = [*changed_files(folder, published or {}), *tool_table_findings(folder, tools, *tool_table_of(job.machine))]
     say(f"read {', '.join(name for item in job.posted for name in item.files)}")
     read = tuple(read_programs(folder, job, tools))
     solid = brep.the_solid(brep.read_step(folder / job.step), job.step)

@@ -26,6 +26,17 @@ class Remark:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PostedTool:
+    """A tool as the control's tool table has it."""
+
+    number: int
+    values_mm: dict           # letter of an offset (X, Y, Z), or D the diameter -> mm
+    line: int                 # of the table, from 1
+    text: str                 # of that line
+    step_mm: float            # as well as the table can tell a value
+
+
+@dataclass(frozen=True, kw_only=True)
 class Stop:
     """A block that stands still: the spindle, the tool or the program changes between two moves."""
 

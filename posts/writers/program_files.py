@@ -20,7 +20,7 @@ from cuspline.posts.writers.sub_programs import (
     main_lines,
     restart_number,
 )
-from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines
+from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines, in_brackets
 from cuspline.program.program import TILT_RAD
 from cuspline.values.errors import PostError
 
@@ -33,6 +33,7 @@ class Dialect(ABC):
     point: str                  # behind a number without decimals
     end: str                    # the word that ends the program
     variables: Variables
+    comment = staticmethod(in_brackets)     # how a text is told to the operator alone
 
     @abstractmethod
     def head(self, writer, program, file_number):
@@ -63,7 +64,7 @@ class Dialect(ABC):
 
     def setting(self, block, comment):
         """The block that sets a register, with what it is."""
-        return f"{block} ({comment})"
+        return f"{block} {self.comment(comment)}"
 
 
 def posted(program, machine, dialect):
@@ -94,13 +95,13 @@ class _Files:
         self.program, self.machine, self.dialect = program, machine, dialect
         self.subs = SubPrograms(program, dialect.variables)
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
-        foot = Writer(machine, dialect.point)
+        foot = Writer(machine, dialect.point, dialect.comment)
         dialect.foot(foot)
         self.foot_bytes = _bytes([*foot.lines, *foot.tail])
         self._open()
 
     def _open(self):
-        self.writer = Writer(self.machine, self.dialect.point)
+        self.writer = Writer(self.machine, self.dialect.point, self.dialect.comment)
         self.defined, self.under_way = set(), None
         self.counted, self.counted_bytes = (0, 0), 0        # lines and tail; what they take
         self.dialect.head(self.writer, self.program, len(self.texts) + 1)
