@@ -29,12 +29,14 @@ kinds = ["plane"]
 name = "setup-1"
 faces = ["top"]
 wcs_in_words = "corner of the block, Z0 on its base"
-section_plane = "ZX"
-strategy = "parallel"
-pass_angle_deg = 30.0
-ball_mm = 6.0
 fixtures = [{ name = "jaw", min_mm = [0, -40, -30], max_mm = [30, 0, 4] }]
 markers = [{ name = "a", at_mm = [0, 0, 0] }, { name = "b", at_mm = [30, 0, 0] }, { name = "c", at_mm = [0, 16, 0] }]
+
+[[setups.operations]]
+kind = "auto"
+strategy = "parallel"
+pass_angle_deg = 30.0
+tool = "ball 6"
 '''
 MARKERS = '''# touched with the probe
 setup,marker,x_mm,y_mm,z_mm

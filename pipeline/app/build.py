@@ -32,6 +32,8 @@ from cuspline.planning.plan import plan_setup
 from cuspline.planning.preflight import refuse_impossible_setups
 from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
+from cuspline.shop.materials import material_named
+from cuspline.shop.practice import ShopFile
 from cuspline.shop.tool_table import dropped_fields
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
@@ -57,6 +59,7 @@ class Order:
     design: object              # design.Design
     machine: object
     library: object
+    shop: ShopFile = ShopFile()     # what the shop decides
     accepted: tuple[str, ...]
     out: Path
     last_stage: str
@@ -185,7 +188,7 @@ def _planned(order, say):
     piece = Workpiece(min_mm=design.stock.min_mm, max_mm=design.stock.max_mm)
     for setup in design.setups:
         say(f"{design.name}: plan {setup.name}")
-        plan = plan_setup(design, setup, order.machine, order.library, piece)
+        plan = plan_setup(design, setup, order.machine, order.library, piece, order.shop)
         plans.append(plan)
         if setup is not design.setups[-1]:
             say(f"{design.name}: stock after {setup.name}")
@@ -196,7 +199,7 @@ def _planned(order, say):
 
 def _checked(order, plans, solid, kept, tell):
     """The plans, mended where the posted moves leave or take more than the finish allows, a margin kept."""
-    if all(p.setup.strategy == mending.UNMENDED for p in plans):
+    if not any(p.is_mended for p in plans):
         return plans
     design, faces = order.design, brep.faces_of(solid)
     balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
@@ -284,7 +287,7 @@ def plan_document(order, plans):
     for plan in plans:
         operations = [_operation_document(o) for o in plan.operations]
         lies = plan.setup.refixturing
-        setups.append({"name": plan.setup.name, "operations": operations, "wcs": plan.setup.wcs,
+        setups.append({"name": plan.setup.name, "operations": operations, "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
                        "refixturing": None if lies is None else lies.model_dump(mode="json"),
                        "time_s": round(sum(o["time_s"] for o in operations)
                                        + order.machine.tool_change_s * len(operations), 1),
@@ -341,10 +344,11 @@ def _posted(order, plans, work, inputs):
             f"{plan.setup.name}-{k:02d}.{post.EXTENSION}" for k in range(1, len(texts) + 1)]
         for name, text in zip(names, texts):
             (work / name).write_text(text)
-        posted.append(PostedFile(setup=plan.setup, program=names[0], continued=tuple(names[1:])))
+        posted.append(PostedFile(setup=plan.setup.model_copy(update={"operations": ()}), program=names[0], continued=tuple(names[1:])))
     balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
     return Job(design=order.design.name, step=f"{order.design.name}.step", material=order.design.material,
                predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
+               cutting_data=material_named(order.design.material, order.shop.materials),
                machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
                accepted=order.accepted)
 
@@ -424,9 +428,9 @@ def inputs_hash(order, step):
              "predicates": [p.model_dump(mode="json") for p in design.predicates],
              "stock": design.stock.model_dump(mode="json"), "finish": design.finish.model_dump(mode="json"),
              "setups": [s.model_dump(mode="json") for s in design.setups],
-             "machine": order.machine.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
-             "accepted": order.accepted, "version": cuspline.__version__,
-             **sources_of_post(order.machine)}
+             "machine": order.machine.model_dump(mode="json"), "shop": order.shop.model_dump(mode="json"),
+             "library": order.library.model_dump(mode="json"), "accepted": order.accepted,
+             "version": cuspline.__version__, **sources_of_post(order.machine)}
     return hashlib.sha256(step.read_bytes() + json.dumps(asked, sort_keys=True).encode()).hexdigest()
 
 

@@ -21,6 +21,7 @@ import cuspline.posts
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.shop.cutters import library_from_json
 from cuspline.shop.machines import machine_from_toml
+from cuspline.shop.practice import shop_file
 from cuspline.values.errors import CamError, DesignError, InputError
 from cuspline.values.input_files import checked, toml_of
 from cuspline.values.models import Model, complaints, name_fault
@@ -29,6 +30,7 @@ DESIGNS = Path(cuspline.designs.__file__).parent
 POSTS = Path(cuspline.posts.__file__).parent
 MACHINES, LIBRARIES, WRITERS, READERS = POSTS / "machines", POSTS / "tools", POSTS / "writers", POSTS / "readers"
 DEFAULT_LIBRARY = "tools"
+SHOP = "shop."              # of a parameter that is the shop's, not the design's
 OF_A_POST = {
     "EXTENSION": (str, "the ending of its files, such as \"ngc\""),
     "READER": (str, "the reader of what it writes: a module of posts/readers, or a .py file beside the post"),
@@ -160,6 +162,7 @@ class _NoParameters(Parameters):
 
 
 def _from_job(path):
+    importlib.import_module("cuspline.planning.strategies")       # registers the operations
     job = checked(_Job, toml_of(path, "job file"), f"job file {path}")
 
     def make(parameters):
@@ -190,6 +193,13 @@ def find_machine(name_or_file):
 def find_library(path):
     """The tool library of a file; None: the one that comes with cuspline."""
     return library_from_json(path if path is not None else LIBRARIES / f"{DEFAULT_LIBRARY}.json")
+
+
+def find_shop(path, assignments):
+    """(ShopFile, the assignments that are not the shop's): values `shop.name=value` go before the file's."""
+    own = [_assignment(a) for a in assignments if a.startswith(SHOP)]
+    given = [(name.removeprefix(SHOP), value) for name, value in own]
+    return shop_file(path, given), [a for a in assignments if not a.startswith(SHOP)]
 
 
 def find_post(name_or_file):

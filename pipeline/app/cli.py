@@ -11,6 +11,7 @@ import sys
 import traceback
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -41,6 +42,7 @@ def build(
             help="name of a machine, or its TOML file; else the design's own")] = None,
         post: Annotated[Optional[str], typer.Option(help="another post than the machine's own, by name or .py file")] = None,
         cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
+        shop: Annotated[Optional[Path], typer.Option(help="the shop's own values and materials (TOML)")] = None,
         measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their clampings (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
@@ -54,7 +56,8 @@ def build(
     source = catalogue.find_design(design)
     if machine is not None:
         catalogue.find_machine(machine)         # a wrong name is told before the part is built
-    made = catalogue.make_design(source, [*_words(params), *param])
+    practice, assignments = catalogue.find_shop(shop, [*_words(params), *param])
+    made = catalogue.make_design(source, assignments)
     if measured is not None:
         from cuspline.design.setup_alignment import read_measured, refixtured_setups
         made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
@@ -62,7 +65,7 @@ def build(
     chosen = catalogue.with_post(chosen, post)
     library = catalogue.find_library(cutters)
     folder = out if out is not None else Path("outputs") / made.name
-    result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
+    result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library, shop=practice,
                                        accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
     _tell(made.name, result.folder, result.findings, result.left_out, stage, result.told, result.figures,
           result.accepted)
@@ -180,12 +183,39 @@ def designs(json: AsJson = False):
 
 
 def _parameter_row(name, field):
+    given = [f for f in field.get("anyOf", []) if f.get("type") != "null"]
+    field = {**(given[0] if given else {}), **field}
     low, high = field.get("minimum", field.get("exclusiveMinimum")), field.get("maximum", field.get("exclusiveMaximum"))
     choices = field.get("enum")
     span = f"{low} .. {high}" if low is not None or high is not None else " | ".join(map(str, choices or []))
     unit = next((u for u in ("mm", "deg", "rad", "mm2") if name.endswith("_" + u)), "")
     return {"name": name, "default": field.get("default"), "unit": unit, "range": span,
             "description": field.get("description", "")}
+
+
+@app.command()
+def strategies(json: AsJson = False):
+    """List the strategies: what operations of a setup can do, with their parameters."""
+    import_module("cuspline.planning.strategies")
+    from cuspline.design.operations import REGISTERED
+    rows = []
+    for kind, strategy in sorted(REGISTERED.items()):
+        fields = strategy.model_json_schema()["properties"]
+        rows.append({"kind": kind, "description": (strategy.__doc__ or "").split("\n")[0],
+                     "class": f"{strategy.__module__}.{strategy.__name__}", "picture": strategy.picture.strip("\n"),
+                     "parameters": [_parameter_row(n, f) for n, f in fields.items()]})
+    _print(rows, json, lambda r: [f"{r['kind']}: {r['description']}  ({r['class']})", "", *r["picture"].split("\n"), ""] + [
+        f"  {p['name']} = {p['default']}  {p['range']}  {p['description']}" for p in r["parameters"]])
+
+
+@app.command()
+def shop(file: Annotated[Optional[Path], typer.Argument(help="a shop's own file (TOML)")] = None, json: AsJson = False):
+    """List what a shop decides: allowances, depths of cut, clearances."""
+    from cuspline.shop.practice import Practice, shop_file
+    values = shop_file(file).practice.model_dump()
+    fields = Practice.model_json_schema()["properties"]
+    rows = [{**_parameter_row(n, f), "value": values[n]} for n, f in fields.items()]
+    _print(rows, json, lambda p: [f"{p['name']} = {p['value']}  {p['range']}  {p['description']}"])
 
 
 @app.command()

@@ -15,6 +15,7 @@ from cuspline.kernel import brep
 from cuspline.program.posted import PostedMoves
 from cuspline.replay.replay import Fixture
 from cuspline.replay.replay_checks import Reporter
+from cuspline.shop.materials import known_materials
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, located
@@ -99,7 +100,7 @@ def read_programs(folder, job, tools):
         parts = [_read(name, text, item.setup, job, tools) for name, text in texts.items()]
         moves = _joined(parts, texts.values(), tools)
         found = text_findings(moves, tools, setup=item.setup, machine=job.machine, finish=job.finish,
-                              material=job.material)
+                              material=job.cutting_data or known_materials().get(job.material))
         yield ReadProgram(setup=item.setup, texts=texts, posted=moves, findings=found)
 
 

@@ -11,6 +11,7 @@ from cuspline.design import FacePredicate, Finish, Setup, StockBox
 from cuspline.design.setup_alignment import refixtured_setups
 from cuspline.shop.cutters import ToolLibrary
 from cuspline.shop.machines import Machine
+from cuspline.shop.materials import Material
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
 from cuspline.values.models import FileName, Model, WrittenName
@@ -35,6 +36,7 @@ class Job(Model):
     design: FileName
     step: WrittenName
     material: str
+    cutting_data: Material | None = Field(None, description="of the material; None: what cuspline knows of it")
     predicates: tuple[FacePredicate, ...]
     stock: StockBox
     finish: Finish

@@ -32,7 +32,14 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from cuspline.kernel.step_files import FaceMark, MarkedSolid, marks_of, read_step, refuse_unreadable, write_step
+from cuspline.kernel.step_files import (  # noqa: F401
+    FaceMark,
+    MarkedSolid,
+    marks_of,
+    read_step,
+    refuse_unreadable,
+    write_step,
+)
 from cuspline.splines.fitting import fitted
 from cuspline.splines.nurbs import NurbsSurface, local_shape
 from cuspline.values import fixed_math as fixed

@@ -7,6 +7,7 @@ import numpy as np
 
 from cuspline.design import Design, FacePredicate, Finish, Marker, Parameters, Setup, StockBox
 from cuspline.kernel import brep
+from cuspline.planning.strategies.auto import Auto
 
 
 def knife_edge():
@@ -70,7 +71,7 @@ def design_of(name, strategy="constant_scallop"):
         material="aluminium_6061", stock=StockBox(min_mm=tuple(low), max_mm=tuple(high + (0.0, 0.0, 0.5))),
         finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.003, gouge_mm=0.004),
         setups=(Setup(name="setup-1", wcs_in_words="as the part is drawn",
-                      faces=("top", *(p.name for p in ring)), strategy=strategy),))
+                      faces=("top", *(p.name for p in ring)), operations=(Auto(strategy=strategy),)),))
 
 
 def two_sided():
@@ -84,7 +85,7 @@ def two_sided():
     top, bottom = (FacePredicate(name=name, count=2, normal=(0, 0, z), normal_within_deg=70) for name, z in (("top", 1), ("bottom", -1)))
     markers = tuple(Marker(name=n, at_mm=at) for n, at in (
         ("left", (-15, 0, 0)), ("right", (15, 0, 0)), ("front", (0, -10, 0)), ("back", (0, 10, 2))))
-    common = {"strategy": "parallel", "markers": markers, "wcs_in_words": "middle of the plate, on the side up"}
+    common = {"operations": (Auto(strategy="parallel"),), "markers": markers, "wcs_in_words": "middle of the plate, on the side up"}
     return Design(
         name="two_sided", description="plate with a dish on either side", parameters=Parameters(), solid=solid,
         predicates=(top, bottom), material="aluminium_6061",
