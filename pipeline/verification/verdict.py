@@ -116,8 +116,8 @@ class Verdict:
         parts = [s.as_dict() for s in self.setups]
         worst = ("gouge_max_mm", "gouge_proven_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm")
         bounded = ("excess_proven_mm", "error_bound_mm")        # None where there is no bound
-        summed = ("gouge_volume_mm3", "excess_volume_mm3", "points_checked", "area_required_mm2", "area_reached_mm2",
-                  "area_unreachable_mm2")
+        summed = ("gouge_volume_mm3", "gouge_volume_bound_mm3", "excess_volume_mm3", "excess_volume_bound_mm3",
+                  "points_checked", "area_required_mm2", "area_reached_mm2", "area_unreachable_mm2")
         together = ("unreachable", "collisions", "findings", "cusps", "joints")
         return {"ok": self.ok, **{k: max((p[k] for p in parts), default=0.0) for k in worst},
                 **{k: _largest([p[k] for p in parts]) for k in bounded},
@@ -436,7 +436,8 @@ def _numbers(found, solid_view, finish, bounds, history, true_mm):
         "at_least": [name for name, (_, more) in (("gouge_max_mm", gouge), ("excess_max_mm", excess)) if more],
         "cusp_max_mm": max(0.0, d[finished].max(initial=0.0)),
         "cusp_p99_mm": max(0.0, weighted_percentile(d[finished], found.samples.weight_mm2[finished], 0.99)),
-        "gouge_volume_mm3": solid_view.gouge_volume_mm3, "excess_volume_mm3": solid_view.excess_volume_mm3,
+        "gouge_volume_mm3": solid_view.gouge.mm3, "gouge_volume_bound_mm3": solid_view.gouge.bound_mm3,
+        "excess_volume_mm3": solid_view.excess.mm3, "excess_volume_bound_mm3": solid_view.excess.bound_mm3,
         "error_bound_mm": _sum([bounds[k] for k in ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm")]),
         "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
         "area_reached_mm2": area(fair & (d <= allowed_mm(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),

@@ -23,8 +23,11 @@ from cuspline.posts.readers.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, 
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, refuse_text_after
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on
+from cuspline.posts.readers.rs274_tools import read_tool_table
 from cuspline.program.posted import PostedMoves, Remark, Stop
 from cuspline.program.program import Kind, Plane
+
+__all__ = ["read_program", "read_tool_table"]
 
 OPERATION = re.compile(r"\s*OPERATION\b[^:]*:([^,]*)", re.IGNORECASE)
 PLANES = {"G17": Plane.XY, "G18": Plane.ZX, "G19": Plane.YZ}
