@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.app.catalogue import find_post, reader_of
+from cuspline.app.catalogue import find_post, reader_of, tool_table_of
 from cuspline.app.report_inputs import shape_of
 from cuspline.design.job import read_tools
 from cuspline.kernel import brep
