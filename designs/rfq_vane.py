@@ -186,7 +186,7 @@ def _operation(p):
         return TransverseArcs(passes=p.passes, allowance_mm=p.allowance_mm, plating_mm=p.plating_mm, cutter=p.cutter,
                               ball_mm=p.ball_mm or None)
     if p.cutter == "side":
-        raise DesignError("cutter side: a side cutter runs transverse_arcs, not sections: give strategy=transverse_arcs")
+        raise DesignError("cutter side: a side-and-face cutter runs transverse_arcs, not sections: give strategy=transverse_arcs")
     return Auto(section_plane="YZ", passes=p.passes, tool=f"ball {p.ball_mm!r}" if p.ball_mm else None)
 
 

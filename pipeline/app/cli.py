@@ -291,10 +291,12 @@ def posts(json: AsJson = False):
 
 
 @app.command()
-def materials(json: AsJson = False):
+def materials(file: Annotated[Optional[Path], typer.Argument(help="a shop's own file (TOML)")] = None, json: AsJson = False):
     """List the work materials with their cutting data, and where these come from."""
     from cuspline.shop.materials import known_materials
-    _print([m.model_dump(mode="json") for m in known_materials().values()], json, lambda m: [
+    from cuspline.shop.practice import shop_file
+    there = {**known_materials(), **{m.name: m for m in shop_file(file).materials}}
+    _print([m.model_dump(mode="json") for m in there.values()], json, lambda m: [
         f"{m['name']}: {m['description']}",
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "

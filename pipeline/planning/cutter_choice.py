@@ -195,13 +195,13 @@ def choose_cutter(title, tools, samples, hollow_radius_mm, mesh, stock_mm, is_as
         elif missing > 0:
             reason = f"holder or shank would touch the part: stick-out {tool.stick_out_mm:.1f} mm is {missing:.2f} mm short"
         else:
-            chosen, reached, reason = tool, reach.is_reached, "as asked" if is_asked else "largest that fits"
+            chosen, reached, reason = tool, reach.is_reached, "as requested" if is_asked else "largest that fits"
         candidates.append(Candidate(tool=tool, is_chosen=chosen is tool, reason=reason, is_fitting=too_large is None,
                                     missing_stick_out_mm=missing, area_left_mm2=samples.area_mm2[~reach.is_reached].sum()))
     if chosen is None:
         raise CutterDoesNotFit(f"{title}: no tool that it may use fits: " + "; ".join(
             f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
-            + ". Add a smaller or longer one to the tool library, or ask for another")
+            + ". Add a smaller or longer one to the tool library, or request another")
     return chosen, tuple(candidates), reached
 
 

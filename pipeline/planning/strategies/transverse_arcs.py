@@ -42,9 +42,9 @@ class TransverseArcs(Operation):
                                 "the ball by it")
     plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later; the register of the finish is smaller than "
                               "the ball by it")
-    cutter: Literal["ball", "side"] = Field("ball", description="a ball, or a side cutter on a right-angle head, its axis "
+    cutter: Literal["ball", "side"] = Field("ball", description="a ball, or a side-and-face cutter on an angle head, its axis "
                                             "along the vane")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or of a side cutter's teeth; "
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or the width of a side-and-face cutter's teeth; "
                                   "left out: the largest that fits")
     section_plane: Literal["YZ"] = "YZ"
 
