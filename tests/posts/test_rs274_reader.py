@@ -303,7 +303,7 @@ def test_calls_nest_as_deep_as_the_control_takes_and_no_deeper():
 
 
 def test_calls_that_multiply_are_refused_with_the_line_of_the_call(monkeypatch):
-    monkeypatch.setattr("cuspline.posts.rs274_blocks.MOST_CALLED", 1000)
+    monkeypatch.setattr("cuspline.posts.readers.rs274_blocks.MOST_CALLED", 1000)
     assert len(read(AT_ZERO + nested(3, 10))) == 101
     with pytest.raises(ReadError, match=r"called in line 42: .*: the sub-programs called come to more than 1,000 blocks"):
         read(AT_ZERO + nested(4, 10))

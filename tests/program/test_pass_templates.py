@@ -258,7 +258,7 @@ def test_fanuc_calls_nest_four_deep_and_no_deeper(monkeypatch):
     assert len(read(nested_in_fanuc(4))) == 3
     with pytest.raises(ReadError, match="line 17, called in line 11: 'M98 P7001': calls nested deeper than 4"):
         read(nested_in_fanuc(5))
-    monkeypatch.setattr("cuspline.posts.rs274_blocks.MOST_CALLED", 1000)
+    monkeypatch.setattr("cuspline.posts.readers.rs274_blocks.MOST_CALLED", 1000)
     with pytest.raises(ReadError, match="called in line 11: .* come to more than 1,000 blocks"):
         read(nested_in_fanuc(4, 10))
 
