@@ -245,7 +245,8 @@ def _judged(order, plans, job, work, inputs, kept, tell):
         _remove_programs(work, job)
         job = _written(order, plans, work, inputs, tell)
     _write_json(work / "plan.json", plan_document(order, plans))
-    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans))
+    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans),
+                        extra=(*judged.extra, *(f for plan in plans for f in plan.idle)))
 
 
 def _remove_programs(work, job):

@@ -285,8 +285,8 @@ def posts(json: AsJson = False):
 @app.command()
 def materials(json: AsJson = False):
     """List the work materials with their cutting data, and where these come from."""
-    from cuspline.shop.materials import MATERIALS
-    _print([m.model_dump(mode="json") for m in MATERIALS.values()], json, lambda m: [
+    from cuspline.shop.materials import known_materials
+    _print([m.model_dump(mode="json") for m in known_materials().values()], json, lambda m: [
         f"{m['name']}: {m['description']}",
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "

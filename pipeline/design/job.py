@@ -19,7 +19,6 @@ from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
 from cuspline.values.models import FileName, Model, WrittenName
 
-
 HEADER_DIGITS = 20          # of a job's SHA-256 in a program's header: a line of 40 characters holds it
 
 

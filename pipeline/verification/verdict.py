@@ -300,7 +300,7 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
     true_mm = partial(_true_mm, part, c, found)
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
-    findings = (*history.findings, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
+    findings = (*history.findings, *history.idle, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
                 *report.unseen_excess(proof, part.piece.cuts[c.number]),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
     return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,

@@ -18,8 +18,7 @@ from written_parts import BALL, MILL, boss, boss_operations, operation, program_
 from cuspline.app import catalogue
 from cuspline.app.judge import judge, judge_text, lines_of, posted_moves
 from cuspline.design import FacePredicate, Setup, StockBox
-from cuspline.design.job import (
-    Job, PostedFile, Published, digest_of, job_line, read_job, read_published, read_tools)
+from cuspline.design.job import Job, PostedFile, Published, digest_of, job_line, read_job, read_published, read_tools
 from cuspline.kernel import brep
 from cuspline.posts.readers.rs274_reader import read_program
 from cuspline.program.pass_templates import Call, Go, PassTemplate, Quantity, Register, Restart, TemplatedPasses, terms
