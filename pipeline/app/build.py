@@ -370,6 +370,9 @@ def _header(order, plan, inputs):
              f"RAPIDS ACROSS AT Z{program.clearance_z_mm:.3f}",
              f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
              f"GOUGE {design.finish.gouge_mm} PATH TOLERANCE {machine.control.path_tolerance_mm}"]
+    if design.finish.plating_mm:
+        lines.append(f"PLATED ON LATER {design.finish.plating_mm:g}: THE METAL IS CUT SO MUCH BELOW THE DRAWING, AND JUDGED "
+                     "THERE")
     for name, value in design.parameters.model_dump(mode="json").items():
         lines.append(f"PARAMETER {name} = {value}")
     seen = set()

@@ -74,6 +74,12 @@ class Finish(Model):
     profile_tolerance_mm: float = Field(gt=0, le=COARSEST_MM,
                                         description="largest deviation of a path from the true curve")
     gouge_mm: float = Field(gt=0, le=COARSEST_MM, description="deepest cut below the surface that is accepted")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later: the metal is cut so much below the faces, and "
+                              "judged there")
+
+    @model_serializer(mode="wrap")
+    def _without_plating_it_has_not(self, dump):
+        return {k: v for k, v in dump(self).items() if (k, v) != ("plating_mm", 0.0)}
 
 
 class StockBox(Model):

@@ -19,12 +19,12 @@ def setup_of(**changes):
     return Setup(name="setup-1", wcs_in_words="", faces=("tip",), **changes)
 
 
-def work(tip=None, setup=None, stock_half_mm=9.0, gouge_mm=0.0025, plating_mm=0.0):
+def work(tip=None, setup=None, stock_half_mm=9.0, gouge_mm=0.0025):
     """As much of a PlanningContext as is asked before anything is planned."""
     finish = Finish(scallop_mm=0.005, profile_tolerance_mm=0.001, gouge_mm=gouge_mm)
     return SimpleNamespace(
         design=SimpleNamespace(name="vane", tip=tip), setup=setup or setup_of(), finish=finish,
-        operation=TransverseArcs(plating_mm=plating_mm),
+        operation=TransverseArcs(),
         box=(np.array([0.0, -9.0, 0.0]), np.array([40.0, 9.0, 47.0])),
         stock_min_mm=np.array([0.0, -stock_half_mm, 0.0]), stock_max_mm=np.array([40.0, stock_half_mm, 48.0]))
 
@@ -32,8 +32,7 @@ def work(tip=None, setup=None, stock_half_mm=9.0, gouge_mm=0.0025, plating_mm=0.
 @pytest.mark.parametrize("asked, said", [
     ({}, r"vane says none \(Design.tip\): choose another strategy"),
     ({"tip": wavy_tip(), "setup": setup_of(wcs_x=(0, 1, 0))}, r"wcs_x is \(0.0, 1.0, 0.0\).*make them \(1, 0, 0\)"),
-    ({"tip": wavy_tip(), "stock_half_mm": 12.0}, "billet reaches 12.000 mm: let it be at most 2 mm wider"),
-    ({"tip": wavy_tip(), "plating_mm": 0.05}, "finish.gouge_mm accepts 0.0025 mm: raise it")])
+    ({"tip": wavy_tip(), "stock_half_mm": 12.0}, "billet reaches 12.000 mm: let it be at most 2 mm wider")])
 def test_what_is_no_such_vane_is_refused(asked, said):
     with pytest.raises(PlanError, match=said):
         TransverseArcs().plan(work(**asked))
