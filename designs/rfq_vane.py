@@ -9,7 +9,7 @@ r"""RFQ vane: from a cell table, or from a few numbers, to the tip that a beam s
         └─────┴──────────────────────────────────────────────► x          └──────┘ A
 
 x is the table's Z, from the wall where the beam enters; the base stands at z = 0, the beam axis at z = B.
-Source: cells, tips and transition by the two-term potential (FORMULAS 1b); tip and flanks as Crandall and Stovall cut
+Source: cells, tips and transition by the two-term potential (docs/formulas.md 2); tip and flanks as Crandall and Stovall cut
 them, circular in every transverse plane.
 """
 

@@ -22,7 +22,7 @@ from cuspline.app import mending
 from cuspline.app.catalogue import sources_of_post
 from cuspline.app.judge import figures_in_words, judge, post_module, posted_moves
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
-from cuspline.design.job import Job, PostedFile
+from cuspline.design.job import Job, PostedFile, digest_of, job_line
 from cuspline.design.setup_alignment import refixturing_in_words
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.glb import write_glb
@@ -246,7 +246,8 @@ def _judged(order, plans, job, work, inputs, kept, tell):
         _remove_programs(work, job)
         job = _written(order, plans, work, inputs, tell)
     _write_json(work / "plan.json", plan_document(order, plans))
-    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans))
+    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans),
+                        extra=(*judged.extra, *(f for plan in plans for f in plan.idle)))
 
 
 def _remove_programs(work, job):
@@ -268,12 +269,13 @@ def _coloured_stock(path, judged, finish):
 def _finished(order, work, inputs, job, findings=(), left_out=""):
     """Write the manifest, the last file of all."""
     files = {p.name: _sha256(p) for p in sorted(work.iterdir())}
+    asked = None if job is None else job.model_dump(mode="json")
     manifest = {
         "design": order.design.name, "stage": order.last_stage, "inputs_sha256": inputs,
         "parameters": order.design.parameters.model_dump(mode="json"), "machine": order.machine.name,
         "accepted": list(order.accepted), "left_out": left_out,
         "versions": {"cuspline": cuspline.__version__, **{n: _version(n) for n in VERSIONED}},
-        "files": files, "job": job.model_dump(mode="json") if job else None}
+        "files": files, "job": asked, "job_sha256": {name: digest_of(value) for name, value in (asked or {}).items()}}
     _write_json(work / "manifest.json", manifest)
     return Result(folder=work, is_ok=not findings, findings=tuple(findings), left_out=left_out)
 
@@ -336,21 +338,25 @@ def _posted(order, plans, work, inputs):
         (work / post.TOOL_TABLE).write_text(post.tool_table(tools.values(), order.machine.control))
         _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
-    posted = []
+    posted, written = [], {}
     for plan in plans:
         program = plan.program(_header(order, plan, inputs), f"{order.design.name} {plan.setup.name}")
         texts = post.post(program, order.machine).texts
         names = [f"{plan.setup.name}.{post.EXTENSION}"] if len(texts) == 1 else [
             f"{plan.setup.name}-{k:02d}.{post.EXTENSION}" for k in range(1, len(texts) + 1)]
-        for name, text in zip(names, texts):
-            (work / name).write_text(text)
-        posted.append(PostedFile(setup=plan.setup.model_copy(update={"operations": ()}), program=names[0], continued=tuple(names[1:])))
+        written |= zip(names, texts)
+        posted.append(PostedFile(setup=plan.setup.model_copy(update={"operations": ()}), program=names[0],
+                                 continued=tuple(names[1:])))
     balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
-    return Job(design=order.design.name, step=f"{order.design.name}.step", material=order.design.material,
-               predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
-               cutting_data=material_named(order.design.material, order.shop.materials),
-               machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
-               accepted=order.accepted)
+    job = Job(design=order.design.name, step=f"{order.design.name}.step", material=order.design.material,
+              predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
+              cutting_data=material_named(order.design.material, order.shop.materials),
+              machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
+              accepted=order.accepted)
+    line = job_line(digest_of(job.model_dump(mode="json")))
+    for name, text in written.items():
+        (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))
+    return job
 
 
 def _header(order, plan, inputs):
@@ -362,7 +368,7 @@ def _header(order, plan, inputs):
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
     lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
              UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
-             f"INPUTS SHA-256 {inputs[:32]}",
+             f"INPUTS SHA-256 {inputs[:32]}", job_line(""),
              f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
              f"{setup.wcs}: {setup.wcs_in_words}",
              f"STOCK {design.material}: {show(low)} TO {show(high)}",

@@ -23,7 +23,7 @@ from cuspline.shop.cutters import library_from_json
 from cuspline.shop.machines import machine_from_toml
 from cuspline.shop.practice import shop_file
 from cuspline.values.errors import CamError, DesignError, InputError
-from cuspline.values.input_files import checked, toml_of
+from cuspline.values.input_files import checked, refuse_irregular, toml_of
 from cuspline.values.models import Model, complaints, name_fault
 
 DESIGNS = Path(cuspline.designs.__file__).parent
@@ -103,6 +103,7 @@ def find_design(name_or_file):
     if name_or_file in design_names():
         return _from_module(importlib.import_module(f"cuspline.designs.{name_or_file}"), DESIGNS / f"{name_or_file}.py")
     path = Path(name_or_file)
+    refuse_irregular(path, "design")
     if not path.is_file():
         raise InputError(f"there is no design {name_or_file!r} and no such file; designs: {', '.join(design_names())}")
     if path.suffix in DESIGN_FILES and (fault := name_fault(path.stem)):
@@ -184,6 +185,7 @@ def find_machine(name_or_file):
     """
     if name_or_file in machine_names():
         return machine_from_toml(MACHINES / f"{name_or_file}.toml")
+    refuse_irregular(name_or_file, "machine file")
     if not Path(name_or_file).is_file():
         raise InputError(f"there is no machine {name_or_file!r} and no such file; "
                          f"machines: {', '.join(machine_names())}")

@@ -12,6 +12,7 @@ import numpy as np
 
 from cuspline.planning.clean_up import clean_up
 from cuspline.planning.plan import plan_setup
+from cuspline.values.amounts import counted
 from cuspline.values.errors import CamError
 from cuspline.verification.reporter import allowed_mm
 
@@ -122,7 +123,7 @@ def _mended(plan, want, number, by):
     done = ", ".join(f"T{o.tool.number} {o.tool.cutter.name}" for o in added)
     rest = int((~touched).sum())
     return replace(plan, operations=(*plan.operations, *context.as_cut(added)), mending=(*plan.mending, {
-        **told, "done": f"clean-up passes with {done}" + (f"; {rest} places are out of reach" if rest else "")}))
+        **told, "done": f"clean-up passes with {done}" + (f"; {counted(rest, 'place')} out of reach" if rest else "")}))
 
 
 def _is_no_better(plan, told):

@@ -7,11 +7,11 @@ the largest ball that touches them: the plan's own balls first, then smaller one
 import math
 
 import numpy as np
-from cuspline.planning.freeform_finishing import LATERAL_SHARE, NODES_A_STEP, flat_step_mm, link_rules, wall_paths_at
 from scipy.spatial import cKDTree
 
 from cuspline.planning.context import path_tolerance_mm, ridge_for_step_mm
 from cuspline.planning.cutter_choice import missing_stick_outs_mm
+from cuspline.planning.freeform_finishing import LATERAL_SHARE, NODES_A_STEP, flat_step_mm, link_rules, wall_paths_at
 from cuspline.program.program import Moves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
 from cuspline.toolpaths.freeform.tip_field import tip_field

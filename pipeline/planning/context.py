@@ -188,6 +188,10 @@ class PlanningContext:
         """Closest points on all faces."""
         return self._once("closest", lambda: ClosestTree.of_faces(self.faces, geometry=self.geometry))
 
+    def closest_of(self, wanted):
+        """Closest points on some faces alone, by their indices."""
+        return self._once(("closest", wanted), lambda: ClosestTree.of_faces([self.faces[i] for i in wanted]))
+
     def _once(self, name, make):
         """A value that all operations of the setup share, made when it is first wanted."""
         if name not in self._shared:
@@ -240,8 +244,8 @@ class PlanningContext:
         lines = [np.linspace(low[k], high[k], min(int((high[k] - low[k]) / (LOOK_SHARE * radius)) + 2, MOST_LOOKS)) for k in (0, 1)]
         xy = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
         stock, part = self.stock_mm(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)
-        over = np.where(np.isfinite(part) & np.isfinite(stock), stock - part, 0.0)
-        return max(float(over.max(initial=0.0)), self.practice.rough_allowance_mm)
+        there = np.isfinite(part) & np.isfinite(stock)
+        return max(float((stock[there] - part[there]).max(initial=0.0)), self.practice.rough_allowance_mm)
 
     def chosen_tool(self, *types):
         """The largest cutter of some types that fits the operation's faces with its holder clear.

@@ -45,8 +45,10 @@ TOUCH_UP_STEPS = 0.6        # how far the touch-up reaches beyond
 LINK_STEPS = 3.0            # links along the surface are no longer than that
 HOP_RADII = 6.0             # links over what lies between
 FLAT_STEP_SHARE = 0.1       # of its radius: how closely a flat cutter's waterlines are looked for
+TOUCHING_MM = 0.02         # a bull nose or flat cutter nearer to a face than that touches it
 RIM_STEPS = 3               # until the nearest place of a bull nose's corner stands still
 TERRACE_SHARE = 0.8         # of its flutes a flat cutter goes deep beside an upright wall
+RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls by 0.13 of its radius, whatever stands there
 OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
 
 
@@ -190,9 +192,20 @@ def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False):
     """Where the ball touches the faces wanted."""
     boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
-    run_over = OVERLAP_STEPS * NODES_A_STEP * pitch_mm
+    run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
     dropper = work.dropper_of(tool.cutter, allowance_mm)
     return tip_field(dropper, work.wanted, (low[:2], high[:2]), pitch_mm, run_over, may_be_empty)
+
+
+def run_over_mm(step_mm, radius_mm):
+    """How far the ball rolls over an outer edge: the last pass, up to a step before that, still cuts the edge clean.
+
+    A wide step would let it fall into the stock behind the edge by its whole radius, where no pass before has been.
+
+    >>> run_over_mm(0.5, 3.0), run_over_mm(2.5, 3.0)
+    (0.75, 1.5)
+    """
+    return max(min(OVERLAP_STEPS * step_mm, RUN_OVER_RADII * radius_mm), 0.5 * step_mm)
 
 
 def _gentle(field, steep_rad, overlap_mm):
@@ -250,18 +263,21 @@ def wall_paths_at(work, field, heights, tolerance_mm, step_mm, near=None):
 
     def touches(tips):
         middles = tips + np.array([0.0, 0.0, corner])
-        foot = work.closest.closest_points(middles)
-        centers = middles
-        for _ in range(RIM_STEPS if flat > 0.0 else 0):     # the corner's middle on the side that is nearest
-            toward = foot.point_mm - middles
-            toward[:, 2] = 0.0
-            centers = middles + flat * toward / np.maximum(np.linalg.norm(toward, axis=1), 1e-9)[:, None]
-            foot = work.closest.closest_points(centers)
-        arm = centers - foot.point_mm
-        leans = (arm[:, 2] < limit * foot.distance_mm) | (corner == 0.0)
-        wanted = np.isin(foot.face, work.wanted) & leans & (foot.normal[:, 2] < limit)    # not over a level face's rim
-        away = middles - foot.point_mm
-        aside = tips[:, :2] + ASIDE_MM * away[:, :2] / np.maximum(np.linalg.norm(away[:, :2], axis=1), 1e-9)[:, None]
+        if flat == 0.0:
+            foot = work.closest.closest_points(middles)
+            arm = middles - foot.point_mm
+            wanted = np.isin(foot.face, work.wanted) & (arm[:, 2] < limit * foot.distance_mm)
+        else:                   # the corner's middle on the side where the faces wanted are nearest
+            walls = work.closest_of(tuple(work.wanted))
+            foot = walls.closest_points(middles)
+            for _ in range(RIM_STEPS):
+                toward = (foot.point_mm - middles) * (1.0, 1.0, 0.0)
+                centers = middles + flat * toward / np.maximum(np.linalg.norm(toward, axis=1), 1e-9)[:, None]
+                foot = walls.closest_points(centers)
+            arm = middles - foot.point_mm
+            wanted = foot.distance_mm <= offset + TOUCHING_MM
+        wanted &= foot.normal[:, 2] < limit                                               # not over a level face's rim
+        aside = tips[:, :2] + ASIDE_MM * arm[:, :2] / np.maximum(np.linalg.norm(arm[:, :2], axis=1), 1e-9)[:, None]
         wanted &= dropper.tips_mm(aside) <= tips[:, 2] + tolerance_mm                     # nothing hangs over it
         return wanted if near is None else wanted & near(foot.point_mm)
 

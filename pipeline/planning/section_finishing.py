@@ -85,7 +85,7 @@ def _plane_step(work, radius_mm, ridge_mm):
     """Function (low, high) -> widest plane step for planes between two across coordinates.
 
     Across the surface the step follows from the curvature there; the planes' own distance is that
-    times the cosine of the surface's slope across (FORMULAS 4).
+    times the cosine of the surface's slope across (docs/formulas.md 5).
     """
     samples, k = work.samples, work.plane.across
     usable = samples.across_per_mm * radius_mm > -0.98      # a hollow that the ball does not enter

@@ -6,6 +6,7 @@ import numpy as np
 
 from cuspline.program.program import Kind
 from cuspline.replay.replay_checks import Reporter
+from cuspline.values.amounts import counted
 from cuspline.values.errors import ReadError
 from cuspline.values.units import MM
 
@@ -98,7 +99,7 @@ def _path_tolerances(report, machine, finish):
     for value in np.unique(tolerance[np.isfinite(tolerance) & (tolerance > finish.gouge_mm * (1 + RELATIVE))]):
         rows = np.flatnonzero(tolerance == value)
         yield report.finding("path_tolerance", rows[0], value, posted.end_mm[rows[0]],
-                             f"the control may leave the path by {value:g} mm in {len(rows)} moves from here, "
+                             f"the control may leave the path by {value:g} mm in {counted(len(rows), 'move')} from here, "
                              f"{finish.gouge_mm:g} mm are allowed: tighten G64 P and Q before them, or what the control's "
                              "own parameters allow and the machine's file states")
 

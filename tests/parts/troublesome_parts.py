@@ -93,3 +93,14 @@ def two_sided():
         finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.003, gouge_mm=0.004),
         setups=(Setup(name="setup-1", faces=("top",), wcs_origin_mm=(0, 0, 4), **common),
                 Setup(name="setup-2", wcs="G55", faces=("bottom",), wcs_origin_mm=(0, 0, -4), wcs_z=(0, 0, -1), **common)))
+
+
+def bow_tie(low_mm=0):
+    """Four sides over a polygon like an 8, closed by points above and below; `low_mm` makes its right loop smaller."""
+    corners = [(0, 0), (10, 8), (10, low_mm), (0, 8)]
+    ring = lambda z: [(x, y, z) for x, y in corners]
+    low, high, faces = ring(0.0), ring(5.0), []
+    for a, b, c, d in zip(low, low[1:] + low[:1], high[1:] + high[:1], high):
+        faces += [(a, b, c, d), (d, c, (7, 4.5, 9)), (b, a, (7, 4.5, -4))]
+    made = [cq.Face.makeFromWires(cq.Wire.makePolygon([cq.Vector(*p) for p in f], close=True)) for f in faces]
+    return cq.Solid.makeSolid(cq.Shell.makeShell(made)).wrapped

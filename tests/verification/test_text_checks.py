@@ -23,7 +23,7 @@ MILL, SETUP = find_machine("mill_3axis"), Setup(name="setup-1", wcs_in_words="co
 FINISH = Finish(scallop_mm=0.01, profile_tolerance_mm=0.002, gouge_mm=0.003)
 STOCK = StockBox(min_mm=(0, 0, 0), max_mm=(60, 24, 14))
 BALL = tool("ball", 6.0)
-HEAD = "G21\nG17 G90 G91.1 G94 G40 G49 G80\nG64 P0.001 Q0\nG54\nT1 M6\nG43 H1\n"
+HEAD = "G21\nG17 G90 G91.1 G94 G40 G49 G80 G92.1\nG64 P0.001 Q0\nG54\nT1 M6\nG43 H1\n"
 
 
 def posted(blocks):
