@@ -154,7 +154,7 @@ def design(p: RfqVane) -> Design:
     spans = clampings(start, end, p.bed_travel_mm, p.overlap_mm)
     top = float(tip.crest_z_mm(np.linspace(start, end, LOOKS_A_VANE)).max())
     return Design(
-        name="rfq_vane", description=_description(p, line), parameters=p, solid=solid_of(p, line, tip, spans), tip=tip,
+        name="rfq_vane", description=_description(p, line), parameters=p, solid=solid_of(p, line, tip, spans), guides=(tip,),
         predicates=predicates(spans),
         material=p.material, machine="mill_long_bed",
         stock=StockBox(min_mm=(start, -half, 0.0), max_mm=(end, half, top + p.stock_top_mm)),

@@ -48,7 +48,7 @@ def test_the_hollows_of_crest_and_sides_are_told_with_their_places(vane):
     assert crest == pytest.approx(plan["min_concave_radius_mm"], rel=0.01) and sides > crest
     assert plan["tip"]["crest_concave_where"] in ("cell 49", "cell 50")
     x, y, z = plan["tip"]["crest_concave_place_mm"]
-    assert 997 <= x <= 1003 and y == 0 and z == pytest.approx(float(design.tip.crest_z_mm([x])[0]), abs=1e-3)
+    assert 997 <= x <= 1003 and y == 0 and z == pytest.approx(float(design.guides[0].crest_z_mm([x])[0]), abs=1e-3)
 
 
 def test_passes_lie_in_transverse_planes_and_are_tangent_arcs(vane):

@@ -16,6 +16,7 @@ from cuspline.planning.cutter_choice import ball_reach, choose_ball, choose_side
 from cuspline.planning.roughing import roughed
 from cuspline.replay.replay import Fixture
 from cuspline.toolpaths.vane.arc_templates import BESIDE_MM, templated_passes
+from cuspline.toolpaths.vane.circular_tip import CircularTip
 from cuspline.toolpaths.vane.cutter_surface import cut_map
 from cuspline.toolpaths.vane.side_cutter import refuse_interference, with_wheel
 from cuspline.toolpaths.vane.transverse_arcs import arc_steps, stretches
@@ -88,10 +89,10 @@ def _operations(work):
 
 def _vane(work):
     """(CircularTip in the frame of the setup's moves, half width of the body)."""
-    tip, setup = work.design.tip, work.setup
+    tip, setup = work.design.guide_of(CircularTip), work.setup
     if tip is None:
         raise PlanError(f"{setup.name}: transverse arcs follow a vane's tip, and {work.design.name} says none "
-                        "(Design.tip): choose another strategy")
+                        "(a CircularTip among Design.guides): choose another strategy")
     if np.abs(setup.turn.rotation - np.eye(3)).max() > 1e-9:
         raise PlanError(f"{setup.name}: transverse arcs need the vane along the machine's X, its tip up: wcs_x is "
                         f"{setup.wcs_x}, wcs_z {setup.wcs_z}; make them (1, 0, 0) and (0, 0, 1)")
