@@ -21,7 +21,7 @@ from cuspline.designs.rfq.tip_line import Segment, TipLine, fitted_tip
 from cuspline.designs.rfq_vane import TABLES, RfqVane, assembly, design, line_of, table_of
 from cuspline.kernel import brep
 from cuspline.planning.plan import plan_setup
-from cuspline.planning.strategies.sections import _plane_step
+from cuspline.planning.section_finishing import _plane_step
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.sections import SectionPlane
 from cuspline.values.errors import CamError, CutterDoesNotFit, DesignError, InputError
