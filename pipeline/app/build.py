@@ -46,7 +46,6 @@ from cuspline.verification.in_process import PART
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.verdict import Options, SetupProgram, residuals_of
 
-TIP_PARTS = ("crest", "sides")
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
@@ -306,18 +305,7 @@ def plan_document(order, plans):
     return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
             "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
-            **({"tip": _tip_document(order.design)} if order.design.tip is not None else {}), "setups": setups}
-
-
-def _tip_document(design):
-    """A vane's tip: the smallest hollow of its crest and of its sides, each with its place."""
-    tip = design.tip
-    rows = {"range_mm": [round(x, 6) for x in tip.range_mm], "foot_z_mm": round(tip.foot_z_mm, 6)}
-    for name, (radius, place) in zip(TIP_PARTS, tip.tightest_hollows()):
-        rows[f"{name}_concave_radius_mm"] = _finite(radius)
-        rows[f"{name}_concave_place_mm"] = [round(float(x), 4) for x in place]
-        rows[f"{name}_concave_where"] = design.where(place)
-    return rows
+            **{g.name: g.facts(order.design.where) for g in order.design.guides}, "setups": setups}
 
 
 def _operation_document(o):
@@ -377,6 +365,9 @@ def _header(order, plan, inputs):
              f"RAPIDS ACROSS AT Z{program.clearance_z_mm:.3f}",
              f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
              f"GOUGE {design.finish.gouge_mm} PATH TOLERANCE {machine.control.path_tolerance_mm}"]
+    if design.finish.plating_mm:
+        lines.append(f"PLATED ON LATER {design.finish.plating_mm:g}: THE METAL IS CUT SO MUCH BELOW THE DRAWING, AND JUDGED "
+                     "THERE")
     for name, value in design.parameters.model_dump(mode="json").items():
         lines.append(f"PARAMETER {name} = {value}")
     seen = set()

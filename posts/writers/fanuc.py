@@ -39,7 +39,7 @@ def post(program, machine):
     Raises:
         PostError: a line longer than the control takes, a spindle speed outside the machine's range, a feed that
             rounds to nothing, an operation that does not start and end at the clearance height, more letters or
-            deeper brackets than a macro has, a tool beside the spindle's axis.
+            deeper brackets than a macro has.
     """
     for tool in (o.tool for o in program.operations):
         if tool.offset_mm[0]:
@@ -93,17 +93,26 @@ class _Fanuc(Dialect):
         writer.block(UNIT_WORD[writer.machine.control.units])
         writer.block("G17", "G90", "G94", "G40", "G49", "G80", "G64")
         writer.block(program.wcs)
-        writer.block("G52", "X0.", "Y0.", "Z0.")
+        self.shift_zero(writer, 0.0)
+
+    def shift_zero(self, writer, beside_mm):
+        """G52 takes the place of the tool offset's X: G43 of this control moves Z alone."""
+        writer.block("G52", "X" + writer.length(beside_mm), "Y0.", "Z0.")
+        writer.beside_mm = beside_mm
 
     def up(self, writer):
         writer.block("G91", "G28", "Z0.")
         writer.block("G90")
 
-    def length_on(self, writer, tool_number):
-        """Together with the first Z."""
-        writer.pending_z = ("G43",), (f"H{tool_number}",)
+    def length_on(self, writer, tool):
+        """Together with the first Z; the zero goes where a tool beside the spindle's axis has it."""
+        if tool.offset_mm[0] != writer.beside_mm:
+            self.shift_zero(writer, tool.offset_mm[0])
+        writer.pending_z = ("G43",), (f"H{tool.number}",)
 
     def foot(self, writer):
+        if writer.beside_mm:
+            self.shift_zero(writer, 0.0)
         super().foot(writer)
         writer.tail.append("%")
 

@@ -43,9 +43,9 @@ class Dialect(ABC):
     def up(self, writer):
         """The spindle to the top of the machine."""
 
-    def length_on(self, writer, tool_number):
+    def length_on(self, writer, tool):
         """The tool's length offset goes on, at the top of the machine."""
-        writer.block("G43", f"H{tool_number}")
+        writer.block("G43", f"H{tool.number}")
 
     def foot(self, writer):
         """The end of the program; what must stand behind it is in `writer.tail`."""
@@ -212,7 +212,7 @@ class _Files:
             writer.block("M9")
             self.dialect.up(writer)
             writer.block(f"T{tool.number}", "M6")
-            self.dialect.length_on(writer, tool.number)
+            self.dialect.length_on(writer, tool)
             writer.tool = tool.number
         writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
         writer.block(COOLANT_WORD[operation.coolant])

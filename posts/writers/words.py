@@ -68,6 +68,7 @@ class Writer:
         self.scale = 1.0 if control.units == "mm" else 1.0 / INCH_MM
         self.decimals = control.decimals
         self.lines, self.tail, self.tool = [], [], None
+        self.beside_mm = 0.0            # by which the zero is shifted for a tool beside the spindle's axis
         self.pending_z = (), ()         # words before and behind the next Z of an approach
         self.here_mm = np.zeros(3)
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
