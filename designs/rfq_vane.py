@@ -89,8 +89,8 @@ class RfqVane(Parameters):
         "arc in each transverse plane, as sub-programs and three numbers a step")
     cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side-and-face cutter on an "
                                             "angle head; it needs room above the jaws")
-    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: left by the rough passes")
-    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later, left out of the metal")
+    allowance_mm: float = Field(0.0, ge=0, le=5, description="transverse_arcs: left by the rough passes; 0: 0.254, 10 mil")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later: the metal is cut and judged so much below")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
     bed_travel_mm: float = Field(1400.0, ge=20, le=1e4, description="longest stretch that is cut in one "
                                  "setup, roughing goes 20 mm beyond; a longer vane is shifted along the bed")
@@ -189,6 +189,9 @@ def _operation(p):
                               ball_mm=p.ball_mm or None)
     if p.cutter == "side":
         raise DesignError("cutter side: a side-and-face cutter runs transverse_arcs, not sections: give strategy=transverse_arcs")
+    if p.allowance_mm:
+        raise DesignError(f"allowance_mm {p.allowance_mm:g} is what the rough passes of transverse_arcs leave, and sections have "
+                          "none: leave it out, or say what roughing leaves by -p shop.rough_allowance_mm")
     return Auto(section_plane="YZ", passes=p.passes, tool=f"ball {p.ball_mm!r}" if p.ball_mm else None)
 
 

@@ -127,7 +127,7 @@ def verify(
 
 def _verified(folder, measured, post, accept):
     """Judge one folder, or one program in it; the exit status."""
-    from cuspline.app.catalogue import with_post
+    from cuspline.app.catalogue import tool_table_of, with_post
     from cuspline.app.judge import judge
     from cuspline.design.job import read_job, read_published
     from cuspline.design.setup_alignment import read_measured

@@ -215,7 +215,7 @@ class Design:
                               "give it one of them")
         kinds = [type(g) for g in self.guides]
         if twice := [k.__name__ for k in kinds if kinds.count(k) > 1]:
-            raise DesignError(f"design {self.name}: two guides are of type {twice[0]}; a strategy asks for one: leave one out")
+            raise DesignError(f"design {self.name}: two guides are of type {twice[0]}; a strategy takes up one: leave one out")
         known = {p.name for p in self.predicates}
         for setup in self.setups:
             for who, faces in ((setup.name, setup.faces), *((f"{setup.name}, {o.title}", o.faces or ()) for o in setup.operations)):

@@ -39,7 +39,7 @@ KINDS = {
             "Add the face to a setup, or the operation that finishes it."),
         "idle_operation": (
             "an operation takes nothing off the stock",
-            "A rest operation asks for a ball that leaves no less than the one before, or roughing is listed twice.",
+            "A rest operation names a ball that leaves no less than the one before, or roughing is listed twice.",
             "Leave the operation out, or choose other faces or a smaller tool for it."),
     }),
     **_group("Collisions", {

@@ -41,11 +41,6 @@ def post(program, machine):
             rounds to nothing, an operation that does not start and end at the clearance height, more letters or
             deeper brackets than a macro has.
     """
-    for tool in (o.tool for o in program.operations):
-        if tool.offset_mm[0]:
-            raise PostError(f"T{tool.number} {tool.cutter.name} hangs {tool.head.offset_mm:g} mm beside the spindle's "
-                            "axis, and G43 of this control moves Z alone: choose an angle head with offset_mm 0, another cutter, or "
-                            "a machine whose tool table has X")
     return posted(program, machine, _Fanuc())
 
 

@@ -41,8 +41,6 @@ class TransverseArcs(Operation):
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="of roughing")
     allowance_mm: float = Field(0.254, gt=0, le=5, description="what the rough passes leave; the register is larger than "
                                 "the ball by it")
-    plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later; the register of the finish is smaller than "
-                              "the ball by it")
     cutter: Literal["ball", "side"] = Field("ball", description="a ball, or a side-and-face cutter on an angle head, its axis "
                                             "along the vane")
     ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or the width of a side-and-face cutter's teeth; "
@@ -103,9 +101,6 @@ def _vane(work):
     if wide > half + BESIDE_MM - BOX_ROUNDING_MM:
         raise PlanError(f"{setup.name}: transverse arcs go down beside the body, {half:.3f} mm from the mid-plane, and "
                         f"the stock reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
-    if work.operation.plating_mm > work.finish.gouge_mm:
-        raise PlanError(f"{setup.name}: a plating of {work.operation.plating_mm:g} mm leaves the metal that far below the "
-                        f"plated surface, and finish.gouge_mm accepts {work.finish.gouge_mm:g} mm: raise it")
     return tip, half
 
 
