@@ -35,6 +35,7 @@ TABLES = {"isodar_32p8": DATA / "rfq_isodar_32p8MHz_cells.csv"}
 PANEL_CELLS = 6             # faces are split every so many cells
 CLEARED_MM = 20.0           # beyond its stretch a clamping's tools clear so far: room for the finishing ball
 LARGEST_BALL_MM = 16.0      # diameter of the largest ball that the tool library may finish with
+ROUGH_ALLOWANCE_MM = 0.254  # 10 mil, of the source's rough passes
 FLANK_MARGIN_MM = 2.0       # that stay free between the ball that finishes the flanks' foot and the jaws
 
 # what a preset gives in place of the defaults; a parameter that is given stands before it
@@ -88,8 +89,8 @@ class RfqVane(Parameters):
         "arc in each transverse plane, as sub-programs and three numbers a step")
     cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side-and-face cutter on an "
                                             "angle head; it needs room above the jaws")
-    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: left by the rough passes")
-    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later, left out of the metal")
+    allowance_mm: float = Field(0.0, ge=0, le=5, description="transverse_arcs: left by the rough passes; 0: 0.254, 10 mil")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later: the metal is cut and judged so much below")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
     bed_travel_mm: float = Field(1400.0, ge=20, le=1e4, description="longest stretch that is cut in one "
                                  "setup, roughing goes 20 mm beyond; a longer vane is shifted along the bed")
@@ -153,11 +154,12 @@ def design(p: RfqVane) -> Design:
     spans = clampings(start, end, p.bed_travel_mm, p.overlap_mm)
     top = float(tip.crest_z_mm(np.linspace(start, end, LOOKS_A_VANE)).max())
     return Design(
-        name="rfq_vane", description=_description(p, line), parameters=p, solid=solid_of(p, line, tip, spans), tip=tip,
+        name="rfq_vane", description=_description(p, line), parameters=p, solid=solid_of(p, line, tip, spans), guides=(tip,),
         predicates=predicates(spans),
         material=p.material, machine="mill_long_bed",
         stock=StockBox(min_mm=(start, -half, 0.0), max_mm=(end, half, top + p.stock_top_mm)),
-        finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
+        finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm,
+                      plating_mm=p.plating_mm),
         setups=tuple(_setup(p, spans, k) for k in range(len(spans))),
         where=lambda place_mm: line.cell_at(place_mm[0]),
         companions=(Companion(name="quadrupole", make=lambda: assembly(p)),))
@@ -183,10 +185,13 @@ def _operation(p):
         DesignError: a side cutter along sections.
     """
     if p.strategy == "transverse_arcs":
-        return TransverseArcs(passes=p.passes, allowance_mm=p.allowance_mm, plating_mm=p.plating_mm, cutter=p.cutter,
+        return TransverseArcs(passes=p.passes, allowance_mm=p.allowance_mm or ROUGH_ALLOWANCE_MM, cutter=p.cutter,
                               ball_mm=p.ball_mm or None)
     if p.cutter == "side":
         raise DesignError("cutter side: a side-and-face cutter runs transverse_arcs, not sections: give strategy=transverse_arcs")
+    if p.allowance_mm:
+        raise DesignError(f"allowance_mm {p.allowance_mm:g} is what the rough passes of transverse_arcs leave, and sections have "
+                          "none: leave it out, or say what roughing leaves by -p shop.rough_allowance_mm")
     return Auto(section_plane="YZ", passes=p.passes, tool=f"ball {p.ball_mm!r}" if p.ball_mm else None)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 import cuspline
 from cuspline.app import mending
+from cuspline.app.catalogue import sources_of_post
 from cuspline.app.judge import figures_in_words, judge, post_module, posted_moves
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
 from cuspline.design.job import Job, PostedFile, digest_of, job_line
@@ -33,7 +34,7 @@ from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
-from cuspline.shop.tool_table import dropped_fields, tool_table
+from cuspline.shop.tool_table import dropped_fields
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.amounts import counted
@@ -45,7 +46,6 @@ from cuspline.verification.in_process import PART
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.verdict import Options, SetupProgram, residuals_of
 
-TIP_PARTS = ("crest", "sides")
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
@@ -246,7 +246,8 @@ def _judged(order, plans, job, work, inputs, kept, tell):
         _remove_programs(work, job)
         job = _written(order, plans, work, inputs, tell)
     _write_json(work / "plan.json", plan_document(order, plans))
-    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans))
+    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans),
+                        extra=(*judged.extra, *(f for plan in plans for f in plan.idle)))
 
 
 def _remove_programs(work, job):
@@ -304,18 +305,7 @@ def plan_document(order, plans):
     return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
             "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
-            **({"tip": _tip_document(order.design)} if order.design.tip is not None else {}), "setups": setups}
-
-
-def _tip_document(design):
-    """A vane's tip: the smallest hollow of its crest and of its sides, each with its place."""
-    tip = design.tip
-    rows = {"range_mm": [round(x, 6) for x in tip.range_mm], "foot_z_mm": round(tip.foot_z_mm, 6)}
-    for name, (radius, place) in zip(TIP_PARTS, tip.tightest_hollows()):
-        rows[f"{name}_concave_radius_mm"] = _finite(radius)
-        rows[f"{name}_concave_place_mm"] = [round(float(x), 4) for x in place]
-        rows[f"{name}_concave_where"] = design.where(place)
-    return rows
+            **{g.name: g.facts(order.design.where) for g in order.design.guides}, "setups": setups}
 
 
 def _operation_document(o):
@@ -333,8 +323,9 @@ def _posted(order, plans, work, inputs):
     """Post every setup, write the tools, return the Job."""
     post = post_module(order.machine)
     tools = {o.tool.number: o.tool for p in plans for o in p.operations}
-    (work / "tools.tbl").write_text(tool_table(tools.values(), order.machine.control))
-    _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
+    if post.TOOL_TABLE is not None:
+        (work / post.TOOL_TABLE).write_text(post.tool_table(tools.values(), order.machine.control))
+        _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
     posted, written = [], {}
     for plan in plans:
@@ -353,7 +344,7 @@ def _posted(order, plans, work, inputs):
               accepted=order.accepted)
     line = job_line(digest_of(job.model_dump(mode="json")))
     for name, text in written.items():
-        (work / name).write_text(text.replace(f"({job_line('')})", f"({line})"))
+        (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))
     return job
 
 
@@ -374,6 +365,9 @@ def _header(order, plan, inputs):
              f"RAPIDS ACROSS AT Z{program.clearance_z_mm:.3f}",
              f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
              f"GOUGE {design.finish.gouge_mm} PATH TOLERANCE {machine.control.path_tolerance_mm}"]
+    if design.finish.plating_mm:
+        lines.append(f"PLATED ON LATER {design.finish.plating_mm:g}: THE METAL IS CUT SO MUCH BELOW THE DRAWING, AND JUDGED "
+                     "THERE")
     for name, value in design.parameters.model_dump(mode="json").items():
         lines.append(f"PARAMETER {name} = {value}")
     seen = set()
@@ -410,15 +404,16 @@ def _stock_files(work, job, judged, say, kept):
 def _stamp_verdict(work, job, verify):
     """Put the verdict into each program's header, in place of the line that says there is none yet."""
     verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
-    accepted = f" with {counted(passed, 'accepted finding')}" if passed else ""
-    line = (f"VERDICT: {verdict}{accepted}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} "
-            "checked").upper()
+    short = f"VERDICT: {verdict}" + (f" WITH {counted(passed, 'accepted finding').upper()}" if passed else "")
+    whole = f"{short}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} checked".upper()
+    comment = post_module(job.machine).comment
+    line = comment(whole if len(comment(whole)) < job.machine.control.line_length else short)
     for name in (name for item in job.posted for name in item.files):
         path = work / name
         text = path.read_text()
-        if text.count(f"({UNVERIFIED})") != 1:
+        if text.count(comment(UNVERIFIED)) != 1:
             raise PostError(f"{name}: the header has lost its verdict line")
-        path.write_text(text.replace(f"({UNVERIFIED})", f"({line})"))
+        path.write_text(text.replace(comment(UNVERIFIED), line))
 
 
 # files -----------------------------------------------------------------------------------------
@@ -431,8 +426,9 @@ def inputs_hash(order, step):
              "predicates": [p.model_dump(mode="json") for p in design.predicates],
              "stock": design.stock.model_dump(mode="json"), "finish": design.finish.model_dump(mode="json"),
              "setups": [s.model_dump(mode="json") for s in design.setups],
-             "machine": order.machine.model_dump(mode="json"), "shop": order.shop.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
-             "accepted": order.accepted, "version": cuspline.__version__}
+             "machine": order.machine.model_dump(mode="json"), "shop": order.shop.model_dump(mode="json"),
+             "library": order.library.model_dump(mode="json"), "accepted": order.accepted,
+             "version": cuspline.__version__, **sources_of_post(order.machine)}
     return hashlib.sha256(step.read_bytes() + json.dumps(asked, sort_keys=True).encode()).hexdigest()
 
 

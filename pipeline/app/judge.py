@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.app.catalogue import find_post, reader_of
+from cuspline.app.catalogue import find_post, reader_of, tool_table_of
 from cuspline.app.report_inputs import shape_of
 from cuspline.design.job import read_tools
 from cuspline.kernel import brep
@@ -172,7 +172,7 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
 def _file_findings(folder, job, tools, published):
     """Of what lies in the folder against what was published, and of the tool table."""
     changed = () if published is None else (*changed_files(folder, published), *changed_job(folder, job, published))
-    return [*changed, *tool_table_findings(folder, tools, job.machine.control)]
+    return [*changed, *tool_table_findings(folder, tools, *tool_table_of(job.machine))]
 
 
 def _program_findings(program, machine):

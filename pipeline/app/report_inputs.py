@@ -1,6 +1,7 @@
 """Gathers what the report shows out of the stages' values."""
 
 import hashlib
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -103,7 +104,7 @@ def _setup_bundle(work, job, item, posted, verdict):
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
         program_lines=text.count(b"\n"), program_bytes=len(text), continued=tuple(
             (name, hashlib.sha256(t).hexdigest()) for name, t in zip(item.continued, more)), machine=job.machine.name,
-        control=job.machine.control.post, units=job.machine.control.units, wcs=item.setup.wcs,
+        control=Path(job.machine.control.post).stem, units=job.machine.control.units, wcs=item.setup.wcs,
         wcs_in_words=item.setup.wcs_in_words, frame=item.setup.frame, operation_first_lines=_first_lines(posted),
         stock_box_mm=(_triple(low), _triple(high)),
         extents_mm=(_triple(ends.min(axis=0)), _triple(ends.max(axis=0))), path=path,

@@ -32,6 +32,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from cuspline.kernel import step_files
 from cuspline.kernel.step_files import FaceMark, MarkedSolid, marks_of
 from cuspline.splines.fitting import fitted
 from cuspline.splines.nurbs import NurbsSurface, local_shape
@@ -39,6 +40,8 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.amounts import counted
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import DesignError
+
+read_step, refuse_unreadable, write_step = step_files.read_step, step_files.refuse_unreadable, step_files.write_step
 
 Message.DefaultMessenger_s().ChangePrinters().Clear()     # the kernel would print its statistics on standard output
 

@@ -11,6 +11,7 @@ from cuspline.kernel import brep
 from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import choose_cutter
 from cuspline.planning.finishing_chain import FinishingWork
+from cuspline.planning.plating import in_metal, library_within_skin
 from cuspline.program.program import Kind, Moves
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
@@ -73,7 +74,9 @@ class PlanningContext:
             shop: shop.practice.ShopFile.
             tolerance_share: of every profile tolerance, that paths keep to.
         """
-        self.design, self.setup, self.machine, self.library, self.before = design, setup, machine, library, before
+        self.design, self.setup, self.machine, self.before = design, setup, machine, before
+        self.plating_mm, self.magazine = design.finish.plating_mm, library
+        self.library = library_within_skin(library, self.plating_mm) if self.plating_mm else library
         self.shop, self.tolerance_share, self.planned, self._shared = shop, tolerance_share, (), {}
         self.operation = setup.operations[0] if len(setup.operations) == 1 else Finishing(steep_deg=STEEP_DEG)
         self.finish = _stricter(design.finish, Finishing(), tolerance_share)
@@ -143,11 +146,22 @@ class PlanningContext:
         wish = self.operation.wish
         if wish is None:
             return self.library
-        tools = tuple(t for t in self.library.tools if t.cutter.type != "ball" or wish.allows(t))
+        tools = tuple(t for t in self.library.tools if t.cutter.type != "ball" or self.is_asked(t))
         if not any(t.cutter.type == "ball" for t in tools):
             there = ", ".join(f"{t.cutter.diameter_mm:g}" for t in self.library.of_type("ball"))
             raise PlanError(f"{self.setup.name}: the tool library has no {wish.in_words} mm; there are balls of {there} mm")
         return self.library.model_copy(update={"tools": tools})
+
+    def is_asked(self, tool):
+        """Whether the operation may take a tool, by its measures in the magazine."""
+        whole = next(t for t in self.magazine.tools if t.number == tool.number)
+        return self.operation.wish is None or self.operation.wish.allows(whole)
+
+    def as_cut(self, operations):
+        """PlannedOperation values, planned with the library, as the magazine's tools cut them: below the plating."""
+        if not self.plating_mm:
+            return tuple(operations)
+        return tuple(in_metal(o, self.magazine, self.plating_mm) for o in operations)
 
     def tools(self, *types):
         """The library's tools of some cutter types that the operation asks for, largest first.
@@ -156,7 +170,7 @@ class PlanningContext:
             PlanError: it has none; lists what there is.
         """
         wish = self.operation.wish
-        found = [t for t in self.library.of_type(*types) if wish is None or wish.allows(t)]
+        found = [t for t in self.library.of_type(*types) if self.is_asked(t)]
         if not found:
             there = "; ".join(f"T{t.number} {t.cutter.name}" for t in self.library.of_type(*types))
             raise PlanError(f"{self.setup.name}, {self.operation.title}: the tool library has no "
@@ -290,7 +304,7 @@ def _stricter(finish, operation, tolerance_share):
     Raises:
         PlanError: it says more than the design allows: the verdict holds the design's.
     """
-    own = {n: getattr(operation, n) for n in type(finish).model_fields if getattr(operation, n) is not None}
+    own = {n: getattr(operation, n) for n in type(finish).model_fields if getattr(operation, n, None) is not None}
     for name, value in own.items():
         if value > getattr(finish, name):
             raise PlanError(f"{operation.title}: {name} {value:g} is looser than the design's {getattr(finish, name):g}, and "

@@ -14,6 +14,7 @@ from cuspline.program.program import Operation, Program
 from cuspline.shop.practice import ShopFile
 from cuspline.surfaces.inner_corners import inner_edges
 from cuspline.values.errors import CutterDoesNotFit
+from cuspline.values.findings import Finding
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,6 +31,13 @@ class SetupPlan:
     context: PlanningContext    # of the setup, that it was planned with
     accounts: tuple = ()        # Account of every operation that the setup lists
     mending: tuple = ()         # what checks found and what was done about it, for plan.json
+
+    @property
+    def idle(self):
+        """Finding of every listed operation for which nothing was left to cut."""
+        return tuple(Finding(kind="idle_operation", amount_mm=0.0, place_mm=None, operation=a.operation.title, line=0,
+                             setup=self.setup.name, advice=f"{a.why}: leave it out, or choose other faces or a smaller tool")
+                     for a in self.accounts if not a.programmed)
 
     @property
     def is_mended(self):
@@ -109,7 +117,7 @@ def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), to
         operations += made
         accounts.append(_account(operation, work, made, rows))
         reached |= _seen_in(context.samples, work.samples, rows)
-    return SetupPlan(setup=setup, operations=tuple(operations), clearance_z_mm=context.clearance_z_mm,
+    return SetupPlan(setup=setup, operations=context.as_cut(operations), clearance_z_mm=context.clearance_z_mm - context.plating_mm,
                      hollow=_placed(context.hollow, setup), inner_edges=tuple(
                          _placed(e, setup) for e in inner_edges(context.faces, set(context.wanted))),
                      area_required_mm2=float(context.samples.area_mm2.sum()),

@@ -384,8 +384,10 @@ def measure_rows(bundle):
              "excess_max_mm": ("most material left", 4, "mm"),
              "excess_proven_mm": ("proven between samples, where there is a proof: no more than", 4, "mm"),
              "cusp_max_mm": ("largest cusp", 4, "mm"), "cusp_p99_mm": ("99 % of cusps below", 4, "mm"),
-             "gouge_volume_mm3": ("design less stock, facets of both included", 3, "mm³"),
-             "excess_volume_mm3": ("stock less design, facets of both included", 3, "mm³"),
+             "gouge_volume_mm3": ("gouged away in all", 4, "mm³"),
+             "excess_volume_mm3": ("left in all", 4, "mm³"),
+             "gouge_volume_bound_mm3": ("gouged volume within ±", 4, "mm³"),
+             "excess_volume_bound_mm3": ("volume left within ±", 4, "mm³"),
              "area_required_mm2": ("area required", 1, "mm²"), "area_reached_mm2": ("area reached", 1, "mm²"),
              "points_checked": ("points checked", None, "")}
     rows = [(name, [grouped(c.get(key)) if digits is None else decimal(c.get(key), digits, unit) for _, c in columns])

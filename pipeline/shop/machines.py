@@ -1,5 +1,6 @@
 """Machines as TOML files: travels, speeds, accelerations, and what the control can take."""
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, model_serializer, model_validator
@@ -32,7 +33,7 @@ class Spindle(Model):
 class Control(Model):
     """What the controller accepts."""
 
-    post: str = Field(description="name of the post in posts/")
+    post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(4, ge=1, le=6)
     decimals_inch: int = Field(5, ge=1, le=7)
@@ -111,4 +112,8 @@ def machine_from_toml(path):
     Raises:
         InputError: missing, broken TOML, or values out of range; names every key that is wrong.
     """
-    return checked(Machine, toml_of(path, "machine file"), f"machine file {path}")
+    machine = checked(Machine, toml_of(path, "machine file"), f"machine file {path}")
+    if not machine.control.post.endswith(".py"):
+        return machine
+    post = str(Path(path).parent / machine.control.post)
+    return machine.model_copy(update={"control": machine.control.model_copy(update={"post": post})})

@@ -37,6 +37,10 @@ KINDS = {
             "A pass was deleted, or the part has a face that no setup names: at least 1 mm² stands more than five times "
             "as high as is allowed.",
             "Add the face to a setup, or the operation that finishes it."),
+        "idle_operation": (
+            "an operation takes nothing off the stock",
+            "A rest operation names a ball that leaves no less than the one before, or roughing is listed twice.",
+            "Leave the operation out, or choose other faces or a smaller tool for it."),
     }),
     **_group("Collisions", {
         "rapid_through_stock": (

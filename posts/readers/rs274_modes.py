@@ -30,6 +30,7 @@ class Rules(NamedTuple):
     code_of: Callable               # (letter, number) -> rs274_codes.Code of what it knows
     modes: frozenset                # keys of UNSAID that it has
     takes_own_length: bool          # G43 without H, and H0, take the offset of the tool in the spindle
+    moves_z_alone: bool             # G43: what a tool has beside the spindle's axis is made up for by G52
     path_tolerance_mm: float        # before the text says one: inf unbounded, NaN set by the control's parameters
 
 

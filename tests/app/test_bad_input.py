@@ -333,7 +333,7 @@ def test_a_step_file_alone_asks_for_a_job(run, tmp_path):
     ({"scallop_mm": "-0.05"}, ("saddle.toml", "scallop_mm")),
     ({"material": '"cheese"'}, ("cheese",)),
     ({"max_mm": "[30, 16, -1]"}, ("saddle.toml", "stock")),
-    ({"section_plane": "ZX"}, ("saddle.toml", "TOML")),
+    ({"wcs_in_words": "corner of the block"}, ("saddle.toml", "TOML")),
 ], ids=["matches nothing", "matches more", "count", "unknown face", "scallop", "material", "stock", "broken"])
 def test_a_job_that_cannot_be(run, tmp_path, changes, wanted):
     assert_refused(run("build", saddle_job(tmp_path, **changes)), *wanted)

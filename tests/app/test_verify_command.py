@@ -78,12 +78,12 @@ def sunk(text):
 
 def test_verified_says_gouge_cusp_and_bound(boss, verify):
     code, out, _ = verify(boss.folder)
-    assert code == 0 and re.match(r"boss: VERIFIED, gouge 0\.00\d\d cusp 0\.0\d{3} bound 0\.00107 mm \(", out)
+    assert code == 0 and re.match(r"boss: VERIFIED, gouge 0\.00\d\d mm, cusp 0\.0\d{3} mm, error bound 0\.00107 mm \(", out)
 
 
 def test_a_changed_program_is_judged_and_named(boss, verify, tmp_path):
     code, out, _ = verify(edited(boss, tmp_path / "a", lambda text: text + "(BY HAND)\n"))
-    assert code == 1 and "REJECTED, 1 findings" in out
+    assert code == 1 and "REJECTED, 1 finding," in out
     assert "changed_file: setup-1.ngc is not the file that was published" in out
     code, out, _ = verify(edited(boss, tmp_path / "b", sunk))
     assert code == 1 and "changed_file" in out and f"gouge {GOUGE_MM:.4f} mm" in out

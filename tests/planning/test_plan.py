@@ -11,6 +11,7 @@ from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, St
 from cuspline.designs.z_profile import ZProfile, design
 from cuspline.kernel import brep
 from cuspline.planning.plan import plan_setup
+from cuspline.planning.strategies.auto import Auto
 from cuspline.program.program import Kind
 from cuspline.shop.cutters import ToolLibrary, library_from_json
 from cuspline.shop.machines import machine_from_toml
@@ -95,7 +96,7 @@ def test_a_library_without_a_fitting_ball_is_refused_with_every_candidate(small)
 def test_a_wide_step_does_not_let_the_ball_fall_over_an_edge():
     """The stock in a bore that is made later: half the radius over the rim a ball lies 0.134 of its radius lower."""
     plate = cq.Workplane().box(30, 20, 5, centered=False).faces(">Z").workplane(origin=(15, 10, 5)).hole(10)
-    setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",), strategy="parallel")
+    setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",), operations=(Auto(strategy="parallel"),))
     wide = Design(name="plate", description="plate", parameters=Parameters(), solid=brep.the_solid(plate),
                   predicates=(FacePredicate(name="top", count=1, kinds=("plane",), normal=(0, 0, 1)),),
                   material="aluminium_6061", stock=StockBox(min_mm=(0, 0, 0), max_mm=(30, 20, 6)), setups=(setup,),
