@@ -114,3 +114,13 @@ def test_messages_speak_the_words_of_the_trade(folder):
 def test_pages_speak_the_words_of_the_trade(name):
     prose = re.sub(r"`[^`]*`|```.*?```|\{[{%].*?[}%]\}", "", (ROOT / name).read_text(), flags=re.S)
     assert NOT_SAID.findall(prose) == []
+
+
+# front page -------------------------------------------------------------------------------------
+
+
+def test_the_front_page_begins_with_a_picture_and_what_is_accepted():
+    first = README.split("\n## ")[0]
+    picture, = re.findall(r"!\[[^\]]+\]\((docs/pictures/\w+\.png)\)", first)
+    assert 20_000 < (ROOT / picture).stat().st_size < 200_000
+    assert "`gouge_mm`" in first and "`scallop_mm` + `profile_tolerance_mm`" in first
