@@ -16,7 +16,7 @@ class Propeller(PropellerParameters):
     """A highly skewed five-bladed propeller unless told otherwise."""
 
     blades: int = Field(5, ge=3, le=9)
-    area_ratio: float = Field(0.7, ge=0.2, le=1.2, description="expanded blade area over disc area")
+    area_ratio: float = Field(0.7, ge=0.2, le=1.2, description="expanded blade area over the area of the propeller's circle")
     pitch_ratio: float = Field(1.1, ge=0.4, le=2.0, description="pitch over diameter from 0.7 R outward")
     root_pitch_share: float = Field(0.9, ge=0.6, le=1.2, description="pitch at the hub over that")
     diameter_mm: float = Field(300.0, ge=50, le=1200)

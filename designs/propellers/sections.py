@@ -220,7 +220,7 @@ def sections_of(path):
     if np.isnan(nose):
         nose = half[1] * half[1] / (2 * x[1])           # of the parabola through it
     elif not nose > 0:
-        raise DesignError(f"propeller table {path}, row 1: nose_radius {nose:g} must lie above 0")
+        raise DesignError(f"propeller table {path}, row 1: nose_radius {nose:g} must be above 0")
     return form_and_mean_line(x, half, camber, slope, float(nose))
 
 

@@ -7,7 +7,15 @@ import numpy as np
 
 from cuspline.designs.propellers.blade import PropellerTable, radial_laws
 from cuspline.designs.propellers.entries import refuse_bad_entries
-from cuspline.designs.propellers.sections import DATA, TrailingEdge, b_series_offsets, naca66_a08, offset_shapes, sections_of, table
+from cuspline.designs.propellers.sections import (
+    DATA,
+    TrailingEdge,
+    b_series_offsets,
+    naca66_a08,
+    offset_shapes,
+    sections_of,
+    table,
+)
 from cuspline.splines.fairing import fair_spline
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
@@ -119,7 +127,7 @@ def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv
     thick = np.array([(b - f).max() for f, b in zip(face, back)])
     if (thick <= 0).any():
         raise DesignError(f"propeller table {offsets_csv}, r/R = {radii[np.argmax(thick <= 0)]:g}: the back must "
-                          "lie above the face")
+                          "be above the face")
     shape = offset_shapes(radii, [rows["x_c"][k] for k in per], face, back, thick)
     law = fair_spline(radii, thick, bending=2)
     columns = {**columns, "t0_c": law(np.clip(columns["r_R"], radii[0], radii[-1])),

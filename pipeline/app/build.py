@@ -37,6 +37,7 @@ from cuspline.shop.practice import ShopFile
 from cuspline.shop.tool_table import dropped_fields
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
+from cuspline.values.amounts import counted
 from cuspline.values.checkpoints import kept_beside
 from cuspline.values.errors import InputError, PostError
 from cuspline.values.findings import Finding
@@ -214,7 +215,7 @@ def _checked(order, plans, solid, kept, tell):
         plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
         if not is_changed:
             break
-        tell(f"mended, round {number} of the planner's own check")
+        tell(f"planned again, round {number} of the planner's own check")
     return plans
 
 
@@ -241,7 +242,7 @@ def _judged(order, plans, job, work, inputs, kept, tell):
         plans, is_mended = mending.mended(plans, wants, number, "the verdict")
         if not is_mended:
             break
-        tell(f"mended, round {number} of {mending.ROUNDS}")
+        tell(f"corrected, round {number} of {mending.ROUNDS}")
         _remove_programs(work, job)
         job = _written(order, plans, work, inputs, tell)
     _write_json(work / "plan.json", plan_document(order, plans))
@@ -298,7 +299,7 @@ def plan_document(order, plans):
                        "mending": list(plan.mending),
                        "inner_edges": [{"place_mm": [round(x, 4) for x in e.place_mm],
                                         "opening_deg": round(e.opening_deg, 3), "length_mm": round(e.length_mm, 3),
-                                        "reason": "two faces meet in a hollow without a fillet: no ball cleans it"}
+                                        "reason": "two faces meet in an inner edge without a fillet: no ball cleans it"}
                                        for e in plan.inner_edges]})
     hollow = min((p.hollow for p in plans), key=lambda h: h.radius_mm)
     return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
@@ -378,7 +379,7 @@ def _header(order, plan, inputs):
                          f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}{_head_in_words(o.tool.head)}")
     lines += [f"MARKER {m.name} {show(setup.frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
     if setup.refixturing is not None:
-        lines.append(f"PART LIES AS MEASURED: {refixturing_in_words(setup.refixturing)}")
+        lines.append(f"PART SITS AS MEASURED: {refixturing_in_words(setup.refixturing)}")
     if order.accepted:
         lines.append(f"ACCEPTED BY NAME: {', '.join(order.accepted)}")
     return lines
@@ -386,8 +387,8 @@ def _header(order, plan, inputs):
 
 def _head_in_words(head):
     """What the operator must know of a tool's head; nothing where it has none."""
-    return "" if head is None else (f", ON {head.name.upper()}, DISC TOWARD {head.cutter_points}, "
-                                    f"{head.offset_mm:g} BESIDE THE SPINDLE IN X; X Y Z ARE THE DISC'S MIDDLE")
+    return "" if head is None else (f", ON {head.name.upper()}, CUTTER TOWARD {head.cutter_points}, "
+                                    f"{head.offset_mm:g} BESIDE THE SPINDLE IN X; X Y Z ARE THE CUTTER'S MIDDLE")
 
 
 def _stock_files(work, job, judged, say, kept):
@@ -403,8 +404,8 @@ def _stock_files(work, job, judged, say, kept):
 def _stamp_verdict(work, job, verify):
     """Put the verdict into each program's header, in place of the line that says there is none yet."""
     verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
-    short = f"VERDICT: {verdict}{f' WITH {passed} ACCEPTED' if passed else ''}"
-    whole = f"{short}, {figures_in_words(verify).upper()}, {verify['points_checked']} POINTS"
+    short = f"VERDICT: {verdict}" + (f" WITH {counted(passed, 'accepted finding').upper()}" if passed else "")
+    whole = f"{short}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} checked".upper()
     comment = post_module(job.machine).comment
     line = comment(whole if len(comment(whole)) < job.machine.control.line_length else short)
     for name in (name for item in job.posted for name in item.files):

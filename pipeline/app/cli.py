@@ -57,7 +57,7 @@ def build(
         post: Annotated[Optional[str], typer.Option(help="another post than the machine's own, by name or .py file")] = None,
         cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
         shop: Annotated[Optional[Path], typer.Option(help="the shop's own values and materials (TOML)")] = None,
-        measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their clampings (CSV)")] = None,
+        measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their setups (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
         accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
@@ -109,7 +109,7 @@ def _words(text):
 def verify(
         folders: Annotated[list[Path], typer.Argument(help="output folders, or programs in them")],
         measured: Annotated[Optional[Path], typer.Option(
-            help="markers (CSV): judge the programs as they stand on a part that lies as measured here")] = None,
+            help="markers (CSV): judge the programs as they stand on a part that sits as measured here")] = None,
         post: Annotated[Optional[str], typer.Option(
             help="the .py file of the post that wrote the programs, where it is no post of ours")] = None,
         accept: Annotated[list[str], typer.Option(help="kind of finding to pass over this time, repeatable")] = []):
@@ -200,7 +200,8 @@ def _parameter_row(name, field):
     field = {**(given[0] if given else {}), **field}
     low, high = field.get("minimum", field.get("exclusiveMinimum")), field.get("maximum", field.get("exclusiveMaximum"))
     choices = field.get("enum")
-    span = f"{low} .. {high}" if low is not None or high is not None else " | ".join(map(str, choices or []))
+    span = " | ".join(map(str, choices or [])) if low is None and high is None else (
+        f"{low} .. {high}" if None not in (low, high) else f"from {low}" if high is None else f"up to {high}")
     unit = next((u for u in ("mm", "deg", "rad", "mm2") if name.endswith("_" + u)), "")
     return {"name": name, "default": field.get("default"), "unit": unit, "range": span,
             "description": field.get("description", "")}
@@ -290,10 +291,12 @@ def posts(json: AsJson = False):
 
 
 @app.command()
-def materials(json: AsJson = False):
+def materials(file: Annotated[Optional[Path], typer.Argument(help="a shop's own file (TOML)")] = None, json: AsJson = False):
     """List the work materials with their cutting data, and where these come from."""
     from cuspline.shop.materials import known_materials
-    _print([m.model_dump(mode="json") for m in known_materials().values()], json, lambda m: [
+    from cuspline.shop.practice import shop_file
+    there = {**known_materials(), **{m.name: m for m in shop_file(file).materials}}
+    _print([m.model_dump(mode="json") for m in there.values()], json, lambda m: [
         f"{m['name']}: {m['description']}",
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "

@@ -226,10 +226,10 @@ def figures_in_words(numbers):
     """Gouge, cusp and the bound of both out of verify.json.
 
     >>> figures_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "error_bound_mm": None})
-    'gouge 0.0022 mm, cusp 0.0096 mm, error bound unknown'
+    'gouge 0.0022, cusp 0.0096, error bound unknown'
     """
     bound = numbers["error_bound_mm"]
-    return (f"gouge {numbers['gouge_max_mm']:.4f} mm, cusp {numbers['cusp_max_mm']:.4f} mm, error bound "
+    return (f"gouge {numbers['gouge_max_mm']:.4f}, cusp {numbers['cusp_max_mm']:.4f}, error bound "
             + ("unknown" if bound is None else f"{bound:.5f} mm"))
 
 

@@ -115,14 +115,16 @@ def _planning():
     from cuspline.app.catalogue import find_library, find_machine
     from cuspline.design import DEFAULT_MACHINE, Design, FacePredicate, Finish, Parameters, Setup, StockBox
     from cuspline.planning.plan import plan_setup
+    from cuspline.planning.strategies.auto import Auto
     up = FacePredicate(name="dome", count=1, kinds=("sphere",))
     wall = FacePredicate(name="wall", count=1, kinds=("cylinder",))
-    setup = Setup(name="warm", wcs_in_words="", faces=("dome", "wall"), strategy="constant_scallop")
+    setup = Setup(name="warm", wcs_in_words="", faces=("dome", "wall"))
     design = Design(name="warm", description="", parameters=Parameters(), solid=_small_part(), predicates=(up, wall),
                     material="aluminium_6061", stock=StockBox(min_mm=(-7, -6, 0), max_mm=(7, 6, 8)), setups=(setup,),
                     finish=Finish(scallop_mm=0.04, profile_tolerance_mm=0.01, gouge_mm=0.01))
     for way in ("constant_scallop", "parallel"):
-        plan_setup(design, setup.model_copy(update={"strategy": way}), find_machine(DEFAULT_MACHINE), find_library(None))
+        plan_setup(design, setup.model_copy(update={"operations": (Auto(strategy=way),)}), find_machine(DEFAULT_MACHINE),
+                   find_library(None))
 
 
 def _arcs():

@@ -35,7 +35,7 @@ class FacePredicate(Model):
     at_least: int | None = Field(None, ge=1, description="in place of count: no fewer than that")
     kinds: tuple[Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion",
                          "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
-    normal: tuple[float, float, float] | None = Field(None, description="direction the normal lies close to")
+    normal: tuple[float, float, float] | None = Field(None, description="direction that the normal is close to")
     normal_within_deg: float = Field(1.0, ge=0, le=180)
     center_min_mm: tuple[float, float, float] | None = Field(None,
                                                              description="corner of a box round the face's middle")
@@ -129,11 +129,11 @@ class Setup(Model):
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut, and judged after the setup")
     operations: tuple[AnyOperation, ...] = Field((), description="what cuts them, in this order; none: `Auto`, all chosen "
                                                  "by curvature")
-    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it lies, along wcs_x: "
+    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it sits, along wcs_x: "
                                                    "between these roughing tools stay; None: they clear all")
     fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
-    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part lies")
-    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may lie from the rigid part")
+    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part sits")
+    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may be from the rigid part")
     refixturing: Refixturing | None = Field(None, description="what measured markers came to; None: as designed")
 
     @model_validator(mode="after")
@@ -215,7 +215,7 @@ class Design:
                               "give it one of them")
         kinds = [type(g) for g in self.guides]
         if twice := [k.__name__ for k in kinds if kinds.count(k) > 1]:
-            raise DesignError(f"design {self.name}: two guides are of type {twice[0]}; a strategy asks for one: leave one out")
+            raise DesignError(f"design {self.name}: two guides are of type {twice[0]}; a strategy takes up one: leave one out")
         known = {p.name for p in self.predicates}
         for setup in self.setups:
             for who, faces in ((setup.name, setup.faces), *((f"{setup.name}, {o.title}", o.faces or ()) for o in setup.operations)):

@@ -327,7 +327,7 @@ def ridge_for_step_mm(name, scallop_mm, finish):
     ridge_mm = scallop_mm - finish.profile_tolerance_mm
     if ridge_mm <= 0 or path_tolerance_mm(finish) <= 0:
         raise PlanError(f"{name}: a cusp of {scallop_mm} mm and a profile tolerance of "
-                        f"{finish.profile_tolerance_mm} mm do not go together: the tolerance must lie between "
+                        f"{finish.profile_tolerance_mm} mm do not go together: the tolerance must be between "
                         f"{ROUNDING_MM} mm and the cusp")
     return ridge_mm
 

@@ -176,8 +176,8 @@ def _part_fact(bundle):
 def _cutter_fact(bundle):
     names = [tool_name(tool) for tool, _ in tools_used(bundle)]
     hollow = number(bundle.plan.get("min_concave_radius_mm"))
-    tightest = (f"tightest hollow R {short(hollow)} mm at {place(concave_place(bundle.plan))}"
-                if hollow is not None else "no hollow found, or not said")
+    tightest = (f"minimum concave radius {short(hollow)} mm at {place(concave_place(bundle.plan))}"
+                if hollow is not None else "nothing concave found, or not stated")
     return Fact(label="Cutters", value=", ".join(names) or DASH, details=(tightest,), state="")
 
 
@@ -400,7 +400,7 @@ def measure_rows(bundle):
                                 for _, c in columns]))
     steps = [[abs(j["step_max_mm"]) for j in c.get("joints") or ()] for _, c in columns]
     if any(steps):
-        rows.append(("largest step at a joint between setups", [decimal(max(s, default=None), 4, "mm") for s in steps]))
+        rows.append(("largest mismatch between setups", [decimal(max(s, default=None), 4, "mm") for s in steps]))
     return [name for name, _ in columns], rows
 
 

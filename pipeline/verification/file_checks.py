@@ -20,7 +20,7 @@ def program_findings(name, text, setup, machine):
     """
     size, room = len(text.encode()), machine.control.program_store_bytes
     if size > room:
-        yield _finding("program_too_long", f"{name} has {size} bytes, the store of {machine.name} holds {room}: raise "
+        yield _finding("program_too_long", f"{name} has {size} bytes, the program memory of {machine.name} holds {room}: raise "
                        "the scallop height, or feed it through the control's buffer", setup=setup)
     lines = text.split("\n")
     longest = max(range(len(lines)), key=lambda k: len(lines[k]))
@@ -102,7 +102,8 @@ def changed_job(folder, job, published):
              or digest_of(published.job[name]) != published.job_fields[name]]
     if published.job_fields and wrong:
         for name in wrong:
-            yield _finding("changed_file", f"manifest.json: what its job says of {name} is not what was published: {mend}")
+            yield _finding("changed_file", f"manifest.json: what its job says of {name} is not what was published: "
+                           f"{mend}")
         return
     wanted = job_line(digest_of(published.job)).encode()
     for name in (name for item in job.posted for name in item.files):

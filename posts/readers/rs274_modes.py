@@ -11,7 +11,7 @@ from cuspline.program.program import Kind
 # group -> (word to write, what hangs on it)
 UNSAID = {
     "distance": ("G90", "whether axis words are places or distances"),
-    "work offset": ("G54", "where the zero lies"),
+    "work offset": ("G54", "where the zero is"),
     "cutter compensation": ("G40", "whether the path is shifted by a cutter radius"),
     "tool length": ("G43 H", "which tool length is in force"),
     "feed mode": ("G94", "what F means"),

@@ -141,7 +141,7 @@ def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
 
 
 def test_a_disc_that_would_meet_the_jaws_is_refused(tmp_path):
-    with pytest.raises(PlanError, match="its disc comes within -.* mm of the .* jaw with the disc's middle at"):
+    with pytest.raises(PlanError, match="its cutter comes within -.* mm of the .* jaw with the cutter's middle at"):
         made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100", "strategy=transverse_arcs",
              "cutter=side", "grip_mm=50", stage="gcode")
 

@@ -41,9 +41,9 @@ class TransverseArcs(Operation):
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="of roughing")
     allowance_mm: float = Field(0.254, gt=0, le=5, description="what the rough passes leave; the register is larger than "
                                 "the ball by it")
-    cutter: Literal["ball", "side"] = Field("ball", description="a ball, or a side cutter on a right-angle head, its axis "
+    cutter: Literal["ball", "side"] = Field("ball", description="a ball, or a side-and-face cutter on an angle head, its axis "
                                             "along the vane")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or of a side cutter's teeth; "
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or the width of a side-and-face cutter's teeth; "
                                   "left out: the largest that fits")
     section_plane: Literal["YZ"] = "YZ"
 
@@ -100,7 +100,7 @@ def _vane(work):
     wide = float(max(-work.stock_min_mm[1], work.stock_max_mm[1]))
     if wide > half + BESIDE_MM - BOX_ROUNDING_MM:
         raise PlanError(f"{setup.name}: transverse arcs go down beside the body, {half:.3f} mm from the mid-plane, and "
-                        f"the billet reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
+                        f"the stock reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
     return tip, half
 
 

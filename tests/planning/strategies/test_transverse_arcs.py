@@ -34,7 +34,7 @@ def work(tip=None, setup=None, stock_half_mm=9.0, gouge_mm=0.0025):
 @pytest.mark.parametrize("asked, said", [
     ({}, r"vane says none \(a CircularTip among Design.guides\): choose another strategy"),
     ({"tip": wavy_tip(), "setup": setup_of(wcs_x=(0, 1, 0))}, r"wcs_x is \(0.0, 1.0, 0.0\).*make them \(1, 0, 0\)"),
-    ({"tip": wavy_tip(), "stock_half_mm": 12.0}, "billet reaches 12.000 mm: let it be at most 2 mm wider")])
+    ({"tip": wavy_tip(), "stock_half_mm": 12.0}, "stock reaches 12.000 mm: let it be at most 2 mm wider")])
 def test_what_is_no_such_vane_is_refused(asked, said):
     with pytest.raises(PlanError, match=said):
         TransverseArcs().plan(work(**asked))

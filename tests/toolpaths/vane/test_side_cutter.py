@@ -82,8 +82,8 @@ def test_disc_and_head_are_held_against_the_fixture_over_the_whole_path():
     moves = told(wavy_tip())[0].moves()
     low = moves.end_mm[:, 2].min()
     near = {n.part: n for n in nearest_to_fixtures(stations(moves.starts_mm, moves), TOOL, jaws(-20.0))}
-    assert near["disc"].clearance_mm == pytest.approx(low - DISC_MM + 20.0, abs=0.13)
-    assert near["disc"].clearance_mm <= low - DISC_MM + 20.0
+    assert near["cutter"].clearance_mm == pytest.approx(low - DISC_MM + 20.0, abs=0.13)
+    assert near["cutter"].clearance_mm <= low - DISC_MM + 20.0
     assert near["head"].clearance_mm == pytest.approx(low - 14.0 + 20.0, abs=0.13)
     refuse_interference(moves, TOOL, jaws(-20.0))
 
@@ -92,7 +92,7 @@ def test_a_jaw_too_high_is_refused_with_part_amount_and_place():
     moves = told(wavy_tip())[0].moves()
     clear = moves.end_mm[:, 2].min() - DISC_MM
     refuse_interference(moves, TOOL, jaws(clear - 1.2))
-    said = r"its disc comes within 0\.\d\d mm of the moving jaw with the disc's middle at X"
+    said = r"its cutter comes within 0\.\d\d mm of the moving jaw with the cutter's middle at X"
     with pytest.raises(PlanError, match=said):
         refuse_interference(moves, TOOL, jaws(clear - 0.9))
     with pytest.raises(PlanError, match="its head comes within -"):
@@ -100,7 +100,7 @@ def test_a_jaw_too_high_is_refused_with_part_amount_and_place():
 
 
 def test_a_disc_that_cannot_be_is_refused():
-    with pytest.raises(ValueError, match="both|side cutter has"):
+    with pytest.raises(ValueError, match="both|side-and-face cutter has"):
         Cutter(**{**DISC.model_dump(), "corner_radius_mm": 4.0})
     flat = Cutter(**{**DISC.model_dump(), "corner_radius_mm": 2.0})
     with pytest.raises(ValueError, match="gouges wherever the surface slopes"):
