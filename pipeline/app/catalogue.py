@@ -8,7 +8,7 @@ import importlib
 import importlib.util
 import inspect
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Callable
 
@@ -16,16 +16,19 @@ from pydantic import Field, ValidationError
 
 import cuspline.designs
 import cuspline.posts
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockAllowance
+from cuspline.design.fixtures import fixtures_beside
+from cuspline.design.stock import Stock
 from cuspline.shop.cutters import library_from_json
 from cuspline.shop.machines import machine_from_toml
+from cuspline.shop.shop_rules import shop_from_toml
 from cuspline.values.errors import CamError, DesignError, InputError
 from cuspline.values.input_files import checked, toml_of
 from cuspline.values.models import Model, complaints, name_fault
 
 DESIGNS = Path(cuspline.designs.__file__).parent
 POSTS = Path(cuspline.posts.__file__).parent
-MACHINES, LIBRARIES, WRITERS = POSTS / "machines", POSTS / "tools", POSTS / "writers"
+MACHINES, LIBRARIES, SHOPS, WRITERS = POSTS / "machines", POSTS / "tools", POSTS / "shops", POSTS / "writers"
 DEFAULT_LIBRARY = "tools"
 DESIGN_FILES = (".py", ".toml")
 
@@ -135,7 +138,7 @@ class _Job(Model):
     step: str = Field(description="STEP file, relative to the job file")
     description: str = ""
     material: str
-    stock: StockBox
+    stock: Stock = StockAllowance()
     finish: Finish
     faces: tuple[FacePredicate, ...] = Field(min_length=1)
     setups: tuple[Setup, ...] = Field(min_length=1)
@@ -173,6 +176,11 @@ def find_machine(name_or_file):
     return machine_from_toml(name_or_file)
 
 
+def find_shop():
+    """What the shop decides where a design is silent: the values that come with cuspline."""
+    return shop_from_toml(SHOPS / "shop.toml")
+
+
 def find_library(path):
     """The tool library of a file; None: the one that comes with cuspline."""
     return library_from_json(path if path is not None else LIBRARIES / f"{DEFAULT_LIBRARY}.json")
@@ -202,7 +210,8 @@ def make_design(source, assignments):
     if not isinstance(made, Design):
         raise DesignError(f"design {source.name}: its function `design` returned {type(made).__name__}, "
                           "it must return a cuspline.design.Design")
-    return made
+    folder = source.path.parent
+    return replace(made, stock=made.stock.beside(folder), setups=tuple(fixtures_beside(s, folder) for s in made.setups))
 
 
 def reader_of(machine):

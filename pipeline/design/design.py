@@ -6,6 +6,8 @@ from typing import Annotated, Callable, Literal
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
+from cuspline.design.fixtures import Fixture
+from cuspline.design.stock import StockAllowance
 from cuspline.splines.circular_tip import CircularTip
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
@@ -75,27 +77,6 @@ class Finish(Model):
     gouge_mm: float = Field(gt=0, le=COARSEST_MM, description="deepest cut below the surface that is accepted")
 
 
-class StockBox(Model):
-    """A rectangular billet, part coordinates."""
-
-    min_mm: Point
-    max_mm: Point
-
-    @model_validator(mode="after")
-    def _has_volume(self):
-        if any(b <= a for a, b in zip(self.min_mm, self.max_mm)):
-            raise ValueError(f"stock box has no volume: {self.min_mm} .. {self.max_mm}")
-        return self
-
-
-class FixtureBox(Model):
-    """A box that no part of the tool may enter, part coordinates; it stands on the table."""
-
-    name: str
-    min_mm: Point
-    max_mm: Point
-
-
 class Marker(Model):
     """A place on the part that can be touched in a clamping: a ball's centre, a dowel, a corner."""
 
@@ -141,7 +122,7 @@ class Setup(Model):
 
     reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it lies, along wcs_x: "
                                                    "between these roughing tools stay; None: they clear all")
-    fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
+    fixtures: tuple[Fixture, ...] = Field((), description="what holds the part: jaws, clamps, posts")
     markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part lies")
     marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may lie from the rigid part")
     refixturing: Refixturing | None = Field(None, description="what measured markers came to; None: as designed")
@@ -214,9 +195,9 @@ class Design:
     solid: object                           # OCP TopoDS_Solid, millimetres
     predicates: tuple[FacePredicate, ...]
     material: str                           # a name in planning/materials
-    stock: StockBox
     finish: Finish
     setups: tuple[Setup, ...]
+    stock: object = StockAllowance()        # a value of design.stock; left out: the box round the part and an allowance
     tip: CircularTip | None = None          # a vane's tip in closed form, part coordinates; None: any other part
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
     companions: tuple[Companion, ...] = ()

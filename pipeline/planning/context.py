@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cuspline.design.fixtures import placed_fixtures
 from cuspline.kernel import brep
 from cuspline.planning import feeds
 from cuspline.planning.finishing_chain import FinishingWork
@@ -65,7 +66,7 @@ class Shop:
     """
 
     def __init__(self, design, setup, machine, library, before=None):
-        """`before`: simulation.workpiece.Workpiece that earlier clampings leave; None: the billet."""
+        """`before`: stock.workpiece.Workpiece that earlier setups leave; None: the stock as delivered."""
         self.design, self.setup, self.machine, self.library, self.before = design, setup, machine, library, before
         solid = brep.the_solid(design.solid, f"design {design.name}")
         faces = brep.faces_of(solid)
@@ -73,9 +74,9 @@ class Shop:
         self.wanted = [i for i, f in enumerate(faces) if any(f is c for c in chosen)]
         self.solid = brep.seen_from(solid, setup.turn)
         self.faces = faces if self.solid is solid else brep.faces_of(self.solid)
-        self.piece = before or Workpiece(min_mm=design.stock.min_mm, max_mm=design.stock.max_mm)
+        self.piece = before or Workpiece(blank=design.stock.shape)
         self.stock_min_mm, self.stock_max_mm = self.piece.box_in(setup.turn)
-        self.fixtures = [np.array(setup.turn.box_into(f.min_mm, f.max_mm)) for f in setup.fixtures]
+        self.fixtures = placed_fixtures(setup, setup.turn)
         self.plane = SectionPlane.named(setup.section_plane)
         self.material = material_named(design.material)
         mesh = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
@@ -83,7 +84,7 @@ class Shop:
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
         self.hollow = tightest_hollow(self.faces, self.wanted, geometry=self.geometry)
         self.box = brep.bounding_box_mm(self.solid)
-        self.clearance_z_mm = float(max([self.stock_max_mm[2], *(high[2] for _, high in self.fixtures)])) + CLEARANCE_MM
+        self.clearance_z_mm = float(max([self.stock_max_mm[2], *(f.box_mm[1][2] for f in self.fixtures)])) + CLEARANCE_MM
 
     @cached_property
     def finishing_library(self):
@@ -136,6 +137,8 @@ class Shop:
     def stock_mm(self, xy_mm):
         """Height of the stock over places (n, 2) before the first move; -inf beside it."""
         inside = ((xy_mm >= self.stock_min_mm[:2]) & (xy_mm <= self.stock_max_mm[:2])).all(axis=1)
+        if not self.piece.blank.fills_box_in(self.setup.turn):
+            inside[inside] = np.isfinite(self.piece.blank.tops_mm(self.setup.turn, xy_mm[inside]))
         height = np.full(len(xy_mm), -np.inf)
         height[inside] = self.piece.heights_mm(self.setup.turn, xy_mm[inside])
         return height

@@ -104,7 +104,7 @@ def plan_setup(design, setup, machine, library, before=None):
         setup: one of its setups.
         machine: Machine.
         library: ToolLibrary.
-        before: simulation.workpiece.Workpiece that earlier clampings leave; None: the whole billet.
+        before: stock.workpiece.Workpiece that earlier setups leave; None: the stock as delivered.
     Returns:
         SetupPlan; places in part coordinates.
     Raises:

@@ -4,6 +4,7 @@ import numpy as np
 
 from cuspline.planning.context import FINISH_DEPTH_SHARE, KEEP_OUT_MM, PLUNGE_SHARE, RAMP_RAD, ROUGH_ALLOWANCE_MM
 from cuspline.planning.cutter_choice import choose_rest_roughing, choose_roughing, leftover_rows, roughing_tools
+from cuspline.toolpaths.drop.dropcutter import DropMesh
 from cuspline.toolpaths.roughing.level_clearing import ClearingRules, clear, engagement_of_rad
 from cuspline.toolpaths.roughing.stock_fields import stock_after
 
@@ -53,7 +54,8 @@ def _cleared(shop, name, tool, candidates, stock, rows, threshold_mm):
         stock_mm=stock, stock_min_mm=shop.stock_min_mm, stock_max_mm=shop.stock_max_mm, ramp_rad=RAMP_RAD,
         clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed, ramp_feed_mm_per_min=PLUNGE_SHARE * feed,
         rapid_mm_per_min=min(a.rapid_mm_per_min for a in shop.machine.axes), threshold_mm=threshold_mm,
-        keep_out=(*shop.fixtures, *shop.beyond_reach(d / 2)), keep_out_mm=KEEP_OUT_MM)
+        keep_out=(*(f.box_mm for f in shop.fixtures if f.is_box), *shop.beyond_reach(d / 2)),
+        keep_clear=tuple(DropMesh.from_triangles(*f.mesh) for f in shop.fixtures if not f.is_box), keep_out_mm=KEEP_OUT_MM)
     clearing = clear(rules)
     after = stock_after(clearing.moves, d / 2, cutter.corner_radius_mm, stock)
     points, normals = shop.samples.point_mm[rows], shop.samples.normal[rows]

@@ -98,8 +98,7 @@ def _passes(shop, name, tool, tip, within_mm, half_mm, over_mm, ridge_mm, facts)
     if tool.head is not None:
         passes = with_wheel(passes, tool)
         facts = {**facts, "head": tool.head.name, "wheel_mm": round(tool.wheel_mm, 6)}
-        boxes = [Fixture(name=f.name, min_mm=tuple(low), max_mm=tuple(high))
-                 for f, (low, high) in zip(shop.setup.fixtures, shop.fixtures)]
+        boxes = [Fixture(name=f.name, min_mm=tuple(f.box_mm[0]), max_mm=tuple(f.box_mm[1])) for f in shop.fixtures]
         refuse_interference(passes.moves(), tool, boxes, shop.machine.spindle_head)
     intervals = [float(s.interval_mm) for s in along]
     facts = {"allowance_mm": over_mm if over_mm > 0 else 0.0, "scallop_mm": ridge_mm,

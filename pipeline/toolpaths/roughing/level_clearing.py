@@ -77,7 +77,7 @@ class _Job:
         self.done, self.most, self.left_mm3 = [], 0.0, 0.0
 
     def tip_mm(self, xy_mm):
-        """(n,) lowest tips that keep allowance, margins and the boxes to keep out of."""
+        """(n,) lowest tips that keep allowance, margins and a distance from what else stands there."""
         rules, a = self.rules, self.rules.allowance_mm
         tips = drop_tips_mm(rules.mesh, xy_mm, rules.radius_mm + a + WALL_MARGIN_MM, rules.corner_radius_mm + a)
         tips = tips + a + rules.margin_mm
@@ -85,6 +85,9 @@ class _Job:
             beside = np.maximum(np.maximum(np.asarray(low)[:2] - xy_mm, xy_mm - np.asarray(high)[:2]), 0.0)
             over = fixed.hypot(*beside.T) < rules.radius_mm + rules.keep_out_mm
             tips = np.where(over, np.maximum(tips, high[2] + rules.keep_out_mm), tips)
+        for mesh in rules.keep_clear:
+            highest = drop_tips_mm(mesh, xy_mm, rules.radius_mm + rules.keep_out_mm, 0.0)
+            tips = np.maximum(tips, highest + rules.keep_out_mm)
         return tips
 
     def levels(self):
