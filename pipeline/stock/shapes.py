@@ -168,7 +168,7 @@ class CylinderShape(Shape):
     def box_in(self, frame):
         ends = frame.into(np.array([self.from_mm, self.to_mm]))
         along = frame.turn_into(self.axis[None])[0]
-        aside = self.radius_mm * np.sqrt(np.maximum(1.0 - along * along, 0.0))
+        aside = self.radius_mm * np.sqrt(np.roll(along, 1) ** 2 + np.roll(along, 2) ** 2)
         return ends.min(axis=0) - aside, ends.max(axis=0) + aside
 
     def along(self, origins_mm, directions):
