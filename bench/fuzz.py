@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import fuzz_inputs
-import fuzz_mangling
+import fuzz_mangling  # noqa: F401
 
 INPUTS, SEED = 100_000, 12
 LONGEST_S = 60.0                # of one input, on a machine that does other work too

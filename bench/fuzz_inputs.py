@@ -29,12 +29,14 @@ kinds = ["plane"]
 name = "setup-1"
 faces = ["top"]
 wcs_in_words = "corner of the block, Z0 on its base"
-section_plane = "ZX"
-strategy = "parallel"
-pass_angle_deg = 30.0
-ball_mm = 6.0
 fixtures = [{ name = "jaw", min_mm = [0, -40, -30], max_mm = [30, 0, 4] }]
 markers = [{ name = "a", at_mm = [0, 0, 0] }, { name = "b", at_mm = [30, 0, 0] }, { name = "c", at_mm = [0, 16, 0] }]
+
+[[setups.operations]]
+kind = "auto"
+strategy = "parallel"
+pass_angle_deg = 30.0
+tool = "ball 6"
 '''
 MARKERS = '''# touched with the probe
 setup,marker,x_mm,y_mm,z_mm
@@ -45,7 +47,7 @@ setup-1,c,0.0002,16.0009,-0.0004
 LINUXCNC = '''(BOX SETUP-1)
 (VERDICT: NOT VERIFIED YET)
 G21
-G17 G90 G91.1 G94 G40 G49 G80
+G17 G90 G91.1 G94 G40 G49 G80 G92.1
 G64 P0.001 Q0
 G54
 o101 sub
@@ -81,6 +83,7 @@ O0001 (BOX SETUP-1)
 G21
 G17 G90 G94 G40 G49 G80
 G54
+G52 X0. Y0. Z0.
 M5
 G91 G28 Z0.
 G90

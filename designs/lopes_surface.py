@@ -16,6 +16,7 @@ from pydantic import Field
 
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.designs._freeform_surface import freeform_face
+from cuspline.planning.strategies.auto import Auto
 
 PLAN_MIN_MM, PLAN_MAX_MM, TOP_MM = (-10.0, -67.0), (310.0, 67.0), 48.4   # round the surface in plan; its highest point
 
@@ -53,7 +54,8 @@ def design(p: LopesSurface) -> Design:
         material=p.material,
         stock=StockBox(min_mm=(*PLAN_MIN_MM, p.base_mm - p.plate_mm), max_mm=(*PLAN_MAX_MM, TOP_MM + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
-        setups=(Setup(name="setup-1", wcs="G54", strategy=p.strategy, pass_angle_deg=p.pass_angle_deg,
+        setups=(Setup(name="setup-1", wcs="G54", operations=(
+                          Auto(strategy=p.strategy, pass_angle_deg=p.pass_angle_deg),),
                       faces=("surface",),
                       wcs_origin_mm=(150.0, 0.0, p.base_mm - p.plate_mm),
                       wcs_in_words="X0 Y0 in the middle of the plate, Z0 on its base (parallels)"),))

@@ -14,6 +14,7 @@ import build123d as bd
 from pydantic import Field, model_validator
 
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.planning.strategies.auto import Auto
 from cuspline.values import fixed_math as fixed
 
 NODES = (9, 7)              # of the crown's interpolated surface along x and y
@@ -104,6 +105,7 @@ def design(p: MouldInsert) -> Design:
         stock=StockBox(min_mm=(-half[0], -half[1], 0.0),
                        max_mm=(*half, p.height_mm + p.boss_height_mm + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
-        setups=(Setup(name="setup-1", wcs="G54", strategy=p.strategy, pass_angle_deg=p.pass_angle_deg,
+        setups=(Setup(name="setup-1", wcs="G54", operations=(
+                          Auto(strategy=p.strategy, pass_angle_deg=p.pass_angle_deg),),
                       faces=("crown", "boss wall"),
                       wcs_in_words="X0 Y0 in the middle of the block, Z0 on its base (parallels)"),))

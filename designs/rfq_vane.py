@@ -9,7 +9,7 @@ r"""RFQ vane: from a cell table, or from a few numbers, to the tip that a beam s
         └─────┴──────────────────────────────────────────────► x          └──────┘ A
 
 x is the table's Z, from the wall where the beam enters; the base stands at z = 0, the beam axis at z = B.
-Source: cells, tips and transition by the two-term potential (FORMULAS 1b); tip and flanks as Crandall and Stovall cut
+Source: cells, tips and transition by the two-term potential (docs/formulas.md 2); tip and flanks as Crandall and Stovall cut
 them, circular in every transverse plane.
 """
 
@@ -25,6 +25,8 @@ from cuspline.designs.rfq.setups import WORK_OFFSETS, clampings, markers, predic
 from cuspline.designs.rfq.solid import quadrupole, vane_solid
 from cuspline.designs.rfq.table import CellLaw, read_table, table_of_law
 from cuspline.designs.rfq.tip_line import LOOKS_A_VANE, fitted_tip, follows_thin_formula, refuse_impossible, tip_line
+from cuspline.planning.strategies.auto import Auto
+from cuspline.planning.strategies.transverse_arcs import TransverseArcs
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 
@@ -167,12 +169,25 @@ def _setup(p, spans, k):
     zero = (f"X0 {first - start:.3f} mm from the end where the beam enters, found by the markers" if k else
             "X0 at the end where the beam enters")
     return Setup(
-        name=f"setup-{k + 1}", wcs=WORK_OFFSETS[k], faces=(predicates(spans)[k].name,), section_plane="YZ",
-        passes=p.passes, ball_mm=p.ball_mm or None, strategy=p.strategy, cutter=p.cutter, allowance_mm=p.allowance_mm,
-        plating_mm=p.plating_mm, wcs_origin_mm=(first, 0.0, 0.0), fixtures=_jaws(p, start, spans[-1][1]),
+        name=f"setup-{k + 1}", wcs=WORK_OFFSETS[k], faces=(predicates(spans)[k].name,),
+        operations=(_operation(p),), wcs_origin_mm=(first, 0.0, 0.0), fixtures=_jaws(p, start, spans[-1][1]),
         reach_x_mm=(spans[k][0] - CLEARED_MM, spans[k][1] + CLEARED_MM) if len(spans) > 1 else None,
         markers=markers(spans[k], p.thickness_mm / 2, p.grip_mm),
         wcs_in_words=f"{zero}, Y0 in the mid-plane, Z0 on the base")
+
+
+def _operation(p):
+    """What cuts the vane, as its parameters ask for it.
+
+    Raises:
+        DesignError: a side cutter along sections.
+    """
+    if p.strategy == "transverse_arcs":
+        return TransverseArcs(passes=p.passes, allowance_mm=p.allowance_mm, plating_mm=p.plating_mm, cutter=p.cutter,
+                              ball_mm=p.ball_mm or None)
+    if p.cutter == "side":
+        raise DesignError("cutter side: a side cutter runs transverse_arcs, not sections: give strategy=transverse_arcs")
+    return Auto(section_plane="YZ", passes=p.passes, tool=f"ball {p.ball_mm!r}" if p.ball_mm else None)
 
 
 def _refuse_jaws(p, line, tip):

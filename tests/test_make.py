@@ -16,7 +16,6 @@ import pytest
 from cuspline.app import build, catalogue, cli
 from cuspline.design import Design
 from cuspline.kernel import brep
-from cuspline.values.findings import KINDS
 
 ROOT = Path(__file__).parents[1]
 MAKEFILE = (ROOT / "Makefile").read_text()
@@ -40,14 +39,6 @@ def make(folder, *arguments):
     """Run make without what an outer make has put into the environment."""
     environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS")}
     return subprocess.run(["make", "-C", str(folder), *arguments], capture_output=True, text=True, env=environment)
-
-
-# README ----------------------------------------------------------------------------------------
-
-
-def test_the_readme_lists_every_kind_of_finding_with_its_meaning():
-    part = README.split("kinds:begin")[1].split("kinds:end")[0]
-    assert dict(re.findall(r"\| `(\w+)` \| (.+) \|", part)) == KINDS
 
 
 # lock ------------------------------------------------------------------------------------------
@@ -96,8 +87,8 @@ def test_readme_starts_with_make_and_make_test():
 def test_every_command_of_the_readme_exists():
     commands = {c.name or c.callback.__name__ for c in cli.app.registered_commands}
     targets = set(re.search(r"^\.PHONY: (.*)$", MAKEFILE, re.M)[1].split()) | set(catalogue.design_names())
-    told = set(re.findall(r"(?:`|bin/)cuspline ([a-z]+)", README))
-    assert {"build", "verify", "designs", "doctor", "warm"} <= told <= commands
+    named = set(re.findall(r"(?:`|bin/)cuspline ([a-z]+)", README))
+    assert {"build", "verify", "designs", "doctor", "warm"} <= named <= commands
     made = set(re.findall(r"(?:`|^    )make ([a-z_0-9]+)", README, re.M))
     assert {"test", "help", "step"} <= made <= targets
 

@@ -25,6 +25,7 @@ from scipy.interpolate import BSpline
 from cuspline.splines.fairing import DEGREE, fair_spline
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
+from cuspline.values.input_files import text_of
 
 DATA = Path(__file__).parents[1] / "data"
 SQUARE = 0.0025             # 1 - x/c below which a square end is laid off evenly across
@@ -164,15 +165,10 @@ def table(path):
     """{column: (n,) float64} of a CSV whose comment lines start with #; an empty field is NaN.
 
     Raises:
-        DesignError: no such file, or a field that is no number; names it.
+        InputError: no such file, or no text.  DesignError: a field that is no number; names it.
     """
-    try:
-        with open(path, encoding="utf-8-sig") as file:
-            lines = [line for line in file if line.strip() and not line.startswith("#")]
-    except OSError as error:
-        raise DesignError(f"propeller table {path} cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise DesignError(f"propeller table {path} is no text: save it as CSV in UTF-8") from None
+    text = text_of(path, "propeller table")
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     rows = list(csv.DictReader(lines))
     if not rows:
         raise DesignError(f"propeller table {path} has no rows")

@@ -8,7 +8,7 @@ symmetry (a quarter turn and z to L - z change every term's sign).  The tip line
 in the vane's mid-plane.  One round: the terms of higher harmonics follow nearly any line they are fitted to, so more
 rounds would creep by a micrometre each and settle nothing.  At the ends of a cell the tip stands at a and m a, as in
 the table: what the fit misses there is taken out as one more term in cos kz.
-Source: FORMULAS 1b; PARMTEQM prints A01 (its A0), A03 (A1) and A10 of circular tips, from tables of its own.
+Source: docs/formulas.md 2; PARMTEQM prints A01 (its A0), A03 (A1) and A10 of circular tips, from tables of its own.
 """
 
 from dataclasses import dataclass

@@ -3,7 +3,7 @@ r"""Potentials of an RFQ and the tip lines that they give: distance r(z) of a va
     vane x begins a cell (z = 0) at its narrowest, r = a, and ends it at r = m a; vane y the other way round.
     X (r/a)² + s A10 I0(k r) cos k z = 1,   s = +1 for the vane that begins at a, -1 for the other
 
-Lengths in mm, z from the beginning of a cell.  Source: FORMULAS 1b.
+Lengths in mm, z from the beginning of a cell.  Source: docs/formulas.md 2.
 """
 
 from dataclasses import dataclass
@@ -159,7 +159,7 @@ def transition_length_mm(aperture_mm, modulation, r0_mm):
 
     Raises:
         DesignError: there is none.
-    Source: FORMULAS 1b; a check of the tables' own lengths, which the vane keeps.
+    Source: docs/formulas.md 2; a check of the tables' own lengths, which the vane keeps.
     """
     a, b = aperture_mm, aperture_mm * modulation
 

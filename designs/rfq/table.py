@@ -284,7 +284,7 @@ def table_of_law(law, name="law"):
 
     Energy gain of a cell: q (pi/4) A10 V cos(phase); length: half the way of the particle in a period.  The aperture
     follows from r0, m and L.
-    Source: Crandall, Stokes and Wangler's two-term potential (FORMULAS 1b); the rise is ours.
+    Source: Crandall, Stokes and Wangler's two-term potential (docs/formulas.md 2); the rise is ours.
     """
     energy, cells = law.energy_mev, []
     length = half_wave_mm(energy, law.mass_amu, law.frequency_mhz)

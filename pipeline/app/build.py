@@ -19,10 +19,9 @@ import numpy as np
 
 import cuspline
 from cuspline.app import mending
-from cuspline.app.catalogue import find_shop
 from cuspline.app.judge import figures_in_words, judge, post_module, posted_moves
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
-from cuspline.design.job import Job, PostedFile
+from cuspline.design.job import Job, PostedFile, digest_of, job_line
 from cuspline.design.setup_alignment import refixturing_in_words
 from cuspline.design.stock import FromFile, settled, stock_in_words
 from cuspline.kernel import brep, mesh_quality, solids
@@ -33,6 +32,8 @@ from cuspline.planning.plan import plan_setup
 from cuspline.planning.preflight import refuse_impossible_setups
 from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
+from cuspline.shop.materials import material_named
+from cuspline.shop.practice import ShopFile
 from cuspline.shop.tool_table import dropped_fields, tool_table
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
@@ -58,6 +59,7 @@ class Order:
     design: object              # design.Design
     machine: object
     library: object
+    shop: ShopFile = ShopFile()     # what the shop decides
     accepted: tuple[str, ...]
     out: Path
     last_stage: str
@@ -115,7 +117,7 @@ def _made(order, work, say):
     design = order.design
     say(f"{design.name}: STEP")
     solid = brep.the_solid(design.solid, f"design {design.name}")
-    design = replace(design, stock=settled(design.stock, solid, find_shop()))
+    design = replace(design, stock=settled(design.stock, solid, order.shop.practice))
     order = replace(order, design=design)
     if design.setups and order.last_stage != "step":
         refuse_impossible_setups(design, solid, order.machine, order.library)
@@ -197,7 +199,7 @@ def _planned(order, say):
     piece = Workpiece(blank=design.stock.shape)
     for setup in design.setups:
         say(f"{design.name}: plan {setup.name}")
-        plan = plan_setup(design, setup, order.machine, order.library, piece)
+        plan = plan_setup(design, setup, order.machine, order.library, piece, order.shop)
         plans.append(plan)
         if setup is not design.setups[-1]:
             say(f"{design.name}: stock after {setup.name}")
@@ -208,7 +210,7 @@ def _planned(order, say):
 
 def _checked(order, plans, solid, kept, tell):
     """The plans, mended where the posted moves leave or take more than the finish allows, a margin kept."""
-    if all(p.setup.strategy == mending.UNMENDED for p in plans):
+    if not any(p.is_mended for p in plans):
         return plans
     design, faces = order.design, brep.faces_of(solid)
     balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
@@ -255,7 +257,8 @@ def _judged(order, plans, job, work, inputs, kept, tell):
         _remove_programs(work, job)
         job = _written(order, plans, work, inputs, tell)
     _write_json(work / "plan.json", plan_document(order, plans))
-    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans))
+    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans),
+                        extra=(*judged.extra, *(f for plan in plans for f in plan.idle)))
 
 
 def _remove_programs(work, job):
@@ -277,12 +280,13 @@ def _coloured_stock(path, judged, finish):
 def _finished(order, work, inputs, job, findings=(), left_out=""):
     """Write the manifest, the last file of all."""
     files = {p.name: _sha256(p) for p in sorted(work.iterdir())}
+    asked = None if job is None else job.model_dump(mode="json")
     manifest = {
         "design": order.design.name, "stage": order.last_stage, "inputs_sha256": inputs,
         "parameters": order.design.parameters.model_dump(mode="json"), "machine": order.machine.name,
         "accepted": list(order.accepted), "left_out": left_out,
         "versions": {"cuspline": cuspline.__version__, **{n: _version(n) for n in VERSIONED}},
-        "files": files, "job": job.model_dump(mode="json") if job else None}
+        "files": files, "job": asked, "job_sha256": {name: digest_of(value) for name, value in (asked or {}).items()}}
     _write_json(work / "manifest.json", manifest)
     return Result(folder=work, is_ok=not findings, findings=tuple(findings), left_out=left_out)
 
@@ -296,7 +300,7 @@ def plan_document(order, plans):
     for plan in plans:
         operations = [_operation_document(o) for o in plan.operations]
         lies = plan.setup.refixturing
-        setups.append({"name": plan.setup.name, "operations": operations, "wcs": plan.setup.wcs,
+        setups.append({"name": plan.setup.name, "operations": operations, "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
                        "refixturing": None if lies is None else lies.model_dump(mode="json"),
                        "time_s": round(sum(o["time_s"] for o in operations)
                                        + order.machine.tool_change_s * len(operations), 1),
@@ -352,20 +356,25 @@ def _posted(order, plans, work, inputs):
     (work / "tools.tbl").write_text(tool_table(tools.values(), order.machine.control))
     _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
-    posted = []
+    posted, written = [], {}
     for plan in plans:
         program = plan.program(_header(order, plan, inputs), f"{order.design.name} {plan.setup.name}")
         texts = post.post(program, order.machine).texts
         names = [f"{plan.setup.name}.{post.EXTENSION}"] if len(texts) == 1 else [
             f"{plan.setup.name}-{k:02d}.{post.EXTENSION}" for k in range(1, len(texts) + 1)]
-        for name, text in zip(names, texts):
-            (work / name).write_text(text)
-        posted.append(PostedFile(setup=plan.setup, program=names[0], continued=tuple(names[1:])))
+        written |= zip(names, texts)
+        posted.append(PostedFile(setup=plan.setup.model_copy(update={"operations": ()}), program=names[0],
+                                 continued=tuple(names[1:])))
     balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
-    return Job(design=order.design.name, step=f"{order.design.name}.step", material=order.design.material,
-               predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
-               machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
-               accepted=order.accepted)
+    job = Job(design=order.design.name, step=f"{order.design.name}.step", material=order.design.material,
+              predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
+              cutting_data=material_named(order.design.material, order.shop.materials),
+              machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
+              accepted=order.accepted)
+    line = job_line(digest_of(job.model_dump(mode="json")))
+    for name, text in written.items():
+        (work / name).write_text(text.replace(f"({job_line('')})", f"({line})"))
+    return job
 
 
 def _header(order, plan, inputs):
@@ -377,7 +386,7 @@ def _header(order, plan, inputs):
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
     lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
              UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
-             f"INPUTS SHA-256 {inputs[:32]}",
+             f"INPUTS SHA-256 {inputs[:32]}", job_line(""),
              f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
              f"{setup.wcs}: {setup.wcs_in_words}",
              f"STOCK {design.material}: {_stock_in_words(design.stock)}{show(low)} TO {show(high)}",
@@ -448,6 +457,7 @@ def inputs_hash(order, step):
              "stock": design.stock.model_dump(mode="json"), "finish": design.finish.model_dump(mode="json"),
              "setups": [s.model_dump(mode="json") for s in design.setups],
              "machine": order.machine.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
+             "shop": order.shop.model_dump(mode="json", exclude={"practice": {"stock_allowance_mm"}}),     # the stock has it
              "accepted": order.accepted, "version": cuspline.__version__}
     files = [item.path.read_bytes() for item in (design.stock, *(f for s in design.setups for f in s.fixtures))
              if isinstance(item, FromFile)]

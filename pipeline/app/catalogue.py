@@ -21,15 +21,16 @@ from cuspline.design.fixtures import fixtures_beside
 from cuspline.design.stock import Stock
 from cuspline.shop.cutters import library_from_json
 from cuspline.shop.machines import machine_from_toml
-from cuspline.shop.shop_rules import shop_from_toml
+from cuspline.shop.practice import shop_file
 from cuspline.values.errors import CamError, DesignError, InputError
-from cuspline.values.input_files import checked, toml_of
+from cuspline.values.input_files import checked, refuse_irregular, toml_of
 from cuspline.values.models import Model, complaints, name_fault
 
 DESIGNS = Path(cuspline.designs.__file__).parent
 POSTS = Path(cuspline.posts.__file__).parent
-MACHINES, LIBRARIES, SHOPS, WRITERS = POSTS / "machines", POSTS / "tools", POSTS / "shops", POSTS / "writers"
+MACHINES, LIBRARIES, WRITERS = POSTS / "machines", POSTS / "tools", POSTS / "writers"
 DEFAULT_LIBRARY = "tools"
+SHOP = "shop."              # of a parameter that is the shop's, not the design's
 DESIGN_FILES = (".py", ".toml")
 
 
@@ -90,6 +91,7 @@ def find_design(name_or_file):
     if name_or_file in design_names():
         return _from_module(importlib.import_module(f"cuspline.designs.{name_or_file}"), DESIGNS / f"{name_or_file}.py")
     path = Path(name_or_file)
+    refuse_irregular(path, "design")
     if not path.is_file():
         raise InputError(f"there is no design {name_or_file!r} and no such file; designs: {', '.join(design_names())}")
     if path.suffix in DESIGN_FILES and (fault := name_fault(path.stem)):
@@ -149,6 +151,7 @@ class _NoParameters(Parameters):
 
 
 def _from_job(path):
+    importlib.import_module("cuspline.planning.strategies")       # registers the operations
     job = checked(_Job, toml_of(path, "job file"), f"job file {path}")
 
     def make(parameters):
@@ -170,20 +173,23 @@ def find_machine(name_or_file):
     """
     if name_or_file in machine_names():
         return machine_from_toml(MACHINES / f"{name_or_file}.toml")
+    refuse_irregular(name_or_file, "machine file")
     if not Path(name_or_file).is_file():
         raise InputError(f"there is no machine {name_or_file!r} and no such file; "
                          f"machines: {', '.join(machine_names())}")
     return machine_from_toml(name_or_file)
 
 
-def find_shop():
-    """What the shop decides where a design is silent: the values that come with cuspline."""
-    return shop_from_toml(SHOPS / "shop.toml")
-
-
 def find_library(path):
     """The tool library of a file; None: the one that comes with cuspline."""
     return library_from_json(path if path is not None else LIBRARIES / f"{DEFAULT_LIBRARY}.json")
+
+
+def find_shop(path, assignments):
+    """(ShopFile, the assignments that are not the shop's): values `shop.name=value` go before the file's."""
+    own = [_assignment(a) for a in assignments if a.startswith(SHOP)]
+    given = [(name.removeprefix(SHOP), value) for name, value in own]
+    return shop_file(path, given), [a for a in assignments if not a.startswith(SHOP)]
 
 
 def find_post(name):

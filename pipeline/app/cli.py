@@ -9,19 +9,22 @@ import os
 import shlex
 import sys
 import traceback
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
+import cuspline
 from cuspline.values import interruption
+from cuspline.values.amounts import counted
 from cuspline.values.errors import CamError, InputError
 from cuspline.values.input_files import LARGEST_PROGRAM_BYTES, text_of
-from cuspline.values.models import shortened
+from cuspline.values.models import no_such, shortened
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None,
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
                   help="From a parametric design to a posted and verified program.")
 FINDINGS, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 SHOWN = 20                # findings told on the terminal; verify.json has all
@@ -30,6 +33,18 @@ NO_ROOM, NO_LEAVE = "make room on that disk", "name another folder, or get leave
 SYSTEM_ADVICE = {errno.ENOSPC: NO_ROOM, errno.EDQUOT: NO_ROOM, errno.EFBIG: NO_ROOM, errno.EACCES: NO_LEAVE,
                  errno.EPERM: NO_LEAVE, errno.EROFS: NO_LEAVE, errno.EMFILE: "close other programs, or raise ulimit -n"}
 AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
+
+
+def _print_version(wanted: bool):
+    if wanted:
+        print(f"cuspline {cuspline.__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def _options(version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True,
+                                                   help="print the version and end")] = False):
+    pass
 
 
 @app.command()
@@ -41,6 +56,7 @@ def build(
             help="name of a machine, or its TOML file; else the design's own")] = None,
         post: Annotated[Optional[str], typer.Option(help="another post than the machine's own")] = None,
         cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
+        shop: Annotated[Optional[Path], typer.Option(help="the shop's own values and materials (TOML)")] = None,
         measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their clampings (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
@@ -54,7 +70,8 @@ def build(
     source = catalogue.find_design(design)
     if machine is not None:
         catalogue.find_machine(machine)         # a wrong name is told before the part is built
-    made = catalogue.make_design(source, [*_words(params), *param])
+    practice, assignments = catalogue.find_shop(shop, [*_words(params), *param])
+    made = catalogue.make_design(source, assignments)
     if measured is not None:
         from cuspline.design.setup_alignment import read_measured, refixtured_setups
         made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
@@ -64,7 +81,7 @@ def build(
         chosen = chosen.model_copy(update={"control": chosen.control.model_copy(update={"post": post})})
     library = catalogue.find_library(cutters)
     folder = out if out is not None else Path("outputs") / made.name
-    result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library,
+    result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library, shop=practice,
                                        accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
     _tell(made.name, result.folder, result.findings, result.left_out, stage, result.told, result.figures,
           result.accepted)
@@ -72,10 +89,9 @@ def build(
 
 
 def _refuse_unknown_kinds(accept):
-    from cuspline.values.findings import KINDS
-    unknown = sorted(set(accept) - set(KINDS))
-    if unknown:
-        raise InputError(f"--accept {unknown[0]!r} is no kind of finding; there are {', '.join(KINDS)}")
+    from cuspline.values.finding_kinds import KINDS
+    for kind in sorted(set(accept) - set(KINDS)):
+        raise InputError(f"--accept {shortened(kind)}: {no_such(kind, KINDS)}; `cuspline findings` says what each means")
 
 
 def _words(text):
@@ -116,6 +132,7 @@ def _verified(folder, measured, accept):
     from cuspline.design.setup_alignment import read_measured
     from cuspline.kernel import brep
     from cuspline.values.checkpoints import kept_until_done
+    from cuspline.verification.file_checks import own_acceptances
     folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
     job, published = read_job(folder), read_published(folder)
     if measured is not None:
@@ -126,12 +143,11 @@ def _verified(folder, measured, accept):
             raise InputError(f"{folder / only} is no program of {job.design}; there are "
                              + ", ".join(name for p in job.posted for name in p.files))
         job = job.model_copy(update={"posted": asked})
-        needed = {job.step, "tools.json", "tools.tbl", *(name for p in asked for name in p.files)}
-        published = {name: digest for name, digest in published.items() if name in needed}
+        published = published.of_programs([name for p in asked for name in p.files], job)
     brep.refuse_unreadable(folder / job.step)
     with kept_until_done(folder) as kept:
         judged = judge(folder, job, _say, kept=kept, published=published)
-    passed = {*job.accepted, *accept}
+    passed = {*own_acceptances(folder, job, published), *accept}
     refused = judged.refused(passed)
     _tell(job.design, folder, refused, "", "verify", "", judged.figures_in_words, judged.passed_over(passed))
     return FINDINGS if refused else 0
@@ -175,12 +191,39 @@ def designs(json: AsJson = False):
 
 
 def _parameter_row(name, field):
+    given = [f for f in field.get("anyOf", []) if f.get("type") != "null"]
+    field = {**(given[0] if given else {}), **field}
     low, high = field.get("minimum", field.get("exclusiveMinimum")), field.get("maximum", field.get("exclusiveMaximum"))
     choices = field.get("enum")
     span = f"{low} .. {high}" if low is not None or high is not None else " | ".join(map(str, choices or []))
     unit = next((u for u in ("mm", "deg", "rad", "mm2") if name.endswith("_" + u)), "")
     return {"name": name, "default": field.get("default"), "unit": unit, "range": span,
             "description": field.get("description", "")}
+
+
+@app.command()
+def strategies(json: AsJson = False):
+    """List the strategies: what operations of a setup can do, with their parameters."""
+    import_module("cuspline.planning.strategies")
+    from cuspline.design.operations import REGISTERED
+    rows = []
+    for kind, strategy in sorted(REGISTERED.items()):
+        fields = strategy.model_json_schema()["properties"]
+        rows.append({"kind": kind, "description": (strategy.__doc__ or "").split("\n")[0],
+                     "class": f"{strategy.__module__}.{strategy.__name__}", "picture": strategy.picture.strip("\n"),
+                     "parameters": [_parameter_row(n, f) for n, f in fields.items()]})
+    _print(rows, json, lambda r: [f"{r['kind']}: {r['description']}  ({r['class']})", "", *r["picture"].split("\n"), ""] + [
+        f"  {p['name']} = {p['default']}  {p['range']}  {p['description']}" for p in r["parameters"]])
+
+
+@app.command()
+def shop(file: Annotated[Optional[Path], typer.Argument(help="a shop's own file (TOML)")] = None, json: AsJson = False):
+    """List what a shop decides: allowances, depths of cut, clearances."""
+    from cuspline.shop.practice import Practice, shop_file
+    values = shop_file(file).practice.model_dump()
+    fields = Practice.model_json_schema()["properties"]
+    rows = [{**_parameter_row(n, f), "value": values[n]} for n, f in fields.items()]
+    _print(rows, json, lambda p: [f"{p['name']} = {p['value']}  {p['range']}  {p['description']}"])
 
 
 @app.command()
@@ -240,6 +283,30 @@ def posts(json: AsJson = False):
 
 
 @app.command()
+def materials(json: AsJson = False):
+    """List the work materials with their cutting data, and where these come from."""
+    from cuspline.shop.materials import known_materials
+    _print([m.model_dump(mode="json") for m in known_materials().values()], json, lambda m: [
+        f"{m['name']}: {m['description']}",
+        f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
+        f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "
+        f"stepdown {m['stepdown_share']:g} of the diameter, coolant {m['coolant']}",
+        f"  source: {m['source']}"])
+
+
+@app.command()
+def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an example, and how to fix it")] = None,
+             json: AsJson = False):
+    """List the kinds of findings that a verdict may have."""
+    from cuspline.values.finding_kinds import KINDS
+    if kind is not None and kind not in KINDS:
+        raise InputError(f"{shortened(kind)}: {no_such(kind, KINDS)}")
+    rows = [{"kind": name, **asdict(found)} for name, found in KINDS.items() if kind in (None, name)]
+    _print(rows, json, lambda f: [f"{f['kind']}: {f['meaning']}"] + (
+        [] if kind is None else [f"  example: {f['example']}", f"  fix: {f['fix']}"]))
+
+
+@app.command()
 def warm():
     """Compile the kernels once; later commands find them ready."""
     from cuspline.app.warm import steps
@@ -258,7 +325,7 @@ def doctor():
         print(f"WRONG: {what}; {mend}")
     for note in notes():
         print(f"note: {note}")
-    print("environment is well" if not found else f"{len(found)} things are wrong")
+    print("environment is well" if not found else f"{counted(len(found), 'fault')} in the environment")
     raise typer.Exit(BAD_INPUT if found else 0)
 
 
@@ -276,8 +343,9 @@ def _tell(name, folder, findings, left_out, stage, told="", figures="", accepted
     if told:
         print(f"{name}: {told} ({folder})")
     elif stage in ("verify", "report"):
-        passed = f" with {len(accepted)} accepted" if accepted else ""
-        print(f"{name}: {f'VERIFIED{passed}' if not findings else f'REJECTED, {len(findings)} findings'}"
+        passed = f" with {counted(len(accepted), 'accepted finding')}" if accepted else ""
+        verdict = f"REJECTED, {counted(len(findings), 'finding')}" if findings else f"VERIFIED{passed}"
+        print(f"{name}: {verdict}"
               f"{', ' + figures if figures else ''} ({folder})")
     else:
         print(f"{name}: {stage} made, nothing verified ({folder})")
@@ -319,7 +387,7 @@ def run(arguments):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")       # a name of a file may be no text
     try:
-        code = _command().main(list(arguments), prog_name="cuspline", standalone_mode=False) or 0
+        code = _command().main(list(arguments) or ["--help"], prog_name="cuspline", standalone_mode=False) or 0
         sys.stdout.flush()
         if code == INTERRUPTED:                                 # typer's answer to Ctrl-C
             raise KeyboardInterrupt
@@ -342,6 +410,8 @@ def _command():
 
 def _told(error):
     """(exit code, sentence) of what ended a command."""
+    if isinstance(error, SystemExit) and isinstance(error.__context__, BrokenPipeError):    # typer's answer to it
+        error = error.__context__
     if isinstance(error, (typer.Abort, KeyboardInterrupt)):
         return INTERRUPTED, WORDS_OF_AN_INTERRUPTION
     if isinstance(error, CamError):

@@ -10,17 +10,21 @@ from pathlib import Path
 import numpy as np
 
 from cuspline.app.catalogue import find_post, reader_of
+from cuspline.app.report_inputs import shape_of
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.job import read_tools
 from cuspline.kernel import brep
 from cuspline.program.posted import PostedMoves
 from cuspline.replay.replay import Fixture, SolidFixture
 from cuspline.replay.replay_checks import Reporter
+from cuspline.shop.materials import known_materials
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, located
-from cuspline.verification.file_checks import changed_files, program_findings, tool_table_findings
+from cuspline.values.input_files import refuse_irregular
+from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
+from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
 
@@ -101,7 +105,7 @@ def read_programs(folder, job, tools):
         parts = [_read(name, text, item.setup, job, tools) for name, text in texts.items()]
         moves = _joined(parts, texts.values(), tools)
         found = text_findings(moves, tools, setup=item.setup, machine=job.machine, finish=job.finish,
-                              material=job.material)
+                              material=job.cutting_data or known_materials().get(job.material))
         yield ReadProgram(setup=item.setup, texts=texts, posted=moves, findings=found)
 
 
@@ -116,12 +120,12 @@ def judge_text(folder, job, published=None):
         InputError, ReadError: see `read_programs`.
     """
     tools, job = read_tools(folder), job.beside(folder)
-    found = [*changed_files(folder, published or {}), *tool_table_findings(folder, tools, job.machine.control)]
+    found = _file_findings(folder, job, tools, published)
     for program in read_programs(folder, job, tools):
         report = Reporter(program.posted, program.setup.name, program.setup.frame)
         top_mm = job.stock.shape.box_in(program.setup.frame)[1][2]
         own = (*program.findings, *report.travel(job.machine), *report.states(top_mm), *report.end())
-        found += [*_file_findings(program, job.machine), *_placed(own, program, job.machine, tools)]
+        found += [*_program_findings(program, job.machine), *_placed(own, program, job.machine, tools)]
     return tuple(found)
 
 
@@ -134,22 +138,25 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         say: called with what is being done.
         options: how finely to look; the post's rounding is put in here.
         kept: kept.Kept of a run before that was interrupted.
-        published: {file name: SHA-256} that the files must have; None: they are not published yet.
+        published: job.Published of what the files must be; None: they are not published yet, and who builds them has
+            asked the solid whether it crosses itself.
     Raises:
-        InputError: a file is missing.  ReadError: see `read_programs`.
+        InputError: a file is missing.  ReadError: see `read_programs`.  DesignError: the STEP's solid crosses itself.
     """
     folder = Path(folder)
     tools, job = read_tools(folder), job.beside(folder)
-    extra = [*changed_files(folder, published or {}), *tool_table_findings(folder, tools, job.machine.control)]
+    extra = _file_findings(folder, job, tools, published)
     say(f"read {', '.join(name for item in job.posted for name in item.files)}")
     read = tuple(read_programs(folder, job, tools))
     solid = brep.the_solid(brep.read_step(folder / job.step), job.step)
+    if published is not None:
+        refuse_self_crossing(solid, shape_of(solid), f"the solid in {job.step}")
     faces, programs = brep.faces_of(solid), []
     for program in read:
         setup = program.setup
         wanted = tuple(f for p in job.predicates if p.name in setup.faces for f in brep.select_faces(faces, p))
         programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted, fixtures=_fixtures(setup)))
-        extra += _file_findings(program, job.machine)
+        extra += _program_findings(program, job.machine)
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     look = partial(verify_setups, programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
                    ball_radius_mm=job.smallest_ball_radius_mm, say=say, kept=kept)
@@ -164,7 +171,13 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
                   extra=tuple(extra), stock=job.stock)
 
 
-def _file_findings(program, machine):
+def _file_findings(folder, job, tools, published):
+    """Of what lies in the folder against what was published, and of the tool table."""
+    changed = () if published is None else (*changed_files(folder, published), *changed_job(folder, job, published))
+    return [*changed, *tool_table_findings(folder, tools, job.machine.control)]
+
+
+def _program_findings(program, machine):
     """Of all files of a program."""
     return [finding for name, text in program.texts.items()
             for finding in program_findings(name, text, program.setup.name, machine)]
@@ -215,10 +228,10 @@ def figures_in_words(numbers):
     """Gouge, cusp and the bound of both out of verify.json.
 
     >>> figures_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "error_bound_mm": None})
-    'gouge 0.0022 cusp 0.0096 bound unknown'
+    'gouge 0.0022 mm, cusp 0.0096 mm, error bound unknown'
     """
     bound = numbers["error_bound_mm"]
-    return (f"gouge {numbers['gouge_max_mm']:.4f} cusp {numbers['cusp_max_mm']:.4f} bound "
+    return (f"gouge {numbers['gouge_max_mm']:.4f} mm, cusp {numbers['cusp_max_mm']:.4f} mm, error bound "
             + ("unknown" if bound is None else f"{bound:.5f} mm"))
 
 
@@ -262,6 +275,7 @@ def _fixture(placed):
 
 def _text(path):
     """The bytes of a program as text, nothing translated: line ends are the control's business."""
+    refuse_irregular(path, "program")
     try:
         return path.read_bytes().decode("ascii")
     except FileNotFoundError:

@@ -12,6 +12,7 @@ import numpy as np
 
 from cuspline.planning.clean_up import clean_up
 from cuspline.planning.plan import plan_setup
+from cuspline.values.amounts import counted
 from cuspline.values.errors import CamError
 from cuspline.verification.reporter import allowed_mm
 
@@ -20,7 +21,6 @@ OWN_ROUNDS = 2              # of the planner's own check before
 MARGIN = 0.03               # of what the finish allows, that the planner keeps from it
 TIGHTER = 0.6               # of the tolerance, where a path gouges
 HELPED = 0.9                # of the places and of their height, or of the gouge: a round that leaves more did not help
-UNMENDED = "transverse_arcs"    # leaves what one arc a plane cannot cut, and says where; `sections` holds it
 TOO_HIGH = ("excess", "missing_area")
 TOO_DEEP = ("gouge",)
 
@@ -79,7 +79,7 @@ def mended(plans, wants, number, by):
     """
     out, changed = [], False
     for plan, want in zip(plans, wants):
-        new = plan if want.is_none or plan.setup.strategy == UNMENDED else _mended(plan, want, number, by)
+        new = plan if want.is_none or not plan.is_mended else _mended(plan, want, number, by)
         changed |= new.operations is not plan.operations
         out.append(new)
     return out, changed
@@ -91,8 +91,8 @@ def with_reasons(verdict, plans):
         if finding.kind not in (*TOO_HIGH, *TOO_DEEP):
             return finding
         reason = plan.mending[-1]["done"] if plan.mending else ""
-        if plan.setup.strategy == UNMENDED:
-            reason = f"nothing: {UNMENDED} leaves what one arc in a plane cannot cut; the strategy sections holds it"
+        if not plan.is_mended:
+            reason = "nothing: transverse arcs leave what one arc in a plane cannot cut; sections hold it"
         return replace(finding, advice=f"{finding.advice} (tried: {reason})") if reason else finding
 
     return replace(verdict, setups=tuple(replace(v, findings=tuple(told(f, plan) for f in v.findings))
@@ -105,26 +105,25 @@ def _mended(plan, want, number, by):
             "gouge_mm": round(want.gouge_mm, 6) if want.gouge_mm else None}
     if _is_no_better(plan, told):
         return _told(plan, {**told, "done": "nothing: the round before did not help"})
-    shop = plan.shop
+    context = plan.context
     if want.gouge_mm:
-        finish = shop.design.finish
-        tighter = finish.model_copy(update={"profile_tolerance_mm": TIGHTER * finish.profile_tolerance_mm})
-        design = replace(shop.design, finish=tighter)
+        share = TIGHTER * context.tolerance_share
         try:
-            again = plan_setup(design, shop.setup, shop.machine, shop.library, shop.before)
+            again = plan_setup(context.design, context.setup, context.machine, context.library, context.before, context.shop,
+                               share)
         except CamError as error:
             return _told(plan, {**told, "done": f"nothing: {error}"})
         return replace(again, mending=(*plan.mending, {**told, "done": "planned again to a tolerance of "
-                                                       f"{tighter.profile_tolerance_mm:g} mm"}))
-    places = shop.setup.turn.into(want.places_mm)
-    added, touched = clean_up(shop, plan.operations, places, want.left_mm, number)
+                                                       f"{again.context.finish.profile_tolerance_mm:g} mm"}))
+    places = context.setup.turn.into(want.places_mm)
+    added, touched = clean_up(context, plan.operations, places, want.left_mm, number)
     if not added:
         return _told(plan, {**told, "done": "nothing: no ball of the library touches these places with its holder "
                                             "clear"})
     done = ", ".join(f"T{o.tool.number} {o.tool.cutter.name}" for o in added)
     rest = int((~touched).sum())
     return replace(plan, operations=(*plan.operations, *added), mending=(*plan.mending, {
-        **told, "done": f"clean-up passes with {done}" + (f"; {rest} places are out of reach" if rest else "")}))
+        **told, "done": f"clean-up passes with {done}" + (f"; {counted(rest, 'place')} out of reach" if rest else "")}))
 
 
 def _is_no_better(plan, told):

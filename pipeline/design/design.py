@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
 from cuspline.design.fixtures import Fixture
+from cuspline.design.operations import AnyOperation
 from cuspline.design.stock import StockAllowance
 from cuspline.splines.circular_tip import CircularTip
 from cuspline.values import fixed_math as fixed
@@ -93,7 +94,7 @@ class Refixturing(Model):
 
 
 class Setup(Model):
-    """One clamping: where the work coordinate system sits on the part, and which faces are cut."""
+    """One setup: how the part is held, where the work coordinate system sits on it, and what cuts which faces."""
 
     name: FileName
     wcs: Literal["G54", "G55", "G56", "G57", "G58", "G59"] = "G54"
@@ -101,25 +102,9 @@ class Setup(Model):
     wcs_origin_mm: Point = (0.0, 0.0, 0.0)     # in part coordinates
     wcs_x: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction of the WCS's X, part coordinates")
     wcs_z: tuple[float, float, float] = Field((0.0, 0.0, 1.0), description="direction of its Z, towards the spindle")
-    strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral",
-                      "transverse_arcs"] = Field(
-        "sections", description="finishing passes: arcs and lines in section planes; on any part: parallel at an angle, "
-        "constant scallop height, along the faces' border, one spiral; on a vane: its controller's arcs across")
-    section_plane: Literal["ZX", "YZ"] = Field("ZX", description="sections: plane in which the finishing passes run")
-    pass_angle_deg: float = Field(0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
-    steep_deg: float = Field(65.0, ge=20, le=90, description="walls steeper than this get waterline passes "
-                             "(all strategies but sections); 90: none do")
-    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
-    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: what the rough passes leave; the "
-                                "register is larger than the ball by it")
-    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later; the register of the "
-                              "finish is smaller than the ball by it")
-    cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side cutter on a "
-                                            "right-angle head, its axis along the vane")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or of a side cutter's "
-                                  "teeth; None: the largest that fits")
-    faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut")
-
+    faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut, and judged after the setup")
+    operations: tuple[AnyOperation, ...] = Field((), description="what cuts them, in this order; none: `Auto`, all chosen "
+                                                 "by curvature")
     reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it lies, along wcs_x: "
                                                    "between these roughing tools stay; None: they clear all")
     fixtures: tuple[Fixture, ...] = Field((), description="what holds the part: jaws, clamps, posts")
@@ -133,12 +118,6 @@ class Setup(Model):
         if not (abs(fixed.matmul(x, x) - 1) < UNIT and abs(fixed.matmul(z, z) - 1) < UNIT and abs(fixed.matmul(x, z)) < UNIT):
             raise ValueError(f"setup {self.name!r}: wcs_x {self.wcs_x} and wcs_z {self.wcs_z} must be unit vectors "
                              "square to each other")
-        return self
-
-    @model_validator(mode="after")
-    def _side_cutters_run_across(self):
-        if self.cutter == "side" and self.strategy != "transverse_arcs":
-            raise ValueError(f"setup {self.name!r}: a side cutter runs transverse_arcs, not {self.strategy}")
         return self
 
     @property
@@ -212,10 +191,10 @@ class Design:
                               "give it one of them")
         known = {p.name for p in self.predicates}
         for setup in self.setups:
-            missing = [f for f in setup.faces if f not in known]
-            if missing:
-                raise DesignError(f"design {self.name}, {setup.name}: faces {missing} are named by no predicate; "
-                                  f"there are {sorted(known)}")
+            for who, faces in ((setup.name, setup.faces), *((f"{setup.name}, {o.title}", o.faces or ()) for o in setup.operations)):
+                if missing := [f for f in faces if f not in known]:
+                    raise DesignError(f"design {self.name}, {who}: faces {missing} are named by no predicate; "
+                                      f"there are {sorted(known)}")
 
     def _refuse_names(self):
         """Names become files: of the design, its setups, its companions; no two the same."""

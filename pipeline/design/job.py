@@ -3,6 +3,9 @@
 `cuspline verify` reads it back, so a folder of outputs can be judged again anywhere.
 """
 
+import hashlib
+import json
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pydantic import Field
@@ -13,9 +16,12 @@ from cuspline.design.setup_alignment import refixtured_setups
 from cuspline.design.stock import Stock
 from cuspline.shop.cutters import ToolLibrary
 from cuspline.shop.machines import Machine
+from cuspline.shop.materials import Material
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
 from cuspline.values.models import FileName, Model, WrittenName
+
+HEADER_DIGITS = 20          # of a job's SHA-256 in a program's header: a line of 40 characters holds it
 
 
 class PostedFile(Model):
@@ -37,6 +43,7 @@ class Job(Model):
     design: FileName
     step: WrittenName
     material: str
+    cutting_data: Material | None = Field(None, description="of the material; None: what cuspline knows of it")
     predicates: tuple[FacePredicate, ...]
     stock: Stock
     finish: Finish
@@ -73,12 +80,45 @@ def read_job(folder):
     return checked(Job, job, f"{path}: no usable job")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Published:
+    """What a manifest says of the files beside it, and of its own job; empty where it does not say."""
+
+    files: dict = field(default_factory=dict)           # file name -> SHA-256
+    job: dict = field(default_factory=dict)             # as it stands in the manifest
+    job_fields: dict = field(default_factory=dict)      # field of the job -> SHA-256
+
+    def of_programs(self, names, job):
+        """The same for some of a Job's programs and what they need."""
+        needed = {job.step, "tools.json", "tools.tbl", *names}
+        return Published(files={name: digest for name, digest in self.files.items() if name in needed}, job=self.job,
+                         job_fields=self.job_fields)
+
+
 def read_published(folder):
-    """{file name: SHA-256} of what was published with a folder's manifest; empty where it does not say."""
+    """Published, out of a folder's manifest."""
     path = Path(folder) / "manifest.json"
     document = json_of(path, "manifest") if path.exists() else {}
-    files = document.get("files", {}) if isinstance(document, dict) else {}
-    return files if isinstance(files, dict) else {}
+    part = lambda name: found if isinstance(document, dict) and isinstance(found := document.get(name), dict) else {}
+    return Published(files=part("files"), job=part("job"), job_fields=part("job_sha256"))
+
+
+def digest_of(document):
+    """SHA-256 of a job, or of one field of it, as it stands in a manifest; the order of keys does not count.
+
+    >>> digest_of({"a": 1.0, "b": [2]}) == digest_of({"b": [2], "a": 1.0})
+    True
+    """
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+
+
+def job_line(digest):
+    """The comment line of a program that says which job it was posted for; of "" one of the same length.
+
+    >>> job_line("")
+    'JOB SHA-256 00000000000000000000'
+    """
+    return f"JOB SHA-256 {digest[:HEADER_DIGITS] or '0' * HEADER_DIGITS}"
 
 
 def read_tools(folder):

@@ -10,6 +10,7 @@ import numpy as np
 
 from cuspline.design import Refixturing
 from cuspline.values import fixed_math as fixed
+from cuspline.values.amounts import counted
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import InputError
 from cuspline.values.frames import Frame
@@ -150,7 +151,7 @@ def _paired(setup, measured_mm):
     """(n, 3) nominal and (n, 3) measured places in one order."""
     names = [m.name for m in setup.markers]
     if len(names) < LEAST_MARKERS:
-        raise InputError(f"{setup.name}: it has {len(names)} markers; a fit needs {LEAST_MARKERS} that are not in one "
+        raise InputError(f"{setup.name}: it has {counted(len(names), 'marker')}; a fit needs {LEAST_MARKERS} that are not in one "
                          "line: name them in the setup's markers")
     odd = sorted(set(measured_mm) ^ set(names))
     if odd:

@@ -209,16 +209,16 @@ class StockAllowance(Standing):
 Stock = one_of(StockBox, StockCylinder, StockSolid, StockMesh, StockAllowance)
 
 
-def settled(stock, part, shop):
+def settled(stock, part, practice):
     """The stock a part is cut from: as stated, or the box round the part and its allowance.
 
     Args:
-        stock: any of the above.   part: TopoDS solid.   shop: shop_rules.ShopRules, asked where the design is silent.
+        stock: any of the above.   part: TopoDS solid.   practice: shop.practice.Practice, asked where the design is silent.
     """
     if not isinstance(stock, StockAllowance):
         return stock
     from cuspline.kernel import brep
-    allowance = shop.stock_allowance_mm if stock.allowance_mm is None else stock.allowance_mm
+    allowance = practice.stock_allowance_mm if stock.allowance_mm is None else stock.allowance_mm
     low, high = brep.bounding_box_mm(part)
     corner = lambda place: tuple(np.round(place, 6).tolist())
     return StockBox(min_mm=corner(low - allowance), max_mm=corner(high + allowance), allowance_mm=allowance)

@@ -32,12 +32,16 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from cuspline.kernel.step_files import FaceMark, MarkedSolid, marks_of, read_step, refuse_unreadable, write_step
+from cuspline.kernel import step_files
+from cuspline.kernel.step_files import FaceMark, MarkedSolid, marks_of
 from cuspline.splines.fitting import fitted
 from cuspline.splines.nurbs import NurbsSurface, local_shape
 from cuspline.values import fixed_math as fixed
+from cuspline.values.amounts import counted
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import DesignError
+
+read_step, refuse_unreadable, write_step = step_files.read_step, step_files.refuse_unreadable, step_files.write_step
 
 Message.DefaultMessenger_s().ChangePrinters().Clear()     # the kernel would print its statistics on standard output
 
@@ -75,7 +79,7 @@ def the_solid(shape, name="the part"):
     """
     solids = explore(wrapped(shape), TopAbs_SOLID)
     if len(solids) != 1:
-        raise DesignError(f"{name} holds {len(solids)} solids, it must be exactly one: "
+        raise DesignError(f"{name} holds {counted(len(solids), 'solid')}, it must be exactly one: "
                           + ("close its shell" if not solids else "fuse them, or build them one by one"))
     solid = TopoDS.Solid_s(solids[0])
     if not BRepCheck_Analyzer(solid).IsValid():

@@ -20,7 +20,7 @@ RESOLUTION = 1e-6         # of a mesh's diagonal
 DEGENERATE_MM2 = 1e-12
 QUIET_SPACINGS = 2.0      # no rim, no wall and no place out of reach as near as this
 UP = 0.5                  # least part of a normal along the tool axis
-THIN_MM = 0.05            # more left than this is no finished place
+THIN_MM = 0.05            # more left than this, and than the finish allows, is no finished place
 PLY_BYTES = {"char": 1, "uchar": 1, "short": 2, "ushort": 2, "int": 4, "uint": 4, "float": 4, "double": 8}
 RAMP = ((-1.0, (33, 102, 199)), (0.0, (232, 237, 227)), (1.0, (217, 41, 31)))      # the report's deviation colours
 
@@ -80,7 +80,7 @@ def signed_distances_mm(points_mm, vertices_mm, triangles):
     return np.asarray(meshes.mesh(1).vertex_scalar_array(), float)
 
 
-def third_view(stock_mm, stock_triangles, mesh, found, axis):
+def third_view(stock_mm, stock_triangles, mesh, found, axis, allowed_mm):
     """Hausdorff distances between the simulated stock and the design over the required faces' quiet places.
 
     Quiet: away from rims, walls and what no cutter reaches, by QUIET_SPACINGS of the samples.
@@ -89,12 +89,14 @@ def third_view(stock_mm, stock_triangles, mesh, found, axis):
         stock_mm, stock_triangles: mesh of the stock, part coordinates.
         mesh: tessellation.Tessellation of the design.
         found: residuals.Residuals of the required faces.   axis: (3,) tool axis.
+        allowed_mm: what the finish allows to be left: places that leave less are finished, so that the highest of all
+            tops is among them.
     Returns:
         dict: stock_to_design and design_to_stock as `distances` says; first verifier's figures at the same samples;
         mean_residual_mm, max_residual_mm.
     """
     s, d = found.samples, found.deviation_mm
-    calm = found.is_reachable & (np.abs(d) < THIN_MM) & ~s.is_border & (fixed.matmul(s.normals, axis) > UP)
+    calm = found.is_reachable & (np.abs(d) < max(THIN_MM, allowed_mm)) & ~s.is_border & (fixed.matmul(s.normals, axis) > UP)
     chosen = np.flatnonzero((s.weight_mm2 > 0) & calm)
     far_mm = QUIET_SPACINGS * found.spacing_mm
     vertices = stock_mm[_nearest_mm(stock_mm, s.points_mm[chosen], found.spacing_mm) < np.inf]

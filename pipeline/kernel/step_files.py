@@ -33,6 +33,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
 from cuspline.values.errors import InputError
+from cuspline.values.input_files import refuse_irregular
 
 LARGEST_STEP_BYTES = 1 << 30
 READ_S, READ_BYTES_PER_S = 30.0, 1e5        # a busy machine reads some megabytes a second
@@ -121,6 +122,7 @@ def refuse_unreadable(path):
         InputError: the child did not come back, or the file is missing, empty or too large.
     """
     path = Path(path)
+    refuse_irregular(path, "STEP file")
     try:
         size = path.stat().st_size if path.is_file() else None
     except (OSError, ValueError):
@@ -177,6 +179,7 @@ def read_step(path):
         InputError: missing, unreadable, or without a solid.
     """
     path = Path(path)
+    refuse_irregular(path, "STEP file")
     if not path.is_file():
         raise InputError(f"STEP file {path} does not exist")
     shape, marks = _read_marked(path)

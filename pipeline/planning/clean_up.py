@@ -9,9 +9,9 @@ import math
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cuspline.planning.context import ROUGH_ALLOWANCE_MM, path_tolerance_mm, ridge_for_step_mm
+from cuspline.planning.context import path_tolerance_mm, ridge_for_step_mm
 from cuspline.planning.cutter_choice import missing_stick_outs_mm
-from cuspline.planning.strategies.freeform import LATERAL_SHARE, NODES_A_STEP, flat_step_mm, link_rules, wall_paths_at
+from cuspline.planning.freeform_finishing import LATERAL_SHARE, NODES_A_STEP, flat_step_mm, link_rules, wall_paths_at
 from cuspline.program.program import Moves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
 from cuspline.toolpaths.freeform.tip_field import tip_field
@@ -27,11 +27,11 @@ TOUCH_MM = 1e-3             # a ball that is held off by less than this touches 
 CLOSER = 0.25               # of the finish's ridge in the first round, the square of it in the second
 
 
-def clean_up(shop, operations, places_mm, left_mm, number):
+def clean_up(work, operations, places_mm, left_mm, number):
     """Operations that cut places again, closer.
 
     Args:
-        shop: Shop.
+        work: PlanningContext.
         operations: PlannedOperation values so far.
         places_mm: (n, 3) points of the faces wanted, part as it lies in its setup.
         left_mm: the most that stands there.
@@ -39,65 +39,65 @@ def clean_up(shop, operations, places_mm, left_mm, number):
     Returns:
         (list of PlannedOperation, (n,) bool: places that some ball touches).
     """
-    finish = shop.design.finish
+    finish = work.finish
     ridge_mm = float(fixed.power(CLOSER, number)) * ridge_for_step_mm("clean-up", finish.scallop_mm, finish)
-    foot = shop.closest.closest_points(places_mm)
+    foot = work.closest.closest_points(places_mm)
     open_, added = np.ones(len(places_mm), bool), []
-    for tool in _balls(shop, operations):
-        mine = open_ & _touched(shop, tool, foot, left_mm)
-        moves = _moves(shop, tool, foot.point_mm[mine], foot.normal[mine], ridge_mm, left_mm) if mine.any() else None
+    for tool in _balls(work, operations):
+        mine = open_ & _touched(work, tool, foot, left_mm)
+        moves = _moves(work, tool, foot.point_mm[mine], foot.normal[mine], ridge_mm, left_mm) if mine.any() else None
         if moves is not None:
             open_ &= ~mine
-            rpm, _ = shop.speeds(tool, is_rough=False)
+            rpm, _ = work.speeds(tool, is_rough=False)
             facts = {"allowance_mm": 0.0, "scallop_mm": finish.scallop_mm, "ridge_for_step_mm": round(ridge_mm, 6),
                      "stepover_mm": round(flat_step_mm(tool, ridge_mm), 6), "places": int(mine.sum()),
                      "segment_tolerance_mm": path_tolerance_mm(finish), "candidates": []}
-            added.append(shop.operation(f"clean-up {number}", tool, rpm, moves, facts))
+            added.append(work.measured(f"clean-up {number}", tool, rpm, moves, facts))
         if not open_.any():
             break
     return added, ~open_
 
 
-def _balls(shop, operations):
+def _balls(work, operations):
     """Balls that may clean up: those that finish already, then what the library has below them; largest first."""
     used = {o.tool.number: o.tool for o in operations if o.tool.cutter.type == "ball" and o.tool.head is None}
     largest = max((t.cutter.radius_mm for t in used.values()), default=math.inf)
-    others = [t for t in shop.library.of_type("ball") if t.number not in used and t.cutter.radius_mm <= largest]
+    others = [t for t in work.library.of_type("ball") if t.number not in used and t.cutter.radius_mm <= largest]
     by_size = lambda tools: sorted(tools, key=lambda t: (-t.cutter.radius_mm, t.number))
     return by_size(used.values()) + by_size(others)
 
 
-def _touched(shop, tool, foot, left_mm):
+def _touched(work, tool, foot, left_mm):
     """(n,) bool: the ball touches the place, with nothing else in its way and its holder clear."""
     radius = tool.cutter.radius_mm
     tips = foot.point_mm + radius * foot.normal - (0.0, 0.0, radius)
-    held = shop.dropper_of(radius, 0.0).tips_mm(tips[:, :2])
-    clear = missing_stick_outs_mm(tool, tips, shop.mesh, ROUGH_ALLOWANCE_MM + left_mm) <= 0
+    held = work.dropper(radius, radius, 0.0).tips_mm(tips[:, :2])
+    clear = missing_stick_outs_mm(tool, tips, work.mesh, work.practice.rough_allowance_mm + left_mm) <= 0
     return (foot.normal[:, 2] > 0.0) & (held <= tips[:, 2] + TOUCH_MM) & clear
 
 
-def _moves(shop, tool, places_mm, normals, ridge_mm, left_mm):
+def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):
     """Moves round places, group by group; None where none come about."""
-    finish, radius = shop.design.finish, tool.cutter.radius_mm
+    finish, radius = work.finish, tool.cutter.radius_mm
     wide = flat_step_mm(tool, ridge_for_step_mm("clean-up", finish.scallop_mm, finish))
     step, tolerance = flat_step_mm(tool, ridge_mm), path_tolerance_mm(finish)
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=0.0)
-    _, feed = shop.speeds(tool, is_rough=False)
-    dropper, beyond, moves = shop.dropper_of(radius, 0.0), BEYOND_STEPS * wide, []
+    _, feed = work.speeds(tool, is_rough=False)
+    dropper, beyond, moves = work.dropper(radius, radius, 0.0), BEYOND_STEPS * wide, []
     for group in clusters_of(places_mm, GROUP_STEPS * wide):
         tips = places_mm[group] + radius * normals[group]
         low, high = tips.min(axis=0) - beyond, tips.max(axis=0) + beyond
         tree = cKDTree(places_mm[group])
         near = lambda points: tree.query(points)[0] <= beyond
         try:
-            field = tip_field(dropper, shop.wanted, (low + radius, high - radius), step / NODES_A_STEP)
+            field = tip_field(dropper, work.wanted, (low + radius, high - radius), step / NODES_A_STEP)
         except ToolpathError:
             continue            # the box holds nothing that the ball touches: another ball's work
         paths = _from_above(field, near, ridge_mm, rules, step)
-        paths += _round_walls(shop, field, tips[:, 2] - radius, normals[group], near, step, tolerance)
+        paths += _round_walls(work, field, tips[:, 2] - radius, normals[group], near, step, tolerance)
         if paths:
-            moves.append(moves_of_tip_paths(paths, link_rules(shop, field, tolerance, step, feed,
-                                                              ROUGH_ALLOWANCE_MM + left_mm)))
+            moves.append(moves_of_tip_paths(paths, link_rules(work, field, tolerance, step, feed,
+                                                              work.practice.rough_allowance_mm + left_mm)))
     return Moves.joined(moves) if moves else None
 
 
@@ -111,11 +111,11 @@ def _from_above(field, near, ridge_mm, rules, step_mm):
     return tip_paths(parallel_curves(region, 0.0, ridge_mm), region, rules)
 
 
-def _round_walls(shop, field, tips_z_mm, normals, near, step_mm, tolerance_mm):
+def _round_walls(work, field, tips_z_mm, normals, near, step_mm, tolerance_mm):
     """Waterlines at the heights of the places that stand steeper than the setup's limit."""
-    steep = normals[:, 2] < fixed.cos(math.radians(shop.setup.steep_deg))
+    steep = normals[:, 2] < fixed.cos(math.radians(work.operation.steep_deg))
     if not steep.any():
         return []
     low, high = tips_z_mm[steep].min() - step_mm, tips_z_mm[steep].max() + step_mm
     heights = np.linspace(high, low, math.ceil((high - low) / step_mm) + 1)
-    return wall_paths_at(shop, field, heights, tolerance_mm, step_mm, near)
+    return wall_paths_at(work, field, heights, tolerance_mm, step_mm, near)

@@ -1,43 +1,42 @@
 """What one setup's planning has at hand: the part's faces and mesh, the machine, the shop's tools and speeds."""
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from cuspline.design.fixtures import placed_fixtures
+from cuspline.design.operations import Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
+from cuspline.planning.cutter_choice import choose_cutter
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.program.program import Kind, Moves
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
+from cuspline.shop.practice import ShopFile
 from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.surfaces.sections import SectionPlane
 from cuspline.surfaces.trims import TrimSet
-from cuspline.toolpaths.drop.dropcutter import DropMesh
+from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
 from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.toolpaths.drop.exact_dropper import EdgeNeighbours, ExactDropper
 from cuspline.toolpaths.roughing.stock_fields import lines_of_moves, swept_by_lines
+from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PlanError
 
 MESH_DEFLECTION_MM = 0.01
-ROUGH_ALLOWANCE_MM = 0.3
-SEMI_ALLOWANCE_MM = 0.1
-SEMI_SCALLOP_MM = 0.05
-FINISH_DEPTH_SHARE = 0.1    # a ball finishes at most this share of its diameter deep
-CLEARANCE_MM = 5.0          # of rapids above stock and fixtures
-KEEP_OUT_MM = 2.0           # between roughing tools and fixtures
-FAR_MM = 1000.0             # beyond any billet
-APPROACH_MM = 1.0           # above stock and fixtures the tool begins to feed down
+FAR_MM = 1000.0             # beyond any stock
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
-RAMP_RAD = np.radians(3.0)
-SAME_MM = 1e-6              # diameters that are the same
-TOOL_CHANGE_S = 60.0        # one more tool, its approach and its passes' overlap included
-PLUNGE_SHARE = 0.3          # of the cutting feed, going down
+ROUND = ("ball", "tapered_ball")        # cutters whose corner is their radius
+LOOK_SHARE, MOST_LOOKS = 0.2, 250       # of the radius between places at which the standing stock is looked up
+THIN_MM = 0.05              # of the needle that finds the part
+STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
+AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,76 +55,156 @@ class PlannedOperation:
     def swept_mm(self):
         """Height field (function (n, 2) -> (n,)) of the lowest that its cutter comes to, in the frame of its moves."""
         cutter = self.tool.cutter
+        if self.tool.head is not None:      # a disc beside the spindle: nothing is counted on
+            return lambda xy_mm: np.full(len(xy_mm), np.inf)
         return swept_by_lines(lines_of_moves(self.moves), cutter.radius_mm, cutter.corner_radius_mm)
 
 
-class Shop:
-    """What one setup's planning has at hand.
+class PlanningContext:
+    """What planning has at hand: of a setup, and (`of`) of one operation in it.
 
     Lengths in the part as it lies in this setup: `setup.turn` is that frame, the spindle stands along its Z.
     """
 
-    def __init__(self, design, setup, machine, library, before=None):
-        """`before`: stock.workpiece.Workpiece that earlier setups leave; None: the stock as delivered."""
+    def __init__(self, design, setup, machine, library, before=None, shop=ShopFile(), tolerance_share=1.0):
+        """
+        Args:
+            design, setup, machine, library: see `plan.plan_setup`.
+            before: stock.workpiece.Workpiece that earlier setups leave; None: the stock as it comes.
+            shop: shop.practice.ShopFile.
+            tolerance_share: of every profile tolerance, that paths keep to.
+        """
         self.design, self.setup, self.machine, self.library, self.before = design, setup, machine, library, before
+        self.shop, self.tolerance_share, self.planned, self._shared = shop, tolerance_share, (), {}
+        self.operation = setup.operations[0] if len(setup.operations) == 1 else Finishing(steep_deg=STEEP_DEG)
+        self.finish = _stricter(design.finish, Finishing(), tolerance_share)
         solid = brep.the_solid(design.solid, f"design {design.name}")
-        faces = brep.faces_of(solid)
-        chosen = [f for p in design.predicates if p.name in setup.faces for f in brep.select_faces(faces, p)]
-        self.wanted = [i for i, f in enumerate(faces) if any(f is c for c in chosen)]
+        self._faces_of_part = brep.faces_of(solid)
         self.solid = brep.seen_from(solid, setup.turn)
-        self.faces = faces if self.solid is solid else brep.faces_of(self.solid)
+        self.faces = self._faces_of_part if self.solid is solid else brep.faces_of(self.solid)
         self.piece = before or Workpiece(blank=design.stock.shape)
         self.stock_min_mm, self.stock_max_mm = self.piece.box_in(setup.turn)
         self.fixtures = placed_fixtures(setup, setup.turn)
-        self.plane = SectionPlane.named(setup.section_plane)
-        self.material = material_named(design.material)
+        self.material = material_named(design.material, shop.materials)
         mesh = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
         self.mesh = DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles)
-        self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
-        self.hollow = tightest_hollow(self.faces, self.wanted, geometry=self.geometry)
         self.box = brep.bounding_box_mm(self.solid)
-        self.clearance_z_mm = float(max([self.stock_max_mm[2], *(f.box_mm[1][2] for f in self.fixtures)])) + CLEARANCE_MM
+        asked = [o.clearance_mm for o in setup.operations if o.clearance_mm is not None]
+        self.clearance_mm = max([self.practice.clearance_mm, *asked])
+        self.clearance_z_mm = float(max([self.stock_max_mm[2], *(f.box_mm[1][2] for f in self.fixtures)])) + self.clearance_mm
+        self._look_at(setup.faces)
 
-    @cached_property
-    def finishing_library(self):
-        """The library as far as its balls may finish: all, or those of the diameter that the setup asks for.
+    def of(self, operation, planned):
+        """The same for one operation of the setup, after those `planned` so far.
 
         Raises:
-            PlanError: it has none of that diameter.
+            PlanError: a tool axis that this setup has not, a finish looser than the design's.
         """
-        asked = self.setup.ball_mm
-        if asked is None:
+        mine = copy(self)
+        mine.operation, mine.planned = operation, tuple(planned)
+        axis = operation.tool_axis
+        if axis is not None and fixed.length(np.array(axis) - self.setup.wcs_z) > AXIS:
+            raise PlanError(f"{self.setup.name}, {operation.title}: tool_axis {axis} is not the setup's Z "
+                            f"{self.setup.wcs_z}: on three axes give the operation to a setup that is turned so")
+        if isinstance(operation, Finishing):
+            mine.finish = _stricter(self.design.finish, operation, self.tolerance_share)
+        if operation.faces is not None or mine.plane is not self.plane:
+            mine._look_at(mine.face_names)
+        return mine
+
+    def _look_at(self, names):
+        """The faces of some predicates: their indices, samples and tightest concave place."""
+        chosen = [f for p in self.design.predicates if p.name in names for f in brep.select_faces(self._faces_of_part, p)]
+        self.wanted = [i for i, f in enumerate(self._faces_of_part) if any(f is c for c in chosen)]
+        self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
+        self.hollow = tightest_hollow(self.faces, self.wanted, geometry=self.geometry)
+
+    @property
+    def face_names(self):
+        """Names of the faces that the operation cuts."""
+        return self.operation.faces or self.setup.faces
+
+    @property
+    def plane(self):
+        """SectionPlane of the operation's passes."""
+        return _PLANES[getattr(self.operation, "section_plane", "ZX")]
+
+    @property
+    def practice(self):
+        """The shop's values."""
+        return self.shop.practice
+
+    @property
+    def finishing_library(self):
+        """The library as far as its balls may finish: all, or those that the operation asks for.
+
+        Raises:
+            PlanError: it has none of these.
+        """
+        wish = self.operation.wish
+        if wish is None:
             return self.library
-        tools = tuple(t for t in self.library.tools
-                      if t.cutter.type != "ball" or abs(t.cutter.diameter_mm - asked) < SAME_MM)
+        tools = tuple(t for t in self.library.tools if t.cutter.type != "ball" or wish.allows(t))
         if not any(t.cutter.type == "ball" for t in tools):
             there = ", ".join(f"{t.cutter.diameter_mm:g}" for t in self.library.of_type("ball"))
-            raise PlanError(f"{self.setup.name}: the tool library has no ball of {asked:g} mm; there are {there} mm")
+            raise PlanError(f"{self.setup.name}: the tool library has no {wish.in_words} mm; there are balls of {there} mm")
         return self.library.model_copy(update={"tools": tools})
+
+    def tools(self, *types):
+        """The library's tools of some cutter types that the operation asks for, largest first.
+
+        Raises:
+            PlanError: it has none; lists what there is.
+        """
+        wish = self.operation.wish
+        found = [t for t in self.library.of_type(*types) if wish is None or wish.allows(t)]
+        if not found:
+            there = "; ".join(f"T{t.number} {t.cutter.name}" for t in self.library.of_type(*types))
+            raise PlanError(f"{self.setup.name}, {self.operation.title}: the tool library has no "
+                            f"{wish.in_words if wish else ' or '.join(types)} that this operation can use; there are "
+                            f"{there or 'none of the types ' + ', '.join(types)}")
+        return found
 
     @cached_property
     def geometry(self):
         """(PatchSet, TrimSet) of all faces: what hollows, closest points and drops are computed on."""
         return PatchSet.of_faces(self.faces), TrimSet.of_faces(self.faces)
 
-    @cached_property
+    @property
     def closest(self):
         """Closest points on all faces."""
-        return ClosestTree.of_faces(self.faces, geometry=self.geometry)
+        return self._once("closest", lambda: ClosestTree.of_faces(self.faces, geometry=self.geometry))
 
-    @cached_property
-    def _exact(self):
-        return ExactPart.of_faces(self.faces, self.geometry), EdgeNeighbours.of_faces(self.faces)
+    def closest_of(self, wanted):
+        """Closest points on some faces alone, by their indices."""
+        return self._once(("closest", wanted), lambda: ClosestTree.of_faces([self.faces[i] for i in wanted]))
 
-    def dropper_of(self, radius_mm, allowance_mm):
-        """A ball over the exact part, with an allowance."""
-        return ExactDropper(*self._exact, radius_mm, radius_mm, allowance_mm)
+    def _once(self, name, make):
+        """A value that all operations of the setup share, made when it is first wanted."""
+        if name not in self._shared:
+            self._shared[name] = make()
+        return self._shared[name]
+
+    def dropper_of(self, cutter, allowance_mm):
+        """A cutter over the exact part, with an allowance; of a tapered one the ball."""
+        corner_mm = cutter.radius_mm if cutter.type in ROUND else cutter.corner_radius_mm
+        return self.dropper(cutter.radius_mm, corner_mm, allowance_mm)
+
+    def dropper(self, radius_mm, corner_radius_mm, allowance_mm):
+        """The same, the cutter by its measures."""
+        part = self._once("exact", lambda: (ExactPart.of_faces(self.faces, self.geometry), EdgeNeighbours.of_faces(self.faces)))
+        return ExactDropper(*part, radius_mm, corner_radius_mm, allowance_mm)
+
+    def lead_radius_mm(self, radius_mm):
+        """Of the arcs into and out of passes of a cutter."""
+        asked = getattr(self.operation, "lead_radius_mm", None)
+        return min(self.practice.lead_radius_mm if asked is None else asked, radius_mm)
 
     def beyond_reach(self, radius_mm):
         """Boxes (min, max) that keep a roughing cutter's tips, and the room it wants, within the setup's reach."""
         if self.setup.reach_x_mm is None:
             return ()
-        (low, high), room = self.setup.reach_x_mm, radius_mm + KEEP_OUT_MM
+        (low, high), room = self.setup.reach_x_mm, radius_mm + self.practice.keep_out_mm
         first = np.array(self.stock_min_mm) - FAR_MM
         last = np.array([*(self.stock_max_mm[:2] + FAR_MM), self.clearance_z_mm])
         return ((first, np.array([low - room, *last[1:]])), (np.array([high + room, *first[1:]]), last))
@@ -135,31 +214,61 @@ class Shop:
         return self.setup.turn.out(np.array(place_mm)[None])[0].round(4).tolist()
 
     def stock_mm(self, xy_mm):
-        """Height of the stock over places (n, 2) before the first move; -inf beside it."""
+        """Height of the stock over places (n, 2) before the operation's first move; -inf beside it."""
         inside = ((xy_mm >= self.stock_min_mm[:2]) & (xy_mm <= self.stock_max_mm[:2])).all(axis=1)
         if not self.piece.blank.fills_box_in(self.setup.turn):
             inside[inside] = np.isfinite(self.piece.blank.tops_mm(self.setup.turn, xy_mm[inside]))
         height = np.full(len(xy_mm), -np.inf)
         height[inside] = self.piece.heights_mm(self.setup.turn, xy_mm[inside])
+        for operation in self.planned:
+            height = np.minimum(height, operation.swept_mm(xy_mm))
         return height
+
+    def standing_mm(self, tool):
+        """The most that stands over the faces of the operation, straight up: what its links go over."""
+        boxes = [brep.bounding_box_mm(self.faces[i].shape) for i in self.wanted]
+        radius = tool.cutter.largest_radius_mm
+        low = np.min([b[0] for b in boxes], axis=0)[:2] - radius
+        high = np.max([b[1] for b in boxes], axis=0)[:2] + radius
+        lines = [np.linspace(low[k], high[k], min(int((high[k] - low[k]) / (LOOK_SHARE * radius)) + 2, MOST_LOOKS)) for k in (0, 1)]
+        xy = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+        stock, part = self.stock_mm(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)
+        there = np.isfinite(part) & np.isfinite(stock)
+        return max(float((stock[there] - part[there]).max(initial=0.0)), self.practice.rough_allowance_mm)
+
+    def chosen_tool(self, *types):
+        """The largest cutter of some types that fits the operation's faces with its holder clear.
+
+        Args:
+            types: what the operation can use; where it asks for none, the first.
+        Returns:
+            (Tool, tuple of Candidate, (n,) bool: which samples it reaches).
+        Raises:
+            PlanError, CutterDoesNotFit: the library has none; lists each with its reason.
+        """
+        tools = self.tools(*(types if self.operation.wish else types[:1]))
+        standing = self.practice.rough_allowance_mm
+        return choose_cutter(self.operation.title, tools, self.samples, self.hollow.radius_mm, self.mesh, standing,
+                             is_asked=self.operation.wish is not None)
 
     def speeds(self, tool, is_rough):
         """(rpm, cutting feed) of a tool in this material."""
         m = self.material
         speed = m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min
-        rpm = feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
-        return rpm, feeds.cutting_feed_mm_per_min(tool.cutter, rpm, m.feed_per_tooth_share, self.machine)
+        rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
+        feed = self.operation.feed_mm_per_min
+        return rpm, feed or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, m.feed_per_tooth_share, self.machine)
 
     def finishing_work(self):
         """What the finish asks of a ball."""
-        return FinishingWork(scallop_mm=self.design.finish.scallop_mm, change_s=TOOL_CHANGE_S,
+        return FinishingWork(scallop_mm=self.finish.scallop_mm, change_s=self.practice.tool_change_s,
                              feed_of=lambda tool: self.speeds(tool, is_rough=False)[1])
 
-    def operation(self, name, tool, rpm, moves, facts):
+    def measured(self, name, tool, rpm, moves, facts):
         """Cap the feeds, measure length and time."""
         return self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts)
 
-    def operation_of_passes(self, name, tool, rpm, passes, facts):
+    def measured_passes(self, name, tool, rpm, passes, facts):
         """The same for templated passes: each feed register gets the lowest of the capped feeds it stands for."""
         moves, _, register = passes.moves_and_items()
         capped = feeds.capped_feeds(moves, self.machine)
@@ -171,8 +280,26 @@ class Shop:
         facts = {**facts, "length_mm": round(float(feeds.move_lengths_mm(moves)[cutting].sum()), 3),
                  "time_s": round(float(feeds.times_s(moves, self.machine).sum()), 1),
                  "moves": len(moves), "arcs": int((moves.kind >= Kind.ARC_CW).sum())}
-        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.material.coolant, moves=moves, facts=facts,
+        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.operation.coolant or self.material.coolant, moves=moves, facts=facts,
                                 passes=passes)
+
+
+_PLANES = {name: SectionPlane.named(name) for name in ("ZX", "YZ")}
+
+
+def _stricter(finish, operation, tolerance_share):
+    """The design's Finish with what an operation says of its own.
+
+    Raises:
+        PlanError: it says more than the design allows: the verdict holds the design's.
+    """
+    own = {n: getattr(operation, n) for n in type(finish).model_fields if getattr(operation, n) is not None}
+    for name, value in own.items():
+        if value > getattr(finish, name):
+            raise PlanError(f"{operation.title}: {name} {value:g} is looser than the design's {getattr(finish, name):g}, and "
+                            "that is what the part is judged by: lower it, or loosen the design's finish")
+    own["profile_tolerance_mm"] = tolerance_share * own.get("profile_tolerance_mm", finish.profile_tolerance_mm)
+    return finish.model_copy(update=own)
 
 
 def path_tolerance_mm(finish):

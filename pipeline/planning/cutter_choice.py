@@ -19,6 +19,7 @@ SHANK_CLEARANCE_MM = 0.05
 LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 600, 5, 12
 REST_ROUGHING_SHARE = 0.7   # of the diameter before: a cutter hardly smaller is not worth its change
 SAME_MM = 1e-6              # diameters that are the same
+LEVEL = 1e-6                # of a unit normal: level ground
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
 
 
@@ -71,6 +72,33 @@ def ball_reach(samples, mesh, radius_mm):
     held = drop_tips_mm(mesh, center[:, :2], radius_mm - TOUCH_MM, radius_mm - TOUCH_MM) + radius_mm - TOUCH_MM
     reached = (samples.normal[:, 2] > -1e-6) & (held <= center[:, 2] + 1e-9)
     tip = center - np.array([0.0, 0.0, radius_mm])
+    return Reach(tip_mm=tip, is_reached=reached)
+
+
+def cutter_reach(samples, mesh, cutter):
+    """Which points a ball, bull nose or flat cutter can touch without cutting into the part anywhere.
+
+    On level ground every place under its flat counts; the least of what is tried that is free.
+
+    Args:
+        samples: surfaces.curvature.FaceSamples.   mesh: DropMesh of the part.   cutter: shop.cutters.Cutter.
+    """
+    corner, flat = cutter.corner_radius_mm, cutter.radius_mm - cutter.corner_radius_mm
+    if flat <= 0.0 or cutter.type == "tapered_ball":
+        return ball_reach(samples, mesh, cutter.radius_mm)
+    level = np.linalg.norm(samples.normal[:, :2], axis=1)
+    aside = samples.normal * np.array([1.0, 1.0, 0.0]) / np.maximum(level, LEVEL)[:, None]
+    tip, reached = None, np.zeros(len(level), bool)
+    for angle in (None, *np.linspace(0.0, 2 * np.pi, LEFTOVER_SPOKES, endpoint=False).tolist()):
+        way = aside if angle is None else np.array([fixed.cos(angle), fixed.sin(angle), 0.0])
+        mine = np.where((level > LEVEL)[:, None], aside, way)
+        center = samples.point_mm + corner * samples.normal + flat * mine
+        less = min(corner, TOUCH_MM)
+        held = drop_tips_mm(mesh, center[:, :2], cutter.radius_mm - TOUCH_MM, corner - less) + corner - less
+        free = (samples.normal[:, 2] > -1e-6) & (held <= center[:, 2] + (TOUCH_MM if less < TOUCH_MM else 1e-9))
+        here = center - np.array([0.0, 0.0, corner])
+        tip = here if tip is None else np.where((free & ~reached)[:, None], here, tip)
+        reached |= free
     return Reach(tip_mm=tip, is_reached=reached)
 
 
@@ -139,6 +167,42 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
             f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
             + ". Add a smaller or longer ball to the tool library")
     return chosen, tuple(candidates), reach
+
+
+def choose_cutter(title, tools, samples, hollow_radius_mm, mesh, stock_mm, is_asked):
+    """The largest of some tools that fits an operation's faces with its holder clear, and all candidates.
+
+    Args:
+        title: of the operation, for messages.   tools: Tool values, largest first.
+        samples, hollow_radius_mm, mesh, stock_mm: as for `choose_ball`.
+        is_asked: the operation names the tool: a concave place tighter than its corner is left for another one.
+    Returns:
+        (Tool, tuple of Candidate, (n,) bool: which samples it reaches).
+    Raises:
+        CutterDoesNotFit: none fits; lists each with its reason.
+    """
+    chosen, candidates, reached = None, [], None
+    for tool in tools:
+        reach = cutter_reach(samples, mesh, tool.cutter)
+        missing = missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], mesh, stock_mm)
+        too_large = None if is_asked else _why_not(tool, hollow_radius_mm)
+        if chosen is not None:
+            reason = f"a larger cutter fits: T{chosen.number}"
+        elif too_large:
+            reason = too_large
+        elif not reach.is_reached.any():
+            reason = "touches none of the faces without cutting into others"
+        elif missing > 0:
+            reason = f"holder or shank would touch the part: stick-out {tool.stick_out_mm:.1f} mm is {missing:.2f} mm short"
+        else:
+            chosen, reached, reason = tool, reach.is_reached, "as asked" if is_asked else "largest that fits"
+        candidates.append(Candidate(tool=tool, is_chosen=chosen is tool, reason=reason, is_fitting=too_large is None,
+                                    missing_stick_out_mm=missing, area_left_mm2=samples.area_mm2[~reach.is_reached].sum()))
+    if chosen is None:
+        raise CutterDoesNotFit(f"{title}: no tool that it may use fits: " + "; ".join(
+            f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
+            + ". Add a smaller or longer one to the tool library, or ask for another")
+    return chosen, tuple(candidates), reached
 
 
 def choose_side_cutter(library, hollow_radius_mm, asked_mm=None):

@@ -1,7 +1,7 @@
 """Spindle speed, feed of every block, and the time a program takes.
 
 The feed of a block is the least of: what the cutter takes; half its length per time constant of the
-drives (the machine then follows within half a block, FORMULAS 3); what the axes can run; what their
+drives (the machine then follows within half a block, docs/formulas.md 4); what the axes can run; what their
 acceleration allows round an arc.  The time follows from speeds reached under that acceleration.
 """
 

@@ -1,28 +1,20 @@
 """The plan: operations of each setup with cutters, steps, feeds and the moves they came to.
 
-Order: rough, semi-finish where roughing leaves too much, finish, and rest passes with smaller balls
-where the finishing ball cannot go.
+A setup's operations are planned in the order in which they stand, each on the stock that those before it leave; a
+setup that lists none is cut by `Auto`.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.planning.context import (
-    ROUGH_ALLOWANCE_MM,
-    SEMI_ALLOWANCE_MM,
-    SEMI_SCALLOP_MM,
-    PlannedOperation,
-    Shop,
-    ridge_for_step_mm,
-)
-from cuspline.planning.cutter_choice import choose_ball, choose_rest_ball
-from cuspline.planning.finishing_chain import choose_finishing
-from cuspline.planning.strategies import freeform, sections, transverse_arcs
-from cuspline.planning.strategies.roughing import roughed
+from cuspline.planning.context import PlannedOperation, PlanningContext
+from cuspline.planning.strategies.auto import Auto
 from cuspline.program.program import Operation, Program
+from cuspline.shop.practice import ShopFile
 from cuspline.surfaces.inner_corners import inner_edges
 from cuspline.values.errors import CutterDoesNotFit
+from cuspline.values.findings import Finding
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,8 +28,21 @@ class SetupPlan:
     inner_edges: tuple
     area_required_mm2: float
     area_reached_mm2: float
-    shop: Shop                  # that it was planned with
+    context: PlanningContext    # of the setup, that it was planned with
+    accounts: tuple = ()        # Account of every operation that the setup lists
     mending: tuple = ()         # what checks found and what was done about it, for plan.json
+
+    @property
+    def idle(self):
+        """Finding of every listed operation for which nothing was left to cut."""
+        return tuple(Finding(kind="idle_operation", amount_mm=0.0, place_mm=None, operation=a.operation.title, line=0,
+                             setup=self.setup.name, advice=f"{a.why}: leave it out, or choose other faces or a smaller tool")
+                     for a in self.accounts if not a.programmed)
+
+    @property
+    def is_mended(self):
+        """Whether what stands too high gets clean-up passes."""
+        return all(o.is_mended for o in self.setup.operations)
 
     def program(self, header, name):
         """The controller-free Program, in the setup's WCS."""
@@ -52,34 +57,21 @@ class SetupPlan:
                              for o in self.operations))
 
 
-def _by_sections(shop):
-    """Operations in section planes: one ball that fits everywhere, and the smallest where it is held off."""
-    finish, work = shop.design.finish, shop.finishing_work()
-    ball, candidates, reach = choose_ball(shop.finishing_library, shop.samples, shop.hollow.radius_mm, shop.mesh,
-                                          ROUGH_ALLOWANCE_MM, work)
-    semi = lambda: sections.finish(shop, "semi-finish", ball, SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, (), reach)
-    operations = roughed(shop, ball, reach.is_reached, semi)
-    operations.append(sections.finish(shop, "finish", ball, 0.0, finish.scallop_mm, candidates, reach))
-    rest, candidates, adds = choose_rest_ball(shop.library, shop.samples, reach, shop.mesh, ball.cutter.radius_mm,
-                                              ROUGH_ALLOWANCE_MM)
-    if rest is not None:
-        operations.append(sections.rest(shop, ball, rest, candidates))
-    return operations, reach.is_reached | adds
+@dataclass(frozen=True, kw_only=True)
+class Account:
+    """What one listed operation was to cut and what it reaches."""
 
+    operation: object           # design.operations.Operation
+    area_wanted_mm2: float
+    area_reached_mm2: float
+    programmed: tuple[str, ...]     # names in the program; none: it cuts nothing
+    why: str                    # something is left, or nothing was to be done
 
-def _free_form(shop):
-    """Operations over regions: the fastest chain of balls, each smaller one where the one before leaves too much."""
-    chain, candidates, reached = choose_finishing(shop.finishing_library, shop.samples, shop.mesh, ROUGH_ALLOWANCE_MM,
-                                                  shop.finishing_work())
-    tools = [link.tool for link in chain]
-    semi = lambda: freeform.finish(shop, "semi-finish", tools[0], SEMI_ALLOWANCE_MM, SEMI_SCALLOP_MM, ())
-    operations = roughed(shop, tools[0], chain[0].adds, semi)
-    scallop_mm = shop.design.finish.scallop_mm
-    finishing = [freeform.finish(shop, "finish", tools[0], 0.0, scallop_mm, candidates)]
-    for tool in tools[1:]:
-        rest = freeform.rest(shop, finishing, tool, candidates)
-        finishing += [rest] if rest is not None else []
-    return operations + finishing, reached
+    def as_dict(self):
+        """For plan.json."""
+        return {**self.operation.model_dump(mode="json"), "name": self.operation.title, "programmed": list(self.programmed),
+                "area_wanted_mm2": round(self.area_wanted_mm2, 3), "area_reached_mm2": round(self.area_reached_mm2, 3),
+                "area_left_mm2": round(self.area_wanted_mm2 - self.area_reached_mm2, 3), "why": self.why}
 
 
 def _placed(found, setup):
@@ -96,7 +88,7 @@ def _shifted(passes, into):
     return passes and passes.shifted(into(np.zeros((1, 3)))[0])
 
 
-def plan_setup(design, setup, machine, library, before=None):
+def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), tolerance_share=1.0):
     """Plan one setup.
 
     Args:
@@ -104,23 +96,50 @@ def plan_setup(design, setup, machine, library, before=None):
         setup: one of its setups.
         machine: Machine.
         library: ToolLibrary.
-        before: stock.workpiece.Workpiece that earlier setups leave; None: the stock as delivered.
+        before: stock.workpiece.Workpiece that earlier setups leave; None: the stock as it comes.
+        shop: shop.practice.ShopFile.
+        tolerance_share: of every profile tolerance, that paths keep to.
     Returns:
         SetupPlan; places in part coordinates.
     Raises:
         PlanError, CutterDoesNotFit, ToolpathError: what cannot be done, where, and how to mend it.
     """
-    for name, scallop_mm in (("semi-finish", SEMI_SCALLOP_MM), ("finish", design.finish.scallop_mm)):
-        ridge_for_step_mm(name, scallop_mm, design.finish)
-    shop = Shop(design, setup, machine, library, before)
-    cut = {"sections": _by_sections, "transverse_arcs": transverse_arcs.operations}.get(setup.strategy, _free_form)
-    try:
-        operations, reached = cut(shop)
-    except CutterDoesNotFit as error:
-        where = design.where(_placed(shop.hollow, setup).place_mm)
-        raise CutterDoesNotFit(f"{where}: {error}" if where else str(error), rows=error.rows) from None
-    return SetupPlan(setup=setup, operations=tuple(operations), clearance_z_mm=shop.clearance_z_mm,
-                     hollow=_placed(shop.hollow, setup), inner_edges=tuple(
-                         _placed(e, setup) for e in inner_edges(shop.faces, set(shop.wanted))),
-                     area_required_mm2=float(shop.samples.area_mm2.sum()),
-                     area_reached_mm2=float(shop.samples.area_mm2[reached].sum()), shop=shop)
+    setup = setup if setup.operations else setup.model_copy(update={"operations": (Auto(),)})
+    context = PlanningContext(design, setup, machine, library, before, shop, tolerance_share)
+    operations, accounts, reached = [], [], np.zeros(len(context.samples.area_mm2), bool)
+    for operation in setup.operations:
+        work = context.of(operation, operations)
+        try:
+            made, rows = operation.plan(work)
+        except CutterDoesNotFit as error:
+            where = design.where(_placed(work.hollow, setup).place_mm)
+            raise CutterDoesNotFit(f"{where}: {error}" if where else str(error), rows=error.rows) from None
+        operations += made
+        accounts.append(_account(operation, work, made, rows))
+        reached |= _seen_in(context.samples, work.samples, rows)
+    return SetupPlan(setup=setup, operations=tuple(operations), clearance_z_mm=context.clearance_z_mm,
+                     hollow=_placed(context.hollow, setup), inner_edges=tuple(
+                         _placed(e, setup) for e in inner_edges(context.faces, set(context.wanted))),
+                     area_required_mm2=float(context.samples.area_mm2.sum()),
+                     area_reached_mm2=float(context.samples.area_mm2[reached].sum()), context=context,
+                     accounts=tuple(accounts))
+
+
+def _account(operation, work, made, rows):
+    area = work.samples.area_mm2
+    wanted, reached = float(area.sum()), float(area[rows].sum())
+    why = ""
+    if not made:
+        why = "nothing was left to cut"
+    elif not rows.all():
+        why = "other faces, or the holder, keep its cutter off there"
+    return Account(operation=operation, area_wanted_mm2=wanted, area_reached_mm2=reached,
+                   programmed=tuple(o.name for o in made), why=why)
+
+
+def _seen_in(samples, own, rows):
+    """(n,) bool: which of a setup's samples are among those that an operation reaches."""
+    if own is samples:
+        return rows
+    there = {tuple(p) for p in own.point_mm[rows].tolist()}
+    return np.array([tuple(p) in there for p in samples.point_mm.tolist()], bool)

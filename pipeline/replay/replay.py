@@ -95,6 +95,7 @@ class Replay:
     event_z_mm: np.ndarray          # (e,) new height, below the one before
     final_z_mm: np.ndarray          # (ny, nx) stock after all moves
     findings: tuple[Finding, ...]
+    idle: tuple[Finding, ...]       # operations that take nothing off
     holder_clearance_mm: float      # no holder comes nearer to stock or design, proven; inf: beyond 50 mm
     holder_place_mm: tuple[float, float, float] | None      # where it comes nearest; part coordinates
     undecided_lines: tuple[int, ...]    # lines of moves where a contact with a fin of stock is not excluded
@@ -189,7 +190,7 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
-                  findings=found, holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
+                  findings=found, idle=tuple(report.idle(taken)), holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
                   holder_place_mm=place, undecided_lines=tuple(posted.line[unsure].tolist()),
                   is_table_checked=machine is not None)
 

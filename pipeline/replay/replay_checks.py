@@ -6,6 +6,7 @@ from cuspline.program.program import Kind, Plane
 from cuspline.replay.replay_kernel import LOW, RAPID
 from cuspline.replay.replay_loads import of_tools
 from cuspline.stock.path_pieces import pieces_of
+from cuspline.values.amounts import counted
 from cuspline.values.findings import Finding
 
 NOISE_MM = 1e-6
@@ -19,6 +20,7 @@ CONTACTS = (
     ("rapid_too_low", "keep rapids this much higher above the stock, or go there at feed"),
 )
 DEEP_MM = 0.05            # a cutter's centre meets stock when it goes deeper: ridges between passes are lower
+IDLE_NODES = 400           # of the map under an operation that lowers none of them: it cuts air
 PLUNGE_RAD = np.radians(45.0)    # a way down from here on is a plunge
 
 
@@ -112,7 +114,7 @@ class Reporter:
         for group in self._gathered(self.runs(is_unsure, np.ones(len(self.posted), dtype=bool))):
             yield self.finding("clearance_not_proven", group[0], 0.0, self.posted.end_mm[group[0]],
                                "keep neck, shank and holder farther from the stock here, a rapid higher above it: a "
-                               f"longer reach, a thinner shank, a wider slot ({len(group)} moves)")
+                               f"longer reach, a thinner shank, a wider slot ({counted(len(group), 'move')})")
 
     def states(self, top_mm):
         """Spindle and tool length offset: both on whenever the tool feeds, the offset below the stock top too."""
@@ -143,6 +145,16 @@ class Reporter:
         yield from self.merged("plunge", np.where(depth > DEEP_MM, depth, 0.0), posted.end_mm, feeds,
                                 "the cutter's centre is sunk so deep into stock, steeper or faster than its ramp_deg and "
                                 "plunge_mm_per_tooth allow: enter by a ramp, a helix or from outside")
+
+    def idle(self, found):
+        """Operations that take nothing off the stock; those too small for the map's nodes are not asked."""
+        posted = self.posted
+        for number in np.unique(posted.operation[posted.operation >= 0]):
+            rows = np.flatnonzero(posted.operation == number)
+            if not found.takes[rows].any() and found.nodes[rows].sum() > IDLE_NODES:
+                yield self.finding("idle_operation", rows[0], 0.0, posted.end_mm[rows[-1]],
+                                   "it takes nothing off the stock that stands: leave it out, or look why its tool does not "
+                                   "come down to the part")
 
     def unknown_starts(self, highest_mm, hanging_mm):
         """Moves from or to an unknown place must stay above stock and fixtures all the way.

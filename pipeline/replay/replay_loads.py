@@ -34,6 +34,8 @@ class Loads:
     plunge_mm: np.ndarray     # (n,) how deep the cutter's centre goes into stock
     slope_rad: np.ndarray     # (n,) how steeply the move leads down; 0 level or upward
     fall: np.ndarray          # (n,) share of the feed that leads down, its sine
+    takes: np.ndarray         # (n,) bool: lowers some node of the map, be it by a rapid
+    nodes: np.ndarray         # (n,) nodes that its cutter's width passes over
 
 
 def loads(posted, tools, zmap, events, first, before_mm):
@@ -65,7 +67,9 @@ def loads(posted, tools, zmap, events, first, before_mm):
     down = np.nan_to_num(np.maximum(posted.start_mm[:, 2] - posted.end_mm[:, 2], 0.0))
     return Loads(slot_mm=np.where(feeds, slot[best], 0.0), sure_mm=np.where(feeds, sure[best], 0.0),
                  plunge_mm=plunge, slope_rad=_slopes_rad(posted, length),
-                 fall=np.divide(down, length, out=np.zeros(len(posted)), where=length > 0))
+                 fall=np.divide(down, length, out=np.zeros(len(posted)), where=length > 0),
+                 takes=np.bincount(events[0][first:].astype(np.int64), minlength=len(posted))[:len(posted)] > 0,
+                 nodes=length * diameter / zmap.pitch_mm ** 2)
 
 
 def of_tools(posted, tools, figure):

@@ -11,6 +11,7 @@ import numpy as np
 from cuspline.report.wording import (
     DASH,
     box_size,
+    counted,
     decimal,
     duration,
     file_size,
@@ -19,8 +20,10 @@ from cuspline.report.wording import (
     percent,
     place,
     short,
+    short_of_length,
     tool_name,
 )
+from cuspline.values.amounts import length
 
 VERIFIED, ACCEPTED, REFUSED = "verified", "accepted", "refused"     # states of a verdict, and CSS classes
 
@@ -92,7 +95,7 @@ def _amount_in_words(finding):
     if number(finding.get("amount")) is not None:
         return f"{number(finding['amount']):g} {finding.get('unit', '')}"
     amount = number(finding.get("amount_mm"))
-    return decimal(amount, 4, "mm") if amount else DASH
+    return length(amount) if amount else DASH
 
 
 def verdict(verify):
@@ -103,19 +106,31 @@ def verdict(verify):
         if not rows:
             return Verdict(state=VERIFIED, headline="VERIFIED",
                            sentence="The posted program cuts the designed part; no finding.")
-        return Verdict(state=ACCEPTED, headline=f"VERIFIED, {_count(rows, 'accepted finding')}",
+        return Verdict(state=ACCEPTED, headline=f"VERIFIED, {counted(len(rows), 'accepted finding')}",
                        sentence="The posted program was released with findings accepted by name; read them below.")
     if open_rows:
         kinds = ", ".join(dict.fromkeys(row.kind for row in open_rows))
         sentence = f"Do not cut: {kinds}. What to do stands beside each finding."
-        return Verdict(state=REFUSED, headline=f"NOT VERIFIED, {_count(open_rows, 'finding')}", sentence=sentence)
+        return Verdict(state=REFUSED, headline=f"NOT VERIFIED, {counted(len(open_rows), 'finding')}", sentence=sentence)
     sentence = ("Do not cut: verification did not say ok, and names no finding; build again and keep its messages."
                 if "ok" in verify else "Do not cut: there is no verdict; run the verification first.")
     return Verdict(state=REFUSED, headline="NOT VERIFIED", sentence=sentence)
 
 
-def _count(rows, noun):
-    return f"{len(rows)} {noun}" + ("" if len(rows) == 1 else "s")
+def accepted_left_mm(finish):
+    """Material that may be left without a finding."""
+    return finish.scallop_mm + finish.profile_tolerance_mm
+
+
+def limits(bundle):
+    """[(what, measured, accepted, state)] of the first screen: what decides the verdict, beside what it accepts."""
+    verify, finish = bundle.verify, bundle.finish
+    left = (f"{short_of_length(accepted_left_mm(finish))} (scallop {short_of_length(finish.scallop_mm)} + tolerance "
+            f"{short_of_length(finish.profile_tolerance_mm)})")
+    return [("Deepest gouge", decimal(verify.get("gouge_max_mm"), 4, "mm"), short_of_length(finish.gouge_mm),
+             _state(verify, verify.get("gouge_max_mm"), "gouge")),
+            ("Most material left", decimal(verify.get("cusp_max_mm"), 4, "mm"), left,
+             _state(verify, verify.get("cusp_max_mm"), "excess", "missing_area"))]
 
 
 def operations(bundle):
@@ -183,23 +198,38 @@ def finishing_steps(bundle):
 def _cusp_fact(bundle):
     verify = bundle.verify
     steps = sorted({short(step, "mm") for _, step in finishing_steps(bundle)})
-    measured = verify.get("cusp_max_mm")
+    measured, planned = verify.get("cusp_max_mm"), bundle.finish.scallop_mm - bundle.finish.profile_tolerance_mm
     return Fact(label="Cusp, largest", value=decimal(measured, 4, "mm"),
-                details=(f"asked {decimal(bundle.finish.scallop_mm, 4, 'mm')}, "
+                details=(f"accepted to {short_of_length(accepted_left_mm(bundle.finish), 'mm')}: scallop + tolerance",
+                         f"planned for {short_of_length(planned, 'mm')}: scallop − tolerance",
                          f"99 % below {decimal(verify.get('cusp_p99_mm'), 4, 'mm')}",
-                         f"step {' / '.join(steps) or DASH}", *_accepted(verify, "excess")),
+                         f"stepover {' / '.join(steps) or DASH}", *_accepted(verify, "excess")),
                 state=_state(verify, measured, "excess"))
 
 
 def _gouge_fact(bundle):
     verify = bundle.verify
-    without = number(_of_setups(verify, "certificate", "not_covered"))
-    proven_of = f"all moves but {grouped(without)}" if without else "every move"
     return Fact(label="Gouge, deepest", value=decimal(verify.get("gouge_max_mm"), 4, "mm"),
-                details=(f"accepted to {decimal(bundle.finish.gouge_mm, 4, 'mm')}",
-                         f"proven of {proven_of}: {decimal(verify.get('gouge_proven_mm'), 4, 'mm')}",
+                details=(f"accepted to {short_of_length(bundle.finish.gouge_mm, 'mm')}", *_proof(verify),
                          f"known to ±{decimal(verify.get('error_bound_mm'), 4, 'mm')}", *_accepted(verify, "gouge")),
                 state=_state(verify, verify.get("gouge_max_mm"), "gouge"))
+
+
+def _proof(verify):
+    """How deep no move goes between the sample points either, and of which moves that is not proven."""
+    proven, without = (number(_of_setups(verify, "certificate", key)) for key in ("moves", "not_covered"))
+    most = decimal(verify.get("gouge_proven_mm"), 4, "mm")
+    if most == DASH:
+        return ("not proven between the sample points",)
+    if not without:
+        return (f"proven for every move: at most {most}",)
+    return (f"proven for {grouped(proven)} of {counted(proven + without, 'move')}: at most {most}",
+            f"no proof for {counted(without, 'move')}: {'; '.join(_reasons(verify))}")
+
+
+def _reasons(verify):
+    """Why moves are without a proof."""
+    return dict.fromkeys(why for s in _setups_of(verify) for why in (s.get("certificate") or {}).get("not_covered") or ())
 
 
 def _area_fact(bundle):
@@ -211,7 +241,7 @@ def _area_fact(bundle):
     return Fact(label="Area reached", value=percent(reached, required, 2),
                 details=(f"{grouped(reached)} of {grouped(required, 'mm²')}",
                          f"unreachable {decimal(left, 1, 'mm²')}"
-                         + (f" in {_count(unreachable(bundle), 'place')}, listed below" if unreachable(bundle) else ""),
+                         + (f" in {counted(len(unreachable(bundle)), 'place')}, listed below" if unreachable(bundle) else ""),
                          *_accepted(verify, "missing_area")),
                 state=_state(verify, reached, "missing_area"))
 
@@ -374,8 +404,11 @@ def measure_rows(bundle):
 
 def _of_setups(column, part, reasons):
     """Amounts for all reasons that a part of verify.json states, of a setup or of all setups together."""
-    setups = [s for s in column.get("setups") or [column] if isinstance(s, dict)]
-    return sum(amount for s in setups for amount in ((s.get(part) or {}).get(reasons) or {}).values())
+    return sum(amount for s in _setups_of(column) for amount in ((s.get(part) or {}).get(reasons) or {}).values())
+
+
+def _setups_of(column):
+    return [s for s in column.get("setups") or [column] if isinstance(s, dict)]
 
 
 def cusp_rows(verify):

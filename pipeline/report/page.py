@@ -14,6 +14,8 @@ from cuspline.report.pictures import CAPTIONS, render_pictures
 from cuspline.report.plots import all_plots
 from cuspline.report.view_data import scene
 
+FIRST_FINDINGS = 3       # of them stand beside the verdict, on a phone one; all stand in the table
+
 
 def write_report(bundle, out_dir):
     """Writes report.html, setup-sheet.html, plots and pictures; same bundle, same bytes.
@@ -46,7 +48,8 @@ def report_html(bundle, images, plots, left_out):
     """
     meta, blocks = scene(bundle)
     return _template("page.html").render(
-        **_common(bundle, images), left_out=left_out, facts=facts.one_minute(bundle),
+        **_common(bundle, images), left_out=left_out, limits=facts.limits(bundle), facts=facts.one_minute(bundle),
+        first_findings=FIRST_FINDINGS,
         operations=facts.operation_rows(bundle), candidates=facts.candidate_rows(bundle),
         unreachable=facts.unreachable(bundle), bounds=facts.error_bound_rows(bundle.verify),
         measures=facts.measure_rows(bundle), stock=facts.stock_rows(bundle.verify), files=facts.file_rows(bundle),

@@ -2,7 +2,9 @@
 
 import math
 
-DASH = "–"
+from cuspline.values import amounts
+
+DASH, GROUP = "–", "\N{NARROW NO-BREAK SPACE}"
 
 
 def number(value):
@@ -41,7 +43,7 @@ def grouped(value, unit=""):
     found = number(value)
     if found is None:
         return DASH
-    text = f"{round(found):,}".replace(",", "\N{NARROW NO-BREAK SPACE}").replace("-", "−")
+    text = f"{round(found):,}".replace(",", GROUP).replace("-", "−")
     return f"{text} {unit}" if unit else text
 
 
@@ -56,6 +58,28 @@ def short(value, unit=""):
         return DASH
     text = decimal(found).rstrip("0").rstrip(".")
     return f"{text} {unit}" if unit else text
+
+
+def short_of_length(value_mm, unit=""):
+    """A small length as short as it can be written to a tenth of a micrometre.
+
+    >>> short_of_length(0.0124, "mm"), short_of_length(0.01), short_of_length(0.0030000001)
+    ('0.0124 mm', '0.01', '0.003')
+    """
+    found = number(value_mm)
+    if found is None:
+        return DASH
+    text = decimal(found, 4).rstrip("0").rstrip(".")
+    return f"{text} {unit}" if unit else text
+
+
+def counted(count, noun):
+    """A number of things, with thin groups of three.
+
+    >>> counted(1, "move"), counted(12, "move")
+    ('1 move', '12 moves')
+    """
+    return amounts.counted(round(count), noun).replace(",", GROUP)
 
 
 def duration(seconds):

@@ -64,7 +64,7 @@ def cutter_stepover_mm(profile, scallop_mm, curvature_per_mm, stance=Stance()):
         (n,) chord between neighbouring contact points; at most the cutter's whole width.
     Raises:
         CutterDoesNotFit: the silhouette is flatter than a hollow; `.rows` lists where.
-    Source: FORMULAS 4; checked against the envelope of two passes found by brute force.
+    Source: docs/formulas.md 5; checked against the envelope of two passes found by brute force.
 
     >>> from cuspline.shop.cutter_profile import apt_profile
     >>> cutter_stepover_mm(apt_profile(6, 3, 0, 3, 0, 0, 10), 0.01, [0.0, 0.1, -0.1]).round(3)     # ball of radius 3

@@ -1,4 +1,4 @@
-"""Stepover, scallop height and segment length: the exact relations (FORMULAS 3 and 4)."""
+"""Stepover, scallop height and segment length: the exact relations (docs/formulas.md 4 and docs/formulas.md 5)."""
 
 import numpy as np
 
@@ -60,7 +60,7 @@ def segment_length_mm(surface_radius_mm, cutter_radius_mm, deviation_mm):
         deviation_mm: chord error allowed.
     Raises:
         CutterDoesNotFit: the hollow is tighter than the ball.
-    Source: s = 2 |rho - r| sqrt(E (2 - E)), E = deviation / |rho - r| (FORMULAS 3).
+    Source: s = 2 |rho - r| sqrt(E (2 - E)), E = deviation / |rho - r| (docs/formulas.md 4).
 
     >>> round(segment_length_mm(10.0, 6.0, 0.0025), 6), round(segment_length_mm(-10.0, 6.0, 0.0025), 6)
     (0.282799, 0.565663)

@@ -148,7 +148,7 @@ def apt_profile(d, r, e, f, alpha, beta, h):
         alpha, beta: radians; 0 <= alpha < pi/2, |beta| < pi/2; beta < 0 leans inward (a dovetail).
     Raises:
         ValueError: the circle meets one of the lines nowhere, or above the height: which, and by how much.
-    Source: ISO 4343 CUTTER; W. B. Engin, Y. Altintas, Int. J. Machine Tools Manuf. 41 (2001) 2195 (general end mill).
+    Source: ISO 4343 CUTTER; S. Engin, Y. Altintas, Int. J. Machine Tools Manuf. 41 (2001) 2195 (general end mill).
     """
     corner = np.array([d / 2, d / 2 * fixed.tan(alpha)])
     if r == 0:

@@ -8,7 +8,7 @@ r"""A vane tip: a circle in every transverse plane, straight flanks tangent to i
       │ /___________\  foot_z_mm
       └──────────────────► y            x runs along the vane
 
-Source: FORMULAS 1 (Crandall and Stovall); the flanks' angle is ours.
+Source: docs/formulas.md 1 (Crandall and Stovall); the flanks' angle is ours.
 """
 
 from dataclasses import dataclass, replace
@@ -180,7 +180,7 @@ class CircularTip:
     def normal(self, x_mm, turn_rad):
         """(n, 3) unit normals of the arc, out of the material.
 
-        Source: FORMULAS 1, gradient (-(z - z0) z0' - R R', y, z - z0) over R.
+        Source: docs/formulas.md 1, gradient (-(z - z0) z0' - R R', y, z - z0) over R.
         """
         x, turn = np.broadcast_arrays(np.asarray(x_mm, float), np.asarray(turn_rad, float))
         gradient = np.stack([-fixed.cos(turn) * self.center_slope(x) - self.radius_slope(x),

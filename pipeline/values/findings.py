@@ -4,46 +4,14 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-KINDS = {
-    "gouge": "the cutter goes deeper into the part than the finish allows",
-    "excess": "more is left than cusp and tolerance allow, where a ball could reach",
-    "missing_area": "a region that a ball could reach was never finished",
-    "rapid_through_stock": "a rapid goes through material",
-    "holder_contact": "holder or spindle head come too near to stock or part",
-    "shank_contact": "neck or shank touch stock or part",
-    "fixture_contact": "the tool touches a fixture or the machine's table",
-    "travel_exceeded": "an axis is sent beyond its travel",
-    "no_spindle": "a feed move while the spindle stands, or turns backwards",
-    "no_length_offset": "a move near the stock without a tool length offset",
-    "wrong_length_offset": "the length offset in force is not that of the tool in the spindle",
-    "wrong_work_offset": "a move in another work coordinate system than the setup's",
-    "unknown_start": "a move relies on a place or a mode that the program has not stated",
-    "path_tolerance": "the text lets the control leave the path farther than the finish allows",
-    "spindle_out_of_range": "a spindle speed that machine or cutter do not allow",
-    "feed_out_of_range": "a feed that the machine does not run",
-    "chip_load": "a feed per tooth far beyond what the material takes",
-    "not_ended": "the program does not say that it ends",
-    "program_too_long": "the file is larger than the control's store",
-    "line_too_long": "a line is longer than the control takes",
-    "wrong_tool_table": "the control's tool table does not hold the tools that were judged",
-    "changed_file": "a file is not the one that was published",
-    "verifiers_disagree": "the two verifiers differ by more than their error bounds",
-    "clearance_not_proven": "a contact is neither shown nor excluded",
-    "solid_off": "a solid does not keep what its design asks of it",
-    "tool_change_low": "a tool is changed too near to stock or part",
-    "stop_low": "the program stops, for good or for a while, with the tool too near",
-    "ends_in_cut": "the program ends, or the spindle is switched, in the cut",
-    "rapid_too_low": "a rapid passes too close over stock",
-    "plunge": "a cutter goes down into stock more steeply or faster than it can",
-    "overload": "a cutter takes heavier chips than it stands",
-}
+from cuspline.values.amounts import length
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
     """One thing wrong with a posted program.
 
-    `kind` is one of KINDS.
+    `kind` is one of finding_kinds.KINDS.
     """
 
     kind: str
@@ -52,7 +20,7 @@ class Finding:
     operation: str                                  # "" where it belongs to none
     line: int                                       # line of the posted text; 0 unknown
     setup: str
-    advice: str                                     # one sentence: how to mend it
+    advice: str                                     # one sentence: how to fix it
     machine_mm: tuple[float, float, float] | None = None    # what the axes show with the tip at the place; None unknown
     block: str = ""                                 # text of that line
     call_line: int = 0                              # line that called the sub-program in which `line` stands; 0 none
@@ -70,7 +38,7 @@ class Finding:
         """The amount with its unit; "" where there is none."""
         if self.amount is not None:
             return f"{self.amount:g} {self.unit}"
-        return f"{self.amount_mm:.4f} mm" if self.amount_mm else ""
+        return length(self.amount_mm) if self.amount_mm else ""
 
 
 def located(findings, posted, blocks, frame, wcs_origin_mm, tool_offsets_mm):

@@ -2,6 +2,8 @@
 
 import csv
 import json
+import os
+import stat
 import tomllib
 
 from pydantic import ValidationError
@@ -14,6 +16,24 @@ LARGEST_PROGRAM_BYTES = 1 << 30
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
+def refuse_irregular(path, what):
+    """Refuse a pipe or a device before it is opened: to read it may block for ever, or never end.
+
+    Args:
+        path: of a file that may also be missing, or a folder: whoever opens it tells that.
+        what: what it should be, in words: "job file".
+    Raises:
+        InputError: it is neither a regular file nor a folder.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):           # ValueError: a name with a null character in it
+        return
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise InputError(f"{what} {path} is a pipe or a device, not a regular file: write what it gives into a file, and "
+                         "name that")
+
+
 def text_of(path, what, *, encoding="utf-8-sig", largest_bytes=LARGEST_BYTES, may_be_empty=False):
     """The text of a file; a byte order mark of UTF-8 is no part of it.
 
@@ -21,8 +41,9 @@ def text_of(path, what, *, encoding="utf-8-sig", largest_bytes=LARGEST_BYTES, ma
         path: the file.
         what: what it should be, in words: "job file".
     Raises:
-        InputError: it is missing, a folder, empty, too large, cannot be read, or is in another encoding.
+        InputError: it is missing, a folder, a pipe, empty, too large, cannot be read, or is in another encoding.
     """
+    refuse_irregular(path, what)
     try:
         with open(path, "rb") as file:
             content = file.read(largest_bytes + 1)

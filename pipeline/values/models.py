@@ -73,6 +73,16 @@ def complaints(error, model=None):
     return "; ".join(found[:MOST_SHOWN]) + more
 
 
+def no_such(name, names):
+    """What a message says of a name that is not among those that there are.
+
+    >>> no_such("gauge", ("gouge", "excess"))
+    'there is no such name; did you mean gouge?'
+    """
+    close = difflib.get_close_matches(str(name), names, 1)
+    return "there is no such name; " + (f"did you mean {close[0]}?" if close else f"there are {', '.join(names)}")
+
+
 def shortened(value):
     """A value as a message shows it."""
     try:

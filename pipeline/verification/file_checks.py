@@ -1,14 +1,18 @@
 """Findings about files: programs that do not fit the control, its tool table, files that are not those published."""
 
 import hashlib
+import re
 from pathlib import Path
 
+from cuspline.design.job import digest_of, job_line
 from cuspline.shop.tool_table import IN_TABLE_DECIMALS, read_tool_table
 from cuspline.values.errors import InputError
 from cuspline.values.findings import Finding
+from cuspline.values.input_files import refuse_irregular
 from cuspline.values.units import MM
 
 TABLE = "tools.tbl"
+JOB_LINE = re.compile(rb"\((JOB SHA-256 [0-9a-f]+)\)")
 
 
 def program_findings(name, text, setup, machine):
@@ -38,6 +42,7 @@ def tool_table_findings(folder, tools, control):
         control: machines.Control.
     """
     path = Path(folder) / TABLE
+    refuse_irregular(path, "tool table")
     if not path.exists():
         yield _finding("wrong_tool_table",
                        f"{TABLE} is missing: the control would cut with the lengths of another job; "
@@ -73,15 +78,44 @@ def changed_files(folder, published):
     """One finding each file that is missing, or is not what its SHA-256 says.
 
     Args:
-        published: {name: SHA-256} as in the manifest.
+        published: job.Published.
     """
-    for name, wanted in sorted(published.items()):
+    for name, wanted in sorted(published.files.items()):
         path = Path(folder) / name
         if not path.is_file():
             yield _finding("changed_file", f"{name} was published and is missing: put it back, or build again")
         elif (now := hashlib.sha256(path.read_bytes()).hexdigest()) != wanted:
             yield _finding("changed_file", f"{name} is not the file that was published: its SHA-256 begins {now[:12]}, "
                            f"the manifest has {wanted[:12]}; put it back, build again, or accept changed_file by name")
+
+
+def changed_job(folder, job, published):
+    """One finding each field of the manifest's job that is not what was published, or one for the job as a whole.
+
+    Args:
+        job: Job, whose programs are looked at.
+        published: job.Published.
+    """
+    mend = "put manifest.json back, build again, or accept changed_file by name"
+    wrong = [name for name in sorted(published.job_fields.keys() | published.job.keys())
+             if name in published.job_fields.keys() ^ published.job.keys()
+             or digest_of(published.job[name]) != published.job_fields[name]]
+    if published.job_fields and wrong:
+        for name in wrong:
+            yield _finding("changed_file", f"manifest.json: what its job says of {name} is not what was published: {mend}")
+        return
+    wanted = job_line(digest_of(published.job)).encode()
+    for name in (name for item in job.posted for name in item.files):
+        path = Path(folder) / name
+        said = JOB_LINE.search(path.read_bytes()) if path.is_file() else None
+        if said[1] != wanted if said else path.is_file() and published.job_fields:
+            yield _finding("changed_file", f"manifest.json: its job is not the one that {name} was posted for, by the "
+                           f"program's header: {mend}")
+
+
+def own_acceptances(folder, job, published):
+    """Kinds of finding that the job itself accepts; none where it is not the job that was published."""
+    return () if any(changed_job(folder, job, published)) else job.accepted
 
 
 def _finding(kind, advice, *, setup="", line=0, block="", amount_mm=0.0, amount=None, unit=""):

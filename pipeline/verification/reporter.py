@@ -4,6 +4,7 @@ import numpy as np
 
 from cuspline.stock.swept import nearest_moves
 from cuspline.values import fixed_math as fixed
+from cuspline.values.amounts import counted, length, over_area
 from cuspline.values.clusters import clusters_of
 from cuspline.values.findings import Finding
 from cuspline.verification.certificate import gouges_beyond
@@ -50,9 +51,9 @@ class Reporter:
         for group in self.own.groups(d < -self.finish.gouge_mm - NOISE_MM):
             amount, worst, more = self.true_mm(self.own, group)
             yield self._finding("gouge", self.own, worst, amount,
-                                f"the cutter goes {_at_least(more)}{amount:.4f} mm into the part, {self.finish.gouge_mm:g} mm "
-                                f"are allowed, over {self.own.area_mm2(group):.2f} mm2: tighten the segment tolerance, "
-                                "take a smaller cutter here, or mend the offset of this pass", more)
+                                f"the cutter goes {_at_least(more)}{length(amount)} into the part "
+                                f"{over_area(self.own.area_mm2(group))}, {self.finish.gouge_mm:g} mm are allowed: tighten "
+                                "the segment tolerance, take a smaller cutter here, or correct the offset of this pass", more)
 
     def unseen_gouges(self, proven):
         """Moves that are not proven to keep to what the finish allows, where no sample tells of them."""
@@ -66,9 +67,9 @@ class Reporter:
             yield Finding(kind="gouge", amount_mm=rounded(worst.depth_mm), place_mm=tuple(place.tolist()),
                           operation=self.posted.operation_name(worst.row), line=int(self.posted.line[worst.row]),
                           setup=self.setup, row=worst.row,
-                          advice=f"between the sample points this move may go {worst.depth_mm:.4f} mm into the part, "
-                          f"{self.finish.gouge_mm:g} mm are allowed; {len(moves)} moves from line "
-                          f"{self.posted.line[moves[0].row]}: lift them, or tighten the segment tolerance")
+                          advice=f"between the sample points this move may go {length(worst.depth_mm)} into the part, "
+                          f"{self.finish.gouge_mm:g} mm are allowed; {counted(len(moves), 'move')} from line "
+                          f"{self.posted.line[moves[0].row]}: lift the path there, or tighten the segment tolerance")
 
     def excess(self):
         """One finding a connected area that a ball could finish and that was left proud."""
@@ -76,10 +77,9 @@ class Reporter:
         for group in self.found.groups(self.found.is_reachable & (d > allowed + NOISE_MM)):
             (amount, worst, more), area = self.true_mm(self.found, group), self.found.area_mm2(group)
             missed = np.median(d[group]) > MISSED * allowed and area >= MISSED_MM2
-            left = f"{_at_least(more)}{amount:.4f} mm are left"
-            advice = (f"{area:.1f} mm2 were never finished, {left}: add a pass here, or a smaller cutter" if missed else
-                      f"{left} over {area:.2f} mm2, {allowed:.4f} mm are allowed: "
-                      "reduce the step, or take a smaller cutter here")
+            left = f"{_at_least(more)}{length(amount)} left {over_area(area)}"
+            advice = (f"never finished, {left}: add a pass here, or a smaller cutter" if missed else
+                      f"{left}, {allowed:.4f} mm are allowed: reduce the stepover, or take a smaller cutter here")
             yield self._finding("missing_area" if missed else "excess", self.found, worst, amount, advice, more)
 
     def unseen_excess(self, proof, cut):
@@ -96,8 +96,8 @@ class Reporter:
                           place_mm=tuple(place[0].round(6).tolist()),
                           operation=self.posted.operation_name(row) if row >= 0 else "",
                           line=int(self.posted.line[row]) if row >= 0 else 0, row=row,
-                          advice=f"{proof.amount_mm[worst]:.4f} mm are left between the sample points, "
-                          f"{allowed:.4f} mm are allowed: reduce the step, or take a smaller cutter here")
+                          advice=f"{length(proof.amount_mm[worst])} left between the sample points, "
+                          f"{allowed:.4f} mm are allowed: reduce the stepover, or take a smaller cutter here")
 
     def disagreements(self, view, pitch_mm, bounds):
         """The second verifier must see what the first sees, and the other way round."""
@@ -110,8 +110,8 @@ class Reporter:
                                              ("excess less gouge", held.net_mm3, held.net_bound_mm3)):
             if abs(first - second) > bound:
                 yield Finding(kind="verifiers_disagree", amount_mm=rounded(abs(first - second) / held.area_mm2), place_mm=None,
-                              operation="", line=0, setup=self.setup, advice=f"{name}: residuals add up to {first:.6f} mm3, "
-                              f"solids to {second:.6f} mm3, more than {bound:.6f} mm3 apart over {held.area_mm2:.0f} mm2: "
+                              operation="", line=0, setup=self.setup, advice=f"{name}: residuals add up to {first:.6f} mm³, "
+                              f"solids to {second:.6f} mm³, more than {bound:.6f} mm³ apart over {held.area_mm2:.0f} mm²: "
                               "report this as a fault of cuspline")
 
     def _unseen_by_residuals(self, view, bounds):
@@ -124,8 +124,8 @@ class Reporter:
             if not seen.any():
                 yield Finding(kind="verifiers_disagree", amount_mm=rounded(body.depth_mm), place_mm=body.place_mm,
                               operation="", line=0, setup=self.setup,
-                              advice=f"the solids show a body of {body.kind}, {body.volume_mm3:.6f} mm3, "
-                              f"{body.depth_mm:.4f} mm deep, that no sample point shows: reduce spacing_mm")
+                              advice=f"the solids show a body of {body.kind}, {body.volume_mm3:.6f} mm³, "
+                              f"{length(body.depth_mm)} deep, that no sample point shows: reduce spacing_mm")
 
     def _seen_in(self, kind):
         """Residuals that a body of that kind must show in."""
@@ -149,7 +149,7 @@ class Reporter:
                 if wide and not seen[group].any():
                     worst = group[np.abs(d[group]).argmax()]
                     yield self._finding("verifiers_disagree", found, worst, abs(d[worst]),
-                                        f"sample points show {kind} of {d[worst]:.4f} mm that the solids do not "
+                                        f"sample points show {kind} of {length(d[worst])} that the solids do not "
                                         "show: reduce solid_pitch_mm")
 
 

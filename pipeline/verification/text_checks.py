@@ -6,7 +6,7 @@ import numpy as np
 
 from cuspline.program.program import Kind
 from cuspline.replay.replay_checks import Reporter
-from cuspline.shop.materials import MATERIALS
+from cuspline.values.amounts import counted
 from cuspline.values.errors import ReadError
 from cuspline.values.units import MM
 
@@ -21,7 +21,7 @@ def text_findings(posted, tools, *, setup, machine, finish, material):
     Args:
         posted: PostedMoves.   tools: dict of tool number -> cutters.Tool.
         setup: design.Setup.   machine: machines.Machine.   finish: design.Finish.
-        material: name of the work material; of one that is not known no feed per tooth is asked.
+        material: shop.materials.Material; None: not known, no feed per tooth is asked.
     Returns:
         tuple of Finding.
     """
@@ -99,7 +99,7 @@ def _path_tolerances(report, machine, finish):
     for value in np.unique(tolerance[np.isfinite(tolerance) & (tolerance > finish.gouge_mm * (1 + RELATIVE))]):
         rows = np.flatnonzero(tolerance == value)
         yield report.finding("path_tolerance", rows[0], value, posted.end_mm[rows[0]],
-                             f"the control may leave the path by {value:g} mm in {len(rows)} moves from here, "
+                             f"the control may leave the path by {value:g} mm in {counted(len(rows), 'move')} from here, "
                              f"{finish.gouge_mm:g} mm are allowed: tighten G64 P and Q before them, or what the control's "
                              "own parameters allow and the machine's file states")
 
@@ -146,9 +146,9 @@ def _axis_limits_mm_per_min(posted, machine):
 
 def _chip_loads(report, tools, material):
     """Feeds per tooth far beyond the material's."""
-    if material not in MATERIALS:
+    if material is None:
         return
-    posted, share = report.posted, MATERIALS[material].feed_per_tooth_share
+    posted, share = report.posted, material.feed_per_tooth_share
     cutters = {n: t.cutter for n, t in tools.items()}
     teeth, allowed = (np.array([value(cutters[n]) if n in cutters else np.inf for n in posted.tool.tolist()])
                       for value in (lambda c: c.flutes, lambda c: CHIP_FACTOR * share * c.diameter_mm))
@@ -156,5 +156,5 @@ def _chip_loads(report, tools, material):
     chip = posted.feed_mm_per_min / np.where(speed > 0, speed, 1.0) / teeth
     chip[report.is_rapid | (speed == 0)] = 0.0
     yield from report.merged("chip_load", np.where(chip > allowed * (1 + RELATIVE), chip, 0.0), posted.end_mm,
-                             ~report.is_rapid, f"so much a tooth breaks the cutter, {material} takes {share:g} of the "
+                             ~report.is_rapid, f"so much a tooth breaks the cutter, {material.name} takes {share:g} of the "
                              f"diameter, {CHIP_FACTOR:g} times that is allowed: lower F, or raise S")

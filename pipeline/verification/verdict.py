@@ -300,7 +300,7 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
     true_mm = partial(_true_mm, part, c, found)
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
-    findings = (*history.findings, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
+    findings = (*history.findings, *history.idle, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
                 *report.unseen_excess(proof, part.piece.cuts[c.number]),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
     return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,
@@ -333,7 +333,8 @@ def _mesh_checks(part, c, found, bounds):
     if not mesh_quality.is_installed():
         return {"left_out": mesh_quality.LEFT_OUT}, ()
     stock, triangles = solids.mesh_of(part.made.stock(PART))
-    view = mesh_quality.third_view(stock, triangles, part.mesh, found, c.program.setup.frame.rotation[:, 2])
+    view = mesh_quality.third_view(stock, triangles, part.mesh, found, c.program.setup.frame.rotation[:, 2],
+                                   allowed_mm(part.finish))
     size = float(fixed.length(np.ptp(stock, axis=0)))
     allowed, findings = mesh_quality.compared(view, c.name, tessellation_mm=part.mesh.deviation_mm,
                                               path_mm=bounds["path_mm"], zmap_mm=bounds["zmap_mm"], size_mm=size)

@@ -3,8 +3,9 @@
 from cuspline.posts.readers.rs274_codes import ARC_LETTERS, finder, named_codes
 
 BY_NAME = {
-    **named_codes("motion", "G0", "G1"),
-    **named_codes("motion", "G2", "G3", takes=ARC_LETTERS.replace("p", "")),     # no P turns: one turn at most
+    **named_codes("motion", "G0", "G1", says="canned cycle"),
+    # no P turns: one turn at most
+    **named_codes("motion", "G2", "G3", takes=ARC_LETTERS.replace("p", ""), says="canned cycle"),
     **named_codes("non-modal", "G4", takes="p"),
     **named_codes("plane", "G17", "G18", "G19"),
     **named_codes("units", "G20", "G21"),
@@ -12,6 +13,7 @@ BY_NAME = {
     **named_codes("cutter compensation", "G40"),
     **named_codes("tool length", "G43", takes="h"),
     **named_codes("tool length", "G49"),
+    **named_codes("non-modal", "G52", takes="xyz", says="local zero"),
     **named_codes("non-modal", "G53"),
     **named_codes("work offset", "G54", "G55", "G56", "G57", "G58", "G59"),
     **named_codes("corner mode", "G61", "G64"),

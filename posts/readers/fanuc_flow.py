@@ -9,10 +9,10 @@
 
 from typing import NamedTuple
 
-from cuspline.posts.readers.rs274_blocks import refusal
+from cuspline.posts.readers.rs274_blocks import refusal, refuse_endless_calls
 from cuspline.posts.readers.rs274_expressions import Complaint, evaluated
 
-DEEPEST_CALL = 4
+DEEPEST_CALL = 4        # what the oldest controls with macro B take, newer ones ten; our posts nest one deep
 LOCALS = range(1, 34)
 COMMON = (range(100, 200), range(500, 1000))
 
@@ -22,14 +22,15 @@ def executed(blocks):
 
     O-number, call, return and % blocks are not yielded.
     Raises:
-        ReadError: a call of what is not there, a variable never set, text without its % or O-number.
+        ReadError: a call of what is not there, calls nested too deep or without end, a variable never set, text without its % or O-number.
     """
-    flow = _Flow(blocks)
+    flow, called = _Flow(blocks), 0
     while flow.at < len(blocks):
         block = blocks[flow.at]
         flow.at += 1
         if flow.calls:
-            block = block._replace(call_line=flow.calls[0].line)
+            block, called = block._replace(call_line=flow.calls[0].line), called + 1
+            refuse_endless_calls(called, block)
         try:
             if block.flow:
                 flow.follow(block)
@@ -94,7 +95,8 @@ class _Flow:
         if block.label not in self.programs or block.label == self.main:
             raise Complaint(f"O{block.label} is called, but the text holds no such sub-program", "add it behind M30")
         if len(self.calls) >= DEEPEST_CALL:
-            raise Complaint(f"calls nested deeper than {DEEPEST_CALL}", "the control stops there")
+            raise Complaint(f"calls nested deeper than {DEEPEST_CALL}",
+                            "some controls stop there: write the inner sub-program's blocks out")
         self.calls.append(_Call(block.number, self.at, self.own, block.flow))
         if block.flow == "G65":
             variables = self.own | self.common

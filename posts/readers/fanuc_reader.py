@@ -14,9 +14,10 @@ from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules
 from cuspline.posts.readers.rs274_reader import Controller
 
-# I J K are always distances; how far corners may be cut is a parameter of the control, whichever mode is in force
-RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"arc distance", "path control"}, takes_own_length=False,
-              path_tolerance_mm=nan)
+# I J K are always distances; how far corners may be cut is a parameter of the control, whichever mode is in force; a
+# G92 is taken back by hand, or by an option of the control
+RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"arc distance", "path control", "axis offset"},
+              takes_own_length=False, path_tolerance_mm=nan)
 
 
 def read_program(text, *, work_offsets, tool_lengths):

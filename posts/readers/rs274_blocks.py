@@ -13,6 +13,7 @@ PLAIN = re.compile(rf"(?:n[\d.]+)?((?:{WORD.pattern})*)")
 COMMENT = re.compile(r"\(([^()]*)\)|;(.*)")
 O_WORD = re.compile(r"(?:n[\d.]+)?o(\d+|<[^<>]+>)(sub|endsub|call|return|)(.*)")
 LETTERS = frozenset("xyzijkrpqhfstgm")
+MOST_CALLED = 2_000_000     # blocks out of sub-programs: ten hours of them, at fifty a second
 
 
 class Block(NamedTuple):
@@ -71,6 +72,17 @@ def refusal(complaint, block):
     """The complaint with the line it is about."""
     called = f", called in line {block.call_line}" if block.call_line else ""
     return ReadError(f"line {block.number}{called}: {block.text.strip()!r}: {complaint}", rows=[block.number])
+
+
+def refuse_endless_calls(count, block):
+    """Calls multiply: ten in each of nine levels are a thousand million blocks, and no control comes to their end.
+
+    Args:
+        count: of the blocks out of sub-programs so far.   block: the last of them.
+    """
+    if count > MOST_CALLED:
+        raise refusal(Complaint(f"the sub-programs called come to more than {MOST_CALLED:,} blocks",
+                                "call them less often, or split the program"), block)
 
 
 def refuse_block_delete(code):

@@ -18,22 +18,24 @@ class Code(NamedTuple):
     name: str
     group: str
     takes: frozenset = frozenset()
+    says: str = ""              # mode that it settles beside that of its group
 
     @property
     def order(self):
         return ORDER.index(self.group)
 
 
-def named_codes(group, *names, takes=""):
-    return {name: Code(name, group, frozenset(takes)) for name in names}
+def named_codes(group, *names, takes="", says=""):
+    return {name: Code(name, group, frozenset(takes), says) for name in names}
 
 
 ARC_LETTERS = "ijkrp"
 BY_NAME = {
-    **named_codes("motion", "G0", "G1"),
-    **named_codes("motion", "G2", "G3", takes=ARC_LETTERS),
+    **named_codes("motion", "G0", "G1", says="canned cycle"),
+    **named_codes("motion", "G2", "G3", takes=ARC_LETTERS, says="canned cycle"),
     **named_codes("non-modal", "G4", takes="p"),
-    **named_codes("non-modal", "G53", "G92.1"),
+    **named_codes("non-modal", "G53"),
+    **named_codes("non-modal", "G92.1", says="axis offset"),
     **named_codes("plane", "G17", "G18", "G19"),
     **named_codes("units", "G20", "G21"),
     **named_codes("cutter compensation", "G40"),

@@ -9,7 +9,7 @@
 from itertools import islice
 from typing import NamedTuple
 
-from cuspline.posts.readers.rs274_blocks import refusal
+from cuspline.posts.readers.rs274_blocks import refusal, refuse_endless_calls
 from cuspline.posts.readers.rs274_expressions import Complaint, evaluated, parameter_index
 
 DEEPEST_CALL = 9        # LinuxCNC keeps ten levels, the program itself is one
@@ -21,14 +21,16 @@ def executed(blocks):
 
     The O-word and % blocks themselves are not yielded.
     Raises:
-        ReadError: a call of what is not defined, a parameter never set, misplaced O-words.
+        ReadError: a call of what is not defined, calls nested too deep or without end, a parameter never set, misplaced
+            O-words.
     """
-    flow = _Flow(blocks)
+    flow, called = _Flow(blocks), 0
     while flow.at < len(blocks):
         block = blocks[flow.at]
         flow.at += 1
         if flow.calls:
-            block = block._replace(call_line=flow.calls[0].line)
+            block, called = block._replace(call_line=flow.calls[0].line), called + 1
+            refuse_endless_calls(called, block)
         try:
             words = block.words
             if block.flow:
@@ -85,7 +87,8 @@ class _Flow:
         if block.label not in self.subs:
             raise Complaint(f"o{block.label} is called but not defined above", "define it before its first call")
         if len(self.calls) >= DEEPEST_CALL:
-            raise Complaint(f"calls nested deeper than {DEEPEST_CALL}", "LinuxCNC stops there")
+            raise Complaint(f"calls nested deeper than {DEEPEST_CALL}",
+                            "LinuxCNC stops there: write the inner sub's blocks out")
         if len(block.arguments) > len(LOCALS):
             raise Complaint(f"{len(block.arguments)} arguments", f"a call takes {len(LOCALS)}")
         given = dict(enumerate((evaluated(a, self.parameters) for a in block.arguments), 1))

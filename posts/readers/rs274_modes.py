@@ -19,6 +19,8 @@ UNSAID = {
     "arc distance": ("G91.1", "whether I J K are places or distances"),
     "path control": ("G64 P", "how far the control may leave the path"),
     "canned cycle": ("G80", "whether axis words drill"),
+    "axis offset": ("G92.1", "whether a G92 or G52 shifts the zero"),
+    "local zero": ("G52 X0. Y0. Z0.", "whether a G52 shifts the zero"),
 }
 
 
@@ -40,7 +42,7 @@ def relied_on(kind, values, is_machine_move):
     if not values.keys().isdisjoint("xyz"):
         yield "distance"
         if not is_machine_move:
-            yield "work offset"
+            yield from ("work offset", "axis offset", "local zero")
     if not is_machine_move:
         yield "cutter compensation"
         if kind != Kind.RAPID or "z" in values:

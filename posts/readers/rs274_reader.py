@@ -33,7 +33,8 @@ UNKNOWN = (nan, nan, nan)
 SAME_LENGTH_MM = 2e-5       # half the last of six decimals of an inch: a length written out is no nearer
 NO_OFFSET = (0.0, 0.0, 0.0)
 COLUMNS = 24                # numbers kept of a move
-RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle"}, takes_own_length=True, path_tolerance_mm=inf)
+RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True,
+              path_tolerance_mm=inf)
 
 
 def read_program(text, *, work_offsets, tool_lengths):
@@ -130,6 +131,7 @@ class Controller:
         steps = self._steps(codes, values)
         for code in steps:
             self.unsaid.discard(code.group)
+            self.unsaid.discard(code.says)
             ACTIONS[code.group](self, code.name, values)
         if self.is_machine_move and MOVE not in steps:
             raise Complaint("G53 without a move", "G53 goes with G0 or G1 and axis words")
@@ -137,10 +139,10 @@ class Controller:
     def _steps(self, codes, values):
         """The block's codes in the order of execution, with the move where there is one."""
         motion = next((code.name for code in codes if code.group == "motion"), "")
-        has_axes = next((code.name for code in codes if code.name in ("G43.1", "G28")), "")
-        is_move = motion or not (has_axes or MOVING_LETTERS.isdisjoint(values))
-        if has_axes and motion:
-            raise Complaint(f"{has_axes} and {motion} share one Z", "write two blocks")
+        of_axes = [code.name for code in codes if not code.takes.isdisjoint("xyz")]
+        is_move = motion or not (of_axes or MOVING_LETTERS.isdisjoint(values))
+        if len(of_axes) + bool(motion) > 1:
+            raise Complaint(f"{' and '.join([*of_axes, motion][:2])} share the axis words", "write two blocks")
         taken = self.taken_by_motion[motion or self.motion] if is_move else TAKEN_ALWAYS
         if not values.keys() <= taken:
             _refuse_unused(values.keys() - taken.union(*(code.takes for code in codes)))
@@ -189,12 +191,15 @@ class Controller:
         self._stand_still(name)
 
     def do_once(self, name, values):
-        """G4, G53 and G92.1; the last has nothing to cancel, for G92 is refused."""
+        """G4, G53, and what takes back a shift of the zero that another program has left: no such shift is read."""
         if name == "G53" and not self.is_absolute:
             raise Complaint("G53 while G91 is active", "write G90 first")
         self.is_machine_move = name == "G53"
         if name == "G4" and values.get("p", -1.0) < 0:
             raise Complaint("a dwell without its time", "write G4 P seconds")
+        if name == "G52" and any(values.get(c) != 0 for c in "xyz"):
+            raise Complaint("G52 that shifts the zero, or leaves it shifted in some axes",
+                            "write G52 X0. Y0. Z0., and set the zero by a work offset")
 
     def set_plane(self, name, values):
         self.plane = PLANES[name]
@@ -254,7 +259,6 @@ class Controller:
 
     def set_motion(self, name, values):
         self.motion = name
-        self.unsaid.discard("canned cycle")     # of the same group
 
     def stop(self, name, values):
         self.ended = name in ("M2", "M30")

@@ -37,12 +37,12 @@ class _LinuxCNC(Dialect):
     variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
 
     def head(self, writer, program, file_number):
-        """Comments, then a known state: units, plane, absolute, no compensation, path tolerance."""
+        """Comments, then a known state: units, plane, absolute, no compensation, no shift, path tolerance."""
         control = writer.machine.control
         for line in program.header:
             writer.comment(line)
         writer.block(UNIT_WORD[control.units])
-        writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80")
+        writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80", "G92.1")
         writer.block("G64", "P" + writer.length(control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
         writer.block(program.wcs)
 

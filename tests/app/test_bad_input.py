@@ -1,12 +1,15 @@
 """Bad input: exit code 2, one clear message that names the thing, no traceback, nothing written."""
 
 import json
+import os
+import signal
 
 import pytest
 from built_parts import cuspline, saddle_job
 
 from cuspline.app import catalogue, cli
 
+LONGEST_S = 20            # a refusal takes no longer, on a loaded machine
 DESIGN = "from cuspline.designs.z_profile import *\n"
 
 
@@ -213,6 +216,43 @@ def test_files_that_are_no_text_of_their_kind(run, tmp_path, content, wanted, wh
     assert_refused(result, name, is_told)
 
 
+@pytest.fixture
+def pipe(tmp_path):
+    """A pipe into which nobody writes, under a name; whoever opens it is woken up."""
+    def woken(*_):
+        raise AssertionError("a pipe was opened")
+
+    before = signal.signal(signal.SIGALRM, woken)
+    signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
+
+    def made(name):
+        os.mkfifo(tmp_path / name)
+        return tmp_path / name
+    yield made
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.parametrize("name, words", [
+    ("mine.py", ("build", "{}")), ("mine.toml", ("build", "{}")), ("mine.step", ("build", "{}")),
+    ("mill.toml", ("build", "z_profile", "--machine", "{}")), ("tools.json", ("build", "z_profile", "--cutters", "{}")),
+    ("rows.csv", ("build", "z_profile", "--measured", "{}")), ("cells.csv", ("build", "rfq_vane", "-p", "table={}")),
+    ("radii.csv", ("build", "propeller", "-p", "radii_csv={}", "-p", "offsets_csv={}"))])
+def test_a_pipe_in_place_of_a_file_is_refused_before_it_is_opened(run, pipe, name, words):
+    path = pipe(name)
+    assert_refused(run(*(w.format(path) for w in words)), name, "is a pipe or a device, not a regular file")
+
+
+@pytest.mark.parametrize("words", [("cutters", "{}"), ("cutters", "--import", "{}"), ("restart", "{}")])
+def test_a_pipe_where_no_part_is_built_is_refused_too(run, pipe, words):
+    path = pipe("shop.json")
+    assert_refused(run(*(w.format(path) for w in words), out=False), "shop.json", "is a pipe or a device")
+
+
+def test_a_device_without_an_end_is_refused(run):
+    assert_refused(run("build", "rfq_vane", "-p", "table=/dev/zero"), "/dev/zero is a pipe or a device")
+
+
 def test_folders_in_place_of_files(run, tmp_path):
     (tmp_path / "f.toml").mkdir()
     for arguments in (("build", tmp_path / "f.toml"), ("build", "z_profile", "--machine", tmp_path / "f.toml"),
@@ -293,7 +333,7 @@ def test_a_step_file_alone_asks_for_a_job(run, tmp_path):
     ({"scallop_mm": "-0.05"}, ("saddle.toml", "scallop_mm")),
     ({"material": '"cheese"'}, ("cheese",)),
     ({"max_mm": "[30, 16, -1]"}, ("saddle.toml", "stock")),
-    ({"section_plane": "ZX"}, ("saddle.toml", "TOML")),
+    ({"wcs_in_words": "corner of the block"}, ("saddle.toml", "TOML")),
 ], ids=["matches nothing", "matches more", "count", "unknown face", "scallop", "material", "stock", "broken"])
 def test_a_job_that_cannot_be(run, tmp_path, changes, wanted):
     assert_refused(run("build", saddle_job(tmp_path, **changes)), *wanted)

@@ -1,5 +1,7 @@
 """The door to pymeshlab finds known defects, and knows the distance of known shapes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -93,6 +95,28 @@ def view(largest, mean):
 def test_figures_beyond_the_bounds_are_a_finding(largest, mean, count):
     _, findings = compared(view(largest, mean), "setup-1", tessellation_mm=0.001, path_mm=1e-5, zmap_mm=0.001, size_mm=100)
     assert len(findings) == count and all(f.kind == "verifiers_disagree" for f in findings)
+
+
+def test_ridges_that_a_coarse_finish_allows_are_finished_places():
+    """Beside ridges of 0.14 mm lie some of 0.058 whose tops no sample hits: the highest top of all is the bound."""
+    height = lambda x: np.where(x < 10, 0.058, 0.14) * np.sin(np.pi * x / 0.6) ** 2
+    x, y = np.meshgrid(np.arange(2.0, 20.0, 0.1), np.arange(1.0, 7.0, 0.5), indexing="ij")
+    stock = np.column_stack([x.ravel(), y.ravel(), 2 + height(x).ravel()])
+    at = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (g.ravel() for g in (at[:-1, :-1], at[1:, :-1], at[:-1, 1:], at[1:, 1:]))
+    triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([b, d, c])])
+    seen = np.concatenate([2.2 + 0.3 * np.arange(26), 10.2 + 0.1 * np.arange(96)])
+    points = np.array([(at_x, at_y, 2.0) for at_x in seen for at_y in np.arange(1.0, 7.0, 0.5)])
+    residual = height(points[:, 0])
+    samples = SimpleNamespace(points_mm=points, normals=np.tile([0, 0, 1.0], (len(points), 1)),
+                              weight_mm2=np.ones(len(points)), is_border=np.zeros(len(points), bool))
+    found = SimpleNamespace(samples=samples, deviation_mm=residual, is_reachable=np.ones(len(points), bool), spacing_mm=0.3)
+    design = SimpleNamespace(**dict(zip(("vertices_mm", "triangles"), box((0, 0, 0), (22, 8, 2)))))
+    off = lambda allowed_mm: len(compared(mesh_quality.third_view(
+        stock, triangles, design, found, np.array([0, 0, 1.0]), allowed_mm), "setup-1", tessellation_mm=0.001, path_mm=1e-5,
+        zmap_mm=0.02, size_mm=22)[1])
+    assert residual[points[:, 0] < 10].max() < mesh_quality.THIN_MM < 0.058 and residual.max() > 0.139
+    assert (off(allowed_mm=0.02), off(allowed_mm=0.33)) == (1, 0)
 
 
 def test_the_coloured_mesh_is_the_same_every_time(tmp_path):

@@ -29,7 +29,6 @@ center_max_mm = [20, 11, 12.5]
 [[setups]]
 name = "setup-1"
 wcs_in_words = "corner of the block, Z0 on its base"
-section_plane = "ZX"
 faces = ["saddle"]
 """
 

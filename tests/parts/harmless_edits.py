@@ -73,6 +73,13 @@ def lower_case(sheet, rng):
 
 
 @harmless
+def shift_taken_back_elsewhere(sheet, rng):
+    """LinuxCNC's in a block of its own, Fanuc's spelt in another way."""
+    return sheet.text.replace("G52 X0. Y0. Z0.", "G52 Z0 X.0 Y0.000") if sheet.is_fanuc else sheet.text.replace(
+        " G92.1\n", "\nG92.1\n", 1)
+
+
+@harmless
 def many_blanks(sheet, rng):
     return each_line(sheet, lambda line: outside_comments(line, lambda code: code.replace(" ", "   ")) + "  ",
                      plain(sheet))

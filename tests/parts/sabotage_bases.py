@@ -7,7 +7,7 @@ solid: only what their text shows is asked.
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from written_parts import BALL, MILL, boss, boss_operations, operation, program_
 from cuspline.app import catalogue
 from cuspline.app.judge import judge, judge_text, lines_of, posted_moves
 from cuspline.design import FacePredicate, Setup, StockBox
-from cuspline.design.job import Job, PostedFile, read_job, read_tools
+from cuspline.design.job import Job, PostedFile, Published, digest_of, job_line, read_job, read_published, read_tools
 from cuspline.kernel import brep
 from cuspline.posts.readers.rs274_reader import read_program
 from cuspline.program.pass_templates import Call, Go, PassTemplate, Quantity, Register, Restart, TemplatedPasses, terms
@@ -53,9 +53,11 @@ class Base:
 
     @cached_property
     def published(self):
-        """{file: SHA-256} as a manifest would have it."""
-        return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(self.folder.iterdir())
-                if p.name != "manifest.json"}
+        """What a manifest would say of the files and the job."""
+        job = read_published(self.folder).job
+        return Published(files={p.name: hashlib.sha256(p.read_bytes()).hexdigest()
+                                for p in sorted(self.folder.iterdir()) if p.name != "manifest.json"},
+                         job=job, job_fields={name: digest_of(value) for name, value in job.items()})
 
     @cached_property
     def programs(self):
@@ -64,10 +66,10 @@ class Base:
 
     def judged(self, folder, is_text_only):
         """Findings of a spoilt copy."""
-        job = read_job(folder)
+        job, published = read_job(folder), replace(self.published, job=read_published(folder).job)
         if is_text_only:
-            return judge_text(folder, job, published=self.published)
-        return judge(folder, job, options=COARSE, published=self.published).findings
+            return judge_text(folder, job, published=published)
+        return judge(folder, job, options=COARSE, published=published).findings
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -137,12 +139,14 @@ def bases(folder):
 
 def _write(folder, job, texts, tools, solid=None):
     folder.mkdir(parents=True)
+    document = job.model_dump(mode="json")
     for name, text in texts.items():
-        (folder / name).write_text(text)
+        head, comments = text[:text.index("(")], text[text.index("("):]
+        (folder / name).write_text(f"{head}({job_line(digest_of(document))})\n{comments}")
     if solid is not None:
         brep.write_step(solid, folder / job.step, job.design)
     write_tools(folder, [t.model_dump(mode="json") for t in tools], job.machine.control)
-    (folder / "manifest.json").write_text(json.dumps({"job": job.model_dump(mode="json")}))
+    (folder / "manifest.json").write_text(json.dumps({"job": document}))
     return Base(name=folder.name, folder=folder, has_solid=solid is not None)
 
 

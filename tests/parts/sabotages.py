@@ -228,16 +228,11 @@ def authority(case, folder, comparison):
     path.write_bytes(data)
     offsets = {sheet.setup.wcs: sheet.machine.wcs_origin_mm}
     lengths = {n: t.offset_mm for n, t in sheet.base.tools.items()}
-    try:
-        truth, error = comparison.interpret(path, tool_lengths=lengths, work_offsets=offsets), ""
-    except RuntimeError as beyond:          # the comparison does not know G92
-        truth, error = None, str(beyond)
+    truth = comparison.interpret(path, tool_lengths=lengths, work_offsets=offsets)
     try:
         moves = read_program(data.decode("ascii"), work_offsets=offsets, tool_lengths=lengths)
     except (ReadError, UnicodeDecodeError):
-        return "both refuse" if truth is not None and truth.error else "only the reader refuses"
-    if truth is None:
-        return error
+        return "both refuse" if truth.error else "only the reader refuses"
     if truth.error:
         return f"only LinuxCNC refuses: {truth.error}"
     if len(moves) != len(truth.kind):

@@ -102,12 +102,24 @@ def tools_that_the_table_does_not_know(sheet, rng):
 @sabotage(times=3)
 def file_that_was_not_published(sheet, rng):
     """One file longer by a line feed, or gone, is named."""
-    names = sorted(sheet.base.published)
+    names = sorted(sheet.base.published.files)
     name = pick(rng, names)
     data = (sheet.base.folder / name).read_bytes()
     is_gone = not re.match(r"setup|tools", name) and rng.random() < 0.5
     return Spoilt(name=name, content=None if is_gone else data + b"\n", expected=Expected(
         kind="changed_file", words=f"{name} {'was published and is missing' if is_gone else 'is not the file'}"))
+
+
+@sabotage(times=2)
+def job_that_was_not_published(sheet, rng):
+    """What the programs are judged against is loosened where it stands."""
+    if not is_first(sheet):
+        return None
+    name, value = pick(rng, [("finish", {"scallop_mm": 1.0, "profile_tolerance_mm": 0.5, "gouge_mm": 0.5}),
+                             ("accepted", ["gouge", "excess"]), ("smallest_ball_radius_mm", 8.0),
+                             ("design", "another")])
+    return Spoilt(name="manifest.json", content=changed_manifest(sheet, lambda job: job.update({name: value})),
+                  expected=Expected(kind="changed_file", words=f"manifest.json: what its job says of {name} is not"))
 
 
 @sabotage()

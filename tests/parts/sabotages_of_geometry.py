@@ -102,7 +102,7 @@ def mill_too_near_to_the_boss(sheet, rng):
     if found is None:
         return None
     row, line = found
-    off, curve = round(float(rng.uniform(0.05, 0.2)), 3), int(sheet.moves.line[row + 2])
+    off, curve = round(float(rng.uniform(0.05, 0.4)), 3), int(sheet.moves.line[row + 2])
     changes = {line: re.sub(r"X[\d.]+", f"X{sheet.length(38 - off)}", sheet.line(line)),
                curve: f"G1 X{sheet.length(38)}"}
     text = sheet.with_lines({line: (changes[line],), curve: (changes[curve], _arc_again(sheet.line(curve)))})

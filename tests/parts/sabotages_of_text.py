@@ -123,6 +123,25 @@ def g91_1_missing(sheet, rng):
 
 
 @sabotage()
+def shift_of_the_zero_left_in_force(sheet, rng):
+    """What takes back a G92 or G52 of another program is gone."""
+    if not sheet.is_fanuc:
+        return word_gone(sheet, "G92.1", first(sheet, placed(sheet)))
+    line = lines_with(sheet, r"^G52 ")[0]
+    return Spoilt(content=sheet.with_line(line, GONE),
+                  expected=at("unknown_start", first(sheet, placed(sheet)), amount=0.0, words="G52"))
+
+
+@sabotage()
+def shift_of_the_zero(sheet, rng):
+    if not sheet.is_fanuc:
+        return None
+    line = lines_with(sheet, r"^G52 ")[0]
+    text = pick(rng, ["G52 X0. Y0. Z12.5", "G52 X-3. Y0. Z0.", "G52 X0. Y0."])
+    return Spoilt(content=sheet.with_line(line, text), expected=refused_at(line, words="G52 X0. Y0. Z0."))
+
+
+@sabotage()
 def safety_line_missing(sheet, rng):
     line = lines_with(sheet, r"^G17 G90")[0]
     where = first(sheet, placed(sheet))

@@ -4,6 +4,7 @@ import cadquery as cq
 from pydantic import Field
 
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.planning.strategies.auto import Auto
 
 
 class Dish(Parameters):
@@ -24,5 +25,5 @@ def design(p: Dish) -> Design:
         predicates=(FacePredicate(name="top", count=2, normal=(0, 0, 1), normal_within_deg=60.0),),
         material="aluminium_6061", stock=StockBox(min_mm=(0, 0, 0), max_mm=(x, y, 13.0)),
         finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.003, gouge_mm=0.004),
-        setups=(Setup(name="setup-1", faces=("top",), strategy="constant_scallop",
+        setups=(Setup(name="setup-1", faces=("top",), operations=(Auto(strategy="constant_scallop"),),
                       wcs_in_words="X0 Y0 lower left corner, Z0 on the base"),))

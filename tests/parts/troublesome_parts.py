@@ -7,6 +7,7 @@ import numpy as np
 
 from cuspline.design import Design, FacePredicate, Finish, Marker, Parameters, Setup, StockBox
 from cuspline.kernel import brep
+from cuspline.planning.strategies.auto import Auto
 
 
 def knife_edge():
@@ -70,7 +71,7 @@ def design_of(name, strategy="constant_scallop"):
         material="aluminium_6061", stock=StockBox(min_mm=tuple(low), max_mm=tuple(high + (0.0, 0.0, 0.5))),
         finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.003, gouge_mm=0.004),
         setups=(Setup(name="setup-1", wcs_in_words="as the part is drawn",
-                      faces=("top", *(p.name for p in ring)), strategy=strategy),))
+                      faces=("top", *(p.name for p in ring)), operations=(Auto(strategy=strategy),)),))
 
 
 def two_sided():
@@ -84,7 +85,7 @@ def two_sided():
     top, bottom = (FacePredicate(name=name, count=2, normal=(0, 0, z), normal_within_deg=70) for name, z in (("top", 1), ("bottom", -1)))
     markers = tuple(Marker(name=n, at_mm=at) for n, at in (
         ("left", (-15, 0, 0)), ("right", (15, 0, 0)), ("front", (0, -10, 0)), ("back", (0, 10, 2))))
-    common = {"strategy": "parallel", "markers": markers, "wcs_in_words": "middle of the plate, on the side up"}
+    common = {"operations": (Auto(strategy="parallel"),), "markers": markers, "wcs_in_words": "middle of the plate, on the side up"}
     return Design(
         name="two_sided", description="plate with a dish on either side", parameters=Parameters(), solid=solid,
         predicates=(top, bottom), material="aluminium_6061",
@@ -92,3 +93,14 @@ def two_sided():
         finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.003, gouge_mm=0.004),
         setups=(Setup(name="setup-1", faces=("top",), wcs_origin_mm=(0, 0, 4), **common),
                 Setup(name="setup-2", wcs="G55", faces=("bottom",), wcs_origin_mm=(0, 0, -4), wcs_z=(0, 0, -1), **common)))
+
+
+def bow_tie(low_mm=0):
+    """Four sides over a polygon like an 8, closed by points above and below; `low_mm` makes its right loop smaller."""
+    corners = [(0, 0), (10, 8), (10, low_mm), (0, 8)]
+    ring = lambda z: [(x, y, z) for x, y in corners]
+    low, high, faces = ring(0.0), ring(5.0), []
+    for a, b, c, d in zip(low, low[1:] + low[:1], high[1:] + high[:1], high):
+        faces += [(a, b, c, d), (d, c, (7, 4.5, 9)), (b, a, (7, 4.5, -4))]
+    made = [cq.Face.makeFromWires(cq.Wire.makePolygon([cq.Vector(*p) for p in f], close=True)) for f in faces]
+    return cq.Solid.makeSolid(cq.Shell.makeShell(made)).wrapped

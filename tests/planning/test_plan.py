@@ -2,12 +2,16 @@
 
 from pathlib import Path
 
+import cadquery as cq
 import numpy as np
 import pytest
 
 import cuspline.posts
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.designs.z_profile import ZProfile, design
+from cuspline.kernel import brep
 from cuspline.planning.plan import plan_setup
+from cuspline.planning.strategies.auto import Auto
 from cuspline.program.program import Kind
 from cuspline.shop.cutters import ToolLibrary, library_from_json
 from cuspline.shop.machines import machine_from_toml
@@ -74,7 +78,7 @@ def test_no_feed_exceeds_the_machine_and_no_cut_is_without_one(plan):
 
 
 def test_planes_are_as_far_apart_as_the_cusp_allows(plan):
-    # the profile is straight across: FORMULAS 4 for a flat, with what the path's own tolerance leaves of the cusp
+    # the profile is straight across: docs/formulas.md 5 for a flat, with what the path's own tolerance leaves of the cusp
     finish = named(plan, "finish")
     r, h = finish.tool.cutter.radius_mm, finish.facts["ridge_for_step_mm"]
     assert h == pytest.approx(0.05 - 0.0024, abs=2e-4) and h < 0.05 - 0.0023
@@ -87,3 +91,19 @@ def test_a_library_without_a_fitting_ball_is_refused_with_every_candidate(small)
     with pytest.raises(CutterDoesNotFit, match=r"no ball of the library.*T\d+") as error:
         plan_setup(small, small.setups[0], MACHINE, big)
     assert all(f"T{t.number}" in str(error.value) for t in big.of_type("ball"))
+
+
+def test_a_wide_step_does_not_let_the_ball_fall_over_an_edge():
+    """The stock in a bore that is made later: half the radius over the rim a ball lies 0.134 of its radius lower."""
+    plate = cq.Workplane().box(30, 20, 5, centered=False).faces(">Z").workplane(origin=(15, 10, 5)).hole(10)
+    setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",), operations=(Auto(strategy="parallel"),))
+    wide = Design(name="plate", description="plate", parameters=Parameters(), solid=brep.the_solid(plate),
+                  predicates=(FacePredicate(name="top", count=1, kinds=("plane",), normal=(0, 0, 1)),),
+                  material="aluminium_6061", stock=StockBox(min_mm=(0, 0, 0), max_mm=(30, 20, 6)), setups=(setup,),
+                  finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.03, gouge_mm=0.03))
+    library = ToolLibrary(tools=(*(t for t in SHOP.of_type("ball") if t.cutter.diameter_mm == 6), LIBRARY.tools[-1]))
+    finish = named(plan_setup(wide, setup, MACHINE, library), "finish")
+    cut = finish.moves.end_mm[finish.moves.kind != Kind.RAPID]
+    assert finish.facts["stepover_mm"] > 2.4 and len(cut) > 20
+    beyond = 1.5 + finish.facts["grid_mm"]      # up to a pitch more
+    assert cut[:, 2].min() >= 5.0 - (3.0 - np.sqrt(9.0 - beyond**2)) - 0.03

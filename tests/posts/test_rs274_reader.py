@@ -150,15 +150,16 @@ def test_the_length_offset_in_force_is_that_of_the_tool_in_the_spindle(blocks, f
     assert remarks(AT_ZERO + blocks, "wrong_length_offset") == found
 
 
-SAID = "G21\nG17 G90 G91.1 G94 G40 G49\nG64 P0.001 Q0\nG54\nT1 M6\nG43 H1\nG0 X0 Y0\nZ0\nG1 X1 F9\nG2 X3 I1"
+SAID = "G21\nG17 G90 G91.1 G94 G40 G49 G92.1\nG64 P0.001 Q0\nG54\nT1 M6\nG43 H1\nG0 X0 Y0\nZ0\nG1 X1 F9\nG2 X3 I1"
 
 
 @pytest.mark.parametrize("word, line", [
-    ("G90", 7), ("G54", 7), ("G40", 7), ("G64 P0.001 Q0", 9), ("G94", 9), ("G17", 10), ("G91.1", 10)])
+    ("G90", 7), ("G54", 7), ("G40", 7), ("G64 P0.001 Q0", 9), ("G94", 9), ("G17", 10), ("G91.1", 10),
+    ("G92.1", 7)])
 def test_what_a_move_relies_on_must_have_been_said(word, line):
     text = SAID.replace(word, "").replace("\n\n", "\n(gone)\n")
     (remark,) = [r for r in read(text).remarks if r.kind == "unknown_start"]
-    assert read(text).line[remark.row] == line and remark.advice.startswith(word[:3])
+    assert read(text).line[remark.row] == line and remark.advice.startswith(word[:5])
 
 
 @pytest.mark.parametrize("text", [SAID, SAID.replace("G49", ""), SAID.replace("G2 X3 I1", "G2 X3 R1").replace("G91.1",
@@ -287,6 +288,25 @@ def test_what_is_not_sure_is_refused_with_its_line(name):
     assert refusal.value.rows.tolist() == [line]
     assert words in str(refusal.value)
     assert re.match(rf"line {line}(, called in line \d+)?: ", str(refusal.value))
+
+
+def nested(levels, times=1):
+    """Sub-programs that call one another so deep, each `times` times; the innermost moves."""
+    bodies = ["G1 X5 F100"] + ["\n".join([f"o{k} call"] * times) for k in range(1, levels)]
+    return "\n".join(f"o{k} sub\n{body}\no{k} endsub" for k, body in enumerate(bodies, 1)) + f"\no{levels} call"
+
+
+def test_calls_nest_as_deep_as_the_control_takes_and_no_deeper():
+    assert len(read(AT_ZERO + nested(9))) == 2
+    with pytest.raises(ReadError, match="line 7, called in line 33: 'o1 call': calls nested deeper than 9"):
+        read(AT_ZERO + nested(10))
+
+
+def test_calls_that_multiply_are_refused_with_the_line_of_the_call(monkeypatch):
+    monkeypatch.setattr("cuspline.posts.readers.rs274_blocks.MOST_CALLED", 1000)
+    assert len(read(AT_ZERO + nested(3, 10))) == 101
+    with pytest.raises(ReadError, match=r"called in line 42: .*: the sub-programs called come to more than 1,000 blocks"):
+        read(AT_ZERO + nested(4, 10))
 
 
 @pytest.mark.parametrize("text, words", [

@@ -223,6 +223,10 @@ REFUSED = {
     "a jump": ("GOTO 10", "control flow that this reader does not follow"),
     "a system variable": ("#5221=3.", "#5221 is no variable of a program's own"),
     "LinuxCNC's words": ("G64 P0.01", "no code in this block uses P|P"),
+    "a zero that is shifted": ("G52 X0. Y0. Z5.", "shifts the zero, or leaves it shifted"),
+    "a zero that stays shifted along Z": ("G52 X0. Y0.", "shifts the zero, or leaves it shifted"),
+    "a local zero and a move": ("G52 G0 X0. Y0. Z0.", "G52 and G0 share the axis words"),
+    "a local zero on the way home": ("G91 G28 G52 X0. Y0. Z0.", "G28 and G52 share the axis words"),
     "another way home": ("G28 Z0.", "write G91 G28 Z0."),
     "a return from the main program": ("M99", "M99 in the main program"),
     "a letter twice": ("G65 P7001 I1. I2.", "a letter twice"),
@@ -243,18 +247,35 @@ def test_fanuc_text_that_is_not_sure_is_refused_with_its_line(name):
     assert re.match(r"line \d+(, called in line \d+)?: ", str(caught.value))
 
 
+def nested_in_fanuc(levels, times=1):
+    """Text whose O7001 moves, O7002 calls it `times` times, and so on; the main program calls the last."""
+    subs = "".join(f"O{7000 + k}\n" + f"M98 P{6999 + k}\n" * times + "M99\n" for k in range(2, levels + 1))
+    return GOOD.format(f"#500=2.\n#1=1.\n#2=1.\nM98 P{7000 + levels}")[:-2] + subs + "%\n"
+
+
+def test_fanuc_calls_nest_four_deep_and_no_deeper(monkeypatch):
+    read = lambda text: read_fanuc(text, work_offsets=ZERO, tool_lengths=LENGTHS)
+    assert len(read(nested_in_fanuc(4))) == 3
+    with pytest.raises(ReadError, match="line 17, called in line 11: 'M98 P7001': calls nested deeper than 4"):
+        read(nested_in_fanuc(5))
+    monkeypatch.setattr("cuspline.posts.readers.rs274_blocks.MOST_CALLED", 1000)
+    with pytest.raises(ReadError, match="called in line 11: .* come to more than 1,000 blocks"):
+        read(nested_in_fanuc(4, 10))
+
+
 def test_fanuc_h0_switches_the_length_offset_off():
     moves = read_fanuc(GOOD.format("G43 Z5. H0\nG1 X1. F100."), work_offsets=ZERO, tool_lengths=LENGTHS)
     assert not moves.length_offset_on[-1] and moves.machine_end_mm[-2, 2] == pytest.approx(5.0)
 
 
-@pytest.mark.parametrize("word, line", [("G54", 6), ("G40", 6), ("G80", 4), ("G94", 8), ("G17", 9)])
+@pytest.mark.parametrize("word, line", [("G54", 7), ("G40", 7), ("G80", 5), ("G94", 9), ("G17", 10),
+                                        ("G52 X0. Y0. Z0.", 7)])
 def test_what_a_fanuc_move_relies_on_must_have_been_said(word, line):
-    text = ("%\nO0001\nG21 G17 G90 G94 G40 G80 G54\nG91 G28 Z0.\nG90 T7 M6\nG0 X0. Y0.\nG43 Z5. H7\nG1 X1. F9.\n"
-            "G2 X3. Y0. I1. J0.\nM30\n%\n")
+    text = ("%\nO0001\nG21 G17 G90 G94 G40 G80 G54\nG52 X0. Y0. Z0.\nG91 G28 Z0.\nG90 T7 M6\nG0 X0. Y0.\n"
+            "G43 Z5. H7\nG1 X1. F9.\nG2 X3. Y0. I1. J0.\nM30\n%\n")
     read = lambda text: read_fanuc(text, work_offsets=ZERO, tool_lengths=LENGTHS)
     assert not read(text).remarks and np.isnan(read(text).path_tolerance_mm).all()     # G64's is a parameter
-    (remark,) = read(text.replace(word + " ", "").replace(" G54", "" if word == "G54" else " G54")).remarks
+    (remark,) = read(re.sub(rf" ?{re.escape(word)}", "", text, count=1)).remarks
     assert remark.kind == "unknown_start" and remark.advice.startswith(word) and read(text).line[remark.row] == line
 
 

@@ -1,11 +1,12 @@
 """The finished report in headless Chromium, over file://, asking nobody for anything."""
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from cuspline.report.page import write_report
+from cuspline.report.page import report_html, write_report
 
 _spec = importlib.util.spec_from_file_location("chromium", Path(__file__).with_name("chromium.py"))
 chromium = importlib.util.module_from_spec(_spec)
@@ -91,6 +92,26 @@ def test_another_setup_can_be_chosen(browser):
     assert browser.evaluate("document.getElementById('read-tip').textContent").startswith("G55  X  -60.000")
     browser.evaluate("__view.chooseSetup(0).then(() => 1)")
     assert browser.errors == []
+
+
+FIRST_SCREENS = {"desktop": (1280, 800, 0.45), "phone": (390, 844, 0.40)}      # width, height, share of it for the part
+
+
+@pytest.mark.parametrize("screen", FIRST_SCREENS)
+@pytest.mark.parametrize("findings", [0, 1, 12])
+def test_the_first_screen_shows_the_verdict_and_the_part(browser, sample_bundle, refused_bundle, report, tmp_path, screen, findings):
+    rows = [{**refused_bundle.verify["findings"][k % 2], "line": k, "advice": "retract first, then go on " * 9} for k in range(findings)]
+    bundle = replace(sample_bundle, verify={**sample_bundle.verify, "ok": not rows, "findings": rows})
+    (tmp_path / "report.html").write_text(report_html(bundle, {}, [], ""))
+    width, height, share = FIRST_SCREENS[screen]
+    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600)
+    browser.open((tmp_path / "report.html").as_uri())
+    headline, top, bottom = (browser.evaluate(f"document.querySelector('{which}').getBoundingClientRect().{side}")
+                             for which, side in (("h1", "bottom"), ("#canvas", "top"), ("#canvas", "bottom")))
+    across = browser.evaluate("document.documentElement.scrollWidth")
+    browser.call("Emulation.clearDeviceMetricsOverride")
+    browser.open(report)
+    assert 0 < headline < top and bottom <= height and bottom - top >= share * height and across == width
 
 
 def test_without_webgl_the_pictures_stand_in(report, tmp_path):

@@ -62,7 +62,7 @@ def test_a_fact_is_bad_because_of_its_finding(refused_bundle):
 
 def test_the_minute_holds_cutter_cusp_area_time_and_program(sample_bundle):
     text = "\n".join(f"{f.label}: {f.value} {' '.join(f.details)}" for f in facts.one_minute(sample_bundle))
-    for part in ("T3 ball ∅10", "tightest hollow R 8 mm", "asked 0.0200 mm", "step 0.8 mm", "0.0191 mm", "99.26 %",
+    for part in ("T3 ball ∅10", "tightest hollow R 8 mm", "accepted to 0.025 mm: scallop + tolerance", "planned for 0.015 mm", "stepover 0.8 mm", "0.0191 mm", "99.26 %",
                  "21.3 mm²", "LinuxCNC", "setup-1.ngc", "60 × 40 × 20 mm"):
         assert part in text
 
@@ -101,3 +101,26 @@ def test_cusps_and_meshes_become_rows(sample_bundle):
             "hausdorff": {**view, "design_to_stock": view["stock_to_design"]}}
     rows = dict(facts.mesh_rows({"setups": [{"setup": "a", "mesh": mesh}]}))
     assert rows["a: triangles of the design"] == "9, smallest angle 2.50°, flipped 1"
+
+
+def with_certificate(bundle, moves, not_covered):
+    verify = {**bundle.verify, "gouge_proven_mm": 0.0028}
+    verify["setups"] = [{**verify["setups"][0], "certificate": {"moves": moves, "not_covered": not_covered}}]
+    return "\n".join(facts.one_minute(replace(bundle, verify=verify))[3].details)
+
+
+def test_the_proof_names_how_many_moves_it_does_not_hold_for_and_why(sample_bundle):
+    words = with_certificate(sample_bundle, {"feeds": 12, "arcs": 88}, {"the program does not say where the move begins": 2})
+    assert "proven for 100 of 102 moves: at most 0.0028 mm" in words
+    assert "no proof for 2 moves: the program does not say where the move begins" in words
+
+
+def test_a_whole_proof_says_every_move(sample_bundle):
+    assert "proven for every move: at most 0.0028 mm" in with_certificate(sample_bundle, {"feeds": 12}, {})
+
+
+def test_the_first_screen_states_what_the_verdict_accepts(sample_bundle, refused_bundle):
+    gouge, left = facts.limits(sample_bundle)
+    assert gouge == ("Deepest gouge", "0.0008 mm", "0.003", "good")
+    assert left == ("Most material left", "0.0191 mm", "0.025 (scallop 0.02 + tolerance 0.005)", "good")
+    assert facts.limits(refused_bundle)[0][3] == "bad"

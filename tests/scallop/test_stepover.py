@@ -1,4 +1,4 @@
-"""Stepover, scallop and segment length against the check numbers of FORMULAS 3 and 4."""
+"""Stepover, scallop and segment length against the check numbers of docs/formulas.md 4 and docs/formulas.md 5."""
 
 import numpy as np
 import pytest

@@ -206,7 +206,7 @@ def test_verify_uses_the_store_beside_the_folder_and_clears_it_when_it_is_done(t
     folder.mkdir()
 
     class Job:
-        design, accepted, step = "part", (), "part.step"
+        design, accepted, step, posted = "part", (), "part.step", ()
 
     class Judged:
         figures_in_words = ""
@@ -218,7 +218,7 @@ def test_verify_uses_the_store_beside_the_folder_and_clears_it_when_it_is_done(t
             return ()
 
     def judge(folder, job, say, kept, published):
-        checkpoints.of(square)(np.ones(3))
+        kept.of(square)(np.ones(3))
         seen.append(files(kept))
         return Judged()
 

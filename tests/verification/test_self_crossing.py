@@ -10,7 +10,7 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_SHELL
 from OCP.TopoDS import TopoDS, TopoDS_Solid
 from scipy.interpolate import make_interp_spline
-from troublesome_parts import closed_face, hole_and_islands, knife_edge, pole_and_apex, slivers
+from troublesome_parts import bow_tie, closed_face, hole_and_islands, knife_edge, pole_and_apex, slivers
 
 from cuspline.kernel import brep
 from cuspline.kernel.shells import spline_surface
@@ -50,17 +50,6 @@ def box(x, size=10.0):
          "pole and apex", "closed face", "slivers", "hole and islands"])
 def test_sound_solids_do_not_cross_themselves(make):
     assert crossings(brep.the_solid(make())) == ()
-
-
-def bow_tie():
-    """Four sides over a polygon like an 8, closed by points above and below."""
-    corners = [(0, 0), (10, 8), (10, 0), (0, 8)]
-    ring = lambda z: [(x, y, z) for x, y in corners]
-    low, high, faces = ring(0.0), ring(5.0), []
-    for a, b, c, d in zip(low, low[1:] + low[:1], high[1:] + high[:1], high):
-        faces += [(a, b, c, d), (d, c, (7, 4.5, 9)), (b, a, (7, 4.5, -4))]
-    made = [cq.Face.makeFromWires(cq.Wire.makePolygon([cq.Vector(*p) for p in f], close=True)) for f in faces]
-    return cq.Solid.makeSolid(cq.Shell.makeShell(made)).wrapped
 
 
 def test_a_bow_tie_crosses_itself():

@@ -9,7 +9,7 @@ from cuspline.design import Finish, Setup, StockBox
 from cuspline.planning.feeds import spindle_rpm
 from cuspline.posts.readers.fanuc_reader import read_program as read_fanuc
 from cuspline.posts.readers.rs274_reader import read_program
-from cuspline.shop.materials import MATERIALS
+from cuspline.shop.materials import known_materials
 from cuspline.values.errors import ReadError
 from cuspline.verification.text_checks import (
     CHIP_FACTOR,
@@ -23,7 +23,7 @@ MILL, SETUP = find_machine("mill_3axis"), Setup(name="setup-1", wcs_in_words="co
 FINISH = Finish(scallop_mm=0.01, profile_tolerance_mm=0.002, gouge_mm=0.003)
 STOCK = StockBox(min_mm=(0, 0, 0), max_mm=(60, 24, 14))
 BALL = tool("ball", 6.0)
-HEAD = "G21\nG17 G90 G91.1 G94 G40 G49 G80\nG64 P0.001 Q0\nG54\nT1 M6\nG43 H1\n"
+HEAD = "G21\nG17 G90 G91.1 G94 G40 G49 G80 G92.1\nG64 P0.001 Q0\nG54\nT1 M6\nG43 H1\n"
 
 
 def posted(blocks):
@@ -34,7 +34,7 @@ def posted(blocks):
 def found(blocks, a_tool=BALL, machine=MILL, finish=FINISH):
     """[(kind, amount, line)]"""
     rows = text_findings(posted(blocks), {1: a_tool}, setup=SETUP, machine=machine, finish=finish,
-                         material="aluminium_6061")
+                         material=known_materials()["aluminium_6061"])
     return [(f.kind, f.amount_mm if f.amount is None else f.amount, f.line) for f in rows]
 
 
@@ -71,7 +71,7 @@ def test_an_axis_may_run_as_fast_as_it_can_along_every_move(way, feed):
 
 
 def test_the_feed_per_tooth_has_a_limit_that_goes_with_the_diameter():
-    limit = CHIP_FACTOR * MATERIALS["aluminium_6061"].feed_per_tooth_share * 6.0        # mm per tooth; two teeth
+    limit = CHIP_FACTOR * known_materials()["aluminium_6061"].feed_per_tooth_share * 6.0        # mm per tooth; two teeth
     blocks = "S1000 M3\nG0 X0 Y0\nZ5\nG1 X9 F{:.4f}"
     assert found(blocks.format(limit * 2000 * 0.9999)) == []
     ((kind, amount, line),) = found(blocks.format(limit * 2000 * 1.001))

@@ -1,108 +1,27 @@
-"""Finishing in section planes: a ball along the part's profile, plane by plane, in arcs and lines."""
+"""Sections: arcs and lines along the part's profile, plane by plane."""
 
-import numpy as np
+from typing import Literal
 
-from cuspline.planning.context import (
-    APPROACH_MM,
-    CLEARANCE_MM,
-    PLUNGE_SHARE,
-    finite,
-    path_tolerance_mm,
-    ridge_for_step_mm,
-)
-from cuspline.scallop.stepover import stepover_for_scallop_mm
-from cuspline.toolpaths.sections.pass_links import LinkRules, moves_of_passes
-from cuspline.toolpaths.sections.profile_passes import ProfilePlanner, planes_across, smallest_step
-from cuspline.toolpaths.sections.rest_passes import rest_passes
-from cuspline.values.errors import PlanError
+from pydantic import Field
 
-ROWS_BESIDE = 2.0           # largest gaps between samples, that are looked at beside every step
+from cuspline.design.operations import Finishing
+from cuspline.planning import section_finishing
+from cuspline.planning.cutter_choice import choose_ball
 
 
-def finish(shop, name, tool, allowance_mm, scallop_mm, candidates, reach):
-    """Section passes over all faces wanted with one ball."""
-    tolerance = path_tolerance_mm(shop.design.finish)
-    planner = ProfilePlanner(shop.solid, shop.plane, tool.cutter.radius_mm, allowance_mm, tolerance,
-                             shop.machine.control.arc_max_radius_mm)
-    ridge_mm = ridge_for_step_mm(name, scallop_mm, shop.design.finish)
-    step = _plane_step(shop, tool.cutter.radius_mm, ridge_mm)
-    low, high = planner.extent(*shop.box)
-    wanted = set(shop.wanted)
-    across = planes_across(*_across_range(shop, tool, reach), step)
-    planes = [planner.section_passes(c, low, high, wanted) for c in across]
-    passes = _in_cutting_order([plane for plane in planes if plane], shop.setup.passes == "one-way")
-    if not passes:
-        raise PlanError(f"{name}: no section plane meets the faces {shop.setup.faces}")
-    rpm, feed = shop.speeds(tool, is_rough=False)
-    moves = moves_of_passes(passes, shop.plane, _link_rules(shop, tool, allowance_mm, feed))
-    steps = np.diff(np.unique([p.across_mm for p in passes]))
-    facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
-             "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(float(steps.max(initial=0.0)), 6),
-             "stepover_min_mm": round(float(steps.min(initial=np.inf)), 6) if len(steps) else 0.0,
-             "passes": len(passes), "section_plane": shop.plane.name, "links": shop.setup.passes,
-             "min_concave_radius_mm": finite(shop.hollow.radius_mm),
-             "min_concave_place_mm": shop.in_part(shop.hollow.place_mm),
-             "candidates": [c.as_dict() for c in candidates]}
-    return shop.operation(name, tool, rpm, moves, facts)
+class Sections(Finishing):
+    """Finishing in vertical planes with a ball, in arcs and lines: for profiles swept along x or y."""
 
+    kind = "sections"
+    picture = """
+         __
+        /  \\__/\\       exact arcs and lines of the
+       /         \\      ball's centre, plane by plane"""
 
-def _in_cutting_order(planes, is_one_way):
-    """Passes plane by plane; every second plane from its far end."""
-    return [p for k, plane in enumerate(planes) for p in (plane if is_one_way or k % 2 == 0 else plane[::-1])]
+    section_plane: Literal["ZX", "YZ"] = Field("ZX", description="plane in which the passes run")
 
-
-def rest(shop, ball, tool, candidates):
-    """Passes of a smaller ball where the finishing ball was held off."""
-    finish = shop.design.finish
-    tolerance, ridge_mm = path_tolerance_mm(finish), ridge_for_step_mm("rest finish", finish.scallop_mm, finish)
-    rpm, feed = shop.speeds(tool, is_rough=False)
-    small, large = (ProfilePlanner(shop.solid, shop.plane, t.cutter.radius_mm, 0.0, tolerance,
-                                   shop.machine.control.arc_max_radius_mm) for t in (tool, ball))
-    moves, facts = rest_passes(small, large, set(shop.wanted), shop.box, ridge_mm, _link_rules(shop, tool, 0.0, feed))
-    facts = {"allowance_mm": 0.0, "scallop_mm": finish.scallop_mm, "segment_tolerance_mm": tolerance,
-             **facts, "candidates": [c.as_dict() for c in candidates]}
-    return shop.operation("rest finish", tool, rpm, moves, facts)
-
-
-def _link_rules(shop, tool, allowance_mm, feed):
-    return LinkRules(mesh=shop.mesh, ball_radius_mm=tool.cutter.radius_mm, allowance_mm=allowance_mm,
-                     lead_radius_mm=min(2.0, tool.cutter.radius_mm), clearance_z_mm=shop.clearance_z_mm,
-                     approach_z_mm=shop.clearance_z_mm - CLEARANCE_MM + APPROACH_MM, feed_mm_per_min=feed,
-                     plunge_mm_per_min=PLUNGE_SHARE * feed, is_one_way=shop.setup.passes == "one-way")
-
-
-def _across_range(shop, tool, reach):
-    """First and last plane: where the ball's centre stands when it touches the outermost points."""
-    k, r = shop.plane.across, tool.cutter.radius_mm
-    rims = [shop.faces[i].shape_at(*_rim(shop.faces[i])) for i in shop.wanted]
-    centers = np.concatenate([rim.point_mm[:, k] + r * rim.normal[:, k] for rim in rims] + [reach.tip_mm[:, k]])
-    return float(centers.min()), float(centers.max())
-
-
-def _rim(face):
-    """Parameters along the border of the face's domain."""
-    u0, u1, v0, v1 = face.nurbs.domain
-    t = np.linspace(0.0, 1.0, 33)
-    u = np.concatenate([u0 + t * (u1 - u0), u0 + t * (u1 - u0), np.full(33, u0), np.full(33, u1)])
-    v = np.concatenate([np.full(33, v0), np.full(33, v1), v0 + t * (v1 - v0), v0 + t * (v1 - v0)])
-    return u, v
-
-
-def _plane_step(shop, radius_mm, ridge_mm):
-    """Function (low, high) -> widest plane step for planes between two across coordinates.
-
-    Across the surface the step follows from the curvature there; the planes' own distance is that
-    times the cosine of the surface's slope across (FORMULAS 4).
-    """
-    samples, k = shop.samples, shop.plane.across
-    usable = samples.across_per_mm * radius_mm > -0.98      # a hollow that the ball does not enter
-    chord = stepover_for_scallop_mm(radius_mm, ridge_mm, samples.across_per_mm[usable])
-    slope = np.sqrt(np.maximum(1.0 - samples.normal[usable][:, k] ** 2, 1e-6))
-    # neighbouring contacts lie on the surface, the planes cut the centres: closer together in a hollow
-    spread = 1.0 + radius_mm * samples.across_per_mm[usable]
-    allowed = chord * slope * np.minimum(spread, 1.0)
-    at = samples.point_mm[usable][:, k] + radius_mm * samples.normal[usable][:, k]
-    smallest = float(allowed.min())
-    # on a long face the samples lie farther apart than the planes: those on both sides count for what lies between
-    apart = float(np.diff(np.sort(at)).max(initial=0.0))
-    return smallest_step(at, allowed, margin_mm=max(smallest, ROWS_BESIDE * apart), elsewhere_mm=smallest)
+    def plan(self, work):
+        ball, candidates, reach = choose_ball(work.finishing_library, work.samples, work.hollow.radius_mm, work.mesh,
+                                              work.practice.rough_allowance_mm, work.finishing_work())
+        made = section_finishing.finish(work, self.title, ball, self.allowance_mm, work.finish.scallop_mm, candidates, reach)
+        return [made], reach.is_reached

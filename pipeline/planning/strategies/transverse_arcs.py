@@ -4,12 +4,16 @@ The main program of these passes is data and calls (pipeline/toolpaths/vane/arc_
 what they make of the rest is computed and told (pipeline/toolpaths/vane/cutter_surface.py), and the verdict measures it.
 """
 
-import numpy as np
+from typing import Literal
 
+import numpy as np
+from pydantic import Field
+
+from cuspline.design.operations import Operation, ToolWish
 from cuspline.kernel import brep
-from cuspline.planning.context import PLUNGE_SHARE, ROUGH_ALLOWANCE_MM, finite, ridge_for_step_mm
+from cuspline.planning.context import finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ball_reach, choose_ball, choose_side_cutter
-from cuspline.planning.strategies.roughing import roughed
+from cuspline.planning.roughing import roughed
 from cuspline.replay.replay import Fixture
 from cuspline.toolpaths.vane.arc_templates import BESIDE_MM, templated_passes
 from cuspline.toolpaths.vane.cutter_surface import cut_map
@@ -24,90 +28,118 @@ MAP_ROWS = 500              # of it that plan.json shows
 BOX_ROUNDING_MM = 1e-6
 
 
-def operations(shop):
+class TransverseArcs(Operation):
+    """On a vane: its controller's arcs across, after the stock is cleared: rough both ways, finish climb."""
+
+    kind = "transverse_arcs"
+    is_mended = False           # leaves what one arc a plane cannot cut, and says where; `sections` holds it
+    picture = """
+          .-.  .-.  .-.     one arc a plane, the planes an
+        _/   \\/   \\/   \\_   even interval apart in the ball's centre"""
+
+    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="of roughing")
+    allowance_mm: float = Field(0.254, gt=0, le=5, description="what the rough passes leave; the register is larger than "
+                                "the ball by it")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later; the register of the finish is smaller than "
+                              "the ball by it")
+    cutter: Literal["ball", "side"] = Field("ball", description="a ball, or a side cutter on a right-angle head, its axis "
+                                            "along the vane")
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or of a side cutter's teeth; "
+                                  "left out: the largest that fits")
+    section_plane: Literal["YZ"] = "YZ"
+
+    @property
+    def wish(self):
+        return None if self.ball_mm is None else ToolWish(type="ball", diameter_mm=self.ball_mm)
+
+    def plan(self, work):
+        return _operations(work)
+
+
+def _operations(work):
     """(operations, (n,) bool which samples are reached) of a vane.
 
     Raises:
         PlanError: the design is no vane, lies another way in this setup, or its billet is wider than its body.
         CutterDoesNotFit: no ball fits, or the tip line's valley is tighter than it.
     """
-    tip, half_mm = _vane(shop)
-    within_mm = _range_mm(shop)
-    is_side = shop.setup.cutter == "side"
-    balls = shop.library if is_side else shop.finishing_library
-    ball, candidates, reach = choose_ball(balls, shop.samples, shop.hollow.radius_mm, shop.mesh,
-                                          ROUGH_ALLOWANCE_MM, shop.finishing_work())
-    made = [o for o in roughed(shop, ball, reach.is_reached, lambda: None) if o is not None]
+    tip, half_mm = _vane(work)
+    within_mm = _range_mm(work)
+    is_side = work.operation.cutter == "side"
+    balls = work.library if is_side else work.finishing_library
+    ball, candidates, reach = choose_ball(balls, work.samples, work.hollow.radius_mm, work.mesh,
+                                          work.practice.rough_allowance_mm, work.finishing_work())
+    made = [o for o in roughed(work, ball, reach.is_reached, lambda: None) if o is not None]
     tool, is_reached = ball, reach.is_reached
     if is_side:
-        tool, candidates = choose_side_cutter(shop.library, shop.hollow.radius_mm, shop.setup.ball_mm)
-        is_reached = ball_reach(shop.samples, shop.mesh, tool.cutter.corner_radius_mm).is_reached
-    allowance, plating = shop.setup.allowance_mm, shop.setup.plating_mm
-    ridge_mm = ridge_for_step_mm("finish", shop.design.finish.scallop_mm, shop.design.finish)
-    made.append(_passes(shop, "rough passes", tool, tip, within_mm, half_mm, allowance, ROUGH_RIDGE_MM, {}))
+        tool, candidates = choose_side_cutter(work.library, work.hollow.radius_mm, work.operation.ball_mm)
+        is_reached = ball_reach(work.samples, work.mesh, tool.cutter.corner_radius_mm).is_reached
+    allowance, plating = work.operation.allowance_mm, work.operation.plating_mm
+    ridge_mm = ridge_for_step_mm("finish", work.finish.scallop_mm, work.finish)
+    made.append(_passes(work, "rough passes", tool, tip, within_mm, half_mm, allowance, ROUGH_RIDGE_MM, {}))
     radius = tool.cutter.corner_radius_mm
     facts = {"candidates": [c.as_dict() for c in candidates], "plating_mm": plating,
-             "min_concave_radius_mm": finite(shop.hollow.radius_mm),
-             "min_concave_place_mm": shop.in_part(shop.hollow.place_mm),
+             "min_concave_radius_mm": finite(work.hollow.radius_mm),
+             "min_concave_place_mm": work.in_part(work.hollow.place_mm),
              "cut_map": map_facts(cut_map(tip.between(*within_mm), radius, radius - plating, MAP_PITCH_RADII * radius),
                                  tip.half_arc_rad)}
-    made.append(_passes(shop, "finish", tool, tip, within_mm, half_mm, -plating, ridge_mm, facts))
+    made.append(_passes(work, "finish", tool, tip, within_mm, half_mm, -plating, ridge_mm, facts))
     return made, is_reached
 
 
-def _vane(shop):
+def _vane(work):
     """(CircularTip in the frame of the setup's moves, half width of the body)."""
-    tip, setup = shop.design.tip, shop.setup
+    tip, setup = work.design.tip, work.setup
     if tip is None:
-        raise PlanError(f"{setup.name}: transverse arcs follow a vane's tip, and {shop.design.name} says none "
+        raise PlanError(f"{setup.name}: transverse arcs follow a vane's tip, and {work.design.name} says none "
                         "(Design.tip): choose another strategy")
     if np.abs(setup.turn.rotation - np.eye(3)).max() > 1e-9:
         raise PlanError(f"{setup.name}: transverse arcs need the vane along the machine's X, its tip up: wcs_x is "
                         f"{setup.wcs_x}, wcs_z {setup.wcs_z}; make them (1, 0, 0) and (0, 0, 1)")
-    half = float(max(-shop.box[0][1], shop.box[1][1]))
-    wide = float(max(-shop.stock_min_mm[1], shop.stock_max_mm[1]))
+    half = float(max(-work.box[0][1], work.box[1][1]))
+    wide = float(max(-work.stock_min_mm[1], work.stock_max_mm[1]))
     if wide > half + BESIDE_MM - BOX_ROUNDING_MM:
         raise PlanError(f"{setup.name}: transverse arcs go down beside the body, {half:.3f} mm from the mid-plane, and "
                         f"the billet reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
-    if setup.plating_mm > shop.design.finish.gouge_mm:
-        raise PlanError(f"{setup.name}: a plating of {setup.plating_mm:g} mm leaves the metal that far below the "
-                        f"plated surface, and finish.gouge_mm accepts {shop.design.finish.gouge_mm:g} mm: raise it")
+    if work.operation.plating_mm > work.finish.gouge_mm:
+        raise PlanError(f"{setup.name}: a plating of {work.operation.plating_mm:g} mm leaves the metal that far below the "
+                        f"plated surface, and finish.gouge_mm accepts {work.finish.gouge_mm:g} mm: raise it")
     return tip, half
 
 
-def _range_mm(shop):
+def _range_mm(work):
     """(first, last) x of the faces that this setup cuts."""
-    boxes = [brep.bounding_box_mm(shop.faces[i].shape) for i in shop.wanted]
+    boxes = [brep.bounding_box_mm(work.faces[i].shape) for i in work.wanted]
     return min(low[0] for low, _ in boxes), max(high[0] for _, high in boxes)
 
 
-def _passes(shop, name, tool, tip, within_mm, half_mm, over_mm, ridge_mm, facts):
+def _passes(work, name, tool, tip, within_mm, half_mm, over_mm, ridge_mm, facts):
     """One operation over a stretch (first, last) x of the tip.
 
     The register is larger than the ball, or the disc's teeth, by `over_mm`.
     """
-    radius, control = tool.cutter.corner_radius_mm, shop.machine.control
+    radius, control = tool.cutter.corner_radius_mm, work.machine.control
     along = stretches(tip, radius, ridge_mm, control.resolution_mm, within_mm)
     steps = arc_steps(tip, radius, np.concatenate([s.planes for s in along]))
-    rpm, feed = shop.speeds(tool, is_rough=False)
+    rpm, feed = work.speeds(tool, is_rough=False)
     passes = templated_passes(
         along, steps, flank_rad=tip.flank_half_angle_rad, register_mm=radius + over_mm,
         ball_radius_mm=0.0 if tool.head else radius,
-        half_width_mm=half_mm, clearance_z_mm=shop.clearance_z_mm, feed_mm_per_min=feed,
-        slow_mm_per_min=PLUNGE_SHARE * feed, restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
+        half_width_mm=half_mm, clearance_z_mm=work.clearance_z_mm, feed_mm_per_min=feed,
+        slow_mm_per_min=work.practice.plunge_share * feed, restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
     if tool.head is not None:
         passes = with_wheel(passes, tool)
         facts = {**facts, "head": tool.head.name, "wheel_mm": round(tool.wheel_mm, 6)}
-        boxes = [Fixture(name=f.name, min_mm=tuple(f.box_mm[0]), max_mm=tuple(f.box_mm[1])) for f in shop.fixtures]
-        refuse_interference(passes.moves(), tool, boxes, shop.machine.spindle_head)
+        boxes = [Fixture(name=f.name, min_mm=tuple(f.box_mm[0]), max_mm=tuple(f.box_mm[1])) for f in work.fixtures]
+        refuse_interference(passes.moves(), tool, boxes, work.machine.spindle_head)
     intervals = [float(s.interval_mm) for s in along]
     facts = {"allowance_mm": over_mm if over_mm > 0 else 0.0, "scallop_mm": ridge_mm,
              "register_mm": round(radius + over_mm, 6),
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(max(intervals), 6),
              "stepover_min_mm": round(min(intervals), 6), "passes": len(steps), "section_plane": "YZ",
              "matching_passes": int(steps.is_matching.sum()), "restart_points": len(passes.restarts),
-             "strategy": shop.setup.strategy, "links": "zig-zag" if over_mm > 0 else "one-way", **facts}
-    return shop.operation_of_passes(name, tool, rpm, passes, facts)
+             "strategy": work.operation.kind, "links": "zig-zag" if over_mm > 0 else "one-way", **facts}
+    return work.measured_passes(name, tool, rpm, passes, facts)
 
 
 def map_facts(found, half_arc_rad):

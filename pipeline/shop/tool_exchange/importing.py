@@ -8,7 +8,9 @@ from pydantic import ValidationError
 from cuspline.shop.cutters import Cutter, Holder, Tool, ToolLibrary
 from cuspline.shop.tool_exchange.freecad import freecad_tools
 from cuspline.shop.tool_exchange.fusion import fusion_holders, fusion_tools
+from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
+from cuspline.values.input_files import refuse_irregular
 from cuspline.values.models import complaints
 
 OVERALL_MM, SHANK_MM, HOLDER_MM = (20.0, 600.0), (1.5, 130.0), (5.0, 300.0)   # what stands in mill spindles
@@ -76,6 +78,7 @@ def import_tools(path, *, holder=None, holders=(), stick_out_mm=None, is_renumbe
     path = Path(path)
     if path.suffix not in READERS:
         raise InputError(f"{path}: a tool library to import is one of {', '.join(READERS)}")
+    refuse_irregular(path, "tool library")
     if not path.is_file():
         raise InputError(f"tool library {path} does not exist")
     foreign = READERS[path.suffix](path)
@@ -122,7 +125,7 @@ def _refuse_incomplete(path, tools):
                              ("number", "number", "--renumber")):
         lacking = [f.name for f in tools if not f.skipped_because and getattr(f, field) is None]
         if lacking:
-            raise InputError(f"{path}: {len(lacking)} tools have no {what} ({', '.join(lacking[:5])}"
+            raise InputError(f"{path}: {counted(len(lacking), 'tool')} without a {what} ({', '.join(lacking[:5])}"
                              f"{', ...' if len(lacking) > 5 else ''}): it is never guessed; write it into the file, "
                              f"or give it with {way}")
 

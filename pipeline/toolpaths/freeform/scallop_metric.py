@@ -7,7 +7,7 @@ feed runs.  When the tip moves by dP the contact moves by dS and the normal turn
 
     8 h |dP|² = K(dS, dS) + <dS, dn>,       K = bending of the cutter;  ball: <dS, dC> / r,  C = S + r n
 
-    ball on a surface bent by k across: step = sqrt(8 h / (1/r + k)), FORMULAS of stepover.py to order h/r
+    ball on a surface bent by k across: step = sqrt(8 h / (1/r + k)), docs/formulas.md 5 to order h/r
 
 All of it comes from where the cutter rests and what it touches, over a grid of (x, y): nothing is asked
 of the surface but contacts.  Where the cutter rolls over an edge the contact stands still and no scallop

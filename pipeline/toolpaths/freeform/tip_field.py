@@ -93,7 +93,7 @@ class TipField:
         return np.where(outside, np.inf, value)
 
 
-def tip_field(dropper, wanted, box_mm, pitch_mm, run_over_mm=0.0):
+def tip_field(dropper, wanted, box_mm, pitch_mm, run_over_mm=0.0, may_be_empty=False):
     """Lower the cutter over a grid that covers every position from which it touches the wanted faces.
 
     Args:
@@ -103,6 +103,7 @@ def tip_field(dropper, wanted, box_mm, pitch_mm, run_over_mm=0.0):
         pitch_mm: distance of the nodes.
         run_over_mm: how far the cutter may roll over the outer edges of the wanted faces, in plan; up to a
             pitch more is taken.
+        may_be_empty: walls alone: from above the cutter touches none of them.
     Returns:
         TipField.
     Raises:
@@ -120,7 +121,7 @@ def tip_field(dropper, wanted, box_mm, pitch_mm, run_over_mm=0.0):
     contacts = dropper.contacts(nodes.reshape(-1, 2))
     back = lambda column: _to_and_fro(np.asarray(column).reshape(*counts, *np.shape(column)[1:]))
     core, rim = back(contacts.touches(wanted)), back(contacts.touches_rim(wanted))
-    if not core.any():
+    if not core.any() and not may_be_empty:
         raise ToolpathError(f"a cutter of radius {dropper.radius_mm} mm touches none of the faces {list(wanted)} "
                             f"from above on a grid of {pitch_mm} mm: choose other faces or a smaller cutter")
     # the faces' border lies up to a pitch beyond the last node that touches them

@@ -6,7 +6,7 @@ On the flanks n_c is the same all the way down.  Where general and matching sect
 ball's radius the neighbour may reach lower than the map says.  Where the envelope turns back on itself (the ball is
 larger than a hollow of the cutter surface allows) the true cut is deeper than s: those places are marked.
 
-Source: FORMULAS 1 (Crandall and Stovall): "s = c - Rc n_c", n_c by differentiating along and across.
+Source: docs/formulas.md 1 (Crandall and Stovall): "s = c - Rc n_c", n_c by differentiating along and across.
 """
 
 from dataclasses import dataclass

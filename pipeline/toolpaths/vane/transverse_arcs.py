@@ -19,7 +19,7 @@ the offset for any register, to first order:
 
     swell + lift = sqrt(1 + s²),   swell + lift sin α = sqrt(1 + s² sin² α)   s the slope, α the flanks' angle
 
-Source: FORMULAS 1 (Crandall and Stovall, whose arc is the section at the contact, lowered); that it meets the flanks
+Source: docs/formulas.md 1 (Crandall and Stovall, whose arc is the section at the contact, lowered); that it meets the flanks
 too is ours, from the support function of the offset's section.
 """
 
@@ -140,7 +140,7 @@ def contacts_mm(tip, ball_radius_mm, center_x_mm):
         (n,) xs with xs + Rc n_x(xs) = xc.
     Raises:
         CutterDoesNotFit: a valley of the tip line is tighter than the ball: the map from xs to xc turns back there.
-    Source: FORMULAS 1.
+    Source: docs/formulas.md 1.
     """
     return _contacts_mm(_crest(tip), "the tip line", tip.range_mm, ball_radius_mm, center_x_mm)
 
@@ -209,7 +209,7 @@ def widest_interval_mm(tip, ball_radius_mm, ridge_mm, x_mm):
     Looked at round the arc: the crest is not always the worst place, for on the arc's sides the surface runs less
     steeply but no flatter.
 
-    Source: FORMULAS 4; contacts a chord apart along the surface lie chord · cos(slope) apart in x, centres
+    Source: docs/formulas.md 5; contacts a chord apart along the surface lie chord · cos(slope) apart in x, centres
     1 + Rc κ times that.
     """
     turns = np.linspace(0.0, tip.half_arc_rad, LOOKS_ROUND)

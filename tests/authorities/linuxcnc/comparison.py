@@ -15,12 +15,13 @@ CENTER_MM = 1e-7        # a centre by R, near a half circle, has half the digits
 FEED_RELATIVE = 1e-9
 
 
-def assert_same_moves(program_path, tool_table_path, work_offset, wcs="G54"):
+def assert_same_moves(program_path, tool_table_path, work_offset, wcs="G54", left_over_mm=(0.0, 0.0, 0.0)):
     """The interpreter accepts a program and makes the moves that our reader reads.
 
     Args:
         tool_table_path: LinuxCNC tool table in mm, such as outputs/<design>/tools.tbl.
         work_offset: (x, y, z) machine coordinates of the WCS origin, mm.
+        left_over_mm: shift by G92 that the interpreter starts with, and the reader knows nothing of.
     Returns:
         PostedMoves as read.
     Raises:
@@ -29,7 +30,7 @@ def assert_same_moves(program_path, tool_table_path, work_offset, wcs="G54"):
     """
     tools, offsets = tool_lengths_from_table(tool_table_path), {wcs: tuple(work_offset)}
     moves = read_program(Path(program_path).read_text(), work_offsets=offsets, tool_lengths=tools)
-    truth = interpret(program_path, tool_lengths=tools, work_offsets=offsets)
+    truth = interpret(program_path, tool_lengths=tools, work_offsets=offsets, left_over_mm=left_over_mm)
     assert truth.error == "", f"LinuxCNC refuses {program_path}, line {truth.error_line}: {truth.error}"
     assert truth.ended == moves.ended, f"{program_path}: only one of the two reached M2"
     assert len(moves) == len(truth.kind), f"{program_path}: {len(moves)} moves, LinuxCNC makes {len(truth.kind)}"

@@ -48,19 +48,22 @@ def missing():
     return "" if probe.returncode == 0 else f"{SYSTEM_PYTHON} has no module gcode (run .ci/install_linuxcnc.sh)"
 
 
-def interpret(program_path, *, tool_lengths, work_offsets):
+def interpret(program_path, *, tool_lengths, work_offsets, left_over_mm=(0.0, 0.0, 0.0)):
     """Run a program through LinuxCNC's interpreter.
 
     Args:
         tool_lengths: {number: mm}.
         work_offsets: {"G54": (x, y, z) mm, ...}.
+        left_over_mm: the shift by G92 or G52 that a program before has left in force.
     Raises:
         RuntimeError: the interpreter itself failed; a refused program is no exception.
     """
     with tempfile.TemporaryDirectory(prefix="rs274.") as folder:
         folder, program = Path(folder), Path(program_path).resolve()
-        error, ended = _verdict(program, folder, tool_lengths, work_offsets)
-        calls, module_error, line = _calls(program, folder, tool_lengths, work_offsets)
+        write_parameters(folder / "inch.var", work_offsets, left_over_mm, 1 / MM_PER_INCH)
+        write_parameters(folder / "mm.var", work_offsets, left_over_mm)
+        error, ended = _verdict(program, folder, tool_lengths)
+        calls, module_error, line = _calls(program, folder, tool_lengths)
     return _Listing(work_offsets).interpreted(calls, error or module_error, line, ended)
 
 
@@ -86,9 +89,10 @@ def _offsets(tool_lengths):
     return {n: tuple(mm) if np.ndim(mm) else (0.0, 0.0, mm) for n, mm in tool_lengths.items()}
 
 
-def write_parameters(path, work_offsets, scale=1.0):
+def write_parameters(path, work_offsets, left_over_mm=(0.0, 0.0, 0.0), scale=1.0):
     """A LinuxCNC parameter file; all that it requires must be there, in rising order."""
     values = dict.fromkeys([*range(5161, 5170), *range(5181, 5190), *range(5210, 5220)], 0.0) | {5220: 1.0}
+    values |= {5210: float(any(left_over_mm))} | {5211 + k: mm * scale for k, mm in enumerate(left_over_mm)}
     for index, name in enumerate(WCS_NAMES):
         base = 5221 + 20 * index
         values |= dict.fromkeys(range(base, base + 10), 0.0)
@@ -96,10 +100,9 @@ def write_parameters(path, work_offsets, scale=1.0):
     Path(path).write_text("".join(f"{number}\t{values[number]:.15f}\n" for number in sorted(values)))
 
 
-def _verdict(program, folder, tool_lengths, work_offsets):
+def _verdict(program, folder, tool_lengths):
     """(error, ended) by the rs274 program, which takes its tables in inches always."""
     write_tool_table(folder / "inch.tbl", tool_lengths, 1 / MM_PER_INCH)
-    write_parameters(folder / "inch.var", work_offsets, 1 / MM_PER_INCH)
     run = _run([RS274, "-g", "-n", "2", "-t", "inch.tbl", "-v", "inch.var", str(program), "listing.txt"], folder)
     if run.returncode not in (0, 1):
         raise RuntimeError(f"rs274 died with status {run.returncode}: {run.stderr[-400:]}")
@@ -108,12 +111,11 @@ def _verdict(program, folder, tool_lengths, work_offsets):
     return ((said or ["refused without a word"])[0] if run.returncode else ""), ended
 
 
-def _calls(program, folder, tool_lengths, work_offsets):
+def _calls(program, folder, tool_lengths):
     """(canonical calls, error, line) by the gcode module."""
     shutil.rmtree(folder / "home", ignore_errors=True)
     (folder / "home").mkdir()
     write_tool_table(folder / "mm.tbl", tool_lengths)
-    write_parameters(folder / "mm.var", work_offsets)
     job = {"program": str(program), "tools": sorted(_offsets(tool_lengths).items()),
            "tool_table": str(folder / "mm.tbl"),
            "parameters": str(folder / "mm.var"), "home": str(folder / "home"),
@@ -139,6 +141,7 @@ class _Listing:
 
     def __init__(self, work_offsets):
         self.offset_mm, self.length_mm = np.array(work_offsets.get("G54", (0.0,) * 3)), np.zeros(3)
+        self.shift_mm = np.zeros(3)
         self.plane, self.feed, self.tool = 0, 0.0, 0
         self.end_mm, self.rows = np.zeros(3), []
 
@@ -156,7 +159,7 @@ class _Listing:
     def _add(self, kind, line, end_mm, center_mm=(np.nan,) * 3, turns=0):
         self.end_mm = np.array(end_mm)
         plane = self.plane if kind > 1 else 0
-        self.rows.append((kind, *end_mm, *(self.end_mm + self.offset_mm + self.length_mm), *center_mm, plane,
+        self.rows.append((kind, *end_mm, *(self.end_mm + self.offset_mm + self.shift_mm + self.length_mm), *center_mm, plane,
                           turns, self.feed if kind else 0.0, self.tool, line))
 
     def straight_traverse(self, line, values):
@@ -189,8 +192,9 @@ class _Listing:
     def tool_changed(self, line, values):
         self.tool = values[0]
 
-    def must_be_zero(self, line, values):
-        if any(values[:3]):
-            raise RuntimeError(f"line {line}: an axis offset or rotation, which the comparison does not know")
+    def set_g92_offset(self, line, values):
+        self.shift_mm = np.array(values[:3]) * MM_PER_INCH
 
-    set_g92_offset = set_xy_rotation = must_be_zero
+    def set_xy_rotation(self, line, values):
+        if any(values[:3]):
+            raise RuntimeError(f"line {line}: a rotation, which the comparison does not know")

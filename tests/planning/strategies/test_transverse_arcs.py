@@ -9,21 +9,22 @@ from known_vanes import wavy_tip
 from cuspline.app.catalogue import find_design, find_library, find_machine
 from cuspline.design import Finish, Setup
 from cuspline.planning.plan import plan_setup
-from cuspline.planning.strategies.transverse_arcs import operations
+from cuspline.planning.strategies.transverse_arcs import TransverseArcs
 from cuspline.posts.writers.linuxcnc import post
 from cuspline.program.program import Kind
 from cuspline.values.errors import PlanError
 
 
 def setup_of(**changes):
-    return Setup(name="setup-1", wcs_in_words="", faces=("tip",), strategy="transverse_arcs", **changes)
+    return Setup(name="setup-1", wcs_in_words="", faces=("tip",), **changes)
 
 
-def shop(tip=None, setup=None, stock_half_mm=9.0, gouge_mm=0.0025):
-    """As much of a Shop as is asked before anything is planned."""
+def work(tip=None, setup=None, stock_half_mm=9.0, gouge_mm=0.0025, plating_mm=0.0):
+    """As much of a PlanningContext as is asked before anything is planned."""
     finish = Finish(scallop_mm=0.005, profile_tolerance_mm=0.001, gouge_mm=gouge_mm)
     return SimpleNamespace(
-        design=SimpleNamespace(name="vane", tip=tip, finish=finish), setup=setup or setup_of(),
+        design=SimpleNamespace(name="vane", tip=tip), setup=setup or setup_of(), finish=finish,
+        operation=TransverseArcs(plating_mm=plating_mm),
         box=(np.array([0.0, -9.0, 0.0]), np.array([40.0, 9.0, 47.0])),
         stock_min_mm=np.array([0.0, -stock_half_mm, 0.0]), stock_max_mm=np.array([40.0, stock_half_mm, 48.0]))
 
@@ -32,10 +33,10 @@ def shop(tip=None, setup=None, stock_half_mm=9.0, gouge_mm=0.0025):
     ({}, r"vane says none \(Design.tip\): choose another strategy"),
     ({"tip": wavy_tip(), "setup": setup_of(wcs_x=(0, 1, 0))}, r"wcs_x is \(0.0, 1.0, 0.0\).*make them \(1, 0, 0\)"),
     ({"tip": wavy_tip(), "stock_half_mm": 12.0}, "billet reaches 12.000 mm: let it be at most 2 mm wider"),
-    ({"tip": wavy_tip(), "setup": setup_of(plating_mm=0.05)}, "finish.gouge_mm accepts 0.0025 mm: raise it")])
+    ({"tip": wavy_tip(), "plating_mm": 0.05}, "finish.gouge_mm accepts 0.0025 mm: raise it")])
 def test_what_is_no_such_vane_is_refused(asked, said):
     with pytest.raises(PlanError, match=said):
-        operations(shop(**asked))
+        TransverseArcs().plan(work(**asked))
 
 
 def test_a_vane_is_roughed_both_ways_and_finished_climb_with_one_register():

@@ -94,9 +94,9 @@ def test_a_library_of_nothing_but_strangers_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("tool, message", [
-    (fusion_tool(holder=None), "1 tools have no holder .flat end mill 1.*--holder NAME"),
-    (fusion_tool(LB=None), "1 tools have no stick-out.*--stick-out MM"),
-    (fusion_tool(number=0), "1 tools have no number.*--renumber")])
+    (fusion_tool(holder=None), "1 tool without a holder .flat end mill 1.*--holder NAME"),
+    (fusion_tool(LB=None), "1 tool without a stick-out.*--stick-out MM"),
+    (fusion_tool(number=0), "1 tool without a number.*--renumber")])
 def test_holder_stick_out_and_number_are_asked_for_and_never_guessed(tmp_path, tool, message):
     path = fusion_library(tmp_path / "shop.json", tool)
     with pytest.raises(InputError, match=message):
@@ -149,7 +149,7 @@ def test_a_file_that_is_no_library_is_refused_by_name(tmp_path, text):
 def test_a_freecad_library_comes_in_with_numbers_units_and_what_it_lacks(tmp_path):
     path = freecad_library(tmp_path, freecad_bit(), freecad_bit("Ballend", Diameter='0.25 "', ShankDiameter="0.25 in"),
                            freecad_bit("Bullnose", FlatRadius="4.0000 mm", Flutes=None))
-    with pytest.raises(InputError, match="3 tools have no holder"):
+    with pytest.raises(InputError, match="3 tools without a holder"):
         import_tools(path)
     done = completed(path)
     flat, ball, bull = done.library.tools
@@ -177,7 +177,7 @@ def test_a_bit_that_cannot_be_told_is_skipped_with_its_reason(tmp_path, bit, rea
 
 def test_one_bit_alone_needs_a_number(tmp_path):
     freecad_library(tmp_path, freecad_bit())
-    with pytest.raises(InputError, match="no number"):
+    with pytest.raises(InputError, match="without a number"):
         completed(tmp_path / "bit0.fctb")
     assert completed(tmp_path / "bit0.fctb", is_renumbered=True).library.tools[0].number == 1
 

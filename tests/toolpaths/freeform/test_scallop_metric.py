@@ -104,7 +104,7 @@ def test_a_bull_nose_on_a_slope_steps_by_its_effective_radius():
     s, n = contacts(slope, (0, 0))
     metric = scallop_metric(s, n, STEP_MM, radius_mm=R, corner_radius_mm=rc, scallop_mm=0.002)
     sine = slope / math.hypot(1, slope)
-    effective = rc + (R - rc) / sine                   # FORMULAS: across a feed up the slope
+    effective = rc + (R - rc) / sine                   # docs/formulas.md 5: across a feed up the slope
     up, level = steps(metric)
     assert level == pytest.approx(math.sqrt(8 * 0.002 * effective), rel=0.002)
     assert up * math.hypot(1, slope) == pytest.approx(math.sqrt(8 * 0.002 * rc), rel=0.002)

@@ -1,0 +1,180 @@
+"""Operations: what a setup is cut by, one after the other, each a frozen value that plans itself.
+
+A strategy is a subclass with a `kind`, in one file of `planning/strategies`; it is registered as it is imported.  Where
+a value is silent the design's speaks, then the shop's, then the material's.
+"""
+
+import re
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, field_validator, model_serializer
+
+from cuspline.values.models import Model, Point, complaints
+
+TYPES = {"ball": "ball", "flat": "flat", "bull": "bull_nose", "bull nose": "bull_nose", "bull_nose": "bull_nose",
+         "tapered ball": "tapered_ball", "tapered_ball": "tapered_ball"}
+WISH = re.compile(r"(?P<type>[a-z_ ]+?)\s*(?:(?P<rule><=|>=|<|>)?\s*(?P<diameter>\d+(?:\.\d+)?))?(?:\s+r\s*(?P<corner>\d+(?:\.\d+)?))?")
+SAME_MM = 1e-6              # measures that are the same
+REGISTERED = {}             # kind -> class
+
+
+class Operation(Model):
+    """What every operation says."""
+
+    kind: ClassVar[str] = ""
+    picture: ClassVar[str] = ""         # for `cuspline strategies`
+    is_mended: ClassVar[bool] = True    # what a check finds too high after it gets clean-up passes
+
+    name: str | None = Field(None, min_length=1, max_length=40, pattern=r"^[A-Za-z0-9 ._+-]+$",
+                             description="what program, report and findings call it; left out: its kind")
+    faces: tuple[str, ...] | None = Field(None, min_length=1, description="names of the faces it cuts; left out: the setup's")
+    tool: int | str | None = Field(
+        None, description='a tool by number (5), by type and size ("flat 16", "bull 12 r2") or by a rule ("ball <= 10"); '
+        "left out: chosen by the faces' curvature")
+    spindle_rpm: float | None = Field(None, gt=0, description="left out: from the material's cutting speed")
+    feed_mm_per_min: float | None = Field(None, gt=0, description="left out: from the material's feed a tooth")
+    coolant: Literal["flood", "mist", "off"] | None = Field(None, description="left out: the material's")
+    clearance_mm: float | None = Field(None, gt=0, le=500, description="rapids of the setup run at least so far above "
+                                       "stock and fixtures; left out: the shop's")
+    tool_axis: Point | None = Field(None, description="unit vector towards the spindle, part coordinates; left out: the "
+                                    "setup's Z")
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs):
+        super().__pydantic_init_subclass__(**kwargs)
+        if "kind" in cls.__dict__:
+            REGISTERED[cls.kind] = cls
+
+    @field_validator("tool")
+    @classmethod
+    def _tool_is_understood(cls, wish):
+        if isinstance(wish, str):
+            ToolWish.of(wish)
+        return wish
+
+    @model_serializer(mode="wrap")
+    def _with_its_kind(self, dump):
+        return {"kind": self.kind, **{key: value for key, value in dump(self).items() if value is not None}}
+
+    @property
+    def title(self):
+        """What program and report call it."""
+        return self.name or self.kind.replace("_", " ")
+
+    @property
+    def wish(self):
+        """ToolWish, or None."""
+        return None if self.tool is None else ToolWish.of(self.tool)
+
+    def plan(self, work):
+        """The operation as it is cut.
+
+        Args:
+            work: planning.context.PlanningContext of this operation, with the stock that really stands.
+        Returns:
+            (list of PlannedOperation, (n,) bool: which of `work.samples` are reached).
+        Raises:
+            PlanError, CutterDoesNotFit, ToolpathError: what cannot be done, where, and how to mend it.
+        """
+        raise NotImplementedError
+
+
+class Clearing(Operation):
+    """What operations say that take the stock away in levels."""
+
+    allowance_mm: float | None = Field(None, ge=0, le=20, description="material to leave; left out: the shop's")
+    stepdown_mm: float | None = Field(None, gt=0, le=100, description="left out: the material's share of the diameter")
+    stepover_mm: float | None = Field(None, gt=0, le=200, description="largest radial depth of cut; left out: the shop's")
+    ramp_deg: float | None = Field(None, gt=0, lt=45, description="of the way down into stock; left out: the shop's")
+
+
+class Finishing(Operation):
+    """What operations say that cut faces to their finish."""
+
+    scallop_mm: float | None = Field(None, gt=0, le=5, description="largest cusp; left out: the design's, never more")
+    profile_tolerance_mm: float | None = Field(None, gt=0, le=5, description="left out: the design's, never more")
+    gouge_mm: float | None = Field(None, gt=0, le=5, description="left out: the design's, never more")
+    allowance_mm: float = Field(0.0, ge=0, le=20, description="material to leave for a later operation")
+    stepover_mm: float | None = Field(None, gt=0, le=100, description="largest; left out: what the cusp allows")
+    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="to and fro, or all one way")
+    lead_radius_mm: float | None = Field(None, ge=0, le=50, description="of the arcs in and out; left out: the shop's")
+    steep_deg: float = Field(90.0, ge=20, le=90, description="walls steeper than this get waterline passes; 90: none do")
+
+
+class ToolWish(Model):
+    """Which tools of a library an operation may take."""
+
+    number: int | None = None
+    type: str | None = None
+    rule: Literal["", "<=", ">=", "<", ">"] = ""
+    diameter_mm: float | None = None
+    corner_radius_mm: float | None = None
+
+    @classmethod
+    def of(cls, wish):
+        """From a number or a text.
+
+        Raises:
+            ValueError: it is not understood.
+
+        >>> ToolWish.of("ball <= 10").diameter_mm, ToolWish.of("bull 12 r2").corner_radius_mm
+        (10.0, 2.0)
+        """
+        if isinstance(wish, int):
+            return cls(number=wish)
+        text = " ".join(wish.lower().split())
+        if number := re.fullmatch(r"t?(\d{1,5})", text):
+            return cls(number=int(number[1]))
+        found = WISH.fullmatch(text)
+        if not found or found["type"].strip() not in TYPES:
+            raise ValueError(f"tool {wish!r} is not understood: give a number (5), a type and diameter (flat 16, bull 12 r2) "
+                             f"or a rule (ball <= 10); types: {', '.join(sorted(set(TYPES) - {'bull_nose', 'tapered_ball'}))}")
+        return cls(type=TYPES[found["type"].strip()], rule=found["rule"] or "",
+                   diameter_mm=float(found["diameter"]) if found["diameter"] else None,
+                   corner_radius_mm=float(found["corner"]) if found["corner"] else None)
+
+    def allows(self, tool):
+        """Whether a shop.cutters.Tool is one of them."""
+        if self.number is not None:
+            return tool.number == self.number
+        d, c = tool.cutter.diameter_mm, tool.cutter
+        size = self.diameter_mm is None or {
+            "": abs(d - self.diameter_mm) < SAME_MM, "<=": d < self.diameter_mm + SAME_MM,
+            ">=": d > self.diameter_mm - SAME_MM, "<": d < self.diameter_mm - SAME_MM,
+            ">": d > self.diameter_mm + SAME_MM}[self.rule]
+        corner = self.corner_radius_mm is None or abs(c.corner_radius_mm - self.corner_radius_mm) < SAME_MM
+        return c.type == self.type and size and corner
+
+    @property
+    def in_words(self):
+        """For messages.
+
+        >>> ToolWish.of("ball <= 10").in_words, ToolWish.of(5).in_words
+        ('ball <= 10', 'T5')
+        """
+        if self.number is not None:
+            return f"T{self.number}"
+        corner = "" if self.corner_radius_mm is None else f" r{self.corner_radius_mm:g}"
+        size = "" if self.diameter_mm is None else f" {self.rule} {self.diameter_mm:g}".replace("  ", " ")
+        return f"{self.type.replace('_', ' ')}{size}{corner}"
+
+
+def operation_of(value):
+    """An Operation out of a job file's table, by its `kind`; an Operation stays what it is.
+
+    Raises:
+        ValueError: there is no such kind, or something in it is wrong.
+    """
+    if not isinstance(value, dict):
+        return value
+    kind = value.get("kind")
+    if kind not in REGISTERED:
+        raise ValueError(f"there is no operation of kind {kind!r}; there are {', '.join(sorted(REGISTERED))}")
+    known = REGISTERED[kind]
+    try:
+        return known(**{key: v for key, v in value.items() if key != "kind"})
+    except ValidationError as error:
+        raise ValueError(f"{kind}: {complaints(error, known)}") from None
+
+
+AnyOperation = Annotated[SerializeAsAny[Operation], BeforeValidator(operation_of)]

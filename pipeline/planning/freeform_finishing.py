@@ -1,0 +1,319 @@
+"""Finishing on any part: passes over the region where the ball touches the faces wanted, walls by waterlines.
+
+The region is seen from above.  Where the faces stand steeper than the setup's limit a level step says little
+about the cusp: there the ball goes round at constant height instead.
+"""
+
+import math
+
+import numpy as np
+
+from cuspline.kernel.brep import bounding_box_mm
+from cuspline.planning.context import ROUND, finite, path_tolerance_mm, ridge_for_step_mm
+from cuspline.program.program import Moves
+from cuspline.scallop.stepover import scallop_for_stepover_mm, stepover_for_scallop_mm
+from cuspline.surfaces.curvature import sample_faces
+from cuspline.toolpaths.freeform.clean_up_passes import region_left
+from cuspline.toolpaths.freeform.iso_scallop_passes import boundary_curves, constant_scallop_curves
+from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
+from cuspline.toolpaths.freeform.scallop_region import ground_of
+from cuspline.toolpaths.freeform.spiral_passes import spiral_curve
+from cuspline.toolpaths.freeform.tip_field import tip_field
+from cuspline.toolpaths.freeform.tip_links import TipLinkRules, moves_of_tip_paths
+from cuspline.toolpaths.freeform.tip_paths import PathRules, tip_paths
+from cuspline.toolpaths.freeform.wall_passes import wall_paths
+from cuspline.toolpaths.freeform.waterline import waterlines
+from cuspline.toolpaths.roughing.stock_fields import swept_by_lines
+from cuspline.toolpaths.sections.profile_passes import planes_across, smallest_step
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import PlanError
+
+NODES_A_STEP = 5.0          # grid nodes between neighbouring passes on level ground
+LATERAL_SHARE = 0.02        # of a step, that a move may leave its curve in plan
+BRIDGE_STEPS = 4.0          # gaps in the region up to so many steps are crossed without lifting
+WALL_GRID_STEPS = 1.5       # steps between the grid lines on which waterlines are looked for
+WALL_OVERLAP_RAD = math.radians(3.0)        # wall passes reach that much beyond the limit of steepness
+ASIDE_MM = 2e-3             # from a wall, where nothing else holds the cutter up
+HANGS = 1e-3                # an overhang by more than this cannot be cut from above
+SEMI_TOLERANCE_MM = 0.01    # of a path that leaves an allowance
+TERRACE_MM = 3.0            # what roughing leaves on its steps before a semi-finish
+LEVEL_SHARE = 1 / 1.15      # of the ridge: level lines hold it within 8 % (level_passes), and more hides between nodes
+PARALLEL_SHARE = 0.92       # of the ridge: what is found between the nodes of the grid
+TOUCH_UP_RIDGES = (0.5, 0.25)   # of the ridge, one round after the other
+TOUCH_UP_SHARE = 0.9        # of the cusp: what is left in so many places between the nodes may be a little more
+TOUCH_UP_STEPS = 0.6        # how far the touch-up reaches beyond
+LINK_STEPS = 3.0            # links along the surface are no longer than that
+HOP_RADII = 6.0             # links over what lies between
+FLAT_STEP_SHARE = 0.1       # of its radius: how closely a flat cutter's waterlines are looked for
+TOUCHING_MM = 0.02         # a bull nose or flat cutter nearer to a face than that touches it
+RIM_STEPS = 3               # until the nearest place of a bull nose's corner stands still
+TERRACE_SHARE = 0.8         # of its flutes a flat cutter goes deep beside an upright wall
+RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls by 0.13 of its radius, whatever stands there
+OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
+
+
+def finish(work, name, tool, allowance_mm, scallop_mm, candidates):
+    """Passes over all faces wanted with one ball.
+
+    Args:
+        work: PlanningContext.
+        name: of the operation.
+        tool: the ball.
+        allowance_mm: material to leave.
+        scallop_mm: largest cusp.
+        candidates: what else was looked at, for plan.json.
+    """
+    practice = work.practice
+    left_mm = (practice.rough_allowance_mm + practice.finish_depth_share * tool.cutter.diameter_mm if allowance_mm == 0.0
+               else TERRACE_MM)
+    return _operation(work, name, tool, allowance_mm, scallop_mm, candidates, left_mm, lambda field: field)
+
+
+def rest(work, before, tool, candidates):
+    """Passes of a smaller ball where the finishing operations before leave more than the cusp.
+
+    Args:
+        before: PlannedOperation values of larger balls without allowance.
+    Returns:
+        PlannedOperation, or None where nothing is left.
+    """
+    scallop_mm = work.finish.scallop_mm
+    step = flat_step_mm(tool, ridge_for_step_mm("rest finish", scallop_mm, work.finish))
+    swept = [operation.swept_mm for operation in before]
+    region = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
+    left_mm = before[-1].tool.cutter.radius_mm
+    return _operation(work, "rest finish", tool, 0.0, scallop_mm, candidates, left_mm, region, swept)
+
+
+def passes_over(work, tool, candidates, swept=()):
+    """One operation as it is listed, on the stock that stands.
+
+    Args:
+        work: PlanningContext of an operation with `curves` and `pattern`.
+        tool: ball, bull nose, or tapered ball.
+        candidates: what else was looked at, for plan.json.
+        swept: height fields of what cutters swept before; with them only the region where they leave too much.
+    Returns:
+        PlannedOperation, or None where nothing is left.
+    """
+    operation, scallop_mm = work.operation, work.finish.scallop_mm
+    if tool.cutter.corner_radius_mm == 0.0:
+        raise PlanError(f"{operation.title}: T{tool.number} {tool.cutter.name} has a sharp corner: on faces that are not level "
+                        "it leaves steps, no cusps; take a ball or bull nose, or the operations floor and waterline")
+    cut = lambda field: field
+    if swept:
+        step = flat_step_mm(tool, ridge_for_step_mm(operation.title, scallop_mm, work.finish))
+        cut = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
+    return _operation(work, operation.title, tool, operation.allowance_mm, scallop_mm, candidates, work.standing_mm(tool), cut,
+                      swept)
+
+
+def walls_alone(work, tool, candidates):
+    """Waterlines alone, round the faces that are steeper than the operation's limit.
+
+    Returns:
+        PlannedOperation, or None where no face is so steep.
+    """
+    operation, finish = work.operation, work.finish
+    tolerance, ridge_mm = path_tolerance_mm(finish), ridge_for_step_mm(operation.title, finish.scallop_mm, finish)
+    if operation.allowance_mm > 0.0:
+        tolerance, ridge_mm = SEMI_TOLERANCE_MM, max(finish.scallop_mm, 2 * SEMI_TOLERANCE_MM) - SEMI_TOLERANCE_MM
+    is_flat = tool.cutter.corner_radius_mm == 0.0
+    step = FLAT_STEP_SHARE * tool.cutter.radius_mm if is_flat else flat_step_mm(tool, ridge_mm)
+    field = _field(work, tool, operation.allowance_mm, step / NODES_A_STEP, may_be_empty=True)
+    walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step)
+    if not walls:
+        return None
+    rpm, feed = work.speeds(tool, is_rough=False)
+    moves = moves_of_tip_paths(walls, link_rules(work, field, tolerance, step, feed, work.standing_mm(tool)))
+    facts = {"allowance_mm": operation.allowance_mm, "scallop_mm": finish.scallop_mm, "segment_tolerance_mm": tolerance,
+             "ridge_for_step_mm": round(ridge_mm, 6), "strategy": operation.kind, "wall_passes": len(walls),
+             "levels": len({p.tips_mm[0, 2] for p in walls}), "links": operation.passes,
+             "candidates": [c.as_dict() for c in candidates]}
+    return work.measured(operation.title, tool, rpm, moves, facts)
+
+
+def _operation(work, name, tool, allowance_mm, scallop_mm, candidates, left_mm, cut, before=()):
+    """One operation over the region that `cut` makes of the whole one; None where nothing of it is left."""
+    tolerance, ridge_mm = path_tolerance_mm(work.finish), ridge_for_step_mm(name, scallop_mm, work.finish)
+    if allowance_mm > 0.0:
+        tolerance, ridge_mm = SEMI_TOLERANCE_MM, scallop_mm - SEMI_TOLERANCE_MM
+    if (widest := work.operation.stepover_mm) is not None:
+        ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(tool.cutter.corner_radius_mm, widest, 0.0)[0]))
+    step = flat_step_mm(tool, ridge_mm)
+    field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP))
+    if field is None:
+        return None
+    rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=BRIDGE_STEPS * step)
+    gentle = _gentle(field, math.radians(work.operation.steep_deg), OVERLAP_STEPS * step)
+    curves = work.operation.curves(gentle, tool.cutter, ridge_mm) if gentle is not None else []
+    paths = tip_paths(curves, gentle, rules) if curves else []
+    walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step)
+    touched = []
+    if paths and allowance_mm == 0.0:
+        touched = _touch_up(gentle, [*paths, *walls], before, scallop_mm, ridge_mm, step, rules)
+    paths += touched
+    if not paths and not walls:
+        raise PlanError(f"{name}: T{tool.number} {tool.cutter.name} touches none of the faces {work.face_names}: "
+                        "choose other faces or a smaller ball")
+    rpm, feed = work.speeds(tool, is_rough=False)
+    link = link_rules(work, field, tolerance, step, feed, left_mm)
+    moves = Moves.joined([moves_of_tip_paths(some, link) for some in (walls, paths) if some])
+    facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
+             "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), "strategy": work.operation.pattern,
+             "passes": len(paths), "wall_passes": len(walls), "touch_ups": len(touched),
+             "grid_mm": round(field.pitch_mm, 6),
+             "region_mm2": round(float(field.is_inside.sum()) * field.pitch_mm ** 2, 1), "links": work.operation.passes,
+             "min_concave_radius_mm": finite(work.hollow.radius_mm),
+             "min_concave_place_mm": work.in_part(work.hollow.place_mm),
+             "candidates": [c.as_dict() for c in candidates]}
+    return work.measured(name, tool, rpm, moves, facts)
+
+
+def _touch_up(field, paths, before, scallop_mm, ridge_mm, step_mm, rules):
+    """More passes where all that is planned leaves more than the cusp: closer ones, across what is left."""
+    more, cutter = [], field.dropper
+    for closer in TOUCH_UP_RIDGES:
+        mine = swept_by_lines([p.tips_mm for p in [*paths, *more]], cutter.radius_mm, cutter.corner_radius_mm)
+        left = region_left(field, [mine, *before], TOUCH_UP_SHARE * scallop_mm, TOUCH_UP_STEPS * step_mm)
+        if left is None:
+            break
+        more += tip_paths(parallel_curves(left, 0.0, closer * ridge_mm), left, rules)
+    return more
+
+
+def flat_step_mm(tool, ridge_mm):
+    """Step on a flat that leaves a ridge of that height; of a bull nose as if it were its corner's ball."""
+    radius_mm = tool.cutter.radius_mm if tool.cutter.type in ROUND else tool.cutter.corner_radius_mm
+    return float(stepover_for_scallop_mm(radius_mm, ridge_mm, 0.0)[0])
+
+
+def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False):
+    """Where the ball touches the faces wanted."""
+    boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
+    low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+    run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
+    dropper = work.dropper_of(tool.cutter, allowance_mm)
+    return tip_field(dropper, work.wanted, (low[:2], high[:2]), pitch_mm, run_over, may_be_empty)
+
+
+def run_over_mm(step_mm, radius_mm):
+    """How far the ball rolls over an outer edge: the last pass, up to a step before that, still cuts the edge clean.
+
+    A wide step would let it fall into the stock behind the edge by its whole radius, where no pass before has been.
+
+    >>> run_over_mm(0.5, 3.0), run_over_mm(2.5, 3.0)
+    (0.75, 1.5)
+    """
+    return max(min(OVERLAP_STEPS * step_mm, RUN_OVER_RADII * radius_mm), 0.5 * step_mm)
+
+
+def _gentle(field, steep_rad, overlap_mm):
+    """The part of a region that is cut as seen from above: the rest, but for an overlap, is left to the wall passes."""
+    steep = field.is_inside & ~(field.normal[..., 2] >= fixed.cos(steep_rad))
+    if not steep.any():
+        return field
+    seeds = field.is_inside & ~steep
+    return field.narrowed(seeds, overlap_mm) if seeds.any() else None
+
+
+def pattern_curves(pattern, field, cutter, ridge_mm, angle_rad=0.0):
+    """Passes seen from above, in plan.
+
+    Args:
+        pattern: parallel, constant_scallop, boundary or spiral.
+        field: TipField.   cutter: shop.cutters.Cutter.   ridge_mm: largest cusp.   angle_rad: of parallel passes.
+    """
+    if pattern == "parallel":
+        return parallel_curves(field, angle_rad, PARALLEL_SHARE * ridge_mm)
+    corner_mm = None if cutter.type in ROUND else cutter.corner_radius_mm
+    ground = ground_of(field, radius_mm=cutter.radius_mm, scallop_mm=LEVEL_SHARE * ridge_mm, corner_radius_mm=corner_mm)
+    if pattern == "spiral":
+        return [spiral_curve(ground)]
+    return (boundary_curves if pattern == "boundary" else constant_scallop_curves)(ground)
+
+
+def _wall_paths(work, field, tool, ridge_mm, tolerance_mm, step_mm):
+    """Waterline passes round what stands steeper than the operation's limit, from the top."""
+    steep_rad = math.radians(work.operation.steep_deg)
+    samples = sample_faces(work.faces, work.wanted, across_axis=2)          # curvature along the steepest way up
+    corner = field.dropper.corner_radius_mm
+    normal = samples.normal[:, 2]
+    steep = (normal < fixed.cos(steep_rad)) & (normal > -HANGS) & (samples.across_per_mm * corner > -0.98)
+    if not steep.any():
+        return []
+    heights = (_wall_heights(samples, steep, field.dropper, ridge_mm) if corner > 0.0 else
+               _terraces(samples, steep, tool, ridge_mm, tolerance_mm))
+    return wall_paths_at(work, field, heights, tolerance_mm, step_mm)
+
+
+def wall_paths_at(work, field, heights, tolerance_mm, step_mm, near=None):
+    """Waterlines at tip heights, where the cutter touches faces wanted that are steeper than the operation's limit.
+
+    `near`: function contacts (n, 3) -> (n,) bool that keeps them to some places; None: everywhere.
+    """
+    dropper, steep_rad = field.dropper, math.radians(work.operation.steep_deg)
+    corner, flat = dropper.corner_radius_mm, dropper.radius_mm - dropper.corner_radius_mm
+    low, high = field.node_xy_mm[0, 0], field.node_xy_mm[-1, -1]
+    offset, limit = corner + dropper.allowance_mm, fixed.cos(max(steep_rad - WALL_OVERLAP_RAD, 0.0))
+
+    def gap(xy, z):
+        """How far the ball reaches into the part: its height over a place jumps at walls, this does not."""
+        return offset - work.closest.signed_distances_mm(np.column_stack([xy, z + corner]))
+
+    def touches(tips):
+        middles = tips + np.array([0.0, 0.0, corner])
+        if flat == 0.0:
+            foot = work.closest.closest_points(middles)
+            arm = middles - foot.point_mm
+            wanted = np.isin(foot.face, work.wanted) & (arm[:, 2] < limit * foot.distance_mm)
+        else:                   # the corner's middle on the side where the faces wanted are nearest
+            walls = work.closest_of(tuple(work.wanted))
+            foot = walls.closest_points(middles)
+            for _ in range(RIM_STEPS):
+                toward = (foot.point_mm - middles) * (1.0, 1.0, 0.0)
+                centers = middles + flat * toward / np.maximum(np.linalg.norm(toward, axis=1), 1e-9)[:, None]
+                foot = walls.closest_points(centers)
+            arm = middles - foot.point_mm
+            wanted = foot.distance_mm <= offset + TOUCHING_MM
+        wanted &= foot.normal[:, 2] < limit                                               # not over a level face's rim
+        aside = tips[:, :2] + ASIDE_MM * arm[:, :2] / np.maximum(np.linalg.norm(arm[:, :2], axis=1), 1e-9)[:, None]
+        wanted &= dropper.tips_mm(aside) <= tips[:, 2] + tolerance_mm                     # nothing hangs over it
+        return wanted if near is None else wanted & near(foot.point_mm)
+
+    lines = waterlines(dropper.tips_mm, heights, low, high, pitch_mm=WALL_GRID_STEPS * step_mm,
+                       chord_mm=tolerance_mm / 2, gap_at=gap if flat == 0.0 else None)
+    return wall_paths(lines, touches, step_mm)
+
+
+def _wall_heights(samples, steep, dropper, ridge_mm):
+    """Tip heights of the waterlines, as far apart as the cusp allows on the steep samples."""
+    radius, offset = dropper.corner_radius_mm, dropper.corner_radius_mm + dropper.allowance_mm
+    normal, bend = samples.normal[steep, 2], samples.across_per_mm[steep]
+    tips = samples.point_mm[steep, 2] + offset * normal - radius
+    chord = stepover_for_scallop_mm(radius, ridge_mm, bend)
+    allowed = chord * np.sqrt(1.0 - normal ** 2) * np.minimum(1.0 + radius * bend, 1.0)
+    step_at = smallest_step(tips, allowed, margin_mm=float(allowed.min()), elsewhere_mm=float(allowed.max()))
+    return planes_across(float(tips.min()), float(tips.max()), step_at)
+
+
+def _terraces(samples, steep, tool, ridge_mm, tolerance_mm):
+    """Tip heights of a flat cutter: on a wall that leans it leaves steps, on an upright one nothing above its tip."""
+    normal, z = np.maximum(samples.normal[steep, 2], 0.0), samples.point_mm[steep, 2]
+    highest = TERRACE_SHARE * tool.cutter.flute_length_mm
+    allowed = np.minimum(ridge_mm / np.maximum(normal, ridge_mm / highest), highest)
+    low = float(z.min()) + tolerance_mm / 2             # no line runs on a level floor
+    if float(z.max()) - low <= float(allowed.min()):
+        return np.array([low])
+    step_at = smallest_step(z, allowed, margin_mm=float(allowed.min()), elsewhere_mm=float(allowed.max()))
+    return np.append(planes_across(low, float(z.max()), step_at), low)
+
+
+def link_rules(work, field, tolerance_mm, step_mm, feed, left_mm):
+    """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part."""
+    radius = field.dropper.radius_mm
+    return TipLinkRules(
+        field=field, stock=work.dropper(radius, field.dropper.corner_radius_mm, left_mm), clearance_z_mm=work.clearance_z_mm,
+        approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
+        plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm, surface_link_mm=LINK_STEPS * step_mm,
+        hop_mm=HOP_RADII * radius, lead_radius_mm=work.lead_radius_mm(radius), is_one_way=work.operation.passes == "one-way")

@@ -1,0 +1,178 @@
+"""Level ground under the flat of a cutter: the stock's top taken down, and floors finished."""
+
+import math
+
+import numpy as np
+
+from cuspline.kernel.brep import bounding_box_mm
+from cuspline.planning.context import path_tolerance_mm
+from cuspline.planning.freeform_finishing import link_rules
+from cuspline.program.program import Moves, MoveWriter
+from cuspline.toolpaths.freeform.parallel_passes import Bearing
+from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
+from cuspline.toolpaths.freeform.tip_field import tip_field
+from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
+from cuspline.toolpaths.freeform.tip_paths import PathRules, TipPath, tip_paths
+from cuspline.toolpaths.freeform.waterline import waterlines
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import PlanError, ToolpathError
+
+LEVEL = 1 - 1e-9            # of a unit normal's z: level
+SAME_MM = 1e-6              # heights that are the same
+FLAT_SHARE = 0.95           # of the width of its flat a cutter moves over: no ridge is left
+PITCH_SHARE = 0.05          # of the cutter's radius: grid on which the region of a floor is looked for
+OVER_SHARE = 0.2            # of the radius that passes run over an open edge
+BESIDE_MM = 2.0             # facing passes begin and end so far beside the stock
+
+
+def faced(work, tool, allowance_mm):
+    """Passes across the whole stock, level by level, down to a height.
+
+    Args:
+        work: PlanningContext of a facing.   tool: flat or bull nose.   allowance_mm: left on the part's top.
+    Returns:
+        (PlannedOperation or None where nothing stands above, the height).
+    Raises:
+        PlanError: the part, or a fixture, stands above the height.
+    """
+    operation, practice, d = work.operation, work.practice, tool.cutter.diameter_mm
+    top = float(work.box[1][2])
+    height = top + allowance_mm if operation.height_mm is None else operation.height_mm
+    if height < top - SAME_MM:
+        raise PlanError(f"{operation.title}: height_mm {height:g} lies below the part's top at {top:g}: facing goes across "
+                        "everything; raise it, or cut what lies lower by other operations")
+    for fixture in work.fixtures:
+        high = fixture.box_mm[1]
+        if high[2] > height - practice.keep_out_mm:
+            raise PlanError(f"{operation.title}: a fixture stands up to Z {high[2]:g}, and passes at Z {height:g} run across "
+                            "the whole stock: hold the part lower")
+    stock_top = float(work.stock_mm(_over(work)).max())
+    if stock_top <= height + SAME_MM:
+        return None, height
+    stepdown = operation.stepdown_mm or work.material.stepdown_share * d
+    levels = np.linspace(stock_top, height, math.ceil((stock_top - height) / stepdown - 1e-9) + 1)[1:]
+    step = _step_mm(work, tool, operation.stepover_mm)
+    rpm, feed = work.speeds(tool, is_rough=True)
+    writer = None
+    for level in levels:
+        for a, b in _strokes(work, tool, step):
+            writer = writer or MoveWriter(np.r_[a, work.clearance_z_mm])
+            writer.rapid((*a, work.clearance_z_mm))
+            writer.rapid((*a, level))
+            writer.feed((*b, level), feed)
+            writer.rapid((*b, work.clearance_z_mm))
+    facts = {"allowance_mm": allowance_mm, "height_mm": round(height, 6), "levels": len(levels), "stepover_mm": round(step, 6),
+             "stepdown_mm": round(float((stock_top - height) / len(levels)), 6), "candidates": []}
+    return work.measured(operation.title, tool, rpm, writer.moves(), facts), height
+
+
+def _over(work):
+    """Places (n, 2) all over the stock."""
+    lines = [np.linspace(work.stock_min_mm[k], work.stock_max_mm[k], 64) for k in (0, 1)]
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _step_mm(work, tool, asked_mm):
+    """Stepover under the cutter's flat.
+
+    Raises:
+        PlanError: what is asked for leaves ridges.
+    """
+    flat = FLAT_SHARE * 2 * (tool.cutter.radius_mm - tool.cutter.corner_radius_mm)
+    if asked_mm is not None and asked_mm > flat:
+        raise PlanError(f"{work.operation.title}: stepover_mm {asked_mm:g} leaves ridges: the flat of T{tool.number} "
+                        f"{tool.cutter.name} covers {flat:g} mm; lower it")
+    return min(work.practice.facing_share * tool.cutter.diameter_mm if asked_mm is None else asked_mm, flat)
+
+
+def _strokes(work, tool, step_mm):
+    """[(start, end)] in plan, (2,) each: lines across the stock, all the same way, beginning and ending beside it."""
+    bearing = Bearing(angle_rad=math.radians(work.operation.angle_deg))
+    corners = np.array([(x, y) for x in (work.stock_min_mm[0], work.stock_max_mm[0])
+                        for y in (work.stock_min_mm[1], work.stock_max_mm[1])])
+    along, across = fixed.matmul(corners, bearing.along), fixed.matmul(corners, bearing.across)
+    beside = tool.cutter.radius_mm + BESIDE_MM
+    # the first line takes one stepover of stock, its cutter hanging over the edge
+    first = float(across.min()) + step_mm - tool.cutter.radius_mm
+    count = max(1, math.ceil((float(across.max()) - first - tool.cutter.radius_mm) / step_mm - 1e-9) + 1)
+    for k in range(count):
+        c = first + k * step_mm
+        yield (float(along.min() - beside) * bearing.along + c * bearing.across,
+               float(along.max() + beside) * bearing.along + c * bearing.across)
+
+
+def floors(work, tool, candidates):
+    """Level faces finished, height by height from the top.
+
+    Args:
+        work: PlanningContext of a floor operation.   tool: flat or bull nose.   candidates: for plan.json.
+    Raises:
+        PlanError: none of its faces is level, or the cutter comes to none of them.
+    """
+    heights = _heights(work)
+    tolerance, operation = path_tolerance_mm(work.finish), work.operation
+    step = _step_mm(work, tool, operation.stepover_mm)
+    rpm, feed = work.speeds(tool, is_rough=False)
+    left, made = work.standing_mm(tool), []
+    for height, faces in heights:
+        field = _region(work, tool, faces)
+        if field is None:
+            continue
+        paths = _side_by_side(field, step, tolerance) + _along_walls(field, height + operation.allowance_mm, tolerance)
+        if paths:
+            made.append(moves_of_tip_paths(paths, link_rules(work, field, tolerance, step, feed, left)))
+    if not made:
+        raise PlanError(f"{operation.title}: T{tool.number} {tool.cutter.name} comes to none of the level faces "
+                        f"{work.face_names}: choose a smaller one")
+    facts = {"allowance_mm": operation.allowance_mm, "scallop_mm": 0.0, "segment_tolerance_mm": tolerance,
+             "stepover_mm": round(step, 6), "heights_mm": [round(h, 6) for h, _ in heights], "links": operation.passes,
+             "strategy": operation.kind, "candidates": [c.as_dict() for c in candidates]}
+    return work.measured(operation.title, tool, rpm, Moves.joined(made), facts)
+
+
+def _heights(work):
+    """[(height, indices of the level faces there)], from the top."""
+    found = {}
+    for i in work.wanted:
+        face = work.faces[i]
+        if face.kind == "plane" and face.middle.normal[0, 2] > LEVEL:
+            found.setdefault(round(float(face.middle.point_mm[0, 2]) / SAME_MM), []).append(i)
+    if not found:
+        raise PlanError(f"{work.operation.title}: none of the faces {work.face_names} is a level plane seen from the spindle: "
+                        "floor is for these")
+    return [(float(work.faces[found[k][0]].middle.point_mm[0, 2]), found[k]) for k in sorted(found, reverse=True)]
+
+
+def _region(work, tool, faces):
+    """TipField of the cutter over some faces; None where it touches none of them."""
+    boxes = [bounding_box_mm(work.faces[i].shape) for i in faces]
+    low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+    dropper = work.dropper_of(tool.cutter, work.operation.allowance_mm)
+    radius = tool.cutter.radius_mm
+    try:
+        return tip_field(dropper, faces, (low[:2], high[:2]), PITCH_SHARE * radius, OVER_SHARE * radius)
+    except ToolpathError:
+        return None
+
+
+def _side_by_side(field, step_mm, tolerance_mm):
+    """Lines along x over the region, a stepover apart."""
+    nodes = field.node_xy_mm[field.is_inside]
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    count = max(1, math.ceil((high[1] - low[1]) / step_mm))
+    lines = [PlaneCurve(xy_mm=np.array([(low[0] - field.pitch_mm, y), (high[0] + field.pitch_mm, y)]))
+             for y in np.linspace(low[1], high[1], count + 1)]
+    return tip_paths(lines, field, PathRules(tolerance_mm=tolerance_mm, lateral_mm=0.0, bridge_mm=0.0))
+
+
+def _along_walls(field, height_mm, tolerance_mm):
+    """Once round what stands above the floor, as near as the cutter comes."""
+    low, high = field.node_xy_mm[0, 0], field.node_xy_mm[-1, -1]
+    z = height_mm + tolerance_mm / 2            # where the loop has a place
+    lines = waterlines(field.dropper.tips_mm, [z], low, high, pitch_mm=field.pitch_mm, chord_mm=tolerance_mm / 2)
+    return [TipPath(tips_mm=_closed(line), is_closed=line.is_closed, curve=k) for k, line in enumerate(lines)
+            if field.is_near(line.tip_mm[:, :2]).all()]
+
+
+def _closed(line):
+    return np.vstack([line.tip_mm, line.tip_mm[:1]]) if line.is_closed else line.tip_mm

@@ -1,0 +1,86 @@
+"""Roughing, rest roughing from the stock that it really leaves, and a semi-finish where both leave too much."""
+
+import math
+
+import numpy as np
+
+from cuspline.design.operations import Clearing
+from cuspline.planning.cutter_choice import choose_rest_roughing, choose_roughing, leftover_rows, roughing_tools
+from cuspline.toolpaths.drop.dropcutter import DropMesh
+from cuspline.toolpaths.roughing.level_clearing import ClearingRules, clear, engagement_of_rad
+from cuspline.toolpaths.roughing.stock_fields import stock_after
+
+LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
+
+
+def roughed(work, ball, is_reached, semi_finish):
+    """The operations before the finish.
+
+    Args:
+        work: PlanningContext.
+        ball: the finishing Tool; what it may take follows from its diameter.
+        is_reached: (n,) bool, sample points that it finishes.
+        semi_finish: function () -> PlannedOperation.
+    Returns:
+        list of PlannedOperation.
+    """
+    low, high = work.stock_min_mm, work.stock_max_mm
+    rows = leftover_rows(work.samples)
+    rows = rows[is_reached[rows]]
+    limit = work.practice.finish_depth_share * ball.cutter.diameter_mm
+    allowance = work.practice.rough_allowance_mm
+    tools = roughing_tools(work.library, work.mesh, work.samples, low, high, allowance)
+    first, candidates = choose_roughing(tools, allowance)
+    operation, stock, left = cleared(work, "rough", first.tool, candidates, work.stock_mm, rows, 0.0, Clearing(),
+                                     allowance)
+    operations = [operation]
+    if left > limit:
+        smaller, candidates = choose_rest_roughing(tools, first, left)
+        if smaller is not None:
+            operation, stock, left = cleared(work, "rest rough", smaller.tool, candidates, stock, rows,
+                                             work.practice.rest_threshold_mm, Clearing(), allowance)
+            operations.append(operation)
+    if left > limit:
+        operations.append(semi_finish())
+    return operations
+
+
+def cleared(work, name, tool, candidates, stock, rows, threshold_mm, asked, allowance_mm):
+    """One clearing.
+
+    Args:
+        work: PlanningContext.   name: of the operation.   tool: flat or bull nose.   candidates: for plan.json.
+        stock: height field of what stands.   rows: sample rows at which what it leaves is told.
+        threshold_mm: what stands less than this above the allowance is left alone.
+        asked: design.operations.Clearing with stepdown, stepover and ramp, silent where the shop's count.
+        allowance_mm: material to leave.
+    Returns:
+        (PlannedOperation, height field after it, what it leaves at the sample rows).
+    """
+    cutter, practice = tool.cutter, work.practice
+    rpm, feed = work.speeds(tool, is_rough=True)
+    d = cutter.diameter_mm
+    radial = practice.radial_share * d if asked.stepover_mm is None else asked.stepover_mm
+    stepdown = work.material.stepdown_share * d if asked.stepdown_mm is None else asked.stepdown_mm
+    rules = ClearingRules(
+        mesh=work.mesh, radius_mm=d / 2, corner_radius_mm=cutter.corner_radius_mm, allowance_mm=allowance_mm,
+        stepdown_mm=stepdown, engagement_rad=engagement_of_rad(radial, d / 2), stock_mm=stock,
+        stock_min_mm=work.stock_min_mm, stock_max_mm=work.stock_max_mm,
+        ramp_rad=math.radians(practice.ramp_deg if asked.ramp_deg is None else asked.ramp_deg),
+        clearance_z_mm=work.clearance_z_mm, feed_mm_per_min=feed, ramp_feed_mm_per_min=practice.plunge_share * feed,
+        rapid_mm_per_min=min(a.rapid_mm_per_min for a in work.machine.axes), threshold_mm=threshold_mm,
+        keep_out=(*(f.box_mm for f in work.fixtures if f.is_box), *work.beyond_reach(d / 2)),
+        keep_clear=tuple(DropMesh.from_triangles(*f.mesh) for f in work.fixtures if not f.is_box),
+        keep_out_mm=practice.keep_out_mm)
+    clearing = clear(rules)
+    after = stock_after(clearing.moves, d / 2, cutter.corner_radius_mm, stock)
+    points, normals = work.samples.point_mm[rows], work.samples.normal[rows]
+    left = np.maximum(after(points[:, :2]) - points[:, 2], 0.0) * np.abs(normals[:, 2])
+    left = float(np.percentile(left, LEFT_PERCENTILE)) if len(rows) else 0.0
+    facts = {"allowance_mm": allowance_mm, "stepdown_mm": rules.stepdown_mm, "stepover_mm": radial,
+             "engagement_deg": round(float(np.degrees(rules.engagement_rad)), 1),
+             "largest_engagement_deg": round(float(np.degrees(clearing.largest_engagement_rad)), 1),
+             "levels": len(clearing.levels_mm), "removed_mm3": round(clearing.removed_mm3, 1),
+             "given_up_mm3": round(clearing.left_mm3, 1), "leaves_mm": round(left, 3),
+             "candidates": [c.as_dict() for c in candidates]}
+    return work.measured(name, tool, rpm, clearing.moves, facts), after, left

@@ -1,0 +1,74 @@
+"""Auto: from the stock to the finish, all chosen by curvature: what a setup does that lists no operations."""
+
+import math
+from typing import Literal
+
+from pydantic import Field
+
+from cuspline.design.operations import Finishing
+from cuspline.planning import freeform_finishing, section_finishing
+from cuspline.planning.cutter_choice import choose_ball, choose_rest_ball
+from cuspline.planning.finishing_chain import choose_finishing
+from cuspline.planning.roughing import roughed
+
+
+class Auto(Finishing):
+    """Roughs, rest roughs, semi-finishes where that is needed, finishes with one ball or the fastest chain of balls."""
+
+    kind = "auto"
+    picture = """
+        flat, bull nose      ball        smaller balls
+         |______|    ->     (____)   ->    (__)  where the
+         rough              finish          rest is too tight"""
+
+    strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral"] = Field(
+        "sections", description="finishing passes: arcs and lines in section planes; on any faces: parallel at an angle, "
+        "constant scallop height, along the faces' border, one spiral")
+    section_plane: Literal["ZX", "YZ"] = Field("ZX", description="sections: plane in which the finishing passes run")
+    pass_angle_deg: float = Field(0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
+    steep_deg: float = Field(65.0, ge=20, le=90, description="walls steeper than this get waterline passes "
+                             "(all strategies but sections); 90: none do")
+
+    @property
+    def pattern(self):
+        """What plan.json calls the passes."""
+        return self.strategy
+
+    def curves(self, field, cutter, ridge_mm):
+        """Passes seen from above."""
+        return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.pass_angle_deg))
+
+    def plan(self, work):
+        return (_by_sections if self.strategy == "sections" else _free_form)(work)
+
+
+def _by_sections(work):
+    """Operations in section planes: one ball that fits everywhere, and the smallest where it is held off."""
+    practice, finishing = work.practice, work.finishing_work()
+    ball, candidates, reach = choose_ball(work.finishing_library, work.samples, work.hollow.radius_mm, work.mesh,
+                                          practice.rough_allowance_mm, finishing)
+    semi = lambda: section_finishing.finish(work, "semi-finish", ball, practice.semi_allowance_mm, practice.semi_scallop_mm,
+                                            (), reach)
+    operations = roughed(work, ball, reach.is_reached, semi)
+    operations.append(section_finishing.finish(work, "finish", ball, 0.0, work.finish.scallop_mm, candidates, reach))
+    rest, candidates, adds = choose_rest_ball(work.library, work.samples, reach, work.mesh, ball.cutter.radius_mm,
+                                              practice.rough_allowance_mm)
+    if rest is not None:
+        operations.append(section_finishing.rest(work, ball, rest, candidates))
+    return operations, reach.is_reached | adds
+
+
+def _free_form(work):
+    """Operations over regions: the fastest chain of balls, each smaller one where the one before leaves too much."""
+    practice = work.practice
+    chain, candidates, reached = choose_finishing(work.finishing_library, work.samples, work.mesh,
+                                                  practice.rough_allowance_mm, work.finishing_work())
+    tools = [link.tool for link in chain]
+    semi = lambda: freeform_finishing.finish(work, "semi-finish", tools[0], practice.semi_allowance_mm,
+                                             practice.semi_scallop_mm, ())
+    operations = roughed(work, tools[0], chain[0].adds, semi)
+    finishing = [freeform_finishing.finish(work, "finish", tools[0], 0.0, work.finish.scallop_mm, candidates)]
+    for tool in tools[1:]:
+        rest = freeform_finishing.rest(work, finishing, tool, candidates)
+        finishing += [rest] if rest is not None else []
+    return operations + finishing, reached

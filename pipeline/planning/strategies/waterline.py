@@ -1,0 +1,27 @@
+"""Waterline: passes round walls at constant height."""
+
+from pydantic import Field
+
+from cuspline.planning import freeform_finishing
+from cuspline.planning.patterns import Pattern
+
+
+class Waterline(Pattern):
+    """Finishing passes round steep faces at constant height, from the top: ball, bull nose or flat cutter."""
+
+    kind = "waterline"
+    picture = """
+          ______
+         /------\\       heights as the cusp allows;
+        /--------\\      a flat cutter on upright walls:
+       /----------\\     as deep as its flutes"""
+
+    steep_deg: float = Field(30.0, ge=1, le=90, description="places less steep than this are left to other operations")
+
+    def curves(self, field, cutter, ridge_mm):
+        return []
+
+    def plan(self, work):
+        tool, candidates, reached = work.chosen_tool("ball", "bull_nose", "flat")
+        made = freeform_finishing.walls_alone(work, tool, candidates)
+        return [made] if made is not None else [], reached

@@ -1,0 +1,176 @@
+"""Every kind of finding: what it means, how it comes about, how to fix it.  docs/findings.md says the same."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class FindingKind:
+    """One kind of finding in the operator's words."""
+
+    group: str
+    meaning: str        # half a sentence
+    example: str        # what would raise it
+    fix: str            # what to do about it
+
+
+def _group(name, kinds):
+    """{kind: FindingKind} of rows (meaning, example, fix)."""
+    return {kind: FindingKind(group=name, meaning=meaning, example=example, fix=fix)
+            for kind, (meaning, example, fix) in kinds.items()}
+
+
+KINDS = {
+    **_group("The cut surface", {
+        "gouge": (
+            "the cutter goes deeper into the part than the finish allows",
+            "A finishing pass along a slope is 0.02 mm too low, where the finish allows `gouge_mm = 0.003`. It is also "
+            "raised where no sample point shows it, if a move cannot be proven to stay within that depth.",
+            "Look at the line that is named: a word edited by hand, a wrong tool, a wrong offset. In a program of "
+            "cuspline take a smaller cutter there, or a tighter profile tolerance."),
+        "excess": (
+            "more is left than cusp and tolerance allow, where a ball could reach",
+            "A stepover of 0.8 mm leaves cusps of 0.016 mm, where scallop and profile tolerance together allow 0.0124.",
+            "A smaller stepover or a smaller ball at that place. If so much may stay: a larger `scallop_mm`, or "
+            "`--accept excess`."),
+        "missing_area": (
+            "a region that a ball could reach was never finished",
+            "A pass was deleted, or the part has a face that no setup names: at least 1 mm² stands more than five times "
+            "as high as is allowed.",
+            "Add the face to a setup, or the operation that finishes it."),
+        "idle_operation": (
+            "an operation takes nothing off the stock",
+            "A rest operation asks for a ball that leaves no less than the one before, or roughing is listed twice.",
+            "Leave the operation out, or choose other faces or a smaller tool for it."),
+    }),
+    **_group("Collisions", {
+        "rapid_through_stock": (
+            "a rapid goes through material",
+            "`G0 X80` at Z2 while stock of 5 mm stands between.",
+            "Retract to the clearance height before the rapid, or make it a feed move."),
+        "rapid_too_low": (
+            "a rapid passes too close over stock",
+            "`G0 X80` passes 0.2 mm above the stock; the machine's `rapid_clearance_mm` is 0.5.",
+            "Lift the rapid by the amount that is named, or go there at feed. A machine's file may state another "
+            "`rapid_clearance_mm`."),
+        "holder_contact": (
+            "holder or spindle head come too near to stock or part",
+            "A ball of 6 mm with 20 mm stick-out works at the foot of a wall 30 mm high.",
+            "More stick-out by at least the amount that is named, a slimmer holder, or a longer cutter."),
+        "shank_contact": (
+            "neck or shank touch stock or part",
+            "A slot deeper than the flutes are long, cut by a cutter whose shank is as wide as its flutes.",
+            "A cutter with longer flutes, more reach or a thinner neck; or rough the region before."),
+        "fixture_contact": (
+            "the tool touches a fixture or the machine's table",
+            "A link between two passes runs through a clamp that the setup names under `fixtures`.",
+            "Move the clamp, raise the part on the table, or lift the path over it."),
+        "clearance_not_proven": (
+            "a contact is neither shown nor excluded",
+            "A shank passes so close to a fin of stock thinner than 0.0005 mm that no bound decides it.",
+            "Keep shank and holder farther from the stock there: more reach, a thinner shank, a wider slot; for a "
+            "rapid, more height. Look at the place before accepting it."),
+    }),
+    **_group("Cutting", {
+        "plunge": (
+            "a cutter goes down into stock more steeply or faster than it can",
+            "A flat cutter without teeth in the middle goes straight down into solid stock.",
+            "Enter by a ramp, a helix or from outside. If the cutter can do it, state `is_centre_cutting`, `ramp_deg` or "
+            "`plunge_mm_per_tooth` in the tool library."),
+        "overload": (
+            "a cutter takes heavier chips than it stands",
+            "A full slot as deep as the cutter's diameter, where its `slot_depth_mm` is half of that.",
+            "Rough there before, or take a smaller stepdown or stepover. If the cutter can do it, state `slot_depth_mm`."),
+        "chip_load": (
+            "a feed per tooth far beyond what the material takes",
+            "`F4000` where `F400` was meant: more than twice the material's feed per tooth (`cuspline materials`).",
+            "Lower F, or raise S."),
+        "spindle_out_of_range": (
+            "a spindle speed that machine or cutter do not allow",
+            "`S24000` on a spindle that ends at 18 000 rpm, or with a cutter whose `max_rpm` is lower.",
+            "Correct the S word; feed per tooth changes with it."),
+        "feed_out_of_range": (
+            "a feed that the machine does not run",
+            "`F30000` on a machine whose axes run 12 000 mm/min.",
+            "Correct the F word."),
+        "path_tolerance": (
+            "the text lets the control leave the path farther than the finish allows",
+            "`G64 P0.05` in a program whose finish allows gouges of 0.003 mm; or no G64 at all on LinuxCNC.",
+            "Write `G64 P… Q…` with a smaller tolerance before the moves. On a Fanuc control set the parameter, and state "
+            "it as `path_tolerance_mm` in the machine's file."),
+        "no_spindle": (
+            "a feed move while the spindle stands, or turns backwards",
+            "`M3` is missing after a tool change; or M5 while the flutes still touch the stock.",
+            "Start the spindle (`M3 S…`) before the move; retract before it is stopped."),
+        "ends_in_cut": (
+            "the program ends, or the spindle is switched, in the cut",
+            "`M30` stands right behind the last finishing pass, without a retract.",
+            "Retract to the top of the machine before the end."),
+    }),
+    **_group("Offsets, modes and travels", {
+        "no_length_offset": (
+            "a move near the stock without a tool length offset",
+            "`G43 H3` is missing after `T3 M6`.",
+            "Write G43 with the tool's number before the first move down."),
+        "wrong_length_offset": (
+            "the length offset in force is not that of the tool in the spindle",
+            "`G43 H2` with T3 in the spindle.",
+            "Write the H number of the tool. It is raised even where both lengths are equal today."),
+        "wrong_work_offset": (
+            "a move in another work coordinate system than the setup's",
+            "`G55` in the program of a setup whose zero is G54.",
+            "Write the setup's own work offset."),
+        "unknown_start": (
+            "a move relies on a place or a mode that the program has not stated",
+            "The header lacks G90, or the tool moves to the part before any Z was stated: both would be as the program "
+            "before has left them.",
+            "State the mode in the header; retract with G53 (LinuxCNC) or G28 (Fanuc) before the first move across."),
+        "travel_exceeded": (
+            "an axis is sent beyond its travel",
+            "A pass ends at machine X 512 mm; the axis ends at 500.",
+            "Move the part on the table, take another tool length, or cut the part in several setups."),
+        "tool_change_low": (
+            "a tool is changed too near to stock or part",
+            "M6 without a retract before it.",
+            "Write `G53 G0 Z0` (LinuxCNC) or `G91 G28 Z0.` (Fanuc) before M6. A machine's file may state "
+            "`tool_change_z_mm`."),
+        "stop_low": (
+            "the program stops, for good or for a while, with the tool too near",
+            "M0 to measure the part, with the tip 3 mm above it; the machine's `stop_clearance_mm` is 25.",
+            "Retract before the stop."),
+        "not_ended": (
+            "the program does not say that it ends",
+            "The file was cut off on its way to the control: M2 or M30 is missing.",
+            "Post or copy the file again; end a program by hand with M2 or M30."),
+    }),
+    **_group("Files and the control's memory", {
+        "program_too_long": (
+            "the file is larger than the control's program memory",
+            "A program of 400 kB for a control with 252 kB.",
+            "Feed it through the control's buffer, take a larger scallop, or a post that splits programs at restart "
+            "points."),
+        "line_too_long": (
+            "a line is longer than the control takes",
+            "A comment of 300 characters for LinuxCNC, which takes 252.",
+            "Split the block or shorten the comment."),
+        "wrong_tool_table": (
+            "the control's tool table does not hold the tools that were judged",
+            "T3 was measured again: `tools.tbl` now has another length than `tools.json`.",
+            "Correct the one that is wrong and build again, so that the programs are judged with the tool that cuts."),
+        "changed_file": (
+            "a file, or the job in the manifest, is not the one that was published",
+            "A feed was edited in `setup-1.ngc` by hand: its SHA-256 is no longer that of `manifest.json`.",
+            "Put the file back or build again. If the edit was on purpose: `cuspline verify outputs/part --accept "
+            "changed_file` judges the file as it stands."),
+    }),
+    **_group("The check itself", {
+        "verifiers_disagree": (
+            "the two verifiers differ by more than their error bounds",
+            "The solids show a body of excess that no sample point shows.",
+            "Do not cut, and do not accept it: the verdict cannot be trusted for this program. Keep the folder and report "
+            "it as a fault of cuspline."),
+        "solid_off": (
+            "a solid does not keep what its design asks of it",
+            "A propeller's blade, read back from STEP, is 0.05 mm thicker than its table says.",
+            "Correct the table or the parameters; nothing is planned from such a solid."),
+    }),
+}

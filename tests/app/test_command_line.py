@@ -1,0 +1,62 @@
+"""What the command line lists and says, without building anything."""
+
+import json
+import os
+import subprocess
+import sys
+from importlib import metadata
+
+import pytest
+
+from cuspline.app import cli
+from cuspline.shop.materials import MATERIALS
+from cuspline.values.finding_kinds import KINDS
+
+
+def test_the_version_is_the_package_s(capsys):
+    assert cli.run(["--version"]) == 0
+    assert capsys.readouterr().out == f"cuspline {metadata.version('cuspline')}\n"
+
+
+def test_a_bare_command_shows_the_help(capsys):
+    assert cli.run([]) == 0
+    assert capsys.readouterr().out.startswith("Usage: cuspline [OPTIONS] COMMAND")
+
+
+def test_materials_are_listed_with_units_and_sources(capsys):
+    assert cli.run(["materials"]) == 0
+    words = capsys.readouterr().out
+    for material in MATERIALS.values():
+        assert f"\n{material.name}: " in f"\n{words}" and material.source in words
+    assert "cutting speed 270 m/min roughing" in words and "(0.08 mm at 10 mm)" in words
+
+
+def test_materials_as_json_hold_every_value(capsys):
+    assert cli.run(["materials", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == [m.model_dump(mode="json") for m in MATERIALS.values()]
+
+
+def test_findings_are_listed_with_their_meaning(capsys):
+    assert cli.run(["findings"]) == 0
+    assert capsys.readouterr().out == "".join(f"{name}: {kind.meaning}\n" for name, kind in KINDS.items())
+
+
+def test_one_finding_is_shown_with_example_and_fix(capsys):
+    assert cli.run(["findings", "plunge"]) == 0
+    words = capsys.readouterr().out
+    assert KINDS["plunge"].example in words and KINDS["plunge"].fix in words
+
+
+@pytest.mark.parametrize("arguments", [["findings", "gauge"], ["build", "z_profile", "--accept", "gauge"]])
+def test_a_kind_of_finding_that_there_is_not_is_refused_with_the_nearest(arguments, capsys):
+    assert cli.run(arguments) == 2
+    assert "'gauge': there is no such name; did you mean gouge?" in capsys.readouterr().err
+
+
+def test_whoever_closes_the_pipe_gets_no_internal_error():
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run([sys.executable, "-c", "from cuspline.app.entry import main; main()", "findings"],
+                          stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (2, "cuspline: whoever read the output has closed it\n")

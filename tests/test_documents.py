@@ -1,0 +1,83 @@
+"""The pages of docs/ and the README say what the code does."""
+
+import doctest
+import re
+from pathlib import Path
+
+import pytest
+
+from cuspline.values.finding_kinds import KINDS
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def page(name):
+    return (ROOT / "docs" / name).read_text()
+
+
+def on_one_line(text):
+    return " ".join(text.split())
+
+
+# findings ---------------------------------------------------------------------------------------
+
+
+def sections_of_findings():
+    """{kind: (group, its text on one line)} of docs/findings.md."""
+    found, group = {}, ""
+    for level, title, body in re.findall(r"^(##+) (.*)\n((?:(?!##).*\n?)*)", page("findings.md"), re.M):
+        if level == "##":
+            group = title
+        else:
+            found[title.strip("`")] = (group, on_one_line(body))
+    return found
+
+
+def test_the_page_of_findings_has_every_kind_of_the_code_in_the_same_order():
+    assert list(sections_of_findings()) == list(KINDS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_page_says_of_a_kind_what_the_command_says(kind):
+    found = KINDS[kind]
+    meaning = found.meaning[0].upper() + found.meaning[1:]
+    assert sections_of_findings()[kind] == (
+        found.group, f"{meaning}. **Example:** {found.example} **Fix:** {found.fix}")
+
+
+def test_the_readme_leads_whoever_accepts_a_finding_to_the_page_of_kinds():
+    row = next(line for line in README.splitlines() if "--accept excess" in line)
+    assert "docs/findings.md" in row and "`cuspline findings`" in README
+
+
+# formulas ---------------------------------------------------------------------------------------
+
+
+def sources():
+    """Every source file, once."""
+    for folder in ("pipeline", "posts", "designs", "tests", "bench"):
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in (".py", ".toml", ".csv", ".js") and path.resolve() == path and path != Path(__file__):
+                yield path
+
+
+def test_every_formula_that_the_code_cites_is_on_the_page():
+    there = set(re.findall(r"^## (\d+) ", page("formulas.md"), re.M))
+    cited = {(str(path.relative_to(ROOT)), number) for path in sources()
+             for number in re.findall(r"docs/formulas\.md (\d+)", path.read_text())}
+    assert len(cited) > 10 and {number for _, number in cited} <= there
+    assert [str(path) for path in sources() if re.search(r"\bFORMULAS\b", path.read_text())] == []
+
+
+def test_the_check_numbers_of_the_formulas_are_true():
+    done = doctest.testfile(str(ROOT / "docs/formulas.md"), module_relative=False)
+    assert done.failed == 0 and done.attempted > 10
+
+
+# glossary ---------------------------------------------------------------------------------------
+
+
+def test_the_glossary_has_each_word_once_and_in_order():
+    words = [row.split(",")[0].lower().replace("-", " ") for row in re.findall(r"^\| ([^|]+) \| ", page("glossary.md"), re.M)[1:]]
+    assert words == sorted(set(words)) and len(words) > 50
