@@ -19,6 +19,7 @@ import numpy as np
 
 import cuspline
 from cuspline.app import mending
+from cuspline.app.catalogue import sources_of_post
 from cuspline.app.judge import figures_in_words, judge, post_module, posted_moves
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
 from cuspline.design.job import Job, PostedFile, digest_of, job_line
@@ -34,9 +35,10 @@ from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
-from cuspline.shop.tool_table import dropped_fields, tool_table
+from cuspline.shop.tool_table import dropped_fields
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
+from cuspline.values.amounts import counted
 from cuspline.values.checkpoints import kept_beside
 from cuspline.values.errors import InputError, PostError
 from cuspline.values.findings import Finding
@@ -45,7 +47,6 @@ from cuspline.verification.in_process import PART
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.verdict import Options, SetupProgram, residuals_of
 
-TIP_PARTS = ("crest", "sides")
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
@@ -226,7 +227,7 @@ def _checked(order, plans, solid, kept, tell):
         plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
         if not is_changed:
             break
-        tell(f"mended, round {number} of the planner's own check")
+        tell(f"planned again, round {number} of the planner's own check")
     return plans
 
 
@@ -253,7 +254,7 @@ def _judged(order, plans, job, work, inputs, kept, tell):
         plans, is_mended = mending.mended(plans, wants, number, "the verdict")
         if not is_mended:
             break
-        tell(f"mended, round {number} of {mending.ROUNDS}")
+        tell(f"corrected, round {number} of {mending.ROUNDS}")
         _remove_programs(work, job)
         job = _written(order, plans, work, inputs, tell)
     _write_json(work / "plan.json", plan_document(order, plans))
@@ -310,13 +311,13 @@ def plan_document(order, plans):
                        "mending": list(plan.mending),
                        "inner_edges": [{"place_mm": [round(x, 4) for x in e.place_mm],
                                         "opening_deg": round(e.opening_deg, 3), "length_mm": round(e.length_mm, 3),
-                                        "reason": "two faces meet in a hollow without a fillet: no ball cleans it"}
+                                        "reason": "two faces meet in an inner edge without a fillet: no ball cleans it"}
                                        for e in plan.inner_edges]})
     hollow = min((p.hollow for p in plans), key=lambda h: h.radius_mm)
     return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
             "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
-            **({"tip": _tip_document(order.design)} if order.design.tip is not None else {}),
+            **{g.name: g.facts(order.design.where) for g in order.design.guides},
             "stock": _stock_document(order.design.stock), "setups": setups}
 
 
@@ -325,17 +326,6 @@ def _stock_document(stock):
     low, high = (corner.round(6).tolist() for corner in stock.shape.box_in(PART))
     return {"kind": stock_in_words(stock) or "BOX", "min_mm": low, "max_mm": high, **stock.model_dump(mode="json"),
             "deviation_mm": stock.shape.error_mm}
-
-
-def _tip_document(design):
-    """A vane's tip: the smallest hollow of its crest and of its sides, each with its place."""
-    tip = design.tip
-    rows = {"range_mm": [round(x, 6) for x in tip.range_mm], "foot_z_mm": round(tip.foot_z_mm, 6)}
-    for name, (radius, place) in zip(TIP_PARTS, tip.tightest_hollows()):
-        rows[f"{name}_concave_radius_mm"] = _finite(radius)
-        rows[f"{name}_concave_place_mm"] = [round(float(x), 4) for x in place]
-        rows[f"{name}_concave_where"] = design.where(place)
-    return rows
 
 
 def _operation_document(o):
@@ -353,8 +343,9 @@ def _posted(order, plans, work, inputs):
     """Post every setup, write the tools, return the Job."""
     post = post_module(order.machine)
     tools = {o.tool.number: o.tool for p in plans for o in p.operations}
-    (work / "tools.tbl").write_text(tool_table(tools.values(), order.machine.control))
-    _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
+    if post.TOOL_TABLE is not None:
+        (work / post.TOOL_TABLE).write_text(post.tool_table(tools.values(), order.machine.control))
+        _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
     posted, written = [], {}
     for plan in plans:
@@ -373,7 +364,7 @@ def _posted(order, plans, work, inputs):
               accepted=order.accepted)
     line = job_line(digest_of(job.model_dump(mode="json")))
     for name, text in written.items():
-        (work / name).write_text(text.replace(f"({job_line('')})", f"({line})"))
+        (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))
     return job
 
 
@@ -394,6 +385,9 @@ def _header(order, plan, inputs):
              f"RAPIDS ACROSS AT Z{program.clearance_z_mm:.3f}",
              f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
              f"GOUGE {design.finish.gouge_mm} PATH TOLERANCE {machine.control.path_tolerance_mm}"]
+    if design.finish.plating_mm:
+        lines.append(f"PLATED ON LATER {design.finish.plating_mm:g}: THE METAL IS CUT SO MUCH BELOW THE DRAWING, AND JUDGED "
+                     "THERE")
     for name, value in design.parameters.model_dump(mode="json").items():
         lines.append(f"PARAMETER {name} = {value}")
     seen = set()
@@ -405,7 +399,7 @@ def _header(order, plan, inputs):
                          f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}{_head_in_words(o.tool.head)}")
     lines += [f"MARKER {m.name} {show(setup.frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
     if setup.refixturing is not None:
-        lines.append(f"PART LIES AS MEASURED: {refixturing_in_words(setup.refixturing)}")
+        lines.append(f"PART SITS AS MEASURED: {refixturing_in_words(setup.refixturing)}")
     if order.accepted:
         lines.append(f"ACCEPTED BY NAME: {', '.join(order.accepted)}")
     return lines
@@ -419,8 +413,8 @@ def _stock_in_words(stock):
 
 def _head_in_words(head):
     """What the operator must know of a tool's head; nothing where it has none."""
-    return "" if head is None else (f", ON {head.name.upper()}, DISC TOWARD {head.cutter_points}, "
-                                    f"{head.offset_mm:g} BESIDE THE SPINDLE IN X; X Y Z ARE THE DISC'S MIDDLE")
+    return "" if head is None else (f", ON {head.name.upper()}, CUTTER TOWARD {head.cutter_points}, "
+                                    f"{head.offset_mm:g} BESIDE THE SPINDLE IN X; X Y Z ARE THE CUTTER'S MIDDLE")
 
 
 def _stock_files(work, job, judged, say, kept):
@@ -436,14 +430,16 @@ def _stock_files(work, job, judged, say, kept):
 def _stamp_verdict(work, job, verify):
     """Put the verdict into each program's header, in place of the line that says there is none yet."""
     verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
-    line = (f"VERDICT: {verdict}{f' WITH {passed} ACCEPTED' if passed else ''}, {figures_in_words(verify).upper()}, "
-            f"{verify['points_checked']} POINTS")
+    short = f"VERDICT: {verdict}" + (f" WITH {counted(passed, 'accepted finding').upper()}" if passed else "")
+    whole = f"{short}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} checked".upper()
+    comment = post_module(job.machine).comment
+    line = comment(whole if len(comment(whole)) < job.machine.control.line_length else short)
     for name in (name for item in job.posted for name in item.files):
         path = work / name
         text = path.read_text()
-        if text.count(f"({UNVERIFIED})") != 1:
+        if text.count(comment(UNVERIFIED)) != 1:
             raise PostError(f"{name}: the header has lost its verdict line")
-        path.write_text(text.replace(f"({UNVERIFIED})", f"({line})"))
+        path.write_text(text.replace(comment(UNVERIFIED), line))
 
 
 # files -----------------------------------------------------------------------------------------
@@ -458,7 +454,7 @@ def inputs_hash(order, step):
              "setups": [s.model_dump(mode="json") for s in design.setups],
              "machine": order.machine.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
              "shop": order.shop.model_dump(mode="json", exclude={"practice": {"stock_allowance_mm"}}),     # the stock has it
-             "accepted": order.accepted, "version": cuspline.__version__}
+             "accepted": order.accepted, "version": cuspline.__version__, **sources_of_post(order.machine)}
     files = [item.path.read_bytes() for item in (design.stock, *(f for s in design.setups for f in s.fixtures))
              if isinstance(item, FromFile)]
     return hashlib.sha256(b"".join([step.read_bytes(), json.dumps(asked, sort_keys=True).encode(), *files])).hexdigest()

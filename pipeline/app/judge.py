@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.app.catalogue import find_post, reader_of
+from cuspline.app.catalogue import find_post, reader_of, tool_table_of
 from cuspline.app.report_inputs import shape_of
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.job import read_tools
@@ -174,7 +174,7 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
 def _file_findings(folder, job, tools, published):
     """Of what lies in the folder against what was published, and of the tool table."""
     changed = () if published is None else (*changed_files(folder, published), *changed_job(folder, job, published))
-    return [*changed, *tool_table_findings(folder, tools, job.machine.control)]
+    return [*changed, *tool_table_findings(folder, tools, *tool_table_of(job.machine))]
 
 
 def _program_findings(program, machine):
@@ -228,10 +228,10 @@ def figures_in_words(numbers):
     """Gouge, cusp and the bound of both out of verify.json.
 
     >>> figures_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "error_bound_mm": None})
-    'gouge 0.0022 mm, cusp 0.0096 mm, error bound unknown'
+    'gouge 0.0022, cusp 0.0096, error bound unknown'
     """
     bound = numbers["error_bound_mm"]
-    return (f"gouge {numbers['gouge_max_mm']:.4f} mm, cusp {numbers['cusp_max_mm']:.4f} mm, error bound "
+    return (f"gouge {numbers['gouge_max_mm']:.4f}, cusp {numbers['cusp_max_mm']:.4f}, error bound "
             + ("unknown" if bound is None else f"{bound:.5f} mm"))
 
 

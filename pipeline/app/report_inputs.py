@@ -1,6 +1,7 @@
 """Gathers what the report shows out of the stages' values."""
 
 import hashlib
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -106,7 +107,7 @@ def _setup_bundle(work, judged, item, posted, verdict, machine):
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
         program_lines=text.count(b"\n"), program_bytes=len(text), continued=tuple(
             (name, hashlib.sha256(t).hexdigest()) for name, t in zip(item.continued, more)), machine=machine.name,
-        control=machine.control.post, units=machine.control.units, wcs=item.setup.wcs,
+        control=Path(machine.control.post).stem, units=machine.control.units, wcs=item.setup.wcs,
         wcs_in_words=item.setup.wcs_in_words, frame=item.setup.frame, operation_first_lines=_first_lines(posted),
         stock_box_mm=(_triple(low), _triple(high)), stock_edges_mm=_edges(stock.edges_mm),
         stock_in_words="" if stock.fills_box_in(item.setup.frame) else stock.in_words().lower(),

@@ -88,9 +88,9 @@ class Published:
     job: dict = field(default_factory=dict)             # as it stands in the manifest
     job_fields: dict = field(default_factory=dict)      # field of the job -> SHA-256
 
-    def of_programs(self, names, job):
-        """The same for some of a Job's programs and what they need."""
-        needed = {job.step, "tools.json", "tools.tbl", *names}
+    def of_programs(self, names, job, table):
+        """The same for some of a Job's programs and what they need; `table`: the control's tool table, None: it has none."""
+        needed = {job.step, "tools.json", table, *names}
         return Published(files={name: digest for name, digest in self.files.items() if name in needed}, job=self.job,
                          job_fields=self.job_fields)
 

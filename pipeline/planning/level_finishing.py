@@ -39,8 +39,8 @@ def faced(work, tool, allowance_mm):
     top = float(work.box[1][2])
     height = top + allowance_mm if operation.height_mm is None else operation.height_mm
     if height < top - SAME_MM:
-        raise PlanError(f"{operation.title}: height_mm {height:g} lies below the part's top at {top:g}: facing goes across "
-                        "everything; raise it, or cut what lies lower by other operations")
+        raise PlanError(f"{operation.title}: height_mm {height:g} is below the part's top at {top:g}: facing goes across "
+                        "everything; raise it, or cut what is lower by other operations")
     for fixture in work.fixtures:
         high = fixture.box_mm[1]
         if high[2] > height - practice.keep_out_mm:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.program.program import Kind
+from cuspline.program.program import TILT_RAD, UPRIGHT, Kind, tilt_rad
 from cuspline.replay import head_clearance, replay_checks, replay_design, replay_doubts, replay_kernel
 from cuspline.replay.clearance import ClearanceTree, flute_segments, head_frusta
 from cuspline.replay.replay_loads import loads
@@ -150,8 +150,10 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
             counts as part of the holder.
         kept: kept.Kept, asked first; NOTHING keeps nothing.
     Raises:
-        SimulationError: a feed move with a tool that is not given.
+        SimulationError: a feed move with a tool that is not given; a tool axis that neither stands upright nor lies
+            as the tool's head holds it; `.rows`.
     """
+    _refuse_tilted(posted, tools)
     zmap = ZMap.over(stock_min, stock_max, pitch_mm)
     shape, top = (zmap.ny, zmap.nx), float(stock_max[2])
     heights = np.full(shape, np.nan) if design_top_mm is None else frozen(design_top_mm, shape, "design_top_mm")
@@ -193,6 +195,21 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
                   findings=found, idle=tuple(report.idle(taken)), holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
                   holder_place_mm=place, undecided_lines=tuple(posted.line[unsure].tolist()),
                   is_table_checked=machine is not None)
+
+
+def _refuse_tilted(posted, tools):
+    """Contacts are asked of upright tools and of tools as their heads hold them; any other would be judged as those."""
+    tilt = np.empty(len(posted))
+    for number in np.unique(posted.tool).tolist():
+        tool, rows = tools.get(number), posted.tool == number
+        held = UPRIGHT if tool is None or tool.head is None else tool.head.axis
+        tilt[rows] = np.maximum(tilt_rad(posted.start_axis[rows], held), tilt_rad(posted.end_axis[rows], held))
+    rows = np.flatnonzero(~(tilt <= TILT_RAD))
+    if len(rows):
+        k = rows[0]
+        raise SimulationError(f"line {posted.line[k]}: the axis of T{posted.tool[k]} leans {np.degrees(tilt[k]):.3f} "
+                              f"degrees from where the spindle holds it, and in {len(rows) - 1} more moves; the replay "
+                              "knows no rotary axes: program it upright", rows=rows)
 
 
 def _history(script, moves, wanted, low_mm, boxes, z, before, lines, events, design, allowed_mm, around):

@@ -59,7 +59,7 @@ def zero_rows(bundle, setup):
     """Where the zero is, how large the stock, how far the tool goes, all in WCS."""
     axis = lambda box, k: f"{decimal(box[0][k])} … {decimal(box[1][k])}"
     spans = lambda box: "   ".join(f"{name} {axis(box, k)}" for k, name in enumerate("XYZ"))
-    lies = [("Part lies, as measured", setup.lies_in_words)] if setup.lies_in_words else []
+    lies = [("Part sits, as measured", setup.lies_in_words)] if setup.lies_in_words else []
     held = [("Held by", ", ".join(name for name, _ in setup.fixtures))] if setup.fixtures else []
     return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), ("Stock", stock_size(setup)), *held,
             ("Stock in WCS", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
@@ -108,7 +108,7 @@ def _holder_in_words(holder):
 
 def _head_in_words(tool):
     head = tool.get("head")
-    return "" if not head else (f", on {head['name']}: disc toward {head['cutter_points']}, its middle "
+    return "" if not head else (f", on {head['name']}: cutter toward {head['cutter_points']}, its middle "
                                 f"{short(head['offset_mm'])} mm beside the spindle in X, "
                                 f"{short(head['length_mm'])} mm below it")
 

@@ -116,8 +116,8 @@ class Verdict:
         parts = [s.as_dict() for s in self.setups]
         worst = ("gouge_max_mm", "gouge_proven_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm")
         bounded = ("excess_proven_mm", "error_bound_mm")        # None where there is no bound
-        summed = ("gouge_volume_mm3", "excess_volume_mm3", "points_checked", "area_required_mm2", "area_reached_mm2",
-                  "area_unreachable_mm2")
+        summed = ("gouge_volume_mm3", "gouge_volume_bound_mm3", "excess_volume_mm3", "excess_volume_bound_mm3",
+                  "points_checked", "area_required_mm2", "area_reached_mm2", "area_unreachable_mm2")
         together = ("unreachable", "collisions", "findings", "cusps", "joints")
         return {"ok": self.ok, **{k: max((p[k] for p in parts), default=0.0) for k in worst},
                 **{k: _largest([p[k] for p in parts]) for k in bounded},
@@ -155,7 +155,9 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     """Verdict on the posted programs of all clampings, in the order in which they are cut.
 
     Every face is judged after all programs; each program is replayed on the stock that those before it leave, and
-    answers for its own gouges on any of the faces.
+    answers for its own gouges on any of the faces.  A part that is plated later is judged as plated: what the cutters
+    less a skin of the plating leave is held against its faces (planning/plating.py), which is the metal against faces
+    that lie so much deeper.
 
     Args:
         programs: SetupProgram values.
@@ -169,7 +171,8 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     Returns:
         one SetupVerdict a program.
     Raises:
-        InputError: no faces, or faces of another solid.
+        InputError: no faces, or faces of another solid; a plating that is no thinner than the smallest ball.
+        SimulationError: a cutter that is no thicker than the plating.
     """
     part, clampings = _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say)
     judged = _residuals(part, clampings, kept, say)
@@ -204,7 +207,8 @@ class _Part:
     solid: object                     # TopoDS_Solid, part coordinates
     finish: object
     ball_radius_mm: float
-    piece: Workpiece                  # after all clampings
+    piece: Workpiece                  # after all clampings, as plated
+    metal: Workpiece                  # the same before it is plated
     made: StockSolids                 # the same as solids
     mesh: Tessellation                # of the design
     closest: ClosestTree | None       # of the design, where cutters undercut or lean
@@ -236,7 +240,7 @@ class _Clamping:
     program: SetupProgram
     options: Options                  # every None replaced
     required: list                    # numbers of the solid's faces that it cuts
-    before: Workpiece                 # the stock that it finds
+    before: Workpiece                 # the stock that it finds, of metal
     samples: Samples
     ground: Ground                    # of its faces
     feeds: np.ndarray                 # (n, 3) direction of each move, part coordinates; zero where not known
@@ -251,12 +255,18 @@ def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, ke
     """_Part, and a _Clamping of each program."""
     shapes = [[getattr(f, "shape", f) for f in p.faces] for p in programs]
     required = [_indices(solid, faces) for faces in shapes]
-    piece, before, fitted = Workpiece(blank=stock.shape), [], []
+    if ball_radius_mm <= finish.plating_mm:
+        raise InputError(f"plating_mm {finish.plating_mm:g} is no thinner than the smallest ball, of radius "
+                         f"{ball_radius_mm:g} mm: correct it")
+    piece = metal = Workpiece(blank=stock.shape)
+    before, fitted = [], []
     for program, faces in zip(programs, shapes):
         say(f"{program.setup.name}: index over {len(program.posted):,} moves")
-        before.append(piece)
-        fitted.append(_fitted(options, faces, *piece.box_in(program.setup.frame), finish))
-        piece = piece.after(program.setup.frame, swept_paths(program.posted, tools))
+        before.append(metal)
+        fitted.append(_fitted(options, faces, *metal.box_in(program.setup.frame), finish))
+        paths = swept_paths(program.posted, tools)
+        metal = metal.after(program.setup.frame, paths)
+        piece = piece.after(program.setup.frame, _as_plated(paths, finish))
     finest = min(o.tessellation_mm for o in fitted)
     if options.tessellation_mm is None:
         finest = _affordable_mm(solid, finest)
@@ -270,8 +280,13 @@ def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, ke
                  for k, (p, o, chosen, found, faces) in enumerate(zip(programs, fitted, required, before, shapes))]
     upright = all(is_height_field(c.paths) for c in piece.cuts)
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles, kept.of(stock_height_mm))
-    return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm, piece=piece, made=made, mesh=mesh,
+    return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece, metal=metal, made=made, mesh=mesh,
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
+
+
+def _as_plated(paths, finish):
+    """SweptPaths of the cutters less a skin of the plating; where there is none, the same."""
+    return tuple(p.grown(-finish.plating_mm) for p in paths) if finish.plating_mm else paths
 
 
 def _judged(part, c, found, own, tools, machine, joined, kept, say):
@@ -284,7 +299,7 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
     history = _replayed(part, c, tools, machine, kept)
     say(f"{c.name}: certificate of {moves}")
     proven = certify(c.program.posted, tools, part_in_wcs(part.solid, c.program.setup.frame),
-                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), kept=kept)
+                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), skin_mm=finish.plating_mm, kept=kept)
     say(f"{c.name}: cusps beside {len(c.samples):,} samples")
     cusps = _cusps(part, c, found)
     say(f"{c.name}: proof of what stands between the samples")
@@ -394,7 +409,7 @@ def _replayed(part, c, tools, machine, kept):
                   stock_within_mm=partial(c.before.highest_within_mm, frame),
                   design_top_mm=grid(np.where(np.isfinite(design), design, np.nan)),
                   design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
-                  design_error_mm=mesh.deviation_mm + part.finish.gouge_mm, fixtures=program.fixtures, machine=machine,
+                  design_error_mm=mesh.deviation_mm + part.finish.gouge_mm + part.finish.plating_mm, fixtures=program.fixtures, machine=machine,
                   frame=frame, setup=c.name,
                   within_before=lambda row: _within_before(c, tools, row),
                   left_by_heads=lambda xy: _left_by_heads(part, c, high, low, xy),
@@ -434,9 +449,11 @@ def _numbers(found, solid_view, finish, bounds, history, true_mm):
     numbers = {
         "gouge_max_mm": gouge[0], "excess_max_mm": excess[0],
         "at_least": [name for name, (_, more) in (("gouge_max_mm", gouge), ("excess_max_mm", excess)) if more],
+        **({"plating_mm": finish.plating_mm} if finish.plating_mm else {}),
         "cusp_max_mm": max(0.0, d[finished].max(initial=0.0)),
         "cusp_p99_mm": max(0.0, weighted_percentile(d[finished], found.samples.weight_mm2[finished], 0.99)),
-        "gouge_volume_mm3": solid_view.gouge_volume_mm3, "excess_volume_mm3": solid_view.excess_volume_mm3,
+        "gouge_volume_mm3": solid_view.gouge.mm3, "gouge_volume_bound_mm3": solid_view.gouge.bound_mm3,
+        "excess_volume_mm3": solid_view.excess.mm3, "excess_volume_bound_mm3": solid_view.excess.bound_mm3,
         "error_bound_mm": _sum([bounds[k] for k in ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm")]),
         "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
         "area_reached_mm2": area(fair & (d <= allowed_mm(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
@@ -477,5 +494,5 @@ def _stock_before(c, tools, row):
 
 def _left_by_heads(part, c, high, low, xy_mm):
     """Heights that a clamping's tools on heads alone leave at places (n, 2), and the rows that left them; WCS."""
-    paths = [p for p in part.piece.cuts[c.number].paths if p.tool.head is not None]
+    paths = [p for p in part.metal.cuts[c.number].paths if p.tool.head is not None]
     return lowest_moves(paths, xy_mm, float(high[2]), bottom_mm=float(low[2]))

@@ -20,6 +20,7 @@ from cuspline.program.program import Kind
 
 CHORD_MM = 0.0025
 VERIFY_KEYS = {"ok", "gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "gouge_volume_mm3", "excess_volume_mm3",
+               "gouge_volume_bound_mm3", "excess_volume_bound_mm3",
                "error_bound_mm", "points_checked", "area_required_mm2", "area_reached_mm2", "collisions", "findings"}
 OPERATION_KEYS = {"name", "tool", "spindle_rpm", "feed_mm_per_min", "time_s", "length_mm", "blocks", "candidates"}
 TOOL_KEYS = {"number", "type", "diameter_mm", "corner_radius_mm", "flute_length_mm", "holder"}

@@ -135,7 +135,7 @@ def sample_plan(setup):
     """plan.json as DESIGN.md says it."""
     ball_candidates = [
         {"tool": {"number": 5, "type": "ball", "diameter_mm": 20.0}, "diameter_mm": 20.0, "chosen": False,
-         "reason": "radius 10.000 mm is above the tightest hollow, 8.000 mm at X 20.000 Y 0.000 Z 12.000"},
+         "reason": "radius 10.000 mm is above the minimum concave radius, 8.000 mm at X 20.000 Y 0.000 Z 12.000"},
         {"tool": BALL, "diameter_mm": 10.0, "chosen": True, "reason": "largest that fits with a margin of 1.2"},
         {"tool": {"number": 4, "type": "ball", "diameter_mm": 6.0}, "diameter_mm": 6.0, "chosen": False,
          "reason": "fits, but a larger one does too"}]

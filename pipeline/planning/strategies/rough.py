@@ -34,7 +34,7 @@ class Rough(Clearing):
         """(Tool, candidates): the one asked for, or the largest that leaves least."""
         usable = work.tools("flat", "bull_nose")
         if len(usable) == 1:
-            return usable[0], (Candidate(tool=usable[0], is_chosen=True, reason="as asked"),)
+            return usable[0], (Candidate(tool=usable[0], is_chosen=True, reason="as requested"),)
         library = work.library.model_copy(update={"tools": tuple(usable)})
         found = roughing_tools(library, work.mesh, work.samples, work.stock_min_mm, work.stock_max_mm, allowance_mm)
         best, candidates = choose_roughing(found, allowance_mm)

@@ -47,7 +47,7 @@ def clear(rules):
     for level, above in job.levels():
         job.cut_level(level, above)
     if job.writer.is_empty:
-        raise ToolpathError("roughing found nothing to remove: the stock lies within the allowance of the part; "
+        raise ToolpathError("roughing found nothing to remove: the stock is within the allowance of the part; "
                             "leave the operation out")
     return job.result()
 
