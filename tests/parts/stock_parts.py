@@ -20,6 +20,7 @@ from cuspline.design import (
     StockSolid,
 )
 from cuspline.kernel import brep
+from cuspline.planning.strategies.auto import Auto
 from cuspline.verification.verdict import Options
 
 FINISH = Finish(scallop_mm=0.06, profile_tolerance_mm=0.006, gouge_mm=0.008)
@@ -49,7 +50,8 @@ def turned_blank():
     body = bar.intersect(cq.Workplane("XY").sphere(16).translate((0, 0, -8.0)))
     return made("turned", body.val(), StockCylinder(from_mm=(0, 0, 0), to_mm=(0, 0, 8.7), diameter_mm=12.0),
                 FacePredicate(name="end", count=1, kinds=("sphere",)),
-                Setup(name="setup-1", faces=("end",), wcs_in_words="middle of the bar, Z0 on its base"))
+                Setup(name="setup-1", faces=("end",), wcs_in_words="middle of the bar, Z0 on its base",
+                      operations=(Auto(strategy="parallel"),)))
 
 
 def cast():
@@ -88,8 +90,8 @@ def about_z():
     half = float(np.sqrt(0.5))
     return made("about_z", crowned().val(), StockBox(min_mm=(0, 0, 0), max_mm=(LONG, WIDE, HIGH + 0.8)),
                 FacePredicate(name="crown", count=1, kinds=("cylinder",)),
-                Setup(name="setup-1", faces=("crown",), wcs_in_words="corner, Z0 on the base", strategy="parallel",
-                      wcs_x=(half, half, 0.0)))
+                Setup(name="setup-1", faces=("crown",), wcs_in_words="corner, Z0 on the base",
+                      operations=(Auto(strategy="parallel"),), wcs_x=(half, half, 0.0)))
 
 
 def on_its_side():
@@ -100,7 +102,7 @@ def on_its_side():
     tool = slope.rotate((0, 0, 0), (1, 0, 0), 37.0).translate((0, WIDE / 2, HIGH - 2.2))
     return made("on_its_side", body.cut(tool).val(), StockBox(min_mm=(0, 0, 0), max_mm=(LONG, WIDE, HIGH + 0.3)),
                 FacePredicate(name="slope", count=1, kinds=("cylinder",)),
-                Setup(name="setup-1", faces=("slope",), wcs_in_words="corner, Z0 in the corner", section_plane="ZX",
+                Setup(name="setup-1", faces=("slope",), wcs_in_words="corner, Z0 in the corner",
                       wcs_z=(0.0, -float(np.sin(angle)), float(np.cos(angle)))))
 
 

@@ -68,7 +68,7 @@ def _operations(work):
     balls = work.library if is_side else work.finishing_library
     ball, candidates, reach = choose_ball(balls, work.samples, work.hollow.radius_mm, work.mesh,
                                           work.practice.rough_allowance_mm, work.finishing_work())
-    made = [o for o in roughed(work, ball, reach.is_reached, lambda: None) if o is not None]
+    made = roughed(work, ball, reach.is_reached, lambda: None)
     tool, is_reached = ball, reach.is_reached
     if is_side:
         asked = work.operation.ball_mm

@@ -20,7 +20,7 @@ from cuspline.toolpaths.roughing.clearing_rules import Clearing, ClearingRules, 
 from cuspline.toolpaths.roughing.level_fields import PlaneGrid, inner_distance, level_distance_mm, nearest_seed
 from cuspline.toolpaths.roughing.level_runs import LevelRuns
 from cuspline.values import fixed_math as fixed
-from cuspline.values.errors import ToolpathError
+from cuspline.values.errors import NothingToCut, ToolpathError
 
 __all__ = ["Clearing", "ClearingRules", "clear", "engagement_of_rad"]
 
@@ -39,15 +39,15 @@ def clear(rules):
     """Clear the stock down to the part and its allowance, level by level.
 
     Raises:
-        ToolpathError: there is nothing to remove, the bounds cannot be used, or a path would cut
-            into the allowance whatever is kept back from it.
+        NothingToCut: there is nothing to remove.
+        ToolpathError: the bounds cannot be used, or a path would cut into the allowance whatever is kept back from it.
     """
     refuse_bad(rules)
     job = _Job(rules)
     for level, above in job.levels():
         job.cut_level(level, above)
     if job.writer.is_empty:
-        raise ToolpathError("roughing found nothing to remove: the stock is within the allowance of the part; "
+        raise NothingToCut("roughing found nothing to remove: the stock is within the allowance of the part; "
                             "leave the operation out")
     return job.result()
 
