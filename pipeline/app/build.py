@@ -24,6 +24,7 @@ from cuspline.app.judge import figures_in_words, judge, post_module, posted_move
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
 from cuspline.design.job import Job, PostedFile, digest_of, job_line
 from cuspline.design.setup_alignment import refixturing_in_words
+from cuspline.design.stock import FromFile, settled, stock_in_words
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.glb import write_glb
 from cuspline.kernel.solids import stl_of
@@ -117,10 +118,14 @@ def _made(order, work, say):
     design = order.design
     say(f"{design.name}: STEP")
     solid = brep.the_solid(design.solid, f"design {design.name}")
+    design = replace(design, stock=settled(design.stock, solid, order.shop.practice))
+    order = replace(order, design=design)
     if design.setups and order.last_stage != "step":
         refuse_impossible_setups(design, solid, order.machine, order.library)
     step = work / f"{design.name}.step"
     brep.write_step(solid, step, design.name)
+    design = _with_files(design, work)
+    order = replace(order, design=design)
     inputs = inputs_hash(order, step)
     # from here on every stage sees what a reader of the file sees
     solid = brep.the_solid(brep.read_step(step), step.name)
@@ -159,6 +164,13 @@ def _made(order, work, say):
     return replace(result, figures=judged.figures_in_words, accepted=judged.passed_over(order.accepted))
 
 
+def _with_files(design, work):
+    """The design, the files of its stock and fixtures copied beside its outputs: later stages see the copies."""
+    setups = tuple(s.model_copy(update={"fixtures": tuple(
+        f.written(work, f"{s.name}.fixture-{k}") for k, f in enumerate(s.fixtures, start=1))}) for s in design.setups)
+    return replace(design, stock=design.stock.written(work, f"{design.name}.stock"), setups=setups)
+
+
 def _measured(order, work, inputs, shape, say):
     """A design without setups: its solid as read back from STEP is measured, nothing is planned."""
     design = order.design
@@ -185,7 +197,7 @@ def _measured(order, work, inputs, shape, say):
 def _planned(order, say):
     """SetupPlan of every setup; each begins with the stock that the programs before it leave, as they are posted."""
     design, plans = order.design, []
-    piece = Workpiece(min_mm=design.stock.min_mm, max_mm=design.stock.max_mm)
+    piece = Workpiece(blank=design.stock.shape)
     for setup in design.setups:
         say(f"{design.name}: plan {setup.name}")
         plan = plan_setup(design, setup, order.machine, order.library, piece, order.shop)
@@ -305,7 +317,15 @@ def plan_document(order, plans):
     return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
             "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
-            **{g.name: g.facts(order.design.where) for g in order.design.guides}, "setups": setups}
+            **{g.name: g.facts(order.design.where) for g in order.design.guides},
+            "stock": _stock_document(order.design.stock), "setups": setups}
+
+
+def _stock_document(stock):
+    """What the part is cut from, part coordinates."""
+    low, high = (corner.round(6).tolist() for corner in stock.shape.box_in(PART))
+    return {"kind": stock_in_words(stock) or "BOX", "min_mm": low, "max_mm": high, **stock.model_dump(mode="json"),
+            "deviation_mm": stock.shape.error_mm}
 
 
 def _operation_document(o):
@@ -351,7 +371,7 @@ def _posted(order, plans, work, inputs):
 def _header(order, plan, inputs):
     """Comment lines that tell the operator what this is."""
     design, setup, machine = order.design, plan.setup, order.machine
-    low, high = setup.frame.box_into(design.stock.min_mm, design.stock.max_mm)
+    low, high = design.stock.shape.box_in(setup.frame)
     program = plan.program((), setup.name)
     ends = np.vstack([o.moves.end_mm for o in program.operations])
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
@@ -360,7 +380,7 @@ def _header(order, plan, inputs):
              f"INPUTS SHA-256 {inputs[:32]}", job_line(""),
              f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
              f"{setup.wcs}: {setup.wcs_in_words}",
-             f"STOCK {design.material}: {show(low)} TO {show(high)}",
+             f"STOCK {design.material}: {_stock_in_words(design.stock)}{show(low)} TO {show(high)}",
              f"TIP EXTENTS {show(ends.min(axis=0))} TO {show(ends.max(axis=0))}",
              f"RAPIDS ACROSS AT Z{program.clearance_z_mm:.3f}",
              f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
@@ -385,6 +405,12 @@ def _header(order, plan, inputs):
     return lines
 
 
+def _stock_in_words(stock):
+    """What stands before its corners in the header: of a plain box nothing."""
+    words = stock_in_words(stock)
+    return f"{words}, WITHIN " if words else ""
+
+
 def _head_in_words(head):
     """What the operator must know of a tool's head; nothing where it has none."""
     return "" if head is None else (f", ON {head.name.upper()}, CUTTER TOWARD {head.cutter_points}, "
@@ -394,7 +420,7 @@ def _head_in_words(head):
 def _stock_files(work, job, judged, say, kept):
     """Write the stock after every operation; what verify.json says of it."""
     rows = []
-    for state in judged.stock_states(job, kept):
+    for state in judged.stock_states(kept):
         say(f"{job.design}: stock after {state.setup} {state.operation}")
         (work / state.file).write_bytes(stl_of(state.solid))
         rows.append({**state.as_dict(), "sha256": _sha256(work / state.file)})
@@ -426,10 +452,12 @@ def inputs_hash(order, step):
              "predicates": [p.model_dump(mode="json") for p in design.predicates],
              "stock": design.stock.model_dump(mode="json"), "finish": design.finish.model_dump(mode="json"),
              "setups": [s.model_dump(mode="json") for s in design.setups],
-             "machine": order.machine.model_dump(mode="json"), "shop": order.shop.model_dump(mode="json"),
-             "library": order.library.model_dump(mode="json"), "accepted": order.accepted,
-             "version": cuspline.__version__, **sources_of_post(order.machine)}
-    return hashlib.sha256(step.read_bytes() + json.dumps(asked, sort_keys=True).encode()).hexdigest()
+             "machine": order.machine.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
+             "shop": order.shop.model_dump(mode="json", exclude={"practice": {"stock_allowance_mm"}}),     # the stock has it
+             "accepted": order.accepted, "version": cuspline.__version__, **sources_of_post(order.machine)}
+    files = [item.path.read_bytes() for item in (design.stock, *(f for s in design.setups for f in s.fixtures))
+             if isinstance(item, FromFile)]
+    return hashlib.sha256(b"".join([step.read_bytes(), json.dumps(asked, sort_keys=True).encode(), *files])).hexdigest()
 
 
 def _sha256(path):

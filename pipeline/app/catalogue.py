@@ -10,7 +10,7 @@ import importlib.util
 import inspect
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +18,9 @@ from pydantic import Field, ValidationError
 
 import cuspline.designs
 import cuspline.posts
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockAllowance
+from cuspline.design.fixtures import fixtures_beside
+from cuspline.design.stock import Stock
 from cuspline.shop.cutters import library_from_json
 from cuspline.shop.machines import machine_from_toml
 from cuspline.shop.practice import shop_file
@@ -152,7 +154,7 @@ class _Job(Model):
     step: str = Field(description="STEP file, relative to the job file")
     description: str = ""
     material: str
-    stock: StockBox
+    stock: Stock = StockAllowance()
     finish: Finish
     faces: tuple[FacePredicate, ...] = Field(min_length=1)
     setups: tuple[Setup, ...] = Field(min_length=1)
@@ -257,7 +259,8 @@ def make_design(source, assignments):
     if not isinstance(made, Design):
         raise DesignError(f"design {source.name}: its function `design` returned {type(made).__name__}, "
                           "it must return a cuspline.design.Design")
-    return made
+    folder = source.path.parent
+    return replace(made, stock=made.stock.beside(folder), setups=tuple(fixtures_beside(s, folder) for s in made.setups))
 
 
 def reader_of(machine):

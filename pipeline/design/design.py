@@ -6,7 +6,9 @@ from typing import Annotated, Callable, Literal
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
+from cuspline.design.fixtures import Fixture
 from cuspline.design.operations import AnyOperation
+from cuspline.design.stock import StockAllowance
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 from cuspline.values.frames import Frame
@@ -81,27 +83,6 @@ class Finish(Model):
         return {k: v for k, v in dump(self).items() if (k, v) != ("plating_mm", 0.0)}
 
 
-class StockBox(Model):
-    """A rectangular billet, part coordinates."""
-
-    min_mm: Point
-    max_mm: Point
-
-    @model_validator(mode="after")
-    def _has_volume(self):
-        if any(b <= a for a, b in zip(self.min_mm, self.max_mm)):
-            raise ValueError(f"stock box has no volume: {self.min_mm} .. {self.max_mm}")
-        return self
-
-
-class FixtureBox(Model):
-    """A box that no part of the tool may enter, part coordinates; it stands on the table."""
-
-    name: str
-    min_mm: Point
-    max_mm: Point
-
-
 class Marker(Model):
     """A place on the part that can be touched in a clamping: a ball's centre, a dowel, a corner."""
 
@@ -131,7 +112,7 @@ class Setup(Model):
                                                  "by curvature")
     reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it sits, along wcs_x: "
                                                    "between these roughing tools stay; None: they clear all")
-    fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
+    fixtures: tuple[Fixture, ...] = Field((), description="what holds the part: jaws, clamps, posts")
     markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part sits")
     marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may be from the rigid part")
     refixturing: Refixturing | None = Field(None, description="what measured markers came to; None: as designed")
@@ -198,9 +179,9 @@ class Design:
     solid: object                           # OCP TopoDS_Solid, millimetres
     predicates: tuple[FacePredicate, ...]
     material: str                           # a name in planning/materials
-    stock: StockBox
     finish: Finish
     setups: tuple[Setup, ...]
+    stock: object = StockAllowance()        # a value of design.stock; left out: the box round the part and an allowance
     guides: tuple = ()                      # values that strategies ask for by their type, see `guide_of`
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
     companions: tuple[Companion, ...] = ()

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.operations import Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
@@ -84,16 +85,16 @@ class PlanningContext:
         self._faces_of_part = brep.faces_of(solid)
         self.solid = brep.seen_from(solid, setup.turn)
         self.faces = self._faces_of_part if self.solid is solid else brep.faces_of(self.solid)
-        self.piece = before or Workpiece(min_mm=design.stock.min_mm, max_mm=design.stock.max_mm)
+        self.piece = before or Workpiece(blank=design.stock.shape)
         self.stock_min_mm, self.stock_max_mm = self.piece.box_in(setup.turn)
-        self.fixtures = [np.array(setup.turn.box_into(f.min_mm, f.max_mm)) for f in setup.fixtures]
+        self.fixtures = placed_fixtures(setup, setup.turn)
         self.material = material_named(design.material, shop.materials)
         mesh = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
         self.mesh = DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles)
         self.box = brep.bounding_box_mm(self.solid)
         asked = [o.clearance_mm for o in setup.operations if o.clearance_mm is not None]
         self.clearance_mm = max([self.practice.clearance_mm, *asked])
-        self.clearance_z_mm = float(max([self.stock_max_mm[2], *(high[2] for _, high in self.fixtures)])) + self.clearance_mm
+        self.clearance_z_mm = float(max([self.stock_max_mm[2], *(f.box_mm[1][2] for f in self.fixtures)])) + self.clearance_mm
         self._look_at(setup.faces)
 
     def of(self, operation, planned):
@@ -229,6 +230,8 @@ class PlanningContext:
     def stock_mm(self, xy_mm):
         """Height of the stock over places (n, 2) before the operation's first move; -inf beside it."""
         inside = ((xy_mm >= self.stock_min_mm[:2]) & (xy_mm <= self.stock_max_mm[:2])).all(axis=1)
+        if not self.piece.blank.fills_box_in(self.setup.turn):
+            inside[inside] = np.isfinite(self.piece.blank.tops_mm(self.setup.turn, xy_mm[inside]))
         height = np.full(len(xy_mm), -np.inf)
         height[inside] = self.piece.heights_mm(self.setup.turn, xy_mm[inside])
         for operation in self.planned:

@@ -41,7 +41,8 @@ def faced(work, tool, allowance_mm):
     if height < top - SAME_MM:
         raise PlanError(f"{operation.title}: height_mm {height:g} is below the part's top at {top:g}: facing goes across "
                         "everything; raise it, or cut what is lower by other operations")
-    for low, high in work.fixtures:
+    for fixture in work.fixtures:
+        high = fixture.box_mm[1]
         if high[2] > height - practice.keep_out_mm:
             raise PlanError(f"{operation.title}: a fixture stands up to Z {high[2]:g}, and passes at Z {height:g} run across "
                             "the whole stock: hold the part lower")

@@ -60,6 +60,25 @@ class Fixture:
     max_mm: tuple[float, float, float]
 
 
+@dataclass(frozen=True, eq=False)
+class SolidFixture:
+    """A fixture of any form, as a closed mesh; WCS."""
+
+    name: str
+    vertices_mm: np.ndarray         # (v, 3)
+    triangles: np.ndarray           # (t, 3)
+
+    @property
+    def min_mm(self):
+        """(3,) low corner of the box round it."""
+        return self.vertices_mm.min(axis=0)
+
+    @property
+    def max_mm(self):
+        """(3,) high corner of it."""
+        return self.vertices_mm.max(axis=0)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Replay:
     """The stock's history and what was found on the way.
@@ -115,8 +134,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         design: ClearanceTree of the finished design, WCS; None: pins of the heights design_top_mm.
         design_error_mm: how deep neck, shank and holder may seem to touch the design: the deviation of its triangles
             and what the finish allows the flutes themselves.
-        fixtures: Fixture values, WCS.   machine: machines.Machine, or None: travel and table are not checked and
-            nothing is known of a spindle head.
+        fixtures: Fixture and SolidFixture values, WCS; tools on right-angle heads keep clear of the boxes round them.
+        machine: machines.Machine, or None: travel and table are not checked and nothing is known of a spindle head.
         frame: the WCS seen from the part, for the places of findings.
         within_before: function of a row of PostedMoves to a function as stock_within_mm, of the stock before that move.
             What the cells leave undecided is asked there once more; tools on right-angle heads are held against the
@@ -140,7 +159,9 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     heights = np.full(shape, np.nan) if design_top_mm is None else frozen(design_top_mm, shape, "design_top_mm")
     z = np.full(shape, top) if stock_top_mm is None else np.array(frozen(stock_top_mm, shape, "stock_top_mm"))
     wanted = np.array([0.0, shank_clearance_mm, holder_clearance_mm])
-    boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures], dtype=float).reshape(-1, 6)
+    boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures if isinstance(f, Fixture)], dtype=float).reshape(-1, 6)
+    around = tuple(ClearanceTree.of_triangles(f.vertices_mm, f.triangles) for f in fixtures if isinstance(f, SolidFixture))
+    highest = max([top, *(f.max_mm[2] for f in fixtures)])
     on_heads = _on_heads(posted, tools)
     spindle_head = () if machine is None else machine.spindle_head
     script = _script(posted, tools, spindle_head)
@@ -149,7 +170,7 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     before, cut_before = z, _cut_before(z, top)
     *events, z, worst, least, unsure = kept.of(_history)(
         script, len(posted), wanted, 0.0 if machine is None else machine.rapid_clearance_mm, boxes, z,
-        _before(z, lines, top, stock_within_mm), lines, cut_before, near, float(design_error_mm + TOUCH_MM))
+        _before(z, lines, top, stock_within_mm), lines, cut_before, near, float(design_error_mm + TOUCH_MM), around)
     taken = loads(posted, tools, zmap, events, len(cut_before[0]), before)
     if within_before is not None and unsure.any():
         doubts = np.flatnonzero(unsure)
@@ -164,10 +185,10 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     report = replay_checks.Reporter(posted, setup, frame)
     hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
-             *report.unknown_starts(_highest(top, boxes), hanging), *report.travel(machine),
+             *report.unknown_starts(highest, hanging), *report.travel(machine),
              *report.table(machine, tools, script, hanging), *report.end(),
              *report.loads(taken, tools),
-             *stop_findings(report, tools, machine, _highest(top, boxes), hanging, stock_at))
+             *stop_findings(report, tools, machine, highest, hanging, stock_at))
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
@@ -191,12 +212,14 @@ def _refuse_tilted(posted, tools):
                               "knows no rotary axes: program it upright", rows=rows)
 
 
-def _history(script, moves, wanted, low_mm, boxes, z, before, lines, events, design, allowed_mm):
+def _history(script, moves, wanted, low_mm, boxes, z, before, lines, events, design, allowed_mm, around):
     """(row, cell, height of the events, heights in the end, worst, least, undecided), see `replay_kernel.run`."""
     worst, z = np.full((5, moves, 4), -np.inf), z.copy()
     least = np.array([replay_kernel.FAR_MM, replay_kernel.FAR_MM, np.nan, np.nan, np.nan])
     if design is not None:
         _against_design(design, script, wanted, allowed_mm, worst, least)
+    for fixture in around:
+        _against_fixture(fixture, script, worst[replay_kernel.FIXTURE])
     bounds, sure = before
     events, unsure = replay_kernel.run(*script, wanted, TOUCH_MM, low_mm, boxes, z, bounds.copy(), sure, lines,
                                        _past(script[0], script[2], script[4]), worst, least, events)
@@ -219,10 +242,6 @@ def _cut_before(z, top):
     """Events of row 0, as the kernel takes them: cells that earlier clampings have lowered."""
     cells = np.flatnonzero(z.ravel() < top)
     return np.zeros(len(cells), np.int32), cells.astype(np.int32), z.ravel()[cells]
-
-
-def _highest(top, boxes):
-    return max([top, *boxes[:, 5]])
 
 
 def _lines(zmap, stock_max):
@@ -318,6 +337,19 @@ def _against_design(design, script, wanted, allowed_mm, worst, least):
             if is_holder:
                 least[0] = min(least[0], proven)
     worst[:, :, 0] += allowed_mm             # where there is none, -inf stays
+
+
+def _against_fixture(fixture, script, worst):
+    """All that stands above the tips of every cutter, flutes included, against a fixture's triangles."""
+    geometry, row, cutter, _, _, parts, kinds = script
+    for k in np.unique(cutter):
+        mine = cutter == k
+        lines = replay_kernel.chords(geometry[mine])
+        for is_flute in (True, False):
+            segments = parts[(kinds[:, 0] == k) & ((kinds[:, 1] == replay_kernel.RAPID) == is_flute)]
+            if len(segments):           # flutes come thinner by what they may touch
+                replay_design.sweep(fixture.arrays, lines, row[mine], np.ascontiguousarray(segments),
+                                    TOUCH_MM if is_flute else 0.0, -np.inf, replay_design.TOLERANCE_MM, worst)
 
 
 def _on_heads(posted, tools):

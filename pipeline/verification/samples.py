@@ -24,7 +24,7 @@ from OCP.TopoDS import TopoDS
 
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import DesignError
-from cuspline.verification.tessellation import free_parameters, mesh_faces, surface_points, surface_tangents
+from cuspline.kernel.tessellation import free_parameters, mesh_faces, surface_points, surface_tangents
 
 INSIDE_MM = 1e-4          # border points lie this far inside
 MESH_MM = 0.02            # deflection of the triangles that are bisected; points themselves are exact

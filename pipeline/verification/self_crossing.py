@@ -23,7 +23,7 @@ from cuspline.stock.tree import halved_order
 from cuspline.surfaces.folds import folds_of
 from cuspline.values.errors import DesignError
 from cuspline.verification.crossing_kernels import LEAF, boxes_of, crossing_pairs, enclosures, levels_over, tree_over
-from cuspline.verification.tessellation import surface_tangents
+from cuspline.kernel.tessellation import surface_tangents
 
 PAIRS = 20000           # of crossing facets looked for at most
 LOOKED_AT = 240         # of them, spread over all, on the exact surfaces

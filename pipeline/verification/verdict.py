@@ -38,7 +38,7 @@ from cuspline.verification.residuals import (
 from cuspline.verification.samples import Samples, face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import SolidComparison, compare
-from cuspline.verification.tessellation import Tessellation, tessellate
+from cuspline.kernel.tessellation import Tessellation, tessellate
 from cuspline.verification.text_checks import path_tolerance_mm
 from cuspline.verification.true_depths import largest_true_mm
 
@@ -163,7 +163,7 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
         programs: SetupProgram values.
         tools: dict of tool number -> cutters.Tool.
         solid: TopoDS_Solid, part coordinates.
-        stock: design.StockBox, part coordinates.
+        stock: a value of design.stock, part coordinates.
         finish: design.Finish.   ball_radius_mm: smallest ball of the shop's library.
         machine: machines.Machine or None.
         kept: kept.Kept, asked first for what takes long; NOTHING keeps nothing.
@@ -172,7 +172,7 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
         one SetupVerdict a program.
     Raises:
         InputError: no faces, or faces of another solid; a plating that is no thinner than the smallest ball.
-        SimulationError: a cutter that is no thicker than the plating; a billet that stands more than 10 degrees askew in a WCS.
+        SimulationError: a cutter that is no thicker than the plating.
     """
     part, clampings = _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say)
     judged = _residuals(part, clampings, kept, say)
@@ -258,7 +258,7 @@ def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, ke
     if ball_radius_mm <= finish.plating_mm:
         raise InputError(f"plating_mm {finish.plating_mm:g} is no thinner than the smallest ball, of radius "
                          f"{ball_radius_mm:g} mm: correct it")
-    piece = metal = Workpiece(min_mm=stock.min_mm, max_mm=stock.max_mm)
+    piece = metal = Workpiece(blank=stock.shape)
     before, fitted = [], []
     for program, faces in zip(programs, shapes):
         say(f"{program.setup.name}: index over {len(program.posted):,} moves")
@@ -309,7 +309,8 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
                    gouge_mm=finish.gouge_mm, path_error_mm=part.path_error_mm, ball_radius_mm=part.ball_radius_mm)
     bounds = {"path_mm": part.path_error_mm, "tracing_mm": TRACING_MM, "post_rounding_mm": c.options.post_rounding_mm,
               "path_tolerance_mm": path_tolerance_mm(c.program.posted, machine),
-              "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm}
+              "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm,
+              **({"stock_mm": part.piece.blank.error_mm} if part.piece.blank.error_mm else {})}
     bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
     true_mm = partial(_true_mm, part, c, found)
     report = Reporter(c.program, finish, found, own, true_mm)
@@ -404,7 +405,7 @@ def _replayed(part, c, tools, machine, kept):
     grid = lambda heights: heights.reshape(zmap.ny, zmap.nx)
     design = drop_tips_mm(c.drops, zmap.xy_mm, DESIGN_PIN_MM, 0.0)
     return replay(program.posted, tools, stock_min=low, stock_max=high, pitch_mm=options.replay_pitch_mm,
-                  stock_top_mm=grid(c.before.heights_mm(frame, zmap.xy_mm)) if c.before.cuts else None,
+                  stock_top_mm=None if c.before.fills_box_in(frame) else grid(c.before.heights_mm(frame, zmap.xy_mm)),
                   stock_within_mm=partial(c.before.highest_within_mm, frame),
                   design_top_mm=grid(np.where(np.isfinite(design), design, np.nan)),
                   design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
@@ -419,8 +420,8 @@ def _replayed(part, c, tools, machine, kept):
 
 def _true_mm(part, c, found, residuals, rows):
     """True amount of a group of samples of clamping c: (amount, row, whether it may be more)."""
-    piece, far = part.piece, float(fixed.length(np.subtract(part.piece.max_mm, part.piece.min_mm)))
-    left = piece if residuals is found else Workpiece(min_mm=piece.min_mm, max_mm=piece.max_mm, cuts=(piece.cuts[c.number],))
+    piece, far = part.piece, part.piece.blank.size_mm
+    left = piece if residuals is found else Workpiece(blank=piece.blank, cuts=(piece.cuts[c.number],))
     is_proud = residuals.deviation_mm[rows[0]] > 0
     belongs = lambda p: left.is_stock(p) if is_proud else left.cut_distance_mm(p) < 0
     return largest_true_mm(residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0],

@@ -177,7 +177,7 @@ def test_verify_finds_the_same_numbers_again(saddle, tmp_path):
     judged, published = judge(folder, read_job(folder)), read(saddle / "verify.json")
     files = published.pop("stock")
     assert json.loads(json.dumps(judged.as_dict(()))) == published
-    states = [state.as_dict() for state in judged.stock_states(read_job(folder))]
+    states = [state.as_dict() for state in judged.stock_states()]
     assert states == [{k: v for k, v in row.items() if k != "sha256"} for row in files]
     assert bytes_of(folder) == before
 

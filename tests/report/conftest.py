@@ -7,6 +7,7 @@ import pytest
 
 from cuspline.design import Finish
 from cuspline.report.bundle import FaceMesh, PathPoints, ReportBundle, SetupBundle, StockReplay
+from cuspline.stock.shapes import BoxShape
 from cuspline.values.frames import Frame
 
 LENGTH, WIDTH, TOP, STOCK_TOP, PITCH = 60.0, 40.0, 20.0, 22.0, 0.5
@@ -120,6 +121,8 @@ def sample_setup(zmap):
         machine="router-3x", control="LinuxCNC 2.9", units="mm", wcs="G54",
         wcs_in_words="X0 Y0 at the front left corner of the stock, Z0 on its top", frame=Frame.shift((0, 0, STOCK_TOP)),
         operation_first_lines=(24, 980), stock_box_mm=((0.0, 0.0, -STOCK_TOP), (LENGTH, WIDTH, 0.0)),
+        stock_edges_mm=np.array(BoxShape(min_mm=(0, 0, 0), max_mm=(LENGTH, WIDTH, STOCK_TOP)).edges_mm), stock_in_words="",
+        fixtures=(("jaw", np.array(BoxShape(min_mm=(0, -5, 0), max_mm=(LENGTH, 0, 3)).edges_mm)),),
         extents_mm=(tuple(low - lift), tuple(high - lift)),
         path=PathPoints(points_mm=points, is_rapid=is_rapid.astype(bool), feed_mm_per_min=feed, operation=operation,
                         time_s=minutes * 60),

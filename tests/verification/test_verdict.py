@@ -294,7 +294,7 @@ def test_faces_of_another_solid_are_refused():
 
 
 def test_walls_are_found_in_the_mesh():
-    from cuspline.verification.tessellation import tessellate
+    from cuspline.kernel.tessellation import tessellate
     mesh = tessellate(BLOCK, 0.01)
     xs, ys = upright_walls(mesh.vertices_mm, mesh.triangles)
     assert np.allclose(xs, [0, 20]) and np.allclose(ys, [0, 16])

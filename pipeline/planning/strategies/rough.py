@@ -28,7 +28,7 @@ class Rough(Clearing):
         tool, candidates = self._tool(work, allowance)
         rows = leftover_rows(work.samples)
         made, _, _ = roughing.cleared(work, self.title, tool, candidates, work.stock_mm, rows, threshold, self, allowance)
-        return [made], cutter_reach(work.samples, work.mesh, tool.cutter).is_reached
+        return [made] if made is not None else [], cutter_reach(work.samples, work.mesh, tool.cutter).is_reached
 
     def _tool(self, work, allowance_mm):
         """(Tool, candidates): the one asked for, or the largest that leaves least."""

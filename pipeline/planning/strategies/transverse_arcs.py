@@ -68,7 +68,7 @@ def _operations(work):
     balls = work.library if is_side else work.finishing_library
     ball, candidates, reach = choose_ball(balls, work.samples, work.hollow.radius_mm, work.mesh,
                                           work.practice.rough_allowance_mm, work.finishing_work())
-    made = [o for o in roughed(work, ball, reach.is_reached, lambda: None) if o is not None]
+    made = roughed(work, ball, reach.is_reached, lambda: None)
     tool, is_reached = ball, reach.is_reached
     if is_side:
         asked = work.operation.ball_mm
@@ -127,8 +127,7 @@ def _passes(work, name, tool, tip, within_mm, half_mm, over_mm, ridge_mm, facts)
     if tool.head is not None:
         passes = with_wheel(passes, tool)
         facts = {**facts, "head": tool.head.name, "wheel_mm": round(tool.wheel_mm, 6)}
-        boxes = [Fixture(name=f.name, min_mm=tuple(low), max_mm=tuple(high))
-                 for f, (low, high) in zip(work.setup.fixtures, work.fixtures)]
+        boxes = [Fixture(name=f.name, min_mm=tuple(f.box_mm[0]), max_mm=tuple(f.box_mm[1])) for f in work.fixtures]
         refuse_interference(passes.moves(), tool, boxes, work.machine.spindle_head)
     intervals = [float(s.interval_mm) for s in along]
     facts = {"allowance_mm": over_mm if over_mm > 0 else 0.0, "scallop_mm": ridge_mm,
