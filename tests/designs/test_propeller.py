@@ -391,7 +391,7 @@ def test_another_thickness_form_makes_another_blade(tmp_path):
     (lambda t: t.replace("0.9992991001", "9.9992991001"), "row 16: camber_f0 9.9993 is the greatest, it must be 1"),
     (lambda t: t.replace("0,0,0,,", "0,0,0.1,,"), "row 1: camber_f0 must be 0 at both ends"),
     (lambda t: t.replace("-0.8844771306", "-88.44771306"), "row 19: camber_slope_f0"),
-    (lambda t: t.replace("0.448", "-0.448"), "row 1: nose_radius -0.448 must lie above 0")])
+    (lambda t: t.replace("0.448", "-0.448"), "row 1: nose_radius -0.448 must be above 0")])
 def test_sections_that_cannot_be_meant_are_refused_with_their_row(change, wanted, tmp_path):
     with pytest.raises(DesignError, match=re.escape(wanted)):
         tables.own_propeller(4, 0.7, 1.1, 300.0, 0.2, sections_csv=own_sections(tmp_path, change))
