@@ -48,7 +48,7 @@ from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.folds import folds_of
 from cuspline.surfaces.rolling_ball import envelope_room, fillet_of, rolled
 from cuspline.surfaces.trims import TrimSet
-from cuspline.values.errors import DesignError
+from cuspline.values.errors import DesignError, InputError
 
 
 def made_of(table, hub_ratio=0.2, radii=(4.0, 8.0, 4.0, 8.0), cuts=HubCuts(), length=0.46):
@@ -575,7 +575,7 @@ def test_a_table_may_have_a_byte_order_mark_and_skew_in_radians(tmp_path):
     plain, other = (tables.from_files(tmp_path / f"{n}.csv", 300.0, 5) for n in ("plain", "other"))
     assert np.nan_to_num(other.skew_rad) == pytest.approx(np.nan_to_num(plain.skew_rad), abs=1e-12)
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(DesignError, match="is no text"):
+    with pytest.raises(InputError, match="is written in UTF-16: save it as UTF-8"):
         tables.from_files(tmp_path / "binary.csv", 300.0, 5)
 
 
