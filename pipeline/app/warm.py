@@ -19,7 +19,7 @@ def steps():
             ("drop-cutter on triangles", _drop_cutter),
             ("drop-cutter on exact surfaces", _exact_drop), ("certificate", _certificate),
             ("arc fitting", _arcs), ("feeds", _feeds), ("planning of a small part", _planning),
-            ("clearance", _clearance), ("simulation and comparison", _simulation),
+            ("clearance", _clearance), ("stock of any form", _shapes), ("simulation and comparison", _simulation),
             ("simulation of tilted cutters", _posed_simulation))
 
 
@@ -164,6 +164,13 @@ def _posed_simulation():
     swept.deviation_mm(paths, low, high, point, up, 1.0)
     swept.stock_height_mm(paths, [(2.0, 0.0)], 9.0)
     swept.stock_intervals(paths, low, high, point, up)
+
+
+def _shapes():
+    from cuspline.stock.shapes import HERE, BoxShape, closed_mesh
+    mesh = closed_mesh(*BoxShape(min_mm=(0, 0, 0), max_mm=(1, 1, 1)).mesh, 0.0, "the warm-up", "MESH")
+    mesh.columns(HERE, np.zeros((1, 2)))
+    mesh.tops_within_mm(HERE, np.zeros((1, 2)), 0.1)
 
 
 def _simulation():

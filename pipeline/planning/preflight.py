@@ -15,6 +15,7 @@ from cuspline.values.errors import PlanError
 HELD_MM = 1e-3              # the part may stand out of its stock by the kernel's own tolerance
 PART_MM = 0.01              # of the part's triangles, where its solid is held against the stock's
 LEAST_MM3 = 1e-6            # smaller bodies are rounding
+EXACT_MM = 1e-5             # of how far it stands out
 POINT = np.zeros((1, 5))    # a tool that is a point: its clearance is a distance
 
 
@@ -58,9 +59,10 @@ def _standing_out(stock, solid):
     around = ClearanceTree.of_triangles(*shape.mesh)
     worst, place = 0.0, None
     for body in bodies_of(solid_of(mesh.vertices_mm, mesh.triangles, "the part's mesh") - shape.solid, LEAST_MM3):
-        away = around.distances_mm(POINT, body.vertices_mm, np.tile((0.0, 0.0, 1.0), (len(body.vertices_mm), 1)), HELD_MM)
-        if away.max() > worst:
-            worst, place = float(away.max()), body.vertices_mm[away.argmax()]
+        away = around.distances_mm(POINT, body.vertices_mm, np.tile((0.0, 0.0, 1.0), (len(body.vertices_mm), 1)), EXACT_MM)
+        thick = max(float(away.max()), 2.0 * body.volume_mm3 / body.area_mm2)       # all its corners may be in the walls
+        if thick > worst:
+            worst, place = thick, body.vertices_mm[away.argmax()]
     if worst > allowed:
         yield (f"the part stands {worst:.3f} mm out of its stock ({shape.in_words().lower()}) at X{place[0]:.3f} "
                f"Y{place[1]:.3f} Z{place[2]:.3f}: enlarge the stock, or lay it round the part")

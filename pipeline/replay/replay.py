@@ -113,7 +113,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
            design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
            frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
            within_before=None, left_by_heads=None, stock_at=None,
-           holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, kept=NOTHING):
+           holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, columns=None,
+           kept=NOTHING):
     """Replays a posted program move by move on a z-map of the stock.
 
     Contacts are judged over the whole of every move, not at its ends, nor at the nodes alone.  What is left of the
@@ -148,6 +149,7 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
             beside it: what a tool that stands still touches.  None: that is not asked.
         holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
             counts as part of the holder.
+        columns: (ny * nx, k, 2) of a stock that is no box: heights between which it stands over the nodes as delivered.
         kept: kept.Kept, asked first; NOTHING keeps nothing.
     Raises:
         SimulationError: a feed move with a tool that is not given; a tool axis that neither stands upright nor lies
@@ -171,7 +173,7 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     *events, z, worst, least, unsure = kept.of(_history)(
         script, len(posted), wanted, 0.0 if machine is None else machine.rapid_clearance_mm, boxes, z,
         _before(z, lines, top, stock_within_mm), lines, cut_before, near, float(design_error_mm + TOUCH_MM), around)
-    taken = loads(posted, tools, zmap, events, len(cut_before[0]), before)
+    taken = loads(posted, tools, zmap, events, len(cut_before[0]), before, columns)
     if within_before is not None and unsure.any():
         doubts = np.flatnonzero(unsure)
         unsure[replay_doubts.cleared(doubts, posted, script, wanted, within_before, stock_min, stock_max)] = False

@@ -123,7 +123,7 @@ class BoxShape(Shape):
 
     def along(self, origins_mm, directions):
         origins, directions = np.asarray(origins_mm, float), np.asarray(directions, float)
-        return _one_span(*_between(origins, directions, self.min_mm - CLOSE_MM, self.max_mm + CLOSE_MM))
+        return _one_span(*_between(origins, directions, self.min_mm, self.max_mm))
 
     def holds(self, points_mm):
         return ((points_mm > self.min_mm) & (points_mm < self.max_mm)).all(axis=1)
@@ -172,17 +172,16 @@ class CylinderShape(Shape):
         return ends.min(axis=0) - aside, ends.max(axis=0) + aside
 
     def along(self, origins_mm, directions):
-        """Exactly, but for a hair (CLOSE_MM) by which it is larger."""
         origins, directions, axis = np.asarray(origins_mm, float) - self.from_mm, np.asarray(directions, float), self.axis
         height, rise = (np.einsum("nc,c->n", v, axis) for v in (origins, directions))
-        ends = _between(height[:, None], rise[:, None], np.array([-CLOSE_MM]), np.array([self.length_mm + CLOSE_MM]))
+        ends = _between(height[:, None], rise[:, None], np.zeros(1), np.array([self.length_mm]))
         aside, sideways = origins - height[:, None] * axis, directions - rise[:, None] * axis
         a, b = (np.einsum("nc,nc->n", v, sideways) for v in (sideways, aside))
-        c = np.einsum("nc,nc->n", aside, aside) - (self.radius_mm + CLOSE_MM) ** 2
+        c = np.einsum("nc,nc->n", aside, aside) - self.radius_mm ** 2
         is_along, root = a < SQUARE, b * b - a * c
         half = np.sqrt(np.maximum(root, 0.0)) / np.where(is_along, 1.0, a)
         middle = -b / np.where(is_along, 1.0, a)
-        misses = np.where(is_along, c > 0, root < 0)
+        misses = np.where(is_along, c > 2.0 * self.radius_mm * CLOSE_MM, root < 0)
         enter = np.where(misses, np.inf, np.where(is_along, -np.inf, middle - half))
         leave = np.where(misses, -np.inf, np.where(is_along, np.inf, middle + half))
         return _one_span(np.maximum(enter, ends[0]), np.minimum(leave, ends[1]))
@@ -271,11 +270,14 @@ def closed_mesh(vertices_mm, triangles, error_mm, name, words):
 
 
 def _between(origins, directions, low, high):
-    """(n,) enter and leave of lines through a box in any number of dimensions; enter > leave: it is missed."""
+    """(n,) enter and leave of lines through a box in any number of dimensions; enter > leave: it is missed.
+
+    A line that runs along a side counts as within up to CLOSE_MM beside it.
+    """
     is_level = np.abs(directions) < SQUARE
     steps = np.where(is_level, 1.0, directions)
     first, last = (low - origins) / steps, (high - origins) / steps
-    beside = is_level & ((origins < low) | (origins > high))
+    beside = is_level & ((origins < low - CLOSE_MM) | (origins > high + CLOSE_MM))
     enter = np.where(is_level, np.where(beside, np.inf, -np.inf), np.minimum(first, last)).max(axis=1)
     leave = np.where(is_level, np.where(beside, -np.inf, np.inf), np.maximum(first, last)).min(axis=1)
     return enter, leave

@@ -415,7 +415,8 @@ def _replayed(part, c, tools, machine, kept):
                   left_by_heads=lambda xy: _left_by_heads(part, c, high, low, xy),
                   stock_at=lambda row: partial(_stock_before(c, tools, row).standing_mm, frame),
                   holder_clearance_mm=options.holder_clearance_mm,
-                  shank_clearance_mm=options.shank_clearance_mm, kept=kept)
+                  shank_clearance_mm=options.shank_clearance_mm, kept=kept,
+                  columns=None if c.before.blank.fills_box_in(frame) else c.before.blank.columns(frame, zmap.xy_mm))
 
 
 def _true_mm(part, c, found, residuals, rows):

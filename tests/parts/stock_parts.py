@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import cadquery as cq
 import numpy as np
-from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-from OCP.gp import gp_Trsf
 
 from cuspline.app import build as recipe
 from cuspline.app import catalogue
@@ -70,19 +68,14 @@ def casting(stock=None):
                 Setup(name="setup-1", faces=("crown",), wcs_in_words="corner of the foot, Z0 on the base"))
 
 
-def lying_in(design, rotation):
-    """The same part turned: its solid and its stock as a solid, the setup along the axes; what a tilted setup must equal."""
+def lying_turned(design):
+    """The same part turned, its stock as a solid, in a setup along the axes; what a tilted setup must equal."""
+    setup = design.setups[0]
+    straight = setup.model_copy(update={"wcs_x": (1.0, 0.0, 0.0), "wcs_z": (0.0, 0.0, 1.0)})
     low, high = design.stock.shape.box_in(recipe.PART)
-    raw = cq.Workplane("XY").box(*(high - low), centered=False).translate(tuple(low)).val()
-    setup = design.setups[0].model_copy(update={"wcs_x": (1.0, 0.0, 0.0), "wcs_z": (0.0, 0.0, 1.0)})
-    return replace(design, solid=_turned(design.solid, rotation.T), stock=StockSolid(solid=_turned(raw, rotation.T)),
-                   setups=(setup,))
-
-
-def _turned(solid, rotation):
-    motion = gp_Trsf()
-    motion.SetValues(*np.column_stack([rotation, np.zeros(3)]).ravel().tolist())
-    return BRepBuilderAPI_Transform(brep.wrapped(solid), motion, True).Shape()
+    raw = cq.Workplane("XY").box(*(high - low), centered=False).translate(tuple(low))
+    part, stock = (brep.seen_from(brep.the_solid(s), setup.turn) for s in (design.solid, raw))
+    return replace(design, solid=part, stock=StockSolid(solid=stock), setups=(straight,))
 
 
 def about_z():
