@@ -28,7 +28,7 @@ class LopesSurface(Parameters):
     plate_mm: float = Field(15.0, ge=5, le=60, description="thickness of the plate")
     strategy: Literal["parallel", "constant_scallop"] = Field("parallel", description="how the finishing passes run")
     pass_angle_deg: float = Field(0.0, ge=-90, le=90, description="parallel passes: their direction from +X")
-    stock_top_mm: float = Field(1.6, ge=0, le=20, description="billet above the highest point")
+    stock_top_mm: float = Field(1.6, ge=0, le=20, description="stock above the highest point")
     scallop_mm: float = Field(0.020, ge=0.002, le=0.5, description="largest cusp left")
     profile_tolerance_mm: float = Field(0.001, ge=0.0002, le=0.05, description="path against true surface")
     gouge_mm: float = Field(0.0015, ge=0.0005, le=0.05, description="deepest accepted cut below the surface")

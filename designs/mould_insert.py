@@ -37,7 +37,7 @@ class MouldInsert(Parameters):
     hole_diameter_mm: float = Field(9.0, ge=4, le=12)
     strategy: Literal["parallel", "constant_scallop"] = Field("constant_scallop", description="how the passes run")
     pass_angle_deg: float = Field(30.0, ge=-90, le=90, description="parallel passes: their direction from +X")
-    stock_top_mm: float = Field(1.5, ge=0, le=20, description="billet above the boss")
+    stock_top_mm: float = Field(1.5, ge=0, le=20, description="stock above the boss")
     scallop_mm: float = Field(0.020, ge=0.002, le=0.5, description="largest cusp left")
     profile_tolerance_mm: float = Field(0.001, ge=0.0002, le=0.05, description="path against true surface")
     gouge_mm: float = Field(0.0015, ge=0.0005, le=0.05, description="deepest accepted cut below the surface")

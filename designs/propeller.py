@@ -1,7 +1,7 @@
 """Propeller by a few parameters of one's own, or by tables on disk.
 
 Outline and thickness of the B-series about a skewed middle line, modified NACA 66 sections on the a = 0.8 mean
-line; or columns over the radius, with section offsets if wanted (see _propeller_tables.from_files).
+line, or on a thickness form and mean line of one's own; or columns over the radius, with section offsets if wanted.
 Shaft along X, downstream; generator line of blade 1 along Z.
 """
 
@@ -16,7 +16,7 @@ class Propeller(PropellerParameters):
     """A highly skewed five-bladed propeller unless told otherwise."""
 
     blades: int = Field(5, ge=3, le=9)
-    area_ratio: float = Field(0.7, ge=0.2, le=1.2, description="expanded blade area over disc area")
+    area_ratio: float = Field(0.7, ge=0.2, le=1.2, description="expanded blade area over the area of the propeller's circle")
     pitch_ratio: float = Field(1.1, ge=0.4, le=2.0, description="pitch over diameter from 0.7 R outward")
     root_pitch_share: float = Field(0.9, ge=0.6, le=1.2, description="pitch at the hub over that")
     diameter_mm: float = Field(300.0, ge=50, le=1200)
@@ -29,8 +29,13 @@ class Propeller(PropellerParameters):
                            "in place of the shape's parameters")
     offsets_csv: str = Field("", description="file with columns r_R, x_c, face_c, back_c; with radii_csv")
 
+    sections_csv: str = Field("", description="file with columns x_c, half_thickness_t0, camber_f0, and camber_slope_f0, "
+                              "nose_radius where known: thickness form and mean line, in place of modified NACA 66 on a = 0.8")
+
     @model_validator(mode="after")
     def _offsets_need_radii(self):
+        if self.offsets_csv and self.sections_csv:
+            raise ValueError("offsets_csv and sections_csv both say what sections look like: give one of them")
         if self.offsets_csv and not self.radii_csv:
             raise ValueError("offsets_csv needs radii_csv: chord, pitch, skew and rake stand there")
         return self
@@ -39,11 +44,12 @@ class Propeller(PropellerParameters):
 def design(p: Propeller) -> Design:
     """The propeller; its solid is checked against its tables, it has no setup yet."""
     if p.radii_csv:
-        table = from_files(p.radii_csv, p.diameter_mm, p.blades, p.is_right_handed, p.offsets_csv or None, p.edge)
+        table = from_files(p.radii_csv, p.diameter_mm, p.blades, p.is_right_handed, p.offsets_csv or None,
+                           p.sections_csv or None, p.edge)
     else:
         table = own_propeller(p.blades, p.area_ratio, p.pitch_ratio, p.diameter_mm, p.hub_ratio,
                               is_right_handed=p.is_right_handed, skew_deg=p.skew_deg, rake_deg=p.rake_deg,
                               root_pitch_share=p.root_pitch_share, thickness_scale=p.thickness_scale,
-                              camber_share=p.camber_share, edge=p.edge)
+                              camber_share=p.camber_share, sections_csv=p.sections_csv or None, edge=p.edge)
     return propeller_design("propeller", f"Propeller, {table.blades} blades, D {table.diameter_mm:g} mm", p, table,
                             p.hub_ratio)

@@ -35,6 +35,7 @@ TABLES = {"isodar_32p8": DATA / "rfq_isodar_32p8MHz_cells.csv"}
 PANEL_CELLS = 6             # faces are split every so many cells
 CLEARED_MM = 20.0           # beyond its stretch a clamping's tools clear so far: room for the finishing ball
 LARGEST_BALL_MM = 16.0      # diameter of the largest ball that the tool library may finish with
+ROUGH_ALLOWANCE_MM = 0.254  # 10 mil, of the source's rough passes
 FLANK_MARGIN_MM = 2.0       # that stay free between the ball that finishes the flanks' foot and the jaws
 
 # what a preset gives in place of the defaults; a parameter that is given stands before it
@@ -70,31 +71,31 @@ class RfqVane(Parameters):
                                      "opened to this; nearer to the wall nothing stands")
     from_mm: float = Field(0.0, ge=0, description="cut the vane to the table's Z from here")
     to_mm: float = Field(1e5, gt=0, description="to here")
-    frequency_mhz: float = Field(32.8, gt=1, le=3000, description="of the RF: table's units, reckoned cells")
+    frequency_mhz: float = Field(32.8, gt=1, le=3000, description="of the RF: table's units, computed cells")
     ion_mass_amu: float = Field(2.0, gt=0.5, le=300, description="of the ion")
-    ion_charge: float = Field(1.0, ge=1, le=100, description="of the ion, for reckoned cells")
-    energy_in_mev: float = Field(0.015, gt=0, le=10, description="reckoned cells: energy of the ion as it enters")
-    voltage_kv: float = Field(22.0, gt=0, le=500, description="reckoned cells: between vanes")
-    r0_mm: float = Field(9.718, gt=0.2, le=60, description="middle aperture, of reckoned cells and for rho_follows_r0")
-    modulation_max: float = Field(1.7, ge=1, le=4, description="reckoned cells: m at the end of the ramp")
-    cells: int = Field(50, ge=1, le=1000, description="reckoned cells: modulated ones")
-    ramp_cells: int = Field(40, ge=1, le=1000, description="reckoned cells: over so many m and the phase rise")
-    matching_cells: int = Field(4, ge=0, le=12, description="reckoned cells: of the matching section")
-    phase_deg: float = Field(-30.0, ge=-90, le=-10, description="reckoned cells: synchronous phase behind the ramp")
-    ball_mm: float = Field(0.0, ge=0, le=100, description="diameter of the finishing ball, or of a side "
-                           "cutter's teeth; 0: the largest that fits")
+    ion_charge: float = Field(1.0, ge=1, le=100, description="of the ion, for computed cells")
+    energy_in_mev: float = Field(0.015, gt=0, le=10, description="computed cells: energy of the ion as it enters")
+    voltage_kv: float = Field(22.0, gt=0, le=500, description="computed cells: between vanes")
+    r0_mm: float = Field(9.718, gt=0.2, le=60, description="middle aperture, of computed cells and for rho_follows_r0")
+    modulation_max: float = Field(1.7, ge=1, le=4, description="computed cells: m at the end of the ramp")
+    cells: int = Field(50, ge=1, le=1000, description="computed cells: modulated ones")
+    ramp_cells: int = Field(40, ge=1, le=1000, description="computed cells: over so many m and the phase rise")
+    matching_cells: int = Field(4, ge=0, le=12, description="computed cells: of the matching section")
+    phase_deg: float = Field(-30.0, ge=-90, le=-10, description="computed cells: synchronous phase behind the ramp")
+    ball_mm: float = Field(0.0, ge=0, le=100, description="diameter of the finishing ball, or twice the corner radius of a "
+                           "side-and-face cutter; 0: the largest that fits")
     strategy: Literal["sections", "transverse_arcs"] = Field(
         "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an "
-        "arc in each transverse plane, told by sub-programs and three numbers a step")
-    cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side cutter on a "
-                                            "right-angle head; its disc needs room above the jaws")
-    allowance_mm: float = Field(0.254, gt=0, le=5, description="transverse_arcs: left by the rough passes")
-    plating_mm: float = Field(0.0, ge=0, le=1, description="transverse_arcs: plated on later, left out of the metal")
+        "arc in each transverse plane, as sub-programs and three numbers a step")
+    cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side-and-face cutter on an "
+                                            "angle head; it needs room above the jaws")
+    allowance_mm: float = Field(0.0, ge=0, le=5, description="transverse_arcs: left by the rough passes; 0: 0.254, 10 mil")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later: the metal is cut and judged so much below")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
     bed_travel_mm: float = Field(1400.0, ge=20, le=1e4, description="longest stretch that is cut in one "
-                                 "clamping, roughing goes 20 mm beyond; a longer vane is shifted along the bed")
-    overlap_mm: float = Field(10.0, gt=0, le=200, description="cut by both of two neighbouring clampings")
-    stock_top_mm: float = Field(1.5, ge=0, le=20, description="billet above the highest crest")
+                                 "setup, roughing goes 20 mm beyond; a longer vane is shifted along the bed")
+    overlap_mm: float = Field(10.0, gt=0, le=200, description="cut by both of two neighbouring setups")
+    stock_top_mm: float = Field(1.5, ge=0, le=20, description="stock above the highest crest")
     grip_mm: float = Field(25.0, ge=1, le=200, description="height of the jaws above the base")
     scallop_mm: float = Field(0.005, ge=0.001, le=0.1, description="largest cusp left")
     profile_tolerance_mm: float = Field(0.001, ge=0.0002, le=0.02, description="path against true surface")
@@ -153,11 +154,12 @@ def design(p: RfqVane) -> Design:
     spans = clampings(start, end, p.bed_travel_mm, p.overlap_mm)
     top = float(tip.crest_z_mm(np.linspace(start, end, LOOKS_A_VANE)).max())
     return Design(
-        name="rfq_vane", description=_description(p, line), parameters=p, solid=solid_of(p, line, tip, spans), tip=tip,
+        name="rfq_vane", description=_description(p, line), parameters=p, solid=solid_of(p, line, tip, spans), guides=(tip,),
         predicates=predicates(spans),
         material=p.material, machine="mill_long_bed",
         stock=StockBox(min_mm=(start, -half, 0.0), max_mm=(end, half, top + p.stock_top_mm)),
-        finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
+        finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm,
+                      plating_mm=p.plating_mm),
         setups=tuple(_setup(p, spans, k) for k in range(len(spans))),
         where=lambda place_mm: line.cell_at(place_mm[0]),
         companions=(Companion(name="quadrupole", make=lambda: assembly(p)),))
@@ -183,10 +185,13 @@ def _operation(p):
         DesignError: a side cutter along sections.
     """
     if p.strategy == "transverse_arcs":
-        return TransverseArcs(passes=p.passes, allowance_mm=p.allowance_mm, plating_mm=p.plating_mm, cutter=p.cutter,
+        return TransverseArcs(passes=p.passes, allowance_mm=p.allowance_mm or ROUGH_ALLOWANCE_MM, cutter=p.cutter,
                               ball_mm=p.ball_mm or None)
     if p.cutter == "side":
-        raise DesignError("cutter side: a side cutter runs transverse_arcs, not sections: give strategy=transverse_arcs")
+        raise DesignError("cutter side: a side-and-face cutter runs transverse_arcs, not sections: give strategy=transverse_arcs")
+    if p.allowance_mm:
+        raise DesignError(f"allowance_mm {p.allowance_mm:g} is what the rough passes of transverse_arcs leave, and sections have "
+                          "none: leave it out, or say what roughing leaves by -p shop.rough_allowance_mm")
     return Auto(section_plane="YZ", passes=p.passes, tool=f"ball {p.ball_mm!r}" if p.ball_mm else None)
 
 
@@ -225,7 +230,7 @@ def _refuse_ball(p, line, tip):
 def _description(p, line):
     blend, where = line.largest_blend()
     law = p.law.replace("_", "-")
-    said = (f"RFQ {p.vane} vane, {p.table}: {law} tip from Z {line.from_mm:.3f} to {line.to_mm:.3f} mm, joints "
+    said = (f"RFQ {p.vane} vane, {p.table}: {law} tip from Z {line.from_mm:.3f} to {line.to_mm:.3f} mm, cells "
             f"blended by at most {blend * 1e3:.0f} um ({where})")
     if line.cell_at(line.from_mm) == "matching section":
         said += (", matching section on its equipotential, by the thin-vane formula where that has no root"

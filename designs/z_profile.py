@@ -45,7 +45,7 @@ class ZProfile(Parameters):
                              description="height of the profile at the far end as a share of the near one (lofted)")
     section_plane: Literal["ZX", "YZ"] = Field("ZX", description="vertical plane of the profile")
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
-    stock_top_mm: float = Field(2.0, ge=0, le=20, description="billet above the highest point")
+    stock_top_mm: float = Field(2.0, ge=0, le=20, description="stock above the highest point")
     grip_mm: float = Field(4.0, ge=1, le=30, description="height of the vise jaws above the base of the block")
     scallop_mm: float = Field(0.010, ge=0.001, le=0.5, description="largest cusp left")
     profile_tolerance_mm: float = Field(0.0024, ge=0.0002, le=0.05, description="path against true curve")

@@ -1,5 +1,6 @@
 """The pages of docs/ and the README say what the code does."""
 
+import ast
 import doctest
 import re
 from pathlib import Path
@@ -81,3 +82,45 @@ def test_the_check_numbers_of_the_formulas_are_true():
 def test_the_glossary_has_each_word_once_and_in_order():
     words = [row.split(",")[0].lower().replace("-", " ") for row in re.findall(r"^\| ([^|]+) \| ", page("glossary.md"), re.M)[1:]]
     assert words == sorted(set(words)) and len(words) > 50
+
+
+# words ------------------------------------------------------------------------------------------
+
+# what users read says it in the trade's words: docs/glossary.md
+NOT_SAID = re.compile(r"\b(told|tells?|asks?|asked|reckon\w*|mend\w*|lies|lie|lying|askew|clampings?|hollows?|billets?|"
+                      r"posed|eikonal|side cutter|right-angle head|spindle head)\b", re.I)
+
+
+def texts_for_users(tree):
+    """(line, text) of what a program may print: strings of several words, docstrings apart."""
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    docstrings = {id(node.body[0].value) for node in ast.walk(tree)
+                  if isinstance(node, documented) and node.body and isinstance(node.body[0], ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings and " " in node.value.strip():
+            yield node.lineno, node.value
+
+
+@pytest.mark.parametrize("folder", ["pipeline", "posts", "designs"])
+def test_messages_speak_the_words_of_the_trade(folder):
+    found = [f"{path.relative_to(ROOT)}:{line}: {text}" for path in sources()
+             if path.suffix == ".py" and path.relative_to(ROOT).parts[0] == folder
+             for line, text in texts_for_users(ast.parse(path.read_text())) if NOT_SAID.search(text)]
+    assert found == []
+
+
+@pytest.mark.parametrize("name", ["README.md", *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))),
+                                  *(f"pipeline/report/{name}.html" for name in ("page", "sheet_body", "setup_sheet"))])
+def test_pages_speak_the_words_of_the_trade(name):
+    prose = re.sub(r"`[^`]*`|```.*?```|\{[{%].*?[}%]\}", "", (ROOT / name).read_text(), flags=re.S)
+    assert NOT_SAID.findall(prose) == []
+
+
+# front page -------------------------------------------------------------------------------------
+
+
+def test_the_front_page_begins_with_a_picture_and_what_is_accepted():
+    first = README.split("\n## ")[0]
+    picture, = re.findall(r"!\[[^\]]+\]\((docs/pictures/\w+\.png)\)", first)
+    assert 20_000 < (ROOT / picture).stat().st_size < 200_000
+    assert "`gouge_mm`" in first and "`scallop_mm` + `profile_tolerance_mm`" in first

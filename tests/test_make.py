@@ -117,6 +117,15 @@ def test_the_part_of_the_readme_is_a_design(readme_part):
     assert [len(brep.select_faces(brep.faces_of(solid), p)) for p in design.predicates] == [1]
 
 
+def test_the_solid_of_the_readme_is_the_same_from_build123d(readme_part):
+    _, design = readme_part
+    names = {}
+    exec(re.findall(r"```python\n(.*?)```", README, re.S)[1], names)
+    solid, other = brep.the_solid(design.solid), brep.the_solid(names["block"](design.parameters, 25.0))
+    assert brep.volume_mm3(other) == pytest.approx(brep.volume_mm3(solid), rel=1e-9)
+    assert [len(brep.select_faces(brep.faces_of(other), p)) for p in design.predicates] == [1]
+
+
 def test_the_job_file_of_the_readme_is_a_design(readme_part):
     folder, design = readme_part
     brep.write_step(brep.the_solid(design.solid), folder / "trough.step", "trough")

@@ -27,7 +27,7 @@ class PropellerParameters(Parameters):
     hand: Literal["right", "left"] = Field("right", description="turning direction seen from aft, going ahead")
     hub_length_share: float = Field(0.40, ge=0.1, le=1.5, description="of the diameter")
     hub_forward_share: float = Field(0.5, ge=0.2, le=0.8,
-                                     description="of the hub's length lies before the generator line")
+                                     description="of the hub's length is before the generator line")
     hub_taper_deg: float = Field(0.0, ge=-20, le=20, description="half angle; the hub grows downstream when positive")
     hub_profile_csv: str = Field("", description="file with columns x_D, r_D in place of length, taper and ratio")
     bore_mm: float = Field(0.0, ge=0, description="diameter at the fore end; 0: none")

@@ -88,7 +88,7 @@ def _refuse_units(name, columns, column, diameter_mm):
     off = told - np.clip(told, known.least, known.most)
     if off.any():
         row = int(np.argmax(np.abs(off)))
-        raise DesignError(f"{_place(name, columns, row)}: {column} {values[row]:g} is no {known.meaning}, which lies "
+        raise DesignError(f"{_place(name, columns, row)}: {column} {values[row]:g} is no {known.meaning}, which is "
                           f"between {known.least:g} and {known.most:g}{_unit_in_words(column, size, diameter_mm)}")
 
 
@@ -133,6 +133,6 @@ def _refuse_kinks(name, columns, column):
     k = int(off.argmax())
     if off[k] > COLUMNS[column].kink:
         raise DesignError(f"{_place(name, columns, rows[k + 1])}: {column} {v[k + 1]:g} makes a kink: the rows before "
-                          f"and behind it ({v[k]:g}, {v[k + 2]:g}) lie on a line through {line[k]:.4g} there, "
-                          f"{COLUMNS[column].kink:g} off it is the most a fair blade takes; mend the entry or its "
+                          f"and behind it ({v[k]:g}, {v[k + 2]:g}) are on a line through {line[k]:.4g} there, "
+                          f"{COLUMNS[column].kink:g} off it is the most a fair blade takes; correct the entry or its "
                           "neighbours, or give radii between them")

@@ -151,11 +151,11 @@ def obstacle(blade, hub, rolling):
     for reason, excess in (
             (f"reaches over the hub's fore end at x = {low:.2f} mm", low + margin - x),
             (f"reaches over the hub's aft end at x = {high:.2f} mm", x - high + margin),
-            ("does not fit into the blade's own hollow", rolling.radius_mm - rolling.hollow_mm),
-            ("does not fit into the hollow of the hub's profile", rolling.radius_mm - hub_hollow),
-            ("does not fit into the hollow of the hub's profile",
+            ("does not fit into the blade's own concave side", rolling.radius_mm - rolling.hollow_mm),
+            ("does not fit into the concave profile of the hub", rolling.radius_mm - hub_hollow),
+            ("does not fit into the concave profile of the hub",
              step(rolling.foot_mm) - JUMP * step(rolling.center_mm)),
-            ("is wedged between blade and hub, which lie almost on each other", arc - WIDEST_ARC_RAD),
+            ("is wedged between blade and hub, which are almost one on the other", arc - WIDEST_ARC_RAD),
             ("changes faster along the root than its ball moves", np.abs(rolling.radius_slope) - 0.95 * speed),
             ("climbs the blade almost to the tip", rolling.v - 0.98 * OUTERMOST_CONTACT),
             (TURNS_OVER, LEAST_ROOM - envelope_room(rolling, 2 * np.pi))):

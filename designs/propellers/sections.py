@@ -32,7 +32,7 @@ SQUARE = 0.0025             # 1 - x/c below which a square end is laid off evenl
 BEVEL_SHARPNESS = 12.0      # of the knuckle of an anti-singing bevel
 ROUNDING = 0.5e-4           # of the published ordinates
 END_POWER = 12              # of x/c, by which another edge thickness fades towards the leading edge
-NACA_LEADING_RADIUS = 0.448     # of the modified NACA 66: times (greatest thickness)^2 / chord
+SLOPE_OFF = 0.03            # of the camber: how far its slopes may add up to something else between two stations
 CLOSE = 0.03                # theta between knots of shapes that change over the radius
 FLAT = 1e-4                 # sin(theta) below which slopes are taken by their limit
 ODD, EVEN = (0, 2, 4), (1, 3)
@@ -192,9 +192,66 @@ def _number(text, path, column, row):
 
 def naca66_a08():
     """Modified NACA 66 thickness (its leading-edge radius imposed) on the a = 0.8 mean line."""
-    rows = table(DATA / "propeller_naca66mod_a08.csv")
-    return form_and_mean_line(rows["x_c"], rows["half_thickness_t0"], rows["camber_f0"], rows["camber_slope_f0"],
-                              NACA_LEADING_RADIUS)
+    return sections_of(DATA / "propeller_naca66mod_a08.csv")
+
+
+def sections_of(path):
+    """FormAndMeanLine of a table on disk.
+
+    Args:
+        path: CSV with the columns
+            x_c                 stations, rising from 0 at the leading to 1 at the trailing edge, at least 6
+            half_thickness_t0   half-thickness over the greatest thickness: 0 at the nose, 0.5 where it is greatest
+            camber_f0           camber over the greatest camber: 0 at both ends, 1 where it is greatest
+            camber_slope_f0     d(camber_f0)/d(x_c); empty where it is not known, the column may be missing
+            nose_radius         in the first row: radius of the nose times chord over (greatest thickness)^2; the column
+                                may be missing: then the ordinate next to the nose says it
+    Raises:
+        DesignError: no such columns, or entries that no section can have; names the row.
+    """
+    rows = table(path)
+    wanted = ("x_c", "half_thickness_t0", "camber_f0")
+    if missing := [c for c in wanted if c not in rows]:
+        raise DesignError(f"propeller table {path} has no column {', '.join(missing)}; it has {', '.join(rows)}")
+    x, half, camber = (rows[c] for c in wanted)
+    slope = rows.get("camber_slope_f0", np.full(len(x), np.nan))
+    _refuse_no_section(path, x, half, camber, slope)
+    nose = rows.get("nose_radius", np.full(len(x), np.nan))[0]
+    if np.isnan(nose):
+        nose = half[1] * half[1] / (2 * x[1])           # of the parabola through it
+    elif not nose > 0:
+        raise DesignError(f"propeller table {path}, row 1: nose_radius {nose:g} must be above 0")
+    return form_and_mean_line(x, half, camber, slope, float(nose))
+
+
+def _refuse_no_section(path, x, half, camber, slope):
+    """Complain of the first row that cannot be meant."""
+    def refuse(row, text):
+        raise DesignError(f"propeller table {path}, row {row + 1}: {text}")
+
+    for name, values in (("x_c", x), ("half_thickness_t0", half), ("camber_f0", camber)):
+        if np.isnan(values).any():
+            refuse(int(np.isnan(values).argmax()), f"{name} is empty")
+    if len(x) < 6 or x[0] != 0 or x[-1] != 1 or (np.diff(x) <= 0).any():
+        row = int((np.diff(x) <= 0).argmax()) + 1 if (np.diff(x) <= 0).any() else len(x) - 1
+        refuse(row, f"x_c {x[row]:g}: stations must rise from 0 to 1, at least 6; there are {len(x)}")
+    if half[0] != 0 or (half[1:] <= 0).any():
+        row = 0 if half[0] != 0 else int((half[1:] <= 0).argmax()) + 1
+        refuse(row, f"half_thickness_t0 {half[row]:g}: it is 0 at the nose and above 0 from there on; an edge that ends "
+               "in nothing cannot be rounded")
+    for name, values, most in (("half_thickness_t0", half, 0.5), ("camber_f0", np.abs(camber), 1.0)):
+        row = int(values.argmax())
+        if abs(values[row] / most - 1) > SLOPE_OFF:
+            refuse(row, f"{name} {values[row]:g} is the greatest, it must be {most:g}: divide by the greatest "
+                   f"{'thickness' if most < 1 else 'camber'}")
+    if camber[0] != 0 or camber[-1] != 0:
+        refuse(0 if camber[0] != 0 else len(x) - 1, "camber_f0 must be 0 at both ends")
+    off = np.abs(np.diff(camber) - np.diff(x) * (slope[1:] + slope[:-1]) / 2)
+    if (off > SLOPE_OFF).any():
+        row = int((off > SLOPE_OFF).argmax()) + 1
+        refuse(row, f"camber_slope_f0 {slope[row]:g} and the row before say that the camber changes by "
+               f"{np.diff(x)[row - 1] * (slope[row] + slope[row - 1]) / 2:.4f}, camber_f0 changes by "
+               f"{np.diff(camber)[row - 1]:.4f}: the slope is d(camber_f0)/d(x_c)")
 
 
 def form_and_mean_line(x_c, half_thickness, camber, camber_slope, leading_radius, rounding=ROUNDING):

@@ -7,7 +7,15 @@ import numpy as np
 
 from cuspline.designs.propellers.blade import PropellerTable, radial_laws
 from cuspline.designs.propellers.entries import refuse_bad_entries
-from cuspline.designs.propellers.sections import DATA, TrailingEdge, b_series_offsets, naca66_a08, offset_shapes, table
+from cuspline.designs.propellers.sections import (
+    DATA,
+    TrailingEdge,
+    b_series_offsets,
+    naca66_a08,
+    offset_shapes,
+    sections_of,
+    table,
+)
 from cuspline.splines.fairing import fair_spline
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
@@ -59,11 +67,11 @@ def b_series(blades, area_ratio, pitch_ratio, diameter_mm, is_right_handed=True,
 
 
 def own_propeller(blades, area_ratio, pitch_ratio, diameter_mm, hub_ratio, *, is_right_handed=True, skew_deg=0.0,
-                  rake_deg=0.0, root_pitch_share=1.0, thickness_scale=1.0, camber_share=0.02, edge=TrailingEdge()):
+                  rake_deg=0.0, root_pitch_share=1.0, thickness_scale=1.0, camber_share=0.02, sections_csv=None, edge=TrailingEdge()):
     """The table of a propeller by a few parameters.
 
     Outline of the B-series about its middle line, scaled to the area ratio between hub and tip; thickness of the
-    B-series; modified NACA 66 sections on the a = 0.8 mean line.
+    B-series; modified NACA 66 sections on the a = 0.8 mean line, or those of a file.
 
     Args:
         blades: 3 to 9.
@@ -73,6 +81,7 @@ def own_propeller(blades, area_ratio, pitch_ratio, diameter_mm, hub_ratio, *, is
         root_pitch_share: pitch at the hub over that from 0.7 R outward.
         thickness_scale: on the thickness of the B-series.
         camber_share: greatest camber / chord at 0.7 R; over the radius as on DTMB 4119.
+        sections_csv: thickness form and mean line of one's own, see `sections.sections_of`.
     """
     plan, form = table(DATA / "propeller_bseries_planform.csv"), table(DATA / "propeller_dtmb4119.csv")
     r = plan["r_R"]
@@ -84,22 +93,25 @@ def own_propeller(blades, area_ratio, pitch_ratio, diameter_mm, hub_ratio, *, is
         name=f"{blades}-bladed", blades=blades, diameter_mm=diameter_mm, is_right_handed=is_right_handed, r_R=r,
         chord_D=plan["K_Z4to7"] * area_ratio / blades, pitch_D=pitch_ratio * (1 - (1 - root_pitch_share) * unload),
         skew_rad=np.radians(skew_deg) * np.sign(out) * out ** 2, rake_D=fixed.tan(np.radians(rake_deg)) * r / 2,
-        thickness_D=thickness_scale * (plan["Ar"] - plan["Br"] * min(blades, 7)), camber_c=camber, shape=naca66_a08(),
-        edge=edge)
+        thickness_D=thickness_scale * (plan["Ar"] - plan["Br"] * min(blades, 7)), camber_c=camber,
+        shape=_sections(sections_csv), edge=edge)
     return replace(made, chord_D=made.chord_D * area_ratio / expanded_area_ratio(made, hub_ratio))
 
 
-def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv=None, edge=TrailingEdge()):
+def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv=None, sections_csv=None,
+               edge=TrailingEdge()):
     """A propeller by tables on disk.
 
     Args:
         radii_csv: columns r_R, c_D, P_D, skew_deg, rake_D, t0_D or t0_c, and f0_c; the last row r_R = 1.
         offsets_csv: columns r_R, x_c, face_c, back_c: ordinates of face and back from the nose-tail line at stations
-            from 0 to 1, shares of the chord; in place of t0 and f0. None: modified NACA 66 on the a = 0.8 mean line.
+            from 0 to 1, shares of the chord; in place of t0 and f0.
+        sections_csv: in place of that, one thickness form and mean line for all radii, see `sections.sections_of`.
+            None of both: modified NACA 66 on the a = 0.8 mean line.
     """
     columns, name = table(radii_csv), Path(radii_csv).stem
     if offsets_csv is None:
-        return _from_columns(name, columns, blades, diameter_mm, is_right_handed, naca66_a08(), edge)
+        return _from_columns(name, columns, blades, diameter_mm, is_right_handed, _sections(sections_csv), edge)
     rows = table(offsets_csv)
     _require(offsets_csv, rows, ("r_R", "x_c", "face_c", "back_c"))
     refuse_bad_entries(Path(offsets_csv).name, rows, diameter_mm, has_tip=False)
@@ -115,13 +127,17 @@ def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv
     thick = np.array([(b - f).max() for f, b in zip(face, back)])
     if (thick <= 0).any():
         raise DesignError(f"propeller table {offsets_csv}, r/R = {radii[np.argmax(thick <= 0)]:g}: the back must "
-                          "lie above the face")
+                          "be above the face")
     shape = offset_shapes(radii, [rows["x_c"][k] for k in per], face, back, thick)
     law = fair_spline(radii, thick, bending=2)
     columns = {**columns, "t0_c": law(np.clip(columns["r_R"], radii[0], radii[-1])),
                "f0_c": np.zeros(len(columns["r_R"]))}
     columns.pop("t0_D", None)
     return _from_columns(name, columns, blades, diameter_mm, is_right_handed, shape, edge)
+
+
+def _sections(sections_csv):
+    return naca66_a08() if sections_csv is None else sections_of(sections_csv)
 
 
 def _from_columns(name, columns, blades, diameter_mm, is_right_handed, shape, edge):

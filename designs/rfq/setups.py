@@ -34,11 +34,11 @@ def clampings(start_mm, end_mm, travel_mm, overlap_mm):
     if length <= travel_mm:
         return [(start_mm, end_mm)]
     if travel_mm <= 2 * overlap_mm:
-        raise DesignError(f"bed_travel_mm {travel_mm:g} is no more than twice overlap_mm {overlap_mm:g}: each clamping "
+        raise DesignError(f"bed_travel_mm {travel_mm:g} is no more than twice overlap_mm {overlap_mm:g}: each setup "
                           "would only repeat its neighbours; lower the overlap, or take a longer bed")
     count = math.ceil((length - overlap_mm) / (travel_mm - overlap_mm) - 1e-9)
     if count > len(WORK_OFFSETS):
-        raise DesignError(f"a vane of {length:.1f} mm takes {count} clampings of {travel_mm:g} mm, and there are "
+        raise DesignError(f"a vane of {length:.1f} mm takes {count} setups of {travel_mm:g} mm, and there are "
                           f"{len(WORK_OFFSETS)} work offsets: take a longer bed, or cut it with from_mm and to_mm")
     width = (length + (count - 1) * overlap_mm) / count
     firsts = [start_mm + k * (width - overlap_mm) for k in range(count)]

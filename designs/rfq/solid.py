@@ -28,7 +28,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Compound
 
 from cuspline.designs.rfq.setups import LEAST_PANEL_MM
 from cuspline.kernel.shells import surface_of_poles
-from cuspline.splines.circular_tip import greville_mm
+from cuspline.toolpaths.vane.circular_tip import greville_mm
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 

@@ -300,7 +300,9 @@ def table_of_law(law, name="law"):
         try:
             a, a10 = aperture_of_r0_mm(law.r0_mm, m, length)
         except DesignError as error:
-            raise DesignError(f"{name}, cell {number}: {error}") from None
+            raise DesignError(f"{name}, cell {number}: {error}; or lower r0_mm {law.r0_mm:g}: at {law.frequency_mhz:g} MHz "
+                              f"the first cells are {half_wave_mm(law.energy_mev, law.mass_amu, law.frequency_mhz):.3f} mm "
+                              "long") from None
         energy += law.charge * np.pi / 4 * a10 * law.voltage_kv * 1e-3 * fixed.cos(phase)
         cells.append(Cell(number=number, kind="accelerating", aperture_mm=float(a), modulation=float(m),
                           length_mm=length, energy_mev=float(energy), a10=float(a10)))

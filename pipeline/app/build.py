@@ -19,10 +19,12 @@ import numpy as np
 
 import cuspline
 from cuspline.app import mending
+from cuspline.app.catalogue import sources_of_post
 from cuspline.app.judge import figures_in_words, judge, post_module, posted_moves
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
 from cuspline.design.job import Job, PostedFile, digest_of, job_line
 from cuspline.design.setup_alignment import refixturing_in_words
+from cuspline.design.stock import FromFile, settled, stock_in_words
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.glb import write_glb
 from cuspline.kernel.solids import stl_of
@@ -33,9 +35,10 @@ from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
-from cuspline.shop.tool_table import dropped_fields, tool_table
+from cuspline.shop.tool_table import dropped_fields
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
+from cuspline.values.amounts import counted
 from cuspline.values.checkpoints import kept_beside
 from cuspline.values.errors import InputError, PostError
 from cuspline.values.findings import Finding
@@ -44,7 +47,6 @@ from cuspline.verification.in_process import PART
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.verdict import Options, SetupProgram, residuals_of
 
-TIP_PARTS = ("crest", "sides")
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
@@ -116,10 +118,14 @@ def _made(order, work, say):
     design = order.design
     say(f"{design.name}: STEP")
     solid = brep.the_solid(design.solid, f"design {design.name}")
+    design = replace(design, stock=settled(design.stock, solid, order.shop.practice))
+    order = replace(order, design=design)
     if design.setups and order.last_stage != "step":
         refuse_impossible_setups(design, solid, order.machine, order.library)
     step = work / f"{design.name}.step"
     brep.write_step(solid, step, design.name)
+    design = _with_files(design, work)
+    order = replace(order, design=design)
     inputs = inputs_hash(order, step)
     # from here on every stage sees what a reader of the file sees
     solid = brep.the_solid(brep.read_step(step), step.name)
@@ -158,6 +164,13 @@ def _made(order, work, say):
     return replace(result, figures=judged.figures_in_words, accepted=judged.passed_over(order.accepted))
 
 
+def _with_files(design, work):
+    """The design, the files of its stock and fixtures copied beside its outputs: later stages see the copies."""
+    setups = tuple(s.model_copy(update={"fixtures": tuple(
+        f.written(work, f"{s.name}.fixture-{k}") for k, f in enumerate(s.fixtures, start=1))}) for s in design.setups)
+    return replace(design, stock=design.stock.written(work, f"{design.name}.stock"), setups=setups)
+
+
 def _measured(order, work, inputs, shape, say):
     """A design without setups: its solid as read back from STEP is measured, nothing is planned."""
     design = order.design
@@ -184,7 +197,7 @@ def _measured(order, work, inputs, shape, say):
 def _planned(order, say):
     """SetupPlan of every setup; each begins with the stock that the programs before it leave, as they are posted."""
     design, plans = order.design, []
-    piece = Workpiece(min_mm=design.stock.min_mm, max_mm=design.stock.max_mm)
+    piece = Workpiece(blank=design.stock.shape)
     for setup in design.setups:
         say(f"{design.name}: plan {setup.name}")
         plan = plan_setup(design, setup, order.machine, order.library, piece, order.shop)
@@ -214,7 +227,7 @@ def _checked(order, plans, solid, kept, tell):
         plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
         if not is_changed:
             break
-        tell(f"mended, round {number} of the planner's own check")
+        tell(f"planned again, round {number} of the planner's own check")
     return plans
 
 
@@ -241,7 +254,7 @@ def _judged(order, plans, job, work, inputs, kept, tell):
         plans, is_mended = mending.mended(plans, wants, number, "the verdict")
         if not is_mended:
             break
-        tell(f"mended, round {number} of {mending.ROUNDS}")
+        tell(f"corrected, round {number} of {mending.ROUNDS}")
         _remove_programs(work, job)
         job = _written(order, plans, work, inputs, tell)
     _write_json(work / "plan.json", plan_document(order, plans))
@@ -298,24 +311,21 @@ def plan_document(order, plans):
                        "mending": list(plan.mending),
                        "inner_edges": [{"place_mm": [round(x, 4) for x in e.place_mm],
                                         "opening_deg": round(e.opening_deg, 3), "length_mm": round(e.length_mm, 3),
-                                        "reason": "two faces meet in a hollow without a fillet: no ball cleans it"}
+                                        "reason": "two faces meet in an inner edge without a fillet: no ball cleans it"}
                                        for e in plan.inner_edges]})
     hollow = min((p.hollow for p in plans), key=lambda h: h.radius_mm)
     return {"design": order.design.name, "machine": order.machine.name, "material": order.design.material,
             "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
-            **({"tip": _tip_document(order.design)} if order.design.tip is not None else {}), "setups": setups}
+            **{g.name: g.facts(order.design.where) for g in order.design.guides},
+            "stock": _stock_document(order.design.stock), "setups": setups}
 
 
-def _tip_document(design):
-    """A vane's tip: the smallest hollow of its crest and of its sides, each with its place."""
-    tip = design.tip
-    rows = {"range_mm": [round(x, 6) for x in tip.range_mm], "foot_z_mm": round(tip.foot_z_mm, 6)}
-    for name, (radius, place) in zip(TIP_PARTS, tip.tightest_hollows()):
-        rows[f"{name}_concave_radius_mm"] = _finite(radius)
-        rows[f"{name}_concave_place_mm"] = [round(float(x), 4) for x in place]
-        rows[f"{name}_concave_where"] = design.where(place)
-    return rows
+def _stock_document(stock):
+    """What the part is cut from, part coordinates."""
+    low, high = (corner.round(6).tolist() for corner in stock.shape.box_in(PART))
+    return {"kind": stock_in_words(stock) or "BOX", "min_mm": low, "max_mm": high, **stock.model_dump(mode="json"),
+            "deviation_mm": stock.shape.error_mm}
 
 
 def _operation_document(o):
@@ -333,8 +343,9 @@ def _posted(order, plans, work, inputs):
     """Post every setup, write the tools, return the Job."""
     post = post_module(order.machine)
     tools = {o.tool.number: o.tool for p in plans for o in p.operations}
-    (work / "tools.tbl").write_text(tool_table(tools.values(), order.machine.control))
-    _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
+    if post.TOOL_TABLE is not None:
+        (work / post.TOOL_TABLE).write_text(post.tool_table(tools.values(), order.machine.control))
+        _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
     posted, written = [], {}
     for plan in plans:
@@ -353,14 +364,14 @@ def _posted(order, plans, work, inputs):
               accepted=order.accepted)
     line = job_line(digest_of(job.model_dump(mode="json")))
     for name, text in written.items():
-        (work / name).write_text(text.replace(f"({job_line('')})", f"({line})"))
+        (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))
     return job
 
 
 def _header(order, plan, inputs):
     """Comment lines that tell the operator what this is."""
     design, setup, machine = order.design, plan.setup, order.machine
-    low, high = setup.frame.box_into(design.stock.min_mm, design.stock.max_mm)
+    low, high = design.stock.shape.box_in(setup.frame)
     program = plan.program((), setup.name)
     ends = np.vstack([o.moves.end_mm for o in program.operations])
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
@@ -369,11 +380,14 @@ def _header(order, plan, inputs):
              f"INPUTS SHA-256 {inputs[:32]}", job_line(""),
              f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
              f"{setup.wcs}: {setup.wcs_in_words}",
-             f"STOCK {design.material}: {show(low)} TO {show(high)}",
+             f"STOCK {design.material}: {_stock_in_words(design.stock)}{show(low)} TO {show(high)}",
              f"TIP EXTENTS {show(ends.min(axis=0))} TO {show(ends.max(axis=0))}",
              f"RAPIDS ACROSS AT Z{program.clearance_z_mm:.3f}",
              f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
              f"GOUGE {design.finish.gouge_mm} PATH TOLERANCE {machine.control.path_tolerance_mm}"]
+    if design.finish.plating_mm:
+        lines.append(f"PLATED ON LATER {design.finish.plating_mm:g}: THE METAL IS CUT SO MUCH BELOW THE DRAWING, AND JUDGED "
+                     "THERE")
     for name, value in design.parameters.model_dump(mode="json").items():
         lines.append(f"PARAMETER {name} = {value}")
     seen = set()
@@ -385,22 +399,28 @@ def _header(order, plan, inputs):
                          f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}{_head_in_words(o.tool.head)}")
     lines += [f"MARKER {m.name} {show(setup.frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
     if setup.refixturing is not None:
-        lines.append(f"PART LIES AS MEASURED: {refixturing_in_words(setup.refixturing)}")
+        lines.append(f"PART SITS AS MEASURED: {refixturing_in_words(setup.refixturing)}")
     if order.accepted:
         lines.append(f"ACCEPTED BY NAME: {', '.join(order.accepted)}")
     return lines
 
 
+def _stock_in_words(stock):
+    """What stands before its corners in the header: of a plain box nothing."""
+    words = stock_in_words(stock)
+    return f"{words}, WITHIN " if words else ""
+
+
 def _head_in_words(head):
     """What the operator must know of a tool's head; nothing where it has none."""
-    return "" if head is None else (f", ON {head.name.upper()}, DISC TOWARD {head.cutter_points}, "
-                                    f"{head.offset_mm:g} BESIDE THE SPINDLE IN X; X Y Z ARE THE DISC'S MIDDLE")
+    return "" if head is None else (f", ON {head.name.upper()}, CUTTER TOWARD {head.cutter_points}, "
+                                    f"{head.offset_mm:g} BESIDE THE SPINDLE IN X; X Y Z ARE THE CUTTER'S MIDDLE")
 
 
 def _stock_files(work, job, judged, say, kept):
     """Write the stock after every operation; what verify.json says of it."""
     rows = []
-    for state in judged.stock_states(job, kept):
+    for state in judged.stock_states(kept):
         say(f"{job.design}: stock after {state.setup} {state.operation}")
         (work / state.file).write_bytes(stl_of(state.solid))
         rows.append({**state.as_dict(), "sha256": _sha256(work / state.file)})
@@ -410,14 +430,16 @@ def _stock_files(work, job, judged, say, kept):
 def _stamp_verdict(work, job, verify):
     """Put the verdict into each program's header, in place of the line that says there is none yet."""
     verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
-    line = (f"VERDICT: {verdict}{f' WITH {passed} ACCEPTED' if passed else ''}, {figures_in_words(verify).upper()}, "
-            f"{verify['points_checked']} POINTS")
+    short = f"VERDICT: {verdict}" + (f" WITH {counted(passed, 'accepted finding').upper()}" if passed else "")
+    whole = f"{short}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} checked".upper()
+    comment = post_module(job.machine).comment
+    line = comment(whole if len(comment(whole)) < job.machine.control.line_length else short)
     for name in (name for item in job.posted for name in item.files):
         path = work / name
         text = path.read_text()
-        if text.count(f"({UNVERIFIED})") != 1:
+        if text.count(comment(UNVERIFIED)) != 1:
             raise PostError(f"{name}: the header has lost its verdict line")
-        path.write_text(text.replace(f"({UNVERIFIED})", f"({line})"))
+        path.write_text(text.replace(comment(UNVERIFIED), line))
 
 
 # files -----------------------------------------------------------------------------------------
@@ -430,9 +452,12 @@ def inputs_hash(order, step):
              "predicates": [p.model_dump(mode="json") for p in design.predicates],
              "stock": design.stock.model_dump(mode="json"), "finish": design.finish.model_dump(mode="json"),
              "setups": [s.model_dump(mode="json") for s in design.setups],
-             "machine": order.machine.model_dump(mode="json"), "shop": order.shop.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
-             "accepted": order.accepted, "version": cuspline.__version__}
-    return hashlib.sha256(step.read_bytes() + json.dumps(asked, sort_keys=True).encode()).hexdigest()
+             "machine": order.machine.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
+             "shop": order.shop.model_dump(mode="json", exclude={"practice": {"stock_allowance_mm"}}),     # the stock has it
+             "accepted": order.accepted, "version": cuspline.__version__, **sources_of_post(order.machine)}
+    files = [item.path.read_bytes() for item in (design.stock, *(f for s in design.setups for f in s.fixtures))
+             if isinstance(item, FromFile)]
+    return hashlib.sha256(b"".join([step.read_bytes(), json.dumps(asked, sort_keys=True).encode(), *files])).hexdigest()
 
 
 def _sha256(path):

@@ -4,19 +4,23 @@ A design is a Python file with one function `design(parameters) -> Design` whose
 annotated with its parameter model.  A job file (TOML) does the same for a plain STEP file.
 """
 
+import hashlib
 import importlib
 import importlib.util
 import inspect
 import re
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Callable
 
 from pydantic import Field, ValidationError
 
 import cuspline.designs
 import cuspline.posts
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockAllowance
+from cuspline.design.fixtures import fixtures_beside
+from cuspline.design.stock import Stock
 from cuspline.shop.cutters import library_from_json
 from cuspline.shop.machines import machine_from_toml
 from cuspline.shop.practice import shop_file
@@ -26,9 +30,21 @@ from cuspline.values.models import Model, complaints, name_fault
 
 DESIGNS = Path(cuspline.designs.__file__).parent
 POSTS = Path(cuspline.posts.__file__).parent
-MACHINES, LIBRARIES, WRITERS = POSTS / "machines", POSTS / "tools", POSTS / "writers"
+MACHINES, LIBRARIES, WRITERS, READERS = POSTS / "machines", POSTS / "tools", POSTS / "writers", POSTS / "readers"
 DEFAULT_LIBRARY = "tools"
 SHOP = "shop."              # of a parameter that is the shop's, not the design's
+OF_A_POST = {
+    "EXTENSION": (str, "the ending of its files, such as \"ngc\""),
+    "READER": (str, "the reader of what it writes: a module of posts/readers, or a .py file beside the post"),
+    "comment": (Callable, "a function text -> the line that the control passes over"),
+    "post": (Callable, "a function (program, machine) -> words.Posted")}
+OF_A_TOOL_TABLE = {
+    "TOOL_TABLE": (str, "the file name of the tool table that the control loads"),
+    "tool_table": (Callable, "a function (tools, control) -> the text of the file TOOL_TABLE")}
+OF_A_READER = {
+    "read_program": (Callable, "a function (text, *, work_offsets, tool_lengths) -> PostedMoves")}
+OF_A_READER_OF_TOOLS = {
+    "read_tool_table": (Callable, "a function (text, control) -> [PostedTool], for the post names a tool table")}
 DESIGN_FILES = (".py", ".toml")
 
 
@@ -107,8 +123,8 @@ def find_design(name_or_file):
     raise InputError(f"{path}: a design is a .py file, or a .toml job for a STEP part")
 
 
-def _loaded(path):
-    """A user's design module, by path."""
+def _loaded(path, what="design file"):
+    """A user's module, by path."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     module = importlib.util.module_from_spec(spec)
     try:
@@ -116,7 +132,7 @@ def _loaded(path):
     except CamError:
         raise
     except Exception as error:      # anything that a user's file may raise while it is imported
-        raise InputError(f"design file {path} cannot be loaded: {type(error).__name__}: {error}") from error
+        raise InputError(f"{what} {path} cannot be loaded: {type(error).__name__}: {error}") from error
     return module
 
 
@@ -138,7 +154,7 @@ class _Job(Model):
     step: str = Field(description="STEP file, relative to the job file")
     description: str = ""
     material: str
-    stock: StockBox
+    stock: Stock = StockAllowance()
     finish: Finish
     faces: tuple[FacePredicate, ...] = Field(min_length=1)
     setups: tuple[Setup, ...] = Field(min_length=1)
@@ -190,15 +206,44 @@ def find_shop(path, assignments):
     return shop_file(path, given), [a for a in assignments if not a.startswith(SHOP)]
 
 
-def find_post(name):
-    """The post module of that name.
+def find_post(name_or_file):
+    """The post module of that name, or in that Python file: all of OF_A_POST, and TOOL_TABLE None where it names none.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or it lacks something.
     """
-    if name not in post_names():
-        raise InputError(f"there is no post {name!r}; posts: {', '.join(post_names())}")
-    return importlib.import_module(f"cuspline.posts.writers.{name}")
+    if name_or_file in post_names():
+        return importlib.import_module(f"cuspline.posts.writers.{name_or_file}")
+    path = Path(name_or_file)
+    if path.suffix != ".py" or not path.is_file():
+        raise InputError(f"there is no post {name_or_file!r} and no such .py file; posts: {', '.join(post_names())}")
+    post = _loaded(path, "post file")
+    post.TOOL_TABLE = getattr(post, "TOOL_TABLE", None)
+    wanted = {**OF_A_POST, **(OF_A_TOOL_TABLE if post.TOOL_TABLE is not None else {})}
+    _refuse_lacking(post, path, wanted)
+    return post
+
+
+def _refuse_lacking(module, path, wanted):
+    """
+    Raises:
+        InputError: a module lacks something of {name: what it is}, or has something else by that name.
+    """
+    for name, (kind, what) in wanted.items():
+        if not isinstance(getattr(module, name, None), kind):
+            raise InputError(f"{path} has no {name}: {what}")
+
+
+def with_post(machine, post):
+    """The machine with another post, by name or file; None: as it is.
+
+    Raises:
+        InputError: see `find_post`.
+    """
+    if post is None:
+        return machine
+    find_post(post)
+    return machine.model_copy(update={"control": machine.control.model_copy(update={"post": post})})
 
 
 def make_design(source, assignments):
@@ -214,12 +259,42 @@ def make_design(source, assignments):
     if not isinstance(made, Design):
         raise DesignError(f"design {source.name}: its function `design` returned {type(made).__name__}, "
                           "it must return a cuspline.design.Design")
-    return made
+    folder = source.path.parent
+    return replace(made, stock=made.stock.beside(folder), setups=tuple(fixtures_beside(s, folder) for s in made.setups))
 
 
 def reader_of(machine):
     """The function that reads what a machine's post writes: (text, *, work_offsets, tool_lengths) -> PostedMoves.
 
-    It is found by the dialect that the post names; nothing else of the post is asked.
+    It is found by the reader that the post names; nothing else of the post is asked.
     """
-    return importlib.import_module(f"cuspline.posts.readers.{find_post(machine.control.post).READER}").read_program
+    return _reader_module(machine).read_program
+
+
+def tool_table_of(machine):
+    """(file name, function text -> [posted.PostedTool]) of the tool table that a machine's control loads; (None, None)."""
+    name = find_post(machine.control.post).TOOL_TABLE
+    if name is None:
+        return None, None
+    return name, partial(_reader_module(machine).read_tool_table, control=machine.control)
+
+
+def sources_of_post(machine):
+    """{file name: SHA-256} of a post and a reader that are files; nothing of those that come with cuspline."""
+    post, reader = find_post(machine.control.post), _reader_module(machine)
+    files = [Path(m.__file__) for m in (post, reader) if POSTS not in Path(m.__file__).parents]
+    return {f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
+
+
+def _reader_module(machine):
+    """The module that a machine's post names: one of posts/readers, or a Python file beside the post's own."""
+    post = find_post(machine.control.post)
+    if not post.READER.endswith(".py"):
+        if not (READERS / f"{post.READER}.py").is_file():
+            raise InputError(f"{post.__file__}: there is no reader {post.READER!r}; name one of posts/readers, or a .py file "
+                             "beside the post")
+        return importlib.import_module(f"cuspline.posts.readers.{post.READER}")
+    path = Path(post.__file__).parent / post.READER
+    reader = _loaded(path, "reader file")
+    _refuse_lacking(reader, path, {**OF_A_READER, **(OF_A_READER_OF_TOOLS if post.TOOL_TABLE is not None else {})})
+    return reader

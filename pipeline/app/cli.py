@@ -54,10 +54,10 @@ def build(
         params: Annotated[str, typer.Option(help="several name=value in one text, quoted as a shell reads them")] = "",
         machine: Annotated[Optional[str], typer.Option(
             help="name of a machine, or its TOML file; else the design's own")] = None,
-        post: Annotated[Optional[str], typer.Option(help="another post than the machine's own")] = None,
+        post: Annotated[Optional[str], typer.Option(help="another post than the machine's own, by name or .py file")] = None,
         cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
         shop: Annotated[Optional[Path], typer.Option(help="the shop's own values and materials (TOML)")] = None,
-        measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their clampings (CSV)")] = None,
+        measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their setups (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
         accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
@@ -76,9 +76,7 @@ def build(
         from cuspline.design.setup_alignment import read_measured, refixtured_setups
         made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
     chosen = catalogue.find_machine(machine if machine is not None else made.machine)
-    if post is not None:
-        catalogue.find_post(post)
-        chosen = chosen.model_copy(update={"control": chosen.control.model_copy(update={"post": post})})
+    chosen = catalogue.with_post(chosen, post)
     library = catalogue.find_library(cutters)
     folder = out if out is not None else Path("outputs") / made.name
     result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library, shop=practice,
@@ -111,22 +109,25 @@ def _words(text):
 def verify(
         folders: Annotated[list[Path], typer.Argument(help="output folders, or programs in them")],
         measured: Annotated[Optional[Path], typer.Option(
-            help="markers (CSV): judge the programs as they stand on a part that lies as measured here")] = None,
+            help="markers (CSV): judge the programs as they stand on a part that sits as measured here")] = None,
+        post: Annotated[Optional[str], typer.Option(
+            help="the .py file of the post that wrote the programs, where it is no post of ours")] = None,
         accept: Annotated[list[str], typer.Option(help="kind of finding to pass over this time, repeatable")] = []):
     """Judge posted files on disk again, against the STEP beside them; the exit status is the worst of all."""
     _refuse_unknown_kinds(accept)
     worst = 0
     for folder in folders:
         try:
-            worst = max(worst, _verified(folder, measured, accept))
+            worst = max(worst, _verified(folder, measured, post, accept))
         except CamError as error:
             print(f"cuspline: {folder}: {error}", file=sys.stderr)
             worst = max(worst, BAD_INPUT)
     raise typer.Exit(worst)
 
 
-def _verified(folder, measured, accept):
+def _verified(folder, measured, post, accept):
     """Judge one folder, or one program in it; the exit status."""
+    from cuspline.app.catalogue import tool_table_of, with_post
     from cuspline.app.judge import judge
     from cuspline.design.job import read_job, read_published
     from cuspline.design.setup_alignment import read_measured
@@ -135,6 +136,10 @@ def _verified(folder, measured, accept):
     from cuspline.verification.file_checks import own_acceptances
     folder, only = (folder.parent, folder.name) if folder.is_file() else (folder, None)
     job, published = read_job(folder), read_published(folder)
+    if post is None and job.machine.control.post.endswith(".py"):
+        raise InputError(f"the programs were written by the post {job.machine.control.post}: name that file with --post; a "
+                         "folder of outputs does not choose which code is run")
+    job = job.model_copy(update={"machine": with_post(job.machine, post)})
     if measured is not None:
         job = job.placed(read_measured(measured))
     if only is not None:
@@ -143,7 +148,7 @@ def _verified(folder, measured, accept):
             raise InputError(f"{folder / only} is no program of {job.design}; there are "
                              + ", ".join(name for p in job.posted for name in p.files))
         job = job.model_copy(update={"posted": asked})
-        published = published.of_programs([name for p in asked for name in p.files], job)
+        published = published.of_programs([name for p in asked for name in p.files], job, tool_table_of(job.machine)[0])
     brep.refuse_unreadable(folder / job.step)
     with kept_until_done(folder) as kept:
         judged = judge(folder, job, _say, kept=kept, published=published)
@@ -195,7 +200,8 @@ def _parameter_row(name, field):
     field = {**(given[0] if given else {}), **field}
     low, high = field.get("minimum", field.get("exclusiveMinimum")), field.get("maximum", field.get("exclusiveMaximum"))
     choices = field.get("enum")
-    span = f"{low} .. {high}" if low is not None or high is not None else " | ".join(map(str, choices or []))
+    span = " | ".join(map(str, choices or [])) if low is None and high is None else (
+        f"{low} .. {high}" if None not in (low, high) else f"from {low}" if high is None else f"up to {high}")
     unit = next((u for u in ("mm", "deg", "rad", "mm2") if name.endswith("_" + u)), "")
     return {"name": name, "default": field.get("default"), "unit": unit, "range": span,
             "description": field.get("description", "")}
@@ -244,16 +250,18 @@ def cutters(
         foreign: Annotated[Optional[Path], typer.Option(
             "--import", help="Fusion (.json, .tools) or FreeCAD (.fctb, .fctl) library to read in")] = None,
         to: Annotated[Optional[Path], typer.Option(
-            help="write it to a .json library or LinuxCNC's .tbl, and beside it what was dropped")] = None,
+            help="write it to a .json library or the control's tool table, and beside it what was dropped")] = None,
         holder: Annotated[Optional[str], typer.Option(help="holder for imported tools that come without one")] = None,
         stick_out: Annotated[Optional[float], typer.Option(help="mm, for imported tools that come without one")] = None,
         renumber: Annotated[bool, typer.Option(help="number imported tools 1, 2, ...")] = False,
-        machine: Annotated[str, typer.Option(help="whose units a .tbl is in")] = "mill_3axis"):
-    """List the tools of a library; import one from Fusion or FreeCAD, export one to LinuxCNC."""
+        machine: Annotated[str, typer.Option(help="whose tool table it is")] = "mill_3axis"):
+    """List the tools of a library; import one from Fusion or FreeCAD, export one to a control."""
     from cuspline.app import catalogue
     from cuspline.shop.tool_exchange import files
+    mill = catalogue.find_machine(machine)
+    post = catalogue.find_post(mill.control.post)
     if to is not None:
-        files.refuse_target(to)
+        files.refuse_target(to, Path(post.TOOL_TABLE).suffix if post.TOOL_TABLE else "")
     found = catalogue.find_library(library)
     imported = None
     if foreign is not None:
@@ -263,7 +271,7 @@ def cutters(
         found = imported.library
         print("\n".join(files.report_lines(imported)), file=sys.stderr)
     if to is not None:
-        files.write_tools(found, to, catalogue.find_machine(machine).control, imported)
+        files.write_tools(found, to, mill.control, post.tool_table, imported)
         print(f"{to} and {files.sidecar(to).name} written", file=sys.stderr)
         return
     rows = [t.model_dump(mode="json") for t in found.tools]
@@ -283,10 +291,12 @@ def posts(json: AsJson = False):
 
 
 @app.command()
-def materials(json: AsJson = False):
+def materials(file: Annotated[Optional[Path], typer.Argument(help="a shop's own file (TOML)")] = None, json: AsJson = False):
     """List the work materials with their cutting data, and where these come from."""
     from cuspline.shop.materials import known_materials
-    _print([m.model_dump(mode="json") for m in known_materials().values()], json, lambda m: [
+    from cuspline.shop.practice import shop_file
+    there = {**known_materials(), **{m.name: m for m in shop_file(file).materials}}
+    _print([m.model_dump(mode="json") for m in there.values()], json, lambda m: [
         f"{m['name']}: {m['description']}",
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.app.catalogue import find_post, reader_of
+from cuspline.app.catalogue import find_post, reader_of, tool_table_of
 from cuspline.app.report_inputs import shape_of
+from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.job import read_tools
 from cuspline.kernel import brep
 from cuspline.program.posted import PostedMoves
-from cuspline.replay.replay import Fixture
+from cuspline.replay.replay import Fixture, SolidFixture
 from cuspline.replay.replay_checks import Reporter
 from cuspline.shop.materials import known_materials
 from cuspline.values.checkpoints import NOTHING
@@ -39,15 +40,16 @@ class Judged:
     programs: tuple[SetupProgram, ...]      # one a setup
     tools: dict                             # number -> Tool
     extra: tuple[Finding, ...]              # about the programs as files
+    stock: object                           # a value of design.stock, its file found
 
     @property
     def posted(self):
         """One PostedMoves a setup."""
         return tuple(p.posted for p in self.programs)
 
-    def stock_states(self, job, kept=NOTHING):
+    def stock_states(self, kept=NOTHING):
         """The stock after every operation, one after the other: in_process.StockState."""
-        return stock_states(self.programs, self.tools, job.stock, [s.solids.pitch_mm for s in self.verdict.setups],
+        return stock_states(self.programs, self.tools, self.stock, [s.solids.pitch_mm for s in self.verdict.setups],
                             kept)
 
     @property
@@ -117,11 +119,11 @@ def judge_text(folder, job, published=None):
     Raises:
         InputError, ReadError: see `read_programs`.
     """
-    tools = read_tools(folder)
+    tools, job = read_tools(folder), job.beside(folder)
     found = _file_findings(folder, job, tools, published)
     for program in read_programs(folder, job, tools):
         report = Reporter(program.posted, program.setup.name, program.setup.frame)
-        top_mm = program.setup.frame.box_into(job.stock.min_mm, job.stock.max_mm)[1][2]
+        top_mm = job.stock.shape.box_in(program.setup.frame)[1][2]
         own = (*program.findings, *report.travel(job.machine), *report.states(top_mm), *report.end())
         found += [*_program_findings(program, job.machine), *_placed(own, program, job.machine, tools)]
     return tuple(found)
@@ -142,7 +144,7 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         InputError: a file is missing.  ReadError: see `read_programs`.  DesignError: the STEP's solid crosses itself.
     """
     folder = Path(folder)
-    tools = read_tools(folder)
+    tools, job = read_tools(folder), job.beside(folder)
     extra = _file_findings(folder, job, tools, published)
     say(f"read {', '.join(name for item in job.posted for name in item.files)}")
     read = tuple(read_programs(folder, job, tools))
@@ -166,13 +168,13 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     setups = tuple(replace(v, findings=_placed((*p.findings, *v.findings), p, job.machine, tools))
                    for v, p in zip(setups, read))
     return Judged(verdict=Verdict(setups=setups), solid=solid, programs=tuple(programs), tools=tools,
-                  extra=tuple(extra))
+                  extra=tuple(extra), stock=job.stock)
 
 
 def _file_findings(folder, job, tools, published):
     """Of what lies in the folder against what was published, and of the tool table."""
     changed = () if published is None else (*changed_files(folder, published), *changed_job(folder, job, published))
-    return [*changed, *tool_table_findings(folder, tools, job.machine.control)]
+    return [*changed, *tool_table_findings(folder, tools, *tool_table_of(job.machine))]
 
 
 def _program_findings(program, machine):
@@ -226,10 +228,10 @@ def figures_in_words(numbers):
     """Gouge, cusp and the bound of both out of verify.json.
 
     >>> figures_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "error_bound_mm": None})
-    'gouge 0.0022 mm, cusp 0.0096 mm, error bound unknown'
+    'gouge 0.0022, cusp 0.0096, error bound unknown'
     """
     bound = numbers["error_bound_mm"]
-    return (f"gouge {numbers['gouge_max_mm']:.4f} mm, cusp {numbers['cusp_max_mm']:.4f} mm, error bound "
+    return (f"gouge {numbers['gouge_max_mm']:.4f}, cusp {numbers['cusp_max_mm']:.4f}, error bound "
             + ("unknown" if bound is None else f"{bound:.5f} mm"))
 
 
@@ -260,9 +262,15 @@ def _in_files(findings, parts):
 
 
 def _fixtures(setup):
-    """The setup's fixtures in its WCS."""
-    corners = [(f.name, setup.frame.box_into(f.min_mm, f.max_mm)) for f in setup.fixtures]
-    return tuple(Fixture(name=name, min_mm=tuple(c[0].tolist()), max_mm=tuple(c[1].tolist())) for name, c in corners)
+    """The setup's fixtures in its WCS, as the replay takes them."""
+    return tuple(_fixture(f) for f in placed_fixtures(setup, setup.frame))
+
+
+def _fixture(placed):
+    if not placed.is_box:
+        return SolidFixture(placed.name, *placed.mesh)
+    low, high = placed.box_mm
+    return Fixture(name=placed.name, min_mm=tuple(low.tolist()), max_mm=tuple(high.tolist()))
 
 
 def _text(path):

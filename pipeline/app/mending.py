@@ -109,8 +109,8 @@ def _mended(plan, want, number, by):
     if want.gouge_mm:
         share = TIGHTER * context.tolerance_share
         try:
-            again = plan_setup(context.design, context.setup, context.machine, context.library, context.before, context.shop,
-                               share)
+            again = plan_setup(context.design, context.setup, context.machine, context.magazine, context.before,
+                               context.shop, share)
         except CamError as error:
             return _told(plan, {**told, "done": f"nothing: {error}"})
         return replace(again, mending=(*plan.mending, {**told, "done": "planned again to a tolerance of "
@@ -122,7 +122,7 @@ def _mended(plan, want, number, by):
                                             "clear"})
     done = ", ".join(f"T{o.tool.number} {o.tool.cutter.name}" for o in added)
     rest = int((~touched).sum())
-    return replace(plan, operations=(*plan.operations, *added), mending=(*plan.mending, {
+    return replace(plan, operations=(*plan.operations, *context.as_cut(added)), mending=(*plan.mending, {
         **told, "done": f"clean-up passes with {done}" + (f"; {counted(rest, 'place')} out of reach" if rest else "")}))
 
 

@@ -1,16 +1,19 @@
 """Gathers what the report shows out of the stages' values."""
 
 import hashlib
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.setup_alignment import refixturing_in_words
 from cuspline.kernel import brep
 from cuspline.planning.feeds import times_s
 from cuspline.program.program import Kind, Moves, Plane
 from cuspline.report.bundle import FaceMesh, PathPoints, ReportBundle, SetupBundle, StockReplay
 from cuspline.report.view_mesh import tessellate_for_view
+from cuspline.stock.shapes import HERE as PART
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.values import fixed_math as fixed
 
@@ -68,8 +71,8 @@ def report_bundle(order, work, job, judged, plan, verify, view, inputs_sha256):
         curvature_per_mm=np.maximum(-samples.hollow_per_mm, 0.0),
         **{f"cusp_{name}": np.concatenate([getattr(s.cusps, column) for s in judged.verdict.setups])
            for name, column in (("place_mm", "point_mm"), ("height_mm", "height_mm"), ("formula_mm", "formula_mm"))},
-        setups=tuple(_setup_bundle(work, job, item, posted, verdict) for item, posted, verdict in
-                     zip(job.posted, judged.posted, judged.verdict.setups)))
+        setups=tuple(_setup_bundle(work, judged, item, posted, verdict, job.machine) for item, posted, verdict in
+                     zip(job.beside(work).posted, judged.posted, judged.verdict.setups)))
 
 
 def _view_deviation(judged, view, indices):
@@ -87,12 +90,13 @@ def _view_deviation(judged, view, indices):
     return deviation
 
 
-def _setup_bundle(work, job, item, posted, verdict):
-    path, row_of = drawn_path(posted, item.setup.frame, job.machine)
+def _setup_bundle(work, judged, item, posted, verdict, machine):
+    path, row_of = drawn_path(posted, item.setup.frame, machine)
     text, *more = ((work / name).read_bytes() for name in item.files)
     known = np.isfinite(posted.end_mm).all(axis=1)
     ends = posted.end_mm[known]
-    low, high = item.setup.frame.box_into(job.stock.min_mm, job.stock.max_mm)
+    stock = judged.stock.shape
+    low, high = stock.box_in(item.setup.frame)
     replay = verdict.replay
     zero = item.setup.turn.into(item.setup.frame.origin_mm[None])[0]      # the replay stands in the setup's directions
     origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
@@ -102,16 +106,23 @@ def _setup_bundle(work, job, item, posted, verdict):
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
         program_lines=text.count(b"\n"), program_bytes=len(text), continued=tuple(
-            (name, hashlib.sha256(t).hexdigest()) for name, t in zip(item.continued, more)), machine=job.machine.name,
-        control=job.machine.control.post, units=job.machine.control.units, wcs=item.setup.wcs,
+            (name, hashlib.sha256(t).hexdigest()) for name, t in zip(item.continued, more)), machine=machine.name,
+        control=Path(machine.control.post).stem, units=machine.control.units, wcs=item.setup.wcs,
         wcs_in_words=item.setup.wcs_in_words, frame=item.setup.frame, operation_first_lines=_first_lines(posted),
-        stock_box_mm=(_triple(low), _triple(high)),
+        stock_box_mm=(_triple(low), _triple(high)), stock_edges_mm=_edges(stock.edges_mm),
+        stock_in_words="" if stock.fills_box_in(item.setup.frame) else stock.in_words().lower(),
+        fixtures=tuple((f.name, _edges(f.edges_mm)) for f in placed_fixtures(item.setup, PART)),
         extents_mm=(_triple(ends.min(axis=0)), _triple(ends.max(axis=0))), path=path,
         replay=StockReplay(
             origin_mm=(float(origin[0]), float(origin[1])), pitch_mm=replay.zmap.pitch_mm, nx=replay.zmap.nx,
             ny=replay.zmap.ny, bottom_mm=replay.bottom_mm + lift, top_mm=replay.top_mm + lift,
             design_top_mm=replay.design_top_mm + lift, event_move=row_of[replay.event_row],
             event_cell=replay.event_cell, event_z_mm=replay.event_z_mm + lift))
+
+
+def _edges(edges_mm):
+    """(k, 2, 3)"""
+    return np.array(edges_mm, float).reshape(-1, 2, 3)
 
 
 def drawn_path(posted, frame, machine):

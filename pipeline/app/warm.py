@@ -19,7 +19,7 @@ def steps():
             ("drop-cutter on triangles", _drop_cutter),
             ("drop-cutter on exact surfaces", _exact_drop), ("certificate", _certificate),
             ("arc fitting", _arcs), ("feeds", _feeds), ("planning of a small part", _planning),
-            ("clearance", _clearance), ("simulation and comparison", _simulation),
+            ("clearance", _clearance), ("stock of any form", _shapes), ("simulation and comparison", _simulation),
             ("simulation of tilted cutters", _posed_simulation))
 
 
@@ -108,14 +108,16 @@ def _planning():
     from cuspline.app.catalogue import find_library, find_machine
     from cuspline.design import DEFAULT_MACHINE, Design, FacePredicate, Finish, Parameters, Setup, StockBox
     from cuspline.planning.plan import plan_setup
+    from cuspline.planning.strategies.auto import Auto
     up = FacePredicate(name="dome", count=1, kinds=("sphere",))
     wall = FacePredicate(name="wall", count=1, kinds=("cylinder",))
-    setup = Setup(name="warm", wcs_in_words="", faces=("dome", "wall"), strategy="constant_scallop")
+    setup = Setup(name="warm", wcs_in_words="", faces=("dome", "wall"))
     design = Design(name="warm", description="", parameters=Parameters(), solid=_small_part(), predicates=(up, wall),
                     material="aluminium_6061", stock=StockBox(min_mm=(-7, -6, 0), max_mm=(7, 6, 8)), setups=(setup,),
                     finish=Finish(scallop_mm=0.04, profile_tolerance_mm=0.01, gouge_mm=0.01))
     for way in ("constant_scallop", "parallel"):
-        plan_setup(design, setup.model_copy(update={"strategy": way}), find_machine(DEFAULT_MACHINE), find_library(None))
+        plan_setup(design, setup.model_copy(update={"operations": (Auto(strategy=way),)}), find_machine(DEFAULT_MACHINE),
+                   find_library(None))
 
 
 def _arcs():
@@ -155,6 +157,13 @@ def _posed_simulation():
     swept.deviation_mm(paths, low, high, point, up, 1.0)
     swept.stock_height_mm(paths, [(2.0, 0.0)], 9.0)
     swept.stock_intervals(paths, low, high, point, up)
+
+
+def _shapes():
+    from cuspline.stock.shapes import HERE, BoxShape, closed_mesh
+    mesh = closed_mesh(*BoxShape(min_mm=(0, 0, 0), max_mm=(1, 1, 1)).mesh, 0.0, "the warm-up", "MESH")
+    mesh.columns(HERE, np.zeros((1, 2)))
+    mesh.tops_within_mm(HERE, np.zeros((1, 2)), 0.1)
 
 
 def _simulation():

@@ -7,14 +7,15 @@ from cuspline.design.design import (
     FacePredicate,
     Figure,
     Finish,
-    FixtureBox,
     Marker,
     Parameters,
     Refixturing,
     Setup,
     SolidReport,
-    StockBox,
 )
+from cuspline.design.fixtures import FixtureBox, FixtureCylinder, FixtureSolid
+from cuspline.design.stock import StockAllowance, StockBox, StockCylinder, StockMesh, StockSolid
 
-__all__ = ["DEFAULT_MACHINE", "Companion", "Design", "FacePredicate", "Figure", "Finish", "FixtureBox", "Marker",
-           "Parameters", "Refixturing", "Setup", "SolidReport", "StockBox"]
+__all__ = ["DEFAULT_MACHINE", "Companion", "Design", "FacePredicate", "Figure", "Finish", "FixtureBox", "FixtureCylinder",
+           "FixtureSolid", "Marker", "Parameters", "Refixturing", "Setup", "SolidReport", "StockAllowance", "StockBox",
+           "StockCylinder", "StockMesh", "StockSolid"]

@@ -6,8 +6,9 @@ from typing import Annotated, Callable, Literal
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
+from cuspline.design.fixtures import Fixture
 from cuspline.design.operations import AnyOperation
-from cuspline.splines.circular_tip import CircularTip
+from cuspline.design.stock import StockAllowance
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 from cuspline.values.frames import Frame
@@ -36,7 +37,7 @@ class FacePredicate(Model):
     at_least: int | None = Field(None, ge=1, description="in place of count: no fewer than that")
     kinds: tuple[Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion",
                          "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
-    normal: tuple[float, float, float] | None = Field(None, description="direction the normal lies close to")
+    normal: tuple[float, float, float] | None = Field(None, description="direction that the normal is close to")
     normal_within_deg: float = Field(1.0, ge=0, le=180)
     center_min_mm: tuple[float, float, float] | None = Field(None,
                                                              description="corner of a box round the face's middle")
@@ -74,27 +75,12 @@ class Finish(Model):
     profile_tolerance_mm: float = Field(gt=0, le=COARSEST_MM,
                                         description="largest deviation of a path from the true curve")
     gouge_mm: float = Field(gt=0, le=COARSEST_MM, description="deepest cut below the surface that is accepted")
+    plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later: the metal is cut so much below the faces, and "
+                              "judged there")
 
-
-class StockBox(Model):
-    """A rectangular billet, part coordinates."""
-
-    min_mm: Point
-    max_mm: Point
-
-    @model_validator(mode="after")
-    def _has_volume(self):
-        if any(b <= a for a, b in zip(self.min_mm, self.max_mm)):
-            raise ValueError(f"stock box has no volume: {self.min_mm} .. {self.max_mm}")
-        return self
-
-
-class FixtureBox(Model):
-    """A box that no part of the tool may enter, part coordinates; it stands on the table."""
-
-    name: str
-    min_mm: Point
-    max_mm: Point
+    @model_serializer(mode="wrap")
+    def _without_plating_it_has_not(self, dump):
+        return {k: v for k, v in dump(self).items() if (k, v) != ("plating_mm", 0.0)}
 
 
 class Marker(Model):
@@ -124,11 +110,11 @@ class Setup(Model):
     faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut, and judged after the setup")
     operations: tuple[AnyOperation, ...] = Field((), description="what cuts them, in this order; none: `Auto`, all chosen "
                                                  "by curvature")
-    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it lies, along wcs_x: "
+    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it sits, along wcs_x: "
                                                    "between these roughing tools stay; None: they clear all")
-    fixtures: tuple[FixtureBox, ...] = Field((), description="what holds the part: jaws, clamps")
-    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part lies")
-    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may lie from the rigid part")
+    fixtures: tuple[Fixture, ...] = Field((), description="what holds the part: jaws, clamps, posts")
+    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part sits")
+    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may be from the rigid part")
     refixturing: Refixturing | None = Field(None, description="what measured markers came to; None: as designed")
 
     @model_validator(mode="after")
@@ -193,10 +179,10 @@ class Design:
     solid: object                           # OCP TopoDS_Solid, millimetres
     predicates: tuple[FacePredicate, ...]
     material: str                           # a name in planning/materials
-    stock: StockBox
     finish: Finish
     setups: tuple[Setup, ...]
-    tip: CircularTip | None = None          # a vane's tip in closed form, part coordinates; None: any other part
+    stock: object = StockAllowance()        # a value of design.stock; left out: the box round the part and an allowance
+    guides: tuple = ()                      # values that strategies ask for by their type, see `guide_of`
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
     companions: tuple[Companion, ...] = ()
     measure: Callable | None = None         # function (solid read back from its STEP file) -> SolidReport
@@ -208,12 +194,22 @@ class Design:
         if not self.setups and self.measure is None:
             raise DesignError(f"design {self.name} has no setup and nothing to measure its solid by: "
                               "give it one of them")
+        kinds = [type(g) for g in self.guides]
+        if twice := [k.__name__ for k in kinds if kinds.count(k) > 1]:
+            raise DesignError(f"design {self.name}: two guides are of type {twice[0]}; a strategy takes up one: leave one out")
         known = {p.name for p in self.predicates}
         for setup in self.setups:
             for who, faces in ((setup.name, setup.faces), *((f"{setup.name}, {o.title}", o.faces or ()) for o in setup.operations)):
                 if missing := [f for f in faces if f not in known]:
                     raise DesignError(f"design {self.name}, {who}: faces {missing} are named by no predicate; "
                                       f"there are {sorted(known)}")
+
+    def guide_of(self, kind):
+        """The guide of a type, or None: what a strategy must know of the part beyond its faces, part coordinates.
+
+        A guide has a `name` and `facts(where)`, what plan.json says of it; `where` names a place (3,) for people.
+        """
+        return next((g for g in self.guides if isinstance(g, kind)), None)
 
     def _refuse_names(self):
         """Names become files: of the design, its setups, its companions; no two the same."""

@@ -10,8 +10,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from cuspline.design import FacePredicate, Finish, Setup, StockBox
+from cuspline.design import FacePredicate, Finish, Setup
+from cuspline.design.fixtures import fixtures_beside
 from cuspline.design.setup_alignment import refixtured_setups
+from cuspline.design.stock import Stock
 from cuspline.shop.cutters import ToolLibrary
 from cuspline.shop.machines import Machine
 from cuspline.shop.materials import Material
@@ -43,12 +45,17 @@ class Job(Model):
     material: str
     cutting_data: Material | None = Field(None, description="of the material; None: what cuspline knows of it")
     predicates: tuple[FacePredicate, ...]
-    stock: StockBox
+    stock: Stock
     finish: Finish
     machine: Machine
     posted: tuple[PostedFile, ...]
     smallest_ball_radius_mm: float = Field(gt=0)
     accepted: tuple[str, ...] = ()
+
+    def beside(self, folder):
+        """The same, the files of its stock and fixtures found in a folder."""
+        return self.model_copy(update={"stock": self.stock.beside(folder), "posted": tuple(
+            p.model_copy(update={"setup": fixtures_beside(p.setup, folder)}) for p in self.posted)})
 
     def placed(self, measured):
         """The same programs on a part that lies as its measured markers say (`refixturing.read_measured`)."""
@@ -81,9 +88,9 @@ class Published:
     job: dict = field(default_factory=dict)             # as it stands in the manifest
     job_fields: dict = field(default_factory=dict)      # field of the job -> SHA-256
 
-    def of_programs(self, names, job):
-        """The same for some of a Job's programs and what they need."""
-        needed = {job.step, "tools.json", "tools.tbl", *names}
+    def of_programs(self, names, job, table):
+        """The same for some of a Job's programs and what they need; `table`: the control's tool table, None: it has none."""
+        needed = {job.step, "tools.json", table, *names}
         return Published(files={name: digest for name, digest in self.files.items() if name in needed}, job=self.job,
                          job_fields=self.job_fields)
 

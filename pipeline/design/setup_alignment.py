@@ -71,17 +71,17 @@ def refixtured(setup, measured_mm):
     nominal_mm, found_mm = _paired(setup, measured_mm)
     limit = setup.marker_limit_mm
     if _arm_mm(nominal_mm) < ARM_LIMITS * limit:
-        raise InputError(f"{setup.name}: its markers lie in one line within {_arm_mm(nominal_mm):.3f} mm: the turn "
-                         f"about it stays open; measure one that lies at least {2 * ARM_LIMITS * limit:g} mm beside it")
+        raise InputError(f"{setup.name}: its markers are in one line within {_arm_mm(nominal_mm):.3f} mm: the turn "
+                         f"about it stays open; measure one that is at least {2 * ARM_LIMITS * limit:g} mm beside it")
     fit, names = fitted_frame(nominal_mm, found_mm), [m.name for m in setup.markers]
     worst = int(fit.residual_mm.argmax())
     if fit.residual_mm[worst] > limit:
-        raise InputError(f"{setup.name}: marker {names[worst]} lies {fit.residual_mm[worst]:.4f} mm from where the "
+        raise InputError(f"{setup.name}: marker {names[worst]} is {fit.residual_mm[worst]:.4f} mm from where the "
                          f"others put it, more than {limit:g} mm: {_advice(setup, nominal_mm, found_mm)}")
     turn_deg = np.degrees(_turn_rad(fixed.matmul(setup.frame.rotation.T, fit.frame.rotation)))
     if np.abs(turn_deg).max() > TURN_LIMIT_DEG:
-        raise InputError(f"{setup.name}: by its markers the part lies {np.abs(turn_deg).max():.3f} degrees off its "
-                         f"clamping as designed, more than {TURN_LIMIT_DEG:g}: markers are mixed up, or a sign is "
+        raise InputError(f"{setup.name}: by its markers the part is {np.abs(turn_deg).max():.3f} degrees off its "
+                         f"setup as designed, more than {TURN_LIMIT_DEG:g}: markers are mixed up, or a sign is "
                          "wrong")
     rotation = fit.frame.rotation
     return setup.model_copy(update={

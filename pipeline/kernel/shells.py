@@ -18,6 +18,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
 
 from cuspline.values import fixed_math as fixed
+from cuspline.values.amounts import counted
 from cuspline.values.errors import DesignError
 
 TIGHTEST_MM = 1e-7          # the kernel's own confusion
@@ -117,7 +118,7 @@ class ShellBuilder:
         for edge in self._curves:
             beside = self._uses.get(edge, [])
             if len(beside) != 2:
-                raise DesignError(f"an edge of the solid lies on {len(beside)} faces ({', '.join(beside) or 'none'}), "
+                raise DesignError(f"an edge of the solid is on {counted(len(beside), 'face')} ({', '.join(beside) or 'none'}), "
                                   "it must be shared by exactly 2")
         shell, solid = TopoDS_Shell(), TopoDS_Solid()
         self._builder.MakeShell(shell)

@@ -29,14 +29,30 @@ def solid_of(vertices_mm, triangles, name="the mesh"):
     Raises:
         SimulationError: it is open, self-connected or inside out.
     """
-    mesh = Mesh64(np.array(vertices_mm, dtype=np.float64, order="C"),      # copies: it takes no read-only arrays
-                  np.array(triangles, dtype=np.uint64, order="C"))
-    solid = Manifold(mesh)
+    solid = _manifold(vertices_mm, triangles)
     if solid.status() != Error.NoError:
         raise SimulationError(f"{name} is not watertight: {solid.status().name}")
     if solid.volume() <= 0:
         raise SimulationError(f"{name} is inside out or has no volume")
     return solid
+
+
+def fault_of(vertices_mm, triangles):
+    """Why a mesh bounds no solid, in words; "" where it does."""
+    count = len(triangles)
+    sides = np.sort(np.asarray(triangles)[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    used = np.unique(sides, axis=0, return_counts=True)[1]
+    if (used == 1).any():
+        return f"it is open, {int((used == 1).sum())} sides of its {count} triangles have no neighbour: close its holes"
+    solid = _manifold(vertices_mm, triangles)
+    if solid.status() != Error.NoError:
+        return "triangles meet more than two at a side, or are turned against their neighbours: repair the mesh"
+    return "it is inside out, or has no volume: turn its triangles round" if solid.volume() <= 0 else ""
+
+
+def _manifold(vertices_mm, triangles):
+    return Manifold(Mesh64(np.array(vertices_mm, dtype=np.float64, order="C"),      # copies: it takes no read-only arrays
+                           np.array(triangles, dtype=np.uint64, order="C")))
 
 
 def mesh_of(solid):

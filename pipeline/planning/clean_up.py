@@ -60,7 +60,8 @@ def clean_up(work, operations, places_mm, left_mm, number):
 
 def _balls(work, operations):
     """Balls that may clean up: those that finish already, then what the library has below them; largest first."""
-    used = {o.tool.number: o.tool for o in operations if o.tool.cutter.type == "ball" and o.tool.head is None}
+    finishing = {o.tool.number for o in operations if o.tool.cutter.type == "ball" and o.tool.head is None}
+    used = {t.number: t for t in work.library.tools if t.number in finishing}
     largest = max((t.cutter.radius_mm for t in used.values()), default=math.inf)
     others = [t for t in work.library.of_type("ball") if t.number not in used and t.cutter.radius_mm <= largest]
     by_size = lambda tools: sorted(tools, key=lambda t: (-t.cutter.radius_mm, t.number))

@@ -6,11 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
+from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.operations import Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import choose_cutter
 from cuspline.planning.finishing_chain import FinishingWork
+from cuspline.planning.plating import in_metal, library_within_skin
 from cuspline.program.program import Kind, Moves
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
@@ -73,7 +75,9 @@ class PlanningContext:
             shop: shop.practice.ShopFile.
             tolerance_share: of every profile tolerance, that paths keep to.
         """
-        self.design, self.setup, self.machine, self.library, self.before = design, setup, machine, library, before
+        self.design, self.setup, self.machine, self.before = design, setup, machine, before
+        self.plating_mm, self.magazine = design.finish.plating_mm, library
+        self.library = library_within_skin(library, self.plating_mm) if self.plating_mm else library
         self.shop, self.tolerance_share, self.planned, self._shared = shop, tolerance_share, (), {}
         self.operation = setup.operations[0] if len(setup.operations) == 1 else Finishing(steep_deg=STEEP_DEG)
         self.finish = _stricter(design.finish, Finishing(), tolerance_share)
@@ -81,16 +85,16 @@ class PlanningContext:
         self._faces_of_part = brep.faces_of(solid)
         self.solid = brep.seen_from(solid, setup.turn)
         self.faces = self._faces_of_part if self.solid is solid else brep.faces_of(self.solid)
-        self.piece = before or Workpiece(min_mm=design.stock.min_mm, max_mm=design.stock.max_mm)
+        self.piece = before or Workpiece(blank=design.stock.shape)
         self.stock_min_mm, self.stock_max_mm = self.piece.box_in(setup.turn)
-        self.fixtures = [np.array(setup.turn.box_into(f.min_mm, f.max_mm)) for f in setup.fixtures]
+        self.fixtures = placed_fixtures(setup, setup.turn)
         self.material = material_named(design.material, shop.materials)
         mesh = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
         self.mesh = DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles)
         self.box = brep.bounding_box_mm(self.solid)
         asked = [o.clearance_mm for o in setup.operations if o.clearance_mm is not None]
         self.clearance_mm = max([self.practice.clearance_mm, *asked])
-        self.clearance_z_mm = float(max([self.stock_max_mm[2], *(high[2] for _, high in self.fixtures)])) + self.clearance_mm
+        self.clearance_z_mm = float(max([self.stock_max_mm[2], *(f.box_mm[1][2] for f in self.fixtures)])) + self.clearance_mm
         self._look_at(setup.faces)
 
     def of(self, operation, planned):
@@ -143,11 +147,22 @@ class PlanningContext:
         wish = self.operation.wish
         if wish is None:
             return self.library
-        tools = tuple(t for t in self.library.tools if t.cutter.type != "ball" or wish.allows(t))
+        tools = tuple(t for t in self.library.tools if t.cutter.type != "ball" or self.is_asked(t))
         if not any(t.cutter.type == "ball" for t in tools):
             there = ", ".join(f"{t.cutter.diameter_mm:g}" for t in self.library.of_type("ball"))
             raise PlanError(f"{self.setup.name}: the tool library has no {wish.in_words} mm; there are balls of {there} mm")
         return self.library.model_copy(update={"tools": tools})
+
+    def is_asked(self, tool):
+        """Whether the operation may take a tool, by its measures in the magazine."""
+        whole = next(t for t in self.magazine.tools if t.number == tool.number)
+        return self.operation.wish is None or self.operation.wish.allows(whole)
+
+    def as_cut(self, operations):
+        """PlannedOperation values, planned with the library, as the magazine's tools cut them: below the plating."""
+        if not self.plating_mm:
+            return tuple(operations)
+        return tuple(in_metal(o, self.magazine, self.plating_mm) for o in operations)
 
     def tools(self, *types):
         """The library's tools of some cutter types that the operation asks for, largest first.
@@ -156,7 +171,7 @@ class PlanningContext:
             PlanError: it has none; lists what there is.
         """
         wish = self.operation.wish
-        found = [t for t in self.library.of_type(*types) if wish is None or wish.allows(t)]
+        found = [t for t in self.library.of_type(*types) if self.is_asked(t)]
         if not found:
             there = "; ".join(f"T{t.number} {t.cutter.name}" for t in self.library.of_type(*types))
             raise PlanError(f"{self.setup.name}, {self.operation.title}: the tool library has no "
@@ -215,6 +230,8 @@ class PlanningContext:
     def stock_mm(self, xy_mm):
         """Height of the stock over places (n, 2) before the operation's first move; -inf beside it."""
         inside = ((xy_mm >= self.stock_min_mm[:2]) & (xy_mm <= self.stock_max_mm[:2])).all(axis=1)
+        if not self.piece.blank.fills_box_in(self.setup.turn):
+            inside[inside] = np.isfinite(self.piece.blank.tops_mm(self.setup.turn, xy_mm[inside]))
         height = np.full(len(xy_mm), -np.inf)
         height[inside] = self.piece.heights_mm(self.setup.turn, xy_mm[inside])
         for operation in self.planned:
@@ -290,7 +307,7 @@ def _stricter(finish, operation, tolerance_share):
     Raises:
         PlanError: it says more than the design allows: the verdict holds the design's.
     """
-    own = {n: getattr(operation, n) for n in type(finish).model_fields if getattr(operation, n) is not None}
+    own = {n: getattr(operation, n) for n in type(finish).model_fields if getattr(operation, n, None) is not None}
     for name, value in own.items():
         if value > getattr(finish, name):
             raise PlanError(f"{operation.title}: {name} {value:g} is looser than the design's {getattr(finish, name):g}, and "
@@ -313,7 +330,7 @@ def ridge_for_step_mm(name, scallop_mm, finish):
     ridge_mm = scallop_mm - finish.profile_tolerance_mm
     if ridge_mm <= 0 or path_tolerance_mm(finish) <= 0:
         raise PlanError(f"{name}: a cusp of {scallop_mm} mm and a profile tolerance of "
-                        f"{finish.profile_tolerance_mm} mm do not go together: the tolerance must lie between "
+                        f"{finish.profile_tolerance_mm} mm do not go together: the tolerance must be between "
                         f"{ROUNDING_MM} mm and the cusp")
     return ridge_mm
 

@@ -156,8 +156,8 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
                       f"{missing:.2f} mm short")
         else:
             chosen, reach, reason = tool, mine, (
-                f"largest that fits: radius {tool.cutter.radius_mm:.3f} mm in a hollow of {hollow_radius_mm:.3f} mm"
-                if np.isfinite(hollow_radius_mm) else "largest of the library; nothing to cut is hollow")
+                f"largest that fits: radius {tool.cutter.radius_mm:.3f} mm, minimum concave radius {hollow_radius_mm:.3f} mm"
+                if np.isfinite(hollow_radius_mm) else "largest of the library; nothing to cut is concave")
         candidates.append(Candidate(
             tool=tool, is_chosen=chosen is tool, reason=reason, is_fitting=too_large is None,
             missing_stick_out_mm=missing, area_left_mm2=samples.area_mm2[~mine.is_reached].sum(),
@@ -195,13 +195,13 @@ def choose_cutter(title, tools, samples, hollow_radius_mm, mesh, stock_mm, is_as
         elif missing > 0:
             reason = f"holder or shank would touch the part: stick-out {tool.stick_out_mm:.1f} mm is {missing:.2f} mm short"
         else:
-            chosen, reached, reason = tool, reach.is_reached, "as asked" if is_asked else "largest that fits"
+            chosen, reached, reason = tool, reach.is_reached, "as requested" if is_asked else "largest that fits"
         candidates.append(Candidate(tool=tool, is_chosen=chosen is tool, reason=reason, is_fitting=too_large is None,
                                     missing_stick_out_mm=missing, area_left_mm2=samples.area_mm2[~reach.is_reached].sum()))
     if chosen is None:
         raise CutterDoesNotFit(f"{title}: no tool that it may use fits: " + "; ".join(
             f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
-            + ". Add a smaller or longer one to the tool library, or ask for another")
+            + ". Add a smaller or longer one to the tool library, or request another")
     return chosen, tuple(candidates), reached
 
 
@@ -220,7 +220,7 @@ def choose_side_cutter(library, hollow_radius_mm, asked_mm=None):
                        key=lambda t: (-t.cutter.corner_radius_mm, -t.cutter.diameter_mm, t.number)):
         too_large = _why_not(tool, hollow_radius_mm)
         if asked_mm is not None and abs(2 * tool.cutter.corner_radius_mm - asked_mm) > SAME_MM:
-            reason = f"its teeth are {2 * tool.cutter.corner_radius_mm:g} mm wide, {asked_mm:g} mm are asked for"
+            reason = f"its teeth are {2 * tool.cutter.corner_radius_mm:g} mm wide, {asked_mm:g} mm are requested"
         elif chosen is not None:
             reason = f"larger teeth fit: T{chosen.number}"
         elif too_large:
@@ -230,7 +230,7 @@ def choose_side_cutter(library, hollow_radius_mm, asked_mm=None):
         candidates.append(Candidate(tool=tool, is_chosen=chosen is tool, reason=reason, is_fitting=too_large is None))
     if chosen is None:
         listed = "; ".join(f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
-        raise CutterDoesNotFit("no side cutter on a right-angle head can finish this part: "
+        raise CutterDoesNotFit("no side-and-face cutter on an angle head can finish this part: "
                                f"{listed or 'the tool library has none'}. Add one to the tool library")
     return chosen, tuple(candidates)
 
@@ -239,7 +239,7 @@ def _why_not(tool, hollow_radius_mm):
     limit = FIT_SHARE * hollow_radius_mm
     if tool.cutter.corner_radius_mm > limit:
         name = "ball" if tool.cutter.type == "ball" else "tooth"
-        return (f"{name} radius {tool.cutter.corner_radius_mm:.3f} mm exceeds {FIT_SHARE} x the tightest hollow of "
+        return (f"{name} radius {tool.cutter.corner_radius_mm:.3f} mm exceeds {FIT_SHARE} x the minimum concave radius "
                 f"{hollow_radius_mm:.3f} mm")
     return None
 

@@ -39,9 +39,10 @@ def faced(work, tool, allowance_mm):
     top = float(work.box[1][2])
     height = top + allowance_mm if operation.height_mm is None else operation.height_mm
     if height < top - SAME_MM:
-        raise PlanError(f"{operation.title}: height_mm {height:g} lies below the part's top at {top:g}: facing goes across "
-                        "everything; raise it, or cut what lies lower by other operations")
-    for low, high in work.fixtures:
+        raise PlanError(f"{operation.title}: height_mm {height:g} is below the part's top at {top:g}: facing goes across "
+                        "everything; raise it, or cut what is lower by other operations")
+    for fixture in work.fixtures:
+        high = fixture.box_mm[1]
         if high[2] > height - practice.keep_out_mm:
             raise PlanError(f"{operation.title}: a fixture stands up to Z {high[2]:g}, and passes at Z {height:g} run across "
                             "the whole stock: hold the part lower")

@@ -117,7 +117,7 @@ def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), to
         operations += made
         accounts.append(_account(operation, work, made, rows))
         reached |= _seen_in(context.samples, work.samples, rows)
-    return SetupPlan(setup=setup, operations=tuple(operations), clearance_z_mm=context.clearance_z_mm,
+    return SetupPlan(setup=setup, operations=context.as_cut(operations), clearance_z_mm=context.clearance_z_mm - context.plating_mm,
                      hollow=_placed(context.hollow, setup), inner_edges=tuple(
                          _placed(e, setup) for e in inner_edges(context.faces, set(context.wanted))),
                      area_required_mm2=float(context.samples.area_mm2.sum()),

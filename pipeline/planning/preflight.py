@@ -5,10 +5,18 @@ Only what is certain is refused; whether every move stays within the travels is 
 
 import numpy as np
 
+from cuspline.design.stock import StockBox
 from cuspline.kernel import brep
+from cuspline.kernel.solids import bodies_of, solid_of
+from cuspline.kernel.tessellation import tessellate
+from cuspline.replay.clearance import ClearanceTree
 from cuspline.values.errors import PlanError
 
 HELD_MM = 1e-3              # the part may stand out of its stock by the kernel's own tolerance
+PART_MM = 0.01              # of the part's triangles, where its solid is held against the stock's
+LEAST_MM3 = 1e-6            # smaller bodies are rounding
+EXACT_MM = 1e-5             # of how far it stands out
+POINT = np.zeros((1, 5))    # a tool that is a point: its clearance is a distance
 
 
 def refuse_impossible_setups(design, solid, machine, library):
@@ -18,25 +26,46 @@ def refuse_impossible_setups(design, solid, machine, library):
     Raises:
         PlanError: all that is wrong, with the setup, both values, and how to mend it.
     """
-    faults = list(_stock_faults(design.stock, brep.bounding_box_mm(solid)))
+    faults = list(_stock_faults(design.stock, solid))
     faces = brep.faces_of(solid)
     for k, setup in enumerate(design.setups):
         boxes = [(f"face {f!r}", _box_of_faces(faces, design, f)) for f in setup.faces]
         if k == 0:
-            boxes.insert(0, ("stock", (np.array(design.stock.min_mm), np.array(design.stock.max_mm))))
+            faults += _travel_faults("stock", _within_reach(design.stock.shape.box_in(setup.turn), setup), setup, machine,
+                                     library)
         for what, box in boxes:
-            faults += _travel_faults(what, _within_reach(box, setup), setup, machine, library)
+            faults += _travel_faults(what, _within_reach(setup.turn.box_into(*box), setup), setup, machine, library)
     if faults:
         raise PlanError(f"design {design.name}: " + "; ".join(faults))
 
 
-def _stock_faults(stock, part_mm):
-    """The part must lie within the billet that it is cut from."""
+def _stock_faults(stock, solid):
+    """The part must lie within what it is cut from."""
+    if not isinstance(stock, StockBox):
+        yield from _standing_out(stock, solid)
+        return
+    part_mm = brep.bounding_box_mm(solid)
     for k, axis in enumerate("XYZ"):
         low, high = float(part_mm[0][k]), float(part_mm[1][k])
         if low < stock.min_mm[k] - HELD_MM or high > stock.max_mm[k] + HELD_MM:
             yield (f"the part reaches {axis} {low:.3f} .. {high:.3f} mm, its stock only {stock.min_mm[k]:g} .. "
                    f"{stock.max_mm[k]:g} mm: enlarge the stock's min_mm and max_mm in {axis}")
+
+
+def _standing_out(stock, solid):
+    """Where the part stands out of a stock that is no box: of their solids, what the part has and the stock has not."""
+    mesh, shape = tessellate(solid, PART_MM), stock.shape
+    allowed = HELD_MM + mesh.deviation_mm + shape.error_mm
+    around = ClearanceTree.of_triangles(*shape.mesh)
+    worst, place = 0.0, None
+    for body in bodies_of(solid_of(mesh.vertices_mm, mesh.triangles, "the part's mesh") - shape.solid, LEAST_MM3):
+        away = around.distances_mm(POINT, body.vertices_mm, np.tile((0.0, 0.0, 1.0), (len(body.vertices_mm), 1)), EXACT_MM)
+        thick = max(float(away.max()), 2.0 * body.volume_mm3 / body.area_mm2)       # all its corners may be in the walls
+        if thick > worst:
+            worst, place = thick, body.vertices_mm[away.argmax()]
+    if worst > allowed:
+        yield (f"the part stands {worst:.3f} mm out of its stock ({shape.in_words().lower()}) at X{place[0]:.3f} "
+               f"Y{place[1]:.3f} Z{place[2]:.3f}: enlarge the stock, or lay it round the part")
 
 
 def _box_of_faces(faces, design, name):
@@ -47,8 +76,8 @@ def _box_of_faces(faces, design, name):
 
 
 def _within_reach(box, setup):
-    """(low, high) (3,) of a box in the WCS, as far along X as the setup's tools go."""
-    low, high = setup.turn.box_into(*box)
+    """(low, high) (3,) in the WCS of a box in its directions, as far along X as the setup's tools go."""
+    low, high = (np.array(corner) for corner in box)
     if setup.reach_x_mm is not None:
         low[0], high[0] = max(low[0], setup.reach_x_mm[0]), min(high[0], setup.reach_x_mm[1])
     zero = setup.turn.into(np.array([setup.wcs_origin_mm]))[0]

@@ -6,8 +6,10 @@ import numpy as np
 
 from cuspline.design.operations import Clearing
 from cuspline.planning.cutter_choice import choose_rest_roughing, choose_roughing, leftover_rows, roughing_tools
+from cuspline.toolpaths.drop.dropcutter import DropMesh
 from cuspline.toolpaths.roughing.level_clearing import ClearingRules, clear, engagement_of_rad
 from cuspline.toolpaths.roughing.stock_fields import stock_after
+from cuspline.values.errors import NothingToCut
 
 LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
 
@@ -33,7 +35,7 @@ def roughed(work, ball, is_reached, semi_finish):
     operation, stock, left = cleared(work, "rough", first.tool, candidates, work.stock_mm, rows, 0.0, Clearing(),
                                      allowance)
     operations = [operation]
-    if left > limit:
+    if left > limit and operation is not None:
         smaller, candidates = choose_rest_roughing(tools, first, left)
         if smaller is not None:
             operation, stock, left = cleared(work, "rest rough", smaller.tool, candidates, stock, rows,
@@ -41,7 +43,7 @@ def roughed(work, ball, is_reached, semi_finish):
             operations.append(operation)
     if left > limit:
         operations.append(semi_finish())
-    return operations
+    return [o for o in operations if o is not None]
 
 
 def cleared(work, name, tool, candidates, stock, rows, threshold_mm, asked, allowance_mm):
@@ -54,7 +56,7 @@ def cleared(work, name, tool, candidates, stock, rows, threshold_mm, asked, allo
         asked: design.operations.Clearing with stepdown, stepover and ramp, silent where the shop's count.
         allowance_mm: material to leave.
     Returns:
-        (PlannedOperation, height field after it, what it leaves at the sample rows).
+        (PlannedOperation or None where nothing is to be removed, height field after it, what it leaves at the sample rows).
     """
     cutter, practice = tool.cutter, work.practice
     rpm, feed = work.speeds(tool, is_rough=True)
@@ -68,12 +70,15 @@ def cleared(work, name, tool, candidates, stock, rows, threshold_mm, asked, allo
         ramp_rad=math.radians(practice.ramp_deg if asked.ramp_deg is None else asked.ramp_deg),
         clearance_z_mm=work.clearance_z_mm, feed_mm_per_min=feed, ramp_feed_mm_per_min=practice.plunge_share * feed,
         rapid_mm_per_min=min(a.rapid_mm_per_min for a in work.machine.axes), threshold_mm=threshold_mm,
-        keep_out=(*work.fixtures, *work.beyond_reach(d / 2)), keep_out_mm=practice.keep_out_mm)
-    clearing = clear(rules)
+        keep_out=(*(f.box_mm for f in work.fixtures if f.is_box), *work.beyond_reach(d / 2)),
+        keep_clear=tuple(DropMesh.from_triangles(*f.mesh) for f in work.fixtures if not f.is_box),
+        keep_out_mm=practice.keep_out_mm)
+    try:
+        clearing = clear(rules)
+    except NothingToCut:                # a casting near to its shape: the finish takes it, or a semi-finish before
+        return None, stock, _left_mm(work, stock, rows)
     after = stock_after(clearing.moves, d / 2, cutter.corner_radius_mm, stock)
-    points, normals = work.samples.point_mm[rows], work.samples.normal[rows]
-    left = np.maximum(after(points[:, :2]) - points[:, 2], 0.0) * np.abs(normals[:, 2])
-    left = float(np.percentile(left, LEFT_PERCENTILE)) if len(rows) else 0.0
+    left = _left_mm(work, after, rows)
     facts = {"allowance_mm": allowance_mm, "stepdown_mm": rules.stepdown_mm, "stepover_mm": radial,
              "engagement_deg": round(float(np.degrees(rules.engagement_rad)), 1),
              "largest_engagement_deg": round(float(np.degrees(clearing.largest_engagement_rad)), 1),
@@ -81,3 +86,10 @@ def cleared(work, name, tool, candidates, stock, rows, threshold_mm, asked, allo
              "given_up_mm3": round(clearing.left_mm3, 1), "leaves_mm": round(left, 3),
              "candidates": [c.as_dict() for c in candidates]}
     return work.measured(name, tool, rpm, clearing.moves, facts), after, left
+
+
+def _left_mm(work, stock, rows):
+    """What a height field leaves at sample rows, along their normals."""
+    points, normals = work.samples.point_mm[rows], work.samples.normal[rows]
+    left = np.maximum(stock(points[:, :2]) - points[:, 2], 0.0) * np.abs(normals[:, 2])
+    return float(np.percentile(left, LEFT_PERCENTILE)) if len(rows) else 0.0

@@ -307,7 +307,7 @@ def _check_letters(template, registers):
         asked = [step.value] if isinstance(step, Let) else [*step.ends, *(step.center or ()), step.feed]
         unknown = set().union(*(names_in(t) for t in asked if t is not None)) - known
         if unknown:
-            raise ToolpathError(f"template {template.name!r} asks for {sorted(unknown)}, which nothing gives")
+            raise ToolpathError(f"template {template.name!r} uses {sorted(unknown)}, which nothing gives")
         if isinstance(step, Let):
             known = known | {step.name}
         elif (step.kind == Kind.RAPID) != (step.feed is None):

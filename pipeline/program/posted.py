@@ -8,11 +8,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from cuspline.program.program import Kind
+from cuspline.program.program import UPRIGHT, Kind
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import SimulationError
 
-UPRIGHT = (0.0, 0.0, 1.0)
 UNIT = 1e-9               # how far a tool axis may be from length 1
 
 
@@ -24,6 +23,17 @@ class Remark:
     amount_mm: float        # how much; 0 where a length makes no sense
     row: int                # of the move
     advice: str             # how to fix it
+
+
+@dataclass(frozen=True, kw_only=True)
+class PostedTool:
+    """A tool as the control's tool table has it."""
+
+    number: int
+    values_mm: dict           # letter of an offset (X, Y, Z), or D the diameter -> mm
+    line: int                 # of the table, from 1
+    text: str                 # of that line
+    step_mm: float            # as well as the table can tell a value
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,8 +10,12 @@ from enum import IntEnum
 import numpy as np
 
 from cuspline.shop.cutters import Tool
+from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import ToolpathError
+
+UPRIGHT = (0.0, 0.0, 1.0)
+TILT_RAD = 1e-9           # of a tool axis, that is rounding: a nanometre on a tool of 1 m
 
 
 class Kind(IntEnum):
@@ -95,9 +99,30 @@ class Moves:
         return {"kind": np.array([Kind.RAPID]), "end_mm": after.start_mm[None], "center_mm": np.full((1, 3), np.nan),
                 "plane": np.array([Plane.XY]), "axis": before.axis[-1:], "feed_mm_per_min": np.zeros(1)}
 
+    @property
+    def tilt_rad(self):
+        """(n,) angle of the tool axis at the end of each move to +Z, the spindle of a three-axis machine."""
+        return tilt_rad(self.axis)
+
     def with_feed(self, feed_mm_per_min):
         """The same moves at other feeds (n,)."""
         return Moves(**{**self.__dict__, "feed_mm_per_min": feed_mm_per_min})
+
+
+def tilt_rad(axes, upright=UPRIGHT):
+    """Angles of tool axes to where a machine without rotary axes holds them.
+
+    Args:
+        axes: (n, 3) unit, tip to holder.   upright: (3,) unit.
+    Returns:
+        (n,) 0 .. pi; NaN where an axis is none.
+
+    >>> np.degrees(tilt_rad([[0.0, 0.6, 0.8], [0.0, 0.0, 1.0]])).round(3)
+    array([36.87,  0.  ])
+    """
+    axes, upright = np.asarray(axes, float), np.asarray(upright, float)
+    across = np.cross(axes, upright)
+    return fixed.arctan2(np.sqrt((across * across).sum(axis=1)), (axes * upright).sum(axis=1))
 
 
 class MoveWriter:

@@ -23,7 +23,7 @@ from cuspline.values import fixed_math as fixed
 TOUCH_MM = 1e-4             # of the disc's radius, that does not count: rounding of the post
 LOOKED_MM = 0.25            # moves are asked at points no farther apart; half of it is kept back
 PITCH_MM = 0.5              # of the grid of the stock
-DISC = "disc"
+DISC = "cutter"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +68,7 @@ def parts_of(tool, spindle_head=()):
     parts += [Part(name=tool.head.name, kind=HOLDER, min_mm=b.min_mm, max_mm=b.max_mm) for b in tool.head.boxes]
     for z0, r0, z1, r1 in head_frusta(tool, spindle_head):
         wide, x = max(r0, r1), -tool.head.offset_mm
-        parts.append(Part(name="spindle head", kind=HOLDER, min_mm=(x - wide, -wide, z0), max_mm=(x + wide, wide, z1)))
+        parts.append(Part(name="spindle housing", kind=HOLDER, min_mm=(x - wide, -wide, z0), max_mm=(x + wide, wide, z1)))
     return tuple(parts)
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.program.program import Kind
+from cuspline.program.program import TILT_RAD, UPRIGHT, Kind, tilt_rad
 from cuspline.replay import head_clearance, replay_checks, replay_design, replay_doubts, replay_kernel
 from cuspline.replay.clearance import ClearanceTree, flute_segments, head_frusta
 from cuspline.replay.replay_loads import loads
@@ -60,6 +60,25 @@ class Fixture:
     max_mm: tuple[float, float, float]
 
 
+@dataclass(frozen=True, eq=False)
+class SolidFixture:
+    """A fixture of any form, as a closed mesh; WCS."""
+
+    name: str
+    vertices_mm: np.ndarray         # (v, 3)
+    triangles: np.ndarray           # (t, 3)
+
+    @property
+    def min_mm(self):
+        """(3,) low corner of the box round it."""
+        return self.vertices_mm.min(axis=0)
+
+    @property
+    def max_mm(self):
+        """(3,) high corner of it."""
+        return self.vertices_mm.max(axis=0)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Replay:
     """The stock's history and what was found on the way.
@@ -94,7 +113,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
            design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
            frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
            within_before=None, left_by_heads=None, stock_at=None,
-           holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, kept=NOTHING):
+           holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, columns=None,
+           kept=NOTHING):
     """Replays a posted program move by move on a z-map of the stock.
 
     Contacts are judged over the whole of every move, not at its ends, nor at the nodes alone.  What is left of the
@@ -115,8 +135,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
         design: ClearanceTree of the finished design, WCS; None: pins of the heights design_top_mm.
         design_error_mm: how deep neck, shank and holder may seem to touch the design: the deviation of its triangles
             and what the finish allows the flutes themselves.
-        fixtures: Fixture values, WCS.   machine: machines.Machine, or None: travel and table are not checked and
-            nothing is known of a spindle head.
+        fixtures: Fixture and SolidFixture values, WCS; tools on right-angle heads keep clear of the boxes round them.
+        machine: machines.Machine, or None: travel and table are not checked and nothing is known of a spindle head.
         frame: the WCS seen from the part, for the places of findings.
         within_before: function of a row of PostedMoves to a function as stock_within_mm, of the stock before that move.
             What the cells leave undecided is asked there once more; tools on right-angle heads are held against the
@@ -129,16 +149,21 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
             beside it: what a tool that stands still touches.  None: that is not asked.
         holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
             counts as part of the holder.
+        columns: (ny * nx, k, 2) of a stock that is no box: heights between which it stands over the nodes as delivered.
         kept: kept.Kept, asked first; NOTHING keeps nothing.
     Raises:
-        SimulationError: a feed move with a tool that is not given.
+        SimulationError: a feed move with a tool that is not given; a tool axis that neither stands upright nor lies
+            as the tool's head holds it; `.rows`.
     """
+    _refuse_tilted(posted, tools)
     zmap = ZMap.over(stock_min, stock_max, pitch_mm)
     shape, top = (zmap.ny, zmap.nx), float(stock_max[2])
     heights = np.full(shape, np.nan) if design_top_mm is None else frozen(design_top_mm, shape, "design_top_mm")
     z = np.full(shape, top) if stock_top_mm is None else np.array(frozen(stock_top_mm, shape, "stock_top_mm"))
     wanted = np.array([0.0, shank_clearance_mm, holder_clearance_mm])
-    boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures], dtype=float).reshape(-1, 6)
+    boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures if isinstance(f, Fixture)], dtype=float).reshape(-1, 6)
+    around = tuple(ClearanceTree.of_triangles(f.vertices_mm, f.triangles) for f in fixtures if isinstance(f, SolidFixture))
+    highest = max([top, *(f.max_mm[2] for f in fixtures)])
     on_heads = _on_heads(posted, tools)
     spindle_head = () if machine is None else machine.spindle_head
     script = _script(posted, tools, spindle_head)
@@ -147,8 +172,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     before, cut_before = z, _cut_before(z, top)
     *events, z, worst, least, unsure = kept.of(_history)(
         script, len(posted), wanted, 0.0 if machine is None else machine.rapid_clearance_mm, boxes, z,
-        _before(z, lines, top, stock_within_mm), lines, cut_before, near, float(design_error_mm + TOUCH_MM))
-    taken = loads(posted, tools, zmap, events, len(cut_before[0]), before)
+        _before(z, lines, top, stock_within_mm), lines, cut_before, near, float(design_error_mm + TOUCH_MM), around)
+    taken = loads(posted, tools, zmap, events, len(cut_before[0]), before, columns)
     if within_before is not None and unsure.any():
         doubts = np.flatnonzero(unsure)
         unsure[replay_doubts.cleared(doubts, posted, script, wanted, within_before, stock_min, stock_max)] = False
@@ -162,10 +187,10 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     report = replay_checks.Reporter(posted, setup, frame)
     hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
-             *report.unknown_starts(_highest(top, boxes), hanging), *report.travel(machine),
+             *report.unknown_starts(highest, hanging), *report.travel(machine),
              *report.table(machine, tools, script, hanging), *report.end(),
              *report.loads(taken, tools),
-             *stop_findings(report, tools, machine, _highest(top, boxes), hanging, stock_at))
+             *stop_findings(report, tools, machine, highest, hanging, stock_at))
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
@@ -174,12 +199,29 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
                   is_table_checked=machine is not None)
 
 
-def _history(script, moves, wanted, low_mm, boxes, z, before, lines, events, design, allowed_mm):
+def _refuse_tilted(posted, tools):
+    """Contacts are asked of upright tools and of tools as their heads hold them; any other would be judged as those."""
+    tilt = np.empty(len(posted))
+    for number in np.unique(posted.tool).tolist():
+        tool, rows = tools.get(number), posted.tool == number
+        held = UPRIGHT if tool is None or tool.head is None else tool.head.axis
+        tilt[rows] = np.maximum(tilt_rad(posted.start_axis[rows], held), tilt_rad(posted.end_axis[rows], held))
+    rows = np.flatnonzero(~(tilt <= TILT_RAD))
+    if len(rows):
+        k = rows[0]
+        raise SimulationError(f"line {posted.line[k]}: the axis of T{posted.tool[k]} leans {np.degrees(tilt[k]):.3f} "
+                              f"degrees from where the spindle holds it, and in {len(rows) - 1} more moves; the replay "
+                              "knows no rotary axes: program it upright", rows=rows)
+
+
+def _history(script, moves, wanted, low_mm, boxes, z, before, lines, events, design, allowed_mm, around):
     """(row, cell, height of the events, heights in the end, worst, least, undecided), see `replay_kernel.run`."""
     worst, z = np.full((5, moves, 4), -np.inf), z.copy()
     least = np.array([replay_kernel.FAR_MM, replay_kernel.FAR_MM, np.nan, np.nan, np.nan])
     if design is not None:
         _against_design(design, script, wanted, allowed_mm, worst, least)
+    for fixture in around:
+        _against_fixture(fixture, script, worst[replay_kernel.FIXTURE])
     bounds, sure = before
     events, unsure = replay_kernel.run(*script, wanted, TOUCH_MM, low_mm, boxes, z, bounds.copy(), sure, lines,
                                        _past(script[0], script[2], script[4]), worst, least, events)
@@ -202,10 +244,6 @@ def _cut_before(z, top):
     """Events of row 0, as the kernel takes them: cells that earlier clampings have lowered."""
     cells = np.flatnonzero(z.ravel() < top)
     return np.zeros(len(cells), np.int32), cells.astype(np.int32), z.ravel()[cells]
-
-
-def _highest(top, boxes):
-    return max([top, *boxes[:, 5]])
 
 
 def _lines(zmap, stock_max):
@@ -301,6 +339,19 @@ def _against_design(design, script, wanted, allowed_mm, worst, least):
             if is_holder:
                 least[0] = min(least[0], proven)
     worst[:, :, 0] += allowed_mm             # where there is none, -inf stays
+
+
+def _against_fixture(fixture, script, worst):
+    """All that stands above the tips of every cutter, flutes included, against a fixture's triangles."""
+    geometry, row, cutter, _, _, parts, kinds = script
+    for k in np.unique(cutter):
+        mine = cutter == k
+        lines = replay_kernel.chords(geometry[mine])
+        for is_flute in (True, False):
+            segments = parts[(kinds[:, 0] == k) & ((kinds[:, 1] == replay_kernel.RAPID) == is_flute)]
+            if len(segments):           # flutes come thinner by what they may touch
+                replay_design.sweep(fixture.arrays, lines, row[mine], np.ascontiguousarray(segments),
+                                    TOUCH_MM if is_flute else 0.0, -np.inf, replay_design.TOLERANCE_MM, worst)
 
 
 def _on_heads(posted, tools):

@@ -38,13 +38,15 @@ class Loads:
     nodes: np.ndarray         # (n,) nodes that its cutter's width passes over
 
 
-def loads(posted, tools, zmap, events, first, before_mm):
+def loads(posted, tools, zmap, events, first, before_mm, columns=None):
     """What each move of a replayed program takes off.
 
     Args:
         posted: PostedMoves.   tools: {number: cutters.Tool}.   zmap: replay.ZMap.
         events: rows, cells, heights, each (e,), in order.   first: of them the first that is not from before the program.
         before_mm: (ny, nx) heights before the first move.
+        columns: (ny * nx, k, 2) heights between which the nodes' material stands as delivered, inf behind the last; what is
+            air between them is no chip.  None: all below the heights is material.
     Returns:
         Loads.
     """
@@ -55,8 +57,8 @@ def loads(posted, tools, zmap, events, first, before_mm):
     starts = np.concatenate([[0.0], np.cumsum(way)])
     bin_way = max(1.0 / BINS, starts[-1] / MOST_BINS)
     count = int(starts[-1] / bin_way) + 1
-    z = np.array(before_mm, float)
-    volume, deepest, plunge = _taken(*events, first, z.ravel(), zmap.nx, np.array([*zmap.origin_mm, zmap.pitch_mm]), count,
+    taken = _lowered_mm(events, np.asarray(before_mm, float).ravel(), columns)
+    volume, deepest, plunge = _taken(*events[:2], taken, first, zmap.nx, np.array([*zmap.origin_mm, zmap.pitch_mm]), count,
                                      bin_way, starts[:-1], way, feeds, _ends(posted), diameter)
     of = np.searchsorted(starts[1:], (np.arange(count) + 0.5) * bin_way).clip(max=len(posted) - 1)
     cut = np.cumsum(posted.kind == Kind.RAPID)          # windows do not reach over rapids, to another place or tool
@@ -136,25 +138,37 @@ def _turned(x, y, end):
     return 1.0 if part - whole < 2 * math.pi - part else 0.0
 
 
+def _lowered_mm(events, before_mm, columns):
+    """(e,) material that each event takes from its node, mm: by how much it lowers it, less the air on the way."""
+    _, cells, heights = events
+    order = np.argsort(cells, kind="stable")
+    above, is_first = np.empty(len(cells)), np.diff(cells[order], prepend=-1) != 0
+    above[order] = np.where(is_first, before_mm[cells[order]], np.roll(heights[order], 1))
+    if columns is None:
+        return above - heights
+    spans = columns[cells]
+    known = np.isfinite(spans[..., 1])
+    top, bottom = np.minimum(spans[..., 1], above[:, None]), np.maximum(spans[..., 0], heights[:, None])
+    return np.where(known, np.maximum(np.where(known, top, 0.0) - np.where(known, bottom, 0.0), 0.0), 0.0).sum(axis=1)
+
+
 @njit(cache=True)
-def _taken(rows, cells, heights, first, z, nx, grid, count, bin_way, starts, way, feeds, ends, diameter):
+def _taken(rows, cells, taken, first, nx, grid, count, bin_way, starts, way, feeds, ends, diameter):
     """Sum and greatest of the heights by which nodes are lowered, per bin (count,), and of the node at each move's end (n,).
 
-    z: (ny * nx,) heights before the first event, lowered in place.   grid: x and y of the first node, pitch.
+    taken: (e,) see `_lowered_mm`.   grid: x and y of the first node, pitch.
     """
     volume, deepest, plunge = np.zeros(count), np.zeros(count), np.zeros(len(starts))
     for e in range(len(rows)):
         row, cell = rows[e], cells[e]
-        lowered = z[cell] - heights[e]
-        z[cell] = heights[e]
         if e < first or not feeds[row]:
             continue
         x, y = grid[0] + grid[2] * (cell % nx), grid[1] + grid[2] * (cell // nx)
         k = min(int((starts[row] + _met(x, y, ends[row], way[row], diameter[row])) / bin_way), count - 1)
-        volume[k] += lowered
-        deepest[k] = max(deepest[k], lowered)
+        volume[k] += taken[e]
+        deepest[k] = max(deepest[k], taken[e])
         if max(abs(x - ends[row, 2]), abs(y - ends[row, 3])) <= 0.5 * grid[2]:
-            plunge[row] += lowered
+            plunge[row] += taken[e]
     return volume, deepest, plunge
 
 

@@ -65,7 +65,7 @@ def _low_change(report, stop, machine):
     if missing <= HEIGHT_MM:
         return None
     known = np.isfinite(missing)
-    text = (f"the tool is changed with the spindle nose at machine Z{nose:.3f}, this machine asks for Z{wanted:.3f} or higher"
+    text = (f"the tool is changed with the spindle nose at machine Z{nose:.3f}, this machine requires Z{wanted:.3f} or higher"
             if known else "the tool is changed where nobody knows how high the spindle stands")
     place = posted.end_mm[row] if row >= 0 else (np.nan,) * 3
     found = report.finding("tool_change_low", max(row, 0), missing if known else 0.0, place,
@@ -81,7 +81,7 @@ def _low_stop(report, stop, machine, low, highest_mm):
     if missing <= HEIGHT_MM or is_up:
         return None
     return report.finding("stop_low", row, missing, posted.end_mm[row], f"{stop.word} stops with the tip {low - highest_mm:.3f} "
-                          f"mm above stock and fixtures, {machine.stop_clearance_mm:g} mm are asked for: retract first")
+                          f"mm above stock and fixtures, {machine.stop_clearance_mm:g} mm are required: retract first")
 
 
 def depth_in_stock_mm(tool, tip_mm, low_mm, heights):

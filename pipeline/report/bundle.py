@@ -70,7 +70,10 @@ class SetupBundle:
     lies_in_words: str              # how it was found to lie; "" as designed
     continued: tuple[tuple[str, str], ...] = ()     # (file, SHA-256) of a set's further files, run in that order
     operation_first_lines: tuple[int, ...]  # program line where each operation begins; 0 unknown
-    stock_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]   # WCS min, max
+    stock_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]   # WCS min, max of the box round it
+    stock_edges_mm: np.ndarray      # (k, 2, 3) to draw it by, part coordinates
+    stock_in_words: str             # what it is where it is no box along the WCS; "" where its box says all
+    fixtures: tuple                 # (name, (k, 2, 3) edges in part coordinates) of each
     extents_mm: tuple[tuple[float, float, float], tuple[float, float, float]]     # tip extents, WCS
     path: PathPoints
     replay: StockReplay

@@ -176,8 +176,8 @@ def _part_fact(bundle):
 def _cutter_fact(bundle):
     names = [tool_name(tool) for tool, _ in tools_used(bundle)]
     hollow = number(bundle.plan.get("min_concave_radius_mm"))
-    tightest = (f"tightest hollow R {short(hollow)} mm at {place(concave_place(bundle.plan))}"
-                if hollow is not None else "no hollow found, or not said")
+    tightest = (f"minimum concave radius {short(hollow)} mm at {place(concave_place(bundle.plan))}"
+                if hollow is not None else "nothing concave found, or not stated")
     return Fact(label="Cutters", value=", ".join(names) or DASH, details=(tightest,), state="")
 
 
@@ -384,8 +384,10 @@ def measure_rows(bundle):
              "excess_max_mm": ("most material left", 4, "mm"),
              "excess_proven_mm": ("proven between samples, where there is a proof: no more than", 4, "mm"),
              "cusp_max_mm": ("largest cusp", 4, "mm"), "cusp_p99_mm": ("99 % of cusps below", 4, "mm"),
-             "gouge_volume_mm3": ("design less stock, facets of both included", 3, "mm³"),
-             "excess_volume_mm3": ("stock less design, facets of both included", 3, "mm³"),
+             "gouge_volume_mm3": ("gouged away in all", 4, "mm³"),
+             "excess_volume_mm3": ("left in all", 4, "mm³"),
+             "gouge_volume_bound_mm3": ("gouged volume within ±", 4, "mm³"),
+             "excess_volume_bound_mm3": ("volume left within ±", 4, "mm³"),
              "area_required_mm2": ("area required", 1, "mm²"), "area_reached_mm2": ("area reached", 1, "mm²"),
              "points_checked": ("points checked", None, "")}
     rows = [(name, [grouped(c.get(key)) if digits is None else decimal(c.get(key), digits, unit) for _, c in columns])
@@ -398,7 +400,7 @@ def measure_rows(bundle):
                                 for _, c in columns]))
     steps = [[abs(j["step_max_mm"]) for j in c.get("joints") or ()] for _, c in columns]
     if any(steps):
-        rows.append(("largest step at a joint between setups", [decimal(max(s, default=None), 4, "mm") for s in steps]))
+        rows.append(("largest mismatch between setups", [decimal(max(s, default=None), 4, "mm") for s in steps]))
     return [name for name, _ in columns], rows
 
 

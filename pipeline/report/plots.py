@@ -31,13 +31,13 @@ def in_our_style(plot):
 
 def all_plots(bundle):
     """[(name, caption, SVG text)] of every plot the bundle has numbers for."""
-    plots = [("deviation", "How far the simulated stock lies from the design",
+    plots = [("deviation", "How far the simulated stock is from the design",
               deviation_histogram(bundle.deviation_samples_mm, bundle.finish.scallop_mm, bundle.finish.gouge_mm)),
-             ("curvature", "Which cutter radii fit the hollows of the part",
+             ("curvature", "Which cutter radii fit the concave places of the part",
               curvature_plot(bundle.curvature_per_mm, *cutter_radii_mm(bundle))),
              ("cusp-map", "Height of the cusps, from above", cusp_map(bundle.cusp_place_mm, bundle.cusp_height_mm,
                                                                       bundle.finish.scallop_mm, bundle.part_box_mm)),
-             ("cusp", "Height of the cusps against the height asked and the formula's",
+             ("cusp", "Height of the cusps against the height requested and the formula's",
               cusp_histogram(bundle.cusp_height_mm, bundle.cusp_formula_mm, bundle.finish.scallop_mm))]
     plots += [(f"cut-map-{s.name}", f"What transverse arcs leave of the tip, cusps apart: {s.name}, {op.get('name')}",
                cut_map_plot(op["cut_map"])) for s, _, op in operations(bundle) if op.get("cut_map")]
@@ -122,7 +122,7 @@ def cusp_histogram(height_mm, formula_mm, wanted_mm):
     axes.hist((1000 * np.asarray(formula_mm)).clip(0, high), edges, histtype="step", color=INK, lw=1,
               label="formula at the local step")
     axes.axvline(1000 * wanted_mm, color=GOOD, lw=1.4)
-    axes.text(1000 * wanted_mm, 1.01, f"asked {1000 * wanted_mm:.4g}", color=GOOD, fontsize=8, ha="center",
+    axes.text(1000 * wanted_mm, 1.01, f"requested {1000 * wanted_mm:.4g}", color=GOOD, fontsize=8, ha="center",
               transform=axes.get_xaxis_transform())
     axes.set_yscale("log")
     axes.legend(loc="upper left")
@@ -174,7 +174,7 @@ def curvature_plot(curvature_per_mm, radii_mm, hollow_mm):
     curvature = curvature[np.isfinite(curvature)]
     radius = 1 / curvature[curvature > 1e-4]          # flatter than R 10 m counts as flat
     if not len(radius) and not radii_mm:
-        return _nothing("no hollow, and no cutter to compare with")
+        return _nothing("nothing concave, and no cutter to compare with")
     everything = np.concatenate([radius, [r for _, r, _ in radii_mm], [hollow_mm] if hollow_mm else []])
     low, high = everything.min() / 1.4, min(max(everything.max() * 1.4, everything.min() * 4), 2000.0)
     figure, axes = _figure()
@@ -191,7 +191,7 @@ def curvature_plot(curvature_per_mm, radii_mm, hollow_mm):
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.xaxis.set_minor_formatter(lambda value, _: "")
     flat = 1 - len(radius) / len(curvature) if len(curvature) else 0.0
-    axes.set_xlabel(f"radius of the hollow [mm]   ({100 * flat:.0f} % of the points are flat or convex)")
+    axes.set_xlabel(f"concave radius [mm]   ({100 * flat:.0f} % of the points are flat or convex)")
     axes.set_ylabel("points")
     return _svg(figure)
 

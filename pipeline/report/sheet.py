@@ -11,6 +11,7 @@ from cuspline.values import fixed_math as fixed
 
 NOTICE = ("Simulated only: nothing here says that the program has run on a machine. "
           "Prove it out before you trust it: single block, reduced rapid, hand on feed hold.")
+SAME_MM = 1e-6                                  # corners at the same distance from the eye
 DRAWING_WIDTH, DRAWING_HEIGHT = 460.0, 330.0    # of the WCS picture, SVG units
 EYE = np.array([-0.75, -1.3, 0.95])             # the operator's side: front, a little from the left, above
 
@@ -58,11 +59,18 @@ def zero_rows(bundle, setup):
     """Where the zero is, how large the stock, how far the tool goes, all in WCS."""
     axis = lambda box, k: f"{decimal(box[0][k])} … {decimal(box[1][k])}"
     spans = lambda box: "   ".join(f"{name} {axis(box, k)}" for k, name in enumerate("XYZ"))
-    lies = [("Part lies, as measured", setup.lies_in_words)] if setup.lies_in_words else []
-    return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), ("Stock", box_size(setup.stock_box_mm)),
+    lies = [("Part sits, as measured", setup.lies_in_words)] if setup.lies_in_words else []
+    held = [("Held by", ", ".join(name for name, _ in setup.fixtures))] if setup.fixtures else []
+    return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), ("Stock", stock_size(setup)), *held,
             ("Stock in WCS", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
             ("Finished part", box_size(bundle.part_box_mm)), *lies,
             *((f"Marker {name}", _place(place)) for name, place in setup.markers)]
+
+
+def stock_size(setup):
+    """The stock in words: its size, and what it is where it is no box along the WCS."""
+    size = box_size(setup.stock_box_mm)
+    return f"{setup.stock_in_words}, within {size}" if setup.stock_in_words else size
 
 
 def _place(place_mm):
@@ -100,14 +108,14 @@ def _holder_in_words(holder):
 
 def _head_in_words(tool):
     head = tool.get("head")
-    return "" if not head else (f", on {head['name']}: disc toward {head['cutter_points']}, its middle "
+    return "" if not head else (f", on {head['name']}: cutter toward {head['cutter_points']}, its middle "
                                 f"{short(head['offset_mm'])} mm beside the spindle in X, "
                                 f"{short(head['length_mm'])} mm below it")
 
 
 def checklist(bundle, setup):
     """What to tick off before cycle start, with this job's own numbers."""
-    lines = [f"Stock is {bundle.material}, {box_size(setup.stock_box_mm)}, clamped below every cut "
+    lines = [f"Stock is {bundle.material}, {stock_size(setup)}, clamped below every cut "
              f"(lowest tip Z {decimal(setup.extents_mm[0][2])})",
              f"{setup.wcs} set: {setup.wcs_in_words}; compared with the picture"]
     if setup.markers:
@@ -130,21 +138,16 @@ def sheet_verdict(bundle):
 
 
 def wcs_drawing(bundle, setup):
-    """SVG text: stock box, the part's edges in it, and the WCS where the operator must find it."""
+    """SVG text: stock, fixtures, the part's edges in it, and the WCS where the operator must find it."""
     look = _projector(bundle, setup)
     low, high = np.asarray(setup.stock_box_mm, dtype=float)
-    corner = lambda bits: setup.frame.out(np.where([bits >> k & 1 for k in range(3)], high, low)[None])
-    hidden = int(np.argmin([(fixed.matmul(corner(bits), EYE)).item() for bits in range(8)]))
-    lines = []
-    for edge in bundle.mesh.edges_mm:
-        lines.append(_polyline(look(edge), "part"))
-    for bits in range(8):
-        for k in range(3):
-            if not bits >> k & 1:
-                style = "hidden" if hidden in (bits, bits | 1 << k) else "stock"
-                lines.append(_polyline(look(np.vstack([corner(bits), corner(bits | 1 << k)])), style))
+    lines = [_polyline(look(edge), "part") for edge in bundle.mesh.edges_mm]
+    lines += [_polyline(look(edge), "fixture") for _, edges in setup.fixtures for edge in edges]
+    away = fixed.matmul(setup.stock_edges_mm, EYE)
+    lines += [_polyline(look(edge), "hidden" if far else "stock")
+              for edge, far in zip(setup.stock_edges_mm, (away <= away.min(initial=np.inf) + SAME_MM).any(axis=1))]
     lines += _dimensions(look, setup, low, high) + _triad(look, setup, float(fixed.length(high - low)))
-    style = (".part{stroke:#6b7785;stroke-width:.7}.stock{stroke:#a8620c;stroke-width:1.3}"
+    style = (".part{stroke:#6b7785;stroke-width:.7}.fixture{stroke:#33669e;stroke-width:.7}.stock{stroke:#a8620c;stroke-width:1.3}"
              ".hidden{stroke:#a8620c;stroke-width:.8;stroke-dasharray:4 3}polyline{fill:none}"
              "text{font:12px sans-serif;fill:#1b2330;paint-order:stroke;stroke:#fff;stroke-width:3px}")
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {DRAWING_WIDTH:g} {DRAWING_HEIGHT:g}" role="img">'

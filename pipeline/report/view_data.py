@@ -32,11 +32,13 @@ def scene(bundle):
     for k, setup in enumerate(bundle.setups):
         path_meta, path_bytes = pack_path(setup.path)
         replay_meta, replay_bytes = pack_replay(setup.replay, setup)
-        blocks |= {f"path-{k}": text_block(path_bytes), f"replay-{k}": text_block(replay_bytes)}
+        standing = np.concatenate([setup.stock_edges_mm, *(edges for _, edges in setup.fixtures)])
+        blocks |= {f"path-{k}": text_block(path_bytes), f"replay-{k}": text_block(replay_bytes),
+                   f"standing-{k}": text_block(joined([standing.ravel().astype(np.float32)]))}
         setups.append({
             "name": setup.name, "program": setup.program_file, "wcs": setup.wcs,
             "origin": list(map(float, setup.frame.origin_mm)), "rotation": setup.frame.rotation.ravel().tolist(),
-            "stockBox": [list(map(float, corner)) for corner in setup.stock_box_mm],
+            "stockEdges": len(setup.stock_edges_mm), "fixtureEdges": sum(len(edges) for _, edges in setup.fixtures),
             "operations": operation_meta(bundle, setup), "path": path_meta, "replay": replay_meta})
     return {"mesh": mesh_meta, "box": overall_box(bundle), "setups": setups, "pins": pins(bundle),
             "limitsUm": {"gouge": bundle.finish.gouge_mm * 1000, "scallop": bundle.finish.scallop_mm * 1000}}, blocks

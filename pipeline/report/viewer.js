@@ -47,7 +47,7 @@ const state = {
   surface: "stock",     // "stock", "rest" (stock by material left), "design", "deviation"
   paths: "none",        // "all", "done", "none"
   pathColour: "operation",
-  rapids: true, edges: true, stockBox: false, cutter: true, pins: true,
+  rapids: true, edges: true, stockEdges: false, fixtures: false, cutter: true, pins: true,
   scaleUm: 10,
   yaw: 0, pitch: 0, target: [0, 0, 0], halfHeight: 50,
 };
@@ -333,13 +333,15 @@ function edgePairs(reader, meta) {
 
 async function loadSetup(number) {
   const meta = scene.setups[number];
-  const [pathReader, replayReader] = await Promise.all([unpackBlock("path-" + number), unpackBlock("replay-" + number)]);
+  const [pathReader, replayReader, standing] = await Promise.all(
+    ["path-", "replay-", "standing-"].map(name => unpackBlock(name + number)));
   return {
     meta, place: placement(meta.rotation, [0, 0, 0]),
     path: makePath(pathReader, meta.path),
     replay: new StockReplay(replayReader, meta.replay),
     tools: meta.operations.map(operation => operation.silhouette.map(makeToolPart)),
-    stockBox: makeLines(boxPairs(meta)), triad: makeTriad(meta),
+    stockEdges: makeLines(standing.take(Float32Array, 6 * meta.stockEdges)),
+    fixtureEdges: makeLines(standing.take(Float32Array, 6 * meta.fixtureEdges)), triad: makeTriad(meta),
   };
 }
 
@@ -446,16 +448,6 @@ function pushBox([low, high], positions, normals) {
         positions.push(...bits.map((bit, k) => (bit ? high : low)[k]));
         normals.push(...normal);
       }
-}
-
-// The twelve edges of the stock box, WCS -> part coordinates.
-function boxPairs(setup) {
-  const [low, high] = setup.stockBox, pairs = [];
-  const corner = bits => fromWcs(setup, [0, 1, 2].map(k => (bits >> k & 1 ? high : low)[k]));
-  for (let bits = 0; bits < 8; bits++)
-    for (let k = 0; k < 3; k++)
-      if (!(bits >> k & 1)) pairs.push(...corner(bits), ...corner(bits | 1 << k));
-  return pairs;
 }
 
 const AXES = [["X", [0.85, 0.15, 0.12, 1]], ["Y", [0.10, 0.60, 0.20, 1]], ["Z", [0.15, 0.35, 0.90, 1]]];
@@ -684,7 +676,8 @@ function draw() {
   gl.enable(gl.BLEND);
   gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   if (state.edges) drawLines(view, design.edges, [0.06, 0.08, 0.12, 1], 1.1);
-  if (state.stockBox) drawLines(view, current.stockBox, [0.75, 0.45, 0.10, 0.9], 1);
+  if (state.stockEdges) drawLines(view, current.stockEdges, [0.75, 0.45, 0.10, 0.9], 1);
+  if (state.fixtures) drawLines(view, current.fixtureEdges, [0.20, 0.40, 0.62, 0.9], 1);
   if (state.paths !== "none") drawPath(view);
   for (const axis of current.triad) drawLines(view, axis.lines, axis.colour, 2.2);
   gl.disable(gl.BLEND);
@@ -843,7 +836,7 @@ function bindControls() {
   document.querySelectorAll("input[name=surface]").forEach(radio => { radio.onchange = () => setSurface(radio.value); });
   byId("paths").onchange = event => setPaths(event.target.value);
   byId("path-colour").onchange = event => { state.pathColour = event.target.value; showScale(); colourPath(); };
-  const boxes = { rapids: "rapids", edges: "edges", stockBox: "stockBox", cutter: "cutter", pins: "pins-shown" };
+  const boxes = { rapids: "rapids", edges: "edges", stockEdges: "stockEdges", fixtures: "fixtures", cutter: "cutter", pins: "pins-shown" };
   for (const [name, id] of Object.entries(boxes)) {
     byId(id).checked = state[name];
     byId(id).onchange = event => { state[name] = event.target.checked; if (name === "rapids") colourPath(); isDirty = true; };

@@ -31,7 +31,7 @@ class CutterProfile:
             object.__setattr__(self, name, frozen(getattr(self, name), (n, 2), name))
         gaps = np.abs(self.start_mm[1:] - self.end_mm[:-1])
         if n == 0 or gaps.max(initial=0.0) > 10 * SAME_MM:
-            raise ValueError("the pieces of an outline must join")
+            raise ValueError("the parts of an outline must join")
 
     @cached_property
     def is_arc(self):
@@ -153,7 +153,7 @@ def apt_profile(d, r, e, f, alpha, beta, h):
     corner = np.array([d / 2, d / 2 * fixed.tan(alpha)])
     if r == 0:
         if fixed.hypot(*(corner - (e, f))) > 1e-6:
-            raise ValueError(f"a sharp corner lies where the lines cross: e = {corner[0]:.6g}, f = {corner[1]:.6g} mm")
+            raise ValueError(f"a sharp corner is where the lines cross: e = {corner[0]:.6g}, f = {corner[1]:.6g} mm")
         low = high = corner
     else:
         low = _crossing(np.zeros(2), np.array([fixed.cos(alpha), fixed.sin(alpha)]), (e, f), r, "bottom line", +1)
@@ -196,7 +196,7 @@ def side_profile(d, corner_radius, h):
         ValueError: the rims do not fit into its width.
     """
     if not 0 < 2 * corner_radius <= h + SAME_MM or not corner_radius < d / 2:
-        raise ValueError("a side cutter has 0 < 2 corner_radius_mm <= flute_length_mm, its width, and "
+        raise ValueError("a side-and-face cutter has 0 < 2 corner_radius_mm <= flute_length_mm, its width, and "
                          "corner_radius_mm < diameter_mm/2")
     e, rim = d / 2 - corner_radius, d / 2
     low, high = corner_radius, max(h - corner_radius, corner_radius)

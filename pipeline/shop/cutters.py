@@ -203,7 +203,7 @@ class HeadBox(Model):
     @model_validator(mode="after")
     def _has_a_size(self):
         if not all(a < b for a, b in zip(self.min_mm, self.max_mm)):
-            raise ValueError(f"a head's box reaches from min_mm {self.min_mm} up to a larger max_mm, not {self.max_mm}")
+            raise ValueError(f"an angle head's box reaches from min_mm {self.min_mm} up to a larger max_mm, not {self.max_mm}")
         return self
 
 
@@ -218,7 +218,7 @@ class RightAngleHead(Model):
     """
 
     name: str
-    cutter_points: Literal["+X", "-X"] = Field(description="from the head to the disc's free face")
+    cutter_points: Literal["+X", "-X"] = Field(description="from the head to the cutter's free face")
     offset_mm: float
     length_mm: float = Field(gt=0)
     boxes: tuple[HeadBox, ...] = Field(min_length=1, description="its body")
@@ -241,7 +241,7 @@ class Tool(Model):
     @model_validator(mode="after")
     def _stick_out_is_possible(self):
         if not self.cutter.flute_length_mm <= self.stick_out_mm < self.cutter.overall_length_mm:
-            raise ValueError("stick_out_mm must lie between flute_length_mm and overall_length_mm")
+            raise ValueError("stick_out_mm must be between flute_length_mm and overall_length_mm")
         return self
 
     @model_validator(mode="after")
@@ -250,12 +250,12 @@ class Tool(Model):
         if self.head is None:
             return self
         if c.type != "side" or abs(c.flute_length_mm - 2 * c.corner_radius_mm) > WIDTH_MM:
-            raise ValueError(f"a right-angle head takes a side cutter with full teeth, whose corner_radius_mm is "
+            raise ValueError(f"an angle head takes a side-and-face cutter with full teeth, whose corner_radius_mm is "
                              "half its flute_length_mm: a flat between the teeth gouges wherever the surface slopes; "
                              f"T{self.number} has a {c.type} cutter of {c.flute_length_mm:g} mm and "
                              f"{c.corner_radius_mm:g} mm")
         if self.head.length_mm <= c.radius_mm:
-            raise ValueError(f"the head's length_mm {self.head.length_mm:g} does not reach beyond the disc's radius")
+            raise ValueError(f"the head's length_mm {self.head.length_mm:g} does not reach beyond the cutter's radius")
         return self
 
     @model_serializer(mode="wrap")

@@ -1,5 +1,6 @@
 """Machines as TOML files: travels, speeds, accelerations, and what the control can take."""
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, model_serializer, model_validator
@@ -32,7 +33,7 @@ class Spindle(Model):
 class Control(Model):
     """What the controller accepts."""
 
-    post: str = Field(description="name of the post in posts/")
+    post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(4, ge=1, le=6)
     decimals_inch: int = Field(5, ge=1, le=7)
@@ -40,8 +41,8 @@ class Control(Model):
     line_length: int = Field(252, ge=40, description="longest block the control takes, characters")
     program_store_bytes: int = Field(gt=0)
     sub_programs: bool = Field(True, description="repeated passes as sub-programs and calls; false: move by move")
-    path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: what LinuxCNC is "
-                                     "told by G64 P, what is set in a Fanuc control for G64 (corners, smoothing)")
+    path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: what "
+                                     "G64 P states on LinuxCNC, what is set in a Fanuc control for G64 (corners, smoothing)")
     arc_max_radius_mm: float = Field(1e4, gt=0, description="flatter arcs go out as lines")
     arc_min_length_mm: float = Field(1e-3, gt=0, description="shorter arcs go out as lines")
 
@@ -75,7 +76,7 @@ class Machine(Model):
     tool_change_s: float = Field(ge=0)
     table_z_mm: Coordinate = Field(description="table top, machine coordinates")
     wcs_origin_mm: Point = Field(
-        description="where G54 is expected to lie, machine coordinates of the spindle nose")
+        description="where G54 is expected, machine coordinates of the spindle nose")
     tool_change_z_mm: float | None = Field(
         None, description="lowest spindle nose at which a tool is changed, machine coordinates; left out: where "
         "G53 Z0 and G28 lead, or the top of the travel where that is lower")
@@ -111,4 +112,8 @@ def machine_from_toml(path):
     Raises:
         InputError: missing, broken TOML, or values out of range; names every key that is wrong.
     """
-    return checked(Machine, toml_of(path, "machine file"), f"machine file {path}")
+    machine = checked(Machine, toml_of(path, "machine file"), f"machine file {path}")
+    if not machine.control.post.endswith(".py"):
+        return machine
+    post = str(Path(path).parent / machine.control.post)
+    return machine.model_copy(update={"control": machine.control.model_copy(update={"post": post})})

@@ -28,6 +28,7 @@ class Practice(Model):
     ramp_deg: float = Field(3.0, gt=0, lt=45, description="of the way down into stock")
     plunge_share: float = Field(0.3, gt=0, le=1, description="of the cutting feed, going down")
     lead_radius_mm: float = Field(2.0, ge=0, le=50, description="of the arcs in and out, never more than the cutter's radius")
+    stock_allowance_mm: float = Field(2.0, ge=0, le=500, description="material all round the part where a design states no stock")
     tool_change_s: float = Field(60.0, ge=0, le=3600, description="what one more tool costs: its change, approach, overlap")
 
 

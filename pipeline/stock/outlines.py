@@ -45,7 +45,7 @@ def outline_pieces(profile, name):
     last = np.where(is_arc, np.column_stack([-rows[:, 9], rows[:, 8]]), rows[:, 3:5])
     turn = last[:-1, 0] * first[1:, 1] - last[:-1, 1] * first[1:, 0]
     if turn.min() < -TURN_RIGHT or first[0, 1] < -TURN_RIGHT:
-        raise SimulationError(f"the outline of {name} has a hollow corner, so its body is not convex, which the "
+        raise SimulationError(f"the outline of {name} has a concave corner, so its body is not convex, which the "
                               "simulation needs; simulate it as two cutters, below and above that corner")
     return rows
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.kernel import solids
+from cuspline.stock.shapes import HERE
 from cuspline.stock.swept import distance_to, is_height_field, stock_height_mm
 from cuspline.values import fixed_math as fixed
 from cuspline.values.frames import Frame
@@ -79,16 +80,12 @@ class StockSolids:
         return stock ^ solids.box(low, high)
 
     def stock(self, frame, grown_mm=0.0):
-        """What all clampings leave, as a Manifold seen from a frame."""
-        low, high = self.piece.box_in(frame)
-        left = [solids.moved(f.solid, _seen(f.frame, frame))
-                for f in (self.field(k, grown_mm) for k in range(len(self.piece.cuts)))]
-        return solids.common(left) if left else solids.box(low, high)
-
-
-def _seen(inner, outer):
-    """The frame `inner` seen from the frame `outer`, both given in part coordinates."""
-    return Frame(rotation=fixed.matmul(outer.rotation.T, inner.rotation), origin_mm=outer.into(inner.origin_mm[None])[0])
+        """What all setups leave, as a Manifold seen from a frame."""
+        blank, cuts = self.piece.blank, self.piece.cuts
+        left = [solids.moved(self.field(k, grown_mm).solid, c.frame.seen_from(frame)) for k, c in enumerate(cuts)]
+        if not all(blank.fills_box_in(f) for f in ([c.frame for c in cuts] or [frame])):
+            left.append(solids.moved(blank.solid, HERE.seen_from(frame)))
+        return solids.common(left) if left else solids.box(*self.piece.box_in(frame))
 
 
 def grid_lines(low, high, pitch_mm, walls):

@@ -1,7 +1,7 @@
-"""A billet and every cut made in it, whatever clamping it took: the in-process stock, exact at any point.
+"""The stock as delivered and every cut made in it, whatever setup it took: the in-process stock, exact at any point.
 
-Stock = billet minus what each clamping's cutters swept.  Each clamping answers in its own WCS; here the answers meet
-in part coordinates.
+Stock = blank minus what each setup's cutters swept.  Each setup answers in its own WCS; here the answers meet in part
+coordinates.  A box that stands along a WCS is known to the kernels; any other blank is met by lines (shape_rays.py).
 """
 
 from contextlib import suppress
@@ -9,15 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline.stock.shape_rays import Stretch
+from cuspline.stock.shapes import BoxShape, Shape
 from cuspline.stock.swept import deviations_and_moves, nearest_moves, stock_height_mm
-from cuspline.values import fixed_math as fixed
-from cuspline.values.arrays import frozen
 from cuspline.values.errors import SimulationError
 from cuspline.values.frames import Frame
 
 SAME_MM = 1e-7            # a depth found again deeper by less is the same
 UNCUT = -1
-LEAST_PARALLEL = fixed.cos(np.radians(10.0))      # a box round a billet further askew would be all air
+ENDLESS_MM = 1e5          # beyond any stock
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,28 +32,20 @@ class Cut:
 class Workpiece:
     """Part coordinates."""
 
-    min_mm: np.ndarray        # (3,) billet
-    max_mm: np.ndarray
+    blank: Shape              # as delivered
     cuts: tuple[Cut, ...] = ()
 
-    def __post_init__(self):
-        for name in ("min_mm", "max_mm"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (3,), name))
-
     def after(self, frame, paths):
-        """The same after one more clamping."""
-        return Workpiece(min_mm=self.min_mm, max_mm=self.max_mm, cuts=(*self.cuts, Cut(frame=frame, paths=tuple(paths))))
+        """The same after one more setup."""
+        return Workpiece(blank=self.blank, cuts=(*self.cuts, Cut(frame=frame, paths=tuple(paths))))
 
     def box_in(self, frame):
-        """(3,) low and (3,) high corner of the billet seen from a frame; of a box round it where it stands askew.
+        """(3,) low and (3,) high corner of the box round the blank, seen from a frame."""
+        return self.blank.box_in(frame)
 
-        Raises:
-            SimulationError: it stands so far askew that a box round it says nothing.
-        """
-        if np.abs(frame.rotation).max(axis=0).min() < LEAST_PARALLEL:
-            raise SimulationError("the stock box is not parallel to the WCS: its sides must follow the setup's axes, "
-                                  f"within {np.degrees(fixed.arccos(LEAST_PARALLEL)):.0f} degrees")
-        return frame.box_into(self.min_mm, self.max_mm)
+    def fills_box_in(self, frame):
+        """Whether it is all of the box round it, as seen from a frame: nothing is cut yet."""
+        return not self.cuts and self.blank.fills_box_in(frame)
 
     def cut_distance_mm(self, points_mm):
         """(n,) signed distance to everything cut away: positive where material is left; the billet does not count."""
@@ -61,17 +53,18 @@ class Workpiece:
         return np.min([np.full(len(points_mm), np.inf), *found], axis=0)
 
     def is_stock(self, points_mm):
-        """(n,) bool: within the billet, and not cut away."""
-        inside = ((points_mm > self.min_mm) & (points_mm < self.max_mm)).all(axis=1)
-        return inside & (self.cut_distance_mm(points_mm) > 0)
+        """(n,) bool: within the blank, and not cut away."""
+        return self.blank.holds(points_mm) & (self.cut_distance_mm(points_mm) > 0)
 
     def deviations_of_cuts(self, points_mm, normals, limit_mm, ask=deviations_and_moves):
-        """Deviations (cuts, n) and rows of PostedMoves (cuts, n) that each clamping alone would leave.
+        """Deviations (cuts, n) and rows of PostedMoves (cuts, n) that each setup alone would leave.
 
         `ask` is swept.deviations_and_moves, or answers as it would.
         """
-        found = [ask(c.paths, *self.box_in(c.frame), c.frame.into(points_mm), c.frame.turn_into(normals), limit_mm)
-                 for c in self.cuts]
+        is_square = [self.blank.fills_box_in(c.frame) for c in self.cuts]
+        stretch = None if all(is_square) else Stretch.of(self.blank, points_mm, normals)
+        found = [_in_box(ask, c, self.box_in(c.frame), points_mm, normals, limit_mm) if square else
+                 _in_stretch(ask, c, stretch, points_mm, normals, limit_mm) for c, square in zip(self.cuts, is_square)]
         empty = np.zeros((0, len(points_mm)))
         return np.array([empty, empty.astype(np.int64)]) if not found else tuple(np.array(c) for c in zip(*found))
 
@@ -93,7 +86,7 @@ class Workpiece:
         deep = np.flatnonzero(least < 0) if len(self.cuts) > 1 else np.zeros(0, int)
         while len(deep):
             foot = points_mm[deep] + least[deep, None] * normals[deep]
-            inside = ((foot > self.min_mm + SAME_MM) & (foot < self.max_mm - SAME_MM)).all(axis=1) & (-least[deep] < limit_mm)
+            inside = self._goes_on(foot, normals[deep]) & (-least[deep] < limit_mm)
             deep, foot = deep[inside], foot[inside]
             more = self.deviations_of_cuts(foot, normals[deep], limit_mm)[0].min(axis=0, initial=0.0)
             grows = more < -SAME_MM
@@ -101,27 +94,58 @@ class Workpiece:
             least[deep] = np.maximum(least[deep] + more[grows], -limit_mm)
         return least, maker
 
+    def _goes_on(self, points_mm, normals):
+        """(n,) bool: the blank goes on behind points (n, 3), along -normals."""
+        if isinstance(self.blank, BoxShape):
+            return ((points_mm > self.blank.min_mm + SAME_MM) & (points_mm < self.blank.max_mm - SAME_MM)).all(axis=1)
+        stretch = Stretch.of(self.blank, points_mm, normals)
+        return (stretch.begins_mm == 0) & (stretch.ends_mm > SAME_MM)
+
     def heights_mm(self, frame, xy_mm):
-        """Height of the highest stock over (x, y), in a frame; the billet's bottom where nothing is left.
+        """Height of the highest stock over (x, y), in a frame; the blank's lowest place where nothing is left.
 
         Args:
             frame: a WCS seen from the part.   xy_mm: (n, 2) in it.
         """
-        low, high = self.box_in(frame)
-        xy = np.asarray(xy_mm, float)
+        (low, high), xy = self.box_in(frame), np.asarray(xy_mm, float)
+        if not self.blank.fills_box_in(frame):
+            return self._heights_in_columns(frame, xy, low[2])
         if not self.cuts:
             return np.full(len(xy), high[2])
+        return self._cut_down_mm(frame, xy, low[2], high[2])
+
+    def _cut_down_mm(self, frame, xy, bottom, top):
+        """(n,) heights that the cuts leave over places (n, 2) of material that stands from bottom to top everywhere."""
         if len(self.cuts) == 1 and np.array_equal(self.cuts[0].frame.rotation, frame.rotation):
             own = self.cuts[0].frame
             shift = frame.into(own.origin_mm[None])[0]
-            return np.maximum(stock_height_mm(self.cuts[0].paths, xy - shift[:2], high[2] - shift[2]) + shift[2], low[2])
-        tops = np.column_stack([xy, np.full(len(xy), high[2] - SAME_MM)])
-        up = np.tile((0.0, 0.0, 1.0), (len(xy), 1))
-        depth, _ = self.deviations(frame.out(tops), frame.turn_out(up), float(high[2] - low[2]))
-        return np.where(depth < 0, np.maximum(high[2] + depth, low[2]), high[2])
+            return np.maximum(stock_height_mm(self.cuts[0].paths, xy - shift[:2], top - shift[2]) + shift[2], bottom)
+        depth = self._depth_mm(frame, xy, np.full(len(xy), top), float(top - bottom))
+        return np.where(depth < 0, np.maximum(top + depth, bottom), top)
+
+    def _depth_mm(self, frame, xy, top, limit_mm):
+        """(n,) deviation along the tool axis at places (n, 2) of height `top` (n,), at the top of the material there."""
+        tops, up = np.column_stack([xy, top - SAME_MM]), np.tile((0.0, 0.0, 1.0), (len(xy), 1))
+        return self.deviations(frame.out(tops), frame.turn_out(up), limit_mm)[0]
+
+    def _heights_in_columns(self, frame, xy, lowest):
+        """`heights_mm` of a blank of any form: its columns are asked one after the other, from above."""
+        columns, found = self.blank.columns(frame, xy), np.full(len(xy), lowest)
+        is_open = np.ones(len(xy), bool)
+        for k in range(columns.shape[1] - 1, -1, -1):
+            rows = np.flatnonzero(is_open & np.isfinite(columns[:, k, 1]))
+            bottom, top = columns[rows, k].T
+            height = top
+            if self.cuts and len(rows):
+                depth = self._depth_mm(frame, xy[rows], top, float((top - bottom).max()))
+                height = np.where(depth < 0, np.maximum(top + depth, bottom), top)
+            stands = height > bottom + SAME_MM
+            found[rows[stands]] = height[stands]
+            is_open[rows[stands]] = False
+        return found
 
     def standing_mm(self, frame, xy_mm):
-        """(n,) `heights_mm` where stock stands over (x, y), -inf beside the billet and where it is cut through."""
+        """(n,) `heights_mm` where stock stands over (x, y), -inf beside the blank and where it is cut through."""
         low, high = self.box_in(frame)
         xy, found = np.asarray(xy_mm, float), np.full(len(xy_mm), -np.inf)
         inside = np.flatnonzero(((xy >= low[:2]) & (xy <= high[:2])).all(axis=1))
@@ -136,7 +160,29 @@ class Workpiece:
         """
         smaller = [Cut(frame=c.frame, paths=tuple(_smaller(c.paths, radius_mm))) for c in self.cuts]
         cuts = tuple(c for c in smaller if c.paths)
-        return Workpiece(min_mm=self.min_mm, max_mm=self.max_mm, cuts=cuts).heights_mm(frame, xy_mm)
+        if self.blank.fills_box_in(frame):
+            return Workpiece(blank=self.blank, cuts=cuts).heights_mm(frame, xy_mm)
+        (low, high), xy = self.box_in(frame), np.asarray(xy_mm, float)
+        stands = np.maximum(self.blank.tops_within_mm(frame, xy, radius_mm), low[2])
+        return np.minimum(stands, Workpiece(blank=ENDLESS, cuts=cuts)._cut_down_mm(frame, xy, low[2], high[2])) if cuts else stands
+
+
+ENDLESS = BoxShape(min_mm=np.full(3, -ENDLESS_MM), max_mm=np.full(3, ENDLESS_MM))
+
+
+def _in_box(ask, cut, box, points_mm, normals, limit_mm):
+    """Deviations (n,) and rows (n,) that one setup leaves of a box along its WCS."""
+    return ask(cut.paths, *box, cut.frame.into(points_mm), cut.frame.turn_into(normals), limit_mm)
+
+
+def _in_stretch(ask, cut, stretch, points_mm, normals, limit_mm):
+    """The same in what a line through the blank meets of it."""
+    def free(ask, points, normals):
+        return _in_box(ask, cut, (ENDLESS.min_mm, ENDLESS.max_mm), points, normals, limit_mm)
+
+    deviation, row = free(ask, points_mm, normals)
+    free_at = lambda rows, by: free(deviations_and_moves, points_mm[rows] - by[:, None] * normals[rows], normals[rows])[0]
+    return stretch.cut(deviation, limit_mm, free_at), row
 
 
 def _smaller(paths, by_mm):

@@ -172,7 +172,7 @@ class _Search:
         bounds = np.empty((1, 9))
         _examine(self.patches.coefficients, self.patches.patch, self.patches.sign, patch[:1], box[:1], self.work,
                  bounds)
-        raise PlanError(f"face {self.face}: the tightest hollow does not close in near "
+        raise PlanError(f"face {self.face}: the minimum concave radius is not found near "
                         f"{np.round(bounds[0, 2:5], 3).tolist()}: look there for a cusp or a fold of the surface",
                         rows=[self.face])
 

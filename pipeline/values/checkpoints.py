@@ -146,7 +146,7 @@ def told(value, digest=None):
         _named(digest, type(value).__qualname__, b"")
         told([(f.name, getattr(value, f.name)) for f in fields(value)], digest)
     else:
-        raise TypeError(f"{type(value).__name__} has no bytes that tell all of it")
+        raise TypeError(f"{type(value).__name__} has no bytes that hold all of it")
     return digest
 
 

@@ -36,6 +36,10 @@ class ToolpathError(CamError):
     """A pass that cannot be computed, or an operation that came out empty."""
 
 
+class NothingToCut(ToolpathError):
+    """An operation that finds nothing standing where it may cut."""
+
+
 class PostError(CamError):
     """A program that the controller or the machine cannot take."""
 

@@ -39,7 +39,7 @@ KINDS = {
             "Add the face to a setup, or the operation that finishes it."),
         "idle_operation": (
             "an operation takes nothing off the stock",
-            "A rest operation asks for a ball that leaves no less than the one before, or roughing is listed twice.",
+            "A rest operation names a ball that leaves no less than the one before, or roughing is listed twice.",
             "Leave the operation out, or choose other faces or a smaller tool for it."),
     }),
     **_group("Collisions", {
@@ -53,7 +53,7 @@ KINDS = {
             "Lift the rapid by the amount that is named, or go there at feed. A machine's file may state another "
             "`rapid_clearance_mm`."),
         "holder_contact": (
-            "holder or spindle head come too near to stock or part",
+            "holder or spindle housing come too near to stock or part",
             "A ball of 6 mm with 20 mm stick-out works at the foot of a wall 30 mm high.",
             "More stick-out by at least the amount that is named, a slimmer holder, or a longer cutter."),
         "shank_contact": (
@@ -169,7 +169,7 @@ KINDS = {
             "Do not cut, and do not accept it: the verdict cannot be trusted for this program. Keep the folder and report "
             "it as a fault of cuspline."),
         "solid_off": (
-            "a solid does not keep what its design asks of it",
+            "a solid does not keep what its design states",
             "A propeller's blade, read back from STEP, is 0.05 mm thicker than its table says.",
             "Correct the table or the parameters; nothing is planned from such a solid."),
     }),

@@ -28,6 +28,16 @@ class Frame:
         """A pure translation."""
         return cls(rotation=np.eye(3), origin_mm=origin_mm)
 
+    @classmethod
+    def of_axes(cls, origin_mm, x, z):
+        """Where the inner origin lies, and where the inner X and Z point, seen from outside; both of length 1, square."""
+        x, z = np.asarray(x, float), np.asarray(z, float)
+        return cls(rotation=np.column_stack([x, np.cross(z, x), z]), origin_mm=origin_mm)
+
+    def seen_from(self, other):
+        """The same motion as seen from another frame, both given from one outside."""
+        return Frame(rotation=fixed.matmul(other.rotation.T, self.rotation), origin_mm=other.into(self.origin_mm[None])[0])
+
     def out(self, points_mm):
         """(n, 3) inner coordinates → (n, 3) outer coordinates."""
         return fixed.matmul(np.asarray(points_mm), self.rotation.T) + self.origin_mm

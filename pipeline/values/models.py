@@ -5,10 +5,11 @@ import re
 import typing
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 
 FAR_MM = 1e6                # no machine, stock or fixture reaches so far
 SHOWN = 60                  # characters of a value, and
+KIND = "~"                  # before the name of one of several models that a place may hold: it is no key of the file
 MOST_SHOWN = 12             # faults of a file, that a message repeats
 NAME = r"^[A-Za-z0-9_]([A-Za-z0-9_+=. -]{0,62}[A-Za-z0-9_+=-])?$"
 NAME_IN_WORDS = ("what names a file has at most 64 characters out of A-Z a-z 0-9 _ + = - with dots and spaces between "
@@ -24,6 +25,29 @@ class Model(BaseModel):
     """Frozen; an unknown key is an error, and so is a number that is not finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def one_of(*models):
+    """The type of a place that holds one of several models: the first of which the file has the key `TOLD_BY`, else the first.
+
+    >>> class Ball(Model):
+    ...     TOLD_BY: typing.ClassVar[str] = "diameter_mm"
+    ...     diameter_mm: float
+    >>> class Cube(Model):
+    ...     TOLD_BY: typing.ClassVar[str] = "side_mm"
+    ...     side_mm: float
+    >>> class Toy(Model):
+    ...     body: one_of(Ball, Cube)
+    >>> Toy(body={"side_mm": 3}).body
+    Cube(side_mm=3.0)
+    """
+    def kind(value):
+        if isinstance(value, BaseModel):
+            return KIND + type(value).__name__
+        told = [m for m in models if isinstance(value, dict) and m.TOLD_BY in value]
+        return KIND + (told or models)[0].__name__
+
+    return Annotated[typing.Union[tuple(Annotated[m, Tag(KIND + m.__name__)] for m in models)], Discriminator(kind)]
 
 
 def name_fault(name):
@@ -69,7 +93,8 @@ def shortened(value):
 
 
 def _complaint(found, model):
-    where, kind = ".".join(str(step)[:SHOWN] for step in found["loc"]), found["type"]
+    keys = [str(step) for step in found["loc"] if not str(step).startswith(KIND)]
+    where, kind = ".".join(key[:SHOWN] for key in keys), found["type"]
     if kind == "extra_forbidden":
         return f"{where}: there is no such key{_nearest(str(found['loc'][-1]), _model_at(model, found['loc'][:-1]))}"
     if kind == "missing":
@@ -90,15 +115,18 @@ def _nearest(key, model):
 
 def _model_at(model, place):
     """The Model that a place in a document is checked by; None where that is not one alone."""
+    found = [model]
     for step in place:
-        if isinstance(step, str) and model is not None:
-            model = _model_in(model.model_fields[step].annotation) if step in model.model_fields else None
-    return model
-
-
-def _model_in(annotation):
-    """The one Model in a type such as tuple[Tool, ...] | None; None where there is none."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    found = [m for m in map(_model_in, typing.get_args(annotation)) if m is not None]
+        if isinstance(step, str) and step.startswith(KIND):
+            found = [m for m in found if m.__name__ == step[len(KIND):]]
+        elif isinstance(step, str):
+            fields = [m.model_fields for m in found if m is not None]
+            found = _models_in(fields[0][step].annotation) if len(fields) == 1 and step in fields[0] else []
     return found[0] if len(found) == 1 else None
+
+
+def _models_in(annotation):
+    """The Models in a type such as tuple[Tool, ...] | None."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [m for inner in typing.get_args(annotation) for m in _models_in(inner)]

@@ -99,7 +99,7 @@ def part_in_wcs(solid, frame):
     return ExactPart.of_solid(brep.seen_from(brep.the_solid(solid), frame))
 
 
-def certify(posted, tools, part, *, tolerance_mm, rows=None, kept=NOTHING):
+def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, kept=NOTHING):
     """Prove how deep the moves of a posted program cut into the part at most.
 
     The bound of a move is never below its true gouge, and at most the tolerance above it, or a fiftieth of the gouge
@@ -112,6 +112,7 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, kept=NOTHING):
         part: exact_drop.ExactPart of all faces of the solid, WCS (see `part_in_wcs`).
         tolerance_mm: of the bounds, >= 1.2e-4; a tenth of it goes to chords of arcs.
         rows: (k,) rows of interest; all if None.
+        skin_mm: of the cutters, that is left out: what is plated on later.
         kept: kept.Kept, asked first for each tool's moves; NOTHING keeps nothing.
     Returns:
         Certificate.
@@ -128,7 +129,7 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, kept=NOTHING):
         tree = DepthTree.of_part(part, THICKNESS_SHARE * tolerance_mm)
         for number in np.unique(posted.tool[known]).tolist():
             own = known[posted.tool[known] == number]
-            _prove(tree, chords_of(posted, own, sagitta_mm), tools[number].cutter, tolerance_mm - sagitta_mm,
+            _prove(tree, chords_of(posted, own, sagitta_mm), tools[number].cutter, skin_mm, tolerance_mm - sagitta_mm,
                    bound, share, place, kept.of(move_depths))
     return Certificate(row=known, kind=posted.kind[known], bound_mm=bound[known], share=share[known],
                        place_mm=place[known], tolerance_mm=float(tolerance_mm), sagitta_mm=sagitta_mm,
@@ -157,11 +158,13 @@ def _reasons(posted, tools, rows):
     return [reason(row) for row in rows.tolist()]
 
 
-def _prove(tree, chords, cutter, tolerance_mm, bound, share, place, ask):
+def _prove(tree, chords, cutter, skin_mm, tolerance_mm, bound, share, place, ask):
     """Fill in the rows of the chords: what the deepest chord of each says; `ask` answers as move_depths."""
     R = cutter.radius_mm
     rc = {"ball": R, "flat": 0.0}.get(cutter.type, cutter.corner_radius_mm)
-    depth, along, point = ask(tree, chords.start_mm, chords.end_mm, R, rc, tolerance_mm)
+    lift = np.array([0.0, 0.0, skin_mm])
+    depth, along, point = ask(tree, chords.start_mm + lift, chords.end_mm + lift, R - skin_mm, max(rc - skin_mm, 0.0),
+                              tolerance_mm)
     depth = depth + chords.off_mm
     deepest = np.lexsort((depth, chords.row))
     deepest = deepest[np.diff(chords.row[deepest], append=-1) != 0]

@@ -5,14 +5,11 @@ import re
 from pathlib import Path
 
 from cuspline.design.job import digest_of, job_line
-from cuspline.shop.tool_table import IN_TABLE_DECIMALS, read_tool_table
 from cuspline.values.errors import InputError
 from cuspline.values.findings import Finding
 from cuspline.values.input_files import refuse_irregular
-from cuspline.values.units import MM
 
-TABLE = "tools.tbl"
-JOB_LINE = re.compile(rb"\((JOB SHA-256 [0-9a-f]+)\)")
+JOB_LINE = re.compile(rb"(JOB SHA-256 [0-9a-f]+)")
 
 
 def program_findings(name, text, setup, machine):
@@ -23,7 +20,7 @@ def program_findings(name, text, setup, machine):
     """
     size, room = len(text.encode()), machine.control.program_store_bytes
     if size > room:
-        yield _finding("program_too_long", f"{name} has {size} bytes, the store of {machine.name} holds {room}: raise "
+        yield _finding("program_too_long", f"{name} has {size} bytes, the program memory of {machine.name} holds {room}: raise "
                        "the scallop height, or feed it through the control's buffer", setup=setup)
     lines = text.split("\n")
     longest = max(range(len(lines)), key=lambda k: len(lines[k]))
@@ -34,43 +31,46 @@ def program_findings(name, text, setup, machine):
                        amount=float(len(lines[longest])), unit="characters")
 
 
-def tool_table_findings(folder, tools, control):
+def tool_table_findings(folder, tools, name, read):
     """Tools that the table which the control loads has otherwise than tools.json, or not at all.
 
     Args:
         folder: with the table.   tools: {number: cutters.Tool} that the programs are judged with.
-        control: machines.Control.
+        name: of the table's file; None: the control loads none, the operator keys in what tools.json says.
+        read: function (text) -> [posted.PostedTool].
     """
-    path = Path(folder) / TABLE
+    if name is None:
+        return
+    path = Path(folder) / name
     refuse_irregular(path, "tool table")
     if not path.exists():
         yield _finding("wrong_tool_table",
-                       f"{TABLE} is missing: the control would cut with the lengths of another job; "
+                       f"{name} is missing: the control would cut with the lengths of another job; "
                        "put it back, or build again")
         return
     try:
-        rows = read_tool_table(path.read_bytes().decode("ascii", "replace"), control)
+        rows = read(path.read_bytes().decode("ascii", "replace"))
     except InputError as error:
-        yield _finding("wrong_tool_table", f"{TABLE}: {error}", line=int(error.rows[0]))
+        yield _finding("wrong_tool_table", f"{name}: {error}", line=int(error.rows[0]))
         return
     for number, tool in sorted(tools.items()):
         wanted = {**dict(zip("XYZ", tool.offset_mm)), "D": tool.cutter.diameter_mm}
         mine = [row for row in rows if row.number == number]
         if not mine:
-            yield _finding("wrong_tool_table", f"{TABLE} has no T{number}, which the programs are judged with: add it, "
+            yield _finding("wrong_tool_table", f"{name} has no T{number}, which the programs are judged with: add it, "
                            "or build again")
         for row in mine:
-            yield from _differing(row, number, wanted, control)
+            yield from _differing(row, number, wanted, name)
 
 
-def _differing(row, number, wanted, control):
+def _differing(row, number, wanted, name):
     """The first value of a table's row that is not the tool's."""
     for letter in ("Z", "D", *sorted(row.values_mm.keys() | {"X", "Y"})):
         there, right = row.values_mm.get(letter, 0.0), wanted.get(letter, 0.0)
-        if abs(there - right) > MM[control.units] / 10 ** IN_TABLE_DECIMALS:
-            yield _finding("wrong_tool_table", f"{TABLE} gives T{number} {letter} {there:.6g} mm, tools.json "
+        if abs(there - right) > row.step_mm:
+            yield _finding("wrong_tool_table", f"{name} gives T{number} {letter} {there:.6g} mm, tools.json "
                            f"{right:.6g} mm: measure the tool, correct the one that is wrong, and build again",
-                           line=row.line, block=f"{TABLE}: {row.text}", amount_mm=round(abs(there - right), 6))
+                           line=row.line, block=f"{name}: {row.text}", amount_mm=round(abs(there - right), 6))
             return
 
 
@@ -102,7 +102,8 @@ def changed_job(folder, job, published):
              or digest_of(published.job[name]) != published.job_fields[name]]
     if published.job_fields and wrong:
         for name in wrong:
-            yield _finding("changed_file", f"manifest.json: what its job says of {name} is not what was published: {mend}")
+            yield _finding("changed_file", f"manifest.json: what its job says of {name} is not what was published: "
+                           f"{mend}")
         return
     wanted = job_line(digest_of(published.job)).encode()
     for name in (name for item in job.posted for name in item.files):

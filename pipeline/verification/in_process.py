@@ -1,6 +1,6 @@
 """The stock as it stands after every operation of every clamping: solids to look at, to load elsewhere, to go on from.
 
-Each is known by a hash of all that made it: billet, tools and the posted moves so far.  What goes on from it, the next
+Each is known by a hash of all that made it: blank, tools and the posted moves so far.  What goes on from it, the next
 clamping's plan and replay, asks the exact workpiece; the file is that workpiece at a stated pitch.
 """
 
@@ -48,14 +48,14 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
 
     Args:
         programs: verdict.SetupProgram values in the order in which they are cut.
-        tools: dict of tool number -> cutters.Tool.   stock: design.StockBox.
+        tools: dict of tool number -> cutters.Tool.   stock: a value of design.stock.
         pitches_mm: of each clamping's grid.
         kept: kept.Kept for the heights of every operation's stock.
     Yields:
         StockState.
     """
-    before, made = Workpiece(min_mm=stock.min_mm, max_mm=stock.max_mm), hashlib.sha256()
-    made.update(np.array([stock.min_mm, stock.max_mm], float).tobytes())
+    before, made = Workpiece(blank=stock.shape), hashlib.sha256()
+    made.update(stock.shape.figures.tobytes())
     for k, program in enumerate(programs):
         frame, name, start, piece = program.setup.frame, program.setup.name, 0, before
         made.update(np.concatenate([frame.rotation.ravel(), frame.origin_mm]).tobytes())

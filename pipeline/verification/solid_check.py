@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from cuspline.kernel import solids
 from cuspline.stock.swept import is_height_field, signed_distance_mm, stock_height_mm
 from cuspline.values import fixed_math as fixed
-from cuspline.verification.volumes import Volumes, volumes
+from cuspline.verification.volumes import Amount, Volumes, amount, volumes
 
 LAYERS = 12               # of the faces' height: what lies under a face by more than a layer is not theirs
 BELOW_MM = 0.2
@@ -27,6 +27,7 @@ class SolidBody:
 
     kind: str                 # "excess" or "gouge"
     volume_mm3: float
+    area_mm2: float           # of its whole surface
     depth_mm: float           # deepest deviation, the tolerance included
     place_mm: tuple[float, float, float]      # of that depth, part coordinates
     min_mm: tuple[float, float, float]
@@ -38,8 +39,8 @@ class SolidBody:
 class SolidComparison:
     """Volumes and bodies of one setup."""
 
-    excess_volume_mm3: float          # stock left above the required faces
-    gouge_volume_mm3: float           # design taken away, anywhere
+    excess: Amount                    # stock left on the required faces
+    gouge: Amount                     # taken away: of any sampled face, and bodies beyond tolerance anywhere
     bodies: tuple[SolidBody, ...]     # beyond tolerance
     artefacts: int                    # bodies that the grid made and the exact height denies
     volumes: Volumes                  # held against those of the residuals
@@ -72,11 +73,13 @@ def compare(made, k, tessellation, drops, required, found, own, *, excess_mm, go
                                 _beyond_excess(made, k, excess_mm), excess_mm, found, frame, surface_mm)
     more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
                            own, frame, surface_mm)
-    excess, gouge, held = volumes(lambda: (made.stock(frame) - design) ^ region, lambda: design - field.solid, field,
-                                  made.piece.cuts[k], drops, found, surface_mm, path_error_mm, made.pitches_mm[k],
-                                  ball_radius_mm)
+    held = volumes(lambda: (made.stock(frame) - design) ^ region, lambda: design - field.solid, field,
+                   made.piece.cuts[k], drops, found, surface_mm, path_error_mm, made.pitches_mm[k], ball_radius_mm)
+    errors = {"path_error_mm": path_error_mm, "surface_error_mm": surface_mm + held.zmap_mm,
+              "ball_radius_mm": ball_radius_mm}
     return SolidComparison(
-        excess_volume_mm3=excess, gouge_volume_mm3=gouge, bodies=tuple(bodies + more), artefacts=artefacts + others,
+        excess=amount(found, 1.0, excess_mm, bodies, **errors), gouge=amount(own, -1.0, gouge_mm, more, **errors),
+        bodies=tuple(bodies + more), artefacts=artefacts + others,
         tessellation_mm=surface_mm, pitch_mm=made.pitches_mm[k], volumes=held)
 
 
@@ -139,7 +142,7 @@ def _bodies(kind, solid, beyond_mm, tolerance, found, frame, tessellation_mm):
 def _described(kind, piece, depth, place, samples, frame):
     corners = frame.out(np.array([piece.min_mm, piece.max_mm, place])).round(6)
     low, high = corners[:2].min(axis=0), corners[:2].max(axis=0)
-    return SolidBody(kind=kind, volume_mm3=piece.volume_mm3, depth_mm=depth, place_mm=tuple(corners[2].tolist()),
+    return SolidBody(kind=kind, volume_mm3=piece.volume_mm3, area_mm2=piece.area_mm2, depth_mm=depth, place_mm=tuple(corners[2].tolist()),
                      min_mm=tuple(low.tolist()), max_mm=tuple(high.tolist()), samples=samples)
 
 

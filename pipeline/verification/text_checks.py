@@ -50,7 +50,7 @@ def refuse_what_cannot_be_simulated(posted, tools, setup, machine, stock):
     """Refuse a program without moves or tools, or one that goes so far that no machine of this size can be meant.
 
     Args:
-        tools: those that there are, by number.   stock: design.StockBox, part coordinates.
+        tools: those that there are, by number.   stock: a value of design.stock.
     Raises:
         ReadError: no move at all; a cutting move without a tool; a place, or the radius of an arc, FAR times as large
             as the travel.
@@ -60,7 +60,7 @@ def refuse_what_cannot_be_simulated(posted, tools, setup, machine, stock):
     _refuse_row(posted, (posted.kind != Kind.RAPID) & ~np.isin(posted.tool, list(tools)),
                 lambda row: f"a cutting move, but T{posted.tool[row]} is none of the tools" if posted.tool[row] else
                 "a cutting move, but no tool was changed in, T and M6 are missing")
-    low, high = setup.frame.box_into(stock.min_mm, stock.max_mm)
+    low, high = stock.shape.box_in(setup.frame)
     for k, (name, axis) in enumerate(zip("XYZ", machine.axes)):
         travel = axis.max_mm - axis.min_mm
         at, tip = posted.machine_end_mm[:, k], posted.end_mm[:, k]

@@ -8,6 +8,7 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
 from cuspline.kernel import brep, mesh_quality, solids
+from cuspline.kernel.tessellation import Tessellation, tessellate
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.replay import Replay, ZMap, replay
 from cuspline.stock.stock_solids import StockSolids
@@ -38,7 +39,6 @@ from cuspline.verification.residuals import (
 from cuspline.verification.samples import Samples, face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import SolidComparison, compare
-from cuspline.verification.tessellation import Tessellation, tessellate
 from cuspline.verification.text_checks import path_tolerance_mm
 from cuspline.verification.true_depths import largest_true_mm
 
@@ -116,8 +116,8 @@ class Verdict:
         parts = [s.as_dict() for s in self.setups]
         worst = ("gouge_max_mm", "gouge_proven_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm")
         bounded = ("excess_proven_mm", "error_bound_mm")        # None where there is no bound
-        summed = ("gouge_volume_mm3", "excess_volume_mm3", "points_checked", "area_required_mm2", "area_reached_mm2",
-                  "area_unreachable_mm2")
+        summed = ("gouge_volume_mm3", "gouge_volume_bound_mm3", "excess_volume_mm3", "excess_volume_bound_mm3",
+                  "points_checked", "area_required_mm2", "area_reached_mm2", "area_unreachable_mm2")
         together = ("unreachable", "collisions", "findings", "cusps", "joints")
         return {"ok": self.ok, **{k: max((p[k] for p in parts), default=0.0) for k in worst},
                 **{k: _largest([p[k] for p in parts]) for k in bounded},
@@ -155,13 +155,15 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     """Verdict on the posted programs of all clampings, in the order in which they are cut.
 
     Every face is judged after all programs; each program is replayed on the stock that those before it leave, and
-    answers for its own gouges on any of the faces.
+    answers for its own gouges on any of the faces.  A part that is plated later is judged as plated: what the cutters
+    less a skin of the plating leave is held against its faces (planning/plating.py), which is the metal against faces
+    that lie so much deeper.
 
     Args:
         programs: SetupProgram values.
         tools: dict of tool number -> cutters.Tool.
         solid: TopoDS_Solid, part coordinates.
-        stock: design.StockBox, part coordinates.
+        stock: a value of design.stock, part coordinates.
         finish: design.Finish.   ball_radius_mm: smallest ball of the shop's library.
         machine: machines.Machine or None.
         kept: kept.Kept, asked first for what takes long; NOTHING keeps nothing.
@@ -169,8 +171,8 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
     Returns:
         one SetupVerdict a program.
     Raises:
-        InputError: no faces, or faces of another solid.
-        SimulationError: a billet that stands more than 10 degrees askew in a WCS.
+        InputError: no faces, or faces of another solid; a plating that is no thinner than the smallest ball.
+        SimulationError: a cutter that is no thicker than the plating.
     """
     part, clampings = _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say)
     judged = _residuals(part, clampings, kept, say)
@@ -205,7 +207,8 @@ class _Part:
     solid: object                     # TopoDS_Solid, part coordinates
     finish: object
     ball_radius_mm: float
-    piece: Workpiece                  # after all clampings
+    piece: Workpiece                  # after all clampings, as plated
+    metal: Workpiece                  # the same before it is plated
     made: StockSolids                 # the same as solids
     mesh: Tessellation                # of the design
     closest: ClosestTree | None       # of the design, where cutters undercut or lean
@@ -237,7 +240,7 @@ class _Clamping:
     program: SetupProgram
     options: Options                  # every None replaced
     required: list                    # numbers of the solid's faces that it cuts
-    before: Workpiece                 # the stock that it finds
+    before: Workpiece                 # the stock that it finds, of metal
     samples: Samples
     ground: Ground                    # of its faces
     feeds: np.ndarray                 # (n, 3) direction of each move, part coordinates; zero where not known
@@ -252,12 +255,18 @@ def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, ke
     """_Part, and a _Clamping of each program."""
     shapes = [[getattr(f, "shape", f) for f in p.faces] for p in programs]
     required = [_indices(solid, faces) for faces in shapes]
-    piece, before, fitted = Workpiece(min_mm=stock.min_mm, max_mm=stock.max_mm), [], []
+    if ball_radius_mm <= finish.plating_mm:
+        raise InputError(f"plating_mm {finish.plating_mm:g} is no thinner than the smallest ball, of radius "
+                         f"{ball_radius_mm:g} mm: correct it")
+    piece = metal = Workpiece(blank=stock.shape)
+    before, fitted = [], []
     for program, faces in zip(programs, shapes):
         say(f"{program.setup.name}: index over {len(program.posted):,} moves")
-        before.append(piece)
-        fitted.append(_fitted(options, faces, *piece.box_in(program.setup.frame), finish))
-        piece = piece.after(program.setup.frame, swept_paths(program.posted, tools))
+        before.append(metal)
+        fitted.append(_fitted(options, faces, *metal.box_in(program.setup.frame), finish))
+        paths = swept_paths(program.posted, tools)
+        metal = metal.after(program.setup.frame, paths)
+        piece = piece.after(program.setup.frame, _as_plated(paths, finish))
     finest = min(o.tessellation_mm for o in fitted)
     if options.tessellation_mm is None:
         finest = _affordable_mm(solid, finest)
@@ -271,8 +280,13 @@ def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, ke
                  for k, (p, o, chosen, found, faces) in enumerate(zip(programs, fitted, required, before, shapes))]
     upright = all(is_height_field(c.paths) for c in piece.cuts)
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles, kept.of(stock_height_mm))
-    return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm, piece=piece, made=made, mesh=mesh,
+    return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece, metal=metal, made=made, mesh=mesh,
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
+
+
+def _as_plated(paths, finish):
+    """SweptPaths of the cutters less a skin of the plating; where there is none, the same."""
+    return tuple(p.grown(-finish.plating_mm) for p in paths) if finish.plating_mm else paths
 
 
 def _judged(part, c, found, own, tools, machine, joined, kept, say):
@@ -285,7 +299,7 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
     history = _replayed(part, c, tools, machine, kept)
     say(f"{c.name}: certificate of {moves}")
     proven = certify(c.program.posted, tools, part_in_wcs(part.solid, c.program.setup.frame),
-                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), kept=kept)
+                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), skin_mm=finish.plating_mm, kept=kept)
     say(f"{c.name}: cusps beside {len(c.samples):,} samples")
     cusps = _cusps(part, c, found)
     say(f"{c.name}: proof of what stands between the samples")
@@ -295,7 +309,8 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
                    gouge_mm=finish.gouge_mm, path_error_mm=part.path_error_mm, ball_radius_mm=part.ball_radius_mm)
     bounds = {"path_mm": part.path_error_mm, "tracing_mm": TRACING_MM, "post_rounding_mm": c.options.post_rounding_mm,
               "path_tolerance_mm": path_tolerance_mm(c.program.posted, machine),
-              "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm}
+              "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm,
+              **({"stock_mm": part.piece.blank.error_mm} if part.piece.blank.error_mm else {})}
     bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
     true_mm = partial(_true_mm, part, c, found)
     report = Reporter(c.program, finish, found, own, true_mm)
@@ -390,23 +405,24 @@ def _replayed(part, c, tools, machine, kept):
     grid = lambda heights: heights.reshape(zmap.ny, zmap.nx)
     design = drop_tips_mm(c.drops, zmap.xy_mm, DESIGN_PIN_MM, 0.0)
     return replay(program.posted, tools, stock_min=low, stock_max=high, pitch_mm=options.replay_pitch_mm,
-                  stock_top_mm=grid(c.before.heights_mm(frame, zmap.xy_mm)) if c.before.cuts else None,
+                  stock_top_mm=None if c.before.fills_box_in(frame) else grid(c.before.heights_mm(frame, zmap.xy_mm)),
                   stock_within_mm=partial(c.before.highest_within_mm, frame),
                   design_top_mm=grid(np.where(np.isfinite(design), design, np.nan)),
                   design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
-                  design_error_mm=mesh.deviation_mm + part.finish.gouge_mm, fixtures=program.fixtures, machine=machine,
+                  design_error_mm=mesh.deviation_mm + part.finish.gouge_mm + part.finish.plating_mm, fixtures=program.fixtures, machine=machine,
                   frame=frame, setup=c.name,
                   within_before=lambda row: _within_before(c, tools, row),
                   left_by_heads=lambda xy: _left_by_heads(part, c, high, low, xy),
                   stock_at=lambda row: partial(_stock_before(c, tools, row).standing_mm, frame),
                   holder_clearance_mm=options.holder_clearance_mm,
-                  shank_clearance_mm=options.shank_clearance_mm, kept=kept)
+                  shank_clearance_mm=options.shank_clearance_mm, kept=kept,
+                  columns=None if c.before.blank.fills_box_in(frame) else c.before.blank.columns(frame, zmap.xy_mm))
 
 
 def _true_mm(part, c, found, residuals, rows):
     """True amount of a group of samples of clamping c: (amount, row, whether it may be more)."""
-    piece, far = part.piece, float(fixed.length(np.subtract(part.piece.max_mm, part.piece.min_mm)))
-    left = piece if residuals is found else Workpiece(min_mm=piece.min_mm, max_mm=piece.max_mm, cuts=(piece.cuts[c.number],))
+    piece, far = part.piece, part.piece.blank.size_mm
+    left = piece if residuals is found else Workpiece(blank=piece.blank, cuts=(piece.cuts[c.number],))
     is_proud = residuals.deviation_mm[rows[0]] > 0
     belongs = lambda p: left.is_stock(p) if is_proud else left.cut_distance_mm(p) < 0
     return largest_true_mm(residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0],
@@ -434,9 +450,11 @@ def _numbers(found, solid_view, finish, bounds, history, true_mm):
     numbers = {
         "gouge_max_mm": gouge[0], "excess_max_mm": excess[0],
         "at_least": [name for name, (_, more) in (("gouge_max_mm", gouge), ("excess_max_mm", excess)) if more],
+        **({"plating_mm": finish.plating_mm} if finish.plating_mm else {}),
         "cusp_max_mm": max(0.0, d[finished].max(initial=0.0)),
         "cusp_p99_mm": max(0.0, weighted_percentile(d[finished], found.samples.weight_mm2[finished], 0.99)),
-        "gouge_volume_mm3": solid_view.gouge_volume_mm3, "excess_volume_mm3": solid_view.excess_volume_mm3,
+        "gouge_volume_mm3": solid_view.gouge.mm3, "gouge_volume_bound_mm3": solid_view.gouge.bound_mm3,
+        "excess_volume_mm3": solid_view.excess.mm3, "excess_volume_bound_mm3": solid_view.excess.bound_mm3,
         "error_bound_mm": _sum([bounds[k] for k in ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm")]),
         "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
         "area_reached_mm2": area(fair & (d <= allowed_mm(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
@@ -477,5 +495,5 @@ def _stock_before(c, tools, row):
 
 def _left_by_heads(part, c, high, low, xy_mm):
     """Heights that a clamping's tools on heads alone leave at places (n, 2), and the rows that left them; WCS."""
-    paths = [p for p in part.piece.cuts[c.number].paths if p.tool.head is not None]
+    paths = [p for p in part.metal.cuts[c.number].paths if p.tool.head is not None]
     return lowest_moves(paths, xy_mm, float(high[2]), bottom_mm=float(low[2]))

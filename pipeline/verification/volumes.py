@@ -1,4 +1,10 @@
-"""Both verifiers' volumes held against each other where the deviation is thin: sums over samples, and booleans.
+"""How much is left and how much is gouged; and both verifiers' volumes held against each other.
+
+What is left or gouged within tolerance is a layer over the faces: area times deviation, summed over the samples, without
+bias.  What stands beyond tolerance is a body of its own, taken from the solids.  Booleans of the whole solids would count
+facets as cut: every chord of the tessellation is a gouge or an excess to them.
+
+Where the deviation is thin, sums over samples and booleans are compared.
 
 The solids carry two errors of known size: the grid's facets between their exact nodes, and the tessellation's.  Both
 are measured at random places, exactly and without bias, and taken out of the net volume (excess less gouge); what then
@@ -21,6 +27,43 @@ PIN_MM = 1e-9             # radius of the pin that feels the tessellation's heig
 SEED = 20260102
 
 
+@dataclass(frozen=True, kw_only=True)
+class Amount:
+    """A volume and how far it may be off."""
+
+    mm3: float
+    bound_mm3: float
+
+
+def amount(found, sign, tolerance_mm, bodies, *, path_error_mm, surface_error_mm, ball_radius_mm):
+    """Volume of all the excess over, or of all the gouges into, the faces sampled and the bodies beyond tolerance.
+
+    Over samples that no body explains it is a layer, w d each.  A body is met with cutters off by the tolerance, so a
+    layer of that height is missing between it and the true cut: it is added over the samples beneath, and the bound
+    covers it over the body's whole surface.
+
+    Args:
+        found: Residuals.   sign: 1.0 excess, -1.0 gouge.
+        tolerance_mm: of the bodies.   bodies: SolidBody values of that kind.
+        path_error_mm: of the swept paths.   surface_error_mm: of the bodies' own surfaces.
+        ball_radius_mm: smallest ball of the shop: a layer over a hollow is smaller than area times height.
+    Returns:
+        Amount.
+    """
+    d, weight, points = np.maximum(sign * found.deviation_mm, 0.0), found.samples.weight_mm2, found.samples.points_mm
+    in_body = np.zeros(len(d), bool)
+    for body in bodies:
+        in_body |= ((points > np.array(body.min_mm) - found.spacing_mm)
+                    & (points < np.array(body.max_mm) + found.spacing_mm)).all(axis=1)
+    in_body &= d > tolerance_mm
+    layer, area = weight * np.where(in_body, 0.0, d), float(weight.sum())
+    beneath, skin = float(weight[in_body].sum()), sum(b.area_mm2 for b in bodies)
+    return Amount(
+        mm3=float(layer.sum()) + tolerance_mm * beneath + sum(b.volume_mm3 for b in bodies),
+        bound_mm3=SIGMAS * float(np.sqrt((layer * layer).sum())) + float((layer * d).sum()) / ball_radius_mm
+        + path_error_mm * area + (tolerance_mm + surface_error_mm) * skin)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Volumes:
     """In the cells where the deviation is thin and the surface not steep."""
@@ -38,13 +81,14 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, tessellation_mm, path
     """Compare them.
 
     Args:
-        excess_of, gouge_of: functions that make the Manifolds, in the clamping's WCS; one stands at a time.
+        excess_of, gouge_of: functions that make the Manifolds, in the clamping's WCS; one stands at a time, none where
+            there is nothing to compare.
         field: stock_solids.Field of the clamping.   cut: its workpiece.Cut.   drops: DropMesh of the design in its WCS.
         found: Residuals of its faces.
         tessellation_mm, path_error_mm: deviation of the design's triangles, of the swept paths.
         pitch_mm: of the grid.   ball_radius_mm: hollows tighter than this are not reachable.
     Returns:
-        volume of all the excess, mm3; of all the gouges; Volumes.
+        Volumes.
     """
     cell, frame = CELLS * pitch_mm, field.frame
     points, d = frame.into(found.samples.points_mm), found.deviation_mm
@@ -57,27 +101,22 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, tessellation_mm, path
         fine = np.flatnonzero(is_good)
         xy = points[fine[::len(fine) // MOST_PLACES + 1], :2]       # of all faces alike
         zmap = _mean_off_mm(field, cut, xy, shape, cell)
-        return excess_of().volume(), gouge_of().volume(), Volumes(zmap_mm=zmap)
+        return Volumes(zmap_mm=zmap)
     inside = good[at[:, 0], at[:, 1]] & (normal_z > 0.5)
     weight, d = found.samples.weight_mm2[inside], d[inside]
     prism = solids.prism_over([_square(field.low, cell, *c) for c in np.argwhere(good)], field.low[2] - 1, field.high[2] + 1)
-    excess, left = _whole_and_within(excess_of(), prism)
-    gouge, taken = _whole_and_within(gouge_of(), prism)
+    left, taken = ((made() ^ prism).volume() for made in (excess_of, gouge_of))
     facets, facet_scatter, zmap = _facets(field, cut, good, cell, pitch_mm)
     triangles, triangle_scatter = _triangles(drops, points[inside], weight * normal_z[inside])
     above, below = float((weight * np.maximum(d, 0)).sum()), float((weight * np.maximum(-d, 0)).sum())
     area, scatter = float(weight.sum()), float(np.sqrt(((weight * d) ** 2).sum()))
     bent = float((weight * d * d).sum()) / ball_radius_mm          # a layer over a hollow is smaller than area times height
-    return excess, gouge, Volumes(
+    return Volumes(
         area_mm2=area, excess_mm3=(above, left), gouge_mm3=(below, taken), zmap_mm=zmap,
         bound_mm3=area * (tessellation_mm + path_error_mm + zmap) + 3 * scatter + 1e-6,
         net_mm3=(above - below, left - taken + facets - triangles),
         net_bound_mm3=area * path_error_mm + bent + SIGMAS * float(np.sqrt(scatter**2 + facet_scatter**2 + triangle_scatter**2))
         + 1e-6)
-
-
-def _whole_and_within(solid, prism):
-    return solid.volume(), (solid ^ prism).volume()
 
 
 def _mean_off_mm(field, cut, xy, shape, cell):

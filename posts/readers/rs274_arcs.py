@@ -48,7 +48,7 @@ def check_radii(start, end, center, bounds):
             error > bounds.radius_error_mm and error > RELATIVE_RADIUS_ERROR * larger):
         raise Complaint(
             f"the radius is {at_start:.5f} mm at the start and {at_end:.5f} mm at the end",
-            f"they may differ by {bounds.radius_error_mm:.4f} mm or 0.1 % of the radius: mend the centre or the end")
+            f"they may differ by {bounds.radius_error_mm:.4f} mm or 0.1 % of the radius: correct the centre or the end")
 
 
 def center_from_radius(start, end, radius, is_clockwise, bounds):
@@ -65,7 +65,7 @@ def center_from_radius(start, end, radius, is_clockwise, bounds):
         raise Complaint("an R arc that ends where it begins has no centre", "write a full circle with I J K")
     if half > abs(radius) + bounds.smallest_radius_mm:
         raise Complaint(f"R {abs(radius):.5f} mm cannot span its ends, {2 * half:.5f} mm apart",
-                        "mend the radius or the end")
+                        "correct the radius or the end")
     height = sqrt(max(radius * radius - half * half, 0.0)) / (2 * half)
     if is_clockwise != (radius < 0):
         height = -height

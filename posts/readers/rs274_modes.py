@@ -11,7 +11,7 @@ from cuspline.program.program import Kind
 # group -> (word to write, what hangs on it)
 UNSAID = {
     "distance": ("G90", "whether axis words are places or distances"),
-    "work offset": ("G54", "where the zero lies"),
+    "work offset": ("G54", "where the zero is"),
     "cutter compensation": ("G40", "whether the path is shifted by a cutter radius"),
     "tool length": ("G43 H", "which tool length is in force"),
     "feed mode": ("G94", "what F means"),
@@ -30,6 +30,7 @@ class Rules(NamedTuple):
     code_of: Callable               # (letter, number) -> rs274_codes.Code of what it knows
     modes: frozenset                # keys of UNSAID that it has
     takes_own_length: bool          # G43 without H, and H0, take the offset of the tool in the spindle
+    moves_z_alone: bool             # G43: what a tool has beside the spindle's axis is made up for by G52
     path_tolerance_mm: float        # before the text says one: inf unbounded, NaN set by the control's parameters
 
 

@@ -23,17 +23,21 @@ from cuspline.posts.readers.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, 
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, refuse_text_after
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on
+from cuspline.posts.readers.rs274_tools import read_tool_table
 from cuspline.program.posted import PostedMoves, Remark, Stop
 from cuspline.program.program import Kind, Plane
+
+__all__ = ["read_program", "read_tool_table"]
 
 OPERATION = re.compile(r"\s*OPERATION\b[^:]*:([^,]*)", re.IGNORECASE)
 PLANES = {"G17": Plane.XY, "G18": Plane.ZX, "G19": Plane.YZ}
 KINDS = {"G0": Kind.RAPID, "G1": Kind.FEED, "G2": Kind.ARC_CW, "G3": Kind.ARC_CCW}
 UNKNOWN = (nan, nan, nan)
+SAME_SHIFT_MM = 6e-4        # half the last of three decimals, and a little
 SAME_LENGTH_MM = 2e-5       # half the last of six decimals of an inch: a length written out is no nearer
 NO_OFFSET = (0.0, 0.0, 0.0)
 COLUMNS = 24                # numbers kept of a move
-RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True,
+RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True, moves_z_alone=False,
               path_tolerance_mm=inf)
 
 
@@ -85,6 +89,7 @@ class Controller:
         self.wcs, self.offset = "G54", tuple(work_offsets.get("G54", UNKNOWN))
         self.is_foreign_wcs = bool(work_offsets) and "G54" not in work_offsets
         self.tool_offset, self.is_length_on = NO_OFFSET, False
+        self.local, self.programmed = NO_OFFSET, NO_OFFSET      # G52; see `_correct_programmed`
         self.length_of, self.length_fault = 0, None     # tool whose offset is in force, 0 nobody's; (amount, advice)
         self.path_tolerance_mm = rules.path_tolerance_mm
         self.unsaid, self.remarks = set(rules.modes), []
@@ -191,15 +196,29 @@ class Controller:
         self._stand_still(name)
 
     def do_once(self, name, values):
-        """G4, G53, and what takes back a shift of the zero that another program has left: no such shift is read."""
+        """G4, G53, and G52: it takes back a shift that another program has left, or sets the tool in the spindle right."""
         if name == "G53" and not self.is_absolute:
             raise Complaint("G53 while G91 is active", "write G90 first")
         self.is_machine_move = name == "G53"
         if name == "G4" and values.get("p", -1.0) < 0:
             raise Complaint("a dwell without its time", "write G4 P seconds")
-        if name == "G52" and any(values.get(c) != 0 for c in "xyz"):
+        if name == "G52":
+            self._shift_zero(values)
+
+    def _shift_zero(self, values):
+        """The machine stands still, and so does the tip; what is programmed from here on is seen from another zero."""
+        shift = tuple(values[c] * self._unit() if values.get(c) else values.get(c, nan) for c in "xyz")
+        own = (*self.tool_offsets.get(self.tool, NO_OFFSET)[:2], 0.0) if self.rules.moves_z_alone else NO_OFFSET
+        if shift != NO_OFFSET and not all(abs(a - b) < SAME_SHIFT_MM for a, b in zip(shift, own)):
             raise Complaint("G52 that shifts the zero, or leaves it shifted in some axes",
                             "write G52 X0. Y0. Z0., and set the zero by a work offset")
+        self.local = shift
+        self._correct_programmed()
+
+    def _correct_programmed(self):
+        """What a programmed place lacks to the tip's: the local zero, less the tool's offset in axes that G43 leaves."""
+        beside = self.tool_offset[:2] if self.rules.moves_z_alone else (0.0, 0.0)
+        self.programmed = tuple(a - b for a, b in zip(self.local, (*beside, 0.0)))
 
     def set_plane(self, name, values):
         self.plane = PLANES[name]
@@ -214,6 +233,7 @@ class Controller:
                                             "G49": lambda values: (0, NO_OFFSET)}[name](values)
         self.is_length_on = self.length_of > 0 or name == "G43.1"
         self.tip = tuple(t + (a - b) for t, a, b in zip(self.tip, old, self.tool_offset))
+        self._correct_programmed()
         self._compare_length()
 
     def set_wcs(self, name, values):
@@ -309,7 +329,7 @@ class Controller:
     def _end(self, values):
         unit_mm = self._unit()
         if self.is_absolute:
-            return tuple([values[c] * unit_mm if c in values else t for c, t in zip("xyz", self.tip)])
+            return tuple([values[c] * unit_mm + p if c in values else t for c, t, p in zip("xyz", self.tip, self.programmed)])
         return tuple([t + values.get(c, 0.0) * unit_mm for c, t in zip("xyz", self.tip)])
 
     def _machine_end(self, values):

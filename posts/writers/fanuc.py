@@ -10,18 +10,22 @@ for G92.1 is an option that stops a control without it: the header says what to 
 """
 
 import re
+from types import SimpleNamespace
 
 from cuspline.posts.writers.program_files import Dialect, posted
 from cuspline.posts.writers.sub_programs import FIRST_SUB, Variables
-from cuspline.posts.writers.words import UNIT_WORD
+from cuspline.posts.writers.words import UNIT_WORD, Writer, check_lines, in_brackets
 from cuspline.values.errors import PostError
 
 EXTENSION = "nc"
 READER = "fanuc_reader"
+TOOL_TABLE = "tools.nc"
+comment = in_brackets
 # letters of argument list I and the variables they arrive in
 LETTERS = {1: "A", 2: "B", 3: "C", 4: "I", 5: "J", 6: "K", 7: "D", 8: "E", 9: "F", 11: "H", 13: "M", 17: "Q", 18: "R",
            19: "S", 20: "T", 21: "U", 22: "V", 23: "W", 24: "X", 25: "Y", 26: "Z"}
 FILES_A_SETUP = 100
+OFFSETS = ("L10", "L11", "L12", "L13")      # length, its wear, radius, its wear; some controls take the pairs the other way
 
 
 def post(program, machine):
@@ -35,14 +39,31 @@ def post(program, machine):
     Raises:
         PostError: a line longer than the control takes, a spindle speed outside the machine's range, a feed that
             rounds to nothing, an operation that does not start and end at the clearance height, more letters or
-            deeper brackets than a macro has, a tool beside the spindle's axis.
+            deeper brackets than a macro has.
     """
-    for tool in (o.tool for o in program.operations):
-        if tool.offset_mm[0]:
-            raise PostError(f"T{tool.number} {tool.cutter.name} hangs {tool.head.offset_mm:g} mm beside the spindle's "
-                            "axis, and G43 of this control moves Z alone: choose a head with offset_mm 0, another cutter, or "
-                            "a machine whose tool table has X")
     return posted(program, machine, _Fanuc())
+
+
+def tool_table(tools, control):
+    """A program that writes lengths and radii into the control's offset memory C, each of them with no wear.
+
+    Args:
+        tools: cutters.Tool values.   control: machines.Control.
+    """
+    writer = Writer(SimpleNamespace(control=control), _Fanuc.point, comment)
+    writer.block("%")
+    writer.block("O0001")
+    writer.comment("TOOL OFFSETS: RUN BEFORE THE PROGRAMS")
+    writer.block(UNIT_WORD[control.units])
+    writer.block("G90")
+    for tool in sorted(tools, key=lambda t: t.number):
+        writer.comment(f"T{tool.number} {tool.cutter.name}")
+        for memory, value_mm in zip(OFFSETS, (tool.length_mm, 0.0, tool.cutter.diameter_mm / 2, 0.0)):
+            writer.block("G10", memory, f"P{tool.number}", "R" + writer.length(value_mm))
+    writer.block("M30")
+    writer.block("%")
+    check_lines(writer.lines, SimpleNamespace(control=control, name="the control"))
+    return "\n".join(writer.lines) + "\n"
 
 
 class _Fanuc(Dialect):
@@ -67,17 +88,26 @@ class _Fanuc(Dialect):
         writer.block(UNIT_WORD[writer.machine.control.units])
         writer.block("G17", "G90", "G94", "G40", "G49", "G80", "G64")
         writer.block(program.wcs)
-        writer.block("G52", "X0.", "Y0.", "Z0.")
+        self.shift_zero(writer, 0.0)
+
+    def shift_zero(self, writer, beside_mm):
+        """G52 takes the place of the tool offset's X: G43 of this control moves Z alone."""
+        writer.block("G52", "X" + writer.length(beside_mm), "Y0.", "Z0.")
+        writer.beside_mm = beside_mm
 
     def up(self, writer):
         writer.block("G91", "G28", "Z0.")
         writer.block("G90")
 
-    def length_on(self, writer, tool_number):
-        """Together with the first Z."""
-        writer.pending_z = ("G43",), (f"H{tool_number}",)
+    def length_on(self, writer, tool):
+        """Together with the first Z; the zero goes where a tool beside the spindle's axis has it."""
+        if tool.offset_mm[0] != writer.beside_mm:
+            self.shift_zero(writer, tool.offset_mm[0])
+        writer.pending_z = ("G43",), (f"H{tool.number}",)
 
     def foot(self, writer):
+        if writer.beside_mm:
+            self.shift_zero(writer, 0.0)
         super().foot(writer)
         writer.tail.append("%")
 

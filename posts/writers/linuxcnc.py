@@ -8,11 +8,13 @@ end.
 
 from cuspline.posts.writers.program_files import Dialect, posted
 from cuspline.posts.writers.sub_programs import Variables
-from cuspline.posts.writers.words import UNIT_WORD
+from cuspline.posts.writers.words import INCH_MM, UNIT_WORD, in_brackets
 
 EXTENSION = "ngc"
 READER = "rs274_reader"
+TOOL_TABLE = "tools.tbl"
 TOLERANCE_DECIMALS = 7
+comment = in_brackets
 
 
 def post(program, machine):
@@ -28,6 +30,19 @@ def post(program, machine):
             feed that rounds to nothing, an operation that does not start and end at the clearance height.
     """
     return posted(program, machine, _LinuxCNC())
+
+
+def tool_table(tools, control):
+    """The table's text, one line a tool, in the control's length unit.
+
+    Args:
+        tools: cutters.Tool values.   control: machines.Control.
+    """
+    scale = 1.0 if control.units == "mm" else 1.0 / INCH_MM
+    beside = lambda t: f"X{t.offset_mm[0] * scale:.6f} " if t.offset_mm[0] else ""
+    lines = [f"T{t.number} P{t.number} {beside(t)}Z{t.length_mm * scale:.6f} D{t.cutter.diameter_mm * scale:.6f} "
+             f";{t.cutter.name}" for t in sorted(tools, key=lambda t: t.number)]
+    return "\n".join(lines) + "\n"
 
 
 class _LinuxCNC(Dialect):

@@ -20,7 +20,8 @@ from cuspline.posts.writers.sub_programs import (
     main_lines,
     restart_number,
 )
-from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines
+from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines, in_brackets
+from cuspline.program.program import TILT_RAD
 from cuspline.values.errors import PostError
 
 LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
@@ -32,6 +33,7 @@ class Dialect(ABC):
     point: str                  # behind a number without decimals
     end: str                    # the word that ends the program
     variables: Variables
+    comment = staticmethod(in_brackets)     # how a text is told to the operator alone
 
     @abstractmethod
     def head(self, writer, program, file_number):
@@ -41,9 +43,9 @@ class Dialect(ABC):
     def up(self, writer):
         """The spindle to the top of the machine."""
 
-    def length_on(self, writer, tool_number):
+    def length_on(self, writer, tool):
         """The tool's length offset goes on, at the top of the machine."""
-        writer.block("G43", f"H{tool_number}")
+        writer.block("G43", f"H{tool.number}")
 
     def foot(self, writer):
         """The end of the program; what must stand behind it is in `writer.tail`."""
@@ -62,7 +64,7 @@ class Dialect(ABC):
 
     def setting(self, block, comment):
         """The block that sets a register, with what it is."""
-        return f"{block} ({comment})"
+        return f"{block} {self.comment(comment)}"
 
 
 def posted(program, machine, dialect):
@@ -93,13 +95,13 @@ class _Files:
         self.program, self.machine, self.dialect = program, machine, dialect
         self.subs = SubPrograms(program, dialect.variables)
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
-        foot = Writer(machine, dialect.point)
+        foot = Writer(machine, dialect.point, dialect.comment)
         dialect.foot(foot)
         self.foot_bytes = _bytes([*foot.lines, *foot.tail])
         self._open()
 
     def _open(self):
-        self.writer = Writer(self.machine, self.dialect.point)
+        self.writer = Writer(self.machine, self.dialect.point, self.dialect.comment)
         self.defined, self.under_way = set(), None
         self.counted, self.counted_bytes = (0, 0), 0        # lines and tail; what they take
         self.dialect.head(self.writer, self.program, len(self.texts) + 1)
@@ -203,13 +205,14 @@ class _Files:
             raise PostError(f"operation {operation.name}: {operation.spindle_rpm:.0f} rpm, the spindle of "
                             f"{self.machine.name} runs {spindle.min_rpm:.0f} to {spindle.max_rpm:.0f} rpm")
         self._check_heights(operation.moves)
+        _refuse_tilted(operation, self.machine)
         writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
         if writer.tool != tool.number or is_alone:      # an operation with restart points brings all that it needs
             writer.block("M5")
             writer.block("M9")
             self.dialect.up(writer)
             writer.block(f"T{tool.number}", "M6")
-            self.dialect.length_on(writer, tool.number)
+            self.dialect.length_on(writer, tool)
             writer.tool = tool.number
         writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
         writer.block(COOLANT_WORD[operation.coolant])
@@ -231,6 +234,16 @@ class _Files:
         writer.block(*before, "G0", *writer.words(start_mm, (2,)), *after)
         writer.pending_z = (), ()
         writer.here_mm = start_mm
+
+
+def _refuse_tilted(operation, machine):
+    """A machine without rotary axes holds every tool upright; written out, a tilted axis would be cut upright."""
+    tilt = operation.moves.tilt_rad
+    rows = np.flatnonzero(~(tilt <= TILT_RAD))
+    if len(rows):
+        raise PostError(f"operation {operation.name}: the tool axis leans {np.degrees(tilt[rows[0]]):.3f} degrees from "
+                        f"the spindle in move {rows[0]}, and in {len(rows) - 1} others; {machine.name} has no rotary "
+                        "axes: plan it with the axis along Z, or turn the part to it in a setup of its own", rows=rows)
 
 
 def _bytes(lines):

@@ -44,16 +44,31 @@ class Posted:
         return self.texts[0]
 
 
+def in_brackets(text):
+    """A comment of RS-274 and of Fanuc: ASCII, no brackets within.
+
+    >>> in_brackets("ball (6 mm)")
+    '(ball [6 mm])'
+    """
+    clean = text.translate({ord("("): "[", ord(")"): "]"}).encode("ascii", "replace").decode()
+    return f"({' '.join(clean.split())})"
+
+
 class Writer:
     """Lines so far and the modal state that the control is in."""
 
-    def __init__(self, machine, point=""):
-        """`point`: what a control wants behind a number without decimals: "" nothing, "." a point."""
-        self.machine, self.point = machine, point
+    def __init__(self, machine, point="", comment=in_brackets):
+        """
+        Args:
+            point: what a control wants behind a number without decimals: "" nothing, "." a point.
+            comment: function text -> the line that a control passes over.
+        """
+        self.machine, self.point, self.comment_of = machine, point, comment
         control = machine.control
         self.scale = 1.0 if control.units == "mm" else 1.0 / INCH_MM
         self.decimals = control.decimals
         self.lines, self.tail, self.tool = [], [], None
+        self.beside_mm = 0.0            # by which the zero is shifted for a tool beside the spindle's axis
         self.pending_z = (), ()         # words before and behind the next Z of an approach
         self.here_mm = np.zeros(3)
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
@@ -78,11 +93,11 @@ class Writer:
         self.lines.append(" ".join(words))
 
     def comment(self, text):
-        """ASCII, no nested brackets, split to the line length."""
-        clean = " ".join(text.translate({ord("("): "[", ord(")"): "]"}).encode("ascii", "replace").decode().split())
-        room = self.machine.control.line_length - 4
+        """Lines that the control passes over, split to the line length."""
+        clean = " ".join(text.split())
+        room = self.machine.control.line_length - 2 - len(self.comment_of(""))
         for k in range(0, max(len(clean), 1), room):
-            self.lines.append(f"({clean[k:k + room]})")
+            self.lines.append(self.comment_of(clean[k:k + room]))
 
     def length(self, value_mm, decimals=None):
         """A length in mm as the control reads it."""

@@ -20,6 +20,7 @@ from cuspline.program.program import Kind
 
 CHORD_MM = 0.0025
 VERIFY_KEYS = {"ok", "gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "gouge_volume_mm3", "excess_volume_mm3",
+               "gouge_volume_bound_mm3", "excess_volume_bound_mm3",
                "error_bound_mm", "points_checked", "area_required_mm2", "area_reached_mm2", "collisions", "findings"}
 OPERATION_KEYS = {"name", "tool", "spindle_rpm", "feed_mm_per_min", "time_s", "length_mm", "blocks", "candidates"}
 TOOL_KEYS = {"number", "type", "diameter_mm", "corner_radius_mm", "flute_length_mm", "holder"}
@@ -176,7 +177,7 @@ def test_verify_finds_the_same_numbers_again(saddle, tmp_path):
     judged, published = judge(folder, read_job(folder)), read(saddle / "verify.json")
     files = published.pop("stock")
     assert json.loads(json.dumps(judged.as_dict(()))) == published
-    states = [state.as_dict() for state in judged.stock_states(read_job(folder))]
+    states = [state.as_dict() for state in judged.stock_states()]
     assert states == [{k: v for k, v in row.items() if k != "sha256"} for row in files]
     assert bytes_of(folder) == before
 

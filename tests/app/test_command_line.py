@@ -9,7 +9,7 @@ from importlib import metadata
 import pytest
 
 from cuspline.app import cli
-from cuspline.shop.materials import MATERIALS
+from cuspline.shop.materials import known_materials
 from cuspline.values.finding_kinds import KINDS
 
 
@@ -26,14 +26,22 @@ def test_a_bare_command_shows_the_help(capsys):
 def test_materials_are_listed_with_units_and_sources(capsys):
     assert cli.run(["materials"]) == 0
     words = capsys.readouterr().out
-    for material in MATERIALS.values():
+    for material in known_materials().values():
         assert f"\n{material.name}: " in f"\n{words}" and material.source in words
     assert "cutting speed 270 m/min roughing" in words and "(0.08 mm at 10 mm)" in words
 
 
 def test_materials_as_json_hold_every_value(capsys):
     assert cli.run(["materials", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == [m.model_dump(mode="json") for m in MATERIALS.values()]
+    assert json.loads(capsys.readouterr().out) == [m.model_dump(mode="json") for m in known_materials().values()]
+
+
+def test_a_shop_s_own_materials_are_listed_too(tmp_path, capsys):
+    steel = {**known_materials()["steel_h13_48hrc"].model_dump(mode="json"), "name": "steel_c45", "source": "our own tests"}
+    rows = "\n".join(f"{name} = {json.dumps(value)}" for name, value in steel.items())
+    (tmp_path / "shop.toml").write_text(f"[[materials]]\n{rows}\n")
+    assert cli.run(["materials", str(tmp_path / "shop.toml"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)[-1] == steel
 
 
 def test_findings_are_listed_with_their_meaning(capsys):

@@ -9,9 +9,10 @@ from cuspline.app import catalogue
 from cuspline.app.build import Order, build
 from cuspline.app.judge import judge, posted_moves, read_tools
 from cuspline.design.job import read_job
+from cuspline.designs.rfq_vane import RfqVane, table_of
 from cuspline.kernel import brep
 from cuspline.replay.replay import replay
-from cuspline.values.errors import PlanError
+from cuspline.values.errors import DesignError, PlanError
 from cuspline.verification.verdict import Options
 
 
@@ -47,7 +48,7 @@ def test_the_hollows_of_crest_and_sides_are_told_with_their_places(vane):
     assert crest == pytest.approx(plan["min_concave_radius_mm"], rel=0.01) and sides > crest
     assert plan["tip"]["crest_concave_where"] in ("cell 49", "cell 50")
     x, y, z = plan["tip"]["crest_concave_place_mm"]
-    assert 997 <= x <= 1003 and y == 0 and z == pytest.approx(float(design.tip.crest_z_mm([x])[0]), abs=1e-3)
+    assert 997 <= x <= 1003 and y == 0 and z == pytest.approx(float(design.guides[0].crest_z_mm([x])[0]), abs=1e-3)
 
 
 def test_passes_lie_in_transverse_planes_and_are_tangent_arcs(vane):
@@ -93,6 +94,33 @@ def test_a_clamping_clears_no_farther_than_it_reaches(tmp_path):
         assert x.min() > low - 1e-3 and x.max() < high + 1e-3 and high - low < 100
 
 
+PROTONS = {"table": "law", "ion_mass_amu": 1.007276, "energy_in_mev": 0.05, "cells": 60, "ramp_cells": 60, "grip_mm": 8}
+
+
+@pytest.mark.parametrize("frequency_mhz, first_mm, stretch_mm, shape", [
+    (80, 19.344, (457, 460), {"r0_mm": 9.0, "rho_mm": 6.75, "thickness_mm": 16, "axis_height_mm": 60, "voltage_kv": 80}),
+    (200, 7.737, (215, 218), {"r0_mm": 4.5, "rho_mm": 3.375, "thickness_mm": 12, "axis_height_mm": 40, "voltage_kv": 60}),
+    (440, 3.517, (104, 107), {"r0_mm": 2.2, "rho_mm": 1.65, "thickness_mm": 8, "axis_height_mm": 36, "voltage_kv": 50})])
+def test_vanes_of_protons_by_law_are_verified(tmp_path, frequency_mhz, first_mm, stretch_mm, shape):
+    """Round the tightest valley of each: half a way of 50 keV in a period is the first cell, the ball fits the valley."""
+    given = {**PROTONS, **shape, "frequency_mhz": frequency_mhz, "entry_aperture_mm": 4 * shape["r0_mm"],
+             "from_mm": stretch_mm[0], "to_mm": stretch_mm[1]}
+    design, folder = made(tmp_path / "out", *(f"{name}={value}" for name, value in given.items()), stage="gcode")
+    # the published figure is m v^2 / 2; the relativistic speed is 4e-5 less
+    assert table_of(design.parameters).cells[0].length_mm == pytest.approx(first_mm, rel=6e-5)
+    plan = json.loads((folder / "plan.json").read_text())
+    ball = plan["setups"][0]["operations"][-1]["tool"]
+    assert ball["type"] == "ball" and ball["diameter_mm"] < 2 * plan["tip"]["crest_concave_radius_mm"]
+    coarse = Options(spacing_mm=0.25, solid_pitch_mm=0.4, replay_pitch_mm=0.5)
+    verify = judge(folder, read_job(folder), options=coarse).as_dict(())
+    assert verify["ok"] and verify["area_reached_mm2"] == pytest.approx(verify["area_required_mm2"])
+
+
+def test_an_aperture_too_wide_for_a_frequency_is_refused_with_the_cell_and_what_to_lower():
+    with pytest.raises(DesignError, match="lower r0_mm 9.718: at 440 MHz the first cells are 3.517 mm long"):
+        table_of(RfqVane(**PROTONS, frequency_mhz=440))
+
+
 def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
     """Nearly level cells: what arcs leave beside the mid-plane is nothing there, and the disc keeps the finish."""
     design, folder = made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100",
@@ -113,7 +141,7 @@ def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
 
 
 def test_a_disc_that_would_meet_the_jaws_is_refused(tmp_path):
-    with pytest.raises(PlanError, match="its disc comes within -.* mm of the .* jaw with the disc's middle at"):
+    with pytest.raises(PlanError, match="its cutter comes within -.* mm of the .* jaw with the cutter's middle at"):
         made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100", "strategy=transverse_arcs",
              "cutter=side", "grip_mm=50", stage="gcode")
 

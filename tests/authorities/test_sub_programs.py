@@ -7,9 +7,8 @@ from known_tools import on_a_head
 from known_vanes import CLEARANCE_MM, passes, steep_tip, vane_program
 
 from cuspline.posts.restart import restart_points, restarted
-from cuspline.posts.writers.linuxcnc import post
+from cuspline.posts.writers.linuxcnc import post, tool_table
 from cuspline.program.program import Operation, Program
-from cuspline.shop.tool_table import tool_table
 from cuspline.toolpaths.vane.side_cutter import with_wheel
 
 from .linuxcnc.comparison import assert_same_moves

@@ -74,7 +74,7 @@ def test_as_designed_nothing_moves():
 def test_residuals_are_told_and_bounded():
     off = lying(noise_mm=0.003)
     assert 0.0005 < max(refixtured(setup(), off).refixturing.residual_mm.values()) < 0.01
-    with pytest.raises(InputError, match="setup-2: marker . lies 0.00.* more than 0.001 mm.*measure it again"):
+    with pytest.raises(InputError, match="setup-2: marker . is 0.00.* more than 0.001 mm.*measure it again"):
         refixtured(setup(marker_limit_mm=0.001), off)
 
 
@@ -100,7 +100,7 @@ def test_too_few_markers_and_markers_in_a_line_are_refused():
     two, line = setup().markers[:2], tuple(Marker(name=n, at_mm=(x, 0, 0)) for n, x in (("p", 0), ("q", 50), ("r", 90)))
     with pytest.raises(InputError, match="it has 2 markers; a fit needs 3"):
         refixtured(setup(markers=two), lying(of=setup(markers=two)))
-    with pytest.raises(InputError, match="lie in one line within 0.000 mm"):
+    with pytest.raises(InputError, match="are in one line within 0.000 mm"):
         refixtured(setup(markers=line), lying(of=setup(markers=line)))
     with pytest.raises(InputError, match="no such setup; there are setup-2"):
         refixtured_setups([setup()], {"setup-9": {}})

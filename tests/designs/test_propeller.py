@@ -10,6 +10,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from cuspline.app import build, catalogue
+from cuspline.designs.propeller import Propeller
 from cuspline.designs.propellers import blade, root, tables
 from cuspline.designs.propellers.blade import blade_of, loop_angles, radial_laws
 from cuspline.designs.propellers.checks import (
@@ -31,7 +32,14 @@ from cuspline.designs.propellers.root import (
     rolled_round_root,
     straight_hub,
 )
-from cuspline.designs.propellers.sections import TrailingEdge, form_and_mean_line, loop_angle, naca66_a08, section_loop
+from cuspline.designs.propellers.sections import (
+    DATA,
+    TrailingEdge,
+    form_and_mean_line,
+    loop_angle,
+    naca66_a08,
+    section_loop,
+)
 from cuspline.designs.propellers.solid import HubCuts, _tools, propeller_solid, volume_of_cuts_mm3
 from cuspline.kernel import brep
 from cuspline.kernel.shells import ShellBuilder, Side, plane_across_x, plane_curve, spline_curve
@@ -40,7 +48,7 @@ from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.folds import folds_of
 from cuspline.surfaces.rolling_ball import envelope_room, fillet_of, rolled
 from cuspline.surfaces.trims import TrimSet
-from cuspline.values.errors import DesignError
+from cuspline.values.errors import DesignError, InputError
 
 
 def made_of(table, hub_ratio=0.2, radii=(4.0, 8.0, 4.0, 8.0), cuts=HubCuts(), length=0.46):
@@ -320,6 +328,75 @@ def test_offsets_measured_from_a_propeller_give_it_back(tmp_path):
     assert np.abs(off).max() < 0.05           # chordwise shift of stations and offsets to four figures
 
 
+# sections of one's own -----------------------------------------------------------------------------------
+
+NACA66 = DATA / "propeller_naca66mod_a08.csv"
+
+
+def own_sections(tmp_path, change=lambda text: text, name="sections.csv"):
+    text = "".join(line for line in NACA66.read_text().splitlines(keepends=True) if not line.startswith("#"))
+    (tmp_path / name).write_text(change(text))
+    return tmp_path / name
+
+
+def loop_points(made, radii=(0.3, 0.7, 0.95)):
+    """(n, 2) points of sections of a PropellerTable, mm, at radii all round."""
+    sigma = np.linspace(-np.pi, np.pi, 301)
+    found = []
+    for rho in radii:
+        thickness, camber = (np.interp(rho, made.r_R, v) for v in (made.thickness_D / np.maximum(made.chord_D, 1e-9),
+                                                                   made.camber_c))
+        xy = section_loop(made.shape, made.edge, sigma, np.full(301, rho), np.full(301, thickness), np.full(301, camber))
+        found.append(np.column_stack(xy) * np.interp(rho, made.r_R, made.chord_D) * made.diameter_mm)
+    return np.vstack(found)
+
+
+def test_the_built_in_sections_given_as_a_file_give_dtmb_4119(tmp_path):
+    radii = DATA / "propeller_dtmb4119.csv"
+    own = tables.from_files(radii, 304.8, 3, sections_csv=own_sections(tmp_path))
+    known = tables.dtmb_4119()
+    assert np.abs(loop_points(own) - loop_points(known)).max() < 1e-9
+    bare = own_sections(tmp_path, lambda text: "\n".join(",".join(row.split(",")[:3]) for row in text.splitlines()), "bare.csv")
+    bare = tables.from_files(radii, 304.8, 3, sections_csv=bare)
+    off = np.abs(loop_points(bare) - loop_points(known)).max()
+    assert 1e-6 < off < 0.1                     # mm of 100 mm chord: neither slopes nor the nose's radius were told
+
+
+def test_another_thickness_form_makes_another_blade(tmp_path):
+    """An elliptic nose of four times the radius, by the parameter that the command line takes."""
+    def rounder(text):
+        rows = [row.split(",") for row in text.splitlines()]
+        for row in rows[2:12]:
+            row[1] = f"{min(0.5, 1.5 * float(row[1])):.4f}"
+        rows[1][4] = f"{0.448 * 2.25:.4f}"
+        return "\n".join(map(",".join, rows))
+
+    path = own_sections(tmp_path, rounder)
+    p = Propeller(sections_csv=str(path), blades=4, skew_deg=0.0)
+    assert p.sections_csv and not p.offsets_csv
+    own = tables.own_propeller(4, 0.7, 1.1, 300.0, 0.2, sections_csv=path)
+    known = tables.own_propeller(4, 0.7, 1.1, 300.0, 0.2)
+    assert np.ptp(loop_points(own)[:, 1]) > np.ptp(loop_points(known)[:, 1]) - 0.1
+    assert np.abs(loop_points(own) - loop_points(known)).max() > 0.5
+    with pytest.raises(ValueError, match="both say what sections look like"):
+        Propeller(sections_csv="a.csv", offsets_csv="b.csv", radii_csv="c.csv")
+
+
+@pytest.mark.parametrize("change, wanted", [
+    (lambda t: t.replace("half_thickness_t0", "thickness"), "no column half_thickness_t0"),
+    (lambda t: t.replace("\n0.1,0.2907,", "\n0.1,,"), "row 8: half_thickness_t0 is empty"),
+    (lambda t: t.replace("\n0.1,", "\n0.06,"), "row 8: x_c 0.06: stations must rise"),
+    (lambda t: t.replace("\n1,0.0333", "\n1,0"), "row 26: half_thickness_t0 0: it is 0 at the nose and above 0"),
+    (lambda t: t.replace("\n0.45,0.5,", "\n0.45,1.0,"), "row 15: half_thickness_t0 1 is the greatest, it must be 0.5"),
+    (lambda t: t.replace("0.9992991001", "9.9992991001"), "row 16: camber_f0 9.9993 is the greatest, it must be 1"),
+    (lambda t: t.replace("0,0,0,,", "0,0,0.1,,"), "row 1: camber_f0 must be 0 at both ends"),
+    (lambda t: t.replace("-0.8844771306", "-88.44771306"), "row 19: camber_slope_f0"),
+    (lambda t: t.replace("0.448", "-0.448"), "row 1: nose_radius -0.448 must be above 0")])
+def test_sections_that_cannot_be_meant_are_refused_with_their_row(change, wanted, tmp_path):
+    with pytest.raises(DesignError, match=re.escape(wanted)):
+        tables.own_propeller(4, 0.7, 1.1, 300.0, 0.2, sections_csv=own_sections(tmp_path, change))
+
+
 def test_a_tip_with_a_chord_is_closed_on_its_cylinder():
     table = tables.dtmb_4119()
     chord = table.chord_D.copy()
@@ -424,7 +501,7 @@ def test_roots_that_collide_without_any_fillet_are_refused():
 def test_a_hollow_of_the_hub_that_is_tighter_than_the_ball_is_refused():
     table, x = tables.dtmb_4119(), np.linspace(-80, 80, 161)
     hub = curved_hub(x, 30.0 - 4.0 * np.exp(-((x - 48) / 4) ** 2))
-    with pytest.raises(DesignError, match="hollow of the hub's profile"):
+    with pytest.raises(DesignError, match="concave profile of the hub"):
         rolled_round_root(blade_over(table, hub), hub, radius_round_root(8, 8, 8, 8))
 
 
@@ -498,7 +575,7 @@ def test_a_table_may_have_a_byte_order_mark_and_skew_in_radians(tmp_path):
     plain, other = (tables.from_files(tmp_path / f"{n}.csv", 300.0, 5) for n in ("plain", "other"))
     assert np.nan_to_num(other.skew_rad) == pytest.approx(np.nan_to_num(plain.skew_rad), abs=1e-12)
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(DesignError, match="is no text"):
+    with pytest.raises(InputError, match="is written in UTF-16: save it as UTF-8"):
         tables.from_files(tmp_path / "binary.csv", 300.0, 5)
 
 
@@ -548,7 +625,7 @@ def test_a_shell_that_is_not_closed_is_refused():
     sides = [Side(edge=builder.edge(spline_curve(line((0, *a), (0, *b))), 0, 1, corners[k], corners[(k + 1) % 3]),
                   curve=plane_curve(line(a, b))) for k, (a, b) in enumerate(zip(ends, ends[1:]))]
     builder.face("lonely", plane_across_x(0.0), [sides])
-    with pytest.raises(DesignError, match="lies on 1 faces .lonely."):
+    with pytest.raises(DesignError, match="is on 1 face .lonely."):
         builder.solid()
 
 

@@ -26,7 +26,7 @@ def test_a_vane_that_the_bed_reaches_has_one_clamping():
 def test_clampings_that_gain_nothing_are_refused():
     with pytest.raises(DesignError, match="twice overlap_mm"):
         clampings(0.0, 500.0, 40.0, 20.0)
-    with pytest.raises(DesignError, match="7 clampings of 100 mm, and there are 6 work offsets"):
+    with pytest.raises(DesignError, match="7 setups of 100 mm, and there are 6 work offsets"):
         clampings(0.0, 640.0, 100.0, 10.0)
 
 

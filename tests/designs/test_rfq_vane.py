@@ -21,7 +21,7 @@ from cuspline.designs.rfq.tip_line import Segment, TipLine, fitted_tip
 from cuspline.designs.rfq_vane import TABLES, RfqVane, assembly, design, line_of, table_of
 from cuspline.kernel import brep
 from cuspline.planning.plan import plan_setup
-from cuspline.planning.strategies.sections import _plane_step
+from cuspline.planning.section_finishing import _plane_step
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.sections import SectionPlane
 from cuspline.values.errors import CamError, CutterDoesNotFit, DesignError, InputError
@@ -110,7 +110,7 @@ def test_a_cut_table_makes_a_vane(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text(table_text())
     made = design(RfqVane(table=str(path)))
-    assert made.tip.range_mm == pytest.approx((0.0, sum(CELLS[n].length_mm for n in range(30, 40))))
+    assert made.guides[0].range_mm == pytest.approx((0.0, sum(CELLS[n].length_mm for n in range(30, 40))))
 
 
 @pytest.mark.parametrize("change, unit, said", [
@@ -431,10 +431,10 @@ def test_the_brep_lies_on_the_analytic_tip(whole):
 def test_what_is_left_is_the_fit_of_the_spline(whole):
     """Far closer than asked: 0.0075 um of tip line, radius to rounding; 200 000 places are 7 um apart."""
     line, made = whole
-    x = np.linspace(*made.tip.range_mm, 200_001)
-    off = np.abs(made.tip.crest_z_mm(x) - (100.0 - line.aperture_mm(x))).max()
+    x = np.linspace(*made.guides[0].range_mm, 200_001)
+    off = np.abs(made.guides[0].crest_z_mm(x) - (100.0 - line.aperture_mm(x))).max()
     assert off == pytest.approx(7.5e-6, abs=2e-7)
-    assert np.abs(made.tip.radius_mm(x) - line.radius_mm(x)).max() < 1e-11
+    assert np.abs(made.guides[0].radius_mm(x) - line.radius_mm(x)).max() < 1e-11
 
 
 def test_the_whole_vane_is_built_in_less_than_two_seconds():
@@ -451,7 +451,7 @@ def test_sections_are_circles_to_rounding(whole):
     u0, u1, _, _ = face.nurbs.domain
     u, v = (g.ravel() for g in np.meshgrid(np.linspace(u0, u1, 40), np.linspace(0, 1, 25)))
     x, y, z = face.shape_at(u, v).point_mm.T
-    assert np.abs(np.hypot(y, z - made.tip.center_z_mm(x)) - made.tip.radius_mm(x)).max() < 1e-11
+    assert np.abs(np.hypot(y, z - made.guides[0].center_z_mm(x)) - made.guides[0].radius_mm(x)).max() < 1e-11
 
 
 def test_the_tightest_hollow_is_proven_on_the_brep(whole):
@@ -459,7 +459,7 @@ def test_the_tightest_hollow_is_proven_on_the_brep(whole):
     faces = brep.faces_of(brep.the_solid(made.solid))
     wanted = [k for k, f in enumerate(faces) if f.kind == "bspline"]
     hollow = tightest_hollow(faces, wanted)
-    (crest, place), (side, _) = made.tip.tightest_hollows()
+    (crest, place), (side, _) = made.guides[0].tightest_hollows()
     assert hollow.proven_mm <= crest <= hollow.radius_mm * 1.01 and hollow.radius_mm == pytest.approx(crest, rel=0.01)
     assert hollow.place_mm[0] == pytest.approx(place[0], abs=1.0) and abs(hollow.place_mm[1]) < 0.5
     assert side > crest
@@ -468,8 +468,8 @@ def test_the_tightest_hollow_is_proven_on_the_brep(whole):
 def test_a_radius_that_follows_r0_is_built_too():
     p = RfqVane(rho_follows_r0=True, from_mm=950, to_mm=1020)
     line, made = line_of(p), design(p)
-    x = np.linspace(*made.tip.range_mm, 2001)
-    assert np.ptp(made.tip.radius_mm(x)) > 5e-4 and np.abs(made.tip.radius_mm(x) - line.radius_mm(x)).max() < 2e-4
+    x = np.linspace(*made.guides[0].range_mm, 2001)
+    assert np.ptp(made.guides[0].radius_mm(x)) > 5e-4 and np.abs(made.guides[0].radius_mm(x) - line.radius_mm(x)).max() < 2e-4
     brep.the_solid(made.solid)
 
 

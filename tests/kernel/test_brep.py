@@ -142,7 +142,7 @@ def test_the_planning_mesh_keeps_its_deflection_and_the_volume():
 WRITE = """
 import cadquery as cq, sys
 from pathlib import Path
-from cuspline.brep import the_solid, write_step
+from cuspline.kernel.brep import the_solid, write_step
 part = cq.Workplane("XY").box(30, 20, 10).faces(">Z").workplane().hole(6).edges("|Z").edges(">X and >Y").fillet(3)
 write_step(the_solid(part), Path(sys.argv[1]), "plate")
 """

@@ -9,11 +9,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from cuspline.program.program import Kind
 from cuspline.toolpaths.roughing.level_fields import PlaneGrid
 from cuspline.toolpaths.roughing.stock_fields import points_of_move
+from cuspline.values.compiled import njit
 
 BINS = 60                   # of the front half, 3 degrees each
 GAP = 2                     # empty bins between marked ones that count as engaged: a thin chip misses cells

@@ -338,10 +338,15 @@ def rapids_higher(sheet, rng):
 
 @harmless
 def a_tool_more_in_the_table(sheet, rng):
+    if sheet.is_fanuc:
+        return {"tools.nc": (sheet.base.folder / "tools.nc").read_text().replace("M30", "G10 L10 P90 R3.5\nM30")}
     return {"tools.tbl": (sheet.base.folder / "tools.tbl").read_text() + "T90 P90 Z3.5 D1 ;drill\n\n"}
 
 
 @harmless
 def table_in_other_words(sheet, rng):
+    if sheet.is_fanuc:
+        text = (sheet.base.folder / "tools.nc").read_text()
+        return {"tools.nc": text.replace(" ", "").replace("R", "  R+")}
     text = (sheet.base.folder / "tools.tbl").read_text()
     return {"tools.tbl": text.replace("T", "t").replace(" Z", "   Z+").replace(";", " ; ")}

@@ -12,6 +12,7 @@ from cuspline.design import Setup
 from cuspline.design.job import read_job, read_tools
 from cuspline.program.program import Kind, MoveWriter, Operation, Plane, Program
 from cuspline.replay.replay import Fixture, replay
+from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.frames import Frame
@@ -58,7 +59,7 @@ def bases():
 def findings(base, text, pitch_mm=0.5, fixtures=()):
     """What the replay tells of a text in place of the base's own."""
     moves = posted_moves((text,), base.setup, base.machine, base.tools)
-    billet = Workpiece(min_mm=base.low_mm, max_mm=base.high_mm)
+    billet = Workpiece(blank=BoxShape(min_mm=base.low_mm, max_mm=base.high_mm))
     before = lambda row: billet.after(HOME, swept_paths(moves.first(row), base.tools))
     return replay(moves, base.tools, stock_min=base.low_mm, stock_max=base.high_mm, pitch_mm=pitch_mm, machine=base.machine,
                   fixtures=tuple(Fixture(**f) for f in fixtures), frame=HOME,

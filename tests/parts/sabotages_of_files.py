@@ -6,7 +6,7 @@ import re
 from sabotages import REFUSED, Expected, Spoilt, changed_manifest, sabotage
 from sabotages_of_text import at, cutting, first, pick
 
-TABLE = "tools.tbl"
+TABLE, OFFSETS = "tools.tbl", "tools.nc"
 
 
 def table_of(sheet):
@@ -18,6 +18,11 @@ def is_first(sheet):
     return sheet is sheet.base.programs[0]
 
 
+def has_table(sheet):
+    """Once a base whose control loads a table of LinuxCNC's kind."""
+    return is_first(sheet) and not sheet.is_fanuc
+
+
 def in_table(sheet, line, text):
     lines = table_of(sheet)
     lines[line - 1] = text
@@ -26,9 +31,9 @@ def in_table(sheet, line, text):
 
 @sabotage(times=2)
 def wrong_length_in_the_table(sheet, rng):
-    line, off = int(rng.integers(1, len(table_of(sheet)) + 1)), round(float(rng.uniform(-3, 3)), 4) or 0.5
-    if not is_first(sheet):
+    if not has_table(sheet):
         return None
+    line, off = int(rng.integers(1, len(table_of(sheet)) + 1)), round(float(rng.uniform(-3, 3)), 4) or 0.5
     longer = lambda w: f"Z{float(w[1]) + off / sheet.unit_mm:.6f}"
     return Spoilt(name=TABLE, content=in_table(sheet, line, re.sub(r"Z([\d.]+)", longer, table_of(sheet)[line - 1])),
                   expected=Expected(kind="wrong_tool_table", lines=(line, line), amount=abs(off),
@@ -37,7 +42,7 @@ def wrong_length_in_the_table(sheet, rng):
 
 @sabotage()
 def wrong_diameter_in_the_table(sheet, rng):
-    if not is_first(sheet):
+    if not has_table(sheet):
         return None
     larger = lambda w: f"D{float(w[1]) + 0.2 / sheet.unit_mm:.6f}"
     return Spoilt(name=TABLE, content=in_table(sheet, 1, re.sub(r"D([\d.]+)", larger, table_of(sheet)[0])),
@@ -46,7 +51,7 @@ def wrong_diameter_in_the_table(sheet, rng):
 
 @sabotage()
 def tool_beside_its_axis_in_the_table(sheet, rng):
-    if not is_first(sheet):
+    if not has_table(sheet):
         return None
     return Spoilt(name=TABLE, content=in_table(sheet, 2, table_of(sheet)[1].replace(" Z", " Y1 Z")),
                   expected=Expected(kind="wrong_tool_table", lines=(2, 2), amount=sheet.unit_mm, within=1e-6,
@@ -55,7 +60,7 @@ def tool_beside_its_axis_in_the_table(sheet, rng):
 
 @sabotage()
 def tool_missing_in_the_table(sheet, rng):
-    if not is_first(sheet):
+    if not has_table(sheet):
         return None
     number = re.match(r"T(\d+)", table_of(sheet)[0])[1]
     return Spoilt(name=TABLE, content=in_table(sheet, 1, ""),
@@ -66,12 +71,12 @@ def tool_missing_in_the_table(sheet, rng):
 def table_missing(sheet, rng):
     if not is_first(sheet):
         return None
-    return Spoilt(name=TABLE, content=None, expected=Expected(kind="wrong_tool_table", words="missing"))
+    return Spoilt(name=OFFSETS if sheet.is_fanuc else TABLE, content=None, expected=Expected(kind="wrong_tool_table", words="missing"))
 
 
 @sabotage()
 def table_that_cannot_be_read(sheet, rng):
-    if not is_first(sheet):
+    if not has_table(sheet):
         return None
     return Spoilt(name=TABLE, content=in_table(sheet, 2, "T2 P2 Zlong"),
                   expected=Expected(kind="wrong_tool_table", lines=(2, 2)))
@@ -79,7 +84,7 @@ def table_that_cannot_be_read(sheet, rng):
 
 @sabotage()
 def table_of_the_other_unit(sheet, rng):
-    if not is_first(sheet):
+    if not has_table(sheet):
         return None
     factor = 25.4 if sheet.unit_mm > 1 else 1 / 25.4
     length = sheet.base.tools[min(sheet.base.tools)].length_mm
@@ -91,12 +96,60 @@ def table_of_the_other_unit(sheet, rng):
 @sabotage()
 def tools_that_the_table_does_not_know(sheet, rng):
     """tools.json says another stick-out than the table was written with."""
-    if not is_first(sheet):
+    if not has_table(sheet):
         return None
     tools = json.loads((sheet.base.folder / "tools.json").read_text())
     tools["tools"][1]["stick_out_mm"] += 2.5
     return Spoilt(name="tools.json", content=json.dumps(tools),
                   expected=Expected(kind="wrong_tool_table", lines=(2, 2), amount=2.5, within=3e-5))
+
+
+# Fanuc's: a program that writes the offsets ---------------------------------------------------------------
+
+
+def offset_lines(sheet, memory):
+    """[(line number, its words)] of the blocks that write one of the memories."""
+    lines = (sheet.base.folder / OFFSETS).read_text().splitlines()
+    return [(k, line.split()) for k, line in enumerate(lines, 1) if line.startswith(f"G10 {memory} ")]
+
+
+def in_offsets(sheet, line, text):
+    lines = (sheet.base.folder / OFFSETS).read_text().splitlines()
+    lines[line - 1] = text
+    return "\n".join(lines) + "\n"
+
+
+@sabotage(times=2)
+def wrong_length_among_the_offsets(sheet, rng):
+    """Geometry or wear: the control adds them."""
+    if not (sheet.is_fanuc and is_first(sheet)):
+        return None
+    memory = pick(rng, ["L10", "L11"])
+    (line, words), off = pick(rng, offset_lines(sheet, memory)), round(float(rng.uniform(0.01, 3)), 3)
+    first = line if memory == "L10" else line - 1
+    longer = f"R{float(words[3][1:]) + off / sheet.unit_mm:.6f}"
+    return Spoilt(name=OFFSETS, content=in_offsets(sheet, line, " ".join([*words[:3], longer])),
+                  expected=Expected(kind="wrong_tool_table", lines=(first, first), amount=off, within=3e-5, words=" Z "))
+
+
+@sabotage()
+def wrong_radius_among_the_offsets(sheet, rng):
+    if not (sheet.is_fanuc and is_first(sheet)):
+        return None
+    line, words = offset_lines(sheet, "L12")[0]
+    larger = f"R{float(words[3][1:]) + 0.1 / sheet.unit_mm:.6f}"
+    return Spoilt(name=OFFSETS, content=in_offsets(sheet, line, " ".join([*words[:3], larger])),
+                  expected=Expected(kind="wrong_tool_table", lines=(line - 2, line - 2), amount=0.2, within=3e-5, words=" D "))
+
+
+@sabotage()
+def offset_without_a_point(sheet, rng):
+    """The control would count thousandths."""
+    if not (sheet.is_fanuc and is_first(sheet)):
+        return None
+    line, words = offset_lines(sheet, "L10")[0]
+    return Spoilt(name=OFFSETS, content=in_offsets(sheet, line, " ".join([*words[:3], "R100"])),
+                  expected=Expected(kind="wrong_tool_table", lines=(line, line)))
 
 
 @sabotage(times=3)

@@ -176,9 +176,10 @@ def mill_larger_than_the_program_believes(sheet, rng):
     off = round(float(rng.uniform(0.01, 0.1)), 4)
     tools = json.loads((sheet.base.folder / "tools.json").read_text())
     tools["tools"][0]["cutter"]["diameter_mm"] += 2 * off
-    table = (sheet.base.folder / "tools.tbl").read_text()
-    larger = re.sub(r"(T1 .*D)([\d.]+)", lambda w: f"{w[1]}{float(w[2]) + 2 * off / sheet.unit_mm:.6f}", table)
-    return Spoilt(name="tools.json", content=json.dumps(tools), more={"tools.tbl": larger},
+    name, word, share = ("tools.nc", r"(L12 P1 R)([\d.]+)", 1) if sheet.is_fanuc else ("tools.tbl", r"(T1 .*D)([\d.]+)", 2)
+    larger = re.sub(word, lambda w: f"{w[1]}{float(w[2]) + share * off / sheet.unit_mm:.6f}",
+                    (sheet.base.folder / name).read_text())
+    return Spoilt(name="tools.json", content=json.dumps(tools), more={name: larger},
                   expected=Expected(kind="gouge", lines=(1, len(sheet.lines)), amount=off, within=GRID_MM))
 
 

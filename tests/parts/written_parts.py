@@ -12,7 +12,6 @@ from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, St
 from cuspline.design.job import Job, PostedFile
 from cuspline.kernel import brep
 from cuspline.shop.cutters import Cutter, Tool
-from cuspline.shop.tool_table import tool_table
 
 FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
 CLEAR = "G0 Z30"
@@ -45,8 +44,9 @@ def written(folder, design, text, tools, ball_radius_mm):
 
 def write_tools(folder, tools, control=catalogue.find_machine("mill_3axis").control):
     """Put tools (as dicts) into tools.json and the control's table of a folder."""
+    post = catalogue.find_post(control.post)
     (folder / "tools.json").write_text(json.dumps({"tools": tools}))
-    (folder / "tools.tbl").write_text(tool_table(map(Tool.model_validate, tools), control))
+    (folder / post.TOOL_TABLE).write_text(post.tool_table(map(Tool.model_validate, tools), control))
 
 
 def _design(name, solid, predicates, high):

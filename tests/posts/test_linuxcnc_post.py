@@ -4,6 +4,8 @@ Accept new gold files with   CUSPLINE_ACCEPT_GOLD=1 pytest tests/posts/test_linu
 and review their diff like code.
 """
 
+import dataclasses
+import importlib
 import math
 import os
 import re
@@ -354,6 +356,18 @@ def test_an_operation_that_starts_or_ends_below_clearance_is_refused():
 def test_a_feed_that_rounds_to_nothing_is_refused(unit):
     with pytest.raises(PostError, match="a feed of 0.04 mm/min is nothing with 1 decimals"):
         post(one(("feed", (1, 0, 0), 0.04)), MACHINES[unit])
+
+
+@pytest.mark.parametrize("module", ["linuxcnc", "fanuc"])
+def test_a_tilted_axis_is_refused_by_row_and_angle(module):
+    planned = finishing()
+    axis = planned.axis.copy()
+    axis[2] = (0.0, math.sin(math.radians(30)), math.cos(math.radians(30)))
+    leaning = dataclasses.replace(planned, axis=axis)
+    with pytest.raises(PostError, match="operation finish: the tool axis leans 30.000 degrees .* in move 2, and in 0") as e:
+        importlib.import_module(f"cuspline.posts.writers.{module}").post(program(operation("finish", BALL, leaning)),
+                                                                         MACHINES["mm"])
+    assert list(e.value.rows) == [2]
 
 
 def test_posting_leaves_the_program_alone():

@@ -172,7 +172,7 @@ def refused(match, **changes):
 
 def test_faulty_templates_are_refused():
     up = Go(Kind.RAPID, z=Named("clear"))
-    refused("asks for .'r'., which nothing gives", templates=(PassTemplate("up", (), (Let("a", Named("r")), up)),))
+    refused("uses .'r'., which nothing gives", templates=(PassTemplate("up", (), (Let("a", Named("r")), up)),))
     refused("needs a feed", templates=(PassTemplate("up", (), (up, Go(Kind.FEED, x=Named("clear")))),))
     across = Go(Kind.RAPID, x=Named("clear"))
     refused("begin with a rapid straight up", templates=(PassTemplate("up", (), (across, up)),))

@@ -10,6 +10,7 @@ from cuspline.app import catalogue
 from cuspline.program.posted import Stop
 from cuspline.program.program import Plane
 from cuspline.replay.replay import replay
+from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.frames import Frame
@@ -29,7 +30,7 @@ def run(moves, stops=(), tools=None, machine=MILL, pitch_mm=0.25, **changes):
     posted = program((-30, 0, 50), moves, machine_end_mm=np.column_stack([np.full((len(end), 2), -50.0), end[:, 2] + NOSE_MM]),
                      stops=tuple(Stop(row=row, line=1000 + k, word=word) for k, (word, row) in enumerate(stops)), **changes)
     tools = tools or {1: tool("flat", 10, limits=LIMITS)}
-    billet = Workpiece(min_mm=LOW, max_mm=HIGH)
+    billet = Workpiece(blank=BoxShape(min_mm=LOW, max_mm=HIGH))
     return replay(posted, tools, stock_min=LOW, stock_max=HIGH, pitch_mm=pitch_mm, machine=machine,
                   stock_at=lambda row: partial(billet.after(HOME, swept_paths(posted.first(row), tools)).standing_mm, HOME)).findings
 

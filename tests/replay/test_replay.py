@@ -9,6 +9,7 @@ from known_programs import arc, feed, program, rapid, tool
 from cuspline.program.program import Plane
 from cuspline.replay.replay import Fixture, replay
 from cuspline.stock.swept import stock_height_mm, swept_paths
+from cuspline.values.errors import SimulationError
 
 LOW, HIGH = (-20.0, -10.0, -20.0), (20.0, 10.0, 0.0)
 SLOT = [rapid(-30, 0, 5), feed(-30, 0, -3), feed(30, 0, -3), rapid(30, 0, 5)]
@@ -130,3 +131,22 @@ def test_neighbouring_moves_make_one_finding():
     moves = [feed(x, 0, -3) for x in np.linspace(-30, 30, 50)]
     result = run([rapid(-30, 0, 5), *moves], changes={"spindle_rpm": np.zeros(51)})
     assert kinds(result) == ["no_spindle"] and "50 moves" in result.findings[0].advice
+
+
+# tilted axes ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", ["start_axis", "end_axis"])
+def test_a_tilted_axis_is_refused_by_row_and_angle(side):
+    """Judged as upright, a leaning tool would show no contact where its holder meets the stock."""
+    axis = np.tile((0.0, 0.0, 1.0), (4, 1))
+    axis[2] = (0.6, 0.0, 0.8)
+    with pytest.raises(SimulationError, match="line 12: the axis of T1 leans 36.870 degrees") as e:
+        run(SLOT, changes={side: axis})
+    assert list(e.value.rows) == [2]
+
+
+def test_a_tool_on_a_head_is_refused_as_soon_as_it_leaves_its_heads_axis():
+    hung = {1: tool("ball", 6).model_copy(update={"head": SimpleNamespace(axis=(1.0, 0.0, 0.0))})}
+    with pytest.raises(SimulationError, match="line 10: the axis of T1 leans 90.000 degrees .* in 3 more"):
+        run(SLOT, tools=hung)

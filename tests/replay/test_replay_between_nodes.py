@@ -16,6 +16,7 @@ from cuspline.replay.replay_doubts import stands_below
 from cuspline.replay.replay_stock import CELL_MM, DEEP_MM, DEPTH_MM, SHARE
 from cuspline.shop.cutters import Holder, HolderSegment
 from cuspline.shop.machines import Machine
+from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.frames import Frame
@@ -288,7 +289,7 @@ def test_a_way_is_clear_where_all_stock_beside_it_stands_below():
 @pytest.mark.parametrize("fin,wanted", [(FIN, ["clearance_not_proven"]), ((0.4, 0.0), [])], ids=["fin", "no fin"])
 def test_a_fin_that_an_earlier_clamping_leaves_between_the_nodes_is_not_overlooked(fin, wanted):
     here = Frame.shift((0.0, 0.0, 0.0))
-    piece = Workpiece(min_mm=LOW, max_mm=HIGH).after(here, swept_paths(program((-60, 0, 50), halves(fin)), TOOLS))
+    piece = Workpiece(blank=BoxShape(min_mm=LOW, max_mm=HIGH)).after(here, swept_paths(program((-60, 0, 50), halves(fin)), TOOLS))
     nodes = ZMap.over(LOW, HIGH, 0.5)
     heights = piece.heights_mm(here, nodes.xy_mm).reshape(nodes.ny, nodes.nx)
     assert heights.max() < -7.9 or fin != FIN             # no node shows it

@@ -7,6 +7,7 @@ import pytest
 
 from cuspline.design import Finish
 from cuspline.report.bundle import FaceMesh, PathPoints, ReportBundle, SetupBundle, StockReplay
+from cuspline.stock.shapes import BoxShape
 from cuspline.values.frames import Frame
 
 LENGTH, WIDTH, TOP, STOCK_TOP, PITCH = 60.0, 40.0, 20.0, 22.0, 0.5
@@ -120,6 +121,8 @@ def sample_setup(zmap):
         machine="router-3x", control="LinuxCNC 2.9", units="mm", wcs="G54",
         wcs_in_words="X0 Y0 at the front left corner of the stock, Z0 on its top", frame=Frame.shift((0, 0, STOCK_TOP)),
         operation_first_lines=(24, 980), stock_box_mm=((0.0, 0.0, -STOCK_TOP), (LENGTH, WIDTH, 0.0)),
+        stock_edges_mm=np.array(BoxShape(min_mm=(0, 0, 0), max_mm=(LENGTH, WIDTH, STOCK_TOP)).edges_mm), stock_in_words="",
+        fixtures=(("jaw", np.array(BoxShape(min_mm=(0, -5, 0), max_mm=(LENGTH, 0, 3)).edges_mm)),),
         extents_mm=(tuple(low - lift), tuple(high - lift)),
         path=PathPoints(points_mm=points, is_rapid=is_rapid.astype(bool), feed_mm_per_min=feed, operation=operation,
                         time_s=minutes * 60),
@@ -132,7 +135,7 @@ def sample_plan(setup):
     """plan.json as DESIGN.md says it."""
     ball_candidates = [
         {"tool": {"number": 5, "type": "ball", "diameter_mm": 20.0}, "diameter_mm": 20.0, "chosen": False,
-         "reason": "radius 10.000 mm is above the tightest hollow, 8.000 mm at X 20.000 Y 0.000 Z 12.000"},
+         "reason": "radius 10.000 mm is above the minimum concave radius, 8.000 mm at X 20.000 Y 0.000 Z 12.000"},
         {"tool": BALL, "diameter_mm": 10.0, "chosen": True, "reason": "largest that fits with a margin of 1.2"},
         {"tool": {"number": 4, "type": "ball", "diameter_mm": 6.0}, "diameter_mm": 6.0, "chosen": False,
          "reason": "fits, but a larger one does too"}]

@@ -29,7 +29,7 @@ def test_a_user_s_matplotlibrc_changes_nothing(sample_bundle):
 
 def test_plots_of_nothing_say_so():
     assert "no residual was judged" in plots.deviation_histogram(np.array([np.nan]), 0.01, 0.003)
-    assert "no hollow" in plots.curvature_plot(np.zeros(5), [], None)
+    assert "nothing concave" in plots.curvature_plot(np.zeros(5), [], None)
 
 
 def test_histogram_counts_what_lies_beyond_the_band():

@@ -61,11 +61,11 @@ def test_seeking_there_and_back_gives_the_same_picture(browser):
 
 
 @pytest.mark.parametrize("change", ["surface: 'deviation'", "surface: 'design'", "surface: 'rest'", "paths: 'all'",
-                                    "paths: 'all', pathColour: 'feed'", "paths: 'done', rapids: false", "stockBox: true",
-                                    "edges: false", "cutter: false", "yaw: 0.3"])
+                                    "paths: 'all', pathColour: 'feed'", "paths: 'done', rapids: false", "stockEdges: true",
+                                    "fixtures: true", "edges: false", "cutter: false", "yaw: 0.3"])
 def test_every_choice_changes_the_picture(browser, change):
     plain = "__view.showView('iso'); __view.set({surface: 'stock', paths: 'none', pathColour: 'operation', rapids: true, " \
-            "stockBox: false, edges: true, cutter: true}); __view.seek(0.6)"
+            "stockEdges: false, fixtures: false, edges: true, cutter: true}); __view.seek(0.6)"
     before = shown(browser, plain)
     assert shown(browser, f"__view.set({{{change}}})") != before
     assert shown(browser, plain) == before

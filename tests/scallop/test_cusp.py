@@ -207,7 +207,7 @@ def test_a_stance_is_read_from_axis_normal_and_feed():
 
 def test_a_silhouette_flatter_than_the_hollow_is_refused_with_its_rows():
     bull, leaning = CUTTERS["bull"], Stance(lead_rad=np.radians(30))        # effective radius 18
-    with pytest.raises(CutterDoesNotFit, match="1 points lie in a hollow.*radius 17.000") as error:
+    with pytest.raises(CutterDoesNotFit, match="1 point on surface that is concave.*radius 17.000") as error:
         cutter_stepover_mm(bull, 0.01, [0.0, -1 / 19, -1 / 17], leaning)
     assert error.value.rows.tolist() == [2]
     with pytest.raises(CutterDoesNotFit):

@@ -89,7 +89,7 @@ def test_halving_the_stepover_quarters_the_scallop():
 
 
 def test_a_hollow_tighter_than_the_ball_is_refused_with_its_rows_and_radius():
-    with pytest.raises(CutterDoesNotFit, match="2 points lie in a hollow of radius 4.000 mm") as error:
+    with pytest.raises(CutterDoesNotFit, match="2 points where the surface is concave with radius 4.000 mm") as error:
         stepover_for_scallop_mm(6.0, 0.01, np.array([0.1, -0.25, 0.0, -0.2]))
     assert error.value.rows.tolist() == [1, 3]
 
@@ -119,5 +119,5 @@ def test_the_chord_of_the_centre_path_deviates_by_what_was_asked(rho, r, deviati
 def test_segments_shrink_to_nothing_as_the_hollow_closes_round_the_ball():
     lengths = [segment_length_mm(6 + gap, 6.0, 0.0025) for gap in (1.0, 0.1, 0.01)]
     assert lengths == sorted(lengths, reverse=True)
-    with pytest.raises(CutterDoesNotFit, match="ball radius 6.0 mm in a hollow of radius 5.9 mm"):
+    with pytest.raises(CutterDoesNotFit, match="ball radius 6.0 mm where the surface is concave with radius 5.9 mm"):
         segment_length_mm(5.9, 6.0, 0.0025)

@@ -138,7 +138,7 @@ def test_the_tangent_corner_leaves_one_line_and_joins_the_other_without_a_kink(d
 @pytest.mark.parametrize("values, message", [
     (dict(d=10, r=2, e=3, f=5, alpha=0, beta=0, h=20), "misses the bottom line by 3 mm"),
     (dict(d=10, r=2, e=1, f=2, alpha=0, beta=0, h=20), "misses the side line by 2 mm"),
-    (dict(d=10, r=0, e=4, f=0, alpha=0, beta=0, h=20), "sharp corner lies where the lines cross: e = 5"),
+    (dict(d=10, r=0, e=4, f=0, alpha=0, beta=0, h=20), "sharp corner is where the lines cross: e = 5"),
     (dict(d=10, r=2, e=3, f=2, alpha=0, beta=0, h=1), "above the height of 1 mm"),
     (dict(d=4, r=0, e=2, f=0, alpha=0, beta=-0.5, h=20), "crosses the tool axis")])
 def test_an_apt_shape_that_cannot_be_says_why(values, message):

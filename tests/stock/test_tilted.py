@@ -387,5 +387,5 @@ def test_bad_axes_and_hollow_outlines_are_refused():
         swept_paths(turned, {1: ALL["flat"]})
     hollow = CutterProfile(start_mm=[(0, 0), (2, 0), (2, 1)], end_mm=[(2, 0), (2, 1), (4, 3)],
                            center_mm=np.full((3, 2), np.nan))
-    with pytest.raises(SimulationError, match="corner rounder has a hollow corner"):
+    with pytest.raises(SimulationError, match="corner rounder has a concave corner"):
         outline_pieces(hollow, "corner rounder")

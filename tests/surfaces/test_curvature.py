@@ -203,7 +203,7 @@ def test_only_the_part_within_the_given_box_counts():
 
 def test_a_hollow_that_does_not_close_in_is_told_with_its_own_face(monkeypatch):
     monkeypatch.setattr(curvature, "LARGEST_ROUNDS", 1)
-    with pytest.raises(PlanError, match="face 1: the tightest hollow does not close in") as said:
+    with pytest.raises(PlanError, match="face 1: the minimum concave radius is not found") as said:
         tightest_hollow([needle(), face_of(bspline(wavy_poles(2)))], [1])
     assert said.value.rows == [1]
 

@@ -6,6 +6,7 @@ import pytest
 from known_programs import feed, program, rapid, raster, tool
 
 from cuspline.kernel import brep
+from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.frames import Frame
@@ -23,7 +24,7 @@ CUSP = R - np.sqrt(R**2 - STEP**2 / 4)
 def found(moves, tools, faces=TOP, spacing=SPACING, sign=1):
     """(points, heights) of the tops, the highest sample and the workpiece."""
     posted = program((-6, -0.3, 40), moves)
-    piece = Workpiece(min_mm=(0, 0, 0), max_mm=(12, 9, 12)).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tools}))
+    piece = Workpiece(blank=BoxShape(min_mm=(0, 0, 0), max_mm=(12, 9, 12))).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tools}))
     s = sample_faces(faces, spacing)
     heights, rows = (a[0] for a in piece.deviations_of_cuts(s.points_mm, s.normals, 2.0))
     way = (posted.end_mm - posted.start_mm)[rows]
@@ -110,7 +111,7 @@ def test_a_sphere_cut_in_rings_shows_the_cusp_of_the_formula():
                                 np.full(len(rings), 17 * np.cos(angle) - R)])
         moves += [feed(*tip) for tip in tips]
     posted = program((0, 0, 40), moves)
-    piece = Workpiece(min_mm=(-8, -8, 0), max_mm=(8, 8, 13)).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tool("ball", 10)}))
+    piece = Workpiece(blank=BoxShape(min_mm=(-8, -8, 0), max_mm=(8, 8, 13))).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tool("ball", 10)}))
     s = sample_faces(faces, SPACING)
     near = np.arccos(np.clip(s.points_mm[:, 2] / 12, -1, 1)) < polar[-2]
     heights, rows = (a[0] for a in piece.deviations_of_cuts(s.points_mm, s.normals, 2.0))

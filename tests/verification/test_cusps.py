@@ -8,6 +8,7 @@ from known_programs import arc, feed, program, rapid, raster, tool
 from cuspline.kernel import brep
 from cuspline.program.program import Plane
 from cuspline.scallop.stepover import scallop_for_stepover_mm
+from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.frames import Frame
@@ -21,7 +22,7 @@ R, SPACING, FINE_MM = 5.0, 0.5, 1e-4
 def measured(faces, moves, high):
     """Cusps of faces cut by a ball, and the heights of the samples."""
     posted = program((-6, -3, 40), moves)
-    piece = Workpiece(min_mm=(0, -8, 0), max_mm=high).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tool("ball", 2 * R)}))
+    piece = Workpiece(blank=BoxShape(min_mm=(0, -8, 0), max_mm=high)).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tool("ball", 2 * R)}))
     s = sample_faces(faces, SPACING)
     height, row = (a[0] for a in piece.deviations_of_cuts(s.points_mm, s.normals, 2.0))
     feeds = (posted.end_mm - posted.start_mm)[row]

@@ -9,6 +9,7 @@ from OCP.BRepTools import BRepTools
 from cuspline.kernel import brep
 from cuspline.program.program import Plane
 from cuspline.stock.distance_kernels import piece_distance
+from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.frames import Frame
@@ -31,7 +32,7 @@ TOP = upper(cq.Workplane().box(12, 9, 10, centered=False), "plane")
 
 
 def cut(moves, cutter=tool("ball", 10), frame=HERE, piece=None):
-    piece = piece or Workpiece(min_mm=(-20, -20, 0), max_mm=(20, 20, 20))
+    piece = piece or Workpiece(blank=BoxShape(min_mm=(-20, -20, 0), max_mm=(20, 20, 20)))
     return piece.after(frame, swept_paths(program((-9, -9, 40), moves), {1: cutter}))
 
 
@@ -188,7 +189,7 @@ def test_nothing_is_proven_of_tilted_cutters():
     lean = np.tile([(0.6, 0.0, 0.8)], (34, 1))
     moves = raster((-6, 18), YS, 10.0)
     posted = program((-9, -9, 40), moves, start_axis=lean, end_axis=lean)
-    piece = Workpiece(min_mm=(0, 0, 0), max_mm=(12, 9, 12)).after(HERE, swept_paths(posted, {1: tool("ball", 10)}))
+    piece = Workpiece(blank=BoxShape(min_mm=(0, 0, 0), max_mm=(12, 9, 12))).after(HERE, swept_paths(posted, {1: tool("ball", 10)}))
     p = proof(piece)
     assert np.isnan(p.height_mm) and not p.is_complete and p.cells == 0
 

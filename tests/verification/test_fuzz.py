@@ -13,14 +13,15 @@ from known_programs import program, random_moves, tool
 
 from cuspline.design import Setup
 from cuspline.kernel import brep
+from cuspline.kernel.tessellation import tessellate
 from cuspline.program.program import Kind, Plane
+from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.verification.climbing import Ground
 from cuspline.verification.reach import drop_mesh
 from cuspline.verification.residuals import LIMIT_MM, residuals
 from cuspline.verification.samples import sample_faces
-from cuspline.verification.tessellation import tessellate
 
 CORPUS = (3, 8, 21, 34, 55, 89)        # seeds; one that ever failed stays
 SIZE_MM, ALLOWANCE_MM = np.array((20.0, 16.0, 10.0)), 1.0
@@ -50,7 +51,7 @@ def cut(seed):
     up = [f.shape for f in brep.faces_of(BLOCK) if f.middle.normal[0, 2] > -0.5]
     down = [f.shape for f in brep.faces_of(BLOCK) if f.middle.normal[0, 2] < -0.5]
     programs = [(random_clamping(rng, s), s.frame) for s in SETUPS]
-    piece = Workpiece(min_mm=(-ALLOWANCE_MM,) * 3, max_mm=SIZE_MM + ALLOWANCE_MM)
+    piece = Workpiece(blank=BoxShape(min_mm=(-ALLOWANCE_MM,) * 3, max_mm=SIZE_MM + ALLOWANCE_MM))
     for posted, frame in programs:
         piece = piece.after(frame, swept_paths(posted, CUTTERS))
     mesh, exact = tessellate(BLOCK, 0.01), brep.faces_of(BLOCK)

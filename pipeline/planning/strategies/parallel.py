@@ -14,7 +14,7 @@ class Parallel(Pattern):
     kind = "parallel"
     picture = """
         | | | | | | |     planes as far apart as the cusp allows
-        | | | | | | |     where the faces ask for most"""
+        | | | | | | |     where the faces need most"""
 
     angle_deg: float = Field(0.0, ge=-180, le=180, description="direction of the passes from +X")
 

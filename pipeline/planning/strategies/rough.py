@@ -28,13 +28,13 @@ class Rough(Clearing):
         tool, candidates = self._tool(work, allowance)
         rows = leftover_rows(work.samples)
         made, _, _ = roughing.cleared(work, self.title, tool, candidates, work.stock_mm, rows, threshold, self, allowance)
-        return [made], cutter_reach(work.samples, work.mesh, tool.cutter).is_reached
+        return [made] if made is not None else [], cutter_reach(work.samples, work.mesh, tool.cutter).is_reached
 
     def _tool(self, work, allowance_mm):
         """(Tool, candidates): the one asked for, or the largest that leaves least."""
         usable = work.tools("flat", "bull_nose")
         if len(usable) == 1:
-            return usable[0], (Candidate(tool=usable[0], is_chosen=True, reason="as asked"),)
+            return usable[0], (Candidate(tool=usable[0], is_chosen=True, reason="as requested"),)
         library = work.library.model_copy(update={"tools": tuple(usable)})
         found = roughing_tools(library, work.mesh, work.samples, work.stock_min_mm, work.stock_max_mm, allowance_mm)
         best, candidates = choose_roughing(found, allowance_mm)

@@ -16,6 +16,7 @@ from cuspline.planning.cutter_choice import ball_reach, choose_ball, choose_side
 from cuspline.planning.roughing import roughed
 from cuspline.replay.replay import Fixture
 from cuspline.toolpaths.vane.arc_templates import BESIDE_MM, templated_passes
+from cuspline.toolpaths.vane.circular_tip import CircularTip
 from cuspline.toolpaths.vane.cutter_surface import cut_map
 from cuspline.toolpaths.vane.side_cutter import refuse_interference, with_wheel
 from cuspline.toolpaths.vane.transverse_arcs import arc_steps, stretches
@@ -40,11 +41,9 @@ class TransverseArcs(Operation):
     passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="of roughing")
     allowance_mm: float = Field(0.254, gt=0, le=5, description="what the rough passes leave; the register is larger than "
                                 "the ball by it")
-    plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later; the register of the finish is smaller than "
-                              "the ball by it")
-    cutter: Literal["ball", "side"] = Field("ball", description="a ball, or a side cutter on a right-angle head, its axis "
+    cutter: Literal["ball", "side"] = Field("ball", description="a ball, or a side-and-face cutter on an angle head, its axis "
                                             "along the vane")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or of a side cutter's teeth; "
+    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or the width of a side-and-face cutter's teeth; "
                                   "left out: the largest that fits")
     section_plane: Literal["YZ"] = "YZ"
 
@@ -69,30 +68,31 @@ def _operations(work):
     balls = work.library if is_side else work.finishing_library
     ball, candidates, reach = choose_ball(balls, work.samples, work.hollow.radius_mm, work.mesh,
                                           work.practice.rough_allowance_mm, work.finishing_work())
-    made = [o for o in roughed(work, ball, reach.is_reached, lambda: None) if o is not None]
+    made = roughed(work, ball, reach.is_reached, lambda: None)
     tool, is_reached = ball, reach.is_reached
     if is_side:
-        tool, candidates = choose_side_cutter(work.library, work.hollow.radius_mm, work.operation.ball_mm)
+        asked = work.operation.ball_mm
+        tool, candidates = choose_side_cutter(work.library, work.hollow.radius_mm, asked and asked - 2 * work.plating_mm)
         is_reached = ball_reach(work.samples, work.mesh, tool.cutter.corner_radius_mm).is_reached
-    allowance, plating = work.operation.allowance_mm, work.operation.plating_mm
+    allowance = work.operation.allowance_mm
     ridge_mm = ridge_for_step_mm("finish", work.finish.scallop_mm, work.finish)
     made.append(_passes(work, "rough passes", tool, tip, within_mm, half_mm, allowance, ROUGH_RIDGE_MM, {}))
     radius = tool.cutter.corner_radius_mm
-    facts = {"candidates": [c.as_dict() for c in candidates], "plating_mm": plating,
+    facts = {"candidates": [c.as_dict() for c in candidates], "plating_mm": work.plating_mm,
              "min_concave_radius_mm": finite(work.hollow.radius_mm),
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
-             "cut_map": map_facts(cut_map(tip.between(*within_mm), radius, radius - plating, MAP_PITCH_RADII * radius),
+             "cut_map": map_facts(cut_map(tip.between(*within_mm), radius, radius, MAP_PITCH_RADII * radius),
                                  tip.half_arc_rad)}
-    made.append(_passes(work, "finish", tool, tip, within_mm, half_mm, -plating, ridge_mm, facts))
+    made.append(_passes(work, "finish", tool, tip, within_mm, half_mm, 0.0, ridge_mm, facts))
     return made, is_reached
 
 
 def _vane(work):
     """(CircularTip in the frame of the setup's moves, half width of the body)."""
-    tip, setup = work.design.tip, work.setup
+    tip, setup = work.design.guide_of(CircularTip), work.setup
     if tip is None:
         raise PlanError(f"{setup.name}: transverse arcs follow a vane's tip, and {work.design.name} says none "
-                        "(Design.tip): choose another strategy")
+                        "(a CircularTip among Design.guides): choose another strategy")
     if np.abs(setup.turn.rotation - np.eye(3)).max() > 1e-9:
         raise PlanError(f"{setup.name}: transverse arcs need the vane along the machine's X, its tip up: wcs_x is "
                         f"{setup.wcs_x}, wcs_z {setup.wcs_z}; make them (1, 0, 0) and (0, 0, 1)")
@@ -100,10 +100,7 @@ def _vane(work):
     wide = float(max(-work.stock_min_mm[1], work.stock_max_mm[1]))
     if wide > half + BESIDE_MM - BOX_ROUNDING_MM:
         raise PlanError(f"{setup.name}: transverse arcs go down beside the body, {half:.3f} mm from the mid-plane, and "
-                        f"the billet reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
-    if work.operation.plating_mm > work.finish.gouge_mm:
-        raise PlanError(f"{setup.name}: a plating of {work.operation.plating_mm:g} mm leaves the metal that far below the "
-                        f"plated surface, and finish.gouge_mm accepts {work.finish.gouge_mm:g} mm: raise it")
+                        f"the stock reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
     return tip, half
 
 
@@ -130,8 +127,7 @@ def _passes(work, name, tool, tip, within_mm, half_mm, over_mm, ridge_mm, facts)
     if tool.head is not None:
         passes = with_wheel(passes, tool)
         facts = {**facts, "head": tool.head.name, "wheel_mm": round(tool.wheel_mm, 6)}
-        boxes = [Fixture(name=f.name, min_mm=tuple(low), max_mm=tuple(high))
-                 for f, (low, high) in zip(work.setup.fixtures, work.fixtures)]
+        boxes = [Fixture(name=f.name, min_mm=tuple(f.box_mm[0]), max_mm=tuple(f.box_mm[1])) for f in work.fixtures]
         refuse_interference(passes.moves(), tool, boxes, work.machine.spindle_head)
     intervals = [float(s.interval_mm) for s in along]
     facts = {"allowance_mm": over_mm if over_mm > 0 else 0.0, "scallop_mm": ridge_mm,

@@ -2,17 +2,20 @@
 
 import json
 
-from cuspline.shop.tool_table import dropped_fields, tool_table
+from cuspline.shop.tool_table import dropped_fields
 from cuspline.values.errors import InputError
 
 
-def refuse_target(path):
+def refuse_target(path, table_suffix):
     """
+    Args:
+        table_suffix: of the control's tool table, such as ".tbl"; "": it loads none.
     Raises:
-        InputError: neither a .json nor a .tbl, or its folder does not exist.
+        InputError: neither a .json nor such a table, or its folder does not exist.
     """
-    if path.suffix not in (".json", ".tbl"):
-        raise InputError(f"--to {path}: tools are written to a .json library or a LinuxCNC .tbl")
+    if path.suffix not in (".json", table_suffix):
+        raise InputError(f"--to {path}: tools are written to a .json library"
+                         + (f" or the control's {table_suffix}" if table_suffix else ", for this control loads no table"))
     if not path.parent.is_dir():
         raise InputError(f"--to {path}: the folder {path.parent} does not exist")
 
@@ -22,18 +25,19 @@ def sidecar(path):
     return path.with_name(f"{path.stem}.dropped.json")
 
 
-def write_tools(library, path, control, imported=None):
-    """Write a library (.json) or a tool table (.tbl), and its sidecar.
+def write_tools(library, path, control, table_of, imported=None):
+    """Write a library (.json) or the control's tool table, and its sidecar.
 
     Args:
         library: ToolLibrary.
         path: what to write.
         control: machines.Control, whose length unit a table is in.
+        table_of: the post's function (tools, control) -> text of a table.
         imported: Import that the library came from, if it did.
     """
     report = {} if imported is None else {"import": imported.as_dict()}
-    if path.suffix == ".tbl":
-        _replace(path, tool_table(library.tools, control))
+    if path.suffix != ".json":
+        _replace(path, table_of(library.tools, control))
         report["export"] = dropped_fields(library.tools, control)
     else:
         _replace(path, _text(library.model_dump(mode="json")))

@@ -112,9 +112,9 @@ def _completed(foreign, holder, stick_out_mm):
         return foreign
     assumed = list(foreign.assumed)
     if foreign.holder is None and holder is not None:
-        assumed.append(f"holder = {holder.name}, as asked for")
+        assumed.append(f"holder = {holder.name}, as requested")
     if foreign.stick_out_mm is None and stick_out_mm is not None:
-        assumed.append(f"stick_out_mm = {stick_out_mm:g}, as asked for")
+        assumed.append(f"stick_out_mm = {stick_out_mm:g}, as requested")
     return replace(foreign, holder=foreign.holder or holder, assumed=tuple(assumed),
                    stick_out_mm=stick_out_mm if foreign.stick_out_mm is None else foreign.stick_out_mm)
 

@@ -55,7 +55,7 @@ def checked_radii_mm(radius_mm, corner_radius_mm):
     R, rc = float(radius_mm), float(corner_radius_mm)
     if not (0.0 < R < np.inf and 0.0 <= rc <= R):
         raise ToolpathError(f"no cutter has radius {R} mm and corner radius {rc} mm: the corner radius runs from 0 "
-                            "(flat) to the radius (ball); mend the tool library")
+                            "(flat) to the radius (ball); correct the tool library")
     return R, rc
 
 

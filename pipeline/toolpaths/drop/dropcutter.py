@@ -44,7 +44,7 @@ class DropMesh:
         if not np.isfinite(corners).all():
             rows = np.flatnonzero(~np.isfinite(corners).all(axis=(1, 2)))
             raise ToolpathError(f"drop-cutter: {len(rows)} triangles, the first being row {rows[0]}, have corners "
-                                "that are not numbers; mend the mesh", rows=rows)
+                                "that are not numbers; repair the mesh", rows=rows)
         leaves = 1
         while leaves * LEAF_TRIANGLES < len(corners):
             leaves *= 2

@@ -49,7 +49,7 @@ def metric_distance(metric, is_inside, step_mm, start, farthest=np.inf, walls=No
     if not (np.isfinite(m[inside]).all() and (xx > 0).all() and (xx * yy > xy * xy).all()):
         raise ToolpathError("the metric is not positive everywhere inside the region; cut such nodes out of the mask")
     if not np.isfinite(seeds).any():
-        raise ToolpathError("no seed lies inside the region; move the seed curve onto it")
+        raise ToolpathError("no seed is inside the region; move the seed curve onto it")
     shut = _shut(walls, inside)
     weights, offsets = _stencils(m * step_mm ** 2, inside, shut)
     first, users = _users(offsets, inside)

@@ -45,7 +45,7 @@ class TipLinkRules:
 
     def __post_init__(self):
         if self.approach_z_mm > self.clearance_z_mm:
-            raise ToolpathError(f"the approach height {self.approach_z_mm} mm lies above the clearance height "
+            raise ToolpathError(f"the approach height {self.approach_z_mm} mm is above the clearance height "
                                 f"{self.clearance_z_mm} mm: raise the clearance")
 
 

@@ -45,7 +45,7 @@ class PathRules:
 
     def __post_init__(self):
         if not (self.tolerance_mm > 0 and self.lateral_mm >= 0 and self.bridge_mm >= 0):
-            raise ToolpathError(f"a path needs a tolerance above zero, lateral and bridge lengths not below it; asked: "
+            raise ToolpathError(f"a path needs a tolerance above zero, lateral and bridge lengths not below it; given: "
                                 f"{self.tolerance_mm}, {self.lateral_mm} and {self.bridge_mm} mm")
 
 

@@ -55,7 +55,7 @@ def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_m
     R, rc = checked_radii_mm(radius_mm, corner_radius_mm)
     if not tolerance_mm >= FINEST_MM:
         raise ToolpathError(f"a depth tolerance of {tolerance_mm} mm is finer than the {FINEST_MM} mm that borders of "
-                            "faces are known to: ask for more than that")
+                            "faces are known to: request more than that")
     start, end = for_kernel(start_mm), for_kernel(end_mm)
     depth, share, place = np.full(len(start), -np.inf), np.full(len(start), 0.5), np.full((len(start), 3), np.nan)
     runs = _runs(start, end, RUN_SHARE * R)

@@ -34,7 +34,8 @@ class ClearingRules:
     lead_mm: float = 2.0            # room beside the stock
     margin_mm: float = 0.04         # kept above the allowance: the mesh's deviation
     keep_out: tuple = ()            # boxes (min_mm, max_mm) that the cutter stays clear of
-    keep_out_mm: float = 0.0
+    keep_clear: tuple = ()          # DropMesh values of other things that it stays clear of
+    keep_out_mm: float = 0.0        # how far
 
     @property
     def turn_mm(self):

@@ -20,7 +20,7 @@ from cuspline.toolpaths.roughing.clearing_rules import Clearing, ClearingRules, 
 from cuspline.toolpaths.roughing.level_fields import PlaneGrid, inner_distance, level_distance_mm, nearest_seed
 from cuspline.toolpaths.roughing.level_runs import LevelRuns
 from cuspline.values import fixed_math as fixed
-from cuspline.values.errors import ToolpathError
+from cuspline.values.errors import NothingToCut, ToolpathError
 
 __all__ = ["Clearing", "ClearingRules", "clear", "engagement_of_rad"]
 
@@ -39,15 +39,15 @@ def clear(rules):
     """Clear the stock down to the part and its allowance, level by level.
 
     Raises:
-        ToolpathError: there is nothing to remove, the bounds cannot be used, or a path would cut
-            into the allowance whatever is kept back from it.
+        NothingToCut: there is nothing to remove.
+        ToolpathError: the bounds cannot be used, or a path would cut into the allowance whatever is kept back from it.
     """
     refuse_bad(rules)
     job = _Job(rules)
     for level, above in job.levels():
         job.cut_level(level, above)
     if job.writer.is_empty:
-        raise ToolpathError("roughing found nothing to remove: the stock lies within the allowance of the part; "
+        raise NothingToCut("roughing found nothing to remove: the stock is within the allowance of the part; "
                             "leave the operation out")
     return job.result()
 
@@ -77,7 +77,7 @@ class _Job:
         self.done, self.most, self.left_mm3 = [], 0.0, 0.0
 
     def tip_mm(self, xy_mm):
-        """(n,) lowest tips that keep allowance, margins and the boxes to keep out of."""
+        """(n,) lowest tips that keep allowance, margins and a distance from what else stands there."""
         rules, a = self.rules, self.rules.allowance_mm
         tips = drop_tips_mm(rules.mesh, xy_mm, rules.radius_mm + a + WALL_MARGIN_MM, rules.corner_radius_mm + a)
         tips = tips + a + rules.margin_mm
@@ -85,6 +85,9 @@ class _Job:
             beside = np.maximum(np.maximum(np.asarray(low)[:2] - xy_mm, xy_mm - np.asarray(high)[:2]), 0.0)
             over = fixed.hypot(*beside.T) < rules.radius_mm + rules.keep_out_mm
             tips = np.where(over, np.maximum(tips, high[2] + rules.keep_out_mm), tips)
+        for mesh in rules.keep_clear:
+            highest = drop_tips_mm(mesh, xy_mm, rules.radius_mm + rules.keep_out_mm, 0.0)
+            tips = np.maximum(tips, highest + rules.keep_out_mm)
         return tips
 
     def levels(self):

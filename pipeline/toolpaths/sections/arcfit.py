@@ -59,7 +59,7 @@ def fit_arcs(points, headings, tolerance_mm, largest_radius_mm, breaks=()):
     if len(chain) == 0:
         raise ToolpathError(f"no chain of arcs follows the curve near ({points[0, 0]:.3f}, {points[0, 1]:.3f}) "
                             f"within {tolerance_mm} mm: a kink, a wrong tangent, or a tolerance that "
-                            f"{JOINTS} joints cannot keep")
+                            f"{JOINTS} candidate ends of arcs cannot keep")
     return [_element(*row, largest_radius_mm) for row in chain]
 
 

@@ -27,8 +27,8 @@ OVERRUN_MM = 0.1            # passes run so far beyond the body's side
 BESIDE_MM = 2.0             # between ball and body while the tool goes down
 SECTION = (Quantity("y", meaning="Y of the tangency"), Quantity("z", axis=2, meaning="Z of the tangency"),
            Quantity("c", axis=2, meaning="Z of the arc's centre"))
-STEEP = (Quantity("swell", "", meaning="share of the register in the radius"),
-         Quantity("lift", "", meaning="share of the register in the centre's height"))
+STEEP = (Quantity("swell", "", meaning="share of the tool offset in the radius"),
+         Quantity("lift", "", meaning="share of the tool offset in the centre's height"))
 y, z, c, swell, lift, r, ball, half, mid, x, step, clear, beside, feed, slow = terms(
     "y z c swell lift r ball half mid x step clear beside feed slow")
 ny, nz, g, h, ty, tz, fy, fz = terms("ny nz g h ty tz fy fz")
@@ -100,7 +100,7 @@ def templated_passes(stretches, steps, *, flank_rad, register_mm, ball_radius_mm
             row += 1
     items.append(Call(LEAVE.name, ()))
     registers = (
-        Register(Quantity("r", meaning="tool radius register"), register_mm),
+        Register(Quantity("r", meaning="tool radius offset"), register_mm),
         Register(Quantity("ball", meaning="tip below the ball's centre"), ball_radius_mm),
         Register(Quantity("ny", "", meaning="flank's normal, across"), fixed.cos(flank_rad)),
         Register(Quantity("nz", "", meaning="flank's normal, up"), fixed.sin(flank_rad)),

@@ -37,7 +37,7 @@ def with_wheel(passes, tool):
         TemplatedPasses.
     """
     if passes.register("ball").value != 0:
-        raise PlanError("side cutter: the program drives the disc's middle, so its passes are told with "
+        raise PlanError("side-and-face cutter: the program drives the cutter's middle, so its passes are computed with "
                         "ball_radius_mm 0")
     g, fy, beside, wheel, ny = terms("g fy beside wheel ny")
     grown = {"g": lambda t: t + wheel, "fy": lambda t: t + wheel * ny}
@@ -75,6 +75,6 @@ def refuse_interference(moves, tool, fixtures, spindle_head=()):
     worst = min(nearest_to_fixtures(along, tool, fixtures, spindle_head), key=lambda n: n.clearance_mm, default=None)
     if worst is not None and worst.clearance_mm < CLEARANCE_MM:
         place = " ".join(f"{a}{v:.3f}" for a, v in zip("XYZ", worst.center_mm))
-        raise PlanError(f"side cutter T{tool.number}: its {worst.part} comes within {worst.clearance_mm:.2f} mm of the "
-                        f"{worst.fixture} with the disc's middle at {place}, {CLEARANCE_MM:g} mm are wanted: clamp "
-                        "lower, raise the vane, or take a smaller disc or head")
+        raise PlanError(f"side-and-face cutter T{tool.number}: its {worst.part} comes within {worst.clearance_mm:.2f} mm of the "
+                        f"{worst.fixture} with the cutter's middle at {place}, {CLEARANCE_MM:g} mm are wanted: clamp "
+                        "lower, raise the vane, or take a smaller cutter or angle head")

@@ -1,5 +1,6 @@
 """Planning a vane as its controller lays it out, and what such a plan refuses."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,28 +13,28 @@ from cuspline.planning.plan import plan_setup
 from cuspline.planning.strategies.transverse_arcs import TransverseArcs
 from cuspline.posts.writers.linuxcnc import post
 from cuspline.program.program import Kind
-from cuspline.values.errors import PlanError
+from cuspline.toolpaths.vane.circular_tip import CircularTip
+from cuspline.values.errors import DesignError, PlanError
 
 
 def setup_of(**changes):
     return Setup(name="setup-1", wcs_in_words="", faces=("tip",), **changes)
 
 
-def work(tip=None, setup=None, stock_half_mm=9.0, gouge_mm=0.0025, plating_mm=0.0):
+def work(tip=None, setup=None, stock_half_mm=9.0, gouge_mm=0.0025):
     """As much of a PlanningContext as is asked before anything is planned."""
     finish = Finish(scallop_mm=0.005, profile_tolerance_mm=0.001, gouge_mm=gouge_mm)
     return SimpleNamespace(
-        design=SimpleNamespace(name="vane", tip=tip), setup=setup or setup_of(), finish=finish,
-        operation=TransverseArcs(plating_mm=plating_mm),
+        design=SimpleNamespace(name="vane", guide_of=lambda kind: tip), setup=setup or setup_of(), finish=finish,
+        operation=TransverseArcs(),
         box=(np.array([0.0, -9.0, 0.0]), np.array([40.0, 9.0, 47.0])),
         stock_min_mm=np.array([0.0, -stock_half_mm, 0.0]), stock_max_mm=np.array([40.0, stock_half_mm, 48.0]))
 
 
 @pytest.mark.parametrize("asked, said", [
-    ({}, r"vane says none \(Design.tip\): choose another strategy"),
+    ({}, r"vane says none \(a CircularTip among Design.guides\): choose another strategy"),
     ({"tip": wavy_tip(), "setup": setup_of(wcs_x=(0, 1, 0))}, r"wcs_x is \(0.0, 1.0, 0.0\).*make them \(1, 0, 0\)"),
-    ({"tip": wavy_tip(), "stock_half_mm": 12.0}, "billet reaches 12.000 mm: let it be at most 2 mm wider"),
-    ({"tip": wavy_tip(), "plating_mm": 0.05}, "finish.gouge_mm accepts 0.0025 mm: raise it")])
+    ({"tip": wavy_tip(), "stock_half_mm": 12.0}, "stock reaches 12.000 mm: let it be at most 2 mm wider")])
 def test_what_is_no_such_vane_is_refused(asked, said):
     with pytest.raises(PlanError, match=said):
         TransverseArcs().plan(work(**asked))
@@ -55,3 +56,12 @@ def test_a_vane_is_roughed_both_ways_and_finished_climb_with_one_register():
     assert np.abs(shift - (-700.0, 0.0, 0.0)).max() < 1e-9            # the zero is at the vane's end
     assert np.abs(program.operations[-1].passes.moves().end_mm - program.operations[-1].moves.end_mm).max() < 1e-9
     assert post(program, machine).largest_rounding_mm < 0.002
+
+
+def test_a_design_hands_a_guide_to_the_strategy_that_asks_for_it():
+    design = find_design("rfq_vane").design(["from_mm=150", "to_mm=152"])
+    tip, = design.guides
+    assert design.guide_of(CircularTip) is tip and design.guide_of(Finish) is None
+    assert tip.facts(design.where)["range_mm"] == [150.0, 152.0]
+    with pytest.raises(DesignError, match="two guides are of type CircularTip"):
+        replace(design, guides=(tip, tip))

@@ -80,7 +80,7 @@ def test_everything_dropped_or_assumed_is_listed(tmp_path):
     (fusion_tool("drill", 2), "type 'drill'"), (fusion_tool(number=2, unit="furlongs"), "unit is 'furlongs'"),
     (fusion_tool(number=2, DC=None), "geometry.DC is missing"), (fusion_tool(number=2, DC=-3.0), "geometry.DC is -3.0"),
     (fusion_tool("bull nose end mill", 2, RE=6.0), "0 < corner_radius_mm < diameter/2"),
-    (fusion_tool(number=2, RE=1.0), "it is a bull nose"), (fusion_tool(number=2, LB=90.0), "stick_out_mm must lie")])
+    (fusion_tool(number=2, RE=1.0), "it is a bull nose"), (fusion_tool(number=2, LB=90.0), "stick_out_mm must be")])
 def test_what_has_no_counterpart_is_skipped_with_its_reason(tmp_path, tool, reason):
     done = import_tools(fusion_library(tmp_path / "shop.json", fusion_tool(number=1), tool))
     assert [t.number for t in done.library.tools] == [1]
@@ -102,7 +102,7 @@ def test_holder_stick_out_and_number_are_asked_for_and_never_guessed(tmp_path, t
     with pytest.raises(InputError, match=message):
         import_tools(path)
     row = completed(path, is_renumbered=True).rows[0]
-    assert row.tool is not None and any("as asked for" in a or "renumbered" in a for a in row.assumed)
+    assert row.tool is not None and any("as requested" in a or "renumbered" in a for a in row.assumed)
 
 
 def test_what_the_file_says_goes_before_what_the_caller_gives(tmp_path):

@@ -194,7 +194,7 @@ def test_the_tightest_tolerance_that_a_design_may_ask_for_is_kept(name):
 
 def test_a_tolerance_that_the_joints_cannot_keep_is_refused():
     points, angles = CURVES["sine"](20000)
-    with pytest.raises(ToolpathError, match="a tolerance that 220 joints cannot keep"):
+    with pytest.raises(ToolpathError, match="a tolerance that 220 candidate ends of arcs cannot keep"):
         fit_arcs(points, angles, 1e-5, LARGEST_RADIUS_MM)
 
 

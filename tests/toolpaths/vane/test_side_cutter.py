@@ -1,11 +1,14 @@
 """A circular side cutter on a right-angle head: the same passes with a wheel, simulated tilted, and its fixtures."""
 
+import re
+
 import numpy as np
 import pytest
 from known_passes import ZERO, machine
 from known_tools import on_a_head
 from known_vanes import BALL_MM, HALF_MM, RIDGE_MM, passes, predicted, steep_tip, wavy_tip
 
+from cuspline.app import catalogue
 from cuspline.posts.readers.rs274_reader import read_program
 from cuspline.posts.writers.linuxcnc import post
 from cuspline.program.posted import PostedMoves
@@ -16,7 +19,7 @@ from cuspline.replay.replay_kernel import FIXTURE, HOLDER, RAPID
 from cuspline.shop.cutters import Cutter, HeadBox, Tool
 from cuspline.stock.swept import deviations_and_moves, swept_paths
 from cuspline.toolpaths.vane.side_cutter import refuse_interference, with_wheel
-from cuspline.values.errors import PlanError
+from cuspline.values.errors import PlanError, ReadError
 
 TOOL = on_a_head()
 DISC, DISC_MM = TOOL.cutter, TOOL.cutter.radius_mm
@@ -79,8 +82,8 @@ def test_disc_and_head_are_held_against_the_fixture_over_the_whole_path():
     moves = told(wavy_tip())[0].moves()
     low = moves.end_mm[:, 2].min()
     near = {n.part: n for n in nearest_to_fixtures(stations(moves.starts_mm, moves), TOOL, jaws(-20.0))}
-    assert near["disc"].clearance_mm == pytest.approx(low - DISC_MM + 20.0, abs=0.13)
-    assert near["disc"].clearance_mm <= low - DISC_MM + 20.0
+    assert near["cutter"].clearance_mm == pytest.approx(low - DISC_MM + 20.0, abs=0.13)
+    assert near["cutter"].clearance_mm <= low - DISC_MM + 20.0
     assert near["head"].clearance_mm == pytest.approx(low - 14.0 + 20.0, abs=0.13)
     refuse_interference(moves, TOOL, jaws(-20.0))
 
@@ -89,7 +92,7 @@ def test_a_jaw_too_high_is_refused_with_part_amount_and_place():
     moves = told(wavy_tip())[0].moves()
     clear = moves.end_mm[:, 2].min() - DISC_MM
     refuse_interference(moves, TOOL, jaws(clear - 1.2))
-    said = r"its disc comes within 0\.\d\d mm of the moving jaw with the disc's middle at X"
+    said = r"its cutter comes within 0\.\d\d mm of the moving jaw with the cutter's middle at X"
     with pytest.raises(PlanError, match=said):
         refuse_interference(moves, TOOL, jaws(clear - 0.9))
     with pytest.raises(PlanError, match="its head comes within -"):
@@ -97,13 +100,39 @@ def test_a_jaw_too_high_is_refused_with_part_amount_and_place():
 
 
 def test_a_disc_that_cannot_be_is_refused():
-    with pytest.raises(ValueError, match="both|side cutter has"):
+    with pytest.raises(ValueError, match="both|side-and-face cutter has"):
         Cutter(**{**DISC.model_dump(), "corner_radius_mm": 4.0})
     flat = Cutter(**{**DISC.model_dump(), "corner_radius_mm": 2.0})
     with pytest.raises(ValueError, match="gouges wherever the surface slopes"):
         Tool(**{**TOOL.model_dump(), "cutter": flat})
     with pytest.raises(ValueError, match="a larger max_mm"):
         HeadBox(min_mm=(0, 0, 0), max_mm=(1, 1, 0))
+
+
+def test_fanuc_sends_the_machine_to_the_same_places_with_a_shifted_zero():
+    """G43 moves Z alone there: G52 takes the head's offset, and is taken back before the program ends."""
+    p, _ = told(wavy_tip())
+    finish = Operation(name="finish", tool=TOOL, spindle_rpm=800.0, coolant="flood", moves=p.moves(), passes=p)
+    planned = Program(name="disc", setup="setup-1", wcs="G55", wcs_in_words="end", clearance_z_mm=60.0, header=("DISC",),
+                      operations=(finish,))
+    texts = {name: catalogue.find_post(name).post(planned, machine(name)).text for name in ("linuxcnc", "fanuc")}
+    moves = {name: catalogue.reader_of(machine(name))(text, work_offsets=ZERO, tool_lengths={7: TOOL.offset_mm})
+             for name, text in texts.items()}
+    shifts = re.findall("G52 X(.*) Y0. Z0.", texts["fanuc"])
+    assert shifts == ["0.", "60.", "0."]
+    cut = {name: m.kind != 0 for name, m in moves.items()}
+    assert cut["fanuc"].sum() == cut["linuxcnc"].sum() > 500
+    for column in ("machine_end_mm", "end_mm"):
+        one, other = (getattr(moves[name], column)[cut[name]] for name in ("linuxcnc", "fanuc"))
+        assert np.abs(one - other).max() < 1e-9
+    assert moves["fanuc"].remarks == ()
+    # without the shift the disc runs beside its place by the head's offset, and the reader says so
+    gone = texts["fanuc"].replace("G52 X60. Y0. Z0.\n", "")
+    off = catalogue.reader_of(machine("fanuc"))(gone, work_offsets=ZERO, tool_lengths={7: TOOL.offset_mm})
+    assert np.abs((off.end_mm - moves["fanuc"].end_mm)[off.kind != 0] - (-60.0, 0.0, 0.0)).max() < 1e-9
+    with pytest.raises(ReadError, match="G52 that shifts the zero"):
+        catalogue.reader_of(machine("fanuc"))(texts["fanuc"].replace("X60.", "X59."), work_offsets=ZERO,
+                                              tool_lengths={7: TOOL.offset_mm})
 
 
 def test_the_tool_tables_x_goes_into_the_machines_coordinates_and_not_into_the_parts():

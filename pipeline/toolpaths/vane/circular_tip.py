@@ -13,6 +13,7 @@ Source: docs/formulas.md 1 (Crandall and Stovall); the flanks' angle is ours.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -27,6 +28,7 @@ from cuspline.values.errors import DesignError
 LOOKS_A_SPAN, LOOKS_ROUND = 24, 19      # places between knots and round half the arc at which hollows are looked for
 SIDE_RAD = np.radians(30.0)             # beyond this from the crest the arc counts as side
 LEAST_MM = 1e-6     # a clipped tip begins at a knot that is nearer than this
+PARTS = ("crest", "sides")               # whose hollows are told apart
 RISE = 1e-9         # knots closer together than this are one knot, mm
 
 
@@ -44,6 +46,8 @@ class CircularTip:
     Centre height z0 and radius R are scalar B-splines of x on one clamped knot row.  Every function of x takes
     (n,) mm within `range_mm` and takes what lies outside at the nearer end.
     """
+
+    name: ClassVar[str] = "tip"     # of what plan.json says of it
 
     degree: int                     # quintic as built
     knots_mm: np.ndarray            # (n + degree + 1,) flat, clamped, in x
@@ -67,6 +71,15 @@ class CircularTip:
                               "sides) or above, below 90")
         if self.radius_poles_mm.min() <= 0:
             raise DesignError(f"the tip's radius falls to {self.radius_poles_mm.min():.4g} mm: it must stay above 0")
+
+    def facts(self, where=lambda place_mm: ""):
+        """For plan.json: range, foot, and the tightest hollow of crest and sides with its place; see `Design.guide_of`."""
+        rows = {"range_mm": [round(x, 6) for x in self.range_mm], "foot_z_mm": round(self.foot_z_mm, 6)}
+        for name, (radius, place) in zip(PARTS, self.tightest_hollows()):
+            rows[f"{name}_concave_radius_mm"] = round(float(radius), 6) if np.isfinite(radius) else None
+            rows[f"{name}_concave_place_mm"] = [round(float(x), 4) for x in place]
+            rows[f"{name}_concave_where"] = where(place)
+        return rows
 
     @property
     def range_mm(self):

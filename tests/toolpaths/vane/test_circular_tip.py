@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from cuspline.splines.circular_tip import CircularTip
+from cuspline.toolpaths.vane.circular_tip import CircularTip
 from cuspline.values.errors import DesignError
 
 ALPHA = np.radians(12.0)

@@ -63,8 +63,8 @@ def tessellate(solid, deviation_mm):
         if measured <= deviation_mm:
             return _welded(faces, measured)
         asked *= max(0.35, 0.8 * deviation_mm / measured)
-    raise DesignError(f"the mesher leaves {measured:.6f} mm where {deviation_mm:.6f} mm are asked: "
-                      "ask for a coarser tessellation, or heal the surface")
+    raise DesignError(f"the mesher leaves {measured:.6f} mm where {deviation_mm:.6f} mm are requested: "
+                      "request a coarser tessellation, or heal the surface")
 
 
 def mesh_faces(shape, deflection_mm, angle_rad=ANGLE_RAD):

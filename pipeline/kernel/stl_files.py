@@ -1,0 +1,45 @@
+"""STL files in: triangles of a mesh, each place once; binary or text, millimetres."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from cuspline.values.errors import InputError
+
+LARGEST_BYTES = 256 << 20
+HEAD_BYTES, ROW = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+CORNER = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
+
+
+def read_stl(path):
+    """(vertices (v, 3), triangles (t, 3)) of an STL file; triangles that have shrunk to a line are left out.
+
+    Raises:
+        InputError: it is missing, too large, or no STL file.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"STL file {path} does not exist")
+    if path.stat().st_size > LARGEST_BYTES:
+        raise InputError(f"STL file {path} is larger than {LARGEST_BYTES >> 20} MiB: reduce the mesh")
+    corners = _corners(path.read_bytes())
+    if corners is None or not len(corners) or not np.isfinite(corners).all():
+        raise InputError(f"{path} is not a readable STL file: export it anew")
+    vertices, rows = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    triangles = rows.reshape(-1, 3)
+    a, b, c = triangles.T
+    return vertices, triangles[(a != b) & (b != c) & (c != a)]
+
+
+def _corners(content):
+    """(t, 3, 3) corners; None where the bytes are no STL."""
+    if len(content) >= HEAD_BYTES:
+        count = int(np.frombuffer(content[80:HEAD_BYTES], "<u4")[0])
+        if len(content) == HEAD_BYTES + count * ROW.itemsize:
+            return np.frombuffer(content[HEAD_BYTES:], ROW)["corners"].astype(float)
+    found = CORNER.findall(content) if content.lstrip().startswith(b"solid") else []
+    try:
+        return np.array(found, dtype="S32").astype(float).reshape(-1, 3, 3) if found else None
+    except ValueError:
+        return None
