@@ -59,7 +59,9 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, ro
     scale_derivatives(o, box[1], box[3])
     r = np.empty((10, 2))
     derivative_reaches(b, o, rational, r)
-    a = fixed.hypot(r[:, 0], r[:, 1])
+    a = np.empty(len(r))
+    for k in range(len(r)):
+        a[k] = fixed.hypot(r[k, 0], r[k, 1])
     for i in range(du + 1):
         for j in range(dv + 1):
             for k in range(3):
