@@ -18,8 +18,8 @@ from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array2OfPnt
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
 from OCP.TopoDS import TopoDS
 
-from cuspline.splines.nurbs import NurbsSurface, local_shape
 from cuspline.kernel.tessellation import tessellate
+from cuspline.splines.nurbs import NurbsSurface, local_shape
 
 CUTTERS = {"ball R6": (6.0, 6.0), "bull nose R10 r1": (10.0, 1.0), "flat R5": (5.0, 0.0)}
 CONTROL = (44, 28)

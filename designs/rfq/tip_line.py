@@ -17,8 +17,8 @@ from scipy.optimize import brentq
 
 from cuspline.designs.rfq.eight_term import EightTerm
 from cuspline.designs.rfq.potential import MATCHING_ROOT, Transition, TwoTerm, equipotential_matcher_mm, thin_matcher_mm
-from cuspline.toolpaths.vane.circular_tip import CircularTip, greville_mm
 from cuspline.splines.spline_interpolation import interpolated, natural
+from cuspline.toolpaths.vane.circular_tip import CircularTip, greville_mm
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 

@@ -22,9 +22,9 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_IN, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
+from cuspline.kernel.tessellation import free_parameters, mesh_faces, surface_points, surface_tangents
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import DesignError
-from cuspline.kernel.tessellation import free_parameters, mesh_faces, surface_points, surface_tangents
 
 INSIDE_MM = 1e-4          # border points lie this far inside
 MESH_MM = 0.02            # deflection of the triangles that are bisected; points themselves are exact

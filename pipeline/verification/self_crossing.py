@@ -19,11 +19,11 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_IN, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS
 
 from cuspline.kernel import brep
+from cuspline.kernel.tessellation import surface_tangents
 from cuspline.stock.tree import halved_order
 from cuspline.surfaces.folds import folds_of
 from cuspline.values.errors import DesignError
 from cuspline.verification.crossing_kernels import LEAF, boxes_of, crossing_pairs, enclosures, levels_over, tree_over
-from cuspline.kernel.tessellation import surface_tangents
 
 PAIRS = 20000           # of crossing facets looked for at most
 LOOKED_AT = 240         # of them, spread over all, on the exact surfaces

@@ -8,6 +8,7 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
 from cuspline.kernel import brep, mesh_quality, solids
+from cuspline.kernel.tessellation import Tessellation, tessellate
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.replay import Replay, ZMap, replay
 from cuspline.stock.stock_solids import StockSolids
@@ -38,7 +39,6 @@ from cuspline.verification.residuals import (
 from cuspline.verification.samples import Samples, face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import SolidComparison, compare
-from cuspline.kernel.tessellation import Tessellation, tessellate
 from cuspline.verification.text_checks import path_tolerance_mm
 from cuspline.verification.true_depths import largest_true_mm
 

@@ -5,8 +5,8 @@ from known_tools import tool
 from scipy.interpolate import make_interp_spline
 
 from cuspline.program.program import Operation, Program
-from cuspline.toolpaths.vane.circular_tip import CircularTip
 from cuspline.toolpaths.vane.arc_templates import templated_passes
+from cuspline.toolpaths.vane.circular_tip import CircularTip
 from cuspline.toolpaths.vane.cutter_surface import cut_map
 from cuspline.toolpaths.vane.transverse_arcs import arc_steps, stretches
 

@@ -6,8 +6,8 @@ from known_programs import feed, program, rapid, tool
 from scipy.spatial.transform import Rotation
 
 from cuspline.design import Setup
-from cuspline.stock.stock_solids import StockSolids
 from cuspline.stock.shapes import ROUND_MM, BoxShape, CylinderShape, closed_mesh
+from cuspline.stock.stock_solids import StockSolids
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.frames import Frame

@@ -13,6 +13,7 @@ from known_programs import program, random_moves, tool
 
 from cuspline.design import Setup
 from cuspline.kernel import brep
+from cuspline.kernel.tessellation import tessellate
 from cuspline.program.program import Kind, Plane
 from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
@@ -21,7 +22,6 @@ from cuspline.verification.climbing import Ground
 from cuspline.verification.reach import drop_mesh
 from cuspline.verification.residuals import LIMIT_MM, residuals
 from cuspline.verification.samples import sample_faces
-from cuspline.kernel.tessellation import tessellate
 
 CORPUS = (3, 8, 21, 34, 55, 89)        # seeds; one that ever failed stays
 SIZE_MM, ALLOWANCE_MM = np.array((20.0, 16.0, 10.0)), 1.0
