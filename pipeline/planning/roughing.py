@@ -28,8 +28,8 @@ def roughed(work, ball, is_reached, semi_finish):
     low, high = work.stock_min_mm, work.stock_max_mm
     rows = leftover_rows(work.samples)
     rows = rows[is_reached[rows]]
-    limit = work.practice.finish_depth_share * ball.cutter.diameter_mm
-    allowance = work.practice.rough_allowance_mm
+    practice = work.practice
+    limit, allowance = practice.finish_depth_share * ball.cutter.diameter_mm, practice.rough_allowance_mm
     tools = roughing_tools(work.library, work.mesh, work.samples, low, high, allowance)
     first, candidates = choose_roughing(tools, allowance)
     operation, stock, left = cleared(work, "rough", first.tool, candidates, work.stock_mm, rows, 0.0, Clearing(),
@@ -39,18 +39,30 @@ def roughed(work, ball, is_reached, semi_finish):
         smaller, candidates = choose_rest_roughing(tools, first, left)
         if smaller is not None:
             operation, stock, left = cleared(work, "rest rough", smaller.tool, candidates, stock, rows,
-                                             work.practice.rest_threshold_mm, Clearing(), allowance)
+                                             practice.rest_threshold_mm, Clearing(), allowance)
             operations.append(operation)
+    if _met_mm(work, ball, stock, rows) > ball.cutter.deepest_slot_mm:
+        operation, stock, left = cleared(work, "rest rough", ball, (), stock, rows, practice.rest_threshold_mm,
+                                         Clearing(), allowance)
+        operations.append(operation)
     if left > limit:
         operations.append(semi_finish())
     return [o for o in operations if o is not None]
+
+
+def _met_mm(work, ball, stock, rows):
+    """How deep a ball would sink into a height field to touch sample rows: what stands in a hole shows here."""
+    tips = work.samples.point_mm[rows] + ball.cutter.radius_mm * (work.samples.normal[rows] - (0.0, 0.0, 1.0))
+    met = stock(tips[:, :2]) - tips[:, 2]
+    return float(np.percentile(met, LEFT_PERCENTILE)) if len(rows) else 0.0
 
 
 def cleared(work, name, tool, candidates, stock, rows, threshold_mm, asked, allowance_mm):
     """One clearing.
 
     Args:
-        work: PlanningContext.   name: of the operation.   tool: flat or bull nose.   candidates: for plan.json.
+        work: PlanningContext.   name: of the operation.   candidates: for plan.json.
+        tool: flat or bull nose; a ball is led as a flat cutter of its diameter, within which it stays.
         stock: height field of what stands.   rows: sample rows at which what it leaves is told.
         threshold_mm: what stands less than this above the allowance is left alone.
         asked: design.operations.Clearing with stepdown, stepover and ramp, silent where the shop's count.
@@ -60,13 +72,13 @@ def cleared(work, name, tool, candidates, stock, rows, threshold_mm, asked, allo
     """
     cutter, practice = tool.cutter, work.practice
     rpm, feed = work.speeds(tool, is_rough=True)
-    d = cutter.diameter_mm
+    d, is_ball = cutter.diameter_mm, cutter.type == "ball"
     radial = practice.radial_share * d if asked.stepover_mm is None else asked.stepover_mm
     stepdown = work.material.stepdown_share * d if asked.stepdown_mm is None else asked.stepdown_mm
     rules = ClearingRules(
-        mesh=work.mesh, radius_mm=d / 2, corner_radius_mm=cutter.corner_radius_mm, allowance_mm=allowance_mm,
-        stepdown_mm=stepdown, engagement_rad=engagement_of_rad(radial, d / 2), stock_mm=stock,
-        stock_min_mm=work.stock_min_mm, stock_max_mm=work.stock_max_mm,
+        mesh=work.mesh, radius_mm=d / 2, corner_radius_mm=0.0 if is_ball else cutter.corner_radius_mm,
+        allowance_mm=allowance_mm, stepdown_mm=stepdown, engagement_rad=engagement_of_rad(radial, d / 2),
+        stock_mm=stock, stock_min_mm=work.stock_min_mm, stock_max_mm=work.stock_max_mm,
         ramp_rad=math.radians(practice.ramp_deg if asked.ramp_deg is None else asked.ramp_deg),
         clearance_z_mm=work.clearance_z_mm, feed_mm_per_min=feed, ramp_feed_mm_per_min=practice.plunge_share * feed,
         rapid_mm_per_min=min(a.rapid_mm_per_min for a in work.machine.axes), threshold_mm=threshold_mm,

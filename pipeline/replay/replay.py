@@ -194,7 +194,8 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
-                  findings=found, idle=tuple(report.idle(taken)), holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
+                  findings=found, idle=tuple(report.idle(taken, [t.number for t in on_heads])),
+                  holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
                   holder_place_mm=place, undecided_lines=tuple(posted.line[unsure].tolist()),
                   is_table_checked=machine is not None)
 

@@ -146,10 +146,15 @@ class Reporter:
                                 "the cutter's centre is sunk so deep into stock, steeper or faster than its ramp_deg and "
                                 "plunge_mm_per_tooth allow: enter by a ramp, a helix or from outside")
 
-    def idle(self, found):
-        """Operations that take nothing off the stock; those too small for the map's nodes are not asked."""
+    def idle(self, found, on_heads):
+        """Operations that take nothing off the stock.
+
+        Those too small for the map's nodes are not asked, nor those of `on_heads`, tool numbers: what a disc on a
+        right-angle head takes is known of its last pass only.
+        """
         posted = self.posted
-        for number in np.unique(posted.operation[posted.operation >= 0]):
+        of_heads = posted.operation[np.isin(posted.tool, on_heads)]
+        for number in np.setdiff1d(posted.operation[posted.operation >= 0], of_heads):
             rows = np.flatnonzero(posted.operation == number)
             if not found.takes[rows].any() and found.nodes[rows].sum() > IDLE_NODES:
                 yield self.finding("idle_operation", rows[0], 0.0, posted.end_mm[rows[-1]],

@@ -347,7 +347,7 @@ def project_rows(tree, patches, trims, points, face, distance, foot, owner, uv, 
 @njit(cache=True, error_model="numpy")
 def refine_one(patches, face, q, uv, foot, box, d):
     """Newton across the patches of a face from (u, v) = uv; the answer into uv and foot."""
-    row, breaks, spans = patches[3][face], patches[4], patches[2]
+    row, spans = patches[3][face], patches[2]
     box[0], box[1], box[2], box[3] = -1.0, 1.0, -1.0, 1.0
     for _ in range(STEPS):
         k = patch_at(patches, face, uv[0], uv[1])

@@ -63,7 +63,7 @@ def test_a_fault_in_the_passes_shows():
     label, _, numbers = lines[calls[30]].partition(" call ")
     y, z, c = (float(n) for n in numbers.strip("[]").split("] ["))
     moved = f"{label} call [{y:.4f}] [{z - 0.01:.4f}] [{c - 0.01:.4f}]"
-    register = next(k for k, line in reversed(list(enumerate(lines))) if "(TOOL RADIUS REGISTER)" in line)
+    register = next(k for k, line in reversed(list(enumerate(lines))) if "(TOOL RADIUS OFFSET)" in line)
     number = lambda words: next(line.partition("=")[0] for line in lines if words in line)
     left_out = f"{number('(PLANE, COUNTS ON)')}=[{number('(PLANE, COUNTS ON)')}+{number('(INTERVAL OF THE PLANES)')}]"
     smaller = lines[register].replace("=3 ", "=2.98 ")

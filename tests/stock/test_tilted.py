@@ -310,7 +310,7 @@ def test_a_rigid_motion_of_everything_changes_nothing(name):
     turn, shift = rotation(rng), rng.uniform(-20, 20, 3)
     moved = program(posted.start_mm[0] @ turn.T + shift, [feed(*(e @ turn.T + shift)) for e in posted.end_mm],
                     start_axis=unit(posted.start_axis @ turn.T), end_axis=unit(posted.end_axis @ turn.T))
-    points, normals = rng.uniform((-4, -4, -4), (16, 14, 12), (400, 3)), unit(rng.normal(size=(400, 3)))
+    points = rng.uniform((-4, -4, -4), (16, 14, 12), (400, 3))
     a, b = (swept_paths(p, {1: ALL[name]}) for p in (posted, moved))
     assert np.abs(signed_distance_mm(a, points) - signed_distance_mm(b, points @ turn.T + shift)).max() < 1e-9
 

@@ -310,10 +310,10 @@ def test_samples_carry_the_curvature_across_and_the_whole_area():
     bar = cq.Workplane("YZ").circle(R).extrude(30)          # axis along x
     faces, _ = all_of(bar)
     side = [i for i, f in enumerate(faces) if f.kind == "cylinder"]
-    for axis, curvature in ((1, 1 / R), (0, 0.0)):
+    for axis, want in ((1, 1 / R), (0, 0.0)):
         samples = sample_faces(faces, side, axis)
         level = np.abs(samples.normal[:, axis]) < 0.99
-        np.testing.assert_allclose(samples.across_per_mm[level], curvature, atol=1e-9)
+        np.testing.assert_allclose(samples.across_per_mm[level], want, atol=1e-9)
         assert samples.area_mm2.sum() == pytest.approx(2 * np.pi * R * 30, rel=1e-6)
 
 

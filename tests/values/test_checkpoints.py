@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from known_programs import feed, program, rapid, raster, tool
 
-from cuspline.app import cli
+from cuspline.app import catalogue, cli
 from cuspline.design import Finish, Setup, StockBox
 from cuspline.kernel import brep
 from cuspline.kernel.solids import stl_of
@@ -206,7 +206,11 @@ def test_verify_uses_the_store_beside_the_folder_and_clears_it_when_it_is_done(t
     folder.mkdir()
 
     class Job:
-        design, accepted, step, posted = "part", (), "part.step", ()
+        design, accepted, step, posted, machine = "part", (), "part.step", (), catalogue.find_machine("mill_3axis")
+
+        @classmethod
+        def model_copy(cls, update):
+            return cls
 
     class Judged:
         figures_in_words = ""

@@ -69,19 +69,3 @@ def test_a_dovetail_cuts_its_slot_and_a_deeper_one_is_a_gouge():
     bad = judged(solid, slot, stock, along(-0.05), cutter, (-5, 0, 30))
     deepest = max(f.amount_mm for f in bad.findings if f.kind == "gouge")
     assert deepest == pytest.approx(0.05, abs=1e-6)
-
-
-def test_a_leaning_flat_cutter_mills_a_slope_flat():
-    lean = np.radians(20.0)
-    axis = np.array([0.0, np.sin(lean), np.cos(lean)])
-    slope = cq.Workplane("YZ").polyline([(0, 0), (10, 0), (10, 8 - 10 * np.tan(lean)), (0, 8)]).close().extrude(12)
-    solid = brep.the_solid(slope)
-    top = [f for f in brep.faces_of(solid) if 0.5 < f.middle.normal[0, 2] < 0.99]
-    down = np.array([0.0, np.cos(lean), -np.sin(lean)])
-    lines = [np.array([0, 0, 8.0]) + s * down for s in np.arange(-1.0, 12.0, 2.5)]
-    moves = [feed(*(p + (x, 0, 0))) for k, p in enumerate(lines) for x in ((-4, 16) if k % 2 == 0 else (16, -4))]
-    n = len(moves)
-    lens = {"start_axis": np.tile(axis, (n, 1)), "end_axis": np.tile(axis, (n, 1))}
-    v = judged(solid, top, ((0, 0, 0), (12, 10, 8.3)), moves, shaped("flat", 6.0, 0.0), lines[0] + (-4, 0, 0), **lens)
-    assert v.numbers["gouge_max_mm"] < 1e-6 and v.numbers["excess_max_mm"] < 1e-6
-    assert "gouge" not in {f.kind for f in v.findings} and "excess" not in {f.kind for f in v.findings}

@@ -6,11 +6,10 @@ import pytest
 from manifold3d import Manifold, OpType
 from scipy.spatial import cKDTree
 
-from cuspline.kernel import brep, solids
+from cuspline.kernel import brep, solids, tessellation
 from cuspline.kernel.tessellation import tessellate
 from cuspline.values.clusters import clusters_of
 from cuspline.values.errors import DesignError, SimulationError
-from cuspline.verification import tessellation
 from cuspline.verification.samples import INSIDE_MM, sample_faces
 
 BLOCK = brep.the_solid(cq.Workplane().box(30, 20, 10, centered=False).faces(">Z").workplane(centerOption="CenterOfMass").hole(6, 4)

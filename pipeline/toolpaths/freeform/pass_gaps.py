@@ -139,7 +139,7 @@ def _far_apart(mine, node, height):
     start = int(np.argmax(height))
     for _ in range(2):
         away, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
-        end, start = start, int(np.argmax(np.where(np.isfinite(away), away, -1.0)))
+        start = int(np.argmax(np.where(np.isfinite(away), away, -1.0)))
     way = [start]
     while before[way[-1]] >= 0:
         way.append(int(before[way[-1]]))

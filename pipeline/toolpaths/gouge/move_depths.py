@@ -203,7 +203,7 @@ def _pop(boxes, order, count):
 @njit(cache=True, error_model="numpy")
 def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, share, place, row):
     """Upper bound of one move's depth in the nodes `given`; share[row] and place[row] are filled if one is found."""
-    rows, tags = part[5], part[6]
+    rows = part[5]
     nodes, first, leaf_of, pieces = rest
     boxes, ids, order, o, normals, at, tips, tip_box, middle_half, point = heap
     length = max(abs(end[0] - start[0]), abs(end[1] - start[1]), abs(end[2] - start[2]))
