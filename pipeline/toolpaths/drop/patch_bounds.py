@@ -204,10 +204,10 @@ def _tighten(derivatives, out):
 @njit(cache=True, error_model="numpy")
 def normal_change(r):
     """How far S_s x S_t leaves its value in the middle of the box: (whole, z component) from (10, 2) reaches."""
-    a = fixed.hypot(r[:, 0], r[:, 1])
-    whole = a[3] * a[2] + a[1] * a[4] + a[4] * a[2] + a[1] * a[5]
-    xy = r[:, 0]
-    return whole, xy[3] * xy[2] + xy[1] * xy[4] + xy[4] * xy[2] + xy[1] * xy[5]
+    s, t, ss, st, tt = (fixed.hypot(r[1, 0], r[1, 1]), fixed.hypot(r[2, 0], r[2, 1]), fixed.hypot(r[3, 0], r[3, 1]),
+                        fixed.hypot(r[4, 0], r[4, 1]), fixed.hypot(r[5, 0], r[5, 1]))
+    whole = ss * t + s * st + st * t + s * tt
+    return whole, r[3, 0] * r[2, 0] + r[1, 0] * r[4, 0] + r[4, 0] * r[2, 0] + r[1, 0] * r[5, 0]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
