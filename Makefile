@@ -51,8 +51,8 @@ $(DESIGNS): %: outputs/%$(VARIANT)/manifest.json
 
 step: $(STEPS) ## only the STEP files, into outputs/<design>-step/
 
-test: .venv/.kernels ## set-up, then the whole test suite; ARGS="-k arcs" narrows it
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope $(ARGS)
+test: .venv/.kernels ## set-up, then the whole test suite; FAST=1 leaves out what takes long, ARGS="-k arcs" narrows it
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope --no-loadscope-reorder $(if $(FAST),--fast) $(ARGS)
 
 doctor: .venv/.project ## check the environment for what breaks silently
 	$(BIN)/cuspline doctor

@@ -32,6 +32,7 @@ WORDS_OF_AN_INTERRUPTION = "interrupted, nothing half-written is left"
 NO_ROOM, NO_LEAVE = "make room on that disk", "name another folder, or get leave to write there"
 SYSTEM_ADVICE = {errno.ENOSPC: NO_ROOM, errno.EDQUOT: NO_ROOM, errno.EFBIG: NO_ROOM, errno.EACCES: NO_LEAVE,
                  errno.EPERM: NO_LEAVE, errno.EROFS: NO_LEAVE, errno.EMFILE: "close other programs, or raise ulimit -n"}
+WARMING = 4               # processes that compile, of up to 1 GB each
 AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
 
 
@@ -319,11 +320,9 @@ def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an
 @app.command()
 def warm():
     """Compile the kernels once; later commands find them ready."""
-    from cuspline.app.warm import steps
-    all_steps = steps()
-    for number, (what, compile_kernels) in enumerate(all_steps, 1):
-        print(f"compiling kernels {number}/{len(all_steps)}: {what}", flush=True)
-        compile_kernels()
+    from cuspline.app.warm import compiled
+    for count, of, what in compiled(min(len(os.sched_getaffinity(0)), WARMING)):
+        print(f"compiled kernels {count}/{of}: {what}", flush=True)
 
 
 @app.command()

@@ -1,39 +1,43 @@
-"""Compiles every kernel once, so that the first real build does not wait for it.
+"""Compiles every kernel once, in several processes, so that the first real build does not wait for it.
 
-The compiled code is kept beside the sources (numba's cache).  Numba looks at the file of a kernel only, not at
-the kernels of other files that it calls: what was compiled before is therefore thrown away first.
+The compiled code is kept beside the sources (values/compiled.py): what has not changed is not compiled again.
 """
 
-from pathlib import Path
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 
 import numpy as np
 
-import cuspline
+
+def compiled(processes):
+    """Compile, and give what has been compiled so far: an iterator of (how many of how many, what)."""
+    made = _steps()
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        waiting = {pool.submit(_run, number): what for number, (what, _) in enumerate(made)}
+        for count, done in enumerate(as_completed(waiting), 1):
+            done.result()
+            yield count, len(made), waiting[done]
 
 
-def steps():
-    """(what, function) pairs; each function makes its kernels compile."""
-    return (("throwing away what was compiled before", _forget), ("arithmetic", _arithmetic),
-            ("surface evaluation", _surfaces),
-            ("closest points", _closest_points), ("solids that cross themselves", _self_crossing),
-            ("drop-cutter on triangles", _drop_cutter),
-            ("drop-cutter on exact surfaces", _exact_drop), ("certificate", _certificate),
-            ("arc fitting", _arcs), ("feeds", _feeds), ("planning of a small part", _planning),
-            ("clearance", _clearance), ("stock of any form", _shapes), ("simulation and comparison", _simulation),
-            ("simulation of tilted cutters", _posed_simulation))
+def _run(number):
+    _steps()[number][1]()
 
 
-def _forget():
-    for pattern in ("*.nbi", "*.nbc"):
-        for compiled in Path(cuspline.__file__).parent.rglob(f"__pycache__/{pattern}"):
-            compiled.unlink(missing_ok=True)
+def _steps():
+    """(what, function) pairs, those that take longest first; each function makes its kernels compile."""
+    return (("simulation and comparison", _simulation), ("drop-cutter on exact surfaces", _exact_drop),
+            ("simulation of tilted cutters", _posed_simulation), ("planning of a small part", _planning),
+            ("certificate", _certificate), ("closest points", _closest_points), ("clearance", _clearance),
+            ("drop-cutter on triangles", _drop_cutter), ("arc fitting", _arcs), ("arithmetic", _arithmetic),
+            ("solids that cross themselves", _self_crossing), ("stock of any form", _shapes),
+            ("surface evaluation", _surfaces), ("feeds", _feeds))
 
 
 def _arithmetic():
     from scipy import sparse
 
     from cuspline.toolpaths.freeform.grid_cholesky import Factors
-    from cuspline.values import fixed_math as fixed  # its functions are compiled as it is imported
+    from cuspline.values import fixed_math as fixed
     matrix = np.diag([2.0, 3.0, 4.0])
     fixed.solve(matrix, np.ones(3))
     fixed.least_squares(matrix, np.ones((3, 1)))
