@@ -11,6 +11,7 @@ answers for it; heights and intervals of stock come from rays in it (rays.py).
 """
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -26,6 +27,7 @@ CLOSED_UPWARD = ("ball", "bull_nose", "flat")     # types that a SweptPath knows
 LONGEST_RADII = 2.0       # pieces are at most this many cutter radii long: boxes stay tight
 
 FEW_INTERVALS = 4         # room for intervals of stock on a line; lines with more are asked again, all together
+_WORLDS = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -141,11 +143,20 @@ def forest_of(paths):
 
 
 def _world(paths):
-    """(SweptPaths, then PosedPaths), the forest of the first, and both forests for rays.py: None without PosedPaths."""
-    upright = upright_paths(paths)
-    posed = [p for p in paths if isinstance(p, PosedPath)]
-    forest = forest_of(upright)
-    return (*upright, *posed), forest, forest + posed_forest(posed) if posed else None
+    """Rows of PostedMoves of all pieces (-1 at the end), their forest, and for rays.py both forests: None without PosedPath.
+
+    Kept for as long as the first path is: whoever climbs asks a few points at a time, and the arrays are large.
+    """
+    paths = tuple(paths)
+    known = _WORLDS.get(paths[0]) if paths else None
+    if known is None or known[0] != paths[1:]:
+        upright, posed = upright_paths(paths), [p for p in paths if isinstance(p, PosedPath)]
+        forest = forest_of(upright)
+        rows = np.concatenate([*(p.row for p in (*upright, *posed)), [-1]])
+        known = paths[1:], rows, forest, forest + posed_forest(posed) if posed else None
+        if paths:
+            _WORLDS[paths[0]] = known
+    return known[1:]
 
 
 def _in_morton_order(points, query):
@@ -154,12 +165,6 @@ def _in_morton_order(points, query):
     back = np.empty_like(order)
     back[order] = np.arange(len(order))
     return tuple(column[back] for column in query(order))
-
-
-def _rows_of(paths, piece):
-    """Rows of PostedMoves of pieces; -1 stays -1."""
-    rows = np.concatenate([*(p.row for p in paths), [-1]])
-    return rows[piece]
 
 
 def _rows3(points, name):
@@ -196,10 +201,10 @@ def distance_to(paths):
 
 def nearest_moves(paths, points_mm):
     """Signed distances (n,) and the row of PostedMoves (n,) each belongs to; -1: nothing moves."""
-    points, (paths, forest, world) = _rows3(points_mm, "points_mm"), _world(paths)
+    points, (rows, forest, world) = _rows3(points_mm, "points_mm"), _world(paths)
     ask = lambda order: tree.distances(points[order], forest) if world is None else rays.distances(points[order], world)
     d, piece = _in_morton_order(points, ask)
-    return d, _rows_of(paths, piece)
+    return d, rows[piece]
 
 
 def stock_height_mm(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
@@ -221,12 +226,12 @@ def stock_height_mm(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
 def lowest_moves(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
     """Heights (n,) as `stock_height_mm`, and the row of PostedMoves (n,) that left each; -1: uncut."""
     xy = for_kernel(frozen(xy_mm, (None, 2), "xy_mm"))
-    paths, forest, world = _world([p.grown(inflate_mm) for p in paths] if inflate_mm else paths)
+    rows, forest, world = _world([p.grown(inflate_mm) for p in paths] if inflate_mm else paths)
     flat = np.column_stack([xy, np.zeros(len(xy))])
     ask = lambda order: (tree.heights(xy[order], forest, float(top_mm)) if world is None else
                          rays.highest_stock(xy[order], float(top_mm), float(bottom_mm), world))
     z, piece = _in_morton_order(flat, ask)
-    return np.maximum(z, bottom_mm), _rows_of(paths, piece)
+    return np.maximum(z, bottom_mm), rows[piece]
 
 
 def deviation_mm(paths, stock_min, stock_max, points_mm, normals, limit_mm):
@@ -249,12 +254,12 @@ def deviation_mm(paths, stock_min, stock_max, points_mm, normals, limit_mm):
 
 def deviations_and_moves(paths, stock_min, stock_max, points_mm, normals, limit_mm):
     """Deviations (n,) as `deviation_mm`, and the row of PostedMoves (n,) nearest to each point."""
-    points, normals, (paths, forest, world) = _rows3(points_mm, "points_mm"), _rows3(normals, "normals"), _world(paths)
+    points, normals, (rows, forest, world) = _rows3(points_mm, "points_mm"), _rows3(normals, "normals"), _world(paths)
     low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
     trace, cut = (tracing.deviations, forest) if world is None else (rays.deviations, world)
     ask = lambda order: trace(points[order], normals[order], low, high, float(limit_mm), cut)
     d, piece = _in_morton_order(points, ask)
-    return d, _rows_of(paths, piece)
+    return d, rows[piece]
 
 
 def stock_intervals(paths, stock_min, stock_max, origins_mm, directions):
