@@ -9,7 +9,12 @@ sys.path.append(str(Path(__file__).parent / "parts"))       # for known_parts, b
 
 from built_parts import built_once  # noqa: E402
 from durations import (  # noqa: E402, F401
-    pytest_addoption, pytest_collection_modifyitems, pytest_configure, pytest_fixture_setup, pytest_runtest_makereport)
+    pytest_addoption,
+    pytest_collection_modifyitems,
+    pytest_configure,
+    pytest_fixture_setup,
+    pytest_runtest_makereport,
+)
 
 settings.register_profile("same", derandomize=True, deadline=None)     # a red run can be repeated
 settings.register_profile("search", derandomize=False, deadline=None)  # what it finds goes into the test as an @example
