@@ -42,7 +42,7 @@ $(error PARAMS belong to one design: make $(firstword $(DESIGNS)) PARAMS='name=v
 endif
 endif
 
-.PHONY: all test help step doctor bench lock clean distclean FORCE $(DESIGNS)
+.PHONY: all test lint help step doctor bench lock clean distclean FORCE $(DESIGNS)
 .PRECIOUS: $(PUBLISHED) $(STEPS)
 
 all: $(PUBLISHED) ## set-up, then every design with default parameters into outputs/<design>/
@@ -53,6 +53,10 @@ step: $(STEPS) ## only the STEP files, into outputs/<design>-step/
 
 test: .venv/.kernels ## set-up, then the whole test suite; FAST=1 leaves out what takes long, ARGS="-k arcs" narrows it
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope --no-loadscope-reorder $(if $(FAST),--fast) $(ARGS)
+
+lint: .venv/.project ## ruff over everything, mypy over what users write: parts
+	$(BIN)/ruff check .
+	$(BIN)/mypy
 
 doctor: .venv/.project ## check the environment for what breaks silently
 	$(BIN)/cuspline doctor

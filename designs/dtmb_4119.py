@@ -15,8 +15,8 @@ HUB_RATIO = 0.2             # hub over propeller diameter, where the published t
 class Dtmb4119(PropellerParameters):
     """Size of the model, and what the table leaves open: hub, fillet, edges."""
 
-    diameter_mm: float = Field(DTMB_4119_MM, ge=50, le=1000, description="12 in as published")
-    bore_mm: float = Field(25.4, ge=0, description="diameter at the fore end; 0: none")
+    diameter_mm: float = Field(default=DTMB_4119_MM, ge=50, le=1000, description="12 in as published")
+    bore_mm: float = Field(default=25.4, ge=0, description="diameter at the fore end; 0: none")
 
 
 def design(p: Dtmb4119) -> Design:

@@ -24,15 +24,15 @@ PLAN_MIN_MM, PLAN_MAX_MM, TOP_MM = (-10.0, -67.0), (310.0, 67.0), 48.4   # round
 class LopesSurface(Parameters):
     """How the test piece is cut; its shape is the published one."""
 
-    base_mm: float = Field(-3.0, ge=-40, le=-2, description="top of the plate; the surface comes down to 0")
-    plate_mm: float = Field(15.0, ge=5, le=60, description="thickness of the plate")
-    strategy: Literal["parallel", "constant_scallop"] = Field("parallel", description="how the finishing passes run")
-    pass_angle_deg: float = Field(0.0, ge=-90, le=90, description="parallel passes: their direction from +X")
-    stock_top_mm: float = Field(1.6, ge=0, le=20, description="stock above the highest point")
-    scallop_mm: float = Field(0.020, ge=0.002, le=0.5, description="largest cusp left")
-    profile_tolerance_mm: float = Field(0.001, ge=0.0002, le=0.05, description="path against true surface")
-    gouge_mm: float = Field(0.0015, ge=0.0005, le=0.05, description="deepest accepted cut below the surface")
-    material: str = Field("aluminium_6061", description="work material, a name of `materials`")
+    base_mm: float = Field(default=-3.0, ge=-40, le=-2, description="top of the plate; the surface comes down to 0")
+    plate_mm: float = Field(default=15.0, ge=5, le=60, description="thickness of the plate")
+    strategy: Literal["parallel", "constant_scallop"] = Field(default="parallel", description="how the finishing passes run")
+    pass_angle_deg: float = Field(default=0.0, ge=-90, le=90, description="parallel passes: their direction from +X")
+    stock_top_mm: float = Field(default=1.6, ge=0, le=20, description="stock above the highest point")
+    scallop_mm: float = Field(default=0.020, ge=0.002, le=0.5, description="largest cusp left")
+    profile_tolerance_mm: float = Field(default=0.001, ge=0.0002, le=0.05, description="path against true surface")
+    gouge_mm: float = Field(default=0.0015, ge=0.0005, le=0.05, description="deepest accepted cut below the surface")
+    material: str = Field(default="aluminium_6061", description="work material, a name of `materials`")
 
 
 def solid(p):

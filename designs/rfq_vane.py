@@ -54,53 +54,53 @@ PRESETS = {
 class RfqVane(Parameters):
     """One vane of an RFQ; lengths along it are the table's Z."""
 
-    preset: Literal["isodar_32p8", "hydrogen_750"] = Field("isodar_32p8", description="whose defaults")
-    table: str = Field("isodar_32p8", description="cells: a table's name, 'law', or a CSV or PARMTEQM file")
-    vane: Literal["x", "y"] = Field("x", description="x begins the first cell at its narrowest, y at its widest")
-    law: Literal["two_term", "eight_term"] = Field("two_term", description="potential that the tip follows")
+    preset: Literal["isodar_32p8", "hydrogen_750"] = Field(default="isodar_32p8", description="whose defaults")
+    table: str = Field(default="isodar_32p8", description="cells: a table's name, 'law', or a CSV or PARMTEQM file")
+    vane: Literal["x", "y"] = Field(default="x", description="x begins the first cell at its narrowest, y at its widest")
+    law: Literal["two_term", "eight_term"] = Field(default="two_term", description="potential that the tip follows")
     matcher: Literal["thin", "equipotential"] = Field(
-        "thin", description="matching section: thin-vane formula (as PARMTEQM prints it; a table with other apertures is "
+        default="thin", description="matching section: thin-vane formula (as PARMTEQM prints it; a table with other apertures is "
         "followed), or its equipotential where that has a root, the thin-vane formula nearer to the wall")
-    rho_mm: float = Field(7.2885, gt=0.1, le=30, description="transverse radius of the tip")
-    rho_follows_r0: bool = Field(False, description="let the radius follow each cell's r0 instead, in the ratio it has "
+    rho_mm: float = Field(default=7.2885, gt=0.1, le=30, description="transverse radius of the tip")
+    rho_follows_r0: bool = Field(default=False, description="let the radius follow each cell's r0 instead, in the ratio it has "
                                  "to r0_mm")
-    flank_deg: float = Field(10.0, ge=2, le=40, description="flanks from the vertical, wider away from the beam")
-    thickness_mm: float = Field(20.0, gt=1, le=120, description="A, of the body")
-    axis_height_mm: float = Field(100.0, gt=5, le=400, description="B, beam axis above the base")
-    entry_aperture_mm: float = Field(41.1, gt=1, le=200, description="the vane begins where its matching section has "
+    flank_deg: float = Field(default=10.0, ge=2, le=40, description="flanks from the vertical, wider away from the beam")
+    thickness_mm: float = Field(default=20.0, gt=1, le=120, description="A, of the body")
+    axis_height_mm: float = Field(default=100.0, gt=5, le=400, description="B, beam axis above the base")
+    entry_aperture_mm: float = Field(default=41.1, gt=1, le=200, description="the vane begins where its matching section has "
                                      "opened to this; nearer to the wall nothing stands")
-    from_mm: float = Field(0.0, ge=0, description="cut the vane to the table's Z from here")
-    to_mm: float = Field(1e5, gt=0, description="to here")
-    frequency_mhz: float = Field(32.8, gt=1, le=3000, description="of the RF: table's units, computed cells")
-    ion_mass_amu: float = Field(2.0, gt=0.5, le=300, description="of the ion")
-    ion_charge: float = Field(1.0, ge=1, le=100, description="of the ion, for computed cells")
-    energy_in_mev: float = Field(0.015, gt=0, le=10, description="computed cells: energy of the ion as it enters")
-    voltage_kv: float = Field(22.0, gt=0, le=500, description="computed cells: between vanes")
-    r0_mm: float = Field(9.718, gt=0.2, le=60, description="middle aperture, of computed cells and for rho_follows_r0")
-    modulation_max: float = Field(1.7, ge=1, le=4, description="computed cells: m at the end of the ramp")
-    cells: int = Field(50, ge=1, le=1000, description="computed cells: modulated ones")
-    ramp_cells: int = Field(40, ge=1, le=1000, description="computed cells: over so many m and the phase rise")
-    matching_cells: int = Field(4, ge=0, le=12, description="computed cells: of the matching section")
-    phase_deg: float = Field(-30.0, ge=-90, le=-10, description="computed cells: synchronous phase behind the ramp")
-    ball_mm: float = Field(0.0, ge=0, le=100, description="diameter of the finishing ball, or twice the corner radius of a "
+    from_mm: float = Field(default=0.0, ge=0, description="cut the vane to the table's Z from here")
+    to_mm: float = Field(default=1e5, gt=0, description="to here")
+    frequency_mhz: float = Field(default=32.8, gt=1, le=3000, description="of the RF: table's units, computed cells")
+    ion_mass_amu: float = Field(default=2.0, gt=0.5, le=300, description="of the ion")
+    ion_charge: float = Field(default=1.0, ge=1, le=100, description="of the ion, for computed cells")
+    energy_in_mev: float = Field(default=0.015, gt=0, le=10, description="computed cells: energy of the ion as it enters")
+    voltage_kv: float = Field(default=22.0, gt=0, le=500, description="computed cells: between vanes")
+    r0_mm: float = Field(default=9.718, gt=0.2, le=60, description="middle aperture, of computed cells and for rho_follows_r0")
+    modulation_max: float = Field(default=1.7, ge=1, le=4, description="computed cells: m at the end of the ramp")
+    cells: int = Field(default=50, ge=1, le=1000, description="computed cells: modulated ones")
+    ramp_cells: int = Field(default=40, ge=1, le=1000, description="computed cells: over so many m and the phase rise")
+    matching_cells: int = Field(default=4, ge=0, le=12, description="computed cells: of the matching section")
+    phase_deg: float = Field(default=-30.0, ge=-90, le=-10, description="computed cells: synchronous phase behind the ramp")
+    ball_mm: float = Field(default=0.0, ge=0, le=100, description="diameter of the finishing ball, or twice the corner radius of a "
                            "side-and-face cutter; 0: the largest that fits")
     strategy: Literal["sections", "transverse_arcs"] = Field(
-        "sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an "
+        default="sections", description="passes on the offset of the true surface, or as the vane's controller lays them: an "
         "arc in each transverse plane, as sub-programs and three numbers a step")
-    cutter: Literal["ball", "side"] = Field("ball", description="transverse_arcs: a ball, or a side-and-face cutter on an "
+    cutter: Literal["ball", "side"] = Field(default="ball", description="transverse_arcs: a ball, or a side-and-face cutter on an "
                                             "angle head; it needs room above the jaws")
-    allowance_mm: float = Field(0.0, ge=0, le=5, description="transverse_arcs: left by the rough passes; 0: 0.254, 10 mil")
-    plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later: the metal is cut and judged so much below")
-    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
-    bed_travel_mm: float = Field(1400.0, ge=20, le=1e4, description="longest stretch that is cut in one "
+    allowance_mm: float = Field(default=0.0, ge=0, le=5, description="transverse_arcs: left by the rough passes; 0: 0.254, 10 mil")
+    plating_mm: float = Field(default=0.0, ge=0, le=1, description="plated on later: the metal is cut and judged so much below")
+    passes: Literal["zig-zag", "one-way"] = Field(default="zig-zag", description="finishing passes to and fro, or all one way")
+    bed_travel_mm: float = Field(default=1400.0, ge=20, le=1e4, description="longest stretch that is cut in one "
                                  "setup, roughing goes 20 mm beyond; a longer vane is shifted along the bed")
-    overlap_mm: float = Field(10.0, gt=0, le=200, description="cut by both of two neighbouring setups")
-    stock_top_mm: float = Field(1.5, ge=0, le=20, description="stock above the highest crest")
-    grip_mm: float = Field(25.0, ge=1, le=200, description="height of the jaws above the base")
-    scallop_mm: float = Field(0.005, ge=0.001, le=0.1, description="largest cusp left")
-    profile_tolerance_mm: float = Field(0.001, ge=0.0002, le=0.02, description="path against true surface")
-    gouge_mm: float = Field(0.0025, ge=0.0005, le=0.02, description="deepest accepted cut below the surface")
-    material: str = Field("copper_ofhc", description="work material, a name of `materials`")
+    overlap_mm: float = Field(default=10.0, gt=0, le=200, description="cut by both of two neighbouring setups")
+    stock_top_mm: float = Field(default=1.5, ge=0, le=20, description="stock above the highest crest")
+    grip_mm: float = Field(default=25.0, ge=1, le=200, description="height of the jaws above the base")
+    scallop_mm: float = Field(default=0.005, ge=0.001, le=0.1, description="largest cusp left")
+    profile_tolerance_mm: float = Field(default=0.001, ge=0.0002, le=0.02, description="path against true surface")
+    gouge_mm: float = Field(default=0.0025, ge=0.0005, le=0.02, description="deepest accepted cut below the surface")
+    material: str = Field(default="copper_ofhc", description="work material, a name of `materials`")
 
     @model_validator(mode="before")
     @classmethod

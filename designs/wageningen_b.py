@@ -13,20 +13,21 @@ from cuspline.designs.propellers.tables import B_SERIES_HUB, OTHER_HUB, b_series
 class WageningenB(PropellerParameters):
     """The series' parameters, and what it leaves open."""
 
-    blades: int = Field(4, ge=3, le=7)
-    area_ratio: float = Field(0.55, ge=0.3, le=1.1, description="expanded blade area over the area of the propeller's circle")
-    pitch_ratio: float = Field(1.0, ge=0.4, le=1.6, description="nominal pitch over diameter")
-    diameter_mm: float = Field(250.0, ge=50, le=1200)
-    rake_deg: float = Field(15.0, ge=-20, le=30, description="of the generator line, downstream")
-    edge_share: float = Field(0.08, ge=0.02, le=0.3,
+    blades: int = Field(default=4, ge=3, le=7)
+    area_ratio: float = Field(default=0.55, ge=0.3, le=1.1,
+                              description="expanded blade area over the area of the propeller's circle")
+    pitch_ratio: float = Field(default=1.0, ge=0.4, le=1.6, description="nominal pitch over diameter")
+    diameter_mm: float = Field(default=250.0, ge=50, le=1200)
+    rake_deg: float = Field(default=15.0, ge=-20, le=30, description="of the generator line, downstream")
+    edge_share: float = Field(default=0.08, ge=0.02, le=0.3,
                               description="thickness of the edges over the greatest of the section")
-    hub_forward_share: float = Field(0.55, ge=0.2, le=0.8,
+    hub_forward_share: float = Field(default=0.55, ge=0.2, le=0.8,
                                      description="of the hub's length is before the generator line")
-    fillet_leading_edge_mm: float = Field(3.0, gt=0, le=200,
+    fillet_leading_edge_mm: float = Field(default=3.0, gt=0, le=200,
                                           description="radius of the fillet's ball at the leading edge")
-    fillet_face_mm: float = Field(5.0, gt=0, le=200, description="at the middle of the face")
-    fillet_trailing_edge_mm: float = Field(3.0, gt=0, le=200, description="at the trailing edge")
-    fillet_back_mm: float = Field(5.0, gt=0, le=200, description="at the middle of the back")
+    fillet_face_mm: float = Field(default=5.0, gt=0, le=200, description="at the middle of the face")
+    fillet_trailing_edge_mm: float = Field(default=3.0, gt=0, le=200, description="at the trailing edge")
+    fillet_back_mm: float = Field(default=5.0, gt=0, le=200, description="at the middle of the back")
 
 
 def design(p: WageningenB) -> Design:

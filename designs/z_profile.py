@@ -25,32 +25,32 @@ from cuspline.values import fixed_math as fixed
 class ZProfile(Parameters):
     """Dimensions of the mould block; the profile runs along `length_mm`, the sweep along `width_mm`."""
 
-    length_mm: float = Field(120.0, ge=100, le=300, description="block length along the profile")
-    width_mm: float = Field(80.0, ge=10, le=300, description="block width along the sweep")
-    height_mm: float = Field(42.0, ge=36, le=120, description="highest point of the block above its base")
-    convex_radius_mm: float = Field(34.0, ge=5, le=40, description="convex arc, starts level at the block's end")
-    slope_deg: float = Field(78.0, ge=20, le=80, description="fall of the straight flank below the convex arc")
-    slope_length_mm: float = Field(2.0, ge=0.5, le=20, description="length of that flank")
-    concave_radius_mm: float = Field(6.0, ge=1, le=30, description="concave arc between flank and floor")
-    floor_length_mm: float = Field(18.0, ge=2, le=60, description="level floor up to the wall")
-    step_mm: float = Field(24.0, ge=2, le=30, description="height of the vertical wall")
-    ellipse_a_mm: float = Field(28.0, ge=5, le=60, description="ellipse semi-axis along the profile")
-    ellipse_b_mm: float = Field(24.0, ge=5, le=40, description="ellipse semi-axis upward")
-    ellipse_deg: float = Field(50.0, ge=20, le=80,
+    length_mm: float = Field(default=120.0, ge=100, le=300, description="block length along the profile")
+    width_mm: float = Field(default=80.0, ge=10, le=300, description="block width along the sweep")
+    height_mm: float = Field(default=42.0, ge=36, le=120, description="highest point of the block above its base")
+    convex_radius_mm: float = Field(default=34.0, ge=5, le=40, description="convex arc, starts level at the block's end")
+    slope_deg: float = Field(default=78.0, ge=20, le=80, description="fall of the straight flank below the convex arc")
+    slope_length_mm: float = Field(default=2.0, ge=0.5, le=20, description="length of that flank")
+    concave_radius_mm: float = Field(default=6.0, ge=1, le=30, description="concave arc between flank and floor")
+    floor_length_mm: float = Field(default=18.0, ge=2, le=60, description="level floor up to the wall")
+    step_mm: float = Field(default=24.0, ge=2, le=30, description="height of the vertical wall")
+    ellipse_a_mm: float = Field(default=28.0, ge=5, le=60, description="ellipse semi-axis along the profile")
+    ellipse_b_mm: float = Field(default=24.0, ge=5, le=40, description="ellipse semi-axis upward")
+    ellipse_deg: float = Field(default=50.0, ge=20, le=80,
                                description="eccentric angle that the ellipse arc spans from its top")
-    spline_length_mm: float = Field(34.0, ge=10, le=120, description="extent of the spline along the profile")
-    spline_fall_mm: float = Field(14.6, ge=2, le=40, description="fall of the spline to the land")
-    sweep_slope_deg: float = Field(0.0, ge=-15, le=15, description="rise of the whole profile along the sweep")
-    far_scale: float = Field(1.0, ge=0.7, le=1.0,
+    spline_length_mm: float = Field(default=34.0, ge=10, le=120, description="extent of the spline along the profile")
+    spline_fall_mm: float = Field(default=14.6, ge=2, le=40, description="fall of the spline to the land")
+    sweep_slope_deg: float = Field(default=0.0, ge=-15, le=15, description="rise of the whole profile along the sweep")
+    far_scale: float = Field(default=1.0, ge=0.7, le=1.0,
                              description="height of the profile at the far end as a share of the near one (lofted)")
-    section_plane: Literal["ZX", "YZ"] = Field("ZX", description="vertical plane of the profile")
-    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="finishing passes to and fro, or all one way")
-    stock_top_mm: float = Field(2.0, ge=0, le=20, description="stock above the highest point")
-    grip_mm: float = Field(4.0, ge=1, le=30, description="height of the vise jaws above the base of the block")
-    scallop_mm: float = Field(0.010, ge=0.001, le=0.5, description="largest cusp left")
-    profile_tolerance_mm: float = Field(0.0024, ge=0.0002, le=0.05, description="path against true curve")
-    gouge_mm: float = Field(0.003, ge=0.0005, le=0.05, description="deepest accepted cut below the surface")
-    material: str = Field("aluminium_6061", description="work material, a name of `materials`")
+    section_plane: Literal["ZX", "YZ"] = Field(default="ZX", description="vertical plane of the profile")
+    passes: Literal["zig-zag", "one-way"] = Field(default="zig-zag", description="finishing passes to and fro, or all one way")
+    stock_top_mm: float = Field(default=2.0, ge=0, le=20, description="stock above the highest point")
+    grip_mm: float = Field(default=4.0, ge=1, le=30, description="height of the vise jaws above the base of the block")
+    scallop_mm: float = Field(default=0.010, ge=0.001, le=0.5, description="largest cusp left")
+    profile_tolerance_mm: float = Field(default=0.0024, ge=0.0002, le=0.05, description="path against true curve")
+    gouge_mm: float = Field(default=0.003, ge=0.0005, le=0.05, description="deepest accepted cut below the surface")
+    material: str = Field(default="aluminium_6061", description="work material, a name of `materials`")
 
     @model_validator(mode="after")
     def _profile_fits_into_the_block(self):
@@ -159,22 +159,19 @@ def design(p: ZProfile) -> Design:
     body = solid(p)
     top = p.height_mm + max(0.0, p.width_mm * fixed.tan(math.radians(p.sweep_slope_deg)))
     size = (p.length_mm, p.width_mm) if p.section_plane == "ZX" else (p.width_mm, p.length_mm)
-    along, across = (0, 1) if p.section_plane == "ZX" else (1, 0)
-    inner_min, inner_max = [0.0] * 3, [0.0] * 3
-    inner_min[along], inner_max[along] = 1e-3, p.length_mm - 1e-3
-    inner_min[across], inner_max[across] = 1e-3, p.width_mm - 1e-3
-    inner_min[2], inner_max[2] = 1e-3, top + 1.0
+    across = 1 if p.section_plane == "ZX" else 0
     return Design(
         name="z_profile",
         description="Z-profile mould block: lines, arcs, ellipse arc, spline and a vertical step",
         parameters=p,
         solid=body,
-        predicates=(FacePredicate(name="profile", count=8, center_min_mm=tuple(inner_min),
-                                  center_max_mm=tuple(inner_max)),),
+        predicates=(FacePredicate(name="profile", count=8, center_min_mm=(1e-3, 1e-3, 1e-3),
+                                  center_max_mm=(size[0] - 1e-3, size[1] - 1e-3, top + 1.0)),),
         material=p.material,
         stock=StockBox(min_mm=(0.0, 0.0, 0.0), max_mm=(*size, top + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
-        setups=(Setup(name="setup-1", wcs="G54", faces=("profile",), operations=(Auto(section_plane=p.section_plane, passes=p.passes),),
+        setups=(Setup(name="setup-1", wcs="G54", faces=("profile",),
+                      operations=(Auto(section_plane=p.section_plane, passes=p.passes),),
                       wcs_in_words="X0 Y0 at the lower left corner of the block, Z0 on its base (parallels)",
                       fixtures=_jaws(p, across)),),
     )

@@ -97,7 +97,8 @@ def texts_for_users(tree):
     docstrings = {id(node.body[0].value) for node in ast.walk(tree)
                   if isinstance(node, documented) and node.body and isinstance(node.body[0], ast.Expr)}
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings and " " in node.value.strip():
+        is_text = isinstance(node, ast.Constant) and isinstance(node.value, str)
+        if is_text and id(node) not in docstrings and " " in node.value.strip():
             yield node.lineno, node.value
 
 

@@ -24,34 +24,34 @@ STOCK_MM = 2.0              # billet round the propeller
 class PropellerParameters(Parameters):
     """Hub, fillet, trailing edge, material and finish of any propeller; its blades come from the design."""
 
-    hand: Literal["right", "left"] = Field("right", description="turning direction seen from aft, going ahead")
-    hub_length_share: float = Field(0.40, ge=0.1, le=1.5, description="of the diameter")
-    hub_forward_share: float = Field(0.5, ge=0.2, le=0.8,
+    hand: Literal["right", "left"] = Field(default="right", description="turning direction seen from aft, going ahead")
+    hub_length_share: float = Field(default=0.40, ge=0.1, le=1.5, description="of the diameter")
+    hub_forward_share: float = Field(default=0.5, ge=0.2, le=0.8,
                                      description="of the hub's length is before the generator line")
-    hub_taper_deg: float = Field(0.0, ge=-20, le=20, description="half angle; the hub grows downstream when positive")
-    hub_profile_csv: str = Field("", description="file with columns x_D, r_D in place of length, taper and ratio")
-    bore_mm: float = Field(0.0, ge=0, description="diameter at the fore end; 0: none")
-    bore_taper_deg: float = Field(0.0, ge=-10, le=10, description="half angle; the bore grows downstream when positive")
-    key_width_mm: float = Field(0.0, ge=0, description="keyway; 0: none")
-    key_depth_mm: float = Field(0.0, ge=0, description="keyway above the bore")
-    bolts: int = Field(0, ge=0, le=24, description="holes of the bolt circle; 0: none")
-    bolt_mm: float = Field(0.0, ge=0, description="diameter of the bolt holes")
-    bolt_circle_mm: float = Field(0.0, ge=0, description="diameter of the bolt circle")
-    fillet_leading_edge_mm: float = Field(4.0, gt=0, le=200,
+    hub_taper_deg: float = Field(default=0.0, ge=-20, le=20, description="half angle; the hub grows downstream when positive")
+    hub_profile_csv: str = Field(default="", description="file with columns x_D, r_D in place of length, taper and ratio")
+    bore_mm: float = Field(default=0.0, ge=0, description="diameter at the fore end; 0: none")
+    bore_taper_deg: float = Field(default=0.0, ge=-10, le=10, description="half angle; the bore grows downstream when positive")
+    key_width_mm: float = Field(default=0.0, ge=0, description="keyway; 0: none")
+    key_depth_mm: float = Field(default=0.0, ge=0, description="keyway above the bore")
+    bolts: int = Field(default=0, ge=0, le=24, description="holes of the bolt circle; 0: none")
+    bolt_mm: float = Field(default=0.0, ge=0, description="diameter of the bolt holes")
+    bolt_circle_mm: float = Field(default=0.0, ge=0, description="diameter of the bolt circle")
+    fillet_leading_edge_mm: float = Field(default=4.0, gt=0, le=200,
                                           description="radius of the fillet's ball at the leading edge")
-    fillet_face_mm: float = Field(8.0, gt=0, le=200, description="at the middle of the face")
-    fillet_trailing_edge_mm: float = Field(4.0, gt=0, le=200, description="at the trailing edge")
-    fillet_back_mm: float = Field(8.0, gt=0, le=200, description="at the middle of the back")
-    trailing_edge: Literal["round", "square", "anti-singing"] = Field("round", description="how the trailing edge ends")
-    trailing_edge_share: float = Field(0.0, ge=0, le=0.5, description="its thickness over the section's greatest; "
+    fillet_face_mm: float = Field(default=8.0, gt=0, le=200, description="at the middle of the face")
+    fillet_trailing_edge_mm: float = Field(default=4.0, gt=0, le=200, description="at the trailing edge")
+    fillet_back_mm: float = Field(default=8.0, gt=0, le=200, description="at the middle of the back")
+    trailing_edge: Literal["round", "square", "anti-singing"] = Field(default="round", description="how the trailing edge ends")
+    trailing_edge_share: float = Field(default=0.0, ge=0, le=0.5, description="its thickness over the section's greatest; "
                                        "0: as the section table has it")
-    bevel_chord_share: float = Field(0.06, ge=0.02, le=0.2, description="length of the anti-singing bevel over chord")
-    bevel_leaves: float = Field(0.5, ge=0.2, le=0.9, description="share of the edge's thickness that the bevel leaves")
-    density_g_per_cm3: float = Field(7.6, gt=0, le=25, description="for the mass")
-    material: str = Field("bronze_nial", description="work material, a name of `materials`")
-    scallop_mm: float = Field(0.010, ge=0.002, le=0.5, description="largest cusp left")
-    profile_tolerance_mm: float = Field(0.0025, ge=0.0002, le=0.05, description="path against true surface")
-    gouge_mm: float = Field(0.003, ge=0.0005, le=0.05, description="deepest accepted cut below the surface")
+    bevel_chord_share: float = Field(default=0.06, ge=0.02, le=0.2, description="length of the anti-singing bevel over chord")
+    bevel_leaves: float = Field(default=0.5, ge=0.2, le=0.9, description="share of the edge's thickness that the bevel leaves")
+    density_g_per_cm3: float = Field(default=7.6, gt=0, le=25, description="for the mass")
+    material: str = Field(default="bronze_nial", description="work material, a name of `materials`")
+    scallop_mm: float = Field(default=0.010, ge=0.002, le=0.5, description="largest cusp left")
+    profile_tolerance_mm: float = Field(default=0.0025, ge=0.0002, le=0.05, description="path against true surface")
+    gouge_mm: float = Field(default=0.003, ge=0.0005, le=0.05, description="deepest accepted cut below the surface")
 
     @property
     def edge(self):

@@ -67,7 +67,8 @@ def b_series(blades, area_ratio, pitch_ratio, diameter_mm, is_right_handed=True,
 
 
 def own_propeller(blades, area_ratio, pitch_ratio, diameter_mm, hub_ratio, *, is_right_handed=True, skew_deg=0.0,
-                  rake_deg=0.0, root_pitch_share=1.0, thickness_scale=1.0, camber_share=0.02, sections_csv=None, edge=TrailingEdge()):
+                  rake_deg=0.0, root_pitch_share=1.0, thickness_scale=1.0, camber_share=0.02, sections_csv=None,
+                  edge=TrailingEdge()):
     """The table of a propeller by a few parameters.
 
     Outline of the B-series about its middle line, scaled to the area ratio between hub and tip; thickness of the

@@ -148,7 +148,8 @@ class Transition:
         z, k, (A10, A30) = np.asarray(z_mm, float), self.wave_per_mm, self.terms
         first, third = sign * A10 * fixed.cos(k * z), sign * A30 * fixed.cos(3 * k * z)
         value = lambda r: (r / self.r0_mm) ** 2 + first * fixed.bessel_i(0, k * r) + third * fixed.bessel_i(0, 3 * k * r) - 1.0
-        slope = lambda r: 2 * r / self.r0_mm ** 2 + k * first * fixed.bessel_i(1, k * r) + 3 * k * third * fixed.bessel_i(1, 3 * k * r)
+        slope = lambda r: (2 * r / self.r0_mm ** 2 + k * first * fixed.bessel_i(1, k * r)
+                           + 3 * k * third * fixed.bessel_i(1, 3 * k * r))
         reach = 1e-6 * self.aperture_mm
         return rising_roots(value, slope, np.full_like(z, self.aperture_mm - reach),
                             np.full_like(z, self.aperture_mm * self.modulation + reach))

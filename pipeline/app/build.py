@@ -301,7 +301,8 @@ def plan_document(order, plans):
     for plan in plans:
         operations = [_operation_document(o) for o in plan.operations]
         lies = plan.setup.refixturing
-        setups.append({"name": plan.setup.name, "operations": operations, "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
+        setups.append({"name": plan.setup.name, "operations": operations,
+                       "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
                        "refixturing": None if lies is None else lies.model_dump(mode="json"),
                        "time_s": round(sum(o["time_s"] for o in operations)
                                        + order.machine.tool_change_s * len(operations), 1),

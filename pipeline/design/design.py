@@ -33,20 +33,20 @@ class FacePredicate(Model):
     """
 
     name: str = Field(description="what the chosen faces are called")
-    count: int | None = Field(None, ge=1, description="how many faces it must match, no more, no fewer")
-    at_least: int | None = Field(None, ge=1, description="in place of count: no fewer than that")
+    count: int | None = Field(default=None, ge=1, description="how many faces it must match, no more, no fewer")
+    at_least: int | None = Field(default=None, ge=1, description="in place of count: no fewer than that")
     kinds: tuple[Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion",
                          "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
-    normal: tuple[float, float, float] | None = Field(None, description="direction that the normal is close to")
-    normal_within_deg: float = Field(1.0, ge=0, le=180)
-    center_min_mm: tuple[float, float, float] | None = Field(None,
+    normal: tuple[float, float, float] | None = Field(default=None, description="direction that the normal is close to")
+    normal_within_deg: float = Field(default=1.0, ge=0, le=180)
+    center_min_mm: tuple[float, float, float] | None = Field(default=None,
                                                              description="corner of a box round the face's middle")
     center_max_mm: tuple[float, float, float] | None = None
-    area_min_mm2: float | None = Field(None, ge=0)
-    area_max_mm2: float | None = Field(None, gt=0)
-    face_name: str | None = Field(None, min_length=1, description="name of the face in the STEP file")
-    color: tuple[Share, Share, Share] | None = Field(None, description="sRGB of the face or its body, 0 to 1")
-    color_within: float = Field(0.02, ge=0, le=1, description="how far each part of the colour may be off")
+    area_min_mm2: float | None = Field(default=None, ge=0)
+    area_max_mm2: float | None = Field(default=None, gt=0)
+    face_name: str | None = Field(default=None, min_length=1, description="name of the face in the STEP file")
+    color: tuple[Share, Share, Share] | None = Field(default=None, description="sRGB of the face or its body, 0 to 1")
+    color_within: float = Field(default=0.02, ge=0, le=1, description="how far each part of the colour may be off")
 
     @model_validator(mode="after")
     def _says_something(self):
@@ -75,7 +75,7 @@ class Finish(Model):
     profile_tolerance_mm: float = Field(gt=0, le=COARSEST_MM,
                                         description="largest deviation of a path from the true curve")
     gouge_mm: float = Field(gt=0, le=COARSEST_MM, description="deepest cut below the surface that is accepted")
-    plating_mm: float = Field(0.0, ge=0, le=1, description="plated on later: the metal is cut so much below the faces, and "
+    plating_mm: float = Field(default=0.0, ge=0, le=1, description="plated on later: the metal is cut so much below the faces, and "
                               "judged there")
 
     @model_serializer(mode="wrap")
@@ -105,17 +105,18 @@ class Setup(Model):
     wcs: Literal["G54", "G55", "G56", "G57", "G58", "G59"] = "G54"
     wcs_in_words: str
     wcs_origin_mm: Point = (0.0, 0.0, 0.0)     # in part coordinates
-    wcs_x: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction of the WCS's X, part coordinates")
-    wcs_z: tuple[float, float, float] = Field((0.0, 0.0, 1.0), description="direction of its Z, towards the spindle")
-    faces: tuple[str, ...] = Field(min_length=1, description="names of the predicates whose faces are cut, and judged after the setup")
-    operations: tuple[AnyOperation, ...] = Field((), description="what cuts them, in this order; none: `Auto`, all chosen "
+    wcs_x: tuple[float, float, float] = Field(default=(1.0, 0.0, 0.0), description="direction of the WCS's X, part coordinates")
+    wcs_z: tuple[float, float, float] = Field(default=(0.0, 0.0, 1.0), description="direction of its Z, towards the spindle")
+    faces: tuple[str, ...] = Field(min_length=1,
+                                   description="names of the predicates whose faces are cut, and judged after the setup")
+    operations: tuple[AnyOperation, ...] = Field(default=(), description="what cuts them, in this order; none: `Auto`, all chosen "
                                                  "by curvature")
-    reach_x_mm: tuple[float, float] | None = Field(None, description="x of the part as it sits, along wcs_x: "
+    reach_x_mm: tuple[float, float] | None = Field(default=None, description="x of the part as it sits, along wcs_x: "
                                                    "between these roughing tools stay; None: they clear all")
-    fixtures: tuple[Fixture, ...] = Field((), description="what holds the part: jaws, clamps, posts")
-    markers: tuple[Marker, ...] = Field((), description="what is measured to find how the part sits")
-    marker_limit_mm: float = Field(0.02, gt=0, description="how far a measured marker may be from the rigid part")
-    refixturing: Refixturing | None = Field(None, description="what measured markers came to; None: as designed")
+    fixtures: tuple[Fixture, ...] = Field(default=(), description="what holds the part: jaws, clamps, posts")
+    markers: tuple[Marker, ...] = Field(default=(), description="what is measured to find how the part sits")
+    marker_limit_mm: float = Field(default=0.02, gt=0, description="how far a measured marker may be from the rigid part")
+    refixturing: Refixturing | None = Field(default=None, description="what measured markers came to; None: as designed")
 
     @model_validator(mode="after")
     def _axes_make_a_frame(self):

@@ -20,7 +20,7 @@ class Holding(Model):
     """What every fixture has."""
 
     name: str
-    on: Literal["part", "table"] = Field("part", description="what its coordinates belong to: the part, or the setup's "
+    on: Literal["part", "table"] = Field(default="part", description="what its coordinates belong to: the part, or the setup's "
                                          "work coordinates")
 
     @property
@@ -44,9 +44,9 @@ class FixtureCylinder(Cylinder, Holding):
 class FixtureSolid(Solid, Holding):
     """A clamp or a vice: a solid in coordinates of its own, and where it stands."""
 
-    origin_mm: Point = Field((0.0, 0.0, 0.0), description="where its zero stands")
-    x: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="where its X points")
-    z: tuple[float, float, float] = Field((0.0, 0.0, 1.0), description="where its Z points")
+    origin_mm: Point = Field(default=(0.0, 0.0, 0.0), description="where its zero stands")
+    x: tuple[float, float, float] = Field(default=(1.0, 0.0, 0.0), description="where its X points")
+    z: tuple[float, float, float] = Field(default=(0.0, 0.0, 1.0), description="where its Z points")
 
     @model_validator(mode="after")
     def _stands_square(self):

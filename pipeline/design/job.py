@@ -29,7 +29,7 @@ class PostedFile(Model):
 
     setup: Setup
     program: WrittenName = Field(description="file name, of a set the first")
-    continued: tuple[WrittenName, ...] = Field((), description="files of the set that follow, in order")
+    continued: tuple[WrittenName, ...] = Field(default=(), description="files of the set that follow, in order")
 
     @property
     def files(self):
@@ -43,7 +43,7 @@ class Job(Model):
     design: FileName
     step: WrittenName
     material: str
-    cutting_data: Material | None = Field(None, description="of the material; None: what cuspline knows of it")
+    cutting_data: Material | None = Field(default=None, description="of the material; None: what cuspline knows of it")
     predicates: tuple[FacePredicate, ...]
     stock: Stock
     finish: Finish

@@ -13,7 +13,8 @@ from cuspline.values.models import Model, Point, complaints
 
 TYPES = {"ball": "ball", "flat": "flat", "bull": "bull_nose", "bull nose": "bull_nose", "bull_nose": "bull_nose",
          "tapered ball": "tapered_ball", "tapered_ball": "tapered_ball"}
-WISH = re.compile(r"(?P<type>[a-z_ ]+?)\s*(?:(?P<rule><=|>=|<|>)?\s*(?P<diameter>\d+(?:\.\d+)?))?(?:\s+r\s*(?P<corner>\d+(?:\.\d+)?))?")
+WISH = re.compile(r"(?P<type>[a-z_ ]+?)\s*(?:(?P<rule><=|>=|<|>)?\s*(?P<diameter>\d+(?:\.\d+)?))?"
+                  r"(?:\s+r\s*(?P<corner>\d+(?:\.\d+)?))?")
 SAME_MM = 1e-6              # measures that are the same
 REGISTERED = {}             # kind -> class
 
@@ -25,18 +26,19 @@ class Operation(Model):
     picture: ClassVar[str] = ""         # for `cuspline strategies`
     is_mended: ClassVar[bool] = True    # what a check finds too high after it gets clean-up passes
 
-    name: str | None = Field(None, min_length=1, max_length=40, pattern=r"^[A-Za-z0-9 ._+-]+$",
+    name: str | None = Field(default=None, min_length=1, max_length=40, pattern=r"^[A-Za-z0-9 ._+-]+$",
                              description="what program, report and findings call it; left out: its kind")
-    faces: tuple[str, ...] | None = Field(None, min_length=1, description="names of the faces it cuts; left out: the setup's")
+    faces: tuple[str, ...] | None = Field(default=None, min_length=1,
+                                          description="names of the faces it cuts; left out: the setup's")
     tool: int | str | None = Field(
-        None, description='a tool by number (5), by type and size ("flat 16", "bull 12 r2") or by a rule ("ball <= 10"); '
+        default=None, description='a tool by number (5), by type and size ("flat 16", "bull 12 r2") or by a rule ("ball <= 10"); '
         "left out: chosen by the faces' curvature")
-    spindle_rpm: float | None = Field(None, gt=0, description="left out: from the material's cutting speed")
-    feed_mm_per_min: float | None = Field(None, gt=0, description="left out: from the material's feed a tooth")
-    coolant: Literal["flood", "mist", "off"] | None = Field(None, description="left out: the material's")
-    clearance_mm: float | None = Field(None, gt=0, le=500, description="rapids of the setup run at least so far above "
+    spindle_rpm: float | None = Field(default=None, gt=0, description="left out: from the material's cutting speed")
+    feed_mm_per_min: float | None = Field(default=None, gt=0, description="left out: from the material's feed a tooth")
+    coolant: Literal["flood", "mist", "off"] | None = Field(default=None, description="left out: the material's")
+    clearance_mm: float | None = Field(default=None, gt=0, le=500, description="rapids of the setup run at least so far above "
                                        "stock and fixtures; left out: the shop's")
-    tool_axis: Point | None = Field(None, description="unit vector towards the spindle, part coordinates; left out: the "
+    tool_axis: Point | None = Field(default=None, description="unit vector towards the spindle, part coordinates; left out: the "
                                     "setup's Z")
 
     @classmethod
@@ -82,23 +84,23 @@ class Operation(Model):
 class Clearing(Operation):
     """What operations say that take the stock away in levels."""
 
-    allowance_mm: float | None = Field(None, ge=0, le=20, description="material to leave; left out: the shop's")
-    stepdown_mm: float | None = Field(None, gt=0, le=100, description="left out: the material's share of the diameter")
-    stepover_mm: float | None = Field(None, gt=0, le=200, description="largest radial depth of cut; left out: the shop's")
-    ramp_deg: float | None = Field(None, gt=0, lt=45, description="of the way down into stock; left out: the shop's")
+    allowance_mm: float | None = Field(default=None, ge=0, le=20, description="material to leave; left out: the shop's")
+    stepdown_mm: float | None = Field(default=None, gt=0, le=100, description="left out: the material's share of the diameter")
+    stepover_mm: float | None = Field(default=None, gt=0, le=200, description="largest radial depth of cut; left out: the shop's")
+    ramp_deg: float | None = Field(default=None, gt=0, lt=45, description="of the way down into stock; left out: the shop's")
 
 
 class Finishing(Operation):
     """What operations say that cut faces to their finish."""
 
-    scallop_mm: float | None = Field(None, gt=0, le=5, description="largest cusp; left out: the design's, never more")
-    profile_tolerance_mm: float | None = Field(None, gt=0, le=5, description="left out: the design's, never more")
-    gouge_mm: float | None = Field(None, gt=0, le=5, description="left out: the design's, never more")
-    allowance_mm: float = Field(0.0, ge=0, le=20, description="material to leave for a later operation")
-    stepover_mm: float | None = Field(None, gt=0, le=100, description="largest; left out: what the cusp allows")
-    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="to and fro, or all one way")
-    lead_radius_mm: float | None = Field(None, ge=0, le=50, description="of the arcs in and out; left out: the shop's")
-    steep_deg: float = Field(90.0, ge=20, le=90, description="walls steeper than this get waterline passes; 90: none do")
+    scallop_mm: float | None = Field(default=None, gt=0, le=5, description="largest cusp; left out: the design's, never more")
+    profile_tolerance_mm: float | None = Field(default=None, gt=0, le=5, description="left out: the design's, never more")
+    gouge_mm: float | None = Field(default=None, gt=0, le=5, description="left out: the design's, never more")
+    allowance_mm: float = Field(default=0.0, ge=0, le=20, description="material to leave for a later operation")
+    stepover_mm: float | None = Field(default=None, gt=0, le=100, description="largest; left out: what the cusp allows")
+    passes: Literal["zig-zag", "one-way"] = Field(default="zig-zag", description="to and fro, or all one way")
+    lead_radius_mm: float | None = Field(default=None, ge=0, le=50, description="of the arcs in and out; left out: the shop's")
+    steep_deg: float = Field(default=90.0, ge=20, le=90, description="walls steeper than this get waterline passes; 90: none do")
 
 
 class ToolWish(Model):

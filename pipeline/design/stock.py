@@ -116,8 +116,8 @@ class Solid(FromFile):
     ENDING: ClassVar[str] = ".step"
     _only_in_code: ClassVar[dict] = {"solid": None}
 
-    step: str | None = Field(None, min_length=1, description="STEP file, beside the design or the job file")
-    solid: Any = Field(None, exclude=True, repr=False,
+    step: str | None = Field(default=None, min_length=1, description="STEP file, beside the design or the job file")
+    solid: Any = Field(default=None, exclude=True, repr=False,
                        description="in code, in place of it: a solid of CadQuery, build123d or the kernel")
 
     @model_validator(mode="after")
@@ -172,7 +172,7 @@ class Mesh(FromFile):
 class StockBox(Box):
     """A rectangular billet, part coordinates."""
 
-    allowance_mm: float | None = Field(None, description="it is the box round the part and so much: where a design states "
+    allowance_mm: float | None = Field(default=None, description="it is the box round the part and so much: where a design states "
                                        "no stock of its own")
 
     @model_validator(mode="after")
@@ -203,7 +203,7 @@ class StockAllowance(Standing):
 
     TOLD_BY: ClassVar[str] = "allowance_mm"
 
-    allowance_mm: float | None = Field(None, ge=0, le=FAR_MM, description="None: what the shop takes")
+    allowance_mm: float | None = Field(default=None, ge=0, le=FAR_MM, description="None: what the shop takes")
 
 
 Stock = one_of(StockBox, StockCylinder, StockSolid, StockMesh, StockAllowance)

@@ -294,7 +294,8 @@ class PlanningContext:
         facts = {**facts, "length_mm": round(float(feeds.move_lengths_mm(moves)[cutting].sum()), 3),
                  "time_s": round(float(feeds.times_s(moves, self.machine).sum()), 1),
                  "moves": len(moves), "arcs": int((moves.kind >= Kind.ARC_CW).sum())}
-        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.operation.coolant or self.material.coolant, moves=moves, facts=facts,
+        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.operation.coolant or self.material.coolant,
+                                moves=moves, facts=facts,
                                 passes=passes)
 
 

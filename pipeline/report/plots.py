@@ -229,7 +229,8 @@ def feed_plot(path, names):
         middle, low, high = _feed_band(minutes, feed, cutting & (operation == k), minutes[-1])
         colour = OPERATION_COLOURS[k % len(OPERATION_COLOURS)]
         axes.fill_between(middle, low, high, color=colour, alpha=0.25, lw=0, step="mid")
-        axes.step(middle, high, where="mid", color=colour, lw=1.2, label=names[k] if 0 <= k < len(names) else f"operation {k + 1}" if k >= 0 else "no operation")
+        axes.step(middle, high, where="mid", color=colour, lw=1.2,
+                  label=names[k] if 0 <= k < len(names) else f"operation {k + 1}" if k >= 0 else "no operation")
     axes.set_xlim(0, minutes[-1])
     axes.set_ylim(0, feed[cutting].max() * 1.18)
     axes.legend(loc="upper right", ncols=4)

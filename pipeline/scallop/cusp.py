@@ -215,5 +215,6 @@ def _refuse_tight_hollows(silhouette, k):
     tight = np.flatnonzero((k < 0) & (heights.min(axis=0) < -FIT_SHARE * 2 * silhouette.profile.largest_radius_mm))
     if len(tight):
         raise CutterDoesNotFit(
-            f"{counted(len(tight), 'point')} on surface that is concave across the feed (radius {-1 / k[tight].min():.3f} mm and up), which "
-            "this cutter's silhouette does not fit; choose a smaller one or incline it more along the feed", rows=tight)
+            f"{counted(len(tight), 'point')} on surface that is concave across the feed (radius {-1 / k[tight].min():.3f} mm "
+            "and up), which this cutter's silhouette does not fit; choose a smaller one or incline it more along "
+            "the feed", rows=tight)

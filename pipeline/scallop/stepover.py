@@ -29,8 +29,8 @@ def stepover_for_scallop_mm(radius_mm, scallop_mm, curvature_per_mm):
     k = np.atleast_1d(np.asarray(curvature_per_mm, float))
     tight = np.flatnonzero(k * radius_mm <= -1.0)
     if len(tight):
-        raise CutterDoesNotFit(f"ball radius {radius_mm:.3f} mm, but {counted(len(tight), 'point')} where the surface is concave with radius "
-                               f"{-1 / k[tight].min():.3f} mm; choose a smaller ball", rows=tight)
+        raise CutterDoesNotFit(f"ball radius {radius_mm:.3f} mm, but {counted(len(tight), 'point')} where the surface is "
+                               f"concave with radius {-1 / k[tight].min():.3f} mm; choose a smaller ball", rows=tight)
     # 1 - cos(half angle) in a form that keeps its digits on nearly flat surfaces
     rho, side = 1.0 / np.maximum(np.abs(k), FLAT_PER_MM), np.where(k < 0, -1.0, 1.0)
     versine = scallop_mm * (2 * radius_mm - scallop_mm) / (
@@ -68,6 +68,7 @@ def segment_length_mm(surface_radius_mm, cutter_radius_mm, deviation_mm):
     """
     path_radius = abs(surface_radius_mm - cutter_radius_mm)
     if 0 < surface_radius_mm <= cutter_radius_mm:
-        raise CutterDoesNotFit(f"ball radius {cutter_radius_mm} mm where the surface is concave with radius {surface_radius_mm} mm; choose a smaller ball")
+        raise CutterDoesNotFit(f"ball radius {cutter_radius_mm} mm where the surface is concave with radius "
+                               f"{surface_radius_mm} mm; choose a smaller ball")
     share = min(deviation_mm / path_radius, 1.0)
     return 2 * path_radius * float(np.sqrt(share * (2 - share)))

@@ -69,21 +69,21 @@ class Cutter(Model):
     reach_mm: float = Field(gt=0, description="tip to where the neck ends and the shank begins")
     shank_diameter_mm: float = Field(gt=0)
     overall_length_mm: float = Field(gt=0)
-    taper_deg: float | None = Field(None, gt=-90, lt=90, description="side to axis; dovetail: how far it leans in")
-    tip_angle_deg: float | None = Field(None, ge=0, lt=90, description="rise of the bottom from the tip (APT alpha)")
-    corner_center_radius_mm: float | None = Field(None, description="APT e")
-    corner_center_height_mm: float | None = Field(None, description="APT f")
-    tip_radius_mm: float | None = Field(None, gt=0, description="lens: the large radius of its bottom")
+    taper_deg: float | None = Field(default=None, gt=-90, lt=90, description="side to axis; dovetail: how far it leans in")
+    tip_angle_deg: float | None = Field(default=None, ge=0, lt=90, description="rise of the bottom from the tip (APT alpha)")
+    corner_center_radius_mm: float | None = Field(default=None, description="APT e")
+    corner_center_height_mm: float | None = Field(default=None, description="APT f")
+    tip_radius_mm: float | None = Field(default=None, gt=0, description="lens: the large radius of its bottom")
     shaft_segments: tuple[HolderSegment, ...] | None = Field(
-        None, min_length=1, description="a neck that is no cylinder: from the flutes' end to the reach")
-    max_rpm: float | None = Field(None, gt=0, description="largest speed that its maker or its holder allows")
-    is_centre_cutting: bool | None = Field(None, description="its teeth meet in the middle; left out: balls alone")
+        default=None, min_length=1, description="a neck that is no cylinder: from the flutes' end to the reach")
+    max_rpm: float | None = Field(default=None, gt=0, description="largest speed that its maker or its holder allows")
+    is_centre_cutting: bool | None = Field(default=None, description="its teeth meet in the middle; left out: balls alone")
     ramp_deg: float | None = Field(
-        None, gt=0, le=90, description=f"steepest way into stock; left out: {RAMP_DEG:g}, centre-cutting 90")
+        default=None, gt=0, le=90, description=f"steepest way into stock; left out: {RAMP_DEG:g}, centre-cutting 90")
     slot_depth_mm: float | None = Field(
-        None, gt=0, description=f"deepest slot of its full width; left out: {SLOT_SHARE:g} of the diameter")
+        default=None, gt=0, description=f"deepest slot of its full width; left out: {SLOT_SHARE:g} of the diameter")
     plunge_mm_per_tooth: float | None = Field(
-        None, gt=0, description=f"of a centre-cutting cutter; left out: {PLUNGE_SHARE:g} of the diameter")
+        default=None, gt=0, description=f"of a centre-cutting cutter; left out: {PLUNGE_SHARE:g} of the diameter")
 
     @model_validator(mode="after")
     def _shape_is_consistent(self):
@@ -236,7 +236,7 @@ class Tool(Model):
     cutter: Cutter
     holder: Holder
     stick_out_mm: float = Field(gt=0, description="tip to holder nose")
-    head: RightAngleHead | None = Field(None, description="that the holder sits in, in place of the spindle")
+    head: RightAngleHead | None = Field(default=None, description="that the holder sits in, in place of the spindle")
 
     @model_validator(mode="after")
     def _stick_out_is_possible(self):

@@ -35,16 +35,16 @@ class Control(Model):
 
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
-    decimals_mm: int = Field(4, ge=1, le=6)
-    decimals_inch: int = Field(5, ge=1, le=7)
-    decimals_feed: int = Field(1, ge=0, le=3)
-    line_length: int = Field(252, ge=40, description="longest block the control takes, characters")
+    decimals_mm: int = Field(default=4, ge=1, le=6)
+    decimals_inch: int = Field(default=5, ge=1, le=7)
+    decimals_feed: int = Field(default=1, ge=0, le=3)
+    line_length: int = Field(default=252, ge=40, description="longest block the control takes, characters")
     program_store_bytes: int = Field(gt=0)
-    sub_programs: bool = Field(True, description="repeated passes as sub-programs and calls; false: move by move")
+    sub_programs: bool = Field(default=True, description="repeated passes as sub-programs and calls; false: move by move")
     path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: what "
                                      "G64 P states on LinuxCNC, what is set in a Fanuc control for G64 (corners, smoothing)")
-    arc_max_radius_mm: float = Field(1e4, gt=0, description="flatter arcs go out as lines")
-    arc_min_length_mm: float = Field(1e-3, gt=0, description="shorter arcs go out as lines")
+    arc_max_radius_mm: float = Field(default=1e4, gt=0, description="flatter arcs go out as lines")
+    arc_min_length_mm: float = Field(default=1e-3, gt=0, description="shorter arcs go out as lines")
 
     @model_serializer(mode="wrap")
     def _without_what_is_usual(self, dump):
@@ -78,14 +78,14 @@ class Machine(Model):
     wcs_origin_mm: Point = Field(
         description="where G54 is expected, machine coordinates of the spindle nose")
     tool_change_z_mm: float | None = Field(
-        None, description="lowest spindle nose at which a tool is changed, machine coordinates; left out: where "
+        default=None, description="lowest spindle nose at which a tool is changed, machine coordinates; left out: where "
         "G53 Z0 and G28 lead, or the top of the travel where that is lower")
     stop_clearance_mm: float = Field(
-        25.0, ge=0, description="tip above stock and fixtures where the program stops or ends below the tool change")
+        default=25.0, ge=0, description="tip above stock and fixtures where the program stops or ends below the tool change")
     rapid_clearance_mm: float = Field(
-        0.5, ge=0, description="least height of a rapid above the stock; straight up it may leave the cut")
+        default=0.5, ge=0, description="least height of a rapid above the stock; straight up it may leave the cut")
     spindle_head: tuple[tuple[float, float], ...] = Field(
-        (), description="(height_mm, diameter_mm) of cylinders above the holder's top, from below, that must not touch")
+        default=(), description="(height_mm, diameter_mm) of cylinders above the holder's top, from below, that must not touch")
     control: Control
 
     @model_validator(mode="after")

@@ -14,22 +14,24 @@ from cuspline.values.models import Model
 class Practice(Model):
     """Values of a shop for every job; lengths in millimetres."""
 
-    rough_allowance_mm: float = Field(0.3, ge=0, le=20, description="roughing leaves it on the faces")
-    semi_allowance_mm: float = Field(0.1, ge=0, le=5, description="a semi-finish leaves it")
-    semi_scallop_mm: float = Field(0.05, gt=0, le=5, description="largest cusp of a semi-finish")
-    finish_depth_share: float = Field(0.1, gt=0, le=1, description="of its diameter a ball finishes at most so deep")
-    radial_share: float = Field(0.45, gt=0.01, le=0.5, description="of the diameter: largest radial depth of roughing")
-    rest_threshold_mm: float = Field(0.5, ge=0, le=20, description="rest roughing leaves alone what stands less than this "
+    rough_allowance_mm: float = Field(default=0.3, ge=0, le=20, description="roughing leaves it on the faces")
+    semi_allowance_mm: float = Field(default=0.1, ge=0, le=5, description="a semi-finish leaves it")
+    semi_scallop_mm: float = Field(default=0.05, gt=0, le=5, description="largest cusp of a semi-finish")
+    finish_depth_share: float = Field(default=0.1, gt=0, le=1, description="of its diameter a ball finishes at most so deep")
+    radial_share: float = Field(default=0.45, gt=0.01, le=0.5, description="of the diameter: largest radial depth of roughing")
+    rest_threshold_mm: float = Field(default=0.5, ge=0, le=20, description="rest roughing leaves alone what stands less than this "
                                      "above the allowance")
-    facing_share: float = Field(0.65, gt=0.05, le=0.9, description="of the diameter: stepover of facing and floors")
-    clearance_mm: float = Field(5.0, gt=0, le=500, description="of rapids above stock and fixtures")
-    approach_mm: float = Field(1.0, gt=0, le=100, description="above stock and fixtures the tool begins to feed down")
-    keep_out_mm: float = Field(2.0, ge=0, le=200, description="between roughing tools and fixtures")
-    ramp_deg: float = Field(3.0, gt=0, lt=45, description="of the way down into stock")
-    plunge_share: float = Field(0.3, gt=0, le=1, description="of the cutting feed, going down")
-    lead_radius_mm: float = Field(2.0, ge=0, le=50, description="of the arcs in and out, never more than the cutter's radius")
-    stock_allowance_mm: float = Field(2.0, ge=0, le=500, description="material all round the part where a design states no stock")
-    tool_change_s: float = Field(60.0, ge=0, le=3600, description="what one more tool costs: its change, approach, overlap")
+    facing_share: float = Field(default=0.65, gt=0.05, le=0.9, description="of the diameter: stepover of facing and floors")
+    clearance_mm: float = Field(default=5.0, gt=0, le=500, description="of rapids above stock and fixtures")
+    approach_mm: float = Field(default=1.0, gt=0, le=100, description="above stock and fixtures the tool begins to feed down")
+    keep_out_mm: float = Field(default=2.0, ge=0, le=200, description="between roughing tools and fixtures")
+    ramp_deg: float = Field(default=3.0, gt=0, lt=45, description="of the way down into stock")
+    plunge_share: float = Field(default=0.3, gt=0, le=1, description="of the cutting feed, going down")
+    lead_radius_mm: float = Field(default=2.0, ge=0, le=50,
+                                  description="of the arcs in and out, never more than the cutter's radius")
+    stock_allowance_mm: float = Field(default=2.0, ge=0, le=500,
+                                      description="material all round the part where a design states no stock")
+    tool_change_s: float = Field(default=60.0, ge=0, le=3600, description="what one more tool costs: its change, approach, overlap")
 
 
 class ShopFile(Model):

@@ -102,7 +102,8 @@ def _sines(faces, pair):
         along = np.array([tangent.X(), tangent.Y(), tangent.Z()])
         along *= turn / max(fixed.length(along), 1e-300)
         # the face lies to the left of its own edges: n1 x along points into it
-        sines[k], cosines[k], points[k] = fixed.matmul(np.cross(n1, along), n2), fixed.matmul(n1, n2), (point.X(), point.Y(), point.Z())
+        sines[k], cosines[k] = fixed.matmul(np.cross(n1, along), n2), fixed.matmul(n1, n2)
+        points[k] = point.X(), point.Y(), point.Z()
     return sines, cosines, points, parameters
 
 

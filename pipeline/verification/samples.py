@@ -55,7 +55,8 @@ class Samples:
 
     def first(self, count):
         """The first ones."""
-        return Samples(**{name: getattr(self, name)[:count] for name in ("points_mm", "normals", "weight_mm2", "face", "is_border")})
+        return Samples(**{name: getattr(self, name)[:count]
+                          for name in ("points_mm", "normals", "weight_mm2", "face", "is_border")})
 
     @classmethod
     def joined(cls, parts):

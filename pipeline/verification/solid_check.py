@@ -142,7 +142,8 @@ def _bodies(kind, solid, beyond_mm, tolerance, found, frame, tessellation_mm):
 def _described(kind, piece, depth, place, samples, frame):
     corners = frame.out(np.array([piece.min_mm, piece.max_mm, place])).round(6)
     low, high = corners[:2].min(axis=0), corners[:2].max(axis=0)
-    return SolidBody(kind=kind, volume_mm3=piece.volume_mm3, area_mm2=piece.area_mm2, depth_mm=depth, place_mm=tuple(corners[2].tolist()),
+    return SolidBody(kind=kind, volume_mm3=piece.volume_mm3, area_mm2=piece.area_mm2, depth_mm=depth,
+                     place_mm=tuple(corners[2].tolist()),
                      min_mm=tuple(low.tolist()), max_mm=tuple(high.tolist()), samples=samples)
 
 

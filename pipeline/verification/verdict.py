@@ -280,7 +280,8 @@ def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, ke
                  for k, (p, o, chosen, found, faces) in enumerate(zip(programs, fitted, required, before, shapes))]
     upright = all(is_height_field(c.paths) for c in piece.cuts)
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles, kept.of(stock_height_mm))
-    return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece, metal=metal, made=made, mesh=mesh,
+    return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece,
+                 metal=metal, made=made, mesh=mesh,
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
 
 
@@ -321,7 +322,8 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
     return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,
                         cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings, stock=part.made,
                         mesh=part.mesh,
-                        numbers={**_numbers(found, view, finish, bounds, history, true_mm), **_between_samples(proof, found, c.options),
+                        numbers={**_numbers(found, view, finish, bounds, history, true_mm),
+                                 **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
                                  "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict())})
 
@@ -409,7 +411,8 @@ def _replayed(part, c, tools, machine, kept):
                   stock_within_mm=partial(c.before.highest_within_mm, frame),
                   design_top_mm=grid(np.where(np.isfinite(design), design, np.nan)),
                   design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
-                  design_error_mm=mesh.deviation_mm + part.finish.gouge_mm + part.finish.plating_mm, fixtures=program.fixtures, machine=machine,
+                  design_error_mm=mesh.deviation_mm + part.finish.gouge_mm + part.finish.plating_mm,
+                  fixtures=program.fixtures, machine=machine,
                   frame=frame, setup=c.name,
                   within_before=lambda row: _within_before(c, tools, row),
                   left_by_heads=lambda xy: _left_by_heads(part, c, high, low, xy),

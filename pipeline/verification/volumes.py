@@ -157,7 +157,8 @@ def _facets_of_hollow(field, cut, good, cell):
     at = np.clip(((points[:, :2] - field.low[:2]) / cell).astype(int), 0, np.array(good.shape) - 1)
     keep = good[at[:, 0], at[:, 1]] & (normal[:, 2] > 0.5 * size)
     off, size = signed_distance_mm(cut.paths, points[keep]), size[keep]
-    return float((off * size).sum()), float(np.sqrt(((off * size)**2).sum())), float((np.abs(off) * size).sum() / max(size.sum(), 1e-300))
+    part = off * size
+    return float(part.sum()), float(np.sqrt((part ** 2).sum())), float(np.abs(part).sum() / max(size.sum(), 1e-300))
 
 
 def _triangles(drops, points, area_mm2):

@@ -22,7 +22,8 @@ def executed(blocks):
 
     O-number, call, return and % blocks are not yielded.
     Raises:
-        ReadError: a call of what is not there, calls nested too deep or without end, a variable never set, text without its % or O-number.
+        ReadError: a call of what is not there, calls nested too deep or without end, a variable never set, text
+        without its % or O-number.
     """
     flow, called = _Flow(blocks), 0
     while flow.at < len(blocks):

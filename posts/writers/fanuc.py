@@ -3,10 +3,10 @@
 Facts of the control that this post respects: the text stands between % lines and begins with its O-number; every
 length and feed has a decimal point (without one the control may count thousandths); the tool length offset goes on
 together with the first Z, for G43 alone would move the axis; a macro call hands its numbers over by letters, and
-macro programs stand behind M30 with M99 at their ends; brackets nest five deep, calls four on the oldest models; the reference return instead of
-machine coordinates.  Path tolerance is the control's own (G64 or its smoothing): it is not in the text, the machine's
-file states it as path_tolerance_mm and the verdict counts it.  A zero shifted by G52 is taken back; a G92 is not,
-for G92.1 is an option that stops a control without it: the header says what to do.
+macro programs stand behind M30 with M99 at their ends; brackets nest five deep, calls four on the oldest models; the
+reference return instead of machine coordinates.  Path tolerance is the control's own (G64 or its smoothing): it is not
+in the text, the machine's file states it as path_tolerance_mm and the verdict counts it.  A zero shifted by G52 is
+taken back; a G92 is not, for G92.1 is an option that stops a control without it: the header says what to do.
 """
 
 import re

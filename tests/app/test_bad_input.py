@@ -188,7 +188,8 @@ def test_numbers_that_are_none_or_beyond_all_measure(run, tmp_path, changes, wan
 def test_nan_in_a_library_and_infinity_in_a_machine(run, tmp_path):
     path = library(tmp_path, lambda tools: tools[0].update(stick_out_mm=float("nan")))
     assert_refused(run("build", "z_profile", "--cutters", path), "mine.json", "tools.0.stick_out_mm", "finite")
-    text = (catalogue.POSTS / "machines" / "mill_3axis.toml").read_text().replace("max_feed_mm_per_min = ", "max_feed_mm_per_min = inf #")
+    text = (catalogue.POSTS / "machines" / "mill_3axis.toml").read_text()
+    text = text.replace("max_feed_mm_per_min = ", "max_feed_mm_per_min = inf #")
     assert_refused(run("build", "z_profile", "--machine", file(tmp_path, "m.toml", text)), "max_feed_mm_per_min", "finite")
 
 

@@ -374,7 +374,8 @@ def y_mirrored(operations):
 
 
 def swapped(operations):
-    return [[re.sub(r"^\(OPERATION .", f"(OPERATION {k}", block) for block in blocks] for k, blocks in enumerate(operations[::-1], 1)]
+    return [[re.sub(r"^\(OPERATION .", f"(OPERATION {k}", block) for block in blocks]
+            for k, blocks in enumerate(operations[::-1], 1)]
 
 
 def stopped(operations):

@@ -130,7 +130,8 @@ def depth_touched_mm(base, row):
     for k in range(row + 1):
         number = int(moves.tool[k])
         ends = np.array([moves.start_mm[k], moves.end_mm[k]])
-        if number not in base.tools or not np.isfinite(ends).all() or moves.kind[k] < Kind.ARC_CW and ends[:, 2].min() > base.high_mm[2]:
+        is_above = moves.kind[k] < Kind.ARC_CW and ends[:, 2].min() > base.high_mm[2]
+        if number not in base.tools or not np.isfinite(ends).all() or is_above:
             continue
         mine = base.tools[number].cutter
         tips = _tips(moves, k)
@@ -268,10 +269,11 @@ def plunge_into_solid(base, rng):
 def ramp_too_steep(base, rng):
     """The same on a slope of 15 to 60 degrees."""
     depth, slope = rng.uniform(0.8, 2.0), np.radians(rng.uniform(15, 60))
-    z = base.high_mm[2]
+    z, middle = base.high_mm[2], (base.low_mm[0] + base.high_mm[0]) / 2
+    inward = lambda x: np.copysign(depth / np.tan(slope), middle - x)
     text, line = _excursion(base, rng, lambda x, y: [
         f"G0 {_word('Z', z + 1)}", f"G1 {_word('Z', z)} F500.",
-        f"G1 {_word('X', x + (1 if x < (base.low_mm[0] + base.high_mm[0]) / 2 else -1) * depth / np.tan(slope))} {_word('Z', z - depth)}"])
+        f"G1 {_word('X', x + inward(x))} {_word('Z', z - depth)}"])
     return Spoilt(text=text, kind="plunge", line=line + 2, amount_mm=depth)
 
 

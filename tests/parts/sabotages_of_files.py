@@ -71,7 +71,8 @@ def tool_missing_in_the_table(sheet, rng):
 def table_missing(sheet, rng):
     if not is_first(sheet):
         return None
-    return Spoilt(name=OFFSETS if sheet.is_fanuc else TABLE, content=None, expected=Expected(kind="wrong_tool_table", words="missing"))
+    return Spoilt(name=OFFSETS if sheet.is_fanuc else TABLE, content=None,
+                  expected=Expected(kind="wrong_tool_table", words="missing"))
 
 
 @sabotage()

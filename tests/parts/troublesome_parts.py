@@ -82,7 +82,8 @@ def two_sided():
     plate = cq.Workplane().box(30, 20, 8)
     plate = plate.cut(cq.Workplane().sphere(25).translate((-4, 0, 27))).cut(cq.Workplane().sphere(15).translate((5, 1, -16)))
     solid = brep.the_solid(plate.val(), "two_sided")
-    top, bottom = (FacePredicate(name=name, count=2, normal=(0, 0, z), normal_within_deg=70) for name, z in (("top", 1), ("bottom", -1)))
+    top, bottom = (FacePredicate(name=name, count=2, normal=(0, 0, z), normal_within_deg=70)
+                   for name, z in (("top", 1), ("bottom", -1)))
     markers = tuple(Marker(name=n, at_mm=at) for n, at in (
         ("left", (-15, 0, 0)), ("right", (15, 0, 0)), ("front", (0, -10, 0)), ("back", (0, 10, 2))))
     common = {"operations": (Auto(strategy="parallel"),), "markers": markers, "wcs_in_words": "middle of the plate, on the side up"}

@@ -32,7 +32,8 @@ def run(moves, stops=(), tools=None, machine=MILL, pitch_mm=0.25, **changes):
     tools = tools or {1: tool("flat", 10, limits=LIMITS)}
     billet = Workpiece(blank=BoxShape(min_mm=LOW, max_mm=HIGH))
     return replay(posted, tools, stock_min=LOW, stock_max=HIGH, pitch_mm=pitch_mm, machine=machine,
-                  stock_at=lambda row: partial(billet.after(HOME, swept_paths(posted.first(row), tools)).standing_mm, HOME)).findings
+                  stock_at=lambda row: partial(billet.after(HOME, swept_paths(posted.first(row), tools)).standing_mm,
+                                               HOME)).findings
 
 
 def told(findings):

@@ -117,7 +117,8 @@ def sample_setup(zmap):
     low, high = points.min(axis=0), points.max(axis=0)
     lift = np.array([0.0, 0.0, STOCK_TOP])
     return SetupBundle(
-        markers=(("dowel", (5.0, 5.0, -STOCK_TOP)),), lies_in_words="", name="setup-1", program_file="setup-1.ngc", program_sha256="3f" * 32, program_lines=6412, program_bytes=183_204,
+        markers=(("dowel", (5.0, 5.0, -STOCK_TOP)),), lies_in_words="", name="setup-1", program_file="setup-1.ngc",
+        program_sha256="3f" * 32, program_lines=6412, program_bytes=183_204,
         machine="router-3x", control="LinuxCNC 2.9", units="mm", wcs="G54",
         wcs_in_words="X0 Y0 at the front left corner of the stock, Z0 on its top", frame=Frame.shift((0, 0, STOCK_TOP)),
         operation_first_lines=(24, 980), stock_box_mm=((0.0, 0.0, -STOCK_TOP), (LENGTH, WIDTH, 0.0)),
@@ -196,7 +197,8 @@ def make_bundle():
 
 FINDINGS = [
     {"kind": "gouge", "amount_mm": 0.041, "place_mm": [31.5, 12.0, 20.0], "operation": "finish", "line": 3120,
-     "setup": "setup-1", "machine_mm": [131.5, 112.0, -80.0], "block": "N3120 G1 X31.5 Y12.0 Z-2.0", "advice": "the pass enters the surface: check the tool length of T3, then post again"},
+     "setup": "setup-1", "machine_mm": [131.5, 112.0, -80.0], "block": "N3120 G1 X31.5 Y12.0 Z-2.0",
+     "advice": "the pass enters the surface: check the tool length of T3, then post again"},
     {"kind": "holder_contact", "amount_mm": 1.2, "place_mm": [42.0, 20.0, 20.0], "operation": "rough", "line": 711,
      "setup": "setup-1", "advice": "let T1 stand out 42 mm or more"}]
 

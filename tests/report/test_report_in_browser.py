@@ -74,7 +74,8 @@ def test_every_choice_changes_the_picture(browser, change):
 
 def test_the_read_out_is_in_the_wcs(browser):
     browser.evaluate("__view.seek(0); 1")
-    assert browser.evaluate("document.getElementById('read-tip').textContent").split() == ["G54", "X", "0.000", "Y", "0.000", "Z", "8.000"]
+    read = browser.evaluate("document.getElementById('read-tip').textContent")
+    assert read.split() == ["G54", "X", "0.000", "Y", "0.000", "Z", "8.000"]
 
 
 def test_keys_and_chapters_move_time(browser):
@@ -99,8 +100,10 @@ FIRST_SCREENS = {"desktop": (1280, 800, 0.45), "phone": (390, 844, 0.40)}      #
 
 @pytest.mark.parametrize("screen", FIRST_SCREENS)
 @pytest.mark.parametrize("findings", [0, 1, 12])
-def test_the_first_screen_shows_the_verdict_and_the_part(browser, sample_bundle, refused_bundle, report, tmp_path, screen, findings):
-    rows = [{**refused_bundle.verify["findings"][k % 2], "line": k, "advice": "retract first, then go on " * 9} for k in range(findings)]
+def test_the_first_screen_shows_the_verdict_and_the_part(browser, sample_bundle, refused_bundle, report, tmp_path,
+                                                         screen, findings):
+    rows = [{**refused_bundle.verify["findings"][k % 2], "line": k, "advice": "retract first, then go on " * 9}
+            for k in range(findings)]
     bundle = replace(sample_bundle, verify={**sample_bundle.verify, "ok": not rows, "findings": rows})
     (tmp_path / "report.html").write_text(report_html(bundle, {}, [], ""))
     width, height, share = FIRST_SCREENS[screen]

@@ -80,7 +80,8 @@ def test_names_cannot_break_out(sample_bundle):
                                                            "candidates": [{"tool": evil, "reason": evil}]}]}]}
     verify = {"ok": False, "findings": [{"kind": evil, "advice": evil, "place_mm": [1, 2, 3], "operation": evil}]}
     setup = replace(sample_bundle.setups[0], wcs=evil, wcs_in_words=evil, machine=evil, program_file=evil)
-    bundle = replace(sample_bundle, design=evil, description=evil, parameters={evil: evil}, plan=plan, verify=verify, setups=(setup,))
+    bundle = replace(sample_bundle, design=evil, description=evil, parameters={evil: evil}, plan=plan, verify=verify,
+                     setups=(setup,))
     for html in both_pages(bundle):
         found = Page(html)
         assert "x" not in found.addresses

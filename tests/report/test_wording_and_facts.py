@@ -62,7 +62,8 @@ def test_a_fact_is_bad_because_of_its_finding(refused_bundle):
 
 def test_the_minute_holds_cutter_cusp_area_time_and_program(sample_bundle):
     text = "\n".join(f"{f.label}: {f.value} {' '.join(f.details)}" for f in facts.one_minute(sample_bundle))
-    for part in ("T3 ball ∅10", "minimum concave radius 8 mm", "accepted to 0.025 mm: scallop + tolerance", "planned for 0.015 mm", "stepover 0.8 mm", "0.0191 mm", "99.26 %",
+    for part in ("T3 ball ∅10", "minimum concave radius 8 mm", "accepted to 0.025 mm: scallop + tolerance",
+                 "planned for 0.015 mm", "stepover 0.8 mm", "0.0191 mm", "99.26 %",
                  "21.3 mm²", "LinuxCNC", "setup-1.ngc", "60 × 40 × 20 mm"):
         assert part in text
 

@@ -187,7 +187,8 @@ def test_a_folder_that_cannot_be_written_keeps_nothing(tmp_path):
 def test_the_key_tells_every_bit_type_and_border_apart():
     path = swept.swept_paths(program((0, 0, 5), [feed(5, 0, 1), feed(9, 3, 1)]), TOOLS)
     longer = swept.swept_paths(program((0, 0, 5), [feed(5, 0, 1), feed(9, 3 + 1e-15 * 4, 1)]), TOOLS)
-    values = [1.0, np.nextafter(1.0, 2), 1, True, "1", None, (1.0,), ((1.0,),), ("ab", "c"), ("a", "bc"), np.ones(2), np.ones((1, 2)),
+    values = [1.0, np.nextafter(1.0, 2), 1, True, "1", None, (1.0,), ((1.0,),), ("ab", "c"), ("a", "bc"), np.ones(2),
+              np.ones((1, 2)),
               np.ones(2, np.int64), path, longer, TOOLS[1], tool("ball", 10.5), SETUPS[0].frame, SETUPS[1].frame]
     assert len({told(v).hexdigest() for v in values}) == len(values)
     with pytest.raises(TypeError, match="object"):

@@ -24,7 +24,8 @@ CUSP = R - np.sqrt(R**2 - STEP**2 / 4)
 def found(moves, tools, faces=TOP, spacing=SPACING, sign=1):
     """(points, heights) of the tops, the highest sample and the workpiece."""
     posted = program((-6, -0.3, 40), moves)
-    piece = Workpiece(blank=BoxShape(min_mm=(0, 0, 0), max_mm=(12, 9, 12))).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tools}))
+    blank = BoxShape(min_mm=(0, 0, 0), max_mm=(12, 9, 12))
+    piece = Workpiece(blank=blank).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tools}))
     s = sample_faces(faces, spacing)
     heights, rows = (a[0] for a in piece.deviations_of_cuts(s.points_mm, s.normals, 2.0))
     way = (posted.end_mm - posted.start_mm)[rows]
@@ -91,7 +92,8 @@ def test_the_bottom_of_a_gouge_that_no_sample_sees_is_found():
 def test_no_place_of_a_dense_grid_is_higher_than_what_was_found():
     rng = np.random.default_rng(3)
     ys = np.cumsum(rng.uniform(0.4, 0.8, 22)) - 1
-    moves = [m for k, y in enumerate(ys) for m in straight(y, *([tuple(rng.uniform(2, 9) + np.array((0, 0.4)))] if k % 3 == 0 else []))]
+    moves = [m for k, y in enumerate(ys)
+             for m in straight(y, *([tuple(rng.uniform(2, 9) + np.array((0, 0.4)))] if k % 3 == 0 else []))]
     _, heights, _, piece = found(moves, tool("ball", 10))
     x, y = np.meshgrid(np.arange(0.05, 12, 0.05), np.arange(0.05, 9, 0.03))
     grid = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 10.0)])
@@ -111,7 +113,8 @@ def test_a_sphere_cut_in_rings_shows_the_cusp_of_the_formula():
                                 np.full(len(rings), 17 * np.cos(angle) - R)])
         moves += [feed(*tip) for tip in tips]
     posted = program((0, 0, 40), moves)
-    piece = Workpiece(blank=BoxShape(min_mm=(-8, -8, 0), max_mm=(8, 8, 13))).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tool("ball", 10)}))
+    blank = BoxShape(min_mm=(-8, -8, 0), max_mm=(8, 8, 13))
+    piece = Workpiece(blank=blank).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tool("ball", 10)}))
     s = sample_faces(faces, SPACING)
     near = np.arccos(np.clip(s.points_mm[:, 2] / 12, -1, 1)) < polar[-2]
     heights, rows = (a[0] for a in piece.deviations_of_cuts(s.points_mm, s.normals, 2.0))

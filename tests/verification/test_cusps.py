@@ -22,7 +22,8 @@ R, SPACING, FINE_MM = 5.0, 0.5, 1e-4
 def measured(faces, moves, high):
     """Cusps of faces cut by a ball, and the heights of the samples."""
     posted = program((-6, -3, 40), moves)
-    piece = Workpiece(blank=BoxShape(min_mm=(0, -8, 0), max_mm=high)).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tool("ball", 2 * R)}))
+    blank = BoxShape(min_mm=(0, -8, 0), max_mm=high)
+    piece = Workpiece(blank=blank).after(Frame.shift((0, 0, 0)), swept_paths(posted, {1: tool("ball", 2 * R)}))
     s = sample_faces(faces, SPACING)
     height, row = (a[0] for a in piece.deviations_of_cuts(s.points_mm, s.normals, 2.0))
     feeds = (posted.end_mm - posted.start_mm)[row]

@@ -59,7 +59,8 @@ def test_the_file_holds_a_closed_solid_and_is_the_same_each_time():
     rows = np.frombuffer(text[84:], dtype=[("f", "<f4", 12), ("attributes", "<u2")])
     assert len(rows) == np.frombuffer(text[80:84], "<u4")[0] == solid.num_tri()
     corners = rows["f"][:, 3:].reshape(-1, 3, 3).astype(float)
-    assert np.einsum("nc,nc->n", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6 == pytest.approx(solid.volume(), rel=1e-5)
+    assert np.einsum("nc,nc->n", corners[:, 0],
+                     np.cross(corners[:, 1], corners[:, 2])).sum() / 6 == pytest.approx(solid.volume(), rel=1e-5)
 
 
 def test_moves_before_the_first_operation_are_kept_with_it():

@@ -339,7 +339,8 @@ def test_a_clamping_answers_for_gouges_on_faces_of_another():
     first, second = v.setups
     assert {f.setup for f in v.findings if f.kind == "gouge"} == {"setup-2"}
     assert "verifiers_disagree" not in {f.kind for f in v.findings}
-    assert first.numbers["gouge_max_mm"] == second.numbers["gouge_max_mm"] == pytest.approx(5.0, abs=1e-4)      # the block is 10 high
+    # the block is 10 high
+    assert first.numbers["gouge_max_mm"] == second.numbers["gouge_max_mm"] == pytest.approx(5.0, abs=1e-4)
     assert first.numbers["gouge_volume_mm3"] == 0 and second.numbers["gouge_volume_mm3"] == pytest.approx(3200, rel=1e-3)
 
 

@@ -22,11 +22,11 @@ class Auto(Finishing):
          rough              finish          rest is too tight"""
 
     strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral"] = Field(
-        "sections", description="finishing passes: arcs and lines in section planes; on any faces: parallel at an angle, "
+        default="sections", description="finishing passes: arcs and lines in section planes; on any faces: parallel at an angle, "
         "constant scallop height, along the faces' border, one spiral")
-    section_plane: Literal["ZX", "YZ"] = Field("ZX", description="sections: plane in which the finishing passes run")
-    pass_angle_deg: float = Field(0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
-    steep_deg: float = Field(65.0, ge=20, le=90, description="walls steeper than this get waterline passes "
+    section_plane: Literal["ZX", "YZ"] = Field(default="ZX", description="sections: plane in which the finishing passes run")
+    pass_angle_deg: float = Field(default=0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
+    steep_deg: float = Field(default=65.0, ge=20, le=90, description="walls steeper than this get waterline passes "
                              "(all strategies but sections); 90: none do")
 
     @property

@@ -15,9 +15,10 @@ class Facing(Clearing):
         ===|______|===>     across, over the edge,
         ##############      and back beside it"""
 
-    height_mm: float | None = Field(None, ge=-1e5, le=1e5, description="to this height, part coordinates along the setup's Z; "
+    height_mm: float | None = Field(default=None, ge=-1e5, le=1e5,
+                                    description="to this height, part coordinates along the setup's Z; "
                                     "left out: the top of the part and the allowance")
-    angle_deg: float = Field(0.0, ge=-180, le=180, description="direction of the passes from +X")
+    angle_deg: float = Field(default=0.0, ge=-180, le=180, description="direction of the passes from +X")
 
     def plan(self, work):
         tool = work.tools("flat", "bull_nose")[0]

@@ -16,7 +16,7 @@ class Parallel(Pattern):
         | | | | | | |     planes as far apart as the cusp allows
         | | | | | | |     where the faces need most"""
 
-    angle_deg: float = Field(0.0, ge=-180, le=180, description="direction of the passes from +X")
+    angle_deg: float = Field(default=0.0, ge=-180, le=180, description="direction of the passes from +X")
 
     def curves(self, field, cutter, ridge_mm):
         return freeform_finishing.pattern_curves("parallel", field, cutter, ridge_mm, math.radians(self.angle_deg))

@@ -18,8 +18,8 @@ class Rest(Pattern):
           \\_(______)_/     what the larger ball leaves
              ( ) ( )        in corners and fillets"""
 
-    strategy: Literal["parallel", "constant_scallop"] = Field("parallel", description="how the passes run")
-    angle_deg: float = Field(0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
+    strategy: Literal["parallel", "constant_scallop"] = Field(default="parallel", description="how the passes run")
+    angle_deg: float = Field(default=0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
 
     def curves(self, field, cutter, ridge_mm):
         return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.angle_deg))

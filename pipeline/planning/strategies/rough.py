@@ -16,7 +16,8 @@ class Rough(Clearing):
         ####   ##  |      |     levels, from the top,
         ###     #  |______|     then the steps between them"""
 
-    threshold_mm: float | None = Field(None, ge=0, le=50, description="what stands less than this above the allowance is left "
+    threshold_mm: float | None = Field(default=None, ge=0, le=50,
+                                       description="what stands less than this above the allowance is left "
                                        "alone; left out: nothing for the first, the shop's for others")
 
     def plan(self, work):

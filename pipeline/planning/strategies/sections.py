@@ -18,7 +18,7 @@ class Sections(Finishing):
         /  \\__/\\       exact arcs and lines of the
        /         \\      ball's centre, plane by plane"""
 
-    section_plane: Literal["ZX", "YZ"] = Field("ZX", description="plane in which the passes run")
+    section_plane: Literal["ZX", "YZ"] = Field(default="ZX", description="plane in which the passes run")
 
     def plan(self, work):
         ball, candidates, reach = choose_ball(work.finishing_library, work.samples, work.hollow.radius_mm, work.mesh,

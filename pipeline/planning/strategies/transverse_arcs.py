@@ -38,12 +38,14 @@ class TransverseArcs(Operation):
           .-.  .-.  .-.     one arc a plane, the planes an
         _/   \\/   \\/   \\_   even interval apart in the ball's centre"""
 
-    passes: Literal["zig-zag", "one-way"] = Field("zig-zag", description="of roughing")
-    allowance_mm: float = Field(0.254, gt=0, le=5, description="what the rough passes leave; the register is larger than "
+    passes: Literal["zig-zag", "one-way"] = Field(default="zig-zag", description="of roughing")
+    allowance_mm: float = Field(default=0.254, gt=0, le=5, description="what the rough passes leave; the register is larger than "
                                 "the ball by it")
-    cutter: Literal["ball", "side"] = Field("ball", description="a ball, or a side-and-face cutter on an angle head, its axis "
+    cutter: Literal["ball", "side"] = Field(default="ball",
+                                            description="a ball, or a side-and-face cutter on an angle head, its axis "
                                             "along the vane")
-    ball_mm: float | None = Field(None, gt=0, description="diameter of the finishing ball, or the width of a side-and-face cutter's teeth; "
+    ball_mm: float | None = Field(default=None, gt=0,
+                                  description="diameter of the finishing ball, or the width of a side-and-face cutter's teeth; "
                                   "left out: the largest that fits")
     section_plane: Literal["YZ"] = "YZ"
 

@@ -16,7 +16,7 @@ class Waterline(Pattern):
         /--------\\      a flat cutter on upright walls:
        /----------\\     as deep as its flutes"""
 
-    steep_deg: float = Field(30.0, ge=1, le=90, description="places less steep than this are left to other operations")
+    steep_deg: float = Field(default=30.0, ge=1, le=90, description="places less steep than this are left to other operations")
 
     def curves(self, field, cutter, ridge_mm):
         return []
