@@ -16,6 +16,8 @@ from durations import (  # noqa: E402, F401
     pytest_runtest_makereport,
 )
 
+NARROW = "width_mm=24"          # a third of the passes, all kinds of moves and faces
+
 settings.register_profile("same", derandomize=True, deadline=None)     # a red run can be repeated
 settings.register_profile("search", derandomize=False, deadline=None)  # what it finds goes into the test as an @example
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
@@ -23,11 +25,12 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 @pytest.fixture(scope="session")
 def default_part(tmp_path_factory):
-    """Output folder of the default part, verified; not to be edited."""
-    return built_once(tmp_path_factory, "default", "z_profile", "--stage", "verify")
+    """Output folder of the default part, but narrow, verified; not to be edited."""
+    return built_once(tmp_path_factory, "default", "z_profile", "-p", NARROW, "--stage", "verify")
 
 
 @pytest.fixture(scope="session")
 def default_part_in_inches(tmp_path_factory):
-    """Output folder of the default part for the machine set to inches; not to be edited."""
-    return built_once(tmp_path_factory, "inch", "z_profile", "--machine", "mill_3axis_inch", "--stage", "gcode")
+    """The same for the machine set to inches, posted; not to be edited."""
+    return built_once(tmp_path_factory, "inch", "z_profile", "-p", NARROW, "--machine", "mill_3axis_inch",
+                      "--stage", "gcode")
