@@ -106,7 +106,7 @@ SETTINGS = {
     "NumPy without AVX-512": {"NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR"},
     "NumPy without AVX2": {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"},
     "one thread": ONE_THREAD,
-    "kernels for another processor": {"NUMBA_CPU_NAME": "x86-64-v2", "NUMBA_CPU_FEATURES": ""},
+    "kernels for another processor": {"NUMBA_CPU_NAME": "x86-64-v2", "NUMBA_CPU_FEATURES": "", "NUMBA_OPT": "1"},
 }
 EVERYTHING = {**SETTINGS["a BLAS of 2004"], **SETTINGS["NumPy without AVX2"], **ONE_THREAD}
 ALL_IN_ONE = """

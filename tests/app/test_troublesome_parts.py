@@ -5,7 +5,7 @@ import json
 
 import cadquery as cq
 import pytest
-from troublesome_parts import PARTS, design_of, two_sided
+from troublesome_parts import FINISH, PARTS, design_of, two_sided
 
 from cuspline.app import catalogue
 from cuspline.app.build import Order, build
@@ -14,6 +14,7 @@ from cuspline.values.errors import DesignError
 
 STRATEGIES = {"knife_edge": "parallel", "pole_and_apex": "constant_scallop", "closed_face": "boundary",
               "slivers": "parallel", "hole_and_islands": "constant_scallop"}
+LARGEST_CUSP_MM = FINISH.scallop_mm + FINISH.profile_tolerance_mm
 
 
 def built(design, folder):
@@ -27,7 +28,7 @@ def built(design, folder):
 def test_the_posted_program_cuts_the_part(name, tmp_path):
     result, verify, _ = built(design_of(name, STRATEGIES[name]), tmp_path / name)
     assert result.findings == () and verify["ok"]
-    assert verify["gouge_max_mm"] <= 0.004 and verify["cusp_max_mm"] <= 0.033
+    assert verify["gouge_max_mm"] <= FINISH.gouge_mm and verify["cusp_max_mm"] <= LARGEST_CUSP_MM
     # what is not reached is listed with its reason, and there is nothing else
     assert verify["area_required_mm2"] == pytest.approx(verify["area_reached_mm2"] + verify["area_unreachable_mm2"], abs=0.02)
 
@@ -36,7 +37,8 @@ def test_a_part_cut_from_both_sides(tmp_path):
     """The second clamping's roughing begins with what the first has left, and the stock after every operation is kept."""
     result, verify, plan = built(two_sided(), tmp_path / "two_sided")
     assert result.findings == () and verify["ok"] and len(verify["setups"]) == 2
-    assert all(0.015 < s["cusp_max_mm"] <= 0.033 and s["gouge_max_mm"] <= 0.004 for s in verify["setups"])
+    assert all(0.5 * FINISH.scallop_mm < s["cusp_max_mm"] <= LARGEST_CUSP_MM and s["gouge_max_mm"] <= FINISH.gouge_mm
+               for s in verify["setups"])
     volumes = [row["volume_mm3"] for row in verify["stock"]]
     assert volumes == sorted(volumes, reverse=True) and volumes[0] < 30 * 20 * 9
     for row in verify["stock"]:

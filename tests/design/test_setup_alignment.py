@@ -133,7 +133,7 @@ def test_a_part_that_lies_askew_is_cut_as_designed(tmp_path):
             source=None, design=replace(part, setups=setups), machine=catalogue.find_machine("mill_3axis"),
             library=catalogue.find_library(None), accepted=(), out=tmp_path / name, last_stage="gcode"))
         made[name] = result.folder
-    job, coarse = read_job(made["posted anew"]), Options(spacing_mm=0.2, solid_pitch_mm=0.2, replay_pitch_mm=0.3)
+    job, coarse = read_job(made["posted anew"]), Options(spacing_mm=0.4, solid_pitch_mm=0.4, replay_pitch_mm=0.4)
     assert judge(made["posted anew"], job, options=coarse).findings == ()
     text = (made["posted anew"] / "setup-2.ngc").read_text()
     assert "ZERO SHIFTED" in text and "MARKER left" in text

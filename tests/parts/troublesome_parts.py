@@ -49,6 +49,7 @@ def hole_and_islands():
     return foot.fillet(2.5).cut(cq.Workplane().circle(2.5).extrude(20).translate((1, 7, -15)))
 
 
+FINISH = Finish(scallop_mm=0.08, profile_tolerance_mm=0.006, gouge_mm=0.008)
 PARTS = {"knife_edge": knife_edge, "pole_and_apex": pole_and_apex, "closed_face": closed_face, "slivers": slivers,
          "hole_and_islands": hole_and_islands}
 
@@ -69,7 +70,7 @@ def design_of(name, strategy="constant_scallop"):
                                   center_min_mm=tuple(low + 1e-3),
                                   center_max_mm=(high[0] - 1e-3, high[1] - 1e-3, high[2] + 1e-3)), *ring),
         material="aluminium_6061", stock=StockBox(min_mm=tuple(low), max_mm=tuple(high + (0.0, 0.0, 0.5))),
-        finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.003, gouge_mm=0.004),
+        finish=FINISH,
         setups=(Setup(name="setup-1", wcs_in_words="as the part is drawn",
                       faces=("top", *(p.name for p in ring)), operations=(Auto(strategy=strategy),)),))
 
@@ -91,7 +92,7 @@ def two_sided():
         name="two_sided", description="plate with a dish on either side", parameters=Parameters(), solid=solid,
         predicates=(top, bottom), material="aluminium_6061",
         stock=StockBox(min_mm=(-15, -10, -4.5), max_mm=(15, 10, 4.5)),
-        finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.003, gouge_mm=0.004),
+        finish=FINISH,
         setups=(Setup(name="setup-1", faces=("top",), wcs_origin_mm=(0, 0, 4), **common),
                 Setup(name="setup-2", wcs="G55", faces=("bottom",), wcs_origin_mm=(0, 0, -4), wcs_z=(0, 0, -1), **common)))
 
