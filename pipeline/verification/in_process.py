@@ -11,7 +11,7 @@ import numpy as np
 
 from cuspline.kernel import solids
 from cuspline.stock.stock_solids import StockSolids
-from cuspline.stock.swept import stock_height_mm, swept_paths
+from cuspline.stock.swept import is_height_field, stock_height_mm, swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.frames import Frame
@@ -54,15 +54,18 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
     Yields:
         StockState.
     """
-    before, made = Workpiece(blank=stock.shape), hashlib.sha256()
+    before, made, heights = Workpiece(blank=stock.shape), hashlib.sha256(), _Heights(kept.of(stock_height_mm))
     made.update(stock.shape.figures.tobytes())
     for k, program in enumerate(programs):
         frame, name, start, piece = program.setup.frame, program.setup.name, 0, before
+        heights = heights.of_next_clamping()
         made.update(np.concatenate([frame.rotation.ravel(), frame.origin_mm]).tobytes())
         for number, end in enumerate(operation_ends(program.posted), start=1):
             made.update(_told(program.posted, start, end, tools))
-            piece = before.after(frame, swept_paths(first_moves(program.posted, end), tools))
-            solid = StockSolids(piece, pitches_mm[:k + 1], heights=kept.of(stock_height_mm)).stock(PART)
+            piece = before.after(frame, swept_paths(_rows(program.posted, 0, end), tools))
+            own = swept_paths(_rows(program.posted, start, end), tools)
+            heights = heights.further(piece.cuts[k].paths, own)
+            solid = StockSolids(piece, pitches_mm[:k + 1], heights=heights).stock(PART)
             yield StockState(setup=name, operation=program.posted.operation_name(end - 1), number=number, piece=piece,
                              solid=solids.simpler(solid, SIMPLER_MM), inputs_sha256=made.hexdigest(), pitch_mm=pitches_mm[k])
             start = end
@@ -76,9 +79,35 @@ def operation_ends(posted):
     return named or ([len(posted)] if len(posted) else [])
 
 
-def first_moves(posted, count):
-    """The first rows of a program as a program that has not ended."""
-    cut = {f.name: getattr(posted, f.name)[:count] for f in fields(posted) if isinstance(getattr(posted, f.name), np.ndarray)}
+class _Heights:
+    """Answers as stock_height_mm: an operation lowers what the ones before it have left, so only its own moves are asked."""
+
+    def __init__(self, height_mm, paths=None, own=(), known=None):
+        """height_mm: stock_height_mm.   paths: whose heights are known but for those of `own`.   known: {paths: heights}."""
+        self.height_mm, self.paths, self.own, self.known = height_mm, paths, own, {} if known is None else known
+        self.before = None
+
+    def of_next_clamping(self):
+        """The same, nothing cut there yet."""
+        return _Heights(self.height_mm, known=self.known)
+
+    def further(self, paths, own):
+        """After one more operation: paths of the clamping so far, and its own."""
+        after = _Heights(self.height_mm, paths, own, self.known)
+        after.before = self.known.get(self.paths) if self.paths is not None else None
+        return after
+
+    def __call__(self, paths, xy_mm, top_mm, grown_mm, bottom_mm):
+        if paths not in self.known:
+            is_next = paths is self.paths and self.before is not None and is_height_field(paths)
+            z = self.height_mm(self.own if is_next else paths, xy_mm, top_mm, grown_mm, bottom_mm)
+            self.known[paths] = np.minimum(z, self.before) if is_next else z
+        return self.known[paths]
+
+
+def _rows(posted, first, end):
+    """Some rows of a program as a program that has not ended."""
+    cut = {f.name: getattr(posted, f.name)[first:end] for f in fields(posted) if isinstance(getattr(posted, f.name), np.ndarray)}
     return replace(posted, ended=False, **cut)
 
 
