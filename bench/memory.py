@@ -24,7 +24,7 @@ from cuspline.posts.writers.linuxcnc import post
 from cuspline.program.program import Kind, Moves, Operation, Plane, Program
 from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm
 from cuspline.verification.samples import face_area_mm2
-from cuspline.verification.verdict import Options, SetupProgram, verify_setups
+from cuspline.verification.verdict import Options, verify_setup
 
 ALONG_MM, STEP_MM = 0.05, 0.12         # 2000 moves a pass, 500 passes
 GOAL_GIB = 4.0
@@ -72,8 +72,8 @@ def child(count):
     setup = Setup(name="setup-1", wcs_in_words="corner of the patch", faces=("patch",))
     top = max(brep.faces_of(solid), key=lambda face: face_area_mm2(face.shape))
     stock = StockBox(min_mm=(0.0, 0.0, workload.BOTTOM_MM), max_mm=(*workload.SIZE_MM, TOP_MM))
-    verdict, = verify_setups([SetupProgram(posted=moves, setup=setup, faces=(top,))], {1: tool}, solid, stock=stock,
-                             finish=FINISH, ball_radius_mm=6.0, options=Options(mesh_checks=True), say=say)
+    verdict = verify_setup(moves, {1: tool}, solid, (top,), setup=setup, stock=stock, finish=FINISH, ball_radius_mm=6.0,
+                           options=Options(mesh_checks=True), say=say)
     say("")
     kinds = ", ".join(sorted({f.kind for f in verdict.findings})) or "none"
     print(json.dumps([f"verdict on {len(moves)} moves (findings: {kinds})", 0.0, peak_mb()]), flush=True)

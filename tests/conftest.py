@@ -7,7 +7,7 @@ from hypothesis import settings
 
 sys.path.append(str(Path(__file__).parent / "parts"))       # for known_parts, built_parts
 
-from built_parts import built_once  # noqa: E402
+from built_parts import NARROW, built_once  # noqa: E402
 from durations import (  # noqa: E402, F401
     pytest_addoption,
     pytest_collection_modifyitems,
@@ -15,8 +15,6 @@ from durations import (  # noqa: E402, F401
     pytest_fixture_setup,
     pytest_runtest_makereport,
 )
-
-NARROW = "width_mm=24"          # a third of the passes, all kinds of moves and faces
 
 settings.register_profile("same", derandomize=True, deadline=None)     # a red run can be repeated
 settings.register_profile("search", derandomize=False, deadline=None)  # what it finds goes into the test as an @example

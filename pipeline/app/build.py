@@ -45,7 +45,7 @@ from cuspline.values.findings import Finding
 from cuspline.values.interruption import held_off
 from cuspline.verification.in_process import PART
 from cuspline.verification.self_crossing import refuse_self_crossing
-from cuspline.verification.verdict import Options, SetupProgram, residuals_of
+from cuspline.verification.verdict import Judging, Options, SetupProgram, residuals_of
 
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
@@ -157,7 +157,7 @@ def _made(order, work, say):
     left_out = _coloured_stock(work / f"{design.name}.deviation.ply", judged, design.finish)
     if order.last_stage == "report":
         say(f"{design.name}: report")
-        bundle = report_bundle(order, work, job, judged, _read_json(work / "plan.json"), verify, view_of(solid), inputs)
+        bundle = report_bundle(order, work, job, judged, verify, view_of(solid), inputs)
         _, without = write_report(bundle, work)
         left_out = "; ".join(words for words in (left_out, without) if words)
     result = _finished(order, work, inputs, job, judged.refused(order.accepted), left_out)
@@ -221,8 +221,8 @@ def _checked(order, plans, solid, kept, tell):
             f for p in design.predicates if p.name in plan.setup.faces for f in brep.select_faces(faces, p)))
             for plan in plans]
         tell("check of the plan")
-        found = residuals_of(programs, tools, solid, stock=design.stock, finish=design.finish,
-                             ball_radius_mm=min(balls), kept=kept)
+        found = residuals_of(programs, solid, Judging(tools=tools, stock=design.stock, finish=design.finish,
+                                                      ball_radius_mm=min(balls), kept=kept))
         wants = [mending.wants_of(*pair, design.finish, share=1.0 - mending.MARGIN) for pair in found]
         plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
         if not is_changed:
@@ -474,10 +474,6 @@ def _version(name):
 
 def _write_json(path, value):
     path.write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
-
-
-def _read_json(path):
-    return json.loads(path.read_text())
 
 
 def _finite(value):

@@ -4,7 +4,6 @@ The only way to a verdict, for `build` and `verify` alike: nothing comes from th
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +25,7 @@ from cuspline.verification.file_checks import changed_files, changed_job, progra
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
-from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
+from cuspline.verification.verdict import Judging, Options, SetupProgram, Verdict, verify_setups
 
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
 
@@ -158,13 +157,14 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted, fixtures=_fixtures(setup)))
         extra += _program_findings(program, job.machine)
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
-    look = partial(verify_setups, programs, tools, solid, stock=job.stock, finish=job.finish, machine=job.machine,
-                   ball_radius_mm=job.smallest_ball_radius_mm, say=say, kept=kept)
-    setups = look(options=options)
+    judging = Judging(tools=tools, stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
+                      ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
+    setups = verify_setups(programs, solid, judging)
     differ = any(f.kind == "verifiers_disagree" for v in setups for f in v.findings)
     if differ and options.solid_pitch_mm is None and "verifiers_disagree" not in job.accepted:
         say("the two verifiers differ: both look closer")
-        setups = look(options=replace(options, finer=CLOSER * options.finer))
+        closer = replace(options, finer=CLOSER * options.finer)
+        setups = verify_setups(programs, solid, replace(judging, options=closer))
     setups = tuple(replace(v, findings=_placed((*p.findings, *v.findings), p, job.machine, tools))
                    for v, p in zip(setups, read))
     return Judged(verdict=Verdict(setups=setups), solid=solid, programs=tuple(programs), tools=tools,

@@ -1,6 +1,7 @@
 """Gathers what the report shows out of the stages' values."""
 
 import hashlib
+import json
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,7 @@ def shape_of(solid, has_thin_edges=False):
     return tessellate_for_view(solid, VIEW_DEFLECTION_MM)
 
 
-def report_bundle(order, work, job, judged, plan, verify, view, inputs_sha256):
+def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
     """ReportBundle of one build.
 
     Args:
@@ -48,7 +49,7 @@ def report_bundle(order, work, job, judged, plan, verify, view, inputs_sha256):
         work: folder with the files.
         job: Job.
         judged: judge.Judged.
-        plan, verify: the documents as written.
+        verify: the document as written; plan.json is read.
         view: view_mesh.ViewMesh.
         inputs_sha256: hash of the inputs.
     """
@@ -64,7 +65,8 @@ def report_bundle(order, work, job, judged, plan, verify, view, inputs_sha256):
     return ReportBundle(
         design=design.name, description=design.description, parameters=design.parameters.model_dump(mode="json"),
         material=design.material, finish=design.finish, inputs_sha256=inputs_sha256, step_file=job.step,
-        step_sha256=_sha256(step), part_box_mm=(_triple(low), _triple(high)), plan=plan, verify=verify,
+        step_sha256=_sha256(step), part_box_mm=(_triple(low), _triple(high)), verify=verify,
+        plan=json.loads((work / "plan.json").read_text()),
         mesh=FaceMesh(vertices_mm=view.vertices_mm, normals=view.normals, triangles=view.triangles,
                       deviation_mm=_view_deviation(judged, view, indices), edges_mm=tuple(view.edges_mm)),
         deviation_samples_mm=np.concatenate([r.deviation_mm[r.is_reachable & (r.samples.weight_mm2 > 0)] for r in residuals]),

@@ -20,6 +20,7 @@ class Field:
     """Exact heights of the stock at the nodes of a grid, WCS of one clamping."""
 
     frame: Frame              # that WCS seen from the part
+    pitch_mm: float           # of the grid, but for lines that hug walls
     xs: np.ndarray
     ys: np.ndarray
     low: np.ndarray           # (3,) billet
@@ -69,7 +70,8 @@ class StockSolids:
         z = self._heights(cut.paths, xy, high[2], grown_mm, -np.inf if flat else low[2])
         solid = (solids.height_field(xs, ys, z.reshape(len(ys), len(xs)), low[2]) if flat else
                  self._hollow(cut, low, high, self.pitches_mm[k], grown_mm))
-        return Field(frame=cut.frame, xs=xs, ys=ys, low=low, high=high, z=z, solid=solid, is_height_field=flat)
+        return Field(frame=cut.frame, pitch_mm=self.pitches_mm[k], xs=xs, ys=ys, low=low, high=high, z=z, solid=solid,
+                     is_height_field=flat)
 
     def _hollow(self, cut, low, high, pitch_mm, grown_mm):
         """Stock with undercuts: the surface is found along the edges of a lattice, in seven directions."""

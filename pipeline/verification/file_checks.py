@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from functools import partial
 from pathlib import Path
 
 from cuspline.design.job import digest_of, job_line
@@ -9,6 +10,7 @@ from cuspline.values.errors import InputError
 from cuspline.values.findings import Finding
 from cuspline.values.input_files import refuse_irregular
 
+_finding = partial(Finding, amount_mm=0.0, place_mm=None, operation="", line=0, setup="")
 JOB_LINE = re.compile(rb"(JOB SHA-256 [0-9a-f]+)")
 
 
@@ -20,13 +22,14 @@ def program_findings(name, text, setup, machine):
     """
     size, room = len(text.encode()), machine.control.program_store_bytes
     if size > room:
-        yield _finding("program_too_long", f"{name} has {size} bytes, the program memory of {machine.name} holds {room}: raise "
+        yield _finding(kind="program_too_long",
+                       advice=f"{name} has {size} bytes, the program memory of {machine.name} holds {room}: raise "
                        "the scallop height, or feed it through the control's buffer", setup=setup)
     lines = text.split("\n")
     longest = max(range(len(lines)), key=lambda k: len(lines[k]))
     if len(lines[longest]) > machine.control.line_length:
-        yield _finding("line_too_long",
-                       f"{name}: {machine.name} takes {machine.control.line_length} characters a line: "
+        yield _finding(kind="line_too_long",
+                       advice=f"{name}: {machine.name} takes {machine.control.line_length} characters a line: "
                        "split the block", setup=setup, line=longest + 1, block=lines[longest][:60],
                        amount=float(len(lines[longest])), unit="characters")
 
@@ -44,20 +47,20 @@ def tool_table_findings(folder, tools, name, read):
     path = Path(folder) / name
     refuse_irregular(path, "tool table")
     if not path.exists():
-        yield _finding("wrong_tool_table",
-                       f"{name} is missing: the control would cut with the lengths of another job; "
+        yield _finding(kind="wrong_tool_table",
+                       advice=f"{name} is missing: the control would cut with the lengths of another job; "
                        "put it back, or build again")
         return
     try:
         rows = read(path.read_bytes().decode("ascii", "replace"))
     except InputError as error:
-        yield _finding("wrong_tool_table", f"{name}: {error}", line=int(error.rows[0]))
+        yield _finding(kind="wrong_tool_table", advice=f"{name}: {error}", line=int(error.rows[0]))
         return
     for number, tool in sorted(tools.items()):
         wanted = {**dict(zip("XYZ", tool.offset_mm)), "D": tool.cutter.diameter_mm}
         mine = [row for row in rows if row.number == number]
         if not mine:
-            yield _finding("wrong_tool_table", f"{name} has no T{number}, which the programs are judged with: add it, "
+            yield _finding(kind="wrong_tool_table", advice=f"{name} has no T{number}, which the programs are judged with: add it, "
                            "or build again")
         for row in mine:
             yield from _differing(row, number, wanted, name)
@@ -68,7 +71,7 @@ def _differing(row, number, wanted, name):
     for letter in ("Z", "D", *sorted(row.values_mm.keys() | {"X", "Y"})):
         there, right = row.values_mm.get(letter, 0.0), wanted.get(letter, 0.0)
         if abs(there - right) > row.step_mm:
-            yield _finding("wrong_tool_table", f"{name} gives T{number} {letter} {there:.6g} mm, tools.json "
+            yield _finding(kind="wrong_tool_table", advice=f"{name} gives T{number} {letter} {there:.6g} mm, tools.json "
                            f"{right:.6g} mm: measure the tool, correct the one that is wrong, and build again",
                            line=row.line, block=f"{name}: {row.text}", amount_mm=round(abs(there - right), 6))
             return
@@ -83,9 +86,9 @@ def changed_files(folder, published):
     for name, wanted in sorted(published.files.items()):
         path = Path(folder) / name
         if not path.is_file():
-            yield _finding("changed_file", f"{name} was published and is missing: put it back, or build again")
+            yield _finding(kind="changed_file", advice=f"{name} was published and is missing: put it back, or build again")
         elif (now := hashlib.sha256(path.read_bytes()).hexdigest()) != wanted:
-            yield _finding("changed_file", f"{name} is not the file that was published: its SHA-256 begins {now[:12]}, "
+            yield _finding(kind="changed_file", advice=f"{name} is not the file that was published: its SHA-256 begins {now[:12]}, "
                            f"the manifest has {wanted[:12]}; put it back, build again, or accept changed_file by name")
 
 
@@ -102,7 +105,7 @@ def changed_job(folder, job, published):
              or digest_of(published.job[name]) != published.job_fields[name]]
     if published.job_fields and wrong:
         for name in wrong:
-            yield _finding("changed_file", f"manifest.json: what its job says of {name} is not what was published: "
+            yield _finding(kind="changed_file", advice=f"manifest.json: what its job says of {name} is not what was published: "
                            f"{mend}")
         return
     wanted = job_line(digest_of(published.job)).encode()
@@ -110,15 +113,10 @@ def changed_job(folder, job, published):
         path = Path(folder) / name
         said = JOB_LINE.search(path.read_bytes()) if path.is_file() else None
         if said[1] != wanted if said else path.is_file() and published.job_fields:
-            yield _finding("changed_file", f"manifest.json: its job is not the one that {name} was posted for, by the "
+            yield _finding(kind="changed_file", advice=f"manifest.json: its job is not the one that {name} was posted for, by the "
                            f"program's header: {mend}")
 
 
 def own_acceptances(folder, job, published):
     """Kinds of finding that the job itself accepts; none where it is not the job that was published."""
     return () if any(changed_job(folder, job, published)) else job.accepted
-
-
-def _finding(kind, advice, *, setup="", line=0, block="", amount_mm=0.0, amount=None, unit=""):
-    return Finding(kind=kind, amount_mm=amount_mm, place_mm=None, operation="", line=line, setup=setup, advice=advice,
-                   block=block, amount=amount, unit=unit)

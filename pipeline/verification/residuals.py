@@ -8,7 +8,7 @@ from cuspline.stock.swept import deviations_and_moves, is_height_field, nearest_
 from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.clusters import clusters_of
-from cuspline.verification.climbing import bottoms_of, tops_of
+from cuspline.verification.climbing import Ground, bottoms_of, tops_of
 from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable, why_unreachable_leaning
 from cuspline.verification.samples import Samples
 
@@ -57,24 +57,32 @@ def default_spacing_mm(area_mm2):
     return float(np.clip(np.sqrt(PER_SPACING2 * area_mm2 / TARGET), 0.1, 1.0))
 
 
-def residuals(piece, parts, grounds, feeds, drops, closest, ball_radius_mm, spacings_mm, kept=NOTHING):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SampledFaces:
+    """The faces that one clamping cuts, as they are looked at; part coordinates."""
+
+    samples: Samples
+    ground: Ground                # of the same faces
+    feeds: np.ndarray             # (m, 3) direction of each of the clamping's moves; zero where not known
+    drops: object                 # DropMesh of the design, in the clamping's WCS
+    spacing_mm: float             # of the samples
+
+
+def residuals(piece, sampled, closest, ball_radius_mm, kept=NOTHING):
     """Deviations and reach of all samples, clamping by clamping, and of the tops and bottoms between them.
 
     Args:
         piece: workpiece.Workpiece after all clampings.
-        parts: one Samples a clamping, of the faces that it cuts; part coordinates.
-        grounds: climbing.Ground of the faces that each Samples is of.
-        feeds: (m, 3) directions of each clamping's moves, part coordinates.
-        drops: one DropMesh of the design a clamping, in its WCS.
+        sampled: SampledFaces of each clamping.
         closest: ClosestTree of the design, part coordinates; needed where cutters undercut or lean.
         ball_radius_mm: smallest ball of the shop.
-        spacings_mm: of each clamping's samples.
         kept: kept.Kept for what takes long.
     Returns:
         list of (Residuals of its faces after all clampings, Residuals of all faces after it alone).
     """
+    parts, drops, feeds = ([getattr(s, name) for s in sampled] for name in ("samples", "drops", "feeds"))
     looked = _Looked.at(piece, parts, drops, closest, ball_radius_mm, kept)
-    more = [_tops(piece, k, looked, grounds[k], feeds, parts[k], spacings_mm[k]) for k in range(len(parts))]
+    more = [_tops(piece, k, looked, feeds, s) for k, s in enumerate(sampled)]
     beyond = _Looked.at(piece, more, drops, closest, ball_radius_mm, kept)
     every = Samples.joined([p for pair in zip(parts, more) for p in pair])
     climbed = np.concatenate([np.full(len(p), flag) for pair in zip(parts, more) for flag, p in zip((False, True), pair)])
@@ -85,9 +93,9 @@ def residuals(piece, parts, grounds, feeds, drops, closest, ball_radius_mm, spac
                                              for a in (looked, beyond)])
         after_all = Residuals(samples=Samples.joined([mine, tops]), deviation_mm=join("final"), row=join("rows")[k],
                               is_own=join("maker") == k, is_top=np.arange(len(mine) + len(tops)) >= len(mine),
-                              reach=join("reach"), spacing_mm=spacings_mm[k])
+                              reach=join("reach"), spacing_mm=sampled[k].spacing_mm)
         own = Residuals(samples=every, deviation_mm=alone("each"), row=alone("rows"), is_own=np.ones(len(every), bool),
-                        is_top=climbed, reach=np.full(len(every), REACHABLE), spacing_mm=spacings_mm[k])
+                        is_top=climbed, reach=np.full(len(every), REACHABLE), spacing_mm=sampled[k].spacing_mm)
         found.append((after_all, own))
     return found
 
@@ -130,9 +138,9 @@ def reach_of(points_mm, normals, cut, drop, closest, ball_radius_mm):
     return why_unreachable_leaning(closest, points_mm, normals, ball_radius_mm)
 
 
-def _tops(piece, k, looked, ground, feeds, samples, spacing_mm):
+def _tops(piece, k, looked, feeds, sampled):
     """Samples without weight at the tops of what is left on clamping k's faces, and at the bottoms of all gouges."""
-    final = looked.final[k]
+    final, ground, samples, spacing_mm = looked.final[k], sampled.ground, sampled.samples, sampled.spacing_mm
     beside = lambda j: np.where((looked.rows[k][j] >= 0)[:, None], feeds[j][looked.rows[k][j]], 0.0)
     feed = np.array([beside(j) for j in range(len(feeds))])[looked.maker[k], np.arange(len(samples))]
     hills = [(np.where(looked.reach[k] == REACHABLE, final, -np.inf), feed, piece.cut_distance_mm),

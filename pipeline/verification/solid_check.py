@@ -48,7 +48,18 @@ class SolidComparison:
     pitch_mm: float                   # of the grid
 
 
-def compare(made, k, tessellation, drops, required, found, own, *, excess_mm, gouge_mm, path_error_mm, ball_radius_mm):
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What is allowed, and how far what is held against each other may be off."""
+
+    excess_mm: float                  # tolerances of the bodies
+    gouge_mm: float
+    path_error_mm: float              # of the swept paths
+    surface_error_mm: float           # of the design's triangles
+    ball_radius_mm: float             # smallest ball of the shop
+
+
+def compare(made, k, tessellation, drops, required, residuals, limits):
     """Stock solid against design solid, as one clamping sees it.
 
     Excess is what all clampings together leave above its faces; gouges are its own, on any face.
@@ -58,25 +69,24 @@ def compare(made, k, tessellation, drops, required, found, own, *, excess_mm, go
         tessellation: of the whole design, part coordinates.
         drops: DropMesh of it in the clamping's WCS.
         required: indices of the faces that this clamping cuts.
-        found: Residuals of these faces after all clampings.   own: Residuals of all faces after this one alone.
-        excess_mm, gouge_mm: tolerances of the bodies.   path_error_mm: of the swept paths.
-        ball_radius_mm: smallest ball of the shop.
+        residuals: Residuals of these faces after all clampings, and of all faces after this one alone.
+        limits: Limits.
     """
-    field = made.field(k)
+    field, (found, own), excess_mm, gouge_mm = made.field(k), residuals, limits.excess_mm, limits.gouge_mm
     frame, low, high = field.frame, field.low, field.high
     vertices, triangles = frame.into(tessellation.vertices_mm), tessellation.triangles
     design = solids.solid_of(vertices, triangles, "the design's tessellation")
     region = _region(vertices, triangles[np.isin(tessellation.face, required)], low, high)
-    surface_mm = tessellation.deviation_mm
+    surface_mm = limits.surface_error_mm
     # one large solid stands at a time
     bodies, artefacts = _bodies("excess", (made.stock(frame, excess_mm) - design) ^ region,
                                 _beyond_excess(made, k, excess_mm), excess_mm, found, frame, surface_mm)
     more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
                            own, frame, surface_mm)
     held = volumes(lambda: (made.stock(frame) - design) ^ region, lambda: design - field.solid, field,
-                   made.piece.cuts[k], drops, found, surface_mm, path_error_mm, made.pitches_mm[k], ball_radius_mm)
-    errors = {"path_error_mm": path_error_mm, "surface_error_mm": surface_mm + held.zmap_mm,
-              "ball_radius_mm": ball_radius_mm}
+                   made.piece.cuts[k], drops, found, limits)
+    errors = {"path_error_mm": limits.path_error_mm, "surface_error_mm": surface_mm + held.zmap_mm,
+              "ball_radius_mm": limits.ball_radius_mm}
     return SolidComparison(
         excess=amount(found, 1.0, excess_mm, bodies, **errors), gouge=amount(own, -1.0, gouge_mm, more, **errors),
         bodies=tuple(bodies + more), artefacts=artefacts + others,

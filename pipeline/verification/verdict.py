@@ -1,5 +1,6 @@
 """The verdict on one setup and on the part: both verifiers, their agreement, the replay, all findings."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -30,15 +31,16 @@ from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_m
 from cuspline.verification.residuals import (
     LIMIT_MM,
     Residuals,
+    SampledFaces,
     default_spacing_mm,
     reach_of,
     residuals,
     unreachable_places,
     weighted_percentile,
 )
-from cuspline.verification.samples import Samples, face_area_mm2, sample_faces
+from cuspline.verification.samples import face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
-from cuspline.verification.solid_check import SolidComparison, compare
+from cuspline.verification.solid_check import Limits, SolidComparison, compare
 from cuspline.verification.text_checks import path_tolerance_mm
 from cuspline.verification.true_depths import largest_true_mm
 
@@ -144,14 +146,27 @@ class SetupProgram:
     fixtures: tuple = ()              # of replay.Fixture, WCS
 
 
-def verify_setup(posted, tools, solid, faces, *, setup, fixtures=(), **asked):
-    """Verdict on a part cut by one program in one clamping; see `verify_setups`."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Judging:
+    """What programs are judged by."""
+
+    tools: dict                       # tool number -> cutters.Tool
+    stock: object                     # a value of design.stock, part coordinates
+    finish: object                    # design.Finish
+    ball_radius_mm: float             # smallest ball of the shop's library
+    machine: object = None            # machines.Machine, or None: travel and table are not asked
+    options: Options = Options()
+    kept: object = NOTHING            # kept.Kept, asked first for what takes long; NOTHING keeps nothing
+    say: Callable = lambda text: None       # called with what is being done, and how large it is
+
+
+def verify_setup(posted, tools, solid, faces, *, setup, fixtures=(), **judging):
+    """Verdict on a part cut by one program in one clamping; see `verify_setups` and `Judging`."""
     program = SetupProgram(posted=posted, setup=setup, faces=tuple(faces), fixtures=tuple(fixtures))
-    return verify_setups((program,), tools, solid, **asked)[0]
+    return verify_setups((program,), solid, Judging(tools=tools, **judging))[0]
 
 
-def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, machine=None, options=Options(),
-                  kept=NOTHING, say=lambda text: None):
+def verify_setups(programs, solid, judging):
     """Verdict on the posted programs of all clampings, in the order in which they are cut.
 
     Every face is judged after all programs; each program is replayed on the stock that those before it leave, and
@@ -161,43 +176,35 @@ def verify_setups(programs, tools, solid, *, stock, finish, ball_radius_mm, mach
 
     Args:
         programs: SetupProgram values.
-        tools: dict of tool number -> cutters.Tool.
         solid: TopoDS_Solid, part coordinates.
-        stock: a value of design.stock, part coordinates.
-        finish: design.Finish.   ball_radius_mm: smallest ball of the shop's library.
-        machine: machines.Machine or None.
-        kept: kept.Kept, asked first for what takes long; NOTHING keeps nothing.
-        say: called with what is being done, and how large it is.
+        judging: Judging.
     Returns:
         one SetupVerdict a program.
     Raises:
         InputError: no faces, or faces of another solid; a plating that is no thinner than the smallest ball.
         SimulationError: a cutter that is no thicker than the plating.
     """
-    part, clampings = _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say)
-    judged = _residuals(part, clampings, kept, say)
-    finished_mm = MISSED * allowed_mm(finish)
+    part, clampings = _laid_out(programs, solid, judging)
+    judged = _residuals(part, clampings, judging)
+    finished_mm = MISSED * allowed_mm(judging.finish)
     steps = joints([c.name for c in clampings], [own for _, own in judged], [len(found.samples) for found, _ in judged],
                    finished_mm=finished_mm, fade_mm=float(np.sqrt(2.0 * part.largest_radius_mm * finished_mm)))
-    return tuple(_judged(part, c, found, own, tools, machine, joined, kept, say)
+    return tuple(_judged(part, c, found, own, judging, joined)
                  for c, (found, own), joined in zip(clampings, judged, steps))
 
 
-def residuals_of(programs, tools, solid, *, stock, finish, ball_radius_mm, options=Options(), kept=NOTHING,
-                 say=lambda text: None):
+def residuals_of(programs, solid, judging):
     """The first verifier alone, as `verify_setups` asks it: (Residuals of its faces after all, of all faces after it) a program.
 
     Args, raises: as there.
     """
-    return _residuals(*_laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say), kept, say)
+    return _residuals(*_laid_out(programs, solid, judging), judging)
 
 
-def _residuals(part, clampings, kept, say):
+def _residuals(part, clampings, judging):
     for c in clampings:
-        say(f"{c.name}: {len(c.samples):,} samples against {len(c.program.posted):,} moves, and tops between them")
-    return residuals(part.piece, [c.samples for c in clampings], [c.ground for c in clampings],
-                     [c.feeds for c in clampings], [c.drops for c in clampings], part.closest, part.ball_radius_mm,
-                     [c.options.spacing_mm for c in clampings], kept)
+        judging.say(f"{c.name}: {len(c.samples):,} samples against {len(c.program.posted):,} moves, and tops between them")
+    return residuals(part.piece, [c.sampled for c in clampings], part.closest, part.ball_radius_mm, judging.kept)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -241,30 +248,36 @@ class _Clamping:
     options: Options                  # every None replaced
     required: list                    # numbers of the solid's faces that it cuts
     before: Workpiece                 # the stock that it finds, of metal
-    samples: Samples
-    ground: Ground                    # of its faces
-    feeds: np.ndarray                 # (n, 3) direction of each move, part coordinates; zero where not known
-    drops: object                     # DropMesh of the design, WCS
+    sampled: SampledFaces             # its faces
 
     @property
     def name(self):
         return self.program.setup.name
 
+    @property
+    def samples(self):
+        return self.sampled.samples
 
-def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, kept, say):
+    @property
+    def drops(self):
+        return self.sampled.drops
+
+
+def _laid_out(programs, solid, judging):
     """_Part, and a _Clamping of each program."""
+    finish, ball_radius_mm, options, say = judging.finish, judging.ball_radius_mm, judging.options, judging.say
     shapes = [[getattr(f, "shape", f) for f in p.faces] for p in programs]
     required = [_indices(solid, faces) for faces in shapes]
     if ball_radius_mm <= finish.plating_mm:
         raise InputError(f"plating_mm {finish.plating_mm:g} is no thinner than the smallest ball, of radius "
                          f"{ball_radius_mm:g} mm: correct it")
-    piece = metal = Workpiece(blank=stock.shape)
+    piece = metal = Workpiece(blank=judging.stock.shape)
     before, fitted = [], []
     for program, faces in zip(programs, shapes):
         say(f"{program.setup.name}: index over {len(program.posted):,} moves")
         before.append(metal)
         fitted.append(_fitted(options, faces, *metal.box_in(program.setup.frame), finish))
-        paths = swept_paths(program.posted, tools)
+        paths = swept_paths(program.posted, judging.tools)
         metal = metal.after(program.setup.frame, paths)
         piece = piece.after(program.setup.frame, _as_plated(paths, finish))
     finest = min(o.tessellation_mm for o in fitted)
@@ -274,12 +287,14 @@ def _laid_out(programs, tools, solid, stock, finish, ball_radius_mm, options, ke
     mesh, exact = tessellate(solid, finest), brep.faces_of(solid)
     say(f"samples of the faces, {len(mesh.triangles):,} triangles for their reach")
     clampings = [_Clamping(number=k, program=p, options=o, required=chosen, before=found,
-                           samples=sample_faces(faces, o.spacing_mm), ground=Ground.of_faces([exact[i] for i in chosen]),
-                           feeds=p.setup.frame.turn_out(np.nan_to_num(p.posted.end_mm - p.posted.start_mm)),
-                           drops=drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles))
+                           sampled=SampledFaces(samples=sample_faces(faces, o.spacing_mm), spacing_mm=o.spacing_mm,
+                                       ground=Ground.of_faces([exact[i] for i in chosen]),
+                                       feeds=p.setup.frame.turn_out(np.nan_to_num(p.posted.end_mm - p.posted.start_mm)),
+                                       drops=drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles)))
                  for k, (p, o, chosen, found, faces) in enumerate(zip(programs, fitted, required, before, shapes))]
     upright = all(is_height_field(c.paths) for c in piece.cuts)
-    made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles, kept.of(stock_height_mm))
+    made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles,
+                       judging.kept.of(stock_height_mm))
     return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece,
                  metal=metal, made=made, mesh=mesh,
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
@@ -290,12 +305,13 @@ def _as_plated(paths, finish):
     return tuple(p.grown(-finish.plating_mm) for p in paths) if finish.plating_mm else paths
 
 
-def _judged(part, c, found, own, tools, machine, joined, kept, say):
+def _judged(part, c, found, own, judging, joined):
     """SetupVerdict of clamping c.
 
     `found` are the residuals of its faces, `own` those of all faces after it alone; `joined`: its joints with earlier ones.
     """
-    finish, moves = part.finish, f"{len(c.program.posted):,} moves"
+    finish, tools, machine = part.finish, judging.tools, judging.machine
+    kept, say, moves = judging.kept, judging.say, f"{len(c.program.posted):,} moves"
     say(f"{c.name}: replay of {moves} on a grid of {c.options.replay_pitch_mm:.3f} mm")
     history = _replayed(part, c, tools, machine, kept)
     say(f"{c.name}: certificate of {moves}")
@@ -306,8 +322,9 @@ def _judged(part, c, found, own, tools, machine, joined, kept, say):
     say(f"{c.name}: proof of what stands between the samples")
     proof = _excess_proof(part, c, found)
     say(f"{c.name}: solids on a grid of {c.options.solid_pitch_mm:.3f} mm" + (", third view" if c.options.mesh_checks else ""))
-    view = compare(part.made, c.number, part.mesh, c.drops, c.required, found, own, excess_mm=allowed_mm(finish),
-                   gouge_mm=finish.gouge_mm, path_error_mm=part.path_error_mm, ball_radius_mm=part.ball_radius_mm)
+    view = compare(part.made, c.number, part.mesh, c.drops, c.required, (found, own), Limits(
+        excess_mm=allowed_mm(finish), gouge_mm=finish.gouge_mm, path_error_mm=part.path_error_mm,
+        surface_error_mm=part.mesh.deviation_mm, ball_radius_mm=part.ball_radius_mm))
     bounds = {"path_mm": part.path_error_mm, "tracing_mm": TRACING_MM, "post_rounding_mm": c.options.post_rounding_mm,
               "path_tolerance_mm": path_tolerance_mm(c.program.posted, machine),
               "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm,
@@ -333,8 +350,8 @@ def _cusps(part, c, found):
     count, piece = len(c.samples), part.piece
     row, d = found.row[:count], found.deviation_mm[:count]
     fair = found.is_reachable[:count] & found.is_own[:count] & (row >= 0) & (d <= allowed_mm(part.finish) * MISSED)
-    return measured_cusps(c.ground, found.samples.first(count), np.where(fair, d, -np.inf),
-                          np.where((row >= 0)[:, None], c.feeds[row], 0.0), piece.cuts[c.number], c.program.posted,
+    return measured_cusps(c.sampled.ground, found.samples.first(count), np.where(fair, d, -np.inf),
+                          np.where((row >= 0)[:, None], c.sampled.feeds[row], 0.0), piece.cuts[c.number], c.program.posted,
                           piece.cut_distance_mm, lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], found.spacing_mm,
                           c.required)
 
@@ -365,7 +382,7 @@ def _excess_proof(part, c, found):
     others = [cut for cut in part.piece.cuts if cut is not own]
     fine = found.is_reachable & (d <= allowed + NOISE_MM)
     reach = lambda p, n: reach_of(p, n, own, c.drops, part.closest, part.ball_radius_mm) == REACHABLE
-    return prove_excess(c.ground, [own, *others], d[fine].max(initial=0.0), allowed,
+    return prove_excess(c.sampled.ground, [own, *others], d[fine].max(initial=0.0), allowed,
                         lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach,
                         area_mm2=rounded(c.samples.weight_mm2.sum()))
 

@@ -77,7 +77,7 @@ class Volumes:
     zmap_mm: float = 0.0                              # mean height error of the grid there
 
 
-def volumes(excess_of, gouge_of, field, cut, drops, found, tessellation_mm, path_error_mm, pitch_mm, ball_radius_mm):
+def volumes(excess_of, gouge_of, field, cut, drops, found, limits):
     """Compare them.
 
     Args:
@@ -85,12 +85,11 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, tessellation_mm, path
             there is nothing to compare.
         field: stock_solids.Field of the clamping.   cut: its workpiece.Cut.   drops: DropMesh of the design in its WCS.
         found: Residuals of its faces.
-        tessellation_mm, path_error_mm: deviation of the design's triangles, of the swept paths.
-        pitch_mm: of the grid.   ball_radius_mm: hollows tighter than this are not reachable.
+        limits: solid_check.Limits: hollows tighter than its ball are not reachable.
     Returns:
         Volumes.
     """
-    cell, frame = CELLS * pitch_mm, field.frame
+    cell, frame, path_error_mm = CELLS * field.pitch_mm, field.frame, limits.path_error_mm
     points, d = frame.into(found.samples.points_mm), found.deviation_mm
     normal_z = frame.turn_into(found.samples.normals)[:, 2]
     shape = np.maximum(1, np.ceil((field.high - field.low)[:2] / cell).astype(int))
@@ -106,14 +105,14 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, tessellation_mm, path
     weight, d = found.samples.weight_mm2[inside], d[inside]
     prism = solids.prism_over([_square(field.low, cell, *c) for c in np.argwhere(good)], field.low[2] - 1, field.high[2] + 1)
     left, taken = ((made() ^ prism).volume() for made in (excess_of, gouge_of))
-    facets, facet_scatter, zmap = _facets(field, cut, good, cell, pitch_mm)
+    facets, facet_scatter, zmap = _facets(field, cut, good, cell, field.pitch_mm)
     triangles, triangle_scatter = _triangles(drops, points[inside], weight * normal_z[inside])
     above, below = float((weight * np.maximum(d, 0)).sum()), float((weight * np.maximum(-d, 0)).sum())
     area, scatter = float(weight.sum()), float(np.sqrt(((weight * d) ** 2).sum()))
-    bent = float((weight * d * d).sum()) / ball_radius_mm          # a layer over a hollow is smaller than area times height
+    bent = float((weight * d * d).sum()) / limits.ball_radius_mm          # a layer over a hollow is smaller than area times height
     return Volumes(
         area_mm2=area, excess_mm3=(above, left), gouge_mm3=(below, taken), zmap_mm=zmap,
-        bound_mm3=area * (tessellation_mm + path_error_mm + zmap) + 3 * scatter + 1e-6,
+        bound_mm3=area * (limits.surface_error_mm + path_error_mm + zmap) + 3 * scatter + 1e-6,
         net_mm3=(above - below, left - taken + facets - triangles),
         net_bound_mm3=area * path_error_mm + bent + SIGMAS * float(np.sqrt(scatter**2 + facet_scatter**2 + triangle_scatter**2))
         + 1e-6)

@@ -12,7 +12,7 @@ from cuspline.app.mending import Wants, mended, wants_of
 from cuspline.kernel import brep
 from cuspline.program.program import Kind, Moves
 from cuspline.verification.reporter import allowed_mm
-from cuspline.verification.verdict import Options, SetupProgram, residuals_of
+from cuspline.verification.verdict import Judging, Options, SetupProgram, residuals_of
 
 DISH = Path(__file__).parents[1] / "parts" / "small_dish.py"
 COARSE = Options(spacing_mm=0.25)
@@ -50,8 +50,9 @@ def looked(order, plan):
     tools = {o.tool.number: o.tool for o in plan.operations}
     faces = tuple(brep.select_faces(brep.faces_of(solid), order.design.predicates[0]))
     program = SetupProgram(posted=recipe._as_posted(order, plan, tools), setup=plan.setup, faces=faces)
-    (found,) = residuals_of((program,), tools, solid, stock=order.design.stock, finish=order.design.finish,
-                            ball_radius_mm=min(t.cutter.radius_mm for t in order.library.of_type("ball")), options=COARSE)
+    (found,) = residuals_of((program,), solid, Judging(
+        tools=tools, stock=order.design.stock, finish=order.design.finish, options=COARSE,
+        ball_radius_mm=min(t.cutter.radius_mm for t in order.library.of_type("ball"))))
     return found
 
 

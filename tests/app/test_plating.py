@@ -21,7 +21,7 @@ from cuspline.stock.swept import deviation_mm, stock_height_mm, swept_paths
 from cuspline.values.errors import DesignError, InputError, PlanError
 from cuspline.verification.certificate import certify, part_in_wcs
 from cuspline.verification.reach import REACHABLE
-from cuspline.verification.verdict import Options, SetupProgram, residuals_of, verify_setups
+from cuspline.verification.verdict import Judging, Options, SetupProgram, residuals_of, verify_setups
 
 SOURCE_MM = 0.0508          # 2 mil of plating
 DISH = Path(__file__).parents[1] / "parts" / "small_dish.py"
@@ -79,8 +79,9 @@ def test_every_strategy_cuts_the_metal_so_much_below_the_drawing(strategy, tmp_p
     assert all(t in order.library.tools for t in tools.values())
     posted, solid = recipe._as_posted(order, plan, tools), brep.the_solid(design.solid, "dish")
     faces = tuple(brep.select_faces(brep.faces_of(solid), design.predicates[0]))
-    (found, _), = residuals_of((SetupProgram(posted=posted, setup=plan.setup, faces=faces),), tools, solid, stock=design.stock,
-                               finish=design.finish, ball_radius_mm=2.0, options=COARSE)
+    program = SetupProgram(posted=posted, setup=plan.setup, faces=faces)
+    (found, _), = residuals_of((program,), solid, Judging(tools=tools, stock=design.stock, finish=design.finish,
+                                                          ball_radius_mm=2.0, options=COARSE))
     good = found.reach == REACHABLE
     allowed = design.finish.scallop_mm + design.finish.profile_tolerance_mm
     assert found.deviation_mm.min() > -design.finish.gouge_mm and found.deviation_mm[good].max() < allowed
@@ -132,7 +133,7 @@ def test_a_plating_that_no_cutter_has_is_refused():
         library_within_skin(library, 40.0)
     finish = Finish(scallop_mm=0.01, profile_tolerance_mm=0.002, gouge_mm=0.003, plating_mm=0.9)
     with pytest.raises(InputError, match="plating_mm 0.9 is no thinner than the smallest ball, of radius 0.5 mm"):
-        verify_setups((), {}, brep.the_solid(_block()), stock=None, finish=finish, ball_radius_mm=0.5)
+        verify_setups((), brep.the_solid(_block()), Judging(tools={}, stock=None, finish=finish, ball_radius_mm=0.5))
 
 
 def test_a_plating_of_nothing_leaves_no_trace_and_an_allowance_that_sections_cannot_leave_is_refused():

@@ -35,7 +35,7 @@ from cuspline.shop.practice import Practice
 from cuspline.stock.shapes import BoxShape
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.errors import DesignError, InputError, PlanError
-from cuspline.verification.verdict import SetupProgram, verify_setups
+from cuspline.verification.verdict import verify_setup
 
 MACHINE, LIBRARY = catalogue.find_machine("mill_3axis"), catalogue.find_library(None)
 ROUNDED_MM = 1e-6           # of the numbers of a verdict
@@ -75,8 +75,8 @@ def planned(design, **changes):
 def judged(design, posted, tools, options=stock_parts.COARSE):
     """SetupVerdict of its first setup's program."""
     faces = tuple(f for p in design.predicates for f in brep.select_faces(brep.faces_of(design.solid), p))
-    return verify_setups([SetupProgram(posted=posted, setup=design.setups[0], faces=faces)], tools, design.solid,
-                         stock=design.stock, finish=design.finish, ball_radius_mm=0.5, machine=MACHINE, options=options)[0]
+    return verify_setup(posted, tools, design.solid, faces, setup=design.setups[0], stock=design.stock,
+                        finish=design.finish, ball_radius_mm=0.5, machine=MACHINE, options=options)
 
 
 def as_a_solid(design):

@@ -18,7 +18,7 @@ from cuspline.toolpaths.gouge import move_depths
 from cuspline.values import checkpoints
 from cuspline.values.checkpoints import NOTHING, Kept, kept_beside, told
 from cuspline.verification import certificate, in_process, residuals, verdict
-from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setups
+from cuspline.verification.verdict import Judging, Options, SetupProgram, Verdict, verify_setups
 
 BLOCK = brep.the_solid(cq.Workplane().box(20, 16, 10, centered=False))
 STOCK = StockBox(min_mm=(0, 0, -2), max_mm=(20, 16, 12))
@@ -43,8 +43,9 @@ def programs():
 def outcome(store):
     """All that comes of a judgement: the verdict's numbers, deviations, and the files of stock."""
     cut = programs()
-    found = verify_setups(cut, TOOLS, BLOCK, stock=STOCK, ball_radius_mm=3.0, options=COARSE, kept=store,
-                          finish=Finish(scallop_mm=0.01, profile_tolerance_mm=0.002, gouge_mm=0.003))
+    finish = Finish(scallop_mm=0.01, profile_tolerance_mm=0.002, gouge_mm=0.003)
+    found = verify_setups(cut, BLOCK, Judging(tools=TOOLS, stock=STOCK, ball_radius_mm=3.0, options=COARSE, kept=store,
+                                              finish=finish))
     states = in_process.stock_states(cut, TOOLS, STOCK, [0.5, 0.5], store)
     return (json.dumps(Verdict(setups=found).as_dict()), *(v.residuals.deviation_mm.tobytes() for v in found),
             *(stl_of(s.solid) for s in states))

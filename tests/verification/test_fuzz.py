@@ -20,7 +20,7 @@ from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.verification.climbing import Ground
 from cuspline.verification.reach import drop_mesh
-from cuspline.verification.residuals import LIMIT_MM, residuals
+from cuspline.verification.residuals import LIMIT_MM, SampledFaces, residuals
 from cuspline.verification.samples import sample_faces
 
 CORPUS = (3, 8, 21, 34, 55, 89)        # seeds; one that ever failed stays
@@ -56,10 +56,11 @@ def cut(seed):
         piece = piece.after(frame, swept_paths(posted, CUTTERS))
     mesh, exact = tessellate(BLOCK, 0.01), brep.faces_of(BLOCK)
     grounds = [Ground.of_faces([f for f in exact if any(f.shape.IsSame(s) for s in shapes)]) for shapes in (up, down)]
-    found = residuals(piece, [sample_faces(shapes, SPACING_MM) for shapes in (up, down)], grounds,
-                      [frame.turn_out(posted.end_mm - posted.start_mm) for posted, frame in programs],
-                      [drop_mesh(frame.into(mesh.vertices_mm), mesh.triangles) for _, frame in programs], None, 3.0,
-                      [SPACING_MM] * 2)
+    sampled = [SampledFaces(samples=sample_faces(shapes, SPACING_MM), ground=ground, spacing_mm=SPACING_MM,
+                            feeds=frame.turn_out(posted.end_mm - posted.start_mm),
+                            drops=drop_mesh(frame.into(mesh.vertices_mm), mesh.triangles))
+               for shapes, ground, (posted, frame) in zip((up, down), grounds, programs)]
+    found = residuals(piece, sampled, None, 3.0)
     return programs, [after_all for after_all, _ in found]
 
 

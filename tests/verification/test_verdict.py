@@ -18,7 +18,7 @@ from cuspline.values.threads import set_thread_count
 from cuspline.verification import residuals
 from cuspline.verification.climbing import Tops
 from cuspline.verification.reporter import Reporter
-from cuspline.verification.verdict import Options, SetupProgram, Verdict, verify_setup, verify_setups
+from cuspline.verification.verdict import Judging, Options, SetupProgram, Verdict, verify_setup, verify_setups
 
 BLOCK = brep.the_solid(cq.Workplane().box(20, 16, 10, centered=False))
 FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
@@ -313,9 +313,9 @@ DOWNWARD = tuple(f for f in brep.faces_of(BLOCK) if f.middle.normal[0, 2] < -0.5
 def clampings(*steps):
     """Verdict on the block after (moves, setup, faces) one after the other; the billet stands 2 mm beyond both sides."""
     programs = [SetupProgram(posted=program((-6, -0.3, 40), moves), setup=setup, faces=faces) for moves, setup, faces in steps]
-    return Verdict(setups=verify_setups(
-        programs, {1: tool("ball", 2 * R)}, BLOCK, stock=StockBox(min_mm=(0, 0, -2), max_mm=(20, 16, 12)), finish=FINISH,
-        ball_radius_mm=3.0, options=COARSE))
+    return Verdict(setups=verify_setups(programs, BLOCK, Judging(
+        tools={1: tool("ball", 2 * R)}, stock=StockBox(min_mm=(0, 0, -2), max_mm=(20, 16, 12)), finish=FINISH,
+        ball_radius_mm=3.0, options=COARSE)))
 
 
 def two_clampings(below):

@@ -92,8 +92,8 @@ def waterlines(tips_at, heights_mm, low_mm, high_mm, *, pitch_mm, chord_mm, tole
     xy = _crossings(gap_at, above_at, nodes[free], nodes[held], z, tolerance_mm)
     closed = np.array([c.is_closed for c in chains])
     if np.isfinite(chord_mm):
-        xy, chain = _with_chords_within(gap_at, above_at, xy, chain, closed,
-                                        z[np.searchsorted(chain, np.arange(len(chains)))], chord_mm, tolerance_mm)
+        xy, chain = _with_chords_within(gap_at, above_at, xy, chain, (closed, z[np.searchsorted(chain, np.arange(len(chains)))]),
+                                        chord_mm, tolerance_mm)
     ends = np.searchsorted(chain, np.arange(len(chains) + 1))
     loops = (_distinct(xy[a:b], c.is_closed, tolerance_mm) for a, b, c in zip(ends[:-1], ends[1:], chains))
     return tuple(Waterline(tip_mm=np.column_stack([p, np.full(len(p), c.height_mm)]), is_closed=c.is_closed)
@@ -249,13 +249,14 @@ def _step(x1, x2, x3, f1, f2, f3):
     return np.where(quadratic & np.isfinite(share), share, 0.5)
 
 
-def _with_chords_within(gap_at, above_at, xy, chain, closed, height, chord_mm, tolerance_mm):
+def _with_chords_within(gap_at, above_at, xy, chain, of_chains, chord_mm, tolerance_mm):
     """Points added halfway, square to chords, until the loop passes each chord's middle within chord_mm.
 
     Args:
         xy, chain: (n, 2) points and (n,) their chain, ascending.
-        closed, height: per chain.
+        of_chains: (whether it is closed, its height), arrays over the chains.
     """
+    closed, height = of_chains
     pending = np.ones(len(xy), bool)            # chords, by their first point, that nobody has looked at
     for _ in range(ROUNDS):
         last = np.append(chain[1:] != chain[:-1], True)
