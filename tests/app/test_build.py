@@ -137,7 +137,8 @@ def test_finishing_has_a_tenth_of_the_blocks_of_chords(moves):
 
 
 def test_another_process_with_one_thread_writes_the_same_bytes(default_part, tmp_path):
-    done = cuspline("build", "z_profile", "-p", NARROW, "--stage", "gcode", "--out", tmp_path / "again", env={"NUMBA_NUM_THREADS": "1"})
+    done = cuspline("build", "z_profile", "-p", NARROW, "--stage", "gcode", "--out",
+                    tmp_path / "again", env={"NUMBA_NUM_THREADS": "1"})
     assert done.returncode == 0, done.stderr
     ours, theirs = bytes_of(default_part), bytes_of(tmp_path / "again")
     for name in ("z_profile.step", "z_profile.glb", "tools.tbl", "tools.json", "plan.json"):
