@@ -1,5 +1,6 @@
 """What a check finds the build mends, and tells; what cannot be mended is told with its reason."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -101,7 +102,7 @@ def test_the_build_mends_what_the_verdict_finds(order, plan, monkeypatch):
     monkeypatch.setattr(recipe, "Options", lambda: Options(spacing_mm=0.25, solid_pitch_mm=0.2))
     result = recipe.build(replace(order, last_stage="verify"))
     assert result.is_ok
-    told = recipe._read_json(result.folder / "plan.json")["setups"][0]
+    told = json.loads((result.folder / "plan.json").read_text())["setups"][0]
     assert [m["found_by"] for m in told["mending"]] == ["the verdict"] and told["operations"][-1]["name"] == "clean-up 1"
 
 
