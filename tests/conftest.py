@@ -28,6 +28,12 @@ def default_part(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def whole_default_part(tmp_path_factory):
+    """Output folder of the default part as wide as it is, posted; not to be edited."""
+    return built_once(tmp_path_factory, "whole", "z_profile", "--stage", "gcode")
+
+
+@pytest.fixture(scope="session")
 def default_part_in_inches(tmp_path_factory):
     """The same for the machine set to inches, posted; not to be edited."""
     return built_once(tmp_path_factory, "inch", "z_profile", "-p", NARROW, "--machine", "mill_3axis_inch",

@@ -40,13 +40,13 @@ def test_the_tool_table_in_inches_holds_the_same_lengths(default_part_in_inches)
 
 
 @pytest.mark.controller
-def test_the_controller_keeps_the_path_tolerance_and_the_predicted_time(default_part):
+def test_the_controller_keeps_the_path_tolerance_and_the_predicted_time(whole_default_part):
     machine = find_machine("mill_3axis")
-    tools = {n: t.length_mm for n, t in read_tools(default_part).items()}
-    run = run_on_controller(default_part / "setup-1.ngc", tools, machine)
+    tools = {n: t.length_mm for n, t in read_tools(whole_default_part).items()}
+    run = run_on_controller(whole_default_part / "setup-1.ngc", tools, machine)
     assert run.is_finished and run.errors == ()
-    operations = json.loads((default_part / "plan.json").read_text())["setups"][0]["operations"]
-    lines = (default_part / "setup-1.ngc").read_text().splitlines()
+    operations = json.loads((whole_default_part / "plan.json").read_text())["setups"][0]["operations"]
+    lines = (whole_default_part / "setup-1.ngc").read_text().splitlines()
     finishing = next(k for k, line in enumerate(lines, 1) if line.startswith("(OPERATION 2"))
     predicted_s = sum(o["time_s"] for o in operations)
     print(f"deviation {run.deviation_mm:.6f} mm at line {run.deviation_line}, moving {run.moving_s:.1f} s, "
