@@ -59,7 +59,7 @@ def comments_after_a_semicolon(sheet, rng):
 @harmless
 def line_numbers(sheet, rng):
     count = iter(range(10, 100000, 10))
-    return each_line(sheet, lambda line: f"N{next(count)} {line}", plain(sheet))
+    return each_line(sheet, lambda line: f"N{next(count)} {line}", plain(sheet)[::2])      # all would not fit the small store
 
 
 @harmless
