@@ -321,7 +321,8 @@ def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an
 def warm():
     """Compile the kernels once; later commands find them ready."""
     from cuspline.app.warm import compiled
-    for count, of, what in compiled(min(len(os.sched_getaffinity(0)), WARMING)):
+    from cuspline.values.threads import thread_count
+    for count, of, what in compiled(min(thread_count(), WARMING)):
         print(f"compiled kernels {count}/{of}: {what}", flush=True)
 
 

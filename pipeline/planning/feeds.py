@@ -127,7 +127,7 @@ def _corner_speed(cosine, acceleration, tolerance_mm):
     return np.where(cosine > 1.0 - 1e-7, 1e9, np.sqrt(acceleration * radius))
 
 
-@njit(cache=True)
+@njit
 def _ramped(lengths, speed, corner, a):
     """Backward and forward pass over corner speeds, then a trapezoid for each move."""
     n = lengths.shape[0]

@@ -29,7 +29,7 @@ AHEAD = 0.9               # of the last distance: how far ahead the next pose is
 CUTS = 40                 # tangents along the way at most; the bound holds after any number of them
 
 
-@njit(cache=True)
+@njit
 def segment_distance(rho, z, row):
     """Signed distance to a grown frustum in (rho, z), and its slopes along both."""
     z0, r0, z1, r1 = row[0], row[1], row[2], row[3]
@@ -64,7 +64,7 @@ def segment_distance(rho, z, row):
     return d - row[4], (rho - near_r) / d, (z - near_z) / d
 
 
-@njit(cache=True)
+@njit
 def _at(x, y, z, row, hx, hy):
     """Distance and gradient of a point to a segment that may stand anywhere within hx, hy across its axis."""
     x, y = math.copysign(max(abs(x) - hx, 0.0), x), math.copysign(max(abs(y) - hy, 0.0), y)
@@ -75,7 +75,7 @@ def _at(x, y, z, row, hx, hy):
     return d, 0.0, 0.0, gz
 
 
-@njit(cache=True)
+@njit
 def swept_distance(x, y, z, row, vx, vy, vz, hx, hy, close):
     """Lower bound at a point (tool's frame) with the gradient that carries it to other points; the value attained.
 
@@ -113,13 +113,13 @@ def swept_distance(x, y, z, row, vx, vy, vz, hx, hy, close):
     return bound, share * x0 + rest * x1, share * y0 + rest * y1, share * z0 + rest * z1, best
 
 
-@njit(cache=True)
+@njit
 def _local(p, x, y, z):
     x, y, z = x - p[9], y - p[10], z - p[11]
     return p[0] * x + p[1] * y + p[2] * z, p[3] * x + p[4] * y + p[5] * z, p[6] * x + p[7] * y + p[8] * z
 
 
-@njit(cache=True)
+@njit
 def box_bound(node, place, segments, close):
     """No point of the box is nearer to the tool at its place than this."""
     x, y, z = _local(place, node[0], node[1], node[2])
@@ -137,7 +137,7 @@ def box_bound(node, place, segments, close):
     return least - ROUNDING_MM
 
 
-@njit(cache=True)
+@njit
 def _triangle(corners, place, row, best, floor, least, tolerance, parts, point):
     """(attained, lower bound of what was left out) over one triangle; `point` takes the world's nearest point.
 
@@ -188,7 +188,7 @@ def _triangle(corners, place, row, best, floor, least, tolerance, parts, point):
     return best, least
 
 
-@njit(cache=True)
+@njit
 def least_distance(mesh, place, segments, cap, floor, tolerance, hint, work):
     """Least signed distance of the tool at one place to all triangles.
 
@@ -247,13 +247,13 @@ def least_distance(mesh, place, segments, cap, floor, tolerance, hint, work):
     return min(least, best), best, found
 
 
-@njit(cache=True)
+@njit
 def workspace():
     """Scratch arrays of `least_distance`."""
     return np.empty(STACK, np.int64), np.empty(STACK), np.empty((PARTS, 9)), np.zeros(3), np.zeros(3)
 
 
-@njit(cache=True)
+@njit
 def _frame_of(triangles, first, last, node):
     """Axes of a box into node[6:15]: the mean normal of some triangles, and the way they reach farthest across it."""
     nx = ny = nz = 0.0
@@ -284,7 +284,7 @@ def _frame_of(triangles, first, last, node):
         node[12 + k] = place[6 + k]
 
 
-@njit(cache=True)
+@njit
 def build_nodes(triangles, leaves):
     """(2 leaves - 1, 15) boxes over triangles in their given order: middle, half sides (-1: empty), axes."""
     nodes = np.full((2 * leaves - 1, 15), -1.0)
@@ -312,7 +312,7 @@ def build_nodes(triangles, leaves):
     return nodes
 
 
-@njit(cache=True)
+@njit
 def set_place(place, tx, ty, tz, ax, ay, az):
     """A place of a tool that stands still."""
     place[:] = 0.0
@@ -328,14 +328,14 @@ def set_place(place, tx, ty, tz, ax, ay, az):
     place[9], place[10], place[11] = tx, ty, tz
 
 
-@njit(cache=True)
+@njit
 def set_way(place, wx, wy, wz):
     """Lets the tool of a place move straight by a vector of the world."""
     for k in range(3):
         place[12 + k] = place[3 * k] * wx + place[3 * k + 1] * wy + place[3 * k + 2] * wz
 
 
-@njit(cache=True)
+@njit
 def distances(mesh, tips, axes, segments, cap, tolerance):
     """Proven lower bounds (n,), attained distances (n,) and nearest points (n, 3) of poses; each helps the next."""
     n = len(tips)
@@ -350,7 +350,7 @@ def distances(mesh, tips, axes, segments, cap, tolerance):
     return lower, got, points
 
 
-@njit(cache=True)
+@njit
 def _pose(t, tip0, tip1, axis0, axis1, turn, place):
     """The pose at a share of a move: tip along a line, axis evenly along the great circle."""
     a, b = 1.0 - t, t
@@ -363,7 +363,7 @@ def _pose(t, tip0, tip1, axis0, axis1, turn, place):
               tip0[2] + t * (tip1[2] - tip0[2]), x / length, y / length, z / length)
 
 
-@njit(cache=True)
+@njit
 def turn_of(axis0, axis1):
     """Angle between two unit vectors, rad."""
     x, y, z = axis0[0] - axis1[0], axis0[1] - axis1[1], axis0[2] - axis1[2]
@@ -372,7 +372,7 @@ def turn_of(axis0, axis1):
     return 2.0 * fixed.arcsin(min(0.5 * math.sqrt(x * x + y * y + z * z), 1.0))
 
 
-@njit(cache=True)
+@njit
 def _over_move(mesh, segments, tip0, tip1, axis0, axis1, turn, lever, margin, cap, tolerance, hint, place, work, spans,
                spot):
     """(distance, is clear, hint) of one move, halved until every stretch is decided.
@@ -412,14 +412,14 @@ def _over_move(mesh, segments, tip0, tip1, axis0, axis1, turn, lever, margin, ca
     return lower, True, hint
 
 
-@njit(cache=True)
+@njit
 def _motion(tip0, tip1, axis0, axis1, lever):
     """No point of the tool goes farther than this from one pose to the next."""
     d = tip1 - tip0
     return math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) + lever * turn_of(axis0, axis1)
 
 
-@njit(cache=True)
+@njit
 def _motions(tips0, tips1, axes0, axes1, lever):
     """(n,) how far a point of the tool can go in each move, and from the end of the move before to its start."""
     n = len(tips0)
@@ -431,7 +431,7 @@ def _motions(tips0, tips1, axes0, axes1, lever):
     return moves, gaps
 
 
-@njit(cache=True)
+@njit
 def certify(mesh, tips0, tips1, axes0, axes1, segments, lever, margin, cap, tolerance, lower, is_clear, places):
     """One part of a tool over moves: a pose vouches for the moves before and after it, as far as its distance lasts.
 

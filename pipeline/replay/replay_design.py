@@ -17,7 +17,7 @@ TOLERANCE_MM = 1e-3       # of an amount, and of the least clearance
 GROUP = 64                # pieces looked at as one, at most
 
 
-@njit(cache=True)
+@njit
 def upright(place, lines, first, last):
     """The place of an upright tool that stands anywhere in the box round some lines; a single line is a way."""
     place[:] = 0.0
@@ -36,7 +36,7 @@ def upright(place, lines, first, last):
             place[11], place[14] = low, high - low
 
 
-@njit(cache=True)
+@njit
 def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
     """Contacts of pieces in order, and the least distance of them all.
 

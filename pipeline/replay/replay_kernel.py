@@ -37,7 +37,7 @@ NOISE_MM = 1e-6           # heights closer than this are the same
 RAPID, SHANK, HOLDER, FIXTURE, LOW = range(5)
 
 
-@njit(cache=True)
+@njit
 def chord(g, out):
     """A piece as a straight line that lies nowhere above it."""
     put(out, g)
@@ -50,7 +50,7 @@ def chord(g, out):
         out[5] -= sagitta
 
 
-@njit(cache=True)
+@njit
 def lowered(line, by_mm, out):
     """A rapid's straight way lowered by the height it is to keep; where it leads up, it may begin in the cut."""
     put(out, line)
@@ -63,7 +63,7 @@ def lowered(line, by_mm, out):
         out[5] -= by_mm
 
 
-@njit(cache=True)
+@njit
 def chords(geometry):
     """(m, 6) ends of all pieces as `chord` gives them."""
     lines, line = np.empty((len(geometry), 6)), np.empty(12)
@@ -73,7 +73,7 @@ def chords(geometry):
     return lines
 
 
-@njit(cache=True)
+@njit
 def _tile_top(bounds, tj, ti):
     """Highest bound of a tile."""
     top = -math.inf
@@ -83,7 +83,7 @@ def _tile_top(bounds, tj, ti):
     return top
 
 
-@njit(cache=True)
+@njit
 def _cells(low, high, lines):
     """First and last + 1 cell that a stretch meets."""
     origin, pitch, count = lines[0], lines[1] - lines[0], len(lines) - 1
@@ -92,20 +92,20 @@ def _cells(low, high, lines):
     return first, max(last, first)
 
 
-@njit(cache=True)
+@njit
 def _keep_worst(table, row, amount, x, y, z):
     if amount > table[row, 0]:
         table[row, 0], table[row, 1], table[row, 2], table[row, 3] = amount, x, y, z
 
 
-@njit(cache=True)
+@njit
 def _fixture_depth(line, part, box):
     """How deep a moving upright part enters a box, from above or beside; negative: clear."""
     hx, hy = 0.5 * (box[3] - box[0]), 0.5 * (box[4] - box[1])
     return -part_distance(0.5 * (box[0] + box[3]), 0.5 * (box[1] + box[4]), hx, hy, box[5], line, part)[0]
 
 
-@njit(cache=True)
+@njit
 def _doubtful_cells(line, part, enough, stock, highest, doubtful):
     """Cells whose bounds leave a part nearer than `enough`: their number, and the least distance of the others."""
     _, bounds, _, tiles, xs, ys = stock
@@ -139,7 +139,7 @@ def _doubtful_cells(line, part, enough, stock, highest, doubtful):
     return count, clear
 
 
-@njit(cache=True)
+@njit
 def _at_nodes(line, part, doubtful, count, stock, spot):
     """Least distance at the corners of cells that are nodes; `spot` takes its place."""
     z, bounds, _, _, xs, ys = stock
@@ -157,7 +157,7 @@ def _at_nodes(line, part, doubtful, count, stock, spot):
     return best
 
 
-@njit(cache=True)
+@njit
 def _against_stock(line, part, wanted, enough, before, stock, highest, past, doubtful, space, spot, budget):
     """One part over one piece: (proven lower bound, least attained or inf, whether contact stays possible unseen)."""
     forest, orders, firsts = past
@@ -186,12 +186,12 @@ def _against_stock(line, part, wanted, enough, before, stock, highest, past, dou
     return proven, best, doubt and best >= wanted
 
 
-@njit(cache=True)
+@njit
 def _gap(x, low, high):
     return max(low - x, x - high, 0.0)
 
 
-@njit(cache=True)
+@njit
 def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
     """Lowers nodes and bounds by one piece; gives the events (grown when full) and their number."""
     _, bounds, _, tiles, xs, ys = stock
@@ -208,7 +208,7 @@ def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
     return events, count
 
 
-@njit(cache=True)
+@njit
 def _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
     """`_cut` within one tile, and its highest bound then; nodes on its far sides belong to the tiles there."""
     z, bounds, _, tiles, xs, ys = stock
@@ -249,7 +249,7 @@ def _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids, ev
     return events, count, _tile_top(bounds, tj, ti)
 
 
-@njit(cache=True)
+@njit
 def _with_room(events, count):
     """The same events in arrays of more than twice the length."""
     room = 2 * count + 1024
@@ -260,7 +260,7 @@ def _with_room(events, count):
     return rows, cells, heights
 
 
-@njit(cache=True)
+@njit
 def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, low_mm, boxes, z, bounds, sure, lines,
         past, worst, least, events):
     """Replays all pieces in order.

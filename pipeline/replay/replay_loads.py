@@ -108,7 +108,7 @@ def _ends(posted):
     return np.column_stack([posted.start_mm[:, :2], posted.end_mm[:, :2], center, turn])
 
 
-@njit(cache=True)
+@njit
 def _met(x, y, end, way, diameter):
     """Where along the way of a move, in diameters, its cutter's front meets a place."""
     if np.isnan(end[4]):
@@ -126,7 +126,7 @@ def _met(x, y, end, way, diameter):
     return min(max(share * way - ahead, 0.0), way)
 
 
-@njit(cache=True)
+@njit
 def _turned(x, y, end):
     """Share of an arc's turn at which it passes a place; the nearer end beside it."""
     a0 = fixed.arctan2(end[1] - end[5], end[0] - end[4])
@@ -152,7 +152,7 @@ def _lowered_mm(events, before_mm, columns):
     return np.where(known, np.maximum(np.where(known, top, 0.0) - np.where(known, bottom, 0.0), 0.0), 0.0).sum(axis=1)
 
 
-@njit(cache=True)
+@njit
 def _taken(rows, cells, taken, first, nx, grid, count, bin_way, starts, way, feeds, ends, diameter):
     """Sum and greatest of the heights by which nodes are lowered, per bin (count,), and of the node at each move's end (n,).
 
@@ -172,7 +172,7 @@ def _taken(rows, cells, taken, first, nx, grid, count, bin_way, starts, way, fee
     return volume, deepest, plunge
 
 
-@njit(cache=True)
+@njit
 def _windows(volume, strip, bin_way, width, cut):
     """(k,) slot depth of the window around each bin within its cut, and the same less its deepest strip."""
     count = len(volume)
@@ -189,7 +189,7 @@ def _windows(volume, strip, bin_way, width, cut):
     return slot, sure
 
 
-@njit(cache=True)
+@njit
 def _best_of(values, first, last):
     """(n,) where the greatest of each stretch of values stands."""
     best = first.copy()

@@ -30,13 +30,13 @@ BUDGET = 4000             # parts of cells looked at for one piece; what is left
 SEEN_BUDGET = 200         # the same where a node shows a contact and its depth is looked for, or the move is undecided
 
 
-@njit(cache=True)
+@njit
 def beyond(wanted, missing):
     """Distance below which a contact says more than one of which so much is missing (below 0: none) has said."""
     return wanted - max(missing, 0.0) * (1.0 + SHARE if missing > DEEP_MM else 1.0)
 
 
-@njit(cache=True)
+@njit
 def bulge(g):
     """How much higher inside a cell than at its corners an arc above its centre can leave the stock; 0 for others."""
     if g[11] == 0.0 or g[10] < 0.0:
@@ -45,7 +45,7 @@ def bulge(g):
     return g[9] - math.sqrt(max(g[9] * g[9] - 0.25 * (dx * dx + dy * dy + dz * dz), 0.0))
 
 
-@njit(cache=True)
+@njit
 def node_height(x, y, node, a, rc):
     """No piece under a node (xl, xh, yl, yh and height of its lowest tip) leaves less over (x, y)."""
     ex, ey = max(node[0] - x, x - node[1], 0.0), max(node[2] - y, y - node[3], 0.0)
@@ -56,7 +56,7 @@ def node_height(x, y, node, a, rc):
     return node[4] + rc - math.sqrt(max(rc * rc - beyond * beyond, 0.0))
 
 
-@njit(cache=True)
+@njit
 def _standing(x, y, g):
     """Tip on an arc above its centre that stands still where the arc is lowest over (x, y), to first order."""
     k = int(g[6])
@@ -65,7 +65,7 @@ def _standing(x, y, g):
     return (u, g[1], z) if k == 0 else (g[0], u, z)
 
 
-@njit(cache=True)
+@njit
 def _covered(x, y, hx, hy, g, a, rc, spare):
     """No point of the rectangle keeps more height than this after the piece; inf: not all of it is passed over."""
     if g[11] != 0.0 and g[10] > 0.0:
@@ -77,7 +77,7 @@ def _covered(x, y, hx, hy, g, a, rc, spare):
                max(piece_height(x - hx, y + hy, g, a, rc), piece_height(x + hx, y + hy, g, a, rc)))
 
 
-@njit(cache=True)
+@njit
 def part_distance(x, y, hx, hy, top, line, part):
     """(lower bound, attained) distance of a moving upright part to a rectangle of stock of one height."""
     bound, _, _, _, got = swept_distance(x - line[0], y - line[1], top - line[2], part, line[3] - line[0],
@@ -85,7 +85,7 @@ def part_distance(x, y, hx, hy, top, line, part):
     return bound, got
 
 
-@njit(cache=True)
+@njit
 def earlier_cover(x, y, hx, hy, bound, before, line, part, enough, forest, orders, firsts, work):
     """What earlier pieces leave over a rectangle.
 
@@ -136,7 +136,7 @@ def earlier_cover(x, y, hx, hy, bound, before, line, part, enough, forest, order
     return bound, height, False
 
 
-@njit(cache=True)
+@njit
 def _holds(x, y, z, room, g, rc, is_upright):
     """Whether a column from a point upward, its radius less by `room`, lies in what one piece swept (sufficient)."""
     dx, dy = g[3] - g[0], g[4] - g[1]
@@ -151,7 +151,7 @@ def _holds(x, y, z, room, g, rc, is_upright):
     return ex * ex + ey * ey <= room * room and z >= low + rc - CLOSE_MM
 
 
-@njit(cache=True)
+@njit
 def _is_in_one(way, radius, before, forest, orders, firsts, stack):
     """Whether a column of this radius stays in what ONE earlier piece has swept, on a way of (6,) x y z x y z.
 
@@ -188,7 +188,7 @@ def _is_in_one(way, radius, before, forest, orders, firsts, stack):
     return False
 
 
-@njit(cache=True)
+@njit
 def runs_in_swept(line, part, wanted, before, forest, orders, firsts, space):
     """Whether a part keeps its distance because every stretch of its way lies in what one earlier piece has swept.
 
@@ -217,13 +217,13 @@ def runs_in_swept(line, part, wanted, before, forest, orders, firsts, space):
     return True
 
 
-@njit(cache=True)
+@njit
 def search_space():
     """Scratch arrays of the searches: over pieces, and over parts of cells."""
     return (np.empty(DEPTH, np.int64), np.empty(DEPTH), np.zeros(12)), np.empty((256, 5))
 
 
-@njit(cache=True)
+@njit
 def refine(x, y, hx, hy, bound, sure, before, line, part, wanted, enough, forest, orders, firsts, space, spot, budget):
     """Quarters one cell until it is cleared, shows a contact, or is smaller than CELL_MM.
 

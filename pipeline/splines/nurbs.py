@@ -118,7 +118,7 @@ def principal_directions(derivatives, flip=False):
     return hollow, np.cross(normal, hollow)
 
 
-@njit(cache=True)
+@njit
 def _span(knots, degree, count, t):
     """Index i with knots[i] <= t < knots[i+1], the last span closed on the right."""
     if t >= knots[count]:
@@ -133,7 +133,7 @@ def _span(knots, degree, count, t):
     return low
 
 
-@njit(cache=True)
+@njit
 def _basis(knots, degree, span, t, out):
     """Basis functions and their first and second derivatives into out (3, degree+1) (Cox-de Boor)."""
     ndu = np.zeros((degree + 1, degree + 1))
@@ -176,7 +176,7 @@ def _basis(knots, degree, span, t, out):
             now, nxt = nxt, now
 
 
-@njit(cache=True)
+@njit
 def _derive_rows(pu, pv, U, V, poles, u, v, out, first, last):
     """Rows first..last-1 of the derivatives."""
     bu, bv = np.empty((3, pu + 1)), np.empty((3, pv + 1))

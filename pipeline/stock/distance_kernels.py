@@ -18,7 +18,7 @@ VERTICAL_MM = 1e-9        # a move shorter than this from above is a plunge
 CLOSE_MM = 1e-10          # how well the closest position along a sloping move is found
 
 
-@njit(cache=True)
+@njit
 def corner_distance(beside, below):
     """Signed distance to a quarter plane: `beside` its wall, `below` its floor (negative inside)."""
     if beside > 0.0 and below > 0.0:
@@ -26,7 +26,7 @@ def corner_distance(beside, below):
     return max(beside, below)
 
 
-@njit(cache=True)
+@njit
 def _column(px, py, pz, hx, hy, g, t, a, rc):
     """Distance (and its slope along t) of a rectangle at height pz to the disk column at position t.
 
@@ -47,7 +47,7 @@ def _column(px, py, pz, hx, hy, g, t, a, rc):
     return f, dz
 
 
-@njit(cache=True)
+@njit
 def least_along_line(px, py, pz, hx, hy, g, a, rc):
     """Least of `_column` over a line: convex in t, so tangents from both sides bound it from below."""
     lo, hi = 0.0, 1.0
@@ -75,7 +75,7 @@ def least_along_line(px, py, pz, hx, hy, g, a, rc):
     return best
 
 
-@njit(cache=True)
+@njit
 def _ball_on_line(px, py, pz, g, r):
     """In the vertical plane of the line: distance to the region above it; then across the plane."""
     dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
@@ -95,7 +95,7 @@ def _ball_on_line(px, py, pz, g, r):
     return math.sqrt(q * q + d2) - r
 
 
-@njit(cache=True)
+@njit
 def _ball_on_arc(px, py, pz, g, r):
     """As `_ball_on_line`, with an arc of a quarter turn for the lower edge of the region."""
     k = int(g[6])
@@ -116,7 +116,7 @@ def _ball_on_arc(px, py, pz, g, r):
     return math.sqrt(q * q + d2) - r
 
 
-@njit(cache=True)
+@njit
 def piece_distance(px, py, pz, g, a, rc):
     """Signed distance of a point to what the cutter (a, rc) sweeps along one piece, mm."""
     if g[11] != 0.0:
@@ -135,7 +135,7 @@ def piece_distance(px, py, pz, g, a, rc):
     return least_along_line(px, py, pz, 0.0, 0.0, g, a, rc) - rc
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def child_distances(px, py, pz, block, a, rc, out):
     """Lower bounds of `piece_distance` over the eight children of a tree node (see tree.py for the block's rows).
 
@@ -151,7 +151,7 @@ def child_distances(px, py, pz, block, a, rc, out):
         _child_distances_of_disk(px, py, pz, a, rc, out)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _child_distances_of_ball(px, py, pz, rc, out):
     """The squared distance to the plane's part over the rectangle is convex by 2 at least in x and in y: from a place
     near its least value it is bounded in each of them apart."""
@@ -169,7 +169,7 @@ def _child_distances_of_ball(px, py, pz, rc, out):
         out[64 + j] = math.sqrt(max(plane, ex * ex + ey * ey + ez * ez)) - rc
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _child_distances_of_disk(px, py, pz, a, rc, out):
     """For every unit direction n, min n.(Q - P) over a convex set's points Q bounds the distance; n is taken towards the
     point that a cutter would touch first."""

@@ -15,7 +15,7 @@ from cuspline.values.compiled import njit
 STEEP = 0.003             # a tangent to p is taken where no more than this share of rc² is left below the root
 
 
-@njit(cache=True)
+@njit
 def _bottom(d, a, rc):
     """p(d) for d <= a + rc."""
     e = d - a
@@ -24,14 +24,14 @@ def _bottom(d, a, rc):
     return rc - math.sqrt(max(rc * rc - e * e, 0.0))
 
 
-@njit(cache=True)
+@njit
 def _at(x, y, cx, cy, cz, a, rc):
     """Height left by the cutter standing still."""
     d = math.sqrt((x - cx) * (x - cx) + (y - cy) * (y - cy))
     return cz + _bottom(d, a, rc) if d <= a + rc else math.inf
 
 
-@njit(cache=True)
+@njit
 def _bull_position(s, q, lo, hi, slope, a, rc):
     """Position u in [lo, hi] where slope * u + p(d(u)) is least, d² = q² + (u - s)²: its derivative grows."""
     u = min(max(s, lo), hi)
@@ -61,7 +61,7 @@ def _bull_position(s, q, lo, hi, slope, a, rc):
     return u
 
 
-@njit(cache=True)
+@njit
 def _line_height(x, y, g, a, rc):
     dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
     length = math.sqrt(dx * dx + dy * dy)
@@ -89,7 +89,7 @@ def _line_height(x, y, g, a, rc):
     return g[2] + slope * u + _bottom(min(d, radius), a, rc)
 
 
-@njit(cache=True)
+@njit
 def _arc_height(x, y, g, r):
     """A disc of radius w rolling on the arc: the envelope circle where it touches, else the end discs."""
     k = int(g[6])
@@ -109,7 +109,7 @@ def _arc_height(x, y, g, r):
     return best
 
 
-@njit(cache=True)
+@njit
 def piece_height(x, y, g, a, rc):
     """Lowest z of the cutter's bottom over (x, y) along one piece; inf where it never passes, mm."""
     if g[11] != 0.0:
@@ -117,7 +117,7 @@ def piece_height(x, y, g, a, rc):
     return _line_height(x, y, g, a, rc)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def child_heights(x, y, block, a, rc, out):
     """Lower bounds of `piece_height` over the eight children of a tree node: a tangent of plane + p, which is convex.
 
@@ -132,7 +132,7 @@ def child_heights(x, y, block, a, rc, out):
         _child_heights_of_disk(x, y, a, rc, out)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _child_heights_of_ball(x, y, rc, out):
     """p is convex by 1/rc at least, in x and in y."""
     for j in range(8):
@@ -153,7 +153,7 @@ def _child_heights_of_ball(x, y, rc, out):
         out[64 + j] = math.inf if square > rc * rc else bound
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _child_heights_of_disk(x, y, a, rc, out):
     radius, limit = a + rc, a + 0.98 * rc
     for j in range(8):

@@ -22,7 +22,7 @@ LOW, HIGH = 0, 3          # first column of a box's lower corner, and of its upp
 SLOPE_X, SLOPE_Y, RISE, STEEPNESS, TOP = range(5)       # of a facet that looks up: z = rise + x slope_x + y slope_y
 
 
-@njit(cache=True)
+@njit
 def tree_of(corners, leaves):
     """(2 leaves - 1, 6) boxes over triangles (n, 3, 3), low and high corner."""
     tree = np.empty((2 * leaves - 1, 6))
@@ -40,7 +40,7 @@ def tree_of(corners, leaves):
     return tree
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _passes(p, d, node):
     """Whether a line may meet a box: the box is taken a little larger than it is."""
     enter, leave = -math.inf, math.inf
@@ -56,7 +56,7 @@ def _passes(p, d, node):
     return enter <= leave
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _side(bx, by, cx, cy):
     """Sign of the place of the line beside a triangle's side, and twice the area between; no line is on it."""
     area = cx * by - cy * bx
@@ -67,7 +67,7 @@ def _side(bx, by, cx, cy):
     return math.copysign(1.0, bx - cx), 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _met(p, d, axes, t):
     """(where along a line it passes a triangle, +1 into the material, -1 out of it, 0: it does not)."""
     kx, ky, kz = axes
@@ -87,7 +87,7 @@ def _met(p, d, axes, t):
     return (u * az + v * bz + w * cz) / (area * d[kz]), side
 
 
-@njit(cache=True)
+@njit
 def _axes(d):
     """Axes of the shear: the line's longest last, all three right-handed as seen along the line."""
     kz = 0
@@ -98,7 +98,7 @@ def _axes(d):
     return (ky, kx, kz) if d[kz] < 0.0 else (kx, ky, kz)
 
 
-@njit(cache=True)
+@njit
 def _put(at, sign, count, places, signs):
     """Puts a crossing where it belongs along the line, those into the material first; how many there are then."""
     if count < len(places):
@@ -110,7 +110,7 @@ def _put(at, sign, count, places, signs):
     return count + 1
 
 
-@njit(cache=True)
+@njit
 def _spans(places, signs, count, out):
     """Writes the stretches of material between crossings; how many."""
     found, inside, begin = 0, 0, 0.0
@@ -141,7 +141,7 @@ def lines_through(origins, directions, corners, tree, room):
     return out, crossings
 
 
-@njit(cache=True)
+@njit
 def _lines_through(origins, directions, corners, tree, room, out, crossings, begin, end):
     """Lines begin..end-1."""
     leaves = (len(tree) + 1) // 2
@@ -167,7 +167,7 @@ def _lines_through(origins, directions, corners, tree, room, out, crossings, beg
         _spans(places, signs, min(count, room), out[i])
 
 
-@njit(cache=True)
+@njit
 def facets_of(corners):
     """(m, 5) planes of triangles: slopes, rise, steepness, highest corner; NaN where one does not look up."""
     out = np.full((len(corners), 5), np.nan)
@@ -183,7 +183,7 @@ def facets_of(corners):
     return out
 
 
-@njit(cache=True)
+@njit
 def _beside_side(x, y, a, b):
     """Square of the distance of (x, y) from a triangle's side in plan; whether it lies to the left of it."""
     dx, dy = b[0] - a[0], b[1] - a[1]
@@ -193,7 +193,7 @@ def _beside_side(x, y, a, b):
     return ex * ex + ey * ey, dx * (y - a[1]) - dy * (x - a[0]) >= 0.0
 
 
-@njit(cache=True)
+@njit
 def _beside(x, y, t):
     """Square of the distance of (x, y) from a triangle that looks up, in plan."""
     d0, left0 = _beside_side(x, y, t[0], t[1])
@@ -213,7 +213,7 @@ def tops_within(xy, radius, corners, facets, tree):
     return out
 
 
-@njit(cache=True)
+@njit
 def _tops_within(xy, radius, corners, facets, tree, out, begin, end):
     """Places begin..end-1."""
     stack, leaves = np.empty(DEPTH, np.int64), (len(tree) + 1) // 2

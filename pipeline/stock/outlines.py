@@ -59,7 +59,7 @@ def _arc(start, center, radius, angles):
     return [1.0, *start, *center, radius, *(f(a) for a in angles for f in (fixed.cos, fixed.sin))]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def outline_distance(r, z, outline, first, last):
     """Signed distance of (r, z), r >= 0, to the body of pieces first..last, and its gradient (r, z).
 
@@ -100,7 +100,7 @@ def outline_distance(r, z, outline, first, last):
     return (d, x0 / d, z0 / d) if d > 0.0 else (0.0, wr, wz)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def touching_point(nr, nz, outline, first, last):
     """Point (r, z) of the body that lies farthest in a direction (nr, nz), nr >= 0, and the outline's radius there."""
     best, br, bz, radius = -math.inf, 0.0, 0.0, 0.0

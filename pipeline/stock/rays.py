@@ -33,20 +33,20 @@ KEPT_MM = 0.005           # a point this near to the surface keeps the sub-steps
 KEPT = 64                 # as many of them as there is room for
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def scratch():
     """Work space of one thread: stacks of nodes and of intervals, sub-steps kept and up to which distance."""
     stack, bounds = tree.work()
     return stack, bounds, np.empty((WAITING, 6)), np.zeros(KEPT + 1, np.int64), np.full(1, -1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def nearest(px, py, pz, world, hint, work):
     """Least signed distance of a point to anything swept, the piece or sub-step it belongs to (-1: none), and where."""
     return _nearest(px, py, pz, world, hint, -math.inf, work)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _nearest(px, py, pz, world, hint, keep, work):
     upright, posed = world[:UPRIGHT_ARRAYS], world[UPRIGHT_ARRAYS:]
     stack, bounds, waiting, kept, reach = work
@@ -66,7 +66,7 @@ def _nearest(px, py, pz, world, hint, keep, work):
     return d, found, at
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _nearest_kept(px, py, pz, s, world, hint, work):
     """As `nearest`, s away from where sub-steps were kept; -1: none is within the reach that is left, others may be."""
     posed, behind = world[UPRIGHT_ARRAYS:], len(world[0])
@@ -82,7 +82,7 @@ def _nearest_kept(px, py, pz, s, world, hint, work):
     return d, found, at
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _of_one(px, py, pz, piece, world, work):
     """Signed distance to one piece or sub-step alone, and where along it."""
     behind = len(world[0])
@@ -91,7 +91,7 @@ def _of_one(px, py, pz, piece, world, work):
     return one_distance(px, py, pz, piece - behind, world[UPRIGHT_ARRAYS:], math.inf, work[2])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _at(p, n, s, is_all, piece, world, work):
     """Distance at p + s n to everything swept, the piece it belongs to and where; or to the given piece alone."""
     x, y, z = p[0] + s * n[0], p[1] + s * n[1], p[2] + s * n[2]
@@ -105,7 +105,7 @@ def _at(p, n, s, is_all, piece, world, work):
     return d, piece, t
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _fall(p, n, s, g, sign, piece, at, world, work):
     """How fast sign * distance to a piece falls along the ray at s, where it is g."""
     behind = len(world[0])
@@ -119,7 +119,7 @@ def _fall(p, n, s, g, sign, piece, at, world, work):
     return min(max(-sign * slope, 0.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _back(p, n, lo, hi, d, piece, at, sign, is_all, world, work):
     """March has gone over the surface from lo to hi, where the distance is d: back to where it met it."""
     while hi - lo > CLOSE_MM:
@@ -132,7 +132,7 @@ def _back(p, n, lo, hi, d, piece, at, sign, is_all, world, work):
     return hi, d, piece, at
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def march(p, n, s, end, d, piece, at, sign, is_all, world, work):
     """First s where sign * distance, now sign * d > 0, is no longer positive; the distance, the piece and where, there.
 
@@ -160,7 +160,7 @@ def march(p, n, s, end, d, piece, at, sign, is_all, world, work):
     return s, d, piece, at
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def leave(p, n, s, end, d, piece, at, world, work):
     """From inside the swept volume: where along the ray stock begins, at most `end`; the piece that ends there."""
     start, step = s, 0
@@ -178,13 +178,13 @@ def leave(p, n, s, end, d, piece, at, world, work):
     return min(s, end), piece
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _nearest_and_keep(p, world, hint, work):
     """As `nearest`; near the surface, what else is near is kept for the ray from here."""
     return _nearest(p[0], p[1], p[2], world, hint, KEPT_MM, work)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _deviation(p, n, low, high, limit, d, piece, at, world, work):
     """Deviation of one point whose distance d to the swept volume is known."""
     enter, out = box_crossings(p, n, low, high)
@@ -212,7 +212,7 @@ def distances(points, world):
     return out, piece
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _distances(points, world, out, piece, first, last):
     work, hint = scratch(), -1
     for i in range(first, last):
@@ -227,7 +227,7 @@ def deviations(points, normals, low, high, limit, world):
     return out, piece
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _deviations(points, normals, low, high, limit, world, out, piece, first, last):
     work, hint = scratch(), -1
     for i in range(first, last):
@@ -244,7 +244,7 @@ def highest_stock(xy, top, bottom, world):
     return out, piece
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _highest_stock(xy, top, bottom, world, out, piece, first, last):
     down = np.array([0.0, 0.0, -1.0])
     work, hint = scratch(), -1
@@ -260,7 +260,7 @@ def _highest_stock(xy, top, bottom, world, out, piece, first, last):
             out[i] = top - s
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _off_the_surface(p, n, on, off, hint, world, work):
     """Where the ray lifts off the swept surface between a place on it and one in the stock."""
     while off - on > GAP_MM:
@@ -273,7 +273,7 @@ def _off_the_surface(p, n, on, off, hint, world, work):
     return on
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _stock_on_ray(p, n, s, end, out, hint, world, work):
     """Writes intervals of stock on the ray from s to end as far as there is room; how many, and the last piece met."""
     count, touched, last = 0, s, s
@@ -303,7 +303,7 @@ def stock_along(origins, directions, low, high, room, world):
     return out, count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _stock_along(origins, directions, low, high, world, out, count, first, last):
     work, hint = scratch(), -1
     for i in range(first, last):

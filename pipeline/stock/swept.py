@@ -27,7 +27,7 @@ CLOSED_UPWARD = ("ball", "bull_nose", "flat")     # types that a SweptPath knows
 LONGEST_RADII = 2.0       # pieces are at most this many cutter radii long: boxes stay tight
 
 FEW_INTERVALS = 4         # room for intervals of stock on a line; lines with more are asked again, all together
-_WORLDS = WeakKeyDictionary()
+_WORLDS = WeakKeyDictionary()       # first path -> the other paths, and what `_world` gives of all
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -21,7 +21,7 @@ NEAR_END = 0.1            # an interval is never split nearer to its ends than t
 SMOOTH = 0.05             # how far f may be from a parabola for its slopes to be interpolated
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _seen_from_axis(px, py, pz, g, t):
     """A point as the cutter at the share t of a sub-step sees it: its axis (3) and by what that was stretched to a unit,
     height above the tip, way from the axis (3) and its length."""
@@ -34,7 +34,7 @@ def _seen_from_axis(px, py, pz, g, t):
     return ax, ay, az, stretch, up, ex, ey, ez, math.sqrt(ex * ex + ey * ey + ez * ez)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def pose_distance(px, py, pz, g, t, outline, first, last):
     """Signed distance of a point to the cutter at the share t of a sub-step, and its derivative by t."""
     ax, ay, az, stretch, up, ex, ey, ez, r = _seen_from_axis(px, py, pz, g, t)
@@ -47,7 +47,7 @@ def pose_distance(px, py, pz, g, t, outline, first, last):
     return d, (nz * r - nr * up) * turn - way
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _lowest_possible(l, r, fl, fr, sl, sr, M):
     """Lower bound of f on [l, r] from both ends, and where the tangents cross."""
     tilt = 0.5 * M * (r - l)
@@ -60,7 +60,7 @@ def _lowest_possible(l, r, fl, fr, sl, sr, M):
     return fl + sl * (t - l), t
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _split_at(l, r, fl, fr, sl, sr, crossing):
     """Where to look next in [l, r]: at the least of a parabola where f is one, else where the tangents cross."""
     w, t = r - l, crossing
@@ -69,13 +69,13 @@ def _split_at(l, r, fl, fr, sl, sr, crossing):
     return min(max(t, l + NEAR_END * w), r - NEAR_END * w)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _wait(waiting, k, l, r, fl, fr, sl, sr):
     waiting[k, 0], waiting[k, 1], waiting[k, 2] = l, r, fl
     waiting[k, 3], waiting[k, 4], waiting[k, 5] = fr, sl, sr
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def substep_distance(px, py, pz, g, outline, first, last, best, waiting):
     """Least of `pose_distance` over a sub-step, and where it is; if it is not below `best`, anything from `best` on."""
     fm, sm = pose_distance(px, py, pz, g, 0.5, outline, first, last)
@@ -107,7 +107,7 @@ def substep_distance(px, py, pz, g, outline, first, last, best, waiting):
     return least, at
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def slope_along(px, py, pz, nx, ny, nz, g, t, outline, first, last):
     """Derivative of the distance to the cutter at the share t of a sub-step, as the point moves along n."""
     ax, ay, az, _, up, ex, ey, ez, r = _seen_from_axis(px, py, pz, g, t)
@@ -116,18 +116,18 @@ def slope_along(px, py, pz, nx, ny, nz, g, t, outline, first, last):
     return gr * beside + gz * (ax * nx + ay * ny + az * nz)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _clamped(x, low, high):
     return min(max(x, low), high)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _most(slope, low, high):
     """Largest slope * x on [low, high]."""
     return slope * high if slope > 0.0 else slope * low
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _bulge(rc, zc, nr, nz, height, theta, outline, first, last):
     r"""How far the support of the body can rise over its tangent when the normal turns by up to theta.
 
@@ -162,7 +162,7 @@ def _bulge(rc, zc, nr, nz, height, theta, outline, first, last):
     return abs(B) * theta + max(before, behind) + 0.5 * max(widest - A, 0.0) * theta * theta
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def poses_distance(px, py, pz, node, outline, first, last):
     r"""Lower bound of `pose_distance` over all poses of a tree node (see tilted_tree.py for its columns).
 

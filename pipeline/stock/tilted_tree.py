@@ -69,7 +69,7 @@ def build_nodes(geometry, outline, lowest, highest):
     return nodes, leaves
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _moments(geometry, leaves):
     """(2 leaves - 1, 28) sums over both ends of all sub-steps: count, tip and axis, products of the six."""
     out = np.zeros((2 * leaves - 1, 28))
@@ -91,7 +91,7 @@ def _moments(geometry, leaves):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _spread_at(moment, z, out):
     """Covariance (3, 3) of the axis points at height z over the tips."""
     n = moment[0]
@@ -104,7 +104,7 @@ def _spread_at(moment, z, out):
             out[i, j] = out[j, i] = total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _thinnest(C, w):
     """Direction in which a covariance is least, sought from w on: powers of its adjugate."""
     for _ in range(6):
@@ -120,7 +120,7 @@ def _thinnest(C, w):
         w[0], w[1], w[2] = x / length, y / length, z / length
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _touch(w, axis, outline, out):
     """Where the cutter touches a plane with normal w from above, from the tip, into `out`.
 
@@ -136,7 +136,7 @@ def _touch(w, axis, outline, out):
     return (z - r * nz / nr, bend * nr / max(r, 1e-9)) if nr > 1e-9 else (math.inf, 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _frame(node, axis, moment, before, outline, lowest, highest):
     """Fills the frame: w settles where the axis points that the contact normals meet spread least."""
     C, w, touch = np.empty((3, 3)), before.copy(), np.empty(3)
@@ -175,7 +175,7 @@ def _frame(node, axis, moment, before, outline, lowest, highest):
         node[34 + c] = along[0] * touch[0] + along[1] * touch[1] + along[2] * touch[2]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _enclose(node, axis, geometry, first, last):
     """Fills boxes and largest angle over sub-steps first..last."""
     for box in range(15, 33, 6):
@@ -201,7 +201,7 @@ def _enclose(node, axis, geometry, first, last):
                     node[box + 3] = max(node[box + 3], tip + z * turn + abs(z) * bend)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highest, low, high):
     """Nodes low..high-1 of one level; the level above is there."""
     span = leaves // width * LEAF
@@ -220,7 +220,7 @@ def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highes
         node[40] = 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def tree_of(piece, trees):
     """Number of the tree that holds a sub-step."""
     for k in range(len(trees)):
@@ -229,7 +229,7 @@ def tree_of(piece, trees):
     return -1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def one_distance(px, py, pz, piece, forest, best, waiting):
     """`substep_distance` of one sub-step of the forest, to the grown cutter."""
     geometry, _, outlines, trees, grown = forest
@@ -238,7 +238,7 @@ def one_distance(px, py, pz, piece, forest, best, waiting):
     return d - grown[k], t
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def one_slope(px, py, pz, n, piece, t, forest):
     """Derivative of the distance to the cutter at the share t of a sub-step, as the point moves along n (3,)."""
     geometry, _, outlines, trees, _ = forest
@@ -246,13 +246,13 @@ def one_slope(px, py, pz, n, piece, t, forest):
     return slope_along(px, py, pz, n[0], n[1], n[2], geometry[piece], t, outlines, trees[k, 4], trees[k, 5])
 
 
-@njit(cache=True)
+@njit
 def _worth_keeping(best):
     """How far a ray from here may still run before it meets the surface, if it is not too slanting."""
     return KEPT_SHARE * abs(best) + KEPT_LEAST_MM
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, waiting):
     """Least signed distance to anything swept, if it is below `best`, the sub-step it belongs to (-1: none), where.
 

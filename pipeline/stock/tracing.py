@@ -29,7 +29,7 @@ PATIENT_STEPS = 48        # after these a ray is grazing, and steps at least GRA
 GRAZING = 0.01
 
 
-@njit(cache=True)
+@njit
 def box_crossings(p, n, low, high):
     """Parameters (enter, leave) of the line p + t n through the box; enter > leave: it misses."""
     enter, leave = -math.inf, math.inf
@@ -43,7 +43,7 @@ def box_crossings(p, n, low, high):
     return enter, leave
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _entry(p, n, d, limit, g, a, rc):
     """Where a ray enters what one piece sweeps, from a point at distance d > 0 outside it; `limit` if not before.
 
@@ -69,7 +69,7 @@ def _entry(p, n, d, limit, g, a, rc):
     return min(t, limit)
 
 
-@njit(cache=True)
+@njit
 def _entry_by_steps(p, n, d, limit, g, a, rc):
     """As `_entry`, past the back of an arc: by steps as long as the distance."""
     t = d
@@ -83,7 +83,7 @@ def _entry_by_steps(p, n, d, limit, g, a, rc):
     return limit
 
 
-@njit(cache=True)
+@njit
 def first_entry(p, n, limit, forest, hint, stack, bounds):
     """First place along a ray, no farther than `limit`, where it enters anything swept, and the piece entered.
 
@@ -129,7 +129,7 @@ def first_entry(p, n, limit, forest, hint, stack, bounds):
     return best, found
 
 
-@njit(cache=True)
+@njit
 def _exit(p, n, start, limit, forest, piece, stack, bounds):
     """Depth along -n from `start` to where stock begins, and the piece that reaches deepest at the start."""
     geometry, trees, tools = forest[0], forest[2], forest[3]
@@ -145,7 +145,7 @@ def _exit(p, n, start, limit, forest, piece, stack, bounds):
     return min(t, limit), deepest
 
 
-@njit(cache=True)
+@njit
 def _leave(p, n, t, d, limit, g, a, rc):
     """Where the ray back from depth t, at distance d < 0 within one piece, leaves it: bracketed, then halved and by secants."""
     lo, f_lo, step = t, d, -2.0 * d
@@ -171,7 +171,7 @@ def _leave(p, n, t, d, limit, g, a, rc):
     return hi
 
 
-@njit(cache=True)
+@njit
 def _deviation(p, n, low, high, limit, forest, hint, stack, bounds):
     """Deviation of one point and the piece it belongs to: the one its ray meets first, or the deepest round the point."""
     enter, leave = box_crossings(p, n, low, high)
@@ -197,7 +197,7 @@ def deviations(points, normals, low, high, limit, forest):
     return out, piece
 
 
-@njit(cache=True)
+@njit
 def _deviations(points, normals, low, high, limit, forest, out, piece, first, last):
     (stack, bounds), hint = work(), -1
     for i in range(first, last):

@@ -68,7 +68,7 @@ def halved_order(points, run):
     return rows[:, 3].astype(np.int64)
 
 
-@njit(cache=True)
+@njit
 def _halve(rows, run):
     span = run
     while span < len(rows):
@@ -88,7 +88,7 @@ def _halve(rows, run):
             top += 1
 
 
-@njit(cache=True)
+@njit
 def _longest_side(rows, lo, hi):
     xl, xh, yl, yh, zl, zh = math.inf, -math.inf, math.inf, -math.inf, math.inf, -math.inf
     for t in range(lo, hi):
@@ -100,7 +100,7 @@ def _longest_side(rows, lo, hi):
     return 1 if yh - yl >= zh - zl else 2
 
 
-@njit(cache=True)
+@njit
 def _part_at(rows, lo, hi, middle, axis):
     """Reorders rows lo..hi so that what comes before `middle` lies no farther along the axis than what follows."""
     while lo < hi:
@@ -133,7 +133,7 @@ def build_blocks(geometry):
     return blocks, levels, second
 
 
-@njit(cache=True)
+@njit
 def _lowest_over_plane(g, sx, sy):
     """Least z - sx x - sy y over a piece."""
     best = min(g[2] - sx * g[0] - sy * g[1], g[5] - sx * g[3] - sy * g[4])
@@ -148,7 +148,7 @@ def _lowest_over_plane(g, sx, sy):
     return best
 
 
-@njit(cache=True)
+@njit
 def _slope_of(n, mx, my, mz, xx, xy, yy, xz, yz):
     """Least-squares slope (sx, sy) out of n points' sums and sums of products; 0, 0 where it is steep."""
     mx, my, mz = mx / n, my / n, mz / n
@@ -164,7 +164,7 @@ def _slope_of(n, mx, my, mz, xx, xy, yy, xz, yz):
     return sx, sy
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _fill_blocks(geometry, levels, second, blocks):
     m, span, row = len(geometry), 1, len(blocks)
     for level in range(levels - 1, -1, -1):                # from the pieces up
@@ -175,7 +175,7 @@ def _fill_blocks(geometry, levels, second, blocks):
         span *= WIDTH
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _fill_node(geometry, first, last, has_plane, block, j):
     block[0, j], block[1, j], block[2, j], block[3, j] = FAR_MM, FAR_MM, FAR_MM, FAR_MM
     block[4, j], block[5, j], block[6, j], block[7, j] = FAR_MM, 0.0, 0.0, FAR_MM
@@ -213,27 +213,27 @@ def _fill_node(geometry, first, last, has_plane, block, j):
     block[4, j], block[5, j], block[6, j], block[7, j] = low, sx, sy, c
 
 
-@njit(cache=True)
+@njit
 def work():
     """Stack and bounds of one search."""
     return np.empty(DEPTH, np.int64), np.empty(DEPTH + BLOCK)
 
 
-@njit(cache=True)
+@njit
 def open_root(stack, bounds):
     """Put the root on the stack; how many nodes are there."""
     stack[0], bounds[0] = 0, -math.inf
     return 1
 
 
-@njit(cache=True)
+@njit
 def piece_of(code, tree):
     """The piece that an open node is, or -1: it has a block."""
     is_piece = code & (2 ** LEVEL_BITS - 1) == tree[3]
     return tree[1] + (code >> LEVEL_BITS) if is_piece else -1
 
 
-@njit(cache=True)
+@njit
 def block_of(code, tree):
     """Row of an open node's block: levels stand one after the other, the root's first."""
     level = code & (2 ** LEVEL_BITS - 1)
@@ -243,7 +243,7 @@ def block_of(code, tree):
     return tree[0] + 1 + above + (code >> LEVEL_BITS)
 
 
-@njit(cache=True)
+@njit
 def push_children(code, limit, top, stack, bounds):
     """Put the children whose bound is below the limit on the stack, the nearest last; new height of the stack."""
     level, node = code & (2 ** LEVEL_BITS - 1), code >> LEVEL_BITS
@@ -261,7 +261,7 @@ def push_children(code, limit, top, stack, bounds):
     return top + 1
 
 
-@njit(cache=True)
+@njit
 def one_piece_distance(px, py, pz, piece, forest):
     """Signed distance of a point to what is swept along one piece of the forest."""
     geometry, _, trees, tools = forest
@@ -271,7 +271,7 @@ def one_piece_distance(px, py, pz, piece, forest):
     return math.inf
 
 
-@njit(cache=True)
+@njit
 def nearest_piece(px, py, pz, forest, hint, stack, bounds, best):
     """Least signed distance of a point to anything swept, and the piece it belongs to (-1: nothing below `best`)."""
     geometry, blocks, trees, tools = forest
@@ -303,7 +303,7 @@ def nearest_piece(px, py, pz, forest, hint, stack, bounds, best):
     return best, found
 
 
-@njit(cache=True)
+@njit
 def lowest_piece(x, y, forest, top_mm, hint, stack, bounds):
     """Height left over (x, y), at most top_mm, and the piece that left it (-1: uncut)."""
     geometry, blocks, trees, tools = forest
@@ -342,7 +342,7 @@ def distances(points, forest):
     return out, piece
 
 
-@njit(cache=True)
+@njit
 def _distances(points, forest, out, piece, first, last):
     (stack, bounds), hint = work(), -1
     for i in range(first, last):
@@ -357,7 +357,7 @@ def heights(xy, forest, top_mm):
     return out, piece
 
 
-@njit(cache=True)
+@njit
 def _heights(xy, forest, top_mm, out, piece, first, last):
     (stack, bounds), hint = work(), -1
     for i in range(first, last):

@@ -237,7 +237,7 @@ class _Search:
         return (u, v), best, point
 
 
-@njit(cache=True)
+@njit
 def _examine(coefficients, rows, sign, patch, box, work, out):
     """Bounds of `enclosures.curvature_of_piece` for many pieces."""
     for k in range(box.shape[0]):

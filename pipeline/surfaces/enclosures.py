@@ -15,48 +15,48 @@ from cuspline.values.compiled import njit
 SOUND = 0.05            # share of its middle's area element that must be left all over a piece, else no bound
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _add(x, y):
     return x[0] + y[0], x[1] + y[1], x[2] + y[2], x[3] + y[3]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _scaled(f, x):
     return f * x[0], f * x[1], f * x[2], abs(f) * x[3]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _mul(x, y):
     rest = (abs(x[0]) * y[3] + abs(y[0]) * x[3]
             + (abs(x[1]) + abs(x[2]) + x[3]) * (abs(y[1]) + abs(y[2]) + y[3]))
     return x[0] * y[0], x[0] * y[1] + y[0] * x[1], x[0] * y[2] + y[0] * x[2], rest
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _reach(x):
     return abs(x[1]) + abs(x[2]) + x[3]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _dot(a, b):
     return _add(_add(_mul(a[0], b[0]), _mul(a[1], b[1])), _mul(a[2], b[2]))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _cross(a, b):
     return (_add(_mul(a[1], b[2]), _scaled(-1.0, _mul(a[2], b[1]))),
             _add(_mul(a[2], b[0]), _scaled(-1.0, _mul(a[0], b[2]))),
             _add(_mul(a[0], b[1]), _scaled(-1.0, _mul(a[1], b[0]))))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _mix(f, a, g, b):
     """f a + g b of vectors of forms."""
     return (_add(_scaled(f, a[0]), _scaled(g, b[0])), _add(_scaled(f, a[1]), _scaled(g, b[1])),
             _add(_scaled(f, a[2]), _scaled(g, b[2])))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def shifted(coefficients, patch, box, work):
     """Coefficients of a patch about the middle of a piece and in units of its half sides.
 
@@ -91,7 +91,7 @@ def shifted(coefficients, patch, box, work):
         fi *= hs
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _derived(work, du, dv, k, ms, mt):
     """Form of the derivative of order (ms, mt) of component k over the piece."""
     c = a = b = r = 0.0
@@ -115,12 +115,12 @@ def _derived(work, du, dv, k, ms, mt):
     return c, a, b, r
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _vector(work, du, dv, ms, mt):
     return _derived(work, du, dv, 0, ms, mt), _derived(work, du, dv, 1, ms, mt), _derived(work, du, dv, 2, ms, mt)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _recentred(work, du, dv, out):
     """Take the middle point away from the piece and its weight to one there; the middle into out (3,)."""
     w = work[0, 0, 3]
@@ -135,7 +135,7 @@ def _recentred(work, du, dv, out):
             work[i, j, 3] /= w
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _inverse(x):
     """1 / x; all NaN where x may vanish."""
     reach, c = _reach(x), x[0]
@@ -145,7 +145,7 @@ def _inverse(x):
     return 1.0 / c, -x[1] / (c * c), -x[2] / (c * c), x[3] / (c * c) + reach * reach / low ** 3
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _inverse_root(x):
     """x^-1/2; all NaN where x may vanish."""
     reach, c = _reach(x), x[0]
@@ -156,7 +156,7 @@ def _inverse_root(x):
     return f, g * x[1], g * x[2], abs(g) * x[3] + 0.375 * reach * reach / (low * low * math.sqrt(low))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _quotients(work, du, dv, is_rational):
     """Forms of S (about its middle), Ss, St, Sss, Sst, Stt."""
     p, ps, pt = _vector(work, du, dv, 0, 0), _vector(work, du, dv, 1, 0), _vector(work, du, dv, 0, 1)
@@ -174,24 +174,24 @@ def _quotients(work, du, dv, is_rational):
     return p, ps, pt, pss, pst, ptt
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _times(f, a):
     return _mul(f, a[0]), _mul(f, a[1]), _mul(f, a[2])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _less(a, f, b):
     """a - f b."""
     return (_add(a[0], _scaled(-1.0, _mul(f, b[0]))), _add(a[1], _scaled(-1.0, _mul(f, b[1]))),
             _add(a[2], _scaled(-1.0, _mul(f, b[2]))))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _middle_length(a):
     return np.sqrt(a[0][0] ** 2 + a[1][0] ** 2 + a[2][0] ** 2)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _likely_length(a):
     """Size of a vector of forms without its proven rest: good for choosing, not for proving."""
     x, y, z = (abs(a[0][0]) + abs(a[0][1]) + abs(a[0][2]), abs(a[1][0]) + abs(a[1][1]) + abs(a[1][2]),
@@ -199,13 +199,13 @@ def _likely_length(a):
     return np.sqrt(x * x + y * y + z * z)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _largest_eigenvalue(p, q, r):
     """Of the symmetric matrix ((p, q), (q, r))."""
     return (p + r) / 2 + np.sqrt(((p - r) / 2) ** 2 + q * q)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _largest_over_piece(p, q, r):
     """Upper bound of the largest eigenvalue: convex in the matrix, so its linear part peaks at a corner."""
     most = -np.inf
@@ -216,7 +216,7 @@ def _largest_over_piece(p, q, r):
     return most + max(p[3], r[3]) + q[3]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def size_of_piece(coefficients, patch, box, work, out):
     """Bounds on a piece's size, for pieces of any patch.
 
@@ -236,7 +236,7 @@ def size_of_piece(coefficients, patch, box, work, out):
     out[5] = 2.0 * np.sqrt(x[2] ** 2 + y[2] ** 2 + z[2] ** 2)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def curvature_of_piece(coefficients, patch, sign, box, work, out):
     """Bounds on the most hollow principal curvature over a piece (here: positive in a hollow, 1/mm).
 

@@ -49,13 +49,13 @@ def trim_states(patches, trims, patch, box):
     return out
 
 
-@njit(cache=True)
+@njit
 def _states(trims, face, box, out):
     for k in range(box.shape[0]):
         out[k] = trim_state(trims, face[k], box[k])
 
 
-@njit(cache=True)
+@njit
 def trim_state(trims, face, box):
     """State of one rectangle (u low, u high, v low, v high) of a face."""
     chords, bins, items, faces, strip = trims
@@ -74,7 +74,7 @@ def trim_state(trims, face, box):
     return INSIDE if inside else OUTSIDE
 
 
-@njit(cache=True)
+@njit
 def _meets(chord, box):
     """A chord and a rectangle have a point in common: no axis and no normal of the chord separates them."""
     if (max(chord[0], chord[2]) < box[0] or min(chord[0], chord[2]) > box[1]
@@ -85,7 +85,7 @@ def _meets(chord, box):
     return abs(middle) <= abs(dv) * (box[1] - box[0]) / 2 + abs(du) * (box[3] - box[2]) / 2
 
 
-@njit(cache=True)
+@njit
 def point_on_border(trims, face, box, out):
     """Parameters of a border point in a rectangle that lies across the border, into out (2,); False: none found."""
     chords, bins, items, faces, strip = trims

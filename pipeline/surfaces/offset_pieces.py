@@ -20,7 +20,7 @@ from cuspline.surfaces.enclosures import (
 from cuspline.values.compiled import njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _tangents(work, du, dv, is_rational):
     """Forms of S (about its middle), Ss, St."""
     p, ps, pt = _vector(work, du, dv, 0, 0), _vector(work, du, dv, 1, 0), _vector(work, du, dv, 0, 1)
@@ -32,7 +32,7 @@ def _tangents(work, du, dv, is_rational):
             _times(i, _less(pt, _derived(work, du, dv, 3, 0, 1), p)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def offset_of_piece(coefficients, patch, sign, by_mm, box, work, out):
     """A piece moved along its normals: every point of it is middle + s a + t b + r, s and t in [-1, 1], |r| <= rest.
 

@@ -116,7 +116,7 @@ def span_powers(knots, degree, count):
     return breaks, np.stack(rows, axis=1)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def find_span(breaks, first, count, x):
     """Index 0..count-1 of the span that holds x; the outermost ones take what lies outside."""
     low, high = 0, count
@@ -129,14 +129,14 @@ def find_span(breaks, first, count, x):
     return low
 
 
-@njit(cache=True)
+@njit
 def patch_at(arrays, face, u, v):
     """Patch index that holds (u, v) of a face."""
     row, breaks = arrays[3][face], arrays[4]
     return row[0] + find_span(breaks, row[3], row[1], u) * row[2] + find_span(breaks, row[4], row[2], v)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def position(coefficients, offset, du, dv, is_rational, s, t, out):
     """Point of a patch into out (3,)."""
     x = y = z = w = 0.0
@@ -153,7 +153,7 @@ def position(coefficients, offset, du, dv, is_rational, s, t, out):
     out[0], out[1], out[2] = x, y, z
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def derive(coefficients, offset, du, dv, is_rational, s, t, out):
     """Point and derivatives with respect to the local s, t into out (6, 3): S, Ss, St, Sss, Sst, Stt."""
     size = 4 if is_rational else 3
@@ -188,7 +188,7 @@ def derive(coefficients, offset, du, dv, is_rational, s, t, out):
         out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], out[5, k] = r, rs, rt, rss, rst, rtt
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def derive_on_face(arrays, face, u, v, out):
     """As `derive`, but at parameters of a face and with respect to them."""
     coefficients, patch, span = arrays[0], arrays[1], arrays[2]
@@ -199,7 +199,7 @@ def derive_on_face(arrays, face, u, v, out):
     scale_derivatives(out, 2.0 / (uh - ul), 2.0 / (vh - vl))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def scale_derivatives(out, a, b):
     """Point and derivatives (6, 3) of `derive`, made those with respect to s / a and t / b."""
     for k in range(3):
@@ -210,7 +210,7 @@ def scale_derivatives(out, a, b):
         out[5, k] *= b * b
 
 
-@njit(cache=True)
+@njit
 def _derive_rows(arrays, face, u, v, out, first, last):
     for k in range(first, last):
         derive_on_face(arrays, face[k], u[k], v[k], out[k])

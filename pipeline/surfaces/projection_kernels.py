@@ -27,7 +27,7 @@ DEPTH = 40
 SAME = 1.0 - 1e-12      # share of a squared distance below which a part may still hold a nearer point
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _box_distance(boxes, k, x, y, z):
     """Squared distance of a point to box k of (n, 6): low, high."""
     dx = max(boxes[k, 0] - x, 0.0, x - boxes[k, 3])
@@ -36,7 +36,7 @@ def _box_distance(boxes, k, x, y, z):
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def nearest(tree, patches, trims, q, face, ignore_trim, first_leaf, out, d, stack, reach, parts, work, best):
     """Nearest point to q.
 
@@ -80,7 +80,7 @@ def nearest(tree, patches, trims, q, face, ignore_trim, first_leaf, out, d, stac
     return best, found
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work, best, found):
     geometry, rows = tree[4], tree[5]
     if face >= 0 and rows[leaf, 0] != face or ignore_trim and rows[leaf, 2] < 0:
@@ -120,7 +120,7 @@ def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work
     return best, found
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _take(patches, trims, face, patch, q, s, t, box, inside, out, d, best):
     """One Newton run; the place into out where it is nearer than best and within the trim.  Returns the new best."""
     value, s, t = _on_patch(patches, patch, q, s, t, box, d)
@@ -134,7 +134,7 @@ def _take(patches, trims, face, patch, q, s, t, box, inside, out, d, best):
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _by_parts(patches, trims, face, patch, q, box, inside, out, d, parts, work, best):
     """Halve a piece until its parts are convex in the squared distance or hold nothing nearer."""
     row, top = patches[1][patch], 1
@@ -170,7 +170,7 @@ def _by_parts(patches, trims, face, patch, q, box, inside, out, d, parts, work, 
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _on_patch(patches, patch, q, s, t, box, d):
     """Local minimum of the squared distance over a rectangle of a patch: (value, s, t), the point in d[0].
 
@@ -239,13 +239,13 @@ def _on_patch(patches, patch, q, s, t, box, d):
     return value, s, t
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def derive_point(d, q, rx, ry, rz):
     """The kept place as a point into d[0] (the last trial may have been a worse one)."""
     d[0, 0], d[0, 1], d[0, 2] = q[0] + rx, q[1] + ry, q[2] + rz
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _curve_at(curves, offset, degree, s, d):
     """Point, first and second derivative of a rational polynomial curve into d[0..2]."""
     w = w1 = w2 = 0.0
@@ -266,7 +266,7 @@ def _curve_at(curves, offset, degree, s, d):
         d[0, k], d[1, k], d[2, k] = p, p1, p2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _on_curve(curves, offset, degree, q, s, box, d):
     """Local minimum of the squared distance over a stretch of a curve; the point in d[0]."""
     value = np.inf
@@ -291,7 +291,7 @@ def _on_curve(curves, offset, degree, q, s, box, d):
     return rx * rx + ry * ry + rz * rz
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _finish(tree, patches, trims, leaf, out, d, stack, reach, parts, work, point, uv, normal):
     """Parameters and outward normal; an edge's are those of the nearest point of the face that it borders."""
     face = tree[5][leaf, 0]
@@ -303,7 +303,7 @@ def _finish(tree, patches, trims, leaf, out, d, stack, reach, parts, work, point
     return face
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _normal(patches, face, u, v, d, normal):
     row, breaks, sign = patches[3][face], patches[4], patches[5][face]
     i = j = 0
@@ -321,7 +321,7 @@ def _normal(patches, face, u, v, d, normal):
     normal[0], normal[1], normal[2] = sign * nx / length, sign * ny / length, sign * nz / length
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def project_rows(tree, patches, trims, points, face, distance, foot, owner, uv, normal, is_edge, first, last):
     """Rows first..last-1."""
     out, d, parts = np.empty(5), np.empty((6, 3)), np.empty((DEPTH, 4))
@@ -344,7 +344,7 @@ def project_rows(tree, patches, trims, points, face, distance, foot, owner, uv, 
         distance[k] = np.sqrt(value)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def refine_one(patches, face, q, uv, foot, box, d):
     """Newton across the patches of a face from (u, v) = uv; the answer into uv and foot."""
     row, spans = patches[3][face], patches[2]
@@ -379,7 +379,7 @@ def refine_one(patches, face, q, uv, foot, box, d):
     return value
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def refine_rows(patches, face, points, uv, foot, first, last):
     """Rows first..last-1 of `refine_one`."""
     box, d = np.empty(4), np.empty((6, 3))

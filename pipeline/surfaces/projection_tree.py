@@ -62,7 +62,7 @@ def _face_leaves(patches, trims, face):
     return tuple(np.concatenate(column) for column in zip(*done))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def measure(coefficients, rows, patch, box, work, boxes, geometry, bend):
     """What the search asks of pieces.
 
@@ -98,7 +98,7 @@ def measure(coefficients, rows, patch, box, work, boxes, geometry, bend):
         bend[k, 1] = max(turn_t, run_t * (TURN / STRETCH)) * (1.0 + 1e-6 * lt / (ls + lt))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _along(n, a):
     """Likely size of a vector of forms along a direction."""
     return (abs(n[0] * a[0][0] + n[1] * a[1][0] + n[2] * a[2][0])
@@ -106,14 +106,14 @@ def _along(n, a):
             + abs(n[0] * a[0][2] + n[1] * a[1][2] + n[2] * a[2][2]))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _extent(n0, n1, n2, a):
     """Largest absolute value of a vector of forms about its middle along a direction."""
     return (abs(n0 * a[0][1] + n1 * a[1][1] + n2 * a[2][1]) + abs(n0 * a[0][2] + n1 * a[1][2] + n2 * a[2][2])
             + abs(n0) * a[0][3] + abs(n1) * a[1][3] + abs(n2) * a[2][3]) + SLACK_MM
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _frame(S, Ss, St, g):
     """Normal, half thickness and dual tangents of a piece into its geometry row."""
     N = _cross(Ss, St)
@@ -167,7 +167,7 @@ def _stretches(powers, face, offset):
     return tuple(np.concatenate(column) for column in zip(*done))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
     """As `measure`, for stretches of a curve: no normal, one tangent."""
     for k in range(box.shape[0]):
@@ -192,7 +192,7 @@ def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
 # tree --------------------------------------------------------------------------------------------------
 
 
-@njit(cache=True)
+@njit
 def grown(boxes):
     """Nodes (m, 6), children (m, 2) and order (k,) of a tree over boxes, halved at the median of the longer way."""
     count = boxes.shape[0]

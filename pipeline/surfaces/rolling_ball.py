@@ -215,7 +215,7 @@ def envelope_room(rolling, period):
     return 1 - (farthest + rolling.radius_slope ** 2 + rolling.radius_mm * radius_bend) / speed2
 
 
-@njit(cache=True)
+@njit
 def deepest_inside(places, centers, radii):
     """How deep the deepest of some places lies inside any of some balls (negative: outside all), and its row.
 

@@ -110,7 +110,7 @@ def served_pieces(patches, trims, face, spacing_mm):
     return tuple(np.concatenate(column) for column in zip(*done))
 
 
-@njit(cache=True)
+@njit
 def _sizes(coefficients, rows, patch, box, work, out):
     for k in range(box.shape[0]):
         size_of_piece(coefficients, rows[patch[k]], box[k], work, out[k])
@@ -125,7 +125,7 @@ def _border_places(patches, trims, face, patch, box):
     return uv[:, 0], uv[:, 1]
 
 
-@njit(cache=True)
+@njit
 def _border_rows(trims, face, box, out):
     for k in range(box.shape[0]):
         if not point_on_border(trims, face, box[k], out[k]):

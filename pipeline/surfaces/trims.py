@@ -159,7 +159,7 @@ def _is_whole(chords, domain):
     return len(chords) > 0 and on.all() and all(covers)
 
 
-@njit(cache=True)
+@njit
 def is_inside(trims, face, u, v):
     """Even-odd test of one point."""
     chords, bins, items, faces, strip = trims
@@ -178,7 +178,7 @@ def is_inside(trims, face, u, v):
     return inside
 
 
-@njit(cache=True)
+@njit
 def _inside_rows(trims, face, u, v, out, first, last):
     for k in range(first, last):
         out[k] = is_inside(trims, face[k], u[k], v[k])

@@ -33,6 +33,7 @@ LETTERS = 20            # of a checksum in hexadecimal
 OPTIONS = {"nopython": True, "boundscheck": None, "nogil": True, "no_cfunc_wrapper": True}
 COLLECTED_AFTER = 100_000, 50, 100      # objects; Python's own figures cost a compiler a seventh of its time
 PATIENCE_S, LOOK_S = 120.0, 0.02        # waiting for another process that compiles the same; how often to look
+_TEXTS = {}             # id of a kernel -> the kernel, what it says, the kernels that it names
 LIBRARIES = {"numpy", "numba", "math", "cmath", "operator"}        # numba knows them itself
 
 
@@ -44,7 +45,6 @@ def njit(function=None, **options):
     """
     if function is None:
         return lambda function: njit(function, **options)
-    options.pop("cache", None)
     return Kernel(py_func=function, targetoptions={**OPTIONS, **options})
 
 
@@ -237,9 +237,9 @@ def fingerprint(kernel):
     return _checksum("\n".join([sys.version, numba.__version__, *sorted(reached.values())]))
 
 
-def _own_text(kernel, known={}):
+def _own_text(kernel):
     """What a kernel says itself, and the kernels that it names; kept, as functions do not change."""
-    if id(kernel) not in known:
+    if id(kernel) not in _TEXTS:
         function, names, needs = kernel.py_func, set(), []
         texts = [function.__module__, function.__qualname__, repr(function.__defaults__),
                  repr(sorted(kernel.targetoptions.items()))]
@@ -247,8 +247,8 @@ def _own_text(kernel, known={}):
         outer = {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, function.__closure__ or ())}
         for name in sorted(names & function.__globals__.keys() | outer.keys()):
             _describe(name, outer.get(name, function.__globals__.get(name)), names, texts, needs)
-        known[id(kernel)] = kernel, "\n".join(texts), needs
-    return known[id(kernel)][1:]
+        _TEXTS[id(kernel)] = kernel, "\n".join(texts), needs
+    return _TEXTS[id(kernel)][1:]
 
 
 def _read(code, doc, texts, names):

@@ -34,7 +34,7 @@ FULL_RANK = 1e-13           # of the longest pivot: what is shorter hangs on the
 JACOBI_SWEEPS = 30
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _quarter(x):
     """Which quarter turn x is nearest to, and what is over it as a sum of two numbers."""
     if abs(x) > LARGEST_TURN:
@@ -47,7 +47,7 @@ def _quarter(x):
     return int(k) & 3, r, low
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _sin_of(r, low):
     z, s = r * r, 0.0
     for k in range(8, 0, -1):
@@ -55,7 +55,7 @@ def _sin_of(r, low):
     return r + (r * z * s + low * (1.0 - 0.5 * z))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _cos_of(r, low):
     z, s = r * r, 0.0
     for k in range(9, 1, -1):
@@ -65,7 +65,7 @@ def _cos_of(r, low):
     return whole + (((1.0 - whole) - half) + (z * z * s - r * low))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _sin_cos(x):
     k, r, low = _quarter(x)
     s, c = _sin_of(r, low), _cos_of(r, low)
@@ -97,7 +97,7 @@ def tan(x):
     return s / c if c != 0.0 else math.inf
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _arctan_up_to_one(x):
     """(high, low) of atan for 0 <= x <= 1: about the nearest eighth."""
     k = int(np.rint(8.0 * x))
@@ -109,7 +109,7 @@ def _arctan_up_to_one(x):
     return ATAN_EIGHTHS[k, 0], t + (t * z * s + ATAN_EIGHTHS[k, 1])
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _arctan2(y, x):
     if not (abs(x) <= math.inf and abs(y) <= math.inf):
         return math.nan
@@ -150,13 +150,13 @@ def arccos(x):
     return _arctan2(math.sqrt((1.0 - x) * (1.0 + x)), x) if abs(x) <= 1.0 else math.nan
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _scaled(x, k):
     """x 2^k."""
     return math.ldexp(x, k)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _exp(x):
     if x != x:
         return x
@@ -172,7 +172,7 @@ def _exp(x):
     return _scaled(1.0 + (r + r * r * s), int(k))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _log(x):
     if not 0.0 < x < math.inf:
         return -math.inf if x == 0.0 else (math.inf if x > 0.0 else math.nan)
@@ -335,7 +335,7 @@ def solve(a, b):
     return _eliminated(np.array(a, float), b.reshape(len(b), -1).copy()).reshape(b.shape)
 
 
-@njit(cache=True)
+@njit
 def _eliminated(a, x):
     n = a.shape[0]
     for k in range(n):
@@ -380,7 +380,7 @@ def solve_banded(first, rows, b):
     return _banded(np.asarray(first, np.int64), np.array(rows, float), np.array(b, float))
 
 
-@njit(cache=True)
+@njit
 def _banded(first, rows, x):
     n, k = rows.shape
     for i in range(n):
@@ -437,7 +437,7 @@ def least_squares(a, b):
     return out
 
 
-@njit(cache=True)
+@njit
 def _factored(a):
     """(q (m, m), r (m, n), order (n,), rank) of a[:, order] = q r, by Householder's reflections with column pivots."""
     m, n = a.shape
@@ -470,7 +470,7 @@ def _factored(a):
     return q, a, order, rank
 
 
-@njit(cache=True)
+@njit
 def _reflect(a, v, scale, k, first):
     for j in range(first, a.shape[1]):
         s = 0.0
@@ -481,7 +481,7 @@ def _reflect(a, v, scale, k, first):
             a[k + i, j] -= s * v[i]
 
 
-@njit(cache=True)
+@njit
 def _reflect_columns(q, v, scale, k):
     for i in range(q.shape[0]):
         s = 0.0
@@ -492,7 +492,7 @@ def _reflect_columns(q, v, scale, k):
             q[i, k + j] -= s * v[j]
 
 
-@njit(cache=True)
+@njit
 def _forward(low, x):
     for i in range(low.shape[0]):
         for j in range(x.shape[1]):
@@ -503,7 +503,7 @@ def _forward(low, x):
     return x
 
 
-@njit(cache=True)
+@njit
 def _backward(up, x):
     for i in range(up.shape[0] - 1, -1, -1):
         for j in range(x.shape[1]):
@@ -526,7 +526,7 @@ def singular_values(a):
     return u / np.where(s > 0.0, s, 1.0), s, v
 
 
-@njit(cache=True)
+@njit
 def _rotated(u):
     n, k = u.shape
     v = np.eye(k)

@@ -13,7 +13,7 @@ LEAF = 4                # triangles in a box at the bottom
 THIN = 1e-12            # of a volume over the cube of the longest side: below, it is none
 
 
-@njit(cache=True)
+@njit
 def boxes_of(corners):
     """(n, 6) boxes, low and high corner, of triangles (n, 3, 3)."""
     boxes = np.empty((len(corners), 6))
@@ -24,7 +24,7 @@ def boxes_of(corners):
     return boxes
 
 
-@njit(cache=True)
+@njit
 def tree_over(boxes, levels):
     """(2^levels - 1, 7) boxes over boxes (n, 6), and the row behind the last; leaf k holds LEAF from k LEAF onward."""
     tree = np.empty((2 ** levels - 1, 7))
@@ -43,12 +43,12 @@ def tree_over(boxes, levels):
     return tree
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _are_apart(a, b):
     return a[0] > b[3] or a[1] > b[4] or a[2] > b[5] or b[0] > a[3] or b[1] > a[4] or b[2] > a[5]
 
 
-@njit(cache=True)
+@njit
 def crossing_pairs(corners, ids, boxes, tree, limit):
     """Pairs of triangles that cross.
 
@@ -85,7 +85,7 @@ def crossing_pairs(corners, ids, boxes, tree, limit):
     return pairs[:found], places[:found]
 
 
-@njit(cache=True)
+@njit
 def _crosses(a, b, ids_a, ids_b, place):
     """Whether two triangles cross, those with a common side never; the middle of what they share into place (3,)."""
     common, count = 0, 0
@@ -106,12 +106,12 @@ def _crosses(a, b, ids_a, ids_b, place):
     return count > 0
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _is_in(one, ids):
     return one == ids[0] or one == ids[1] or one == ids[2]
 
 
-@njit(cache=True)
+@njit
 def _volume(a, b, c, d):
     """Six times the volume of a tetrahedron, signed."""
     x0, x1, x2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -120,7 +120,7 @@ def _volume(a, b, c, d):
     return x0 * (y1 * z2 - y2 * z1) - x1 * (y0 * z2 - y2 * z0) + x2 * (y0 * z1 - y1 * z0)
 
 
-@njit(cache=True)
+@njit
 def _pierces(p, q, t, place):
     """Whether the way from p to q passes through a triangle or one of its sides; where, is added to place."""
     below, above = _volume(t[0], t[1], t[2], p), _volume(t[0], t[1], t[2], q)
@@ -141,7 +141,7 @@ def _pierces(p, q, t, place):
     return True
 
 
-@njit(cache=True)
+@njit
 def enclosures(points, direction, corners):
     """(n,) how often each point is enclosed by a closed mesh: 1 inside, 0 outside, else it crosses itself.
 

@@ -33,7 +33,7 @@ DEEPEST = 48              # halvings
 STEEP = 0.05              # an arc whose tangent is steeper than 1 in this is taken for the one place that is nearest
 
 
-@njit(cache=True)
+@njit
 def _straightened(g, rc, px, py, pz, out):
     """A piece of path for which a distance is convex: the piece, or a tangent of an arc that bulges upward."""
     put(out, g)
@@ -53,7 +53,7 @@ def _straightened(g, rc, px, py, pz, out):
     out[2], out[5] = g[8] + rise + slope * (g[k] - u), g[8] + rise + slope * (g[3 + k] - u)
 
 
-@njit(cache=True)
+@njit
 def _tool_of(piece, forest):
     trees = forest[2]
     for k in range(len(trees)):
@@ -62,7 +62,7 @@ def _tool_of(piece, forest):
     return 0
 
 
-@njit(cache=True)
+@njit
 def _remembered(piece, near):
     """Put a piece among those remembered (count first, then the place of the oldest); False: it was there."""
     for i in range(near[0]):
@@ -77,7 +77,7 @@ def _remembered(piece, near):
     return True
 
 
-@njit(cache=True)
+@njit
 def _corner_distances(cell, near, forest, line, corners):
     """Distances of a cell's four corners to the pieces remembered that reach into it: (NEAR, 4) filled, how many."""
     geometry, tools = forest[0], forest[3]
@@ -100,7 +100,7 @@ def _corner_distances(cell, near, forest, line, corners):
     return count
 
 
-@njit(cache=True)
+@njit
 def _largest_of_mean(x, y, share):
     most = -math.inf
     for j in range(4):
@@ -108,7 +108,7 @@ def _largest_of_mean(x, y, share):
     return most
 
 
-@njit(cache=True)
+@njit
 def _best_share(x, y):
     """Share of y in a mean of x and y (4,) that makes its largest number least: where two of its four lines meet."""
     best, least = 0.0, _largest_of_mean(x, y, 0.0)
@@ -125,7 +125,7 @@ def _best_share(x, y):
     return best, least
 
 
-@njit(cache=True)
+@njit
 def least_largest(corners, count, enough, mean):
     """Largest number of a good mean of rows (count, 4): single rows, pairs, then pairs with more rows mixed in.
 
@@ -156,7 +156,7 @@ def least_largest(corners, count, enough, mean):
     return least
 
 
-@njit(cache=True)
+@njit
 def _into(frame, cell):
     """Middle and half sides of a cell (9,) seen from a frame: rotation (3, 3) over origin (3,)."""
     x, y, z = cell[0] - frame[3, 0], cell[1] - frame[3, 1], cell[2] - frame[3, 2]
@@ -167,7 +167,7 @@ def _into(frame, cell):
             x, y, z = cell[3 * i + 3], cell[3 * i + 4], cell[3 * i + 5]
 
 
-@njit(cache=True)
+@njit
 def _searched(cell, forest, near, search, corner):
     """Remember the piece nearest to a place by a cell (corner 0..3, middle 4); its distance, and whether it is new."""
     s, t = (BEYOND if corner & 1 else -BEYOND), (BEYOND if corner & 2 else -BEYOND)
@@ -179,7 +179,7 @@ def _searched(cell, forest, near, search, corner):
     return d, piece >= 0 and _remembered(piece, near)
 
 
-@njit(cache=True)
+@njit
 def _is_cut(cell, near, forest, search, line, corners, mean):
     """(a proof that the whole cell is cut away was found, distance of its middle if that is positive, else 0)."""
     enough = -cell[9]
@@ -197,7 +197,7 @@ def _is_cut(cell, near, forest, search, line, corners, mean):
     return least_largest(corners, count, enough, mean) <= enough, 0.0
 
 
-@njit(cache=True)
+@njit
 def _is_deep_in_one(cell, near, forest, search, line, corners, mean):
     """Whether the cell is proven by the piece nearest to a place above it.
 
@@ -213,7 +213,7 @@ def _is_deep_in_one(cell, near, forest, search, line, corners, mean):
     return count > 0 and least_largest(corners, count, -cell[9], mean) <= -cell[9]
 
 
-@njit(cache=True)
+@njit
 def _state(trims, face, span, box, place):
     """Trim state of a cell; its middle's parameters into place (2,)."""
     u0, u1, v0, v1 = span[0], span[1], span[2], span[3]
@@ -223,7 +223,7 @@ def _state(trims, face, span, box, place):
     return trim_state(trims, face, around)
 
 
-@njit(cache=True)
+@njit
 def _cuts_second(cell, box):
     """Whether the second of a cell's sides is to be halved: the longer one, in parameters where none has a length."""
     a = cell[3] * cell[3] + cell[4] * cell[4] + cell[5] * cell[5]
@@ -231,7 +231,7 @@ def _cuts_second(cell, box):
     return b > a if a + b > 0.0 else box[3] - box[2] > box[1] - box[0]
 
 
-@njit(cache=True)
+@njit
 def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm, room, out):
     """Cells looked at, cells given up, written to out (ROOM, 7): box, reason, whether its middle is on the face, area.
 
@@ -303,7 +303,7 @@ def prove_roots(surface, trims, frame, forest, patch, boxes, height_mm, floor_mm
     return cells, given, out
 
 
-@njit(cache=True)
+@njit
 def _prove_roots(surface, trims, frame, forest, patch, boxes, height_mm, floor_mm, cells, given, out, first, last):
     widest = 0
     for k in range(len(surface[1])):

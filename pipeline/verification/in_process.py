@@ -58,13 +58,12 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
     made.update(stock.shape.figures.tobytes())
     for k, program in enumerate(programs):
         frame, name, start, piece = program.setup.frame, program.setup.name, 0, before
-        heights = heights.of_next_clamping()
+        heights.end_clamping()
         made.update(np.concatenate([frame.rotation.ravel(), frame.origin_mm]).tobytes())
         for number, end in enumerate(operation_ends(program.posted), start=1):
             made.update(_told(program.posted, start, end, tools))
             piece = before.after(frame, swept_paths(_rows(program.posted, 0, end), tools))
-            own = swept_paths(_rows(program.posted, start, end), tools)
-            heights = heights.further(piece.cuts[k].paths, own)
+            heights.own = swept_paths(_rows(program.posted, start, end), tools)
             solid = StockSolids(piece, pitches_mm[:k + 1], heights=heights).stock(PART)
             yield StockState(setup=name, operation=program.posted.operation_name(end - 1), number=number, piece=piece,
                              solid=solids.simpler(solid, SIMPLER_MM), inputs_sha256=made.hexdigest(), pitch_mm=pitches_mm[k])
@@ -80,29 +79,29 @@ def operation_ends(posted):
 
 
 class _Heights:
-    """Answers as stock_height_mm: an operation lowers what the ones before it have left, so only its own moves are asked."""
+    """stock_height_mm of one clamping after the other: an operation lowers what those before it have left.
 
-    def __init__(self, height_mm, paths=None, own=(), known=None):
-        """height_mm: stock_height_mm.   paths: whose heights are known but for those of `own`.   known: {paths: heights}."""
-        self.height_mm, self.paths, self.own, self.known = height_mm, paths, own, {} if known is None else known
-        self.before = None
+    Of a clamping that goes on only its next operation's own moves are asked; one that has ended is known.
+    """
 
-    def of_next_clamping(self):
-        """The same, nothing cut there yet."""
-        return _Heights(self.height_mm, known=self.known)
+    def __init__(self, height_mm):
+        """height_mm: swept.stock_height_mm, or answers as it would."""
+        self.height_mm, self.ended, self.paths, self.z, self.own = height_mm, {}, None, None, ()
 
-    def further(self, paths, own):
-        """After one more operation: paths of the clamping so far, and its own."""
-        after = _Heights(self.height_mm, paths, own, self.known)
-        after.before = self.known.get(self.paths) if self.paths is not None else None
-        return after
+    def end_clamping(self):
+        """What is known of the clamping that went on is kept."""
+        if self.paths is not None:
+            self.ended[self.paths] = self.z
+        self.paths = self.z = None
 
-    def __call__(self, paths, xy_mm, top_mm, grown_mm, bottom_mm):
-        if paths not in self.known:
-            is_next = paths is self.paths and self.before is not None and is_height_field(paths)
-            z = self.height_mm(self.own if is_next else paths, xy_mm, top_mm, grown_mm, bottom_mm)
-            self.known[paths] = np.minimum(z, self.before) if is_next else z
-        return self.known[paths]
+    def __call__(self, paths, *grid):
+        """`own` are the paths of the last operation among these."""
+        if paths in self.ended:
+            return self.ended[paths]
+        goes_on = self.z is not None and is_height_field(paths)
+        z = self.height_mm(self.own if goes_on else paths, *grid)
+        self.paths, self.z = paths, np.minimum(z, self.z) if goes_on else z
+        return self.z
 
 
 def _rows(posted, first, end):

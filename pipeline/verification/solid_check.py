@@ -90,7 +90,7 @@ def compare(made, k, tessellation, drops, required, residuals, limits):
     return SolidComparison(
         excess=amount(found, 1.0, excess_mm, bodies, **errors), gouge=amount(own, -1.0, gouge_mm, more, **errors),
         bodies=tuple(bodies + more), artefacts=artefacts + others,
-        tessellation_mm=surface_mm, pitch_mm=made.pitches_mm[k], volumes=held)
+        tessellation_mm=surface_mm, pitch_mm=field.pitch_mm, volumes=held)
 
 
 def _beyond_excess(made, k, by):

@@ -105,7 +105,7 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, limits):
     weight, d = found.samples.weight_mm2[inside], d[inside]
     prism = solids.prism_over([_square(field.low, cell, *c) for c in np.argwhere(good)], field.low[2] - 1, field.high[2] + 1)
     left, taken = ((made() ^ prism).volume() for made in (excess_of, gouge_of))
-    facets, facet_scatter, zmap = _facets(field, cut, good, cell, field.pitch_mm)
+    facets, facet_scatter, zmap = _facets(field, cut, good, cell)
     triangles, triangle_scatter = _triangles(drops, points[inside], weight * normal_z[inside])
     above, below = float((weight * np.maximum(d, 0)).sum()), float((weight * np.maximum(-d, 0)).sum())
     area, scatter = float(weight.sum()), float(np.sqrt(((weight * d) ** 2).sum()))
@@ -126,7 +126,7 @@ def _mean_off_mm(field, cut, xy, shape, cell):
     return float(np.abs(off).mean()) if len(off) else 0.0
 
 
-def _facets(field, cut, good, cell, pitch_mm):
+def _facets(field, cut, good, cell):
     """What the exact stock holds more than the grid's facets, mm3; its standard error; their mean distance, mm.
 
     One random place in every square of about a pitch: the mean is unbiased whatever ridges run between the nodes.
@@ -135,12 +135,12 @@ def _facets(field, cut, good, cell, pitch_mm):
         return _facets_of_hollow(field, cut, good, cell)
     corner = np.argwhere(good)[:, None] * cell + field.low[:2]
     i = np.arange(CELLS)
-    step = np.stack(np.meshgrid(i, i, indexing="ij"), axis=-1).reshape(-1, 2)[None] * pitch_mm
+    step = np.stack(np.meshgrid(i, i, indexing="ij"), axis=-1).reshape(-1, 2)[None] * field.pitch_mm
     xy = (corner + step).reshape(-1, 2)
-    xy = xy + np.random.default_rng(SEED).random(xy.shape) * pitch_mm
+    xy = xy + np.random.default_rng(SEED).random(xy.shape) * field.pitch_mm
     xy = xy[((xy > field.low[:2]) & (xy < field.high[:2])).all(axis=1)]
     off = stock_height_mm(cut.paths, xy, field.high[2]) - field.height_at(xy)
-    each = pitch_mm**2
+    each = field.pitch_mm**2
     return each * float(off.sum()), each * float(np.sqrt((off**2).sum())), float(np.abs(off).mean())
 
 

@@ -69,13 +69,13 @@ def measure_cuts(moves, radius_mm, corner_radius_mm, stock_mm, min_mm, max_mm, p
     return CutMeasures(engaged_rad=engaged, fall_rad=fall, rapid_depth_mm=rapid, grid=grid, stock_mm=heights)
 
 
-@njit(cache=True)
+@njit
 def _bottom(d, radius, corner):
     e = d - (radius - corner)
     return 0.0 if e <= 0.0 else corner - math.sqrt(max(corner * corner - e * e, 0.0))
 
 
-@njit(cache=True)
+@njit
 def _lower(heights, x0, y0, x, y, z, heading, nodes, radius, corner, pitch, skin, thin, bins):
     """Lower all cells under the cutter on its way from (x0, y0) to (x, y) at height z.
 
@@ -108,7 +108,7 @@ def _lower(heights, x0, y0, x, y, z, heading, nodes, radius, corner, pitch, skin
     return deepest
 
 
-@njit(cache=True)
+@njit
 def _arc_of(bins):
     """Angle of the marked bins, gaps of up to GAP bins counted in."""
     count, last = 0, -BINS
@@ -119,7 +119,7 @@ def _arc_of(bins):
     return count * math.pi / BINS
 
 
-@njit(cache=True)
+@njit
 def _walk(heights, points, nodes, radius, corner, pitch, skin, thin, is_rapid):
     """(largest engaged arc, steepest fall in material, deepest rapid) along one polyline, lowering the heights."""
     engaged, fall, rapid = 0.0, 0.0, 0.0

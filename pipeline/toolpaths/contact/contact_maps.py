@@ -18,7 +18,7 @@ from cuspline.values.compiled import njit
 HAIR = 1e-8         # of a box: contacts on the line between two boxes belong to both
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def map_proof(row, o, alpha, beta, sign, nx, ny, nz, length, sine, x, y, R, rc, w):
     """What the contact map says about contacts with the cutter over (x, y) in a box of a leaf of a face.
 
@@ -104,7 +104,7 @@ def map_proof(row, o, alpha, beta, sign, nx, ny, nz, length, sine, x, y, R, rc, 
     return 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def map_step(coefficients, patch, s, t, hs, ht, sign, x, y, R, rc, o, w):
     """Another step of Newton, from what `map_proof` left in w: false where the contact lies outside the box."""
     c = R - rc

@@ -91,7 +91,7 @@ def cutter_locations(elements, contact_mm, normal, axis=(0.0, 0.0, 1.0), allowan
     return CutterLocations(tip_mm=tips, axis=axes, contact_mm=contact)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def profile_point(elements, radial, axial):
     """(r, z) of the profile furthest in a unit direction (radial >= 0, axial); NaN: it looks past the upper end."""
     best, r, z = -np.inf, 0.0, 0.0
@@ -122,7 +122,7 @@ def profile_point(elements, radial, axial):
     return r, z
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _tip(elements, contact, normal, axis, allowance, out):
     along = normal[0] * axis[0] + normal[1] * axis[1] + normal[2] * axis[2]
     hx, hy, hz = normal[0] - along * axis[0], normal[1] - along * axis[1], normal[2] - along * axis[2]
@@ -134,7 +134,7 @@ def _tip(elements, contact, normal, axis, allowance, out):
     out[2] = contact[2] + allowance * normal[2] + share * hz - z * axis[2]
 
 
-@njit(cache=True)
+@njit
 def _tips(elements, contact, normal, axis, allowance, out, first, last):
     for k in range(first, last):
         _tip(elements, contact[k], normal[k], axis[k], allowance, out[k])

@@ -37,13 +37,13 @@ def forward_tips(patches, face, u, v, radius_mm, corner_radius_mm, allowance_mm=
     return out
 
 
-@njit(cache=True)
+@njit
 def _rows(arrays, face, u, v, radius, corner, allowance, out, first, last):
     for k in range(first, last):
         _row(arrays, face, u[k], v, radius, corner, allowance, out[k])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _row(arrays, face, u, v, radius, corner, allowance, out):
     """One row of the grid."""
     coefficients, patch, span, faces, breaks, sign = arrays
@@ -71,7 +71,7 @@ def _row(arrays, face, u, v, radius, corner, allowance, out):
         k += n
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _shrink(coefficients, patch, span, u, lines):
     """Polynomials of t along constant u: value and derivative with respect to s."""
     s = (2.0 * min(max(u, span[0]), span[1]) - span[0] - span[1]) / (span[1] - span[0])
@@ -85,7 +85,7 @@ def _shrink(coefficients, patch, span, u, lines):
             lines[0, j, k], lines[1, j, k] = value, slope
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _along(lines, t, n, is_rational, work):
     """Point (rows 0..2), s tangent (4..6) and t tangent (8..10) at n places; rows 3, 7, 11 are the weight's."""
     size = 4 if is_rational else 3
@@ -110,7 +110,7 @@ def _along(lines, t, n, is_rational, work):
                 work[8 + k, m] = (work[8 + k, m] - work[11, m] * p) / w
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _offset(work, n, sign, radius, corner, allowance, out, start):
     """tip = contact + (corner + allowance) n + (radius - corner) e - corner z, e the level unit of n."""
     flat, lift = radius - corner, corner + allowance

@@ -17,7 +17,7 @@ STEPS = 30
 RIM_MM = 1e-9           # a point this far outside the disk counts as under it: the safe side
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def climb_flat(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, o, w):
     """Highest point found under the disk from (s, t) within a box of a patch.
 
@@ -36,14 +36,14 @@ def climb_flat(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, o, w):
     return o[0, 2]
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _is_outside(s, t, sl, sh, tl, th):
     """Outside a box by more than rounding: maxima on the line between two boxes must not fall between them."""
     hs, ht = 1e-9 * (sh - sl), 1e-9 * (th - tl)
     return s < sl - hs or s > sh + hs or t < tl - ht or t > th + ht
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _to_rim(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, o, w):
     """Newton on (Q, P) within a box; true when it converged inside it (o, w hold the point)."""
     blocked = 0
@@ -77,7 +77,7 @@ def _to_rim(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, o, w):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _to_summit(coefficients, patch, s, t, sl, sh, tl, th, o, w):
     """Newton on the gradient of z within a box; true when it converged on a maximum inside it."""
     for _ in range(STEPS):
@@ -97,7 +97,7 @@ def _to_summit(coefficients, patch, s, t, sl, sh, tl, th, o, w):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _climb_edge(coefficients, patch, sl, sh, x, y, R, o, w):
     """Best of the ends, the summit and the crossing of the rim on a stretch of an edge."""
     best, bs = -np.inf, sl
@@ -142,14 +142,14 @@ def _climb_edge(coefficients, patch, sl, sh, x, y, R, o, w):
     return best
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _edge_at(coefficients, patch, s, x, y, o):
     """z and distance to the axis; derivatives stay in o."""
     derive(coefficients, patch[1], patch[2], patch[3], patch[4] != 0, s, 0.0, o)
     return o[0, 2], math.sqrt((o[0, 0] - x) ** 2 + (o[0, 1] - y) ** 2)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def flat_proof(row, kind, o, alpha, beta, x, y, R, normal_z, sine):
     """As `patch_contacts.box_proof` for a flat end mill: 0 nothing, 1 at most one contact, 2 none."""
     ls, lt = row[4] * alpha, row[5] * beta

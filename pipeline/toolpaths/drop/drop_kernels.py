@@ -20,7 +20,7 @@ STACK = 128          # deeper than any balanced tree of 2**63 leaves
 SETTLED_MM = 1e-12   # an edge's contact is left when nothing better than this can come
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def bottom(d, R, rc):
     """Height of the cutter's bottom at distance d <= R from the axis."""
     e = d - (R - rc)
@@ -29,7 +29,7 @@ def bottom(d, R, rc):
     return rc - math.sqrt(max((R - d) * (rc + e), 0.0))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def node_bound(nodes, k, x, y, R, rc):
     """Upper bound of the tip height that anything in node k can ask for.
 
@@ -64,7 +64,7 @@ def node_bound(nodes, k, x, y, R, rc):
     return bound
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def tangent_of_bottom(px, py, R, rc, widest):
     """Where to lay a tangent plane to the cutter's bottom: a place, its height, and what its slopes are of px, py.
 
@@ -90,7 +90,7 @@ def tangent_of_bottom(px, py, R, rc, widest):
     return px, py, height, steep
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def rise(slope, low, high, bend):
     """Largest slope s - bend s² / 2 for low <= s <= high, with low <= high."""
     if bend > 0.0:
@@ -100,7 +100,7 @@ def rise(slope, low, high, bend):
     return (slope - 0.5 * bend * s) * s
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def edge_contact(ax, ay, az, bx, by, bz, R, rc, best):
     """Where a straight edge (coordinates relative to the axis) holds the cutter: tip height and share of a to b.
 
@@ -134,7 +134,7 @@ def edge_contact(ax, ay, az, bx, by, bz, R, rc, best):
     return tip, s / length
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _bull_nose_on_edge(az, slope, steep, foot, q, low, high, R, rc, best):
     """Largest az + slope s - p(d(s)), d² = q² + (s - foot)², low <= s <= high: safeguarded Newton.
 
@@ -178,7 +178,7 @@ def _bull_nose_on_edge(az, slope, steep, foot, q, low, high, R, rc, best):
     return tip, at
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def triangle_contact(corners, facets, k, x, y, R, rc, best):
     """Where triangle k holds the cutter over (x, y): tip height, contact x, y, z.
 
@@ -229,13 +229,13 @@ def triangle_contact(corners, facets, k, x, y, R, rc, best):
     return tip, tx, ty, tz
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def first_of(leaf, m, leaves):
     """Row of the first of m triangles in a leaf: they are dealt out evenly."""
     return leaf * m // leaves
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def drop_one(corners, facets, nodes, x, y, R, rc, start, stack, bounds):
     """Branch and bound, higher bound first, from the tip that triangle `start` asks for (-1 for none).
 
@@ -275,7 +275,7 @@ def drop_one(corners, facets, nodes, x, y, R, rc, start, stack, bounds):
     return best, owner, tx, ty, tz
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def holder_above(corners, facets, nodes, x, y, R, rc, z, start, stack):
     """Row of a triangle that keeps the tip above z, -1 where none does; `start` is tried first."""
     first_leaf = (nodes.shape[0] - 1) // 2

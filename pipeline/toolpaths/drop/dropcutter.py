@@ -135,7 +135,7 @@ def _drop(mesh, xy_mm, R, rc, wants_contacts):
     return tips, contacts, owners
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _drop_rows(corners, facets, nodes, xy, R, rc, tips, contacts, owners, first, end):
     """One row after the other, each search starting from the triangle that held the cutter before."""
     stack, bounds = np.empty(STACK, np.int64), np.empty(STACK)
@@ -147,7 +147,7 @@ def _drop_rows(corners, facets, nodes, xy, R, rc, tips, contacts, owners, first,
             contacts[i, 0], contacts[i, 1], contacts[i, 2] = tx, ty, tz
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _held_rows(corners, facets, nodes, xy, R, rc, z, held, first, end):
     stack = np.empty(STACK, np.int64)
     last = -1
@@ -165,7 +165,7 @@ def _sides(corners):
     return np.where(wall, 2.0, np.where(nz < 0.0, 1.0, 0.0))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _halved(centers, side, leaves):
     """(m,) order in which every node's triangles are parted by side, then across their longer extent in plan."""
     m = centers.shape[0]
@@ -188,7 +188,7 @@ def _halved(centers, side, leaves):
     return order
 
 
-@njit(cache=True)
+@njit
 def _part(rows, key, count):
     """Reorder rows so that the first `count` have the lowest keys (Hoare's selection)."""
     low, high = 0, rows.shape[0] - 1
@@ -212,7 +212,7 @@ def _part(rows, key, count):
             return
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _facet_planes(corners):
     """Plane a, b, c, slope and sqrt(1 + slope²) of each triangle; slope inf where it is too steep or too narrow."""
     m = corners.shape[0]
@@ -233,7 +233,7 @@ def _facet_planes(corners):
     return facets
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _upper_planes(corners, leaves):
     """Box, top and a least-squares plane lifted until it lies above, for every node of the tree."""
     nodes = np.empty((2 * leaves - 1, 12))
@@ -246,7 +246,7 @@ def _upper_planes(corners, leaves):
     return nodes
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _upper_plane(corners, first, last, node):
     """Fill one node from the triangles first..last-1; a node without any lies nowhere."""
     node[:] = 0.0

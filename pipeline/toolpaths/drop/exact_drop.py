@@ -147,14 +147,14 @@ def _dropped(part, xy_mm, start_mm, radius_mm, corner_radius_mm, tolerance_mm):
     return tips, at
 
 
-@njit(cache=True)
+@njit
 def scratch_space():
     """What one thread needs for `drop_one`."""
     return (np.empty((STACK, 5)), np.empty(STACK, np.int64), np.empty((6, 3)), np.zeros(12), np.empty(8),
             np.zeros((1, 12)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _drop_rows(tree, xy, start, R, rc, tolerance, tips, at, low, high):
     """Drop rows low..high-1; the contact runs on along them as the next one's hint."""
     scratch = scratch_space()
@@ -170,7 +170,7 @@ def _drop_rows(tree, xy, start, R, rc, tolerance, tips, at, low, high):
         put(last, at[i])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _describe(tree, xy, at, R, rc, contact, normal):
     """Contact points, and normals into the cutter: the face's, on an edge the cutter's."""
     o = np.empty((6, 3))

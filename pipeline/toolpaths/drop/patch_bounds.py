@@ -38,7 +38,7 @@ def conversions(degree):
     return fixed.matmul(to_b, to_q)
 
 
-@njit(cache=True)
+@njit
 def box_state(trims, face, ul, uh, vl, vh):
     """OUTSIDE, INSIDE or BORDER: what a parameter box is to the trim; chords count with a hair around them."""
     chords, bins, items, faces, strip = trims
@@ -61,7 +61,7 @@ def box_state(trims, face, ul, uh, vl, vh):
     return INSIDE if is_inside(trims, face, 0.5 * (ul + uh), 0.5 * (vl + vh)) else OUTSIDE
 
 
-@njit(cache=True)
+@njit
 def part_state(trims, face, span, s, hs, t, ht):
     """`box_state` of a box of a patch over its `span`: middle s, t and half sides hs, ht in local parameters."""
     u0, v0 = 0.5 * (span[0] + span[1]), 0.5 * (span[2] + span[3])
@@ -69,7 +69,7 @@ def part_state(trims, face, span, s, hs, t, ht):
     return box_state(trims, face, u0 + hu * (s - hs), u0 + hu * (s + hs), v0 + hv * (t - ht), v0 + hv * (t + ht))
 
 
-@njit(cache=True)
+@njit
 def _chord_meets(u0, v0, u1, v1, ul, uh, vl, vh):
     """Does a chord meet a box: its box does, and the box's corners are not all on one side of it."""
     if max(u0, u1) < ul or min(u0, u1) > uh or max(v0, v1) < vl or min(v0, v1) > vh:
@@ -79,7 +79,7 @@ def _chord_meets(u0, v0, u1, v1, ul, uh, vl, vh):
     return abs(m) <= abs(du) * 0.5 * (vh - vl) + abs(dv) * 0.5 * (uh - ul)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def bernstein(coefficients, offset, du, dv, cs, hs, ct, ht, mu, mv, out):
     """Homogeneous Bernstein coefficients of a box of a patch into out (du + 1, dv + 1, 4)."""
     work = np.empty((du + 1, dv + 1, 4))
@@ -119,7 +119,7 @@ def bernstein(coefficients, offset, du, dv, cs, hs, ct, ht, mu, mv, out):
                     out[i, j, k] += mv[j, a] * half[i, a, k]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _reach(b, ds, dt, out):
     """Largest (xy norm, |z|, |w|) of the (ds, dt) derivative's Bernstein coefficients into out (3,)."""
     nu, nv = b.shape[0], b.shape[1]
@@ -145,7 +145,7 @@ def _reach(b, ds, dt, out):
     out *= factor
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def derivative_reaches(b, derivatives, is_rational, out):
     """Bounds of the derivatives of S over the box into out (10, 2): xy norm and |z| of
     S - middle, S_s, S_t, S_ss, S_st, S_tt, S_sss, S_sst, S_stt, S_ttt; `derivatives` (6, 3) are those in the middle,
@@ -188,7 +188,7 @@ def derivative_reaches(b, derivatives, is_rational, out):
         _tighten(derivatives, out)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _tighten(derivatives, out):
     """No derivative leaves its value in the middle by more than the next ones' reaches."""
     for k in range(2):
@@ -201,7 +201,7 @@ def _tighten(derivatives, out):
         out[0, k] = min(out[0, k], out[1, k] + out[2, k])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def normal_change(r):
     """How far S_s x S_t leaves its value in the middle of the box: (whole, z component) from (10, 2) reaches."""
     s, t, ss, st, tt = (fixed.hypot(r[1, 0], r[1, 1]), fixed.hypot(r[2, 0], r[2, 1]), fixed.hypot(r[3, 0], r[3, 1]),
@@ -210,7 +210,7 @@ def normal_change(r):
     return whole, r[3, 0] * r[2, 0] + r[1, 0] * r[4, 0] + r[4, 0] * r[2, 0] + r[1, 0] * r[5, 0]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def cone_box(nx, ny, nz, sine, up, out):
     """Ranges over a cone of unit normals (axis n, sine of the half-angle) into out (8,): nx low, high, ny low,
     high, and the same of the unit horizontal direction.  `up`: the largest nz; nothing is known if sine >= 1."""

@@ -24,7 +24,7 @@ STEPS = 24
 CONVERGED_MM = 1e-11
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def on_rim(a, b, xl, xh, yl, yh, R):
     """Upper bound of a x + b y over a rectangle within the disk of radius R: the disk by Lagrange's multiplier."""
     m = max(0.5 * (a * (xl + xh) + b * (yl + yh)), 0.0) / (R * R)
@@ -34,7 +34,7 @@ def on_rim(a, b, xl, xh, yl, yh, R):
     return a * x + b * y - 0.5 * m * (x * x + y * y - R * R)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def node_bound(nodes, k, x, y, R, rc):
     """Upper bound of the tip height that anything in node k can ask for."""
     xl, xh, yl, yh = nodes[k, 0] - x, nodes[k, 1] - x, nodes[k, 2] - y, nodes[k, 3] - y
@@ -61,7 +61,7 @@ def node_bound(nodes, k, x, y, R, rc):
     return min(bound, top)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def climb(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, rc, guess, o, w):
     """Highest z - p(d) near (s, t) within a box of a patch, by Newton's method on the distance to the cutter.
 
@@ -139,12 +139,12 @@ def climb(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, rc, guess, o, w):
     return best
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _square(v):
     return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _descent(hss, hst, htt, gs, gt, o):
     """Newton's step; where the Hessian is not positive, with its eigenvalues' sizes instead (scaled by the metric)."""
     a, b = math.sqrt(max(_square(o[1]), 1e-300)), math.sqrt(max(_square(o[2]), 1e-300))
@@ -170,7 +170,7 @@ def _descent(hss, hst, htt, gs, gt, o):
     return -(ex * along - ey * across) / a, -(ey * along + ex * across) / b
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def box_proof(row, tag_kind, o, alpha, beta, x, y, R, rc, best, bound, tolerance, normal_z, sine):
     """What can be proven about a box of a leaf from the derivatives in its middle.
 
@@ -258,7 +258,7 @@ def box_proof(row, tag_kind, o, alpha, beta, x, y, R, rc, best, bound, tolerance
     return 2 if inside <= 0.0 else 0
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _parabola(g, h):
     """Largest g s - h s²/2 for |s| <= 1."""
     g = abs(g)

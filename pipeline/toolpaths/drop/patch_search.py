@@ -21,7 +21,7 @@ STACK = 1024
 SMALLEST_MM = 1e-6          # halvings end here: at an upright tangent the tip is that of a cutter this far aside
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def in_trim(tree, patch, s, t):
     """Is (s, t) of a patch inside the face's trim?"""
     span = tree[2][patch]
@@ -30,7 +30,7 @@ def in_trim(tree, patch, s, t):
     return is_inside(tree[9], tree[1][patch, 0], u, v)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def can_meet(normals, xl, xh, yl, yh, x, y, R, rc):
     """Can a surface within this box with these normals touch the cutter at (x, y)?  Offsets of the box must hold it."""
     c = R - rc
@@ -38,7 +38,7 @@ def can_meet(normals, xl, xh, yl, yh, x, y, R, rc):
             and yl + rc * normals[2] + c * normals[6] <= y <= yh + rc * normals[3] + c * normals[7])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def drop_one(tree, x, y, R, rc, tolerance, best, hint, scratch, contact):
     """Highest tip over (x, y).
 
@@ -193,7 +193,7 @@ def drop_one(tree, x, y, R, rc, tolerance, best, hint, scratch, contact):
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def box_normal(row, o, alpha, beta, sign):
     """Unit normal in the middle of a box of a leaf, the length of S_s x S_t there, and the sine of how far it turns.
 
@@ -214,7 +214,7 @@ def box_normal(row, o, alpha, beta, sign):
     return nx / n, ny / n, nz / n, n, turn * alpha * beta / n
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def fill_plane(o, row, alpha, beta, nx, ny, nz, kind, ex, ey, bend, plane):
     """Upper plane of a box from the derivatives in its middle, as a tree node (see patch_tree)."""
     a = b = 0.0

@@ -35,7 +35,7 @@ LEAF_COLUMNS = 24           # middle and half sizes (4), reaches (9), change of 
 CURVED, LEVEL, TILTED = 0, 1, 2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, row, tag, hull):
     """Describe one box of a patch.
 
@@ -105,7 +105,7 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, ro
     return 1 if along >= across else 2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices):
     """All leaves of all patches.
 
@@ -158,14 +158,14 @@ def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices):
     return rows[:count].copy(), tags[:count].copy(), points[:used].copy(), firsts[:count + 1].copy()
 
 
-@njit(cache=True)
+@njit
 def _doubled(a):
     out = np.empty((2 * a.shape[0], a.shape[1]), a.dtype)
     put(out.reshape(-1), a.reshape(-1))
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def grow_tree(points, firsts):
     """Halve the leaves at the median of the longest side until one is left.
 
@@ -208,7 +208,7 @@ def grow_tree(points, firsts):
     return nodes, first
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _node(points, firsts, leaves, out):
     """Box and the least-squares plane lifted until all hull points lie below."""
     xl, xh, yl, yh, zh = np.inf, -np.inf, np.inf, -np.inf, -np.inf

@@ -10,7 +10,7 @@ from cuspline.toolpaths.drop.patch_tree import LEVEL
 from cuspline.values.compiled import njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def plane_contact(tree, leaf, x, y, R, rc, o, w):
     """Contact on a plane leaf: (tip, found); on a level plane the point nearest the axis, else the closed form."""
     row, tag = tree[5][leaf], tree[6][leaf]
@@ -55,7 +55,7 @@ def plane_contact(tree, leaf, x, y, R, rc, o, w):
     return o[0, 2] - bottom(min(d, R), R, rc)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _nearest_in_box(row, s, t, ns, nt, o):
     """Point of the leaf's box nearest (in the plane's metric) to the unbounded solution ns, nt."""
     sl, sh, tl, th = row[0] - row[1], row[0] + row[1], row[2] - row[3], row[2] + row[3]

@@ -81,7 +81,7 @@ def _shut(walls, inside):
     return for_kernel(np.zeros((*inside.shape, 2)) if walls is None else walls, np.bool_)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _seed_line(metric, inside, shut, x, y, line, reach, start):
     """Least distance of each near node to the segments of one polyline, at most what stands there already."""
     ny, nx = inside.shape
@@ -113,7 +113,7 @@ def _seed_line(metric, inside, shut, x, y, line, reach, start):
                 start[i, j] = min(start[i, j], d)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _selling(xx, xy, yy):
     """Weights (3,) and whole-numbered directions (3, 2) with sum w e e^T = the matrix (xx, xy; xy, yy)."""
     b = np.array([[1, 0], [0, 1], [-1, -1]])
@@ -139,7 +139,7 @@ def _selling(xx, xy, yy):
     return w, e
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _sees(inside, shut, i, j, di, dj):
     """Whether the straight way to another node stays on nodes inside and meets no wall."""
     ny, nx = inside.shape
@@ -160,7 +160,7 @@ def _sees(inside, shut, i, j, di, dj):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _stencils(metric, inside, shut):
     """Per node three weights, and six offsets (di, dj) as whole numbers; an offset that is blocked is (0, 0)."""
     ny, nx = inside.shape
@@ -185,7 +185,7 @@ def _stencils(metric, inside, shut):
     return weights, offsets
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _users(offsets, inside):
     """For every node the nodes whose answer hangs on it: first row (n + 1,) into a list; the 8 neighbours are known."""
     ny, nx = inside.shape
@@ -211,7 +211,7 @@ def _users(offsets, inside):
     return first, users
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _solve(w, v):
     """Largest root u of sum w_k max(0, u - v_k)² = 1 over the terms that count (w_k > 0)."""
     order = np.argsort(v, kind="stable")
@@ -230,7 +230,7 @@ def _solve(w, v):
     return u
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _answer(i, j, weights, offsets, metric, inside, shut, phi, state):
     """Distance at a node from the neighbours that are done."""
     ny, nx = inside.shape
@@ -275,7 +275,7 @@ def _answer(i, j, weights, offsets, metric, inside, shut, phi, state):
     return u
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _march(weights, offsets, metric, first, users, inside, shut, start, farthest):
     """All nodes in order of distance, nearest first."""
     ny, nx = inside.shape
@@ -328,7 +328,7 @@ def _march(weights, offsets, metric, first, users, inside, shut, start, farthest
     return phi
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _rise(heap, place, value, k):
     n = heap[k]
     while k > 0:
@@ -341,7 +341,7 @@ def _rise(heap, place, value, k):
     heap[k], place[n] = n, k
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _sink(heap, place, value, k, count):
     if count == 0:
         return

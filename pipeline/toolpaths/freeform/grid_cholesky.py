@@ -69,7 +69,7 @@ def dissected(at):
     return np.concatenate(out)[::-1].copy()
 
 
-@njit(cache=True)
+@njit
 def _elimination_tree(first, row):
     """(n,) parent of each column; -1 none."""
     n = first.shape[0] - 1
@@ -86,7 +86,7 @@ def _elimination_tree(first, row):
     return parent
 
 
-@njit(cache=True)
+@njit
 def _column_starts(first, row, parent):
     n = first.shape[0] - 1
     counts, mark = np.ones(n, np.int64), np.full(n, -1)
@@ -103,7 +103,7 @@ def _column_starts(first, row, parent):
     return starts
 
 
-@njit(cache=True)
+@njit
 def _factorized(first, row, value):
     """L column by column from the upper triangle, row k of L from the columns before it."""
     n = first.shape[0] - 1
@@ -146,7 +146,7 @@ def _factorized(first, row, value):
     return starts, l_row, l_value
 
 
-@njit(cache=True)
+@njit
 def _substituted(first, row, value, right):
     x, n = right.copy(), right.shape[0]
     for k in range(n):

@@ -61,7 +61,7 @@ def _beside(tips, rows, untested):
     return chord[bent], spots[bent], share[bent], inner[bent]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _holds(p, a, b, low, high, lateral):
     """All points between a and b lie beside the chord within the bounds."""
     dx, dy, dz = p[b, 0] - p[a, 0], p[b, 1] - p[a, 1], p[b, 2] - p[a, 2]
@@ -85,7 +85,7 @@ def _holds(p, a, b, low, high, lateral):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _greedy(p, corner, low, high, lateral):
     """(n,) bool: points that stay; from each the farthest chord that doubling and halving finds."""
     n = p.shape[0]

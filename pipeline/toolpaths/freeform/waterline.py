@@ -178,7 +178,7 @@ def _linked(starts, ends, nodes, z):
             for rows, is_closed in zip(np.split(order, first[1:]), closed)] if len(keys) else []
 
 
-@njit(cache=True)
+@njit
 def _followed(follow):
     """Order of all rows along their chains, the place where each chain starts in it, and whether it closes."""
     n = follow.shape[0]

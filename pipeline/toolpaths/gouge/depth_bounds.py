@@ -23,7 +23,7 @@ UPRIGHT = 0.02          # N_z below which a node's N says nothing about heights
 SWEEPS = 8
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def depth_at(x, y, z, R, rc):
     """Depth of a point at (x, y, z) from the tip; negative outside: minus the distance."""
     a = R - rc
@@ -34,7 +34,7 @@ def depth_at(x, y, z, R, rc):
     return rc - max(e, f)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _least(tips, low, high, x, y, z):
     """Least of (x, y, z) . tip over rows low..high."""
     best = np.inf
@@ -43,12 +43,12 @@ def _least(tips, low, high, x, y, z):
     return best
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _most(m, low, high):
     return m * high if m > 0.0 else m * low
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def node_depth(nodes, k, tips, low, high, box, R, rc, enough):
     """Upper bound of the depth of what node k holds in a cutter whose tip runs through rows low..high of `tips`.
 
@@ -104,12 +104,12 @@ def node_depth(nodes, k, tips, low, high, box, R, rc, enough):
     return depth
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _along(o, row, nx, ny, nz):
     return nx * o[row, 0] + ny * o[row, 1] + nz * o[row, 2]
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _piece_value(o, x, y, z, vx, vy, vz, cubic, nx, ny, nz, support):
     """The bound that n gives over a piece and a stretch."""
     return (support - nx * x - ny * y - nz * z + abs(_along(o, 1, nx, ny, nz)) + abs(_along(o, 2, nx, ny, nz))
@@ -117,7 +117,7 @@ def _piece_value(o, x, y, z, vx, vy, vz, cubic, nx, ny, nz, support):
             + abs(_along(o, 4, nx, ny, nz)) + max(-_along(o, 5, nx, ny, nz), 0.0) * 0.5 + cubic + OUTWARD_MM)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, bound, normals, at):
     """Upper bound of the depth over a box of a leaf and a stretch of a move.
 
@@ -206,7 +206,7 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, bound, norm
     return bound
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _nearest_to_axis(o, x, y, vx, vy, at):
     """Direction from the axis to the linear part's point nearest to it; its sigma, tau, theta into `at`."""
     ss, tt = o[1, 0] * o[1, 0] + o[1, 1] * o[1, 1], o[2, 0] * o[2, 0] + o[2, 1] * o[2, 1]
@@ -230,7 +230,7 @@ def _nearest_to_axis(o, x, y, vx, vy, at):
     return (x / d, y / d) if d > 1e-9 else (1.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _may_hold_deepest(o, row, tag, alpha, beta, x, y, z, vx, vy, vz, nx, ny, nz, h, sine, R, rc, bound, normals):
     """Can a deepest point of a face, not on its border, lie in a box with these normals, at most `bound` deep?
 

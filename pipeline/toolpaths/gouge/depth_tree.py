@@ -67,7 +67,7 @@ class DepthTree:
         return sum(a.nbytes for a in self.arrays[1:])
 
 
-@njit(cache=True)
+@njit
 def _corners(points, first_point):
     """(2 m, 3) least and largest coordinates of each piece's hull."""
     out = np.empty((2 * (len(first_point) - 1), 3))
@@ -78,14 +78,14 @@ def _corners(points, first_point):
     return out
 
 
-@njit(cache=True)
+@njit
 def _longer(a):
     out = np.empty((2 * a.shape[0],) + a.shape[1:], a.dtype)
     put(out.reshape(-1), a.reshape(-1))
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def thin_pieces(tree, matrices, thickness, most):
     """Halve every leaf until it is thin.
 
@@ -161,7 +161,7 @@ def thin_pieces(tree, matrices, thickness, most):
             normal[:count].copy())
 
 
-@njit(cache=True)
+@njit
 def outside_trim(tree, leaf, s, t, hs, ht):
     """Does a box of a leaf's patch lie outside its face's trim?"""
     patch = tree[6][leaf, 0]
@@ -172,7 +172,7 @@ def outside_trim(tree, leaf, s, t, hs, ht):
                      v0 + hv * (t - ht), v0 + hv * (t + ht)) == OUTSIDE
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _area_normal(hull, sign, is_face, n):
     """Unit upward direction of a piece into n (3,); its area.  Of an edge: square to it, as far up as can be."""
     a, b = hull.shape[0] - 1, hull.shape[1] - 1
@@ -197,7 +197,7 @@ def _area_normal(hull, sign, is_face, n):
     return area
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _bends(hull, n, is_face):
     """How much the hull bends along s and along t, and how thick it is along n; an edge: how far from straight."""
     nu, nv = hull.shape[0], hull.shape[1]
@@ -221,7 +221,7 @@ def _bends(hull, n, is_face):
     return bend_s, bend_t, high - low
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def fill_nodes(first, points, first_point, normal):
     """(k, 11) rows of all nodes."""
     nodes = np.empty((first.shape[0], 11))

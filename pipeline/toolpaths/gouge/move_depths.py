@@ -66,7 +66,7 @@ def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_m
     return np.maximum(depth + CHORD_MM, 0.0), share, place
 
 
-@njit(cache=True)
+@njit
 def _runs(start, end, longest):
     """First row of each run, and the number of rows."""
     out = np.empty(len(start) + 1, np.int64)
@@ -86,7 +86,7 @@ def _runs(start, end, longest):
     return out[:count + 1].copy()
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _depths_of_runs(part, rest, start, end, runs, R, rc, tolerance, depth, share, place, first_run, last_run):
     """Fill in runs first_run..last_run-1."""
     nodes, first = rest[0], rest[1]
@@ -124,7 +124,7 @@ def _depths_of_runs(part, rest, start, end, runs, R, rc, tolerance, depth, share
             top += 2
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _fill_box(tips, low, high, box):
     for k in range(3):
         least, most = tips[low, k], tips[low, k]
@@ -133,7 +133,7 @@ def _fill_box(tips, low, high, box):
         box[2 * k], box[2 * k + 1] = least, most
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _rest_of_run(nodes, first, tips, low, high, box, R, rc, tolerance, given, count, kept, counts, level):
     """Largest bound of what is proven within the tolerance; what is not goes into `kept`, counts[level] nodes."""
     size = max(box[1] - box[0], box[3] - box[2], box[5] - box[4])
@@ -161,7 +161,7 @@ def _rest_of_run(nodes, first, tips, low, high, box, R, rc, tolerance, given, co
     return most
 
 
-@njit(cache=True)
+@njit
 def heap_space():
     """What one thread needs for `depth_of_move`: boxes (bound, t0, t1, s, t, half s, half t), what each is of, and
     scratch."""
@@ -169,7 +169,7 @@ def heap_space():
             np.empty((6, 3)), np.empty(8), np.empty(3), np.empty((2, 3)), np.empty(6), np.empty((2, 3)), np.empty(3))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _push(boxes, order, count, slot):
     """Let a box sink into the heap of numbers `order`, largest bound on top."""
     i = count
@@ -182,7 +182,7 @@ def _push(boxes, order, count, slot):
     order[i] = slot
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _pop(boxes, order, count):
     """Number of the box on top; the heap then holds count - 1."""
     best, last = order[0], order[count - 1]
@@ -200,7 +200,7 @@ def _pop(boxes, order, count):
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, share, place, row):
     """Upper bound of one move's depth in the nodes `given`; share[row] and place[row] are filled if one is found."""
     rows = part[5]
@@ -288,13 +288,13 @@ def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, 
     return max(upper, lower)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _settled(lower, tolerance):
     """What is bounded by this needs no closer look: clean, or close enough to the deepest point known."""
     return max(tolerance, lower + max(0.5 * tolerance, DEEP_SHARE * lower))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _stretch(start, end, t0, t1, tips, box):
     for k in range(3):
         tips[0, k] = start[k] + t0 * (end[k] - start[k])
@@ -302,7 +302,7 @@ def _stretch(start, end, t0, t1, tips, box):
     _fill_box(tips, 0, 1, box)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _look(part, leaf, start, end, b, R, rc, known, heap):
     """(bound of a box of a leaf and a stretch, depth of a point found in it); that point and where along the move it
     is deepest go into the scratch if it is deeper than known."""

@@ -134,7 +134,7 @@ def _nodes(tiles, rows, columns, shape):
     return np.repeat(np.repeat(part, TILE_NODES, axis=0), TILE_NODES, axis=1)[:shape[0], :shape[1]]
 
 
-@njit(cache=True)
+@njit
 def _patch(is_goal, x, y, most):
     """(k, 2) x, y of marked nodes that hang together with one of them, no more than `most`."""
     ny, nx = is_goal.shape

@@ -16,7 +16,7 @@ FAR_NODES = 2.0             # from the tool's place to the first node of a way
 SIGHT_NODES = 0.5           # a straight line is looked at this often
 
 
-@njit(cache=True)
+@njit
 def is_free_line(standing, x0, y0, x1, y1):
     """The straight line keeps to where the standing field is not negative; grid coordinates."""
     n = max(1, math.ceil(math.hypot(x1 - x0, y1 - y0) / SIGHT_NODES))
@@ -26,7 +26,7 @@ def is_free_line(standing, x0, y0, x1, y1):
     return True
 
 
-@njit(cache=True)
+@njit
 def way_to_nearest(standing, x, y, wanted, longest):
     """Free nodes one after the other to the wanted node that is nearest along them.
 
@@ -69,7 +69,7 @@ def way_to_nearest(standing, x, y, wanted, longest):
     return np.empty((0, 2))
 
 
-@njit(cache=True)
+@njit
 def _traced(before, at, nx):
     count, k = 0, at
     while k >= 0:
@@ -81,7 +81,7 @@ def _traced(before, at, nx):
     return out
 
 
-@njit(cache=True)
+@njit
 def pulled_straight(standing, way):
     """The same way with every point left out that a free straight line can do without."""
     kept = np.zeros(len(way), np.bool_)
@@ -102,7 +102,7 @@ def pulled_straight(standing, way):
     return way[kept]
 
 
-@njit(cache=True)
+@njit
 def upstream(wanted, near, x, y):
     """The farthest wanted node back along the material: a pass that begins there takes all of the strip.
 
@@ -135,7 +135,7 @@ def upstream(wanted, near, x, y):
         i, j = ti, tj
 
 
-@njit(cache=True)
+@njit
 def nearest_node(wanted, x, y):
     """x, y of the wanted node nearest to a place; -1, -1 where none is wanted."""
     ny, nx = wanted.shape

@@ -27,7 +27,7 @@ REFINEMENTS = 5
 SHARP_TURNS = 16            # tried when no gentle turn is possible: up to half a turn to the left
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def value_at(field, x, y):
     """Bilinear value at grid coordinates; the border value outside."""
     ny, nx = field.shape
@@ -39,7 +39,7 @@ def value_at(field, x, y):
             + (field[j + 1, i] * (1.0 - u) + field[j + 1, i + 1] * u) * v)
 
 
-@njit(cache=True)
+@njit
 def engaged_rad(material, x, y, heading, radius, thin):
     """Arc of the cutter's front half that stands in material thicker than `thin`; lengths in nodes.
 
@@ -64,7 +64,7 @@ def engaged_rad(material, x, y, heading, radius, thin):
     return count * math.pi / ARC_SAMPLES
 
 
-@njit(cache=True)
+@njit
 def clear_stroke(material, x0, y0, x1, y1, radius, thin):
     """Lower the field to the distance from one straight stroke; gives the number of nodes newly cleared."""
     ny, nx = material.shape
@@ -89,12 +89,12 @@ def clear_stroke(material, x0, y0, x1, y1, radius, thin):
     return fresh
 
 
-@njit(cache=True)
+@njit
 def _may(material, permitted, x, y, heading, radius, thin, bound):
     return value_at(permitted, x, y) >= 0.0 and engaged_rad(material, x, y, heading, radius, CHIP_SHARE * thin) <= bound
 
 
-@njit(cache=True)
+@njit
 def _next_heading(material, permitted, x, y, heading, radius, thin, bound, step, right, left):
     """The heading farthest to the right that keeps the bound and stays permitted; NaN: none."""
     blocked = math.nan
@@ -121,7 +121,7 @@ def _next_heading(material, permitted, x, y, heading, radius, thin, bound, step,
     return math.nan
 
 
-@njit(cache=True)
+@njit
 def cut_pass(material, permitted, x, y, heading, radius, thin, bound, step, right, left, idle, longest):
     """One pass from a place where the cutter stands free, as far as it finds material within the bound.
 

@@ -79,7 +79,7 @@ def inner_distance(distance, by, is_idle=None, farthest=np.inf):
     return _distances(distance >= by, *_inner_crossings(distance, by), 1.0, idle, farthest)
 
 
-@njit(cache=True)
+@njit
 def _inner_crossings(distance, by):
     """Share of each grid edge, along x and along y, at which a field passes a value; NaN where it does not."""
     ny, nx = distance.shape
@@ -111,7 +111,7 @@ def _crossings(grid, is_low, height_mm, level_mm, axis):
     return shares
 
 
-@njit(cache=True)
+@njit
 def _offer(near, best, j, i, ax, ay, bx, by):
     """Let a node know of a piece of the line, in grid units."""
     ux, uy = bx - ax, by - ay
@@ -123,7 +123,7 @@ def _offer(near, best, j, i, ax, ay, bx, by):
         best[j, i], near[j, i, 0], near[j, i, 1] = d, px, py
 
 
-@njit(cache=True)
+@njit
 def _seed(is_low, cross_x, cross_y, near, best):
     """Join the crossings of every cell and tell the nodes around it."""
     ny, nx = is_low.shape
@@ -150,7 +150,7 @@ def _seed(is_low, cross_x, cross_y, near, best):
                             _offer(near, best, jj, ii, ends[a, 0], ends[a, 1], ends[b, 0], ends[b, 1])
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _carry(near, best, j, i, jj, ii, limit):
     if 0 <= jj < best.shape[0] and 0 <= ii < best.shape[1] and best[jj, ii] < limit:
         px, py = near[jj, ii, 0], near[jj, ii, 1]
@@ -159,7 +159,7 @@ def _carry(near, best, j, i, jj, ii, limit):
             best[j, i], near[j, i, 0], near[j, i, 1] = d, px, py
 
 
-@njit(cache=True)
+@njit
 def _sweep(near, best, is_idle, farthest):
     """Carry nearest places down and up the grid (Danielsson's four passes with all eight neighbours)."""
     ny, nx = best.shape
@@ -184,7 +184,7 @@ def _sweep(near, best, is_idle, farthest):
                 _carry(near, best, j, i, j, i - 1, limit)
 
 
-@njit(cache=True)
+@njit
 def _distances(is_low, cross_x, cross_y, pitch, is_idle, farthest):
     """Signed distances (ny, nx) from crossings: nearest places carried from node to node."""
     ny, nx = is_low.shape
@@ -198,7 +198,7 @@ def _distances(is_low, cross_x, cross_y, pitch, is_idle, farthest):
     return out
 
 
-@njit(cache=True)
+@njit
 def nearest_seed(is_seed, is_idle, farthest):
     """Grid coordinates (ny, nx, 2) of the nearest seed of every node, and its distance (ny, nx) in nodes.
 

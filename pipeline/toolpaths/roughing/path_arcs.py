@@ -12,7 +12,7 @@ WIDEST_SWEEP_RAD = 2.8      # an arc stays below half a turn
 LEAST_RADIUS_MM = 0.05
 
 
-@njit(cache=True)
+@njit
 def _circle(ax, ay, bx, by, cx, cy):
     """Centre and radius through three points; radius inf where they are in line."""
     ux, uy, vx, vy = bx - ax, by - ay, cx - ax, cy - ay
@@ -24,7 +24,7 @@ def _circle(ax, ay, bx, by, cx, cy):
     return ax + px, ay + py, math.hypot(px, py)
 
 
-@njit(cache=True)
+@njit
 def _line_fits(points, first, last, tolerance):
     ax, ay = points[first]
     ux, uy = points[last, 0] - ax, points[last, 1] - ay
@@ -41,7 +41,7 @@ def _line_fits(points, first, last, tolerance):
     return True
 
 
-@njit(cache=True)
+@njit
 def _arc_fits(points, first, last, tolerance):
     """(fits, centre x, centre y, turn: +1 left, -1 right)."""
     middle = (first + last) // 2
@@ -65,14 +65,14 @@ def _arc_fits(points, first, last, tolerance):
     return True, cx, cy, turn
 
 
-@njit(cache=True)
+@njit
 def _fits(points, first, last, tolerance):
     if last == first + 1 or _line_fits(points, first, last, tolerance):
         return True, 0.0, 0.0, 0
     return _arc_fits(points, first, last, tolerance)
 
 
-@njit(cache=True)
+@njit
 def lines_and_arcs(points, tolerance):
     """Elements one after the other, each as long as it can be.
 

@@ -92,7 +92,7 @@ def _element(x0, y0, x1, y1, heading, largest_radius_mm):
     return FittedElement(start=(x0, y0), end=(x1, y1), center=(cx, cy), radius=abs(signed), is_left=signed > 0)
 
 
-@njit(cache=True)
+@njit
 def _arc_center(x0, y0, x1, y1, heading):
     """Centre and signed radius (positive: turns left) of the arc that starts with a heading."""
     nx, ny = -fixed.sin(heading), fixed.cos(heading)
@@ -104,7 +104,7 @@ def _arc_center(x0, y0, x1, y1, heading):
     return x0 + radius * nx, y0 + radius * ny, radius
 
 
-@njit(cache=True)
+@njit
 def _deviation(points, first, last, heading, largest_radius):
     """Largest distance of points first..last from the arc (or line) that joins their ends."""
     x0, y0, x1, y1 = points[first, 0], points[first, 1], points[last, 0], points[last, 1]
@@ -122,12 +122,12 @@ def _deviation(points, first, last, heading, largest_radius):
     return worst
 
 
-@njit(cache=True)
+@njit
 def _wrapped(angle):
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
-@njit(cache=True)
+@njit
 def _end_heading(points, first, last, heading, largest_radius):
     """Heading with which the arc arrives; a line arrives along its chord."""
     dx, dy = points[last, 0] - points[first, 0], points[last, 1] - points[first, 1]
@@ -138,7 +138,7 @@ def _end_heading(points, first, last, heading, largest_radius):
     return heading + 2.0 * _wrapped(chord - heading)
 
 
-@njit(cache=True)
+@njit
 def _shortest_chain(points, headings, rows, tolerance, spread, largest_radius):
     """Dynamic programming; returns (k, 5): start, end and start heading of every arc."""
     m = rows.shape[0]
@@ -189,7 +189,7 @@ def _shortest_chain(points, headings, rows, tolerance, spread, largest_radius):
     return _traced(points, headings, rows, error, before, tail, out, largest_radius)
 
 
-@njit(cache=True)
+@njit
 def _biarc_middle(points, headings, first, last, start, tolerance, largest_radius):
     """Row of a middle joint on the curve from which a second arc arrives with the curve's end heading.
 
@@ -221,7 +221,7 @@ def _biarc_middle(points, headings, first, last, start, tolerance, largest_radiu
     return low
 
 
-@njit(cache=True)
+@njit
 def _middle_mismatch(points, headings, first, middle, last, start, largest_radius):
     arrived = _end_heading(points, first, middle, start, largest_radius)
     dx, dy = points[last, 0] - points[middle, 0], points[last, 1] - points[middle, 1]
@@ -229,7 +229,7 @@ def _middle_mismatch(points, headings, first, middle, last, start, largest_radiu
     return _wrapped(arrived - needed)
 
 
-@njit(cache=True)
+@njit
 def _traced(points, headings, rows, error, before, tail, out, largest_radius):
     """Follow the chain back from its end and write it forward."""
     a, s = int(tail[0]), int(tail[1])
