@@ -184,27 +184,38 @@ def verify_setups(programs, solid, judging):
         InputError: no faces, or faces of another solid; a plating that is no thinner than the smallest ball.
         SimulationError: a cutter that is no thicker than the plating.
     """
-    part, clampings = _laid_out(programs, solid, judging)
-    judged = _residuals(part, clampings, judging)
-    finished_mm = MISSED * allowed_mm(judging.finish)
-    steps = joints([c.name for c in clampings], [own for _, own in judged], [len(found.samples) for found, _ in judged],
-                   finished_mm=finished_mm, fade_mm=float(np.sqrt(2.0 * part.largest_radius_mm * finished_mm)))
-    return tuple(_judged(part, c, found, own, judging, joined)
-                 for c, (found, own), joined in zip(clampings, judged, steps))
+    return first_look(programs, solid, judging).verdicts()
 
 
-def residuals_of(programs, solid, judging):
-    """The first verifier alone, as `verify_setups` asks it: (Residuals of its faces after all, of all faces after it) a program.
+def first_look(programs, solid, judging):
+    """The first verifier alone: FirstLook, from which the whole verdict goes on.
 
-    Args, raises: as there.
+    Args, raises: as `verify_setups`.
     """
-    return _residuals(*_laid_out(programs, solid, judging), judging)
-
-
-def _residuals(part, clampings, judging):
+    part, clampings = _laid_out(programs, solid, judging)
     for c in clampings:
         judging.say(f"{c.name}: {len(c.samples):,} samples against {len(c.program.posted):,} moves, and tops between them")
-    return residuals(part.piece, [c.sampled for c in clampings], part.closest, part.ball_radius_mm, judging.kept)
+    found = residuals(part.piece, [c.sampled for c in clampings], part.closest, part.ball_radius_mm, judging.kept)
+    return FirstLook(part=part, clampings=clampings, judging=judging, residuals=found)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FirstLook:
+    """What the first verifier finds of programs."""
+
+    part: object                      # _Part
+    clampings: list                   # _Clamping, one a program
+    judging: Judging
+    residuals: list                   # (Residuals of its faces after all, of all faces after it alone), one a program
+
+    def verdicts(self):
+        """The other verifiers' look at the same; one SetupVerdict a program."""
+        finished_mm = MISSED * allowed_mm(self.judging.finish)
+        steps = joints([c.name for c in self.clampings], [own for _, own in self.residuals],
+                       [len(found.samples) for found, _ in self.residuals], finished_mm=finished_mm,
+                       fade_mm=float(np.sqrt(2.0 * self.part.largest_radius_mm * finished_mm)))
+        return tuple(_judged(self.part, c, found, own, self.judging, joined)
+                     for c, (found, own), joined in zip(self.clampings, self.residuals, steps))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
