@@ -14,7 +14,7 @@ from cuspline.kernel import brep
 from cuspline.planning.context import finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ball_reach, choose_ball, choose_side_cutter
 from cuspline.planning.roughing import roughed
-from cuspline.replay.replay import Fixture
+from cuspline.replay.scene import Fixture
 from cuspline.toolpaths.vane.arc_templates import BESIDE_MM, templated_passes
 from cuspline.toolpaths.vane.circular_tip import CircularTip
 from cuspline.toolpaths.vane.cutter_surface import cut_map
