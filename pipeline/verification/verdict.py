@@ -24,7 +24,7 @@ from cuspline.values.errors import InputError
 from cuspline.values.findings import Finding
 from cuspline.verification.certificate import Certificate, certify, part_in_wcs
 from cuspline.verification.climbing import Ground
-from cuspline.verification.cusps import Cusps, measured_cusps
+from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.in_process import PART
 from cuspline.verification.reach import REACHABLE, drop_mesh
@@ -351,10 +351,11 @@ def _cusps(part, c, found):
     count, piece = len(c.samples), part.piece
     row, d = found.row[:count], found.deviation_mm[:count]
     fair = found.is_reachable[:count] & found.is_own[:count] & (row >= 0) & (d <= allowed_mm(part.finish) * MISSED)
-    return measured_cusps(c.sampled.ground, found.samples.first(count), np.where(fair, d, -np.inf),
-                          np.where((row >= 0)[:, None], c.sampled.feeds[row], 0.0), piece.cuts[c.number], c.program.posted,
-                          piece.cut_distance_mm, lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], found.spacing_mm,
-                          c.required)
+    sampled = SampledStock(ground=c.sampled.ground, samples=found.samples.first(count), spacing_mm=found.spacing_mm,
+                           height_mm=np.where(fair, d, -np.inf),
+                           feed=np.where((row >= 0)[:, None], c.sampled.feeds[row], 0.0))
+    return measured_cusps(sampled, piece.cuts[c.number], c.program.posted, piece.cut_distance_mm,
+                          lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], c.required)
 
 
 def _between_samples(proof, found, options):
