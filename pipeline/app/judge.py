@@ -14,8 +14,8 @@ from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.job import read_tools
 from cuspline.kernel import brep
 from cuspline.program.posted import PostedMoves
-from cuspline.replay.replay import Fixture, SolidFixture
 from cuspline.replay.replay_checks import Reporter
+from cuspline.replay.scene import Fixture, SolidFixture
 from cuspline.shop.materials import known_materials
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
