@@ -1,6 +1,7 @@
 """Auto: from the stock to the finish, all chosen by curvature: what a setup does that lists no operations."""
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 from pydantic import Field
@@ -10,6 +11,7 @@ from cuspline.planning import freeform_finishing, section_finishing
 from cuspline.planning.cutter_choice import choose_ball, choose_rest_ball
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
+from cuspline.values.errors import CutterDoesNotFit
 
 
 class Auto(Finishing):
@@ -39,7 +41,14 @@ class Auto(Finishing):
         return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.pass_angle_deg))
 
     def plan(self, work):
-        return (_by_sections if self.strategy == "sections" else _free_form)(work)
+        if self.strategy != "sections":
+            return _free_form(work)
+        try:
+            return _by_sections(work)
+        except CutterDoesNotFit as error:           # no one ball everywhere: a chain of them goes where it can
+            parallel = self.model_copy(update={"strategy": "parallel"})
+            made, reached = _free_form(work.of(parallel, work.planned))
+            return [replace(o, facts={**o.facts, "instead_of_sections": str(error)}) for o in made], reached
 
 
 def _by_sections(work):
