@@ -60,7 +60,7 @@ def test_short_tools_cut_what_they_come_to(plan_beside_a_column):
     plan = plan_beside_a_column
     assert [o.name for o in plan.operations][0] == "rough" and plan.operations[-1].name.endswith("finish")
     assert 0.2 * plan.area_required_mm2 < plan.area_reached_mm2 < 0.9 * plan.area_required_mm2
-    assert all("T5" in o.facts["instead_of_sections"] and "short" in o.facts["instead_of_sections"] for o in plan.operations)
+    assert all("T5" in o.facts["instead_of"] and "short" in o.facts["instead_of"] for o in plan.operations)
 
 
 def test_no_holder_of_theirs_touches_the_part(plan_beside_a_column):
@@ -107,12 +107,33 @@ def test_where_no_spiral_goes_the_passes_follow_the_borders():
     assert finish.facts["strategy"] == "boundary" and "2 borders" in finish.facts["instead_of"]
 
 
+def reached_by(strategy, *kinds):
+    """(strategy of the finish, why another was to be) of a groove along x with round ends, by sections or none stated."""
+    groove = cq.Workplane("XY").box(40, 20, 10, centered=(True, True, False)).cut(
+        cq.Workplane("XY").slot2D(24, 10).extrude(4).translate((0, 0, 6)))
+    faces = FacePredicate(name="groove", at_least=1, kinds=kinds, center_min_mm=(-15, -6, 5.9), center_max_mm=(15, 6, 9.9))
+    design = part(groove, faces, StockBox(min_mm=(-20, -10, 0), max_mm=(20, 10, 10.2)), Auto(strategy=strategy))
+    facts = plan_setup(design, design.setups[0], MACHINE, FEW).operations[-1].facts
+    return facts.get("strategy", "sections"), facts.get("instead_of", "")
+
+
+def test_sections_are_chosen_for_swept_faces_alone():
+    assert reached_by(None, "plane", "cylinder") == ("parallel", "")
+    name, why = reached_by("sections", "plane", "cylinder")
+    assert name == "parallel" and why.startswith("sections: faces stand along the section plane ZX")
+
+
 def near_net(*operations):
     """A block that has hardly 0.1 mm on it."""
     block = cq.Workplane("XY").box(20, 20, 8, centered=(True, True, False))
     top = FacePredicate(name="top", count=1, kinds=("plane",), normal=(0, 0, 1))
     design = part(block, top, StockBox(min_mm=(-10, -10, 0), max_mm=(10, 10, 8.1)), *operations)
     return plan_setup(design, design.setups[0], MACHINE, FEW)
+
+
+def test_level_ground_is_swept():
+    finish = near_net().operations[-1]
+    assert finish.facts["section_plane"] == "ZX" and "instead_of" not in finish.facts
 
 
 def test_a_blank_near_to_the_part_needs_no_roughing():
