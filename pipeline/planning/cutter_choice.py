@@ -9,7 +9,7 @@ import numpy as np
 
 from cuspline.planning.tool_depth import clear_tips_mm, is_clear_above, missing_stick_out_mm
 from cuspline.shop.cutters import Tool
-from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import CutterDoesNotFit, PlanError
@@ -19,6 +19,7 @@ LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 600, 5, 12
 REST_ROUGHING_SHARE = 0.7   # of the diameter before: a cutter hardly smaller is not worth its change
 SAME_MM = 1e-6              # diameters that are the same
 LEVEL = 1e-6                # of a unit normal: level ground
+ROUNDING_MM = 1e-9          # heights that differ by less are the same
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
 
 
@@ -68,8 +69,8 @@ def ball_reach(samples, mesh, radius_mm):
         radius_mm: ball radius.
     """
     center = samples.point_mm + radius_mm * samples.normal
-    held = drop_tips_mm(mesh, center[:, :2], radius_mm - TOUCH_MM, radius_mm - TOUCH_MM) + radius_mm - TOUCH_MM
-    reached = (samples.normal[:, 2] > -1e-6) & (held <= center[:, 2] + 1e-9)
+    less = radius_mm - TOUCH_MM
+    reached = (samples.normal[:, 2] > -1e-6) & ~is_held_above(mesh, center[:, :2], less, less, center[:, 2] - less + ROUNDING_MM)
     tip = center - np.array([0.0, 0.0, radius_mm])
     return Reach(tip_mm=tip, is_reached=reached)
 
@@ -348,10 +349,12 @@ def leftover_mm(tool, mesh, samples, allowance_mm, rows, is_short=False):
         bottom = rc - np.sqrt(max(rc * rc - max(d - (R - rc), 0.0) ** 2, 0.0))
         for angle in np.linspace(0, 2 * np.pi, LEFTOVER_SPOKES if ring else 1, endpoint=False):
             xy = points[:, :2] + d * np.array([fixed.cos(angle), fixed.sin(angle)])
-            tips = drop_tips_mm(mesh, xy, R + allowance_mm, rc + allowance_mm) + allowance_mm
+            cutter = R + allowance_mm, rc + allowance_mm
+            lower = ~is_held_above(mesh, xy, *cutter, lowest - bottom - allowance_mm - ROUNDING_MM)
+            tips = drop_tips_mm(mesh, xy[lower], *cutter) + allowance_mm
             if is_short:
-                tips = np.maximum(tips, clear_tips_mm(tool, mesh, xy, 0.0))
-            lowest = np.minimum(lowest, tips + bottom)
+                tips = np.maximum(tips, clear_tips_mm(tool, mesh, xy[lower], 0.0))
+            lowest[lower] = np.minimum(lowest[lower], tips + bottom)
     return np.maximum(lowest - points[:, 2], 0.0) * np.abs(normals[:, 2])
 
 

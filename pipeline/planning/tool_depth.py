@@ -12,11 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from cuspline.toolpaths.contact.contacts import NO_FACE
-from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
 from cuspline.toolpaths.drop.droppers import Dropper
 
 HOLDER_CLEARANCE_MM = 1.0
 SHANK_CLEARANCE_MM = 0.05
+ROUNDING_MM = 1e-9          # heights that differ by less are the same
+SOME = 16                   # every so many-th place is looked at first: the rest seldom shows more
 
 
 def clear_tips_mm(tool, mesh, xy_mm, stock_mm):
@@ -38,14 +40,28 @@ def is_clear_above(tool, lowest_tip_mm, top_mm, stock_mm):
     return all(lowest_tip_mm + z0 >= top_mm + clearance for z0, _, clearance in _wide_frusta(tool, stock_mm))
 
 
-def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm):
-    """(n,) how much deeper holder and shank would have to clear at each tip position (n, 3); 0 where they are clear."""
-    return np.maximum(clear_tips_mm(tool, mesh, tips_mm[:, :2], stock_mm) - tips_mm[:, 2], 0.0)
-
-
 def missing_stick_out_mm(tool, tips_mm, mesh, stock_mm):
-    """The most of these; 0 where everything is clear."""
-    return float(missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm).max(initial=0.0))
+    """How much deeper the holder and shank would have to clear; 0 where everything is clear.
+
+    Args:
+        tool: Tool.
+        tips_mm: (n, 3) tip positions it must reach.
+        mesh: DropMesh of the part.
+        stock_mm: thickness of the material that may still stand on the part.
+    """
+    least = missing_stick_outs_mm(tool, tips_mm[::SOME], mesh, stock_mm).max(initial=0.0)
+    return float(missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least).max(initial=0.0))
+
+
+def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least_mm=0.0):
+    """(n,) how much deeper holder and shank would have to clear at each tip position; `least_mm` where that is no more."""
+    worst = np.full(len(tips_mm), least_mm)
+    for z0, r, clearance in _wide_frusta(tool, stock_mm):
+        radius, bottom = r + clearance, tips_mm[:, 2] + z0
+        more = is_held_above(mesh, tips_mm[:, :2], radius, 0.0, bottom - clearance + worst - ROUNDING_MM)
+        below = drop_tips_mm(mesh, tips_mm[more, :2], radius, 0.0)
+        worst[more] = np.maximum(worst[more], below + clearance - bottom[more])
+    return worst
 
 
 def _wide_frusta(tool, stock_mm):

@@ -1,6 +1,7 @@
 """A short vane end to end: planned, posted, read back, simulated, compared; and what is written beside it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,10 @@ from cuspline.design.job import read_job
 from cuspline.designs.rfq_vane import RfqVane, table_of
 from cuspline.kernel import brep
 from cuspline.replay.replay import replay
+from cuspline.replay.scene import FoundStock, Surroundings
 from cuspline.values.errors import DesignError, PlanError
+from cuspline.values.frames import Frame
+from cuspline.verification.certificate import certify, gouges_beyond, part_in_wcs
 from cuspline.verification.verdict import Options
 
 
@@ -138,6 +142,22 @@ def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
     assert judged.verdict.setups[0].findings == () and verify["setups"][0]["holder_clearance_mm"] == pytest.approx(1.0)
     assert verify["gouge_max_mm"] < 0.001 and 0.008 < verify["cusp_max_mm"] < 0.0125
     assert verify["area_reached_mm2"] == pytest.approx(verify["area_required_mm2"])
+    # the proofs know the disc: nothing is left out but the moves before the first known place, and they are near the truth
+    proof = verify["setups"][0]["sampling"]
+    assert proof["not_covered"] == [] and max(proof["unproven_mm2"].values()) == 0
+    assert verify["excess_max_mm"] <= verify["excess_proven_mm"] < 1.05 * verify["excess_max_mm"]
+    assert verify["gouge_max_mm"] <= verify["gouge_proven_mm"] < 0.001
+    assert verify["setups"][0]["certificate"]["not_covered"] == {"the program does not say where the move begins or ends": 2}
+    # 2 um into the metal
+    job, tools = read_job(folder), read_tools(folder)
+    setup = job.posted[0].setup
+    moves = posted_moves(((folder / "setup-1.ngc").read_text(),), setup, job.machine, tools)
+    low = {name: getattr(moves, name) - (0.0, 0.0, 0.002) for name in ("start_mm", "end_mm", "center_mm")}
+    solid = brep.seen_from(brep.the_solid(brep.read_step(folder / job.step)), setup.frame)
+    here, there = (certify(m, tools, part_in_wcs(solid, Frame.shift((0, 0, 0))), solid=solid, tolerance_mm=4e-4)
+                   for m in (moves, replace(moves, **low)))
+    assert gouges_beyond(here, 0.001) == () and 0.002 <= there.proven_mm < 0.0025
+    assert {moves.kind[g.row] >= 2 for g in gouges_beyond(there, 0.001)} == {True}
 
 
 def test_a_disc_that_would_meet_the_jaws_is_refused(tmp_path):
@@ -170,7 +190,8 @@ def test_a_disc_below_the_machines_table_is_found(tmp_path):
     for above in (1.0, -2.0):
         machine = job.machine.model_copy(update={"table_z_mm": job.machine.wcs_origin_mm[2] + lowest - above})
         moves = posted_moves(((folder / "setup-1.ngc").read_text(),), job.posted[0].setup, machine, tools)
-        found = replay(moves, tools, stock_min=(0.0, -10.0, 0.0), stock_max=(2.0, 10.0, 92.0), pitch_mm=0.5,
-                       machine=machine, within_before=lambda row: lambda xy, radius: np.zeros(len(xy)))
+        found = replay(moves, tools, FoundStock(min_mm=(0.0, -10.0, 0.0), max_mm=(2.0, 10.0, 92.0), pitch_mm=0.5,
+                                                within_before=lambda row: lambda xy, radius: np.zeros(len(xy))),
+                       around=Surroundings(machine=machine))
         depth.append([f.amount_mm for f in found.findings if "table" in f.advice])
     assert depth[0] == [] and max(depth[1]) == pytest.approx(2.0, abs=0.01)
