@@ -26,7 +26,7 @@ from cuspline.toolpaths.freeform.waterline import DropHeights, waterlines
 from cuspline.toolpaths.roughing.stock_fields import swept_by_lines
 from cuspline.toolpaths.sections.profile_passes import planes_across, smallest_step
 from cuspline.values import fixed_math as fixed
-from cuspline.values.errors import PlanError
+from cuspline.values.errors import NotOnePass, PlanError
 
 NODES_A_STEP = 5.0          # grid nodes between neighbouring passes on level ground
 LATERAL_SHARE = 0.02        # of a step, that a move may leave its curve in plan
@@ -146,7 +146,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
         return None
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=BRIDGE_STEPS * step)
     gentle = _gentle(field, math.radians(work.operation.steep_deg), OVERLAP_STEPS * step)
-    curves = work.operation.curves(gentle, tool.cutter, ridge_mm) if gentle is not None else []
+    curves, pattern = _curves(work.operation, gentle, tool.cutter, ridge_mm)
     paths = tip_paths(curves, gentle, rules) if curves else []
     walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step)
     touched = []
@@ -160,7 +160,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
     link = link_rules(work, field, tolerance, step, feed, left_mm)
     moves = Moves.joined([moves_of_tip_paths(some, link) for some in (walls, paths) if some])
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
-             "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), "strategy": work.operation.pattern,
+             "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), **pattern,
              "passes": len(paths), "wall_passes": len(walls), "touch_ups": len(touched),
              "grid_mm": round(field.pitch_mm, 6),
              "region_mm2": round(float(field.is_inside.sum()) * field.pitch_mm ** 2, 1), "links": work.operation.passes,
@@ -168,6 +168,17 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
              "candidates": [c.as_dict() for c in candidates]}
     return work.measured(name, tool, rpm, moves, facts)
+
+
+def _curves(operation, field, cutter, ridge_mm):
+    """(passes in plan, what plan.json says of their pattern): along the borders where no one pass covers the region."""
+    if field is None:
+        return [], {"strategy": operation.pattern}
+    try:
+        return operation.curves(field, cutter, ridge_mm), {"strategy": operation.pattern}
+    except NotOnePass as error:
+        return pattern_curves("boundary", field, cutter, ridge_mm), {
+            "strategy": "boundary", "instead_of": f"{operation.pattern}: {error}"}
 
 
 def _touch_up(field, paths, before, scallop_mm, ridge_mm, step_mm, rules):
@@ -193,7 +204,7 @@ def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False):
     boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
-    dropper = work.dropper_of(tool.cutter, allowance_mm)
+    dropper = work.dropper_with(tool, allowance_mm)
     return tip_field(dropper, work.wanted, (low[:2], high[:2]), pitch_mm, run_over, may_be_empty)
 
 

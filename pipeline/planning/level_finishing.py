@@ -147,7 +147,7 @@ def _region(work, tool, faces):
     """TipField of the cutter over some faces; None where it touches none of them."""
     boxes = [bounding_box_mm(work.faces[i].shape) for i in faces]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
-    dropper = work.dropper_of(tool.cutter, work.operation.allowance_mm)
+    dropper = work.dropper_with(tool, work.operation.allowance_mm)
     radius = tool.cutter.radius_mm
     try:
         return tip_field(dropper, faces, (low[:2], high[:2]), PITCH_SHARE * radius, OVER_SHARE * radius)
