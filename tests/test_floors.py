@@ -47,6 +47,16 @@ def folder(name):
     return ".".join(parts[1:3]) if parts[1] == "toolpaths" else parts[1]
 
 
+def arguments(function):
+    """How many arguments a function takes by name."""
+    a = function.args
+    return len(a.posonlyargs + a.args + a.kwonlyargs)
+
+
+def is_kernel(function):
+    return any("njit" in ast.unparse(decorator) for decorator in function.decorator_list)
+
+
 def test_every_module_stands_on_a_floor():
     assert {name.split(".")[1] for name in modules()} == set(RANK)
 
@@ -75,3 +85,10 @@ def test_posts_know_programs_and_values_only_and_readers_know_no_writer():
 def test_the_import_name_is_a_folder_for_editors_and_type_checkers():
     assert (ROOT / "cuspline").resolve() == ROOT / "pipeline"
     assert [(ROOT / "pipeline" / name).resolve() for name in ("designs", "posts")] == [ROOT / "designs", ROOT / "posts"]
+
+
+def test_hardly_a_function_takes_more_than_seven_arguments():
+    """What belongs together is a value with a name; kernels take what numba knows, commands their options."""
+    long = [f"{name}.{f.name}" for name, path in modules().items() for f in ast.walk(ast.parse(path.read_text()))
+            if isinstance(f, ast.FunctionDef) and not is_kernel(f) and arguments(f) > 7]
+    assert len(long) <= 5, long
