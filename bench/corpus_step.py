@@ -36,7 +36,6 @@ def in_inches(solid, path):
 
 
 def exported(solid, path, unit="MM"):
-    from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
     Interface_Static.SetCVal_s("write.step.unit", unit)
     try:
         writer = STEPControl_Writer()
