@@ -25,6 +25,7 @@ from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from OCP.Message import Message
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
+from OCP.ShapeCustom import ShapeCustom
 from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_REVERSED, TopAbs_SOLID
 from OCP.TopExp import TopExp, TopExp_Explorer
@@ -119,6 +120,21 @@ def _one_solid(shape, name):
     if rough.Mass() <= 0 and volume_mm3(solid) <= 0:
         raise DesignError(f"{name} has no positive volume: its shell is inside out")
     return solid
+
+
+def storable(solid):
+    """The solid as STEP can hold it: a face turned from a closed curve comes back without its pole, as a B-spline with it."""
+    if not any(_has_pole_of_closed_curve(f) for f in faces_of(solid)):
+        return solid
+    made = TopoDS.Solid_s(explore(ShapeCustom.ConvertToBSpline_s(solid, False, True, False, False), TopAbs_SOLID)[0])
+    marks = marks_of(solid, explore(solid, TopAbs_FACE))
+    return made if marks is None else MarkedSolid(made, marks)
+
+
+def _has_pole_of_closed_curve(face):
+    if face.kind != "revolution" or not face.adaptor.BasisCurve().IsPeriodic():
+        return False
+    return any(BRep_Tool.Degenerated_s(edge) for edge in _edges_round(face.shape))
 
 
 def marked(shape, names=(), colors=()):
@@ -341,10 +357,11 @@ def _nurbs_of(face):
         if getattr(surface, f"Is{direction}Periodic")():
             getattr(surface, f"Set{direction}NotPeriodic")()
     nu, nv = surface.NbUPoles(), surface.NbVPoles()
+    is_rational = surface.IsURational() or surface.IsVRational()       # the weights of others may be no numbers at all
     poles = np.empty((nu, nv, 4))
     for i in range(nu):
         for j in range(nv):
-            p, w = surface.Pole(i + 1, j + 1), surface.Weight(i + 1, j + 1)
+            p, w = surface.Pole(i + 1, j + 1), surface.Weight(i + 1, j + 1) if is_rational else 1.0
             poles[i, j] = p.X() * w, p.Y() * w, p.Z() * w, w
     flat = lambda d, n: np.repeat(
         [getattr(surface, f"{d}Knot")(k) for k in range(1, n + 1)],
