@@ -723,6 +723,12 @@ def step_of_an_assembly(dice):
     return spoilt_piece(dice, corpus_step.placed_in_an_assembly)
 
 
+@family("parallel", "constant_scallop")
+def one_solid_of_two(dice):
+    """A part and its screw in one file; the job names the part."""
+    return spoilt_piece(dice, corpus_step.with_a_neighbour, job={"solid": 1})
+
+
 @family("parallel")
 def two_solids(dice):
     """A part and its screw in one file; nothing says which is cut."""
