@@ -128,7 +128,7 @@ def find_design(name_or_file):
 def _refuse_mesh(path):
     """Raises InputError for a file of triangles: offsets, curvature and verdict are those of exact surfaces."""
     if path.suffix.lower() in MESHES:
-        raise InputError(f"{path} is a mesh: triangles do not tell the curvature that cutters and passes are chosen by; export the "
+        raise InputError(f"{path} is a mesh: triangles have no curvature to choose cutters and passes by; export the "
                          "part as STEP from the program that made it, or model its faces anew; a mesh may be the stock: "
                          'stock = { stl = "blank.stl" }')
 
