@@ -10,7 +10,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline.planning.context import path_tolerance_mm, ridge_for_step_mm
-from cuspline.planning.freeform_finishing import LATERAL_SHARE, NODES_A_STEP, flat_step_mm, link_rules, wall_paths_at
+from cuspline.planning.freeform_finishing import (
+    ASIDE_MM,
+    HANGS,
+    LATERAL_SHARE,
+    NODES_A_STEP,
+    flat_step_mm,
+    link_rules,
+    wall_paths_at,
+)
 from cuspline.planning.tool_depth import missing_stick_outs_mm
 from cuspline.program.program import Moves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
@@ -71,13 +79,16 @@ def _balls(work, operations):
 def _touched(work, tool, foot, left_mm):
     """(n,) bool: the ball touches the place, with nothing else in its way and its holder clear.
 
-    Held up by dz it is off the place by dz times the normal's height: on a wall, by little.
+    It is dropped a hair beside the place: on an upright wall it would stand on the wall's top.  Where it is held up it
+    is off the place by little on a wall, by all of that on level ground.
     """
     radius, up = tool.cutter.radius_mm, foot.normal[:, 2]
     tips = foot.point_mm + radius * foot.normal - (0.0, 0.0, radius)
-    off_mm = up * (work.dropper(radius, radius, 0.0).tips_mm(tips[:, :2]) - tips[:, 2])
+    beside = tips[:, :2] + ASIDE_MM * foot.normal[:, :2]
+    lifted = np.maximum(work.dropper(radius, radius, 0.0).tips_mm(beside) - tips[:, 2], 0.0)
+    off_mm = np.sqrt(radius ** 2 + 2.0 * radius * up * lifted + lifted ** 2) - radius
     clear = missing_stick_outs_mm(tool, tips, work.mesh, work.practice.rough_allowance_mm + left_mm) <= 0
-    return (up > 0.0) & (off_mm <= TOUCH_SHARE * work.finish.scallop_mm) & clear
+    return (up > -HANGS) & (off_mm <= TOUCH_SHARE * work.finish.scallop_mm) & clear
 
 
 def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):

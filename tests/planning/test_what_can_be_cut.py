@@ -96,6 +96,30 @@ def test_on_a_steep_wall_a_ball_touches_what_it_is_micrometres_off(drafted):
     assert _touched(work, small, foot, 0.06).all() and not _touched(work, large, foot, 0.06).any()
 
 
+@pytest.fixture(scope="module")
+def stepped():
+    """A block with a step across, its upright wall and the sharp foot of it."""
+    solid = cq.Workplane("XY").box(20, 12, 9, centered=(True, True, False)).cut(
+        cq.Workplane("XY").box(10, 12, 6, centered=(False, True, False)).translate((0, 0, 3)))
+    both = FacePredicate(name="wall and floor", count=2, kinds=("plane",), center_min_mm=(-0.1, -1, 2.9), center_max_mm=(9, 1, 6.1))
+    return part(solid, both, StockBox(min_mm=(-10, -6, 0), max_mm=(10, 6, 9.2)), Auto(strategy="parallel"))
+
+
+def test_a_ball_touches_an_upright_wall_down_to_its_own_radius(stepped):
+    work = context_of(stepped)
+    small = work.library.of_type("ball")[-1]
+    foot = work.closest.closest_points(np.array([[0.0, 0.0, 4.0], [0.0, 0.0, 5.001], [0.0, 0.0, 5.5]]))
+    assert _touched(work, small, foot, 0.1).tolist() == [False, True, True]
+
+
+def test_a_pass_runs_along_the_foot_of_a_wall(stepped):
+    plan = plan_setup(stepped, stepped.setups[0], MACHINE, FEW)
+    finish = plan.operations[-1]
+    radius, ends = finish.tool.cutter.radius_mm, finish.moves.end_mm
+    there = (np.abs(ends[:, 0] - radius) < 1e-3) & (np.abs(ends[:, 2] - 3.0) <= 0.03)
+    assert np.ptp(ends[there, 1]) > 11.9
+
+
 def test_where_no_spiral_goes_the_passes_follow_the_borders():
     """A ring has two borders."""
     ring = cq.Workplane("XY").box(30, 30, 8, centered=(True, True, False)).cut(
