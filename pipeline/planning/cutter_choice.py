@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.shop.cutters import Tool
-from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import CutterDoesNotFit, PlanError
@@ -20,6 +20,8 @@ LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 600, 5, 12
 REST_ROUGHING_SHARE = 0.7   # of the diameter before: a cutter hardly smaller is not worth its change
 SAME_MM = 1e-6              # diameters that are the same
 LEVEL = 1e-6                # of a unit normal: level ground
+ROUNDING_MM = 1e-9          # heights that differ by less are the same
+SOME = 16                   # every so many-th place is looked at first: the rest seldom shows more
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
 
 
@@ -69,8 +71,8 @@ def ball_reach(samples, mesh, radius_mm):
         radius_mm: ball radius.
     """
     center = samples.point_mm + radius_mm * samples.normal
-    held = drop_tips_mm(mesh, center[:, :2], radius_mm - TOUCH_MM, radius_mm - TOUCH_MM) + radius_mm - TOUCH_MM
-    reached = (samples.normal[:, 2] > -1e-6) & (held <= center[:, 2] + 1e-9)
+    less = radius_mm - TOUCH_MM
+    reached = (samples.normal[:, 2] > -1e-6) & ~is_held_above(mesh, center[:, :2], less, less, center[:, 2] - less + ROUNDING_MM)
     tip = center - np.array([0.0, 0.0, radius_mm])
     return Reach(tip_mm=tip, is_reached=reached)
 
@@ -111,19 +113,23 @@ def missing_stick_out_mm(tool, tips_mm, mesh, stock_mm):
         mesh: DropMesh of the part.
         stock_mm: thickness of the material that may still stand on the part.
     """
-    return float(missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm).max(initial=0.0))
+    few = tips_mm[::SOME]
+    least = missing_stick_outs_mm(tool, few, mesh, stock_mm).max(initial=0.0)
+    return float(missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least).max(initial=0.0))
 
 
-def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm):
-    """(n,) how much deeper holder and shank would have to clear at each tip position; 0 where they are clear."""
-    worst = np.zeros(len(tips_mm))
+def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least_mm=0.0):
+    """(n,) how much deeper holder and shank would have to clear at each tip position; `least_mm` where that is no more."""
+    worst = np.full(len(tips_mm), least_mm)
     for z0, r0, _, r1 in tool.non_cutting_frusta():
         is_holder = z0 >= tool.stick_out_mm - 1e-9
         clearance = stock_mm + (HOLDER_CLEARANCE_MM if is_holder else SHANK_CLEARANCE_MM)
-        if max(r0, r1) + clearance <= tool.cutter.radius_mm:
+        radius, bottom = max(r0, r1) + clearance, tips_mm[:, 2] + z0
+        if radius <= tool.cutter.radius_mm:
             continue
-        below = drop_tips_mm(mesh, tips_mm[:, :2], max(r0, r1) + clearance, 0.0)
-        worst = np.maximum(worst, below + clearance - (tips_mm[:, 2] + z0))
+        more = is_held_above(mesh, tips_mm[:, :2], radius, 0.0, bottom - clearance + worst - ROUNDING_MM)
+        below = drop_tips_mm(mesh, tips_mm[more, :2], radius, 0.0)
+        worst[more] = np.maximum(worst[more], below + clearance - bottom[more])
     return worst
 
 
@@ -362,8 +368,10 @@ def leftover_mm(tool, mesh, samples, allowance_mm, rows):
         bottom = rc - np.sqrt(max(rc * rc - max(d - (R - rc), 0.0) ** 2, 0.0))
         for angle in np.linspace(0, 2 * np.pi, LEFTOVER_SPOKES if ring else 1, endpoint=False):
             xy = points[:, :2] + d * np.array([fixed.cos(angle), fixed.sin(angle)])
-            tips = drop_tips_mm(mesh, xy, R + allowance_mm, rc + allowance_mm) + allowance_mm
-            lowest = np.minimum(lowest, tips + bottom)
+            cutter = R + allowance_mm, rc + allowance_mm
+            lower = ~is_held_above(mesh, xy, *cutter, lowest - bottom - allowance_mm - ROUNDING_MM)
+            tips = drop_tips_mm(mesh, xy[lower], *cutter) + allowance_mm
+            lowest[lower] = np.minimum(lowest[lower], tips + bottom)
     return np.maximum(lowest - points[:, 2], 0.0) * np.abs(normals[:, 2])
 
 
