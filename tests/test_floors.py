@@ -1,4 +1,4 @@
-"""The house: every floor imports from below only, no two folders need each other, readers do not know writers."""
+"""The house: every floor imports from below only, no two folders need each other, readers do not know writers, columns have names."""
 
 import ast
 from functools import cache
@@ -9,6 +9,7 @@ FLOORS = ({"values"}, {"splines", "scallop", "shop"}, {"kernel", "program"}, {"p
           {"design", "replay"}, {"toolpaths"}, {"planning", "verification"}, {"report"}, {"app"}, {"designs"})
 CATALOGUE = ("cuspline.app.catalogue", "cuspline.designs")      # finds designs by name
 RANK = {name: rank for rank, floor in enumerate(FLOORS) for name in floor}
+MOST_BARE = 250         # numbers that index something in kernels: the first place of a stack, the second side of a shape
 
 
 @cache
@@ -75,3 +76,20 @@ def test_posts_know_programs_and_values_only_and_readers_know_no_writer():
 def test_the_import_name_is_a_folder_for_editors_and_type_checkers():
     assert (ROOT / "cuspline").resolve() == ROOT / "pipeline"
     assert [(ROOT / "pipeline" / name).resolve() for name in ("designs", "posts")] == [ROOT / "designs", ROOT / "posts"]
+
+
+def test_columns_that_kernels_read_have_names():
+    """`row[NORMAL]` can be read, `row[3]` cannot."""
+    bare = [f"{name}.{kernel.name}: {ast.unparse(part)}" for name, path in modules().items()
+            for kernel in ast.walk(ast.parse(path.read_text())) if _is_kernel(kernel)
+            for part in ast.walk(kernel) if isinstance(part, ast.Subscript) and _has_number(part.slice)]
+    assert len(bare) <= MOST_BARE, bare
+
+
+def _is_kernel(node):
+    return isinstance(node, ast.FunctionDef) and any("njit" in ast.unparse(d) for d in node.decorator_list)
+
+
+def _has_number(index):
+    return any(isinstance(one, ast.Constant) and isinstance(one.value, int)
+               for one in (index.elts if isinstance(index, ast.Tuple) else [index]))

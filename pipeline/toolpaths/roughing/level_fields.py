@@ -15,6 +15,7 @@ import numpy as np
 
 from cuspline.values.arrays import frozen
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y
 
 BISECTIONS = 6          # a crossing is found to the pitch / 64, on the low side
 
@@ -120,7 +121,7 @@ def _offer(near, best, j, i, ax, ay, bx, by):
     px, py = ax + t * ux, ay + t * uy
     d = (px - i) * (px - i) + (py - j) * (py - j)
     if d < best[j, i]:
-        best[j, i], near[j, i, 0], near[j, i, 1] = d, px, py
+        best[j, i], near[j, i, X], near[j, i, Y] = d, px, py
 
 
 @njit
@@ -132,31 +133,31 @@ def _seed(is_low, cross_x, cross_y, near, best):
         for i in range(nx - 1):
             count = 0
             if not math.isnan(cross_x[j, i]):
-                ends[count, 0], ends[count, 1] = i + cross_x[j, i], j
+                ends[count, X], ends[count, Y] = i + cross_x[j, i], j
                 count += 1
             if not math.isnan(cross_y[j, i + 1]):
-                ends[count, 0], ends[count, 1] = i + 1, j + cross_y[j, i + 1]
+                ends[count, X], ends[count, Y] = i + 1, j + cross_y[j, i + 1]
                 count += 1
             if not math.isnan(cross_x[j + 1, i]):
-                ends[count, 0], ends[count, 1] = i + cross_x[j + 1, i], j + 1
+                ends[count, X], ends[count, Y] = i + cross_x[j + 1, i], j + 1
                 count += 1
             if not math.isnan(cross_y[j, i]):
-                ends[count, 0], ends[count, 1] = i, j + cross_y[j, i]
+                ends[count, X], ends[count, Y] = i, j + cross_y[j, i]
                 count += 1
             for a in range(count):              # a saddle (four crossings) is fenced off all round
                 for b in range(a + 1, count):
                     for jj in range(max(j - 1, 0), min(j + 3, ny)):
                         for ii in range(max(i - 1, 0), min(i + 3, nx)):
-                            _offer(near, best, jj, ii, ends[a, 0], ends[a, 1], ends[b, 0], ends[b, 1])
+                            _offer(near, best, jj, ii, ends[a, X], ends[a, Y], ends[b, X], ends[b, Y])
 
 
 @njit(inline="always")
 def _carry(near, best, j, i, jj, ii, limit):
-    if 0 <= jj < best.shape[0] and 0 <= ii < best.shape[1] and best[jj, ii] < limit:
-        px, py = near[jj, ii, 0], near[jj, ii, 1]
+    if 0 <= jj < len(best) and 0 <= ii < best.shape[1] and best[jj, ii] < limit:
+        px, py = near[jj, ii, X], near[jj, ii, Y]
         d = (px - i) * (px - i) + (py - j) * (py - j)
         if d < best[j, i]:
-            best[j, i], near[j, i, 0], near[j, i, 1] = d, px, py
+            best[j, i], near[j, i, X], near[j, i, Y] = d, px, py
 
 
 @njit
@@ -209,6 +210,6 @@ def nearest_seed(is_seed, is_idle, farthest):
     for j in range(ny):
         for i in range(nx):
             if is_seed[j, i]:
-                near[j, i, 0], near[j, i, 1], best[j, i] = i, j, 0.0
+                near[j, i, X], near[j, i, Y], best[j, i] = i, j, 0.0
     _sweep(near, best, is_idle, farthest)
     return near, np.sqrt(best)
