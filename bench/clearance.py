@@ -13,7 +13,7 @@ import numpy as np
 import workload
 from peers import peer_python, run_job
 
-from cuspline.replay.clearance import ClearanceTree
+from cuspline.replay.clearance import ClearanceTree, ToolMoves
 from cuspline.values.threads import set_thread_count
 
 SEGMENTS = np.array([[12.0, 5.0, 45.0, 5.0, 0.0], [45.0, 20.0, 100.0, 20.0, 0.0]])
@@ -92,8 +92,8 @@ def _on_mesh(mesh):
         yield f"{label}: distance to {tolerance * 1e3:g} µm, scattered poses", rate / 1e3, "k poses / CPU s"
         if peer:
             yield f"{label}: the same against coal's distance", rate / peer[0], "x (goal 25 at 1 µm)"
-    moves = tips[:-1], tips[1:], axes[:-1], axes[1:]
-    rate, found = _rate(lambda: tree.certified_clearance(SEGMENTS, *moves, MARGIN_MM, CAP_MM), len(moves[0]))
+    moves = ToolMoves(start_tips_mm=tips[:-1], end_tips_mm=tips[1:], start_axes=axes[:-1], end_axes=axes[1:])
+    rate, found = _rate(lambda: tree.certified_clearance(SEGMENTS, moves, MARGIN_MM, CAP_MM), len(tips) - 1)
     yield f"{label}: whole moves proven to keep {MARGIN_MM:g} mm", rate / 1e3, "k moves / CPU s"
     yield f"{label}: moves that do not keep it", 100 * (1 - found.is_clear.mean()), "%"
     if not peer:

@@ -51,13 +51,14 @@ def made(*, kind, diameter_mm, number, radii, blades=3, area_ratio=0.5, pitch_ra
 
     edge, hand = TrailingEdge(kind=EDGES[number % 3]), number % 2 == 0
     rake, taper = (0.0, 10.0, -5.0)[number // 2 % 3], np.radians((0.0, 3.0, -3.0)[number // 3 % 3])
+    main = tables.MainDimensions(blades, area_ratio, pitch_ratio, diameter_mm, hand)
     if kind == "b":
-        table = tables.b_series(blades, area_ratio, pitch_ratio, diameter_mm, hand, edge=edge)
+        table = tables.b_series(main, edge=edge)
         ratio = tables.B_SERIES_HUB.get(blades, tables.OTHER_HUB)
     elif kind == "own":
         ratio = 0.2
-        table = tables.own_propeller(blades, area_ratio, pitch_ratio, diameter_mm, ratio, is_right_handed=hand,
-                                     skew_deg=skew_deg, rake_deg=rake, root_pitch_share=0.9, edge=edge)
+        table = tables.own_propeller(main, ratio, tables.BladeForm(skew_deg=skew_deg, rake_deg=rake, root_pitch_share=0.9,
+                                                                   edge=edge))
     else:
         table, ratio = tables.dtmb_4119(diameter_mm, hand, edge), 0.2
     scale = diameter_mm / 300

@@ -36,10 +36,10 @@ def drawn(number):
     hand, edge = bool(draw.integers(2)), TrailingEdge(kind=EDGES[draw.integers(3)])
     ratio = float(draw.uniform(0.15, 0.35))
     area, pitch = float(draw.uniform(0.3, 0.14 * blades + 0.15)), float(draw.uniform(0.5, 1.6))
-    own = lambda blades, area: tables.own_propeller(
-        blades, area, pitch, size, ratio, is_right_handed=hand, skew_deg=float(draw.uniform(-20, 75)),
-        rake_deg=float(draw.uniform(-15, 20)), root_pitch_share=float(draw.uniform(0.7, 1.15)),
-        thickness_scale=float(draw.uniform(0.6, 1.6)), camber_share=float(draw.uniform(0, 0.05)), edge=edge)
+    own = lambda blades, area: tables.own_propeller(tables.MainDimensions(blades, area, pitch, size, hand), ratio, tables.BladeForm(
+        skew_deg=float(draw.uniform(-20, 75)), rake_deg=float(draw.uniform(-15, 20)),
+        root_pitch_share=float(draw.uniform(0.7, 1.15)), thickness_scale=float(draw.uniform(0.6, 1.6)),
+        camber_share=float(draw.uniform(0, 0.05)), edge=edge))
     if number >= PROPELLERS:
         kind, base = "table", own(blades, area)
         r, wave = base.r_R, draw.normal(size=3)
@@ -52,7 +52,8 @@ def drawn(number):
         table = tables._from_columns("drawn", columns, blades, size, hand, naca66_a08(), edge)
     elif number % 5 < 2:
         kind = "B-series"
-        table = tables.b_series(blades, max(area, 0.35), pitch, size, hand, float(draw.uniform(-10, 20)), edge=edge)
+        main = tables.MainDimensions(blades, max(area, 0.35), pitch, size, hand)
+        table = tables.b_series(main, float(draw.uniform(-10, 20)), edge=edge)
     elif number % 5 < 4:
         kind, table = "own", own(blades, area)
     else:

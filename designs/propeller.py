@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from cuspline.design import Design
 from cuspline.designs.propellers.design import PropellerParameters, propeller_design
-from cuspline.designs.propellers.tables import from_files, own_propeller
+from cuspline.designs.propellers.tables import BladeForm, MainDimensions, from_files, own_propeller
 
 
 class Propeller(PropellerParameters):
@@ -48,9 +48,10 @@ def design(p: Propeller) -> Design:
         table = from_files(p.radii_csv, p.diameter_mm, p.blades, p.is_right_handed, p.offsets_csv or None,
                            p.sections_csv or None, p.edge)
     else:
-        table = own_propeller(p.blades, p.area_ratio, p.pitch_ratio, p.diameter_mm, p.hub_ratio,
-                              is_right_handed=p.is_right_handed, skew_deg=p.skew_deg, rake_deg=p.rake_deg,
-                              root_pitch_share=p.root_pitch_share, thickness_scale=p.thickness_scale,
-                              camber_share=p.camber_share, sections_csv=p.sections_csv or None, edge=p.edge)
+        main = MainDimensions(p.blades, p.area_ratio, p.pitch_ratio, p.diameter_mm, p.is_right_handed)
+        form = BladeForm(skew_deg=p.skew_deg, rake_deg=p.rake_deg, root_pitch_share=p.root_pitch_share,
+                         thickness_scale=p.thickness_scale, camber_share=p.camber_share,
+                         sections_csv=p.sections_csv or None, edge=p.edge)
+        table = own_propeller(main, p.hub_ratio, form)
     return propeller_design("propeller", f"Propeller, {table.blades} blades, D {table.diameter_mm:g} mm", p, table,
                             p.hub_ratio)

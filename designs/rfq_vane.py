@@ -24,7 +24,7 @@ from cuspline.designs.rfq.checks import refuse_contradictions
 from cuspline.designs.rfq.setups import WORK_OFFSETS, clampings, markers, predicates, splits
 from cuspline.designs.rfq.solid import quadrupole, vane_solid
 from cuspline.designs.rfq.table import CellLaw, read_table, table_of_law
-from cuspline.designs.rfq.tip_line import LOOKS_A_VANE, fitted_tip, follows_thin_formula, refuse_impossible, tip_line
+from cuspline.designs.rfq.tip_line import LOOKS_A_VANE, TipLaws, fitted_tip, follows_thin_formula, refuse_impossible, tip_line
 from cuspline.planning.strategies.auto import Auto
 from cuspline.planning.strategies.transverse_arcs import TransverseArcs
 from cuspline.values import fixed_math as fixed
@@ -123,7 +123,7 @@ def table_of(p):
 def line_of(p, vane=None):
     """TipLine of a vane, by default the parameters' own."""
     radius_of = (lambda r0: p.rho_mm * r0 / p.r0_mm) if p.rho_follows_r0 else (lambda r0: p.rho_mm)
-    return tip_line(table_of(p), vane=vane or p.vane, law=p.law, matcher=p.matcher, radius_of=radius_of,
+    return tip_line(table_of(p), TipLaws(law=p.law, matcher=p.matcher, radius_of=radius_of), vane=vane or p.vane,
                     entry_aperture_mm=p.entry_aperture_mm, from_mm=p.from_mm, to_mm=p.to_mm)
 
 

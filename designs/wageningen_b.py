@@ -7,7 +7,7 @@ from pydantic import Field
 
 from cuspline.design import Design
 from cuspline.designs.propellers.design import PropellerParameters, propeller_design
-from cuspline.designs.propellers.tables import B_SERIES_HUB, OTHER_HUB, b_series
+from cuspline.designs.propellers.tables import B_SERIES_HUB, OTHER_HUB, MainDimensions, b_series
 
 
 class WageningenB(PropellerParameters):
@@ -32,7 +32,7 @@ class WageningenB(PropellerParameters):
 
 def design(p: WageningenB) -> Design:
     """The screw; its solid is checked against the tables, it has no setup yet."""
-    table = b_series(p.blades, p.area_ratio, p.pitch_ratio, p.diameter_mm, p.is_right_handed, p.rake_deg, p.edge_share,
-                     p.edge)
+    main = MainDimensions(p.blades, p.area_ratio, p.pitch_ratio, p.diameter_mm, p.is_right_handed)
+    table = b_series(main, p.rake_deg, p.edge_share, p.edge)
     return propeller_design("wageningen_b", f"Wageningen {table.name}, P/D {p.pitch_ratio:g}", p, table,
                             B_SERIES_HUB.get(p.blades, OTHER_HUB))

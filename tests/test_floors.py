@@ -1,4 +1,4 @@
-"""The house: every floor imports from below only, no two folders need each other, readers do not know writers, columns have names."""
+"""The house: every floor imports from below only, no two folders need each other, readers do not know writers."""
 
 import ast
 from functools import cache
@@ -48,6 +48,22 @@ def folder(name):
     return ".".join(parts[1:3]) if parts[1] == "toolpaths" else parts[1]
 
 
+def arguments(function):
+    """How many arguments a function takes by name."""
+    a = function.args
+    return len(a.posonlyargs + a.args + a.kwonlyargs)
+
+
+def is_kernel(function):
+    return any("njit" in ast.unparse(decorator) for decorator in function.decorator_list)
+
+
+def has_number(index):
+    """Whether an index, or one of several, is a whole number written out."""
+    return any(isinstance(one, ast.Constant) and isinstance(one.value, int)
+               for one in (index.elts if isinstance(index, ast.Tuple) else [index]))
+
+
 def test_every_module_stands_on_a_floor():
     assert {name.split(".")[1] for name in modules()} == set(RANK)
 
@@ -78,18 +94,16 @@ def test_the_import_name_is_a_folder_for_editors_and_type_checkers():
     assert [(ROOT / "pipeline" / name).resolve() for name in ("designs", "posts")] == [ROOT / "designs", ROOT / "posts"]
 
 
+def test_hardly_a_function_takes_more_than_seven_arguments():
+    """What belongs together is a value with a name; kernels take what numba knows, commands their options."""
+    long = [f"{name}.{f.name}" for name, path in modules().items() for f in ast.walk(ast.parse(path.read_text()))
+            if isinstance(f, ast.FunctionDef) and not is_kernel(f) and arguments(f) > 7]
+    assert len(long) <= 5, long
+
+
 def test_columns_that_kernels_read_have_names():
     """`row[NORMAL]` can be read, `row[3]` cannot."""
     bare = [f"{name}.{kernel.name}: {ast.unparse(part)}" for name, path in modules().items()
-            for kernel in ast.walk(ast.parse(path.read_text())) if _is_kernel(kernel)
-            for part in ast.walk(kernel) if isinstance(part, ast.Subscript) and _has_number(part.slice)]
+            for kernel in ast.walk(ast.parse(path.read_text())) if isinstance(kernel, ast.FunctionDef) and is_kernel(kernel)
+            for part in ast.walk(kernel) if isinstance(part, ast.Subscript) and has_number(part.slice)]
     assert len(bare) <= MOST_BARE, bare
-
-
-def _is_kernel(node):
-    return isinstance(node, ast.FunctionDef) and any("njit" in ast.unparse(d) for d in node.decorator_list)
-
-
-def _has_number(index):
-    return any(isinstance(one, ast.Constant) and isinstance(one.value, int)
-               for one in (index.elts if isinstance(index, ast.Tuple) else [index]))

@@ -22,7 +22,7 @@ from typing import Literal
 import numpy as np
 from scipy.interpolate import BSpline
 
-from cuspline.splines.fairing import DEGREE, fair_spline
+from cuspline.splines.fairing import DEGREE, Held, fair_spline
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 from cuspline.values.input_files import text_of
@@ -269,9 +269,9 @@ def form_and_mean_line(x_c, half_thickness, camber, camber_slope, leading_radius
     inside = (x_c > 0) & (x_c < 1)
     along = np.where(inside, camber_slope * np.sqrt(x_c * (1 - x_c)), np.nan)      # dx/dtheta = sin(theta) / 2
     return FormAndMeanLine(
-        half_thickness=fair_spline(theta, half_thickness, rounding, zero_derivatives=(ODD, EVEN),
-                                   slope_at_start=np.sqrt(leading_radius / 2)),
-        camber=fair_spline(theta, camber, rounding, zero_derivatives=((0, *EVEN), (0, *EVEN)), slopes=along,
+        half_thickness=fair_spline(theta, half_thickness, rounding, held=Held(zero_derivatives=(ODD, EVEN),
+                                   slope_at_start=np.sqrt(leading_radius / 2))),
+        camber=fair_spline(theta, camber, rounding, held=Held(zero_derivatives=((0, *EVEN), (0, *EVEN)), slopes=along),
                            sites=np.interp(np.arange(3 * len(theta) - 2) / 3, np.arange(len(theta)), theta)),
         ordinates=(x_c, half_thickness, camber, camber_slope))
 
@@ -292,8 +292,9 @@ def offset_shapes(radii, x_c, face, back, thickness, rounding=ROUNDING):
     for x, low, high, t in zip(x_c, face, back, thickness):
         theta = 2 * fixed.arcsin(np.sqrt(x))
         halves.append(fair_spline(theta, (high - low) / 2 / t, rounding, sites=sites,
-                                  zero_derivatives=(ODD if is_round else EVEN, EVEN)))
-        middles.append(fair_spline(theta, (high + low) / 2 / t, rounding, sites=sites, zero_derivatives=(EVEN, EVEN)))
+                                  held=Held(zero_derivatives=(ODD if is_round else EVEN, EVEN))))
+        middles.append(fair_spline(theta, (high + low) / 2 / t, rounding, sites=sites,
+                                   held=Held(zero_derivatives=(EVEN, EVEN))))
     laws = lambda splines: fair_spline(radii, np.array([s.c for s in splines]), bending=2)
     return OffsetShapes(knots=halves[0].t, half_laws=laws(halves), middle_laws=laws(middles),
                         has_round_nose=bool(is_round),

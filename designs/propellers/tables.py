@@ -1,6 +1,6 @@
 """Propellers by name: published tables with their sources, a family by own parameters, tables from files."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,76 +27,92 @@ LAW_POINTS = 64                     # of the integral of a chord law
 COLUMNS = ("r_R", "c_D", "P_D", "skew_deg", "rake_D")
 
 
+@dataclass(frozen=True)
+class MainDimensions:
+    """What a propeller is called by."""
+
+    blades: int
+    area_ratio: float           # expanded blade area / disc area
+    pitch_ratio: float          # pitch / diameter
+    diameter_mm: float
+    is_right_handed: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class BladeForm:
+    """How the blades of a propeller of one's own are formed."""
+
+    skew_deg: float = 0.0           # of the tip against the root, towards the trailing edge; square of the way from the hub
+    rake_deg: float = 0.0           # of the generator line, downstream
+    root_pitch_share: float = 1.0   # pitch at the hub over that from 0.7 R outward
+    thickness_scale: float = 1.0    # on the thickness of the B-series
+    camber_share: float = 0.02      # greatest camber / chord at 0.7 R; over the radius as on DTMB 4119
+    sections_csv: str | None = None     # thickness form and mean line of one's own, see `sections.sections_of`
+    edge: TrailingEdge = TrailingEdge()
+
+
 def dtmb_4119(diameter_mm=DTMB_4119_MM, is_right_handed=True, edge=TrailingEdge()):
     """The table of DTMB propeller 4119; source: data/propeller_dtmb4119.csv."""
     return _from_columns("DTMB 4119", table(DATA / "propeller_dtmb4119.csv"), 3, diameter_mm, is_right_handed,
                          naca66_a08(), edge)
 
 
-def b_series(blades, area_ratio, pitch_ratio, diameter_mm, is_right_handed=True, rake_deg=15.0, edge_share=0.08,
-             edge=TrailingEdge()):
+def b_series(main, rake_deg=15.0, edge_share=0.08, edge=TrailingEdge()):
     """The table of a Wageningen B-screw.
 
     The generator line stands at the table's distance from the leading edge; inside the tip, where the chord
     vanishes, its distance from the middle of the chord goes on smoothly, so that the tip is round.
 
     Args:
-        blades: 3 to 7.
-        area_ratio: expanded blade area / disc area.
-        pitch_ratio: nominal pitch / diameter; 4-bladed ones have less at the root.
+        main: MainDimensions of 3 to 7 blades; the pitch is the nominal one, 4-bladed ones have less at the root.
         rake_deg: of the generator line, downstream.
         edge_share: thickness of both edges before they are rounded, share of the section's greatest.
     """
+    blades = main.blades
     if blades not in range(3, 8):
         raise DesignError(f"the B-series has 3 to 7 blades, not {blades}: its tables end there")
     plan, tag = table(DATA / "propeller_bseries_planform.csv"), "Z3" if blades == 3 else "Z4to7"
     r = plan["r_R"]
-    chord = plan[f"K_{tag}"] * area_ratio / blades
-    pitch = pitch_ratio * (plan["pitch_factor_Z4"] if blades == 4 else np.ones(len(r)))
+    chord = plan[f"K_{tag}"] * main.area_ratio / blades
+    pitch = main.pitch_ratio * (plan["pitch_factor_Z4"] if blades == 4 else np.ones(len(r)))
     behind = (0.5 - plan[f"a_c_{tag}"]) * chord                 # middle of the chord from the generator line, of D
     phi = fixed.arctan(pitch / (np.pi * r))
     skew = np.where(r < 1, behind * fixed.cos(phi) / (r / 2), np.nan)
     # behind * sin(phi) is the rake that this skew brings with it: only the generator line's own is told
     radii, x_c, face, back = b_series_offsets(blades, edge_share)
     return PropellerTable(
-        name=f"B{blades}-{100 * area_ratio:.0f}", blades=blades, diameter_mm=diameter_mm,
-        is_right_handed=is_right_handed,
+        name=f"B{blades}-{100 * main.area_ratio:.0f}", blades=blades, diameter_mm=main.diameter_mm,
+        is_right_handed=main.is_right_handed,
         r_R=r, chord_D=chord, pitch_D=pitch, skew_rad=skew, rake_D=fixed.tan(np.radians(rake_deg)) * r / 2,
         thickness_D=plan["Ar"] - plan["Br"] * blades, camber_c=np.zeros(len(r)),
         shape=offset_shapes(radii, x_c, face, back, np.ones(len(radii))), edge=edge)
 
 
-def own_propeller(blades, area_ratio, pitch_ratio, diameter_mm, hub_ratio, *, is_right_handed=True, skew_deg=0.0,
-                  rake_deg=0.0, root_pitch_share=1.0, thickness_scale=1.0, camber_share=0.02, sections_csv=None,
-                  edge=TrailingEdge()):
+def own_propeller(main, hub_ratio, form=BladeForm()):
     """The table of a propeller by a few parameters.
 
     Outline of the B-series about its middle line, scaled to the area ratio between hub and tip; thickness of the
     B-series; modified NACA 66 sections on the a = 0.8 mean line, or those of a file.
 
     Args:
-        blades: 3 to 9.
-        area_ratio: expanded blade area outside the hub / disc area.
-        skew_deg: of the tip against the root, towards the trailing edge; grows with the square of the way from the hub.
-        rake_deg: of the generator line, downstream.
-        root_pitch_share: pitch at the hub over that from 0.7 R outward.
-        thickness_scale: on the thickness of the B-series.
-        camber_share: greatest camber / chord at 0.7 R; over the radius as on DTMB 4119.
-        sections_csv: thickness form and mean line of one's own, see `sections.sections_of`.
+        main: MainDimensions of 3 to 9 blades; the area counts outside the hub, the pitch from 0.7 R outward.
+        hub_ratio: hub diameter over propeller diameter.
+        form: BladeForm.
     """
     plan, form = table(DATA / "propeller_bseries_planform.csv"), table(DATA / "propeller_dtmb4119.csv")
     r = plan["r_R"]
     out = np.clip((r - hub_ratio) / (1 - hub_ratio), -0.2, 1)
     camber = np.interp(r, form["r_R"], form["f0_c"])
-    camber *= camber_share / np.interp(0.7, r, camber)
+    camber *= form.camber_share / np.interp(0.7, r, camber)
     unload = np.clip((0.7 - r) / (0.7 - hub_ratio), 0, 1.2) ** 2
     made = PropellerTable(
-        name=f"{blades}-bladed", blades=blades, diameter_mm=diameter_mm, is_right_handed=is_right_handed, r_R=r,
-        chord_D=plan["K_Z4to7"] * area_ratio / blades, pitch_D=pitch_ratio * (1 - (1 - root_pitch_share) * unload),
-        skew_rad=np.radians(skew_deg) * np.sign(out) * out ** 2, rake_D=fixed.tan(np.radians(rake_deg)) * r / 2,
-        thickness_D=thickness_scale * (plan["Ar"] - plan["Br"] * min(blades, 7)), camber_c=camber,
-        shape=_sections(sections_csv), edge=edge)
-    return replace(made, chord_D=made.chord_D * area_ratio / expanded_area_ratio(made, hub_ratio))
+        name=f"{main.blades}-bladed", blades=main.blades, diameter_mm=main.diameter_mm,
+        is_right_handed=main.is_right_handed, r_R=r, chord_D=plan["K_Z4to7"] * main.area_ratio / main.blades,
+        pitch_D=main.pitch_ratio * (1 - (1 - form.root_pitch_share) * unload),
+        skew_rad=np.radians(form.skew_deg) * np.sign(out) * out ** 2, rake_D=fixed.tan(np.radians(form.rake_deg)) * r / 2,
+        thickness_D=form.thickness_scale * (plan["Ar"] - plan["Br"] * min(main.blades, 7)), camber_c=camber,
+        shape=_sections(form.sections_csv), edge=form.edge)
+    return replace(made, chord_D=made.chord_D * main.area_ratio / expanded_area_ratio(made, hub_ratio))
 
 
 def from_files(radii_csv, diameter_mm, blades, is_right_handed=True, offsets_csv=None, sections_csv=None,

@@ -152,21 +152,27 @@ def _blend(gives, share, reach_mm):
 # segments of a table --------------------------------------------------------------------------------------
 
 
-def tip_line(table, *, vane, law, matcher, radius_of, entry_aperture_mm, from_mm, to_mm):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TipLaws:
+    """What the cells' tips follow."""
+
+    law: str                    # "two_term" or "eight_term"
+    matcher: str                # "thin" or "equipotential": the matching section's profile
+    radius_of: Callable         # function (r0_mm of a cell) -> transverse radius of its tip
+
+
+def tip_line(table, laws, *, vane, entry_aperture_mm, from_mm, to_mm):
     """The tip line of one vane.
 
     Args:
-        table: CellTable.
+        table: CellTable.   laws: TipLaws.
         vane: "x" begins the first accelerating cell at its narrowest, "y" at its widest.
-        law: "two_term" or "eight_term".
-        matcher: "thin" or "equipotential": the matching section's profile.
-        radius_of: function (r0_mm of a cell) -> transverse radius of its tip.
         entry_aperture_mm: the vane begins where the matching section has opened to this.
         from_mm, to_mm: cut to this range of the table's Z.
     Raises:
         DesignError: a cell whose tip cannot be; names it.
     """
-    segments, first = [], 0.0
+    segments, first, radius_of, matcher = [], 0.0, laws.radius_of, laws.matcher
     matching, place = table.of_kind("matching"), 0.0
     sign = 1 if vane == "x" else -1
     if matching:
@@ -183,7 +189,7 @@ def tip_line(table, *, vane, law, matcher, radius_of, entry_aperture_mm, from_mm
         if cell.kind == "accelerating":
             last = _named(cell, lambda: TwoTerm(aperture_mm=cell.aperture_mm, modulation=cell.modulation,
                                                 length_mm=cell.length_mm))
-            tip = last if law == "two_term" else _named(cell, lambda: EightTerm.fitted(last, radius_of(last.r0_mm)))
+            tip = last if laws.law == "two_term" else _named(cell, lambda: EightTerm.fitted(last, radius_of(last.r0_mm)))
             aperture, radius = _of(tip, sign), radius_of(last.r0_mm)
             sign = -sign
         elif cell.kind == "transition":

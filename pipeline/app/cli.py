@@ -82,8 +82,7 @@ def build(
     folder = out if out is not None else Path("outputs") / made.name
     result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library, shop=practice,
                                        accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
-    _tell(made.name, result.folder, result.findings, result.left_out, stage, result.told, result.figures,
-          result.accepted)
+    _tell(made.name, stage, result)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
 
 
@@ -128,6 +127,7 @@ def verify(
 
 def _verified(folder, measured, post, accept):
     """Judge one folder, or one program in it; the exit status."""
+    from cuspline.app.build import Result
     from cuspline.app.catalogue import tool_table_of, with_post
     from cuspline.app.judge import judge
     from cuspline.design.job import read_job, read_published
@@ -155,7 +155,8 @@ def _verified(folder, measured, post, accept):
         judged = judge(folder, job, _say, kept=kept, published=published)
     passed = {*own_acceptances(folder, job, published), *accept}
     refused = judged.refused(passed)
-    _tell(job.design, folder, refused, "", "verify", "", judged.figures_in_words, judged.passed_over(passed))
+    _tell(job.design, "verify", Result(folder=folder, is_ok=not refused, findings=tuple(refused), left_out="",
+                                       figures=judged.figures_in_words, accepted=judged.passed_over(passed)))
     return FINDINGS if refused else 0
 
 
@@ -346,19 +347,20 @@ def _print(rows, as_json, lines):
         print("\n".join(line for row in rows for line in lines(row)))
 
 
-def _tell(name, folder, findings, left_out, stage, told="", figures="", accepted=()):
+def _tell(name, stage, result):
     """The verdict in a few lines: its figures where it is good, and every finding, those accepted too."""
-    if left_out:
-        print(f"note: {left_out}")
-    if told:
-        print(f"{name}: {told} ({folder})")
+    findings, accepted, figures = result.findings, result.accepted, result.figures
+    if result.left_out:
+        print(f"note: {result.left_out}")
+    if result.told:
+        print(f"{name}: {result.told} ({result.folder})")
     elif stage in ("verify", "report"):
         passed = f" with {counted(len(accepted), 'accepted finding')}" if accepted else ""
         verdict = f"REJECTED, {counted(len(findings), 'finding')}" if findings else f"VERIFIED{passed}"
         print(f"{name}: {verdict}"
-              f"{', ' + figures if figures else ''} ({folder})")
+              f"{', ' + figures if figures else ''} ({result.folder})")
     else:
-        print(f"{name}: {stage} made, nothing verified ({folder})")
+        print(f"{name}: {stage} made, nothing verified ({result.folder})")
     for mark, shown in (("", findings), ("accepted: ", accepted)):
         for f in shown[:SHOWN]:
             print(f"  {mark}{_in_a_line(f)}")

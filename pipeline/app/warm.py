@@ -137,11 +137,12 @@ def _feeds():
 
 
 def _clearance():
-    from cuspline.replay.clearance import ClearanceTree
+    from cuspline.replay.clearance import ClearanceTree, ToolMoves
     tree = ClearanceTree.of_triangles([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     tool, tips, axes = [[1.0, 1.0, 9.0, 2.0, 0.0]], [[0, 0, 5.0]], [[0, 0, 1.0]]
     tree.distances_mm(tool, tips, axes, 0.1)
-    tree.certified_clearance(tool, tips, [[0, 9.0, 5]], axes, [[0.6, 0, 0.8]], 0.1)
+    tree.certified_clearance(tool, ToolMoves(start_tips_mm=tips, end_tips_mm=[[0, 9.0, 5]], start_axes=axes,
+                                             end_axes=[[0.6, 0, 0.8]]), 0.1)
 
 
 def _posed_simulation():

@@ -61,6 +61,15 @@ class PlannedOperation:
         return swept_by_lines(lines_of_moves(self.moves), cutter.radius_mm, cutter.corner_radius_mm)
 
 
+@dataclass(frozen=True, kw_only=True)
+class FinishingStage:
+    """What an operation of finishing is called, and what it may leave."""
+
+    name: str
+    allowance_mm: float         # of material
+    scallop_mm: float           # largest cusp
+
+
 class PlanningContext:
     """What planning has at hand: of a setup, and (`of`) of one operation in it.
 

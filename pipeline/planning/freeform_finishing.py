@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from cuspline.kernel.brep import bounding_box_mm
-from cuspline.planning.context import ROUND, finite, path_tolerance_mm, ridge_for_step_mm
+from cuspline.planning.context import ROUND, FinishingStage, finite, path_tolerance_mm, ridge_for_step_mm
 from cuspline.program.program import Moves
 from cuspline.scallop.stepover import scallop_for_stepover_mm, stepover_for_scallop_mm
 from cuspline.surfaces.curvature import sample_faces
@@ -22,7 +22,7 @@ from cuspline.toolpaths.freeform.tip_field import tip_field
 from cuspline.toolpaths.freeform.tip_links import TipLinkRules, moves_of_tip_paths
 from cuspline.toolpaths.freeform.tip_paths import PathRules, tip_paths
 from cuspline.toolpaths.freeform.wall_passes import wall_paths
-from cuspline.toolpaths.freeform.waterline import waterlines
+from cuspline.toolpaths.freeform.waterline import DropHeights, waterlines
 from cuspline.toolpaths.roughing.stock_fields import swept_by_lines
 from cuspline.toolpaths.sections.profile_passes import planes_across, smallest_step
 from cuspline.values import fixed_math as fixed
@@ -52,21 +52,19 @@ RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls b
 OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
 
 
-def finish(work, name, tool, allowance_mm, scallop_mm, candidates):
+def finish(work, stage, tool, candidates):
     """Passes over all faces wanted with one ball.
 
     Args:
         work: PlanningContext.
-        name: of the operation.
+        stage: FinishingStage.
         tool: the ball.
-        allowance_mm: material to leave.
-        scallop_mm: largest cusp.
         candidates: what else was looked at, for plan.json.
     """
     practice = work.practice
-    left_mm = (practice.rough_allowance_mm + practice.finish_depth_share * tool.cutter.diameter_mm if allowance_mm == 0.0
+    left_mm = (practice.rough_allowance_mm + practice.finish_depth_share * tool.cutter.diameter_mm if stage.allowance_mm == 0.0
                else TERRACE_MM)
-    return _operation(work, name, tool, allowance_mm, scallop_mm, candidates, left_mm, lambda field: field)
+    return _operation(work, stage, tool, candidates, left_mm, lambda field: field)
 
 
 def rest(work, before, tool, candidates):
@@ -82,7 +80,8 @@ def rest(work, before, tool, candidates):
     swept = [operation.swept_mm for operation in before]
     region = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
     left_mm = before[-1].tool.cutter.radius_mm
-    return _operation(work, "rest finish", tool, 0.0, scallop_mm, candidates, left_mm, region, swept)
+    stage = FinishingStage(name="rest finish", allowance_mm=0.0, scallop_mm=scallop_mm)
+    return _operation(work, stage, tool, candidates, left_mm, region, swept)
 
 
 def passes_over(work, tool, candidates, swept=()):
@@ -104,8 +103,8 @@ def passes_over(work, tool, candidates, swept=()):
     if swept:
         step = flat_step_mm(tool, ridge_for_step_mm(operation.title, scallop_mm, work.finish))
         cut = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
-    return _operation(work, operation.title, tool, operation.allowance_mm, scallop_mm, candidates, work.standing_mm(tool), cut,
-                      swept)
+    stage = FinishingStage(name=operation.title, allowance_mm=operation.allowance_mm, scallop_mm=scallop_mm)
+    return _operation(work, stage, tool, candidates, work.standing_mm(tool), cut, swept)
 
 
 def walls_alone(work, tool, candidates):
@@ -133,8 +132,9 @@ def walls_alone(work, tool, candidates):
     return work.measured(operation.title, tool, rpm, moves, facts)
 
 
-def _operation(work, name, tool, allowance_mm, scallop_mm, candidates, left_mm, cut, before=()):
+def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
     """One operation over the region that `cut` makes of the whole one; None where nothing of it is left."""
+    name, allowance_mm, scallop_mm = stage.name, stage.allowance_mm, stage.scallop_mm
     tolerance, ridge_mm = path_tolerance_mm(work.finish), ridge_for_step_mm(name, scallop_mm, work.finish)
     if allowance_mm > 0.0:
         tolerance, ridge_mm = SEMI_TOLERANCE_MM, scallop_mm - SEMI_TOLERANCE_MM
@@ -281,8 +281,8 @@ def wall_paths_at(work, field, heights, tolerance_mm, step_mm, near=None):
         wanted &= dropper.tips_mm(aside) <= tips[:, 2] + tolerance_mm                     # nothing hangs over it
         return wanted if near is None else wanted & near(foot.point_mm)
 
-    lines = waterlines(dropper.tips_mm, heights, low, high, pitch_mm=WALL_GRID_STEPS * step_mm,
-                       chord_mm=tolerance_mm / 2, gap_at=gap if flat == 0.0 else None)
+    drops = DropHeights(tips_at=dropper.tips_mm, gap_at=gap if flat == 0.0 else None)
+    lines = waterlines(drops, heights, low, high, pitch_mm=WALL_GRID_STEPS * step_mm, chord_mm=tolerance_mm / 2)
     return wall_paths(lines, touches, step_mm)
 
 

@@ -13,7 +13,7 @@ from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
 from cuspline.toolpaths.freeform.tip_field import tip_field
 from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
 from cuspline.toolpaths.freeform.tip_paths import PathRules, TipPath, tip_paths
-from cuspline.toolpaths.freeform.waterline import waterlines
+from cuspline.toolpaths.freeform.waterline import DropHeights, waterlines
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PlanError, ToolpathError
 
@@ -169,7 +169,8 @@ def _along_walls(field, height_mm, tolerance_mm):
     """Once round what stands above the floor, as near as the cutter comes."""
     low, high = field.node_xy_mm[0, 0], field.node_xy_mm[-1, -1]
     z = height_mm + tolerance_mm / 2            # where the loop has a place
-    lines = waterlines(field.dropper.tips_mm, [z], low, high, pitch_mm=field.pitch_mm, chord_mm=tolerance_mm / 2)
+    drops = DropHeights(tips_at=field.dropper.tips_mm)
+    lines = waterlines(drops, [z], low, high, pitch_mm=field.pitch_mm, chord_mm=tolerance_mm / 2)
     return [TipPath(tips_mm=_closed(line), is_closed=line.is_closed, curve=k) for k, line in enumerate(lines)
             if field.is_near(line.tip_mm[:, :2]).all()]
 

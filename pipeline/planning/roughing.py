@@ -1,6 +1,7 @@
 """Roughing, rest roughing from the stock that it really leaves, and a semi-finish where both leave too much."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +13,15 @@ from cuspline.toolpaths.roughing.stock_fields import stock_after
 from cuspline.values.errors import NothingToCut
 
 LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoughingStage:
+    """What a clearing is called, and what it leaves."""
+
+    name: str
+    allowance_mm: float
+    threshold_mm: float = 0.0           # what stands less than this above the allowance is left alone
 
 
 def roughed(work, ball, is_reached, semi_finish):
@@ -32,18 +42,17 @@ def roughed(work, ball, is_reached, semi_finish):
     limit, allowance = practice.finish_depth_share * ball.cutter.diameter_mm, practice.rough_allowance_mm
     tools = roughing_tools(work.library, work.mesh, work.samples, low, high, allowance)
     first, candidates = choose_roughing(tools, allowance)
-    operation, stock, left = cleared(work, "rough", first.tool, candidates, work.stock_mm, rows, 0.0, Clearing(),
-                                     allowance)
+    stage = RoughingStage(name="rough", allowance_mm=allowance)
+    rest = RoughingStage(name="rest rough", allowance_mm=allowance, threshold_mm=practice.rest_threshold_mm)
+    operation, stock, left = cleared(work, stage, first.tool, candidates, work.stock_mm, rows, Clearing())
     operations = [operation]
     if left > limit and operation is not None:
         smaller, candidates = choose_rest_roughing(tools, first, left)
         if smaller is not None:
-            operation, stock, left = cleared(work, "rest rough", smaller.tool, candidates, stock, rows,
-                                             practice.rest_threshold_mm, Clearing(), allowance)
+            operation, stock, left = cleared(work, rest, smaller.tool, candidates, stock, rows, Clearing())
             operations.append(operation)
     if _met_mm(work, ball, stock, rows) > ball.cutter.deepest_slot_mm:
-        operation, stock, left = cleared(work, "rest rough", ball, (), stock, rows, practice.rest_threshold_mm,
-                                         Clearing(), allowance)
+        operation, stock, left = cleared(work, rest, ball, (), stock, rows, Clearing())
         operations.append(operation)
     if left > limit:
         operations.append(semi_finish())
@@ -57,16 +66,14 @@ def _met_mm(work, ball, stock, rows):
     return float(np.percentile(met, LEFT_PERCENTILE)) if len(rows) else 0.0
 
 
-def cleared(work, name, tool, candidates, stock, rows, threshold_mm, asked, allowance_mm):
+def cleared(work, stage, tool, candidates, stock, rows, asked):
     """One clearing.
 
     Args:
-        work: PlanningContext.   name: of the operation.   candidates: for plan.json.
+        work: PlanningContext.   stage: RoughingStage.   candidates: for plan.json.
         tool: flat or bull nose; a ball is led as a flat cutter of its diameter, within which it stays.
         stock: height field of what stands.   rows: sample rows at which what it leaves is told.
-        threshold_mm: what stands less than this above the allowance is left alone.
         asked: design.operations.Clearing with stepdown, stepover and ramp, silent where the shop's count.
-        allowance_mm: material to leave.
     Returns:
         (PlannedOperation or None where nothing is to be removed, height field after it, what it leaves at the sample rows).
     """
@@ -77,11 +84,11 @@ def cleared(work, name, tool, candidates, stock, rows, threshold_mm, asked, allo
     stepdown = work.material.stepdown_share * d if asked.stepdown_mm is None else asked.stepdown_mm
     rules = ClearingRules(
         mesh=work.mesh, radius_mm=d / 2, corner_radius_mm=0.0 if is_ball else cutter.corner_radius_mm,
-        allowance_mm=allowance_mm, stepdown_mm=stepdown, engagement_rad=engagement_of_rad(radial, d / 2),
+        allowance_mm=stage.allowance_mm, stepdown_mm=stepdown, engagement_rad=engagement_of_rad(radial, d / 2),
         stock_mm=stock, stock_min_mm=work.stock_min_mm, stock_max_mm=work.stock_max_mm,
         ramp_rad=math.radians(practice.ramp_deg if asked.ramp_deg is None else asked.ramp_deg),
         clearance_z_mm=work.clearance_z_mm, feed_mm_per_min=feed, ramp_feed_mm_per_min=practice.plunge_share * feed,
-        rapid_mm_per_min=min(a.rapid_mm_per_min for a in work.machine.axes), threshold_mm=threshold_mm,
+        rapid_mm_per_min=min(a.rapid_mm_per_min for a in work.machine.axes), threshold_mm=stage.threshold_mm,
         keep_out=(*(f.box_mm for f in work.fixtures if f.is_box), *work.beyond_reach(d / 2)),
         keep_clear=tuple(DropMesh.from_triangles(*f.mesh) for f in work.fixtures if not f.is_box),
         keep_out_mm=practice.keep_out_mm)
@@ -91,13 +98,13 @@ def cleared(work, name, tool, candidates, stock, rows, threshold_mm, asked, allo
         return None, stock, _left_mm(work, stock, rows)
     after = stock_after(clearing.moves, d / 2, cutter.corner_radius_mm, stock)
     left = _left_mm(work, after, rows)
-    facts = {"allowance_mm": allowance_mm, "stepdown_mm": rules.stepdown_mm, "stepover_mm": radial,
+    facts = {"allowance_mm": stage.allowance_mm, "stepdown_mm": rules.stepdown_mm, "stepover_mm": radial,
              "engagement_deg": round(float(np.degrees(rules.engagement_rad)), 1),
              "largest_engagement_deg": round(float(np.degrees(clearing.largest_engagement_rad)), 1),
              "levels": len(clearing.levels_mm), "removed_mm3": round(clearing.removed_mm3, 1),
              "given_up_mm3": round(clearing.left_mm3, 1), "leaves_mm": round(left, 3),
              "candidates": [c.as_dict() for c in candidates]}
-    return work.measured(name, tool, rpm, clearing.moves, facts), after, left
+    return work.measured(stage.name, tool, rpm, clearing.moves, facts), after, left
 
 
 def _left_mm(work, stock, rows):

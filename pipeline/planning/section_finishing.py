@@ -12,8 +12,9 @@ from cuspline.values.errors import PlanError
 ROWS_BESIDE = 2.0           # largest gaps between samples, that are looked at beside every step
 
 
-def finish(work, name, tool, allowance_mm, scallop_mm, candidates, reach):
-    """Section passes over all faces wanted with one ball."""
+def finish(work, stage, tool, candidates, reach):
+    """Section passes over all faces wanted with one ball; `stage` is a FinishingStage."""
+    name, allowance_mm, scallop_mm = stage.name, stage.allowance_mm, stage.scallop_mm
     tolerance = path_tolerance_mm(work.finish)
     planner = ProfilePlanner(work.solid, work.plane, tool.cutter.radius_mm, allowance_mm, tolerance,
                              work.machine.control.arc_max_radius_mm)

@@ -22,6 +22,16 @@ SLICE_RATIO = 2.5         # of the levers at a slice's two ends
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class ToolMoves:
+    """Moves of a tool: its tip runs straight, its axis turns evenly along the great circle between start and end."""
+
+    start_tips_mm: np.ndarray     # (n, 3)
+    end_tips_mm: np.ndarray
+    start_axes: np.ndarray        # (n, 3) unit, tip to holder
+    end_axes: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MoveClearance:
     """What is proven of moves, one row each."""
 
@@ -74,15 +84,11 @@ class ClearanceTree:
         tips, axes = _rows(tips_mm, "tips_mm"), _units(axes, "axes")
         return kernels.distances(self.arrays, tips, axes, _segments(segments), FAR_MM, _above_zero(tolerance_mm))[0]
 
-    def certified_clearance(self, segments, start_tips_mm, end_tips_mm, start_axes, end_axes, margin_mm,
-                            cap_mm=None, tolerance_mm=1e-3):
+    def certified_clearance(self, segments, moves, margin_mm, cap_mm=None, tolerance_mm=1e-3):
         """Whether moves keep a margin all the way, not only at their ends.
 
-        The tip runs straight, the axis turns evenly along the great circle between start and end.
-
         Args:
-            segments: (k, 5).   start_tips_mm, end_tips_mm, start_axes, end_axes: (n, 3), axes of length 1; moves that
-                follow on each other use what the one before has proven.
+            segments: (k, 5).   moves: ToolMoves; those that follow on each other use what the one before has proven.
             margin_mm: wanted; negative allows so deep a touch.
             cap_mm: clearances above it are not told apart; None: 3 mm above the margin.
             tolerance_mm: a move that keeps the margin by less than this may count as not clear.
@@ -92,8 +98,8 @@ class ClearanceTree:
             SimulationError: an axis that is no unit vector or turns by half a turn, a segment that is none, a cap
                 below the margin.
         """
-        tips = [_rows(t, name) for t, name in ((start_tips_mm, "start_tips_mm"), (end_tips_mm, "end_tips_mm"))]
-        axes = [_units(a, name) for a, name in ((start_axes, "start_axes"), (end_axes, "end_axes"))]
+        tips = [_rows(t, name) for t, name in ((moves.start_tips_mm, "start_tips_mm"), (moves.end_tips_mm, "end_tips_mm"))]
+        axes = [_units(a, name) for a, name in ((moves.start_axes, "start_axes"), (moves.end_axes, "end_axes"))]
         cap = margin_mm + LOOK_MM if cap_mm is None else float(cap_mm)
         if cap <= margin_mm:
             raise SimulationError(f"clearances are capped at {cap} mm, the margin is {margin_mm} mm: raise the cap")

@@ -120,7 +120,7 @@ def nearest_to_fixtures(along, tool, fixtures, spindle_head=()):
 
     Args:
         along: Stations.   tool: cutters.Tool on a head.
-        fixtures: replay.Fixture values in the same frame; what lies below one counts as part of it.
+        fixtures: scene.Fixture values in the same frame; what lies below one counts as part of it.
     Returns:
         list of Nearest, every part against every fixture.
     """
@@ -238,7 +238,7 @@ def put_contacts(worst, posted, tool, fixtures, cells, wanted_mm, spindle_head=(
     Args:
         worst: (4, rows, 4) by kind and row: amount, place; contacts deeper than what is there are written in.
         posted: PostedMoves with the tool as it hangs.   tool: cutters.Tool on a head.
-        fixtures: replay.Fixture values, WCS.   cells: StockCells, WCS.
+        fixtures: scene.Fixture values, WCS.   cells: StockCells, WCS.
         wanted_mm: (3,) distance to the stock by kind: rapids, shank, holder.
     Returns:
         (proven distance of the head from the stock, at most the one wanted; place (3,)): inf, None without a move.

@@ -9,7 +9,8 @@ from cuspline.replay import head_clearance, replay_checks, replay_design, replay
 from cuspline.replay.clearance import ClearanceTree, flute_segments, head_frusta
 from cuspline.replay.replay_loads import loads
 from cuspline.replay.replay_stock import LEAF
-from cuspline.replay.replay_stops import stop_findings
+from cuspline.replay.replay_stops import Standing, stop_findings
+from cuspline.replay.scene import FinishedDesign, Fixture, SolidFixture, Surroundings, ZMap
 from cuspline.stock.path_pieces import pieces_of
 from cuspline.stock.swept import CLOSED_UPWARD, cutting_rows
 from cuspline.stock.tree import morton_order
@@ -18,65 +19,10 @@ from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import SimulationError
 from cuspline.values.findings import Finding
-from cuspline.values.frames import Frame
 
 TOUCH_MM = 1e-4           # what may be missing of a distance: rounding of the post, pieces of arcs
 PARTS = 4                 # of a cell's side, for the bound of the stock that earlier clampings have left in it
 ENDLESS_MM = 1e4          # a part that nothing above makes wider goes on upward by this
-HOLDER_CLEARANCE_MM = 1.0
-SHANK_CLEARANCE_MM = 0.0  # the neck follows the flutes into the slot they cut
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ZMap:
-    """Nodes of the replay's z-map: x = origin + i pitch, y = origin + j pitch, cell j * nx + i."""
-
-    origin_mm: tuple[float, float]
-    pitch_mm: float
-    nx: int
-    ny: int
-
-    @classmethod
-    def over(cls, stock_min, stock_max, pitch_mm):
-        """Nodes at the given pitch from the stock's lower corner on, none beyond the stock."""
-        count = [int(np.floor((b - a) / pitch_mm + 1e-9)) + 1 for a, b in zip(stock_min[:2], stock_max[:2])]
-        return cls(origin_mm=(float(stock_min[0]), float(stock_min[1])), pitch_mm=float(pitch_mm),
-                   nx=count[0], ny=count[1])
-
-    @property
-    def xy_mm(self):
-        """(ny * nx, 2) nodes in order of their cell number."""
-        x = self.origin_mm[0] + self.pitch_mm * np.arange(self.nx)
-        y = self.origin_mm[1] + self.pitch_mm * np.arange(self.ny)
-        return np.column_stack([np.tile(x, self.ny), np.repeat(y, self.nx)])
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Fixture:
-    """A box that no part of the tool may enter; WCS.  What lies below it counts as part of it."""
-
-    name: str
-    min_mm: tuple[float, float, float]
-    max_mm: tuple[float, float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class SolidFixture:
-    """A fixture of any form, as a closed mesh; WCS."""
-
-    name: str
-    vertices_mm: np.ndarray         # (v, 3)
-    triangles: np.ndarray           # (t, 3)
-
-    @property
-    def min_mm(self):
-        """(3,) low corner of the box round it."""
-        return self.vertices_mm.min(axis=0)
-
-    @property
-    def max_mm(self):
-        """(3,) high corner of it."""
-        return self.vertices_mm.max(axis=0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -109,12 +55,7 @@ class Replay:
             object.__setattr__(self, name, frozen(getattr(self, name), form, name, dtype, name.startswith("event_")))
 
 
-def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, stock_within_mm=None,
-           design_top_mm=None, design=None, design_error_mm=0.0, fixtures=(), machine=None,
-           frame=Frame.shift((0.0, 0.0, 0.0)), setup="setup-1",
-           within_before=None, left_by_heads=None, stock_at=None,
-           holder_clearance_mm=HOLDER_CLEARANCE_MM, shank_clearance_mm=SHANK_CLEARANCE_MM, columns=None,
-           kept=NOTHING):
+def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings(), kept=NOTHING):
     """Replays a posted program move by move on a z-map of the stock.
 
     Contacts are judged over the whole of every move, not at its ends, nor at the nodes alone.  What is left of the
@@ -124,75 +65,41 @@ def replay(posted, tools, *, stock_min, stock_max, pitch_mm, stock_top_mm=None, 
 
     Args:
         posted: PostedMoves.   tools: dict of tool number -> cutters.Tool.
-        stock_min, stock_max: (3,) corners of the billet, WCS.
-        pitch_mm: distance of the nodes.
-        stock_top_mm: (ny, nx) height of the stock at the nodes before the first move; None: the whole billet.  Between
-            them no contact is taken to be sure above the lowest node round about.
-        stock_within_mm: function of places (n, 2) and a radius to heights (n,) that no stock so near exceeds before the
-            first move, see `Workpiece.highest_within_mm`; None: all that is between the nodes may stand to the top.
-        design_top_mm: (ny, nx) height of the finished design at the nodes of
-            `ZMap.over(stock_min, stock_max, pitch_mm)`, NaN beside it; None: not known.
-        design: ClearanceTree of the finished design, WCS; None: pins of the heights design_top_mm.
-        design_error_mm: how deep neck, shank and holder may seem to touch the design: the deviation of its triangles
-            and what the finish allows the flutes themselves.
-        fixtures: Fixture and SolidFixture values, WCS; tools on right-angle heads keep clear of the boxes round them.
-        machine: machines.Machine, or None: travel and table are not checked and nothing is known of a spindle head.
-        frame: the WCS seen from the part, for the places of findings.
-        within_before: function of a row of PostedMoves to a function as stock_within_mm, of the stock before that move.
-            What the cells leave undecided is asked there once more; tools on right-angle heads are held against the
-            stock that the first of them finds, as head_clearance.py says.  None: what is undecided stays so, and
-            heads meet the whole billet.
-        left_by_heads: function of places (n, 2) to heights (n,) that tools on heads alone leave of the billet, and the
-            rows (n,) that left them: the nodes are lowered by it in the end, contacts of other tools do not know of
-            it.  None: they are not.
-        stock_at: function of a row to a function of places (n, 2) to heights (n,) of the stock before that move, -inf
-            beside it: what a tool that stands still touches.  None: that is not asked.
-        holder_clearance_mm, shank_clearance_mm: distance wanted to stock and design; the spindle head
-            counts as part of the holder.
-        columns: (ny * nx, k, 2) of a stock that is no box: heights between which it stands over the nodes as delivered.
+        stock: scene.FoundStock.   design: scene.FinishedDesign.   around: scene.Surroundings.
         kept: kept.Kept, asked first; NOTHING keeps nothing.
     Raises:
         SimulationError: a feed move with a tool that is not given; a tool axis that neither stands upright nor lies
             as the tool's head holds it; `.rows`.
     """
     _refuse_tilted(posted, tools)
-    zmap = ZMap.over(stock_min, stock_max, pitch_mm)
-    shape, top = (zmap.ny, zmap.nx), float(stock_max[2])
-    heights = np.full(shape, np.nan) if design_top_mm is None else frozen(design_top_mm, shape, "design_top_mm")
-    z = np.full(shape, top) if stock_top_mm is None else np.array(frozen(stock_top_mm, shape, "stock_top_mm"))
-    wanted = np.array([0.0, shank_clearance_mm, holder_clearance_mm])
-    boxes = np.array([(*f.min_mm, *f.max_mm) for f in fixtures if isinstance(f, Fixture)], dtype=float).reshape(-1, 6)
-    around = tuple(ClearanceTree.of_triangles(f.vertices_mm, f.triangles) for f in fixtures if isinstance(f, SolidFixture))
-    highest = max([top, *(f.max_mm[2] for f in fixtures)])
+    zmap, top, machine, wanted = stock.zmap, stock.highest_mm, around.machine, around.clearances_mm
+    heights = np.full(zmap.shape, np.nan) if design.top_mm is None else frozen(design.top_mm, zmap.shape, "design.top_mm")
+    z = np.full(zmap.shape, top) if stock.top_mm is None else np.array(stock.top_mm)
+    highest = max([top, *(f.max_mm[2] for f in around.fixtures)])
     on_heads = _on_heads(posted, tools)
-    spindle_head = () if machine is None else machine.spindle_head
-    script = _script(posted, tools, spindle_head)
-    near = _pins(zmap, heights, float(stock_min[2])) if design is None else design
-    lines = _lines(zmap, stock_max)
-    before, cut_before = z, _cut_before(z, top)
-    *events, z, worst, least, unsure = kept.of(_history)(
-        script, len(posted), wanted, 0.0 if machine is None else machine.rapid_clearance_mm, boxes, z,
-        _before(z, lines, top, stock_within_mm), lines, cut_before, near, float(design_error_mm + TOUCH_MM), around)
-    taken = loads(posted, tools, zmap, events, len(cut_before[0]), before, columns)
-    if within_before is not None and unsure.any():
-        doubts = np.flatnonzero(unsure)
-        unsure[replay_doubts.cleared(doubts, posted, script, wanted, within_before, stock_min, stock_max)] = False
-    if on_heads and left_by_heads is not None:
-        events, z = _lowered(events, z, *left_by_heads(zmap.xy_mm))
-    cells = _cells_for_heads(posted, on_heads, within_before, stock_min, stock_max) if on_heads else None
+    script = _script(posted, tools, around.spindle_head)
+    cells, solids = _cells(z, stock), _solids(design, heights, stock, around.fixtures)
+    *events, z, worst, least, unsure = kept.of(_history)(script, len(posted), wanted, around.rapid_clearance_mm, cells, solids)
+    taken = loads(posted, tools, zmap, events, len(cells.lowered[0]), cells.z_mm, stock.columns)
+    if stock.within_before is not None and unsure.any():
+        unsure[replay_doubts.cleared(np.flatnonzero(unsure), posted, script, wanted, stock)] = False
+    if on_heads and stock.left_by_heads is not None:
+        events, z = _lowered(events, z, *stock.left_by_heads(zmap.xy_mm))
+    standing = _cells_for_heads(posted, on_heads, stock) if on_heads else None
     for tool in on_heads:
-        proven, at = head_clearance.put_contacts(worst, posted, tool, fixtures, cells, wanted, spindle_head)
+        proven, at = head_clearance.put_contacts(worst, posted, tool, around.fixtures, standing, wanted, around.spindle_head)
         if proven < least[1]:
             least[:] = min(least[0], proven), proven, *at
-    report = replay_checks.Reporter(posted, setup, frame)
+    report = replay_checks.Reporter(posted, around.setup, around.frame)
     hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
              *report.unknown_starts(highest, hanging), *report.travel(machine),
              *report.table(machine, tools, script, hanging), *report.end(),
              *report.loads(taken, tools),
-             *stop_findings(report, tools, machine, highest, hanging, stock_at))
+             *stop_findings(report, Standing(tools=tools, machine=machine, highest_mm=highest, hanging_mm=hanging,
+                                             stock_before=stock.standing_before)))
     place = None if np.isnan(least[2]) else report.place(least[2:])
-    return Replay(zmap=zmap, bottom_mm=float(stock_min[2]), top_mm=top, design_top_mm=heights,
+    return Replay(zmap=zmap, bottom_mm=float(stock.min_mm[2]), top_mm=top, design_top_mm=heights,
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
                   findings=found, idle=tuple(report.idle(taken, [t.number for t in on_heads])),
                   holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
@@ -215,17 +122,53 @@ def _refuse_tilted(posted, tools):
                               "knows no rotary axes: program it upright", rows=rows)
 
 
-def _history(script, moves, wanted, low_mm, boxes, z, before, lines, events, design, allowed_mm, around):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Cells:
+    """The z-map before the first move, as the kernels take it."""
+
+    z_mm: np.ndarray        # (ny, nx) at the nodes
+    bound_mm: np.ndarray    # (ly - 1, lx - 1) heights that the cells do not exceed
+    sure_mm: np.ndarray     # and such as they reach
+    lines_mm: tuple         # x (lx,) and y (ly,) of the grid's lines
+    lowered: tuple          # events of row 0: cells that earlier clampings have lowered
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Solids:
+    """What the tool may not touch beside the stock."""
+
+    boxes: np.ndarray                   # (b, 6) of fixtures
+    fixtures: tuple                     # ClearanceTree values
+    design: ClearanceTree | None
+    allowed_mm: float                   # how deep neck, shank and holder may seem to touch the design
+
+
+def _cells(z, stock):
+    """_Cells of heights at a FoundStock's nodes."""
+    top, lines = stock.highest_mm, _lines(stock.zmap, stock.max_mm)
+    bound, sure = _before(z, lines, top, stock.within_mm)
+    return _Cells(z_mm=z, bound_mm=bound, sure_mm=sure, lines_mm=lines, lowered=_cut_before(z, top))
+
+
+def _solids(design, heights, stock, fixtures):
+    """_Solids of a FinishedDesign with heights at the nodes, and of fixtures."""
+    boxes = [(*f.min_mm, *f.max_mm) for f in fixtures if isinstance(f, Fixture)]
+    return _Solids(boxes=np.array(boxes, dtype=float).reshape(-1, 6), fixtures=tuple(
+        ClearanceTree.of_triangles(f.vertices_mm, f.triangles) for f in fixtures if isinstance(f, SolidFixture)),
+        design=_pins(stock.zmap, heights, float(stock.min_mm[2])) if design.tree is None else design.tree,
+        allowed_mm=float(design.error_mm + TOUCH_MM))
+
+
+def _history(script, moves, wanted, low_mm, cells, solids):
     """(row, cell, height of the events, heights in the end, worst, least, undecided), see `replay_kernel.run`."""
-    worst, z = np.full((5, moves, 4), -np.inf), z.copy()
+    worst, z = np.full((5, moves, 4), -np.inf), cells.z_mm.copy()
     least = np.array([replay_kernel.FAR_MM, replay_kernel.FAR_MM, np.nan, np.nan, np.nan])
-    if design is not None:
-        _against_design(design, script, wanted, allowed_mm, worst, least)
-    for fixture in around:
+    if solids.design is not None:
+        _against_design(solids, script, wanted, worst, least)
+    for fixture in solids.fixtures:
         _against_fixture(fixture, script, worst[replay_kernel.FIXTURE])
-    bounds, sure = before
-    events, unsure = replay_kernel.run(*script, wanted, TOUCH_MM, low_mm, boxes, z, bounds.copy(), sure, lines,
-                                       _past(script[0], script[2], script[4]), worst, least, events)
+    events, unsure = replay_kernel.run(*script, wanted, TOUCH_MM, low_mm, solids.boxes, z, cells.bound_mm.copy(), cells.sure_mm,
+                                       cells.lines_mm, _past(script[0], script[2], script[4]), worst, least, cells.lowered)
     return *events, z, worst, least, unsure & ~(worst[:replay_kernel.LOW, :, 0] > 0).any(axis=0)
 
 
@@ -321,7 +264,7 @@ def _pins(zmap, heights, bottom):
     return ClearanceTree.of_triangles(ends, np.column_stack([np.arange(n), np.arange(n) + n, np.arange(n) + n]))
 
 
-def _against_design(design, script, wanted, allowed_mm, worst, least):
+def _against_design(solids, script, wanted, worst, least):
     """Shank and holder of every cutter against the design: `worst` takes contacts, `least` the holder's distance."""
     geometry, row, cutter, _, _, parts, kinds = script
     for k in np.unique(cutter):
@@ -333,13 +276,13 @@ def _against_design(design, script, wanted, allowed_mm, worst, least):
                 continue
             is_holder = kind == replay_kernel.HOLDER
             proven, got, spot = replay_design.sweep(
-                design.arrays, lines, row[mine], np.ascontiguousarray(segments), wanted[kind] - allowed_mm,
+                solids.design.arrays, lines, row[mine], np.ascontiguousarray(segments), wanted[kind] - solids.allowed_mm,
                 least[1] if is_holder else -np.inf, replay_design.TOLERANCE_MM, worst[kind])
             if is_holder and got < least[1]:
                 least[1:] = got, *spot
             if is_holder:
                 least[0] = min(least[0], proven)
-    worst[:, :, 0] += allowed_mm             # where there is none, -inf stays
+    worst[:, :, 0] += solids.allowed_mm             # where there is none, -inf stays
 
 
 def _against_fixture(fixture, script, worst):
@@ -360,11 +303,12 @@ def _on_heads(posted, tools):
     return [t for n, t in sorted(tools.items()) if t.head is not None and (posted.tool == n).any()]
 
 
-def _cells_for_heads(posted, on_heads, within_before, low, high):
+def _cells_for_heads(posted, on_heads, stock):
     """StockCells of the stock that the first tool on a head finds; the whole billet where nobody knows."""
     first = int(np.isin(posted.tool, [t.number for t in on_heads]).argmax())
-    found = (lambda xy, radius: np.full(len(xy), high[2])) if within_before is None else within_before(first)
-    return head_clearance.StockCells.over(low, high, found)
+    found = ((lambda xy, radius: np.full(len(xy), stock.max_mm[2])) if stock.within_before is None else
+             stock.within_before(first))
+    return head_clearance.StockCells.over(stock.min_mm, stock.max_mm, found)
 
 
 def _script(posted, tools, spindle_head):

@@ -17,34 +17,32 @@ DIAGONAL = np.sqrt(2.0) * (1 + 1e-6)        # of half a cell's side to its corne
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
 
 
-def cleared(rows, posted, script, wanted_mm, within_before, low, high):
+def cleared(rows, posted, script, wanted_mm, stock):
     """Of undecided moves those that surely meet no stock.
 
     Args:
         rows: (k,) of PostedMoves.   script: of `replay`.
         wanted_mm: (3,) distance by kind: rapids, shank, holder.
-        within_before: function (row) -> function (xy (n, 2), radius) -> (n,) heights that no stock so near exceeds
-            before that move.
-        low, high: (3,) billet, WCS.
+        stock: scene.FoundStock with `within_before`.
     Returns:
         list of rows.
     """
     if len(rows) > MOST_ROWS:
         return []
-    return [row for row in rows if _is_clear(row, posted, script, wanted_mm, within_before, low, high)]
+    return [row for row in rows if _is_clear(row, posted, script, wanted_mm, stock)]
 
 
-def _is_clear(row, posted, script, wanted_mm, within_before, low, high):
+def _is_clear(row, posted, script, wanted_mm, stock):
     if posted.kind[row] >= Kind.ARC_CW:
         return False
     _, of, cutter, _, _, parts, kinds = script
     k = cutter[np.flatnonzero(of == row)[0]]
-    ends, within = np.array([posted.start_mm[row], posted.end_mm[row]]), within_before(row)
+    ends, within = np.array([posted.start_mm[row], posted.end_mm[row]]), stock.within_before(row)
     for (z0, r0, _, r1, grow), (owner, kind) in zip(parts, kinds):
         if owner != k or (kind == RAPID and posted.kind[row] != Kind.RAPID):
             continue
         radius, floor = max(r0, r1) + grow + wanted_mm[kind], ends[:, 2].min() + z0 - grow - wanted_mm[kind]
-        if not stands_below(ends[:, :2], radius, floor, within, low, high):
+        if not stands_below(ends[:, :2], radius, floor, within, stock.min_mm, stock.max_mm):
             return False
     return True
 

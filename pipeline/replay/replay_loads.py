@@ -44,7 +44,7 @@ def loads(posted, tools, zmap, events, first, before_mm, columns=None):
     """What each move of a replayed program takes off.
 
     Args:
-        posted: PostedMoves.   tools: {number: cutters.Tool}.   zmap: replay.ZMap.
+        posted: PostedMoves.   tools: {number: cutters.Tool}.   zmap: scene.ZMap.
         events: rows, cells, heights, each (e,), in order.   first: of them the first that is not from before the program.
         before_mm: (ny, nx) heights before the first move.
         columns: (ny * nx, k, 2) heights between which the nodes' material stands as delivered, inf behind the last; what is

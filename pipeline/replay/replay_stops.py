@@ -1,6 +1,7 @@
 """Where the machine stands still: tool changes, stops, the end, and the spindle switched while the flutes touch."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,39 +14,45 @@ RINGS, SPOKES = 64, 128   # places asked under a tool
 SENSE = {"M3": 1, "M4": -1, "M5": 0, "M6": 0}
 
 
-def stop_findings(report, tools, machine, highest_mm, hanging_mm, stock_at):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Standing:
+    """What a tool that stands still may meet."""
+
+    tools: dict                     # number -> cutters.Tool
+    machine: object                 # machines.Machine; None: no heights are asked for
+    highest_mm: float               # of stock and fixtures before the first move, WCS
+    hanging_mm: dict                # number -> how far a tool reaches below the place that is called its tip, of those that do
+    stock_before: Callable | None   # see scene.FoundStock.standing_before; None: nothing is asked of contacts
+
+
+def stop_findings(report, standing):
     """Findings of all stops of a program.
 
     Args:
-        report: replay_checks.Reporter of its moves.   tools: {number: cutters.Tool}.
-        machine: machines.Machine; None: no heights are asked for.
-        highest_mm: of stock and fixtures before the first move, WCS.
-        hanging_mm: {number: how far a tool reaches below the place that is called its tip}, of those that do.
-        stock_at: function of a row to a function of places (n, 2) to heights (n,) of the stock before that move;
-            None: not known, nothing is asked of contacts.
+        report: replay_checks.Reporter of its moves.   standing: Standing.
     Yields:
         Finding values: tool_change_low, stop_low, ends_in_cut, no_spindle.
     """
     posted, sense = report.posted, 0
     for stop in posted.stops:
         before, sense = sense, SENSE.get(stop.word, sense)
-        found = _finding(report, stop, tools, machine, highest_mm, hanging_mm, stock_at, before != 0 and sense != before)
+        found = _finding(report, standing, stop, before != 0 and sense != before)
         if found is not None:
             yield replace(found, line=stop.line)
 
 
-def _finding(report, stop, tools, machine, highest_mm, hanging_mm, stock_at, is_switched):
-    posted, row = report.posted, stop.row - 1
+def _finding(report, standing, stop, is_switched):
+    posted, row, machine = report.posted, stop.row - 1, standing.machine
     if stop.word == "M6" and machine is not None:
         return _low_change(report, stop, machine)
     if row < 0 or not np.isfinite(posted.end_mm[row, 2]):
         return None
-    tip, tool = posted.end_mm[row], tools.get(int(posted.tool[row]))
-    low = tip[2] - hanging_mm.get(int(posted.tool[row]), 0.0)
+    tip, tool = posted.end_mm[row], standing.tools.get(int(posted.tool[row]))
+    low = tip[2] - standing.hanging_mm.get(int(posted.tool[row]), 0.0)
     asked = stop.word in ("M0", "M1", "M2", "M30") or is_switched
     depth = -np.inf
-    if asked and tool is not None and stock_at is not None and np.isfinite(tip).all() and low < highest_mm:
-        depth = depth_in_stock_mm(tool, tip, low, stock_at(stop.row))
+    if asked and tool is not None and standing.stock_before is not None and np.isfinite(tip).all() and low < standing.highest_mm:
+        depth = depth_in_stock_mm(tool, tip, low, standing.stock_before(stop.row))
     if stop.word in ("M2", "M30") and depth >= 0:
         return report.finding("ends_in_cut", row, depth, tip, f"the program ends with the tool {depth:.3f} mm below the "
                               "stock that it touches: retract to the top of the machine before the end")
@@ -53,7 +60,7 @@ def _finding(report, stop, tools, machine, highest_mm, hanging_mm, stock_at, is_
         return report.finding("no_spindle", row, depth, tip, f"the spindle is switched by {stop.word} with the tool "
                               f"{depth:.3f} mm below the stock that it touches: retract first, then stop it")
     if stop.word in ("M0", "M1", "M2", "M30") and machine is not None:
-        return _low_stop(report, stop, machine, low, highest_mm)
+        return _low_stop(report, stop, machine, low, standing.highest_mm)
     return None
 
 

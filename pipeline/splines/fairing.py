@@ -4,6 +4,8 @@ Among all quintic splines that keep within the rounding of the given values, nea
 bending, the integral of the squared third (or second) derivative.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.interpolate import BSpline
 
@@ -14,8 +16,18 @@ STEPS = 14              # of the bisection for the stiffness, over STIFFNESS
 STIFFNESS = (-12.0, 8.0)        # decimal logarithm of the weight of the bending
 
 
-def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=((), ()), slope_at_start=None,
-                slopes=None, bending=3):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Held:
+    """Derivatives that a fair spline keeps exactly; None: free."""
+
+    # orders of those that vanish at the low and at the high end of the domain: ((1, 3), ()) makes the spline even about its
+    # low end, ((0, 2, 4), ()) odd
+    zero_derivatives: tuple = ((), ())
+    slope_at_start: float | None = None     # first derivative at the low end of the domain
+    slopes: np.ndarray | None = None        # (n,) first derivatives at the values' places; NaN: free
+
+
+def fair_spline(x, y, within=0.0, *, domain=None, sites=None, held=Held(), bending=3):
     """Quintic spline through values, smoothed as far as their rounding allows.
 
     Args:
@@ -24,10 +36,7 @@ def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=(
         within: how far the spline may pass from a value; 0: through all of them.
         domain: (low, high) that the spline spans; None: that of x.
         sites: (k,) rising knots, the ends of the domain among them; None: the values' places and their middles.
-        zero_derivatives: orders of the derivatives that vanish at the low and at the high end of the domain:
-            ((1, 3), ()) makes it even about its low end, ((0, 2, 4), ()) odd.
-        slope_at_start: first derivative at the low end of the domain; None: free.
-        slopes: (n,) first derivatives at the values' places, kept exactly; NaN: free; None: all free.
+        held: Held.
         bending: order of the derivative that is kept small, 2 or 3.
     Returns:
         scipy BSpline.
@@ -40,13 +49,12 @@ def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=(
     if sites is None:
         sites = np.unique(x if domain is None else np.r_[domain[0], x[(x > domain[0]) & (x < domain[1])], domain[1]])
         sites = np.sort(np.r_[sites, (sites[1:] + sites[:-1]) / 2])
-    low, high = sites[0], sites[-1]
-    knots = np.r_[[low] * DEGREE, sites, [high] * DEGREE]
-    rows, values = _end_conditions(knots, low, high, zero_derivatives, slope_at_start, y.shape[1:])
-    if slopes is not None:
-        told = np.isfinite(slopes)
+    knots = np.r_[[sites[0]] * DEGREE, sites, [sites[-1]] * DEGREE]
+    rows, values = _end_conditions(knots, held, y.shape[1:])
+    if held.slopes is not None:
+        told = np.isfinite(held.slopes)
         rows = np.vstack([rows, BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE).derivative()(x[told])])
-        values = np.concatenate([values, np.asarray(slopes, float)[told]])
+        values = np.concatenate([values, np.asarray(held.slopes, float)[told]])
     through = BSpline.design_matrix(x, knots, DEGREE).toarray()
     energy = _energy(knots, sites, bending)
     exact = _Constrained(energy, np.vstack([rows, through]), np.concatenate([values, y]))
@@ -65,15 +73,15 @@ def fair_spline(x, y, within=0.0, *, domain=None, sites=None, zero_derivatives=(
     return BSpline(knots, exact.least(1.0) if best is None else best, DEGREE)
 
 
-def _end_conditions(knots, low, high, zero_derivatives, slope_at_start, tail):
+def _end_conditions(knots, held, tail):
     """Rows and right sides of the conditions at the ends of the domain."""
     unit = BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE)
     rows = [unit.derivative(k)(end) if k else unit(end)
-            for end, orders in zip((low, high), zero_derivatives) for k in orders]
+            for end, orders in zip((knots[0], knots[-1]), held.zero_derivatives) for k in orders]
     values = [np.zeros(tail)] * len(rows)
-    if slope_at_start is not None:
-        rows.append(unit.derivative()(low))
-        values.append(np.full(tail, slope_at_start))
+    if held.slope_at_start is not None:
+        rows.append(unit.derivative()(knots[0]))
+        values.append(np.full(tail, held.slope_at_start))
     return np.array(rows).reshape(-1, unit.c.shape[0]), np.array(values).reshape(-1, *tail)
 
 

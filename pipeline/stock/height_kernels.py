@@ -13,6 +13,7 @@ from cuspline.stock.distance_kernels import VERTICAL_MM
 from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.values.compiled import njit
 
+SLACK_MM = 1e-10          # what rounding may put on a bound: taken off, but where a bound is exact (the flat of a bottom)
 STEEP = 0.003             # a tangent to p is taken where no more than this share of rc² is left below the root
 
 
@@ -140,7 +141,7 @@ def _child_heights_of_ball(x, y, rc, out):
         xl, xh, yl, yh = out[j] - x, out[8 + j] - x, out[16 + j] - y, out[24 + j] - y
         ex, ey = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
         square = ex * ex + ey * ey
-        box = out[32 + j] + rc - math.sqrt(max(rc * rc - square, 0.0))
+        box = out[32 + j] + (rc - math.sqrt(max(rc * rc - square, 0.0))) - (SLACK_MM if square > 0.0 else 0.0)
         sx, sy = out[40 + j], out[48 + j]
         reach = rc / math.sqrt(1.0 + sx * sx + sy * sy)
         px, py = min(max(-sx * reach, xl), xh), min(max(-sy * reach, yl), yh)
@@ -149,7 +150,7 @@ def _child_heights_of_ball(x, y, rc, out):
         gx, gy = sx + px / root, sy + py / root
         dx, dy = min(max(-gx * rc, xl - px), xh - px), min(max(-gy * rc, yl - py), yh - py)
         tangent = (out[56 + j] + sx * (x + px) + sy * (y + py) + rc - root
-                   + dx * (gx + 0.5 * dx / rc) + dy * (gy + 0.5 * dy / rc))
+                   + dx * (gx + 0.5 * dx / rc) + dy * (gy + 0.5 * dy / rc)) - SLACK_MM
         bound = max(box, tangent) if rest > STEEP * rc * rc else box
         out[64 + j] = math.inf if square > rc * rc else bound
 
@@ -162,7 +163,7 @@ def _child_heights_of_disk(x, y, a, rc, out):
         ex, ey = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
         square = ex * ex + ey * ey
         beyond = max(math.sqrt(square) - a, 0.0)
-        box = out[32 + j] + rc - math.sqrt(max(rc * rc - beyond * beyond, 0.0))
+        box = out[32 + j] + (rc - math.sqrt(max(rc * rc - beyond * beyond, 0.0))) - (SLACK_MM if beyond > 0.0 else 0.0)
         sx, sy = out[40 + j], out[48 + j]
         here = out[56 + j] + sx * x + sy * y
         steep = max(math.sqrt(sx * sx + sy * sy), 1e-300)
@@ -178,5 +179,5 @@ def _child_heights_of_disk(x, y, a, rc, out):
         gx, gy, p = sx + pull * px, sy + pull * py, rc - math.sqrt(max(rc * rc - e * e, 0.0))
         tangent = (here + sx * px + sy * py + p + min(gx * (xl - px), gx * (xh - px))
                    + min(gy * (yl - py), gy * (yh - py)))
-        bound = max(box, plane, tangent) if sx * sx + sy * sy > 0.0 else box
+        bound = max(box, plane - SLACK_MM, tangent - SLACK_MM) if sx * sx + sy * sy > 0.0 else box
         out[64 + j] = math.inf if square > radius * radius else bound

@@ -326,7 +326,7 @@ def lowest_piece(x, y, forest, top_mm, hint, stack, bounds):
             top = open_root(stack, bounds) if count > 0 else 0
             while top > 0:
                 top -= 1
-                if bounds[top] - SLACK_MM >= best:
+                if bounds[top] >= best:                    # as low as that is not lower: flat bottoms are many
                     continue
                 code = stack[top]
                 t = piece_of(code, tree)
@@ -336,7 +336,7 @@ def lowest_piece(x, y, forest, top_mm, hint, stack, bounds):
                         best, found = z, t
                     continue
                 child_heights(x, y, blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
-                top = push_children(code, best + SLACK_MM, top, stack, bounds)
+                top = push_children(code, best, top, stack, bounds)
     return best, found
 
 

@@ -129,8 +129,9 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, kept=N
         tree = DepthTree.of_part(part, THICKNESS_SHARE * tolerance_mm)
         for number in np.unique(posted.tool[known]).tolist():
             own = known[posted.tool[known] == number]
-            _prove(tree, chords_of(posted, own, sagitta_mm), tools[number].cutter, skin_mm, tolerance_mm - sagitta_mm,
-                   bound, share, place, kept.of(move_depths))
+            row, *proven = _proven(tree, chords_of(posted, own, sagitta_mm), tools[number].cutter, skin_mm,
+                                   tolerance_mm - sagitta_mm, kept.of(move_depths))
+            bound[row], share[row], place[row] = proven
     return Certificate(row=known, kind=posted.kind[known], bound_mm=bound[known], share=share[known],
                        place_mm=place[known], tolerance_mm=float(tolerance_mm), sagitta_mm=sagitta_mm,
                        uncovered=tuple((int(row), reason) for row, reason in zip(rows, reasons) if reason is not None))
@@ -158,8 +159,8 @@ def _reasons(posted, tools, rows):
     return [reason(row) for row in rows.tolist()]
 
 
-def _prove(tree, chords, cutter, skin_mm, tolerance_mm, bound, share, place, ask):
-    """Fill in the rows of the chords: what the deepest chord of each says; `ask` answers as move_depths."""
+def _proven(tree, chords, cutter, skin_mm, tolerance_mm, ask):
+    """(rows of the chords, bound, share, place) as the deepest chord of each row says; `ask` answers as move_depths."""
     R = cutter.radius_mm
     rc = {"ball": R, "flat": 0.0}.get(cutter.type, cutter.corner_radius_mm)
     lift = np.array([0.0, 0.0, skin_mm])
@@ -170,6 +171,5 @@ def _prove(tree, chords, cutter, skin_mm, tolerance_mm, bound, share, place, ask
     deepest = deepest[np.diff(chords.row[deepest], append=-1) != 0]
     row, along = chords.row[deepest], along[deepest]
     tip = chords.start_mm[deepest] + along[:, None] * (chords.end_mm - chords.start_mm)[deepest]
-    bound[row] = depth[deepest]
-    share[row] = chords.share[deepest, 0] + along * np.diff(chords.share[deepest], axis=1)[:, 0]
-    place[row] = np.where(np.isfinite(point[deepest]), point[deepest], tip)
+    share = chords.share[deepest, 0] + along * np.diff(chords.share[deepest], axis=1)[:, 0]
+    return row, depth[deepest], share, np.where(np.isfinite(point[deepest]), point[deepest], tip)

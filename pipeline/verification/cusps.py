@@ -17,8 +17,8 @@ from cuspline.scallop.stepover import scallop_for_stepover_mm
 from cuspline.stock.swept import nearest_moves, upright_paths
 from cuspline.surfaces.projection import refined
 from cuspline.values.arrays import frozen
-from cuspline.verification.climbing import CELL, CLOSE_MM, FIRST, Tops, hill_rows, unit, walked
-from cuspline.verification.samples import in_parameters
+from cuspline.verification.climbing import CELL, CLOSE_MM, FIRST, Ground, Tops, hill_rows, unit, walked
+from cuspline.verification.samples import Samples, in_parameters
 
 PLACES = 4000             # ridges that are measured, at most
 BESIDE_MM = 5 * CLOSE_MM  # from a ridge to either side
@@ -70,26 +70,35 @@ def _spread(values):
     return {name: round(float(np.quantile(values, share)), ROUND_MM) for name, share in shares.items()}
 
 
-def measured_cusps(ground, samples, heights_mm, feeds, cut, posted, height_of, exact_of, spacing_mm, face_numbers):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SampledStock:
+    """Samples of the faces of one clamping, with the stock that stands there and the passes beside it; part coordinates."""
+
+    ground: Ground
+    samples: Samples
+    spacing_mm: float         # of them
+    height_mm: np.ndarray     # (n,) of the stock; -inf where no cusp is to be looked for
+    feed: np.ndarray          # (n, 3) direction of the pass beside each sample
+
+
+def measured_cusps(sampled, cut, posted, height_of, exact_of, face_numbers):
     """Cusps of the faces of one clamping.
 
     Args:
-        ground: climbing.Ground.   samples: Samples of its faces.
-        heights_mm: (n,) of the stock at the samples; -inf where no cusp is to be looked for.
-        feeds: (n, 3) direction of the pass beside each sample, part coordinates.
+        sampled: SampledStock.
         cut: workpiece.Cut.   posted: PostedMoves of the same clamping.
         height_of: function of points (n, 3) to heights, quick.   exact_of: of points and normals, exact along these.
-        spacing_mm: of the samples.
         face_numbers: (f,) of the faces in the solid.
     Returns:
         Cusps; ridges between passes of one ball only.
     """
-    rows = hill_rows(samples.points_mm, samples.face, heights_mm, CELL * spacing_mm)
+    ground, samples, spacing_mm = sampled.ground, sampled.samples, sampled.spacing_mm
+    rows = hill_rows(samples.points_mm, samples.face, sampled.height_mm, CELL * spacing_mm)
     rows = np.sort(rows)[np.unique(np.linspace(0, len(rows) - 1, PLACES).astype(int))] if len(rows) else rows
     u, v, found = ground.parameters(samples.points_mm[rows], samples.face[rows])
     rows = rows[found]
-    begin = Tops(face=samples.face[rows], u=u[found], v=v[found], height_mm=heights_mm[rows])
-    across = unit(np.cross(ground.places(begin.face, begin.u, begin.v).normal, feeds[rows]))
+    begin = Tops(face=samples.face[rows], u=u[found], v=v[found], height_mm=sampled.height_mm[rows])
+    across = unit(np.cross(ground.places(begin.face, begin.u, begin.v).normal, sampled.feed[rows]))
     tops = walked(ground, begin, height_of, FIRST * spacing_mm, along=across)
     inside = np.flatnonzero(~ground.is_at_rim(tops.face, tops.u, tops.v) & (np.abs(across).sum(axis=1) > 0))
     tops, across = tops.only(inside), across[inside]

@@ -26,6 +26,7 @@ from cuspline.values.compiled import njit
 from cuspline.values.rows import X, Y, Z, put
 from cuspline.values.threads import in_blocks
 
+FLOOR_MM = 0.005          # cells no longer than this are not halved
 ABOVE, FLOOR = 0, 1       # why a cell was given up: its middle is not cut away; it is as small as they get
 REASON, ON_BORDER, AREA = range(4, 7)   # columns of a cell given up, behind its rectangle
 COUNT, OLDEST, REMEMBERED = range(3)    # of the pieces remembered: how many, the place of the oldest, the first of them
@@ -299,20 +300,20 @@ def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm,
     return cells, given
 
 
-def prove_roots(surface, trims, frame, forest, patch, boxes, height_mm, floor_mm):
+def prove_roots(surface, trims, frame, forest, patch, boxes, height_mm):
     """Prove roots, cells (n, 4) of patches (n,), to be cut away at a height above the face.
 
     Args:
         surface: PatchSet.arrays.   trims: TrimSet.arrays.   frame: (4, 3) rotation over origin, see frames.Frame.
         forest: of swept.forest_of, WCS.
-        height_mm: above the face.   floor_mm: cells no longer than this are not halved.
+        height_mm: above the face.
     Returns:
         cells looked at (n,), cells given up (n,): more than ROOM where a root must be halved and proven anew, and those
         (n, ROOM, 7): box, ABOVE or FLOOR, 1 across the border, area if flat.
     """
     n = len(patch)
     cells, given, out = np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, ROOM, 7))
-    in_blocks(_prove_roots, n, ROOTS, surface, trims, frame, forest, patch, boxes, height_mm, floor_mm, cells, given, out)
+    in_blocks(_prove_roots, n, ROOTS, surface, trims, frame, forest, patch, boxes, height_mm, FLOOR_MM, cells, given, out)
     return cells, given, out
 
 

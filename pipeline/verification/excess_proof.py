@@ -24,7 +24,6 @@ from cuspline.verification.excess_kernels import ABOVE, ROOM, prove_roots
 SHARE = 0.01              # the height proven is higher than the highest place known by this share
 SLACK_MM = 1e-4           # and by this
 ROOT_MM = 0.4             # reach of the first cells
-FLOOR_MM = 0.005
 BORDER_MM = 0.1           # cells whose middle cannot be reached are not halved below this
 NOISE_MM = 1e-6           # a height is exceeded only by more than this
 ROUNDS = 60               # of raising the height, and of halving what cannot be reached
@@ -84,8 +83,7 @@ class _Cells:
                       area_mm2=twice(self.area_mm2 / 2))
 
 
-def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable, floor_mm=FLOOR_MM,
-                 area_mm2=np.nan):
+def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable, area_mm2=np.nan):
     """Prove that no reachable place of some faces stands higher than what is known and allowed.
 
     Args:
@@ -94,7 +92,6 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
         known_mm: a height that is known to be reached, scalar >= 0.   allowed_mm: higher places are excess.
         deviation_of: function of points and normals (n, 3), part coordinates, to exact deviations (n,).
         is_reachable: function of the same to (n,) bool.
-        floor_mm: cells no longer than this are not halved.
         area_mm2: of the faces: all of it is unproven where no cutter is known.
     Returns:
         ExcessProof.
@@ -102,7 +99,7 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
     posed = {p.tool.number: p.tool.cutter.type for c in cuts for p in c.paths if not upright_paths((p,))}
     uncovered = tuple(f"T{n}, {kind}: only upright ball, bull nose and flat cutters are known to the proof"
                       for n, kind in sorted(posed.items()))
-    search = _Search(ground, allowed_mm, deviation_of, is_reachable, floor_mm)
+    search = _Search(ground, allowed_mm, deviation_of, is_reachable)
     upright = [replace(c, paths=upright_paths(c.paths)) for c in cuts if upright_paths(c.paths)]
     if not upright:
         return ExcessProof(height_mm=np.nan, cells=0, higher_mm=np.zeros((0, 3)), amount_mm=np.zeros(0),
@@ -113,8 +110,8 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
 class _Search:
     """One run of the proof."""
 
-    def __init__(self, ground, allowed_mm, deviation_of, is_reachable, floor_mm):
-        self.ground, self.allowed, self.floor = ground, allowed_mm, floor_mm
+    def __init__(self, ground, allowed_mm, deviation_of, is_reachable):
+        self.ground, self.allowed = ground, allowed_mm
         self.deviation_of, self.is_reachable = deviation_of, is_reachable
         self.cells, self.areas, self.higher = 0, dict.fromkeys(REASONS, 0.0), []
 
@@ -164,8 +161,7 @@ class _Search:
 
     def _given_up_of(self, frame, forest, todo):
         patches, trims = self.ground.patches, self.ground.trims
-        cells, count, out = prove_roots(patches.arrays, trims.arrays, frame, forest, todo.patch, todo.box, self.height,
-                                        self.floor)
+        cells, count, out = prove_roots(patches.arrays, trims.arrays, frame, forest, todo.patch, todo.box, self.height)
         self.cells += int(cells.sum())
         crowded = count > ROOM
         rows, places = np.nonzero(np.arange(ROOM) < np.where(crowded, 0, count)[:, None])

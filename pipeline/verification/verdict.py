@@ -11,7 +11,8 @@ from OCP.TopExp import TopExp_Explorer
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.tessellation import Tessellation, tessellate
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.replay.replay import Replay, ZMap, replay
+from cuspline.replay.replay import Replay, replay
+from cuspline.replay.scene import FinishedDesign, FoundStock, Surroundings, ZMap
 from cuspline.stock.stock_solids import StockSolids
 from cuspline.stock.swept import is_height_field, lowest_moves, stock_height_mm, swept_paths
 from cuspline.stock.workpiece import Workpiece
@@ -23,7 +24,7 @@ from cuspline.values.errors import InputError
 from cuspline.values.findings import Finding
 from cuspline.verification.certificate import Certificate, certify, part_in_wcs
 from cuspline.verification.climbing import Ground
-from cuspline.verification.cusps import Cusps, measured_cusps
+from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.in_process import PART
 from cuspline.verification.reach import REACHABLE, drop_mesh
@@ -143,7 +144,7 @@ class SetupProgram:
     posted: object                    # PostedMoves
     setup: object                     # design.Setup: name and frame
     faces: tuple                      # TopoDS_Face values of the solid (or values with such a `.shape`) that it cuts
-    fixtures: tuple = ()              # of replay.Fixture, WCS
+    fixtures: tuple = ()              # of scene.Fixture, WCS
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -184,27 +185,38 @@ def verify_setups(programs, solid, judging):
         InputError: no faces, or faces of another solid; a plating that is no thinner than the smallest ball.
         SimulationError: a cutter that is no thicker than the plating.
     """
-    part, clampings = _laid_out(programs, solid, judging)
-    judged = _residuals(part, clampings, judging)
-    finished_mm = MISSED * allowed_mm(judging.finish)
-    steps = joints([c.name for c in clampings], [own for _, own in judged], [len(found.samples) for found, _ in judged],
-                   finished_mm=finished_mm, fade_mm=float(np.sqrt(2.0 * part.largest_radius_mm * finished_mm)))
-    return tuple(_judged(part, c, found, own, judging, joined)
-                 for c, (found, own), joined in zip(clampings, judged, steps))
+    return first_look(programs, solid, judging).verdicts()
 
 
-def residuals_of(programs, solid, judging):
-    """The first verifier alone, as `verify_setups` asks it: (Residuals of its faces after all, of all faces after it) a program.
+def first_look(programs, solid, judging):
+    """The first verifier alone: FirstLook, from which the whole verdict goes on.
 
-    Args, raises: as there.
+    Args, raises: as `verify_setups`.
     """
-    return _residuals(*_laid_out(programs, solid, judging), judging)
-
-
-def _residuals(part, clampings, judging):
+    part, clampings = _laid_out(programs, solid, judging)
     for c in clampings:
         judging.say(f"{c.name}: {len(c.samples):,} samples against {len(c.program.posted):,} moves, and tops between them")
-    return residuals(part.piece, [c.sampled for c in clampings], part.closest, part.ball_radius_mm, judging.kept)
+    found = residuals(part.piece, [c.sampled for c in clampings], part.closest, part.ball_radius_mm, judging.kept)
+    return FirstLook(part=part, clampings=clampings, judging=judging, residuals=found)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FirstLook:
+    """What the first verifier finds of programs."""
+
+    part: object                      # _Part
+    clampings: list                   # _Clamping, one a program
+    judging: Judging
+    residuals: list                   # (Residuals of its faces after all, of all faces after it alone), one a program
+
+    def verdicts(self):
+        """The other verifiers' look at the same; one SetupVerdict a program."""
+        finished_mm = MISSED * allowed_mm(self.judging.finish)
+        steps = joints([c.name for c in self.clampings], [own for _, own in self.residuals],
+                       [len(found.samples) for found, _ in self.residuals], finished_mm=finished_mm,
+                       fade_mm=float(np.sqrt(2.0 * self.part.largest_radius_mm * finished_mm)))
+        return tuple(_judged(self.part, c, found, own, self.judging, joined)
+                     for c, (found, own), joined in zip(self.clampings, self.residuals, steps))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -313,7 +325,7 @@ def _judged(part, c, found, own, judging, joined):
     finish, tools, machine = part.finish, judging.tools, judging.machine
     kept, say, moves = judging.kept, judging.say, f"{len(c.program.posted):,} moves"
     say(f"{c.name}: replay of {moves} on a grid of {c.options.replay_pitch_mm:.3f} mm")
-    history = _replayed(part, c, tools, machine, kept)
+    history = _replayed(part, c, judging)
     say(f"{c.name}: certificate of {moves}")
     proven = certify(c.program.posted, tools, part_in_wcs(part.solid, c.program.setup.frame),
                      tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), skin_mm=finish.plating_mm, kept=kept)
@@ -350,10 +362,11 @@ def _cusps(part, c, found):
     count, piece = len(c.samples), part.piece
     row, d = found.row[:count], found.deviation_mm[:count]
     fair = found.is_reachable[:count] & found.is_own[:count] & (row >= 0) & (d <= allowed_mm(part.finish) * MISSED)
-    return measured_cusps(c.sampled.ground, found.samples.first(count), np.where(fair, d, -np.inf),
-                          np.where((row >= 0)[:, None], c.sampled.feeds[row], 0.0), piece.cuts[c.number], c.program.posted,
-                          piece.cut_distance_mm, lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], found.spacing_mm,
-                          c.required)
+    sampled = SampledStock(ground=c.sampled.ground, samples=found.samples.first(count), spacing_mm=found.spacing_mm,
+                           height_mm=np.where(fair, d, -np.inf),
+                           feed=np.where((row >= 0)[:, None], c.sampled.feeds[row], 0.0))
+    return measured_cusps(sampled, piece.cuts[c.number], c.program.posted, piece.cut_distance_mm,
+                          lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], c.required)
 
 
 def _between_samples(proof, found, options):
@@ -416,27 +429,31 @@ def _affordable_mm(solid, deviation_mm):
     return deviation_mm * max(1.0, expected / MESH_TRIANGLES)
 
 
-def _replayed(part, c, tools, machine, kept):
+def _replayed(part, c, judging):
     """The program replayed on the stock that it finds."""
     program, options, mesh, frame = c.program, c.options, part.mesh, c.program.setup.frame
-    low, high = c.before.box_in(frame)
-    zmap = ZMap.over(low, high, options.replay_pitch_mm)
-    grid = lambda heights: heights.reshape(zmap.ny, zmap.nx)
-    design = drop_tips_mm(c.drops, zmap.xy_mm, DESIGN_PIN_MM, 0.0)
-    return replay(program.posted, tools, stock_min=low, stock_max=high, pitch_mm=options.replay_pitch_mm,
-                  stock_top_mm=None if c.before.fills_box_in(frame) else grid(c.before.heights_mm(frame, zmap.xy_mm)),
-                  stock_within_mm=partial(c.before.highest_within_mm, frame),
-                  design_top_mm=grid(np.where(np.isfinite(design), design, np.nan)),
-                  design=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
-                  design_error_mm=mesh.deviation_mm + part.finish.gouge_mm + part.finish.plating_mm,
-                  fixtures=program.fixtures, machine=machine,
-                  frame=frame, setup=c.name,
-                  within_before=lambda row: _within_before(c, tools, row),
-                  left_by_heads=lambda xy: _left_by_heads(part, c, high, low, xy),
-                  stock_at=lambda row: partial(_stock_before(c, tools, row).standing_mm, frame),
-                  holder_clearance_mm=options.holder_clearance_mm,
-                  shank_clearance_mm=options.shank_clearance_mm, kept=kept,
-                  columns=None if c.before.blank.fills_box_in(frame) else c.before.blank.columns(frame, zmap.xy_mm))
+    stock = _found_stock(part, c, judging.tools)
+    top = drop_tips_mm(c.drops, stock.zmap.xy_mm, DESIGN_PIN_MM, 0.0)
+    design = FinishedDesign(top_mm=np.where(np.isfinite(top), top, np.nan).reshape(stock.zmap.shape),
+                            tree=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
+                            error_mm=mesh.deviation_mm + part.finish.gouge_mm + part.finish.plating_mm)
+    around = Surroundings(machine=judging.machine, fixtures=program.fixtures, frame=frame, setup=c.name,
+                          holder_clearance_mm=options.holder_clearance_mm, shank_clearance_mm=options.shank_clearance_mm)
+    return replay(program.posted, judging.tools, stock, design=design, around=around, kept=judging.kept)
+
+
+def _found_stock(part, c, tools):
+    """FoundStock of clamping c."""
+    before, frame = c.before, c.program.setup.frame
+    low, high = before.box_in(frame)
+    zmap = ZMap.over(low, high, c.options.replay_pitch_mm)
+    return FoundStock(min_mm=low, max_mm=high, pitch_mm=c.options.replay_pitch_mm,
+                      top_mm=None if before.fills_box_in(frame) else before.heights_mm(frame, zmap.xy_mm).reshape(zmap.shape),
+                      within_mm=partial(before.highest_within_mm, frame),
+                      within_before=lambda row: _within_before(c, tools, row),
+                      standing_before=lambda row: partial(_stock_before(c, tools, row).standing_mm, frame),
+                      left_by_heads=lambda xy: _left_by_heads(part, c, high, low, xy),
+                      columns=None if before.blank.fills_box_in(frame) else before.blank.columns(frame, zmap.xy_mm))
 
 
 def _true_mm(part, c, found, residuals, rows):

@@ -30,7 +30,8 @@ from cuspline.kernel import brep
 from cuspline.kernel.solids import stl_of
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.preflight import refuse_impossible_setups
-from cuspline.replay.replay import ZMap, replay
+from cuspline.replay.replay import replay
+from cuspline.replay.scene import FoundStock, Surroundings, ZMap
 from cuspline.shop.practice import Practice
 from cuspline.stock.shapes import BoxShape
 from cuspline.stock.workpiece import Workpiece
@@ -158,9 +159,9 @@ def test_a_rapid_is_held_against_the_stock_that_is_there_and_not_against_the_box
     for over, want in ((0.6, []), (-0.3, ["rapid_through_stock"])):
         posted = program((far, y, 60), [rapid(far, y, top_mm + over), rapid(-far, y, top_mm + over), rapid(-far, y, 60)],
                          tool_number=tool.number)
-        found = replay(posted, {tool.number: tool}, stock_min=low, stock_max=high, pitch_mm=pitch, machine=MACHINE,
-                       stock_top_mm=piece.heights_mm(frame, zmap.xy_mm).reshape(zmap.ny, zmap.nx),
-                       stock_within_mm=partial(piece.highest_within_mm, frame)).findings
+        before = FoundStock(min_mm=low, max_mm=high, pitch_mm=pitch, within_mm=partial(piece.highest_within_mm, frame),
+                            top_mm=piece.heights_mm(frame, zmap.xy_mm).reshape(zmap.shape))
+        found = replay(posted, {tool.number: tool}, before, around=Surroundings(machine=MACHINE)).findings
         found = [f for f in found if f.kind.startswith("rapid")]
         assert [f.kind for f in found] == want
         assert all(0.3 - pitch * SLOPE - 1e-3 <= f.amount_mm <= 0.3 + 1e-6 for f in found)         # at a node

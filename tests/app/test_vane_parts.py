@@ -12,6 +12,7 @@ from cuspline.design.job import read_job
 from cuspline.designs.rfq_vane import RfqVane, table_of
 from cuspline.kernel import brep
 from cuspline.replay.replay import replay
+from cuspline.replay.scene import FoundStock, Surroundings
 from cuspline.values.errors import DesignError, PlanError
 from cuspline.verification.verdict import Options
 
@@ -170,7 +171,8 @@ def test_a_disc_below_the_machines_table_is_found(tmp_path):
     for above in (1.0, -2.0):
         machine = job.machine.model_copy(update={"table_z_mm": job.machine.wcs_origin_mm[2] + lowest - above})
         moves = posted_moves(((folder / "setup-1.ngc").read_text(),), job.posted[0].setup, machine, tools)
-        found = replay(moves, tools, stock_min=(0.0, -10.0, 0.0), stock_max=(2.0, 10.0, 92.0), pitch_mm=0.5,
-                       machine=machine, within_before=lambda row: lambda xy, radius: np.zeros(len(xy)))
+        found = replay(moves, tools, FoundStock(min_mm=(0.0, -10.0, 0.0), max_mm=(2.0, 10.0, 92.0), pitch_mm=0.5,
+                                                within_before=lambda row: lambda xy, radius: np.zeros(len(xy))),
+                       around=Surroundings(machine=machine))
         depth.append([f.amount_mm for f in found.findings if "table" in f.advice])
     assert depth[0] == [] and max(depth[1]) == pytest.approx(2.0, abs=0.01)

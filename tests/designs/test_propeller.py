@@ -51,6 +51,15 @@ from cuspline.surfaces.trims import TrimSet
 from cuspline.values.errors import DesignError, InputError
 
 
+def own_screw(*main, hub_ratio=0.2, **form):
+    """By MainDimensions one after the other, and what else a BladeForm says."""
+    return tables.own_propeller(tables.MainDimensions(*main), hub_ratio, tables.BladeForm(**form))
+
+
+def b_screw(*main, **more):
+    return tables.b_series(tables.MainDimensions(*main), **more)
+
+
 def made_of(table, hub_ratio=0.2, radii=(4.0, 8.0, 4.0, 8.0), cuts=HubCuts(), length=0.46):
     size = table.diameter_mm
     hub = straight_hub(-length * size / 2, length * size / 2, hub_ratio * size / 2)
@@ -263,13 +272,13 @@ def assert_sound_as_read_back(made, path):
 
 
 @pytest.mark.parametrize("make, ratio, radii", [
-    (lambda: tables.b_series(4, 0.55, 1.0, 250.0), 0.167, (2.0, 8.0, 2.0, 8.0)),
-    (lambda: tables.b_series(5, 0.75, 0.8, 1000.0, False, edge=TrailingEdge(kind="square")), 0.167,
+    (lambda: b_screw(4, 0.55, 1.0, 250.0), 0.167, (2.0, 8.0, 2.0, 8.0)),
+    (lambda: b_screw(5, 0.75, 0.8, 1000.0, False, edge=TrailingEdge(kind="square")), 0.167,
      (4.0, 2.0, 4.0, 8.0)),
-    (lambda: tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, skew_deg=72.0, edge=TrailingEdge(kind="anti-singing")), 0.2,
+    (lambda: own_screw(5, 0.7, 1.1, 300.0, skew_deg=72.0, edge=TrailingEdge(kind="anti-singing")), 0.2,
      (4.0, 4.0, 4.0, 4.0)),
-    (lambda: tables.own_propeller(6, 0.7, 0.8, 100.0, 0.2, skew_deg=36.0), 0.2, (2.0, 8.0, 2.0, 8.0)),
-    (lambda: tables.b_series(7, 0.85, 1.4, 1000.0), 0.18, (3.0, 6.0, 3.0, 6.0))],
+    (lambda: own_screw(6, 0.7, 0.8, 100.0, skew_deg=36.0), 0.2, (2.0, 8.0, 2.0, 8.0)),
+    (lambda: b_screw(7, 0.85, 1.4, 1000.0), 0.18, (3.0, 6.0, 3.0, 6.0))],
     ids=["B4-55", "B5-75 left-handed square", "5 blades skew 72 anti-singing", "6 blades skew 36, 100 mm",
          "B7-85, 1 m"])
 def test_the_family_is_sound(make, ratio, radii, tmp_path):
@@ -281,7 +290,7 @@ def test_the_family_is_sound(make, ratio, radii, tmp_path):
 @pytest.mark.parametrize("blades, area", [(4, 0.55), (5, 0.75), (3, 0.5), (7, 0.85)])
 def test_b_screws_have_the_area_of_their_name(blades, area):
     """The tip, where the table leaves the outline open, too."""
-    ratio = tables.expanded_area_ratio(tables.b_series(blades, area, 1.0, 250.0), 0.167)
+    ratio = tables.expanded_area_ratio(b_screw(blades, area, 1.0, 250.0), 0.167)
     assert ratio == pytest.approx(area, rel=0.01)
 
 
@@ -294,7 +303,7 @@ def test_a_left_handed_propeller_is_the_mirror_image():
 
 def test_skew_brings_its_rake_with_it():
     """The generator line moves along the helix of the nose-tail line: x by skew times pitch / 2 pi."""
-    plain, skewed = (tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, skew_deg=s) for s in (0.0, 36.0))
+    plain, skewed = (own_screw(5, 0.7, 1.1, 300.0, skew_deg=s) for s in (0.0, 36.0))
     a, b = (blade_of(t, 0.19) for t in (plain, skewed))
     rho = np.array([0.9])
     skew = b.laws.skew(rho)[0]
@@ -374,8 +383,8 @@ def test_another_thickness_form_makes_another_blade(tmp_path):
     path = own_sections(tmp_path, rounder)
     p = Propeller(sections_csv=str(path), blades=4, skew_deg=0.0)
     assert p.sections_csv and not p.offsets_csv
-    own = tables.own_propeller(4, 0.7, 1.1, 300.0, 0.2, sections_csv=path)
-    known = tables.own_propeller(4, 0.7, 1.1, 300.0, 0.2)
+    own = own_screw(4, 0.7, 1.1, 300.0, sections_csv=path)
+    known = own_screw(4, 0.7, 1.1, 300.0)
     assert np.ptp(loop_points(own)[:, 1]) > np.ptp(loop_points(known)[:, 1]) - 0.1
     assert np.abs(loop_points(own) - loop_points(known)).max() > 0.5
     with pytest.raises(ValueError, match="both say what sections look like"):
@@ -394,7 +403,7 @@ def test_another_thickness_form_makes_another_blade(tmp_path):
     (lambda t: t.replace("0.448", "-0.448"), "row 1: nose_radius -0.448 must be above 0")])
 def test_sections_that_cannot_be_meant_are_refused_with_their_row(change, wanted, tmp_path):
     with pytest.raises(DesignError, match=re.escape(wanted)):
-        tables.own_propeller(4, 0.7, 1.1, 300.0, 0.2, sections_csv=own_sections(tmp_path, change))
+        own_screw(4, 0.7, 1.1, 300.0, sections_csv=own_sections(tmp_path, change))
 
 
 def test_a_tip_with_a_chord_is_closed_on_its_cylinder():
@@ -426,7 +435,7 @@ def test_a_curved_hub_with_taper_bore_and_bolts():
 @pytest.mark.parametrize("make, length, radii, wanted", [
     (lambda: tables.dtmb_4119(), 0.33, (4.0, 8.0, 12.0, 8.0), "hub's aft end"),
     (lambda: tables.dtmb_4119(), 0.33, (12.0, 8.0, 4.0, 8.0), "hub's fore end"),
-    (lambda: tables.own_propeller(7, 0.8, 1.1, 300.0, 0.2), 0.46, (4.0, 12.0, 4.0, 12.0), "next blade")],
+    (lambda: own_screw(7, 0.8, 1.1, 300.0), 0.46, (4.0, 12.0, 4.0, 12.0), "next blade")],
     ids=["aft end", "fore end", "neighbour"])
 def test_a_radius_that_does_not_fit_is_named_with_the_one_that_does(make, length, radii, wanted):
     table = make()
@@ -448,7 +457,7 @@ def test_a_radius_that_does_not_fit_is_named_with_the_one_that_does(make, length
 
 def five_blades(hand, trailing_edge_mm):
     """Blade, hub and law of a five-bladed B-screw of 250 mm; above 3.37 mm no ball rolls round its trailing edge."""
-    table = tables.b_series(5, 0.75, 1.0, 250.0, hand)
+    table = b_screw(5, 0.75, 1.0, 250.0, hand)
     hub = straight_hub(-55.0, 45.0, 0.167 * 125.0)
     return blade_over(table, hub), hub, radius_round_root(4.0, 8.0, trailing_edge_mm, 8.0)
 
@@ -495,7 +504,7 @@ def test_room_of_the_envelope_is_what_the_fillets_own_surface_says():
 
 def test_roots_that_collide_without_any_fillet_are_refused():
     with pytest.raises(DesignError, match="no radius fits|too little of the hub"):
-        made_of(tables.own_propeller(9, 1.2, 1.1, 300.0, 0.13, thickness_scale=2.0), 0.13, (1.0, 1.0, 1.0, 1.0))
+        made_of(own_screw(9, 1.2, 1.1, 300.0, hub_ratio=0.13, thickness_scale=2.0), 0.13, (1.0, 1.0, 1.0, 1.0))
 
 
 def test_a_hollow_of_the_hub_that_is_tighter_than_the_ball_is_refused():
@@ -596,10 +605,10 @@ def test_a_blade_too_thin_for_its_surface_names_radius_and_parameter(monkeypatch
     edge = TrailingEdge(kind="anti-singing", thickness_share=0.02, bevel_leaves=0.2)
     with pytest.raises(DesignError, match=r"0.00070 mm are allowed, at r/R = 0\.2\d\d, 9\d\.\d+ % of the chord: the "
                                           r"section there is 4\.\d+ mm thick on a chord of .*bevel_chord_share, now 0.06"):
-        blade_of(tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2, thickness_scale=0.5, edge=edge), 0.19)
+        blade_of(own_screw(5, 0.7, 1.1, 300.0, thickness_scale=0.5, edge=edge), 0.19)
     monkeypatch.setattr(blade, "FIT_MM", 1e-7)
     with pytest.raises(DesignError, match="trailing edge is too thin for it; raise trailing_edge|smooth them there"):
-        blade_of(tables.own_propeller(5, 0.7, 1.1, 300.0, 0.2), 0.19)
+        blade_of(own_screw(5, 0.7, 1.1, 300.0), 0.19)
 
 
 def test_cuts_that_break_through_the_hub_are_refused():

@@ -5,7 +5,7 @@ from known_tools import tool
 from scipy.interpolate import make_interp_spline
 
 from cuspline.program.program import Operation, Program
-from cuspline.toolpaths.vane.arc_templates import templated_passes
+from cuspline.toolpaths.vane.arc_templates import RegisterValues, templated_passes
 from cuspline.toolpaths.vane.circular_tip import CircularTip
 from cuspline.toolpaths.vane.cutter_surface import cut_map
 from cuspline.toolpaths.vane.transverse_arcs import arc_steps, stretches
@@ -39,14 +39,13 @@ def planes(tip, ball_mm=BALL_MM, ridge_mm=RIDGE_MM):
     return along, arc_steps(tip, ball_mm, np.concatenate([s.planes for s in along]))
 
 
-def passes(tip, register_mm=BALL_MM, is_rough=False, ridge_mm=RIDGE_MM, **changes):
+def passes(tip, register_mm=BALL_MM, is_rough=False, ridge_mm=RIDGE_MM, restart_steps=50, **changes):
     """(TemplatedPasses, ArcSteps)."""
     along, steps = planes(tip, ridge_mm=ridge_mm)
-    asked = {"flank_rad": tip.flank_half_angle_rad, "register_mm": register_mm, "ball_radius_mm": BALL_MM,
-             "half_width_mm": HALF_MM, "clearance_z_mm": CLEARANCE_MM,
-             "feed_mm_per_min": 800.0, "slow_mm_per_min": 240.0, "restart_steps": 50,
-             "is_rough": is_rough} | changes
-    return templated_passes(along, steps, **asked), steps
+    values = RegisterValues(**{
+        "flank_rad": tip.flank_half_angle_rad, "tool_radius_mm": register_mm, "ball_radius_mm": BALL_MM, "half_width_mm": HALF_MM,
+        "clearance_z_mm": CLEARANCE_MM, "feed_mm_per_min": 800.0, "slow_mm_per_min": 240.0} | changes)
+    return templated_passes(along, steps, values, restart_steps=restart_steps, is_rough=is_rough), steps
 
 
 def vane_program(tip, *, register_mm=BALL_MM, restart_steps=50, ridge_mm=RIDGE_MM):

@@ -11,7 +11,8 @@ from cuspline.app.judge import posted_moves
 from cuspline.design import Setup
 from cuspline.design.job import read_job, read_tools
 from cuspline.program.program import Kind, MoveWriter, Operation, Plane, Program
-from cuspline.replay.replay import Fixture, replay
+from cuspline.replay.replay import replay
+from cuspline.replay.scene import Fixture, FoundStock, Surroundings
 from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
@@ -61,10 +62,11 @@ def findings(base, text, pitch_mm=0.5, fixtures=()):
     moves = posted_moves((text,), base.setup, base.machine, base.tools)
     billet = Workpiece(blank=BoxShape(min_mm=base.low_mm, max_mm=base.high_mm))
     before = lambda row: billet.after(HOME, swept_paths(moves.first(row), base.tools))
-    return replay(moves, base.tools, stock_min=base.low_mm, stock_max=base.high_mm, pitch_mm=pitch_mm, machine=base.machine,
-                  fixtures=tuple(Fixture(**f) for f in fixtures), frame=HOME,
-                  within_before=lambda row: partial(before(row).highest_within_mm, HOME),
-                  stock_at=lambda row: partial(before(row).standing_mm, HOME)).findings
+    stock = FoundStock(min_mm=base.low_mm, max_mm=base.high_mm, pitch_mm=pitch_mm,
+                       within_before=lambda row: partial(before(row).highest_within_mm, HOME),
+                       standing_before=lambda row: partial(before(row).standing_mm, HOME))
+    around = Surroundings(machine=base.machine, fixtures=tuple(Fixture(**f) for f in fixtures), frame=HOME)
+    return replay(moves, base.tools, stock, around=around).findings
 
 
 def _posted(name, operations, dialect):

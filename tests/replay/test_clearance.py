@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 from known_programs import box, tool
 
-from cuspline.replay.clearance import ClearanceTree, flute_segments, lever_mm, tool_segments
+from cuspline.replay.clearance import ClearanceTree, ToolMoves, flute_segments, lever_mm, tool_segments
 from cuspline.values.errors import SimulationError
 
 UP = np.array([0.0, 0.0, 1.0])
 BAR = np.array([[12.0, 5.0, 45.0, 5.0, 0.0], [45.0, 20.0, 100.0, 20.0, 0.0]])
 SHAPES = np.array([[0.0, 2.0, 6.0, 4.0, 0.0], [6.0, 4.0, 20.0, 1.0, 0.0], [3.0, 1.0, 3.0, 1.0, 2.0]])
+
+
+def moves(start_tips, end_tips, start_axes, end_axes):
+    return ToolMoves(start_tips_mm=start_tips, end_tips_mm=end_tips, start_axes=start_axes, end_axes=end_axes)
 
 
 def sheet(seed, count=14, size=30.0):
@@ -113,7 +117,7 @@ def test_proven_clearance_of_moves_is_never_above_any_pose_on_the_way(turning):
     tree = ClearanceTree.of_triangles(*mesh)
     tips, axes = random_poses(9, 31, (-12.0, 8.0))
     axes = axes if turning else np.repeat(axes[:1], 31, axis=0)
-    found = tree.certified_clearance(BAR, tips[:-1], tips[1:], axes[:-1], axes[1:], 1.0, 6.0)
+    found = tree.certified_clearance(BAR, moves(tips[:-1], tips[1:], axes[:-1], axes[1:]), 1.0, 6.0)
     share = np.linspace(0, 1, 401)
     for k in range(30):
         way = tips[k] + share[:, None] * (tips[k + 1] - tips[k])
@@ -131,9 +135,9 @@ def test_a_turning_move_with_clear_ends_hits_in_its_middle():
     lean = np.array([[np.sin(a), 0.0, np.cos(a)] for a in (-0.6, 0.6)])
     tip = np.zeros((1, 3))
     assert (post.distances_mm(BAR, np.zeros((2, 3)), lean, 1e-4) > 1.0).all()
-    found = post.certified_clearance(BAR, tip, tip, lean[:1], lean[1:], 1.0)
+    found = post.certified_clearance(BAR, moves(tip, tip, lean[:1], lean[1:]), 1.0)
     assert not found.is_clear[0] and found.clearance_mm[0] < 1.0 and abs(found.place_mm[0, 0]) <= 0.2 + 1e-9
-    high = post.certified_clearance(BAR, tip - [0, 0, 50], tip - [0, 0, 50], lean[:1], lean[1:], 1.0)
+    high = post.certified_clearance(BAR, moves(tip - [0, 0, 50], tip - [0, 0, 50], lean[:1], lean[1:]), 1.0)
     assert high.is_clear[0]
 
 
@@ -141,17 +145,17 @@ def test_a_tilted_straight_move_over_a_fin_is_found_between_its_ends():
     fin = ClearanceTree.of_triangles(*box((-0.01, -20, 0), (0.01, 20, 16)))
     axis = np.array([[0.0, 0.6, 0.8]])
     start, end = np.array([[-40.0, 0, 2]]), np.array([[40.0, 0, 2]])
-    assert not fin.certified_clearance(BAR, start, end, axis, axis, 0.5).is_clear[0]
-    assert fin.certified_clearance(BAR, start + [0, 0, 30], end + [0, 0, 30], axis, axis, 0.5).is_clear[0]
+    assert not fin.certified_clearance(BAR, moves(start, end, axis, axis), 0.5).is_clear[0]
+    assert fin.certified_clearance(BAR, moves(start + [0, 0, 30], end + [0, 0, 30], axis, axis), 0.5).is_clear[0]
 
 
 def test_margin_decides_to_the_tolerance():
     """A holder 2 mm above a plate, all along."""
     plate = ClearanceTree.of_triangles(*box((-90, -90, -5), (90, 90, 0)))
-    move = np.array([[-30.0, 0, -43]]), np.array([[30.0, 0, -43]]), UP[None], UP[None]
+    move = moves(np.array([[-30.0, 0, -43]]), np.array([[30.0, 0, -43]]), UP[None], UP[None])
     holder = BAR[1:]
-    assert plate.certified_clearance(holder, *move, 1.998).is_clear[0]
-    assert not plate.certified_clearance(holder, *move, 2.002).is_clear[0]
+    assert plate.certified_clearance(holder, move, 1.998).is_clear[0]
+    assert not plate.certified_clearance(holder, move, 2.002).is_clear[0]
 
 
 def test_segments_of_a_cutter_enclose_its_outline_and_no_more():
@@ -182,7 +186,7 @@ def test_wrong_input_is_refused(change):
 def test_half_a_turn_has_no_way_and_is_refused():
     tree = ClearanceTree.of_triangles(*box((0, 0, 0), (1, 1, 1)))
     with pytest.raises(SimulationError):
-        tree.certified_clearance(BAR, [(0, 0, 5.0)], [(0, 0, 5.0)], [(0, 0, 1.0)], [(0, 0, -1.0)], 1.0)
+        tree.certified_clearance(BAR, moves([(0, 0, 5.0)], [(0, 0, 5.0)], [(0, 0, 1.0)], [(0, 0, -1.0)]), 1.0)
 
 
 def test_no_triangles_are_refused():

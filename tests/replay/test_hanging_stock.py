@@ -7,7 +7,8 @@ import pytest
 from known_programs import feed, program, rapid, tool
 
 from cuspline.kernel import solids
-from cuspline.replay.replay import ZMap, replay
+from cuspline.replay.replay import replay
+from cuspline.replay.scene import FoundStock, ZMap
 from cuspline.stock.shapes import HERE, BoxShape, closed_mesh
 from cuspline.stock.workpiece import Workpiece
 
@@ -24,10 +25,10 @@ def run(shape, moves, **limits):
     piece, (low, high) = Workpiece(blank=shape), shape.box_in(HERE)
     zmap = ZMap.over(low, high, 0.25)
     cutter = tool("flat", 4, flute=25.0, limits={"slot_depth_mm": 1000.0, "ramp_deg": 90.0, "plunge_mm_per_tooth": 100.0, **limits})
-    return [(f.kind, round(f.amount_mm, 3)) for f in replay(
-        program((moves[0][1][0], -4, 50), moves), {1: cutter}, stock_min=low, stock_max=high, pitch_mm=0.25,
-        stock_top_mm=piece.heights_mm(HERE, zmap.xy_mm).reshape(zmap.ny, zmap.nx),
-        stock_within_mm=partial(piece.highest_within_mm, HERE), columns=shape.columns(HERE, zmap.xy_mm)).findings]
+    stock = FoundStock(min_mm=low, max_mm=high, pitch_mm=0.25, top_mm=piece.heights_mm(HERE, zmap.xy_mm).reshape(zmap.shape),
+                       within_mm=partial(piece.highest_within_mm, HERE), columns=shape.columns(HERE, zmap.xy_mm))
+    found = replay(program((moves[0][1][0], -4, 50), moves), {1: cutter}, stock).findings
+    return [(f.kind, round(f.amount_mm, 3)) for f in found]
 
 
 @pytest.mark.parametrize("shape, depth", [(CAVE, 3.0), (BLOCK, 11.0)], ids=["casting", "block"])

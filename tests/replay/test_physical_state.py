@@ -10,6 +10,7 @@ from cuspline.app import catalogue
 from cuspline.program.posted import Stop
 from cuspline.program.program import Plane
 from cuspline.replay.replay import replay
+from cuspline.replay.scene import FoundStock, Surroundings
 from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
@@ -31,9 +32,9 @@ def run(moves, stops=(), tools=None, machine=MILL, pitch_mm=0.25, **changes):
                      stops=tuple(Stop(row=row, line=1000 + k, word=word) for k, (word, row) in enumerate(stops)), **changes)
     tools = tools or {1: tool("flat", 10, limits=LIMITS)}
     billet = Workpiece(blank=BoxShape(min_mm=LOW, max_mm=HIGH))
-    return replay(posted, tools, stock_min=LOW, stock_max=HIGH, pitch_mm=pitch_mm, machine=machine,
-                  stock_at=lambda row: partial(billet.after(HOME, swept_paths(posted.first(row), tools)).standing_mm,
-                                               HOME)).findings
+    stock = FoundStock(min_mm=LOW, max_mm=HIGH, pitch_mm=pitch_mm, standing_before=lambda row: partial(
+        billet.after(HOME, swept_paths(posted.first(row), tools)).standing_mm, HOME))
+    return replay(posted, tools, stock, around=Surroundings(machine=machine)).findings
 
 
 def told(findings):

@@ -7,7 +7,8 @@ import pytest
 from known_programs import arc, feed, program, rapid, tool
 
 from cuspline.program.program import Plane
-from cuspline.replay.replay import Fixture, replay
+from cuspline.replay.replay import replay
+from cuspline.replay.scene import FinishedDesign, Fixture, FoundStock, Surroundings
 from cuspline.stock.swept import stock_height_mm, swept_paths
 from cuspline.values.errors import SimulationError
 
@@ -17,9 +18,10 @@ AXIS = SimpleNamespace(min_mm=-100.0, max_mm=100.0)
 NO_HEAD = {"spindle_head": (), "table_z_mm": -500.0, "rapid_clearance_mm": 0.0}
 
 
-def run(moves, start=(-30, 0, 50), tools=None, changes=None, **options):
+def run(moves, start=(-30, 0, 50), tools=None, changes=None, design=FinishedDesign(), **around):
     posted = program(start, moves, **(changes or {}))
-    return replay(posted, tools or {1: tool("ball", 6)}, stock_min=LOW, stock_max=HIGH, pitch_mm=0.5, **options)
+    stock = FoundStock(min_mm=LOW, max_mm=HIGH, pitch_mm=0.5)
+    return replay(posted, tools or {1: tool("ball", 6)}, stock, design=design, around=Surroundings(**around))
 
 
 def kinds(result):
@@ -72,7 +74,7 @@ def test_holder_is_held_against_the_finished_design_too():
     design[20, 40] = 3.0
     moves = [rapid(-30, 0, 5), feed(-30, 0, 0), feed(30, 0, 0)]
     assert kinds(run(moves, tools={1: tool("ball", 6, stick_out=20.5)})) == []
-    short = run(moves, tools={1: tool("ball", 6, stick_out=3.5, flute=3.0)}, design_top_mm=design)
+    short = run(moves, tools={1: tool("ball", 6, stick_out=3.5, flute=3.0)}, design=FinishedDesign(top_mm=design))
     assert "holder_contact" in kinds(short)
 
 

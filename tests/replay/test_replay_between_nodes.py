@@ -1,5 +1,6 @@
 """Contacts that no node of the z-map and no end of a move shows: each must turn red, its good twin stay green."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,9 +12,10 @@ from cuspline.app.catalogue import find_machine
 from cuspline.design import DEFAULT_MACHINE
 from cuspline.program.program import Plane
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.replay.replay import HOLDER_CLEARANCE_MM, Fixture, ZMap, replay
+from cuspline.replay.replay import replay
 from cuspline.replay.replay_doubts import stands_below
 from cuspline.replay.replay_stock import CELL_MM, DEEP_MM, DEPTH_MM, SHARE
+from cuspline.replay.scene import HOLDER_CLEARANCE_MM, FinishedDesign, Fixture, FoundStock, Surroundings, ZMap
 from cuspline.shop.cutters import Holder, HolderSegment
 from cuspline.shop.machines import Machine
 from cuspline.stock.shapes import BoxShape
@@ -25,9 +27,14 @@ LOW, HIGH = (-20.0, -10.0, -20.0), (20.0, 10.0, 0.0)
 FIN = 0.2, 0.25           # nodes stand every 0.5 mm
 
 
-def run(moves, tools, start=(-60, 0, 50), numbers=None, **options):
+STOCK = FoundStock(min_mm=LOW, max_mm=HIGH, pitch_mm=0.5)
+
+
+def run(moves, tools, start=(-60, 0, 50), numbers=None, stock=STOCK, design=None, design_error_mm=0.0, **around):
+    """`design`: its ClearanceTree."""
     changes = {} if numbers is None else {"tool": numbers}
-    return replay(program(start, moves, **changes), tools, stock_min=LOW, stock_max=HIGH, pitch_mm=0.5, **options)
+    return replay(program(start, moves, **changes), tools, stock, around=Surroundings(**around),
+                  design=FinishedDesign(tree=design, error_mm=design_error_mm))
 
 
 def kinds(result):
@@ -138,7 +145,7 @@ def test_a_move_in_pieces_is_told_as_the_same_moves_one_by_one(top, share):
     triangles = np.vstack([np.array(box((0, 0, 0), (1, 1, 1))[1]) + 8 * k for k in range(3)])
     design, ramp = ClearanceTree.of_triangles(np.vstack(posts), triangles), np.linspace(-3, 0, 81) + np.zeros((41, 1))
     tools, angles = {1: tool("flat", 6, stick_out=3.5, flute=3.0)}, np.linspace(np.pi, 0, 181)
-    for z, options in ((0.0, {"design": design}), (-top, {"stock_top_mm": ramp})):
+    for z, options in ((0.0, {"design": design}), (-top, {"stock": replace(STOCK, top_mm=ramp)})):
         turn = np.column_stack([20 * np.cos(angles), 20 * np.sin(angles), np.full(181, z)]).round(12)
         amounts = []
         for ends in (turn[-1:], turn[1:]):
@@ -216,12 +223,11 @@ def test_the_table_is_met_by_the_lowest_tip():
     moves = [rapid(-30, 0, 5), feed(-30, 0, -3), feed(30, 0, -3), rapid(30, 0, 5)]
     nose = {"machine_end_mm": np.array([m[1] for m in moves]) + [0, 0, 110.0]}
     posted = program((-30, 0, 50), moves, **nose)
-    given = dict(stock_min=LOW, stock_max=HIGH, pitch_mm=0.5)
     tools = {1: tool("flat", 6, stick_out=60.0)}
-    assert kinds(replay(posted, tools, machine=machine(-3.0), **given)) == []
-    low = replay(posted, tools, machine=machine(-2.8), **given)
+    assert kinds(replay(posted, tools, STOCK, around=Surroundings(machine=machine(-3.0)))) == []
+    low = replay(posted, tools, STOCK, around=Surroundings(machine=machine(-2.8)))
     assert kinds(low) == ["fixture_contact"] and abs(low.findings[0].amount_mm - 0.2) < 1e-9 and low.is_table_checked
-    assert not replay(posted, tools, **given).is_table_checked
+    assert not replay(posted, tools, STOCK).is_table_checked
 
 
 def test_a_spindle_head_wider_than_the_holder_is_held_against_fixtures():
@@ -244,8 +250,7 @@ def test_proven_clearance_does_not_depend_on_the_pitch():
     """A slot with sloping bottom under a holder: the coarse map proves nearly what the fine one attains."""
     moves = [rapid(-30, 0.3, 5), feed(-30, 0.3, -3), feed(30, 0.3, -12)]
     tools = {1: tool("ball", 6, stick_out=14.0, flute=12.0)}
-    found = [replay(program((-30, 0, 50), moves), tools, stock_min=LOW, stock_max=HIGH, pitch_mm=pitch)
-             for pitch in (0.1, 0.37, 1.3)]
+    found = [replay(program((-30, 0, 50), moves), tools, replace(STOCK, pitch_mm=pitch)) for pitch in (0.1, 0.37, 1.3)]
     clearance = [r.holder_clearance_mm for r in found]
     assert max(clearance) - min(clearance) < 0.02 and all(kinds(r) == [] for r in found)
 
@@ -254,17 +259,17 @@ def test_a_step_left_by_an_earlier_clamping_is_no_contact_that_is_sure():
     """Stock 8 mm lower from x = 0.5 on; where the step stands between the nodes at 0 and 0.5 nobody knows."""
     top = np.zeros((41, 81))
     top[:, 41:] = -8.0
-    before = {"stock_top_mm": top, "stock_within_mm": lambda xy, radius: np.where(xy[:, 0] < 0.3 + radius, 0.0, -8.0)}
+    before = replace(STOCK, top_mm=top, within_mm=lambda xy, radius: np.where(xy[:, 0] < 0.3 + radius, 0.0, -8.0))
     down = lambda x: [rapid(x, 0, 5), rapid(x, 0, -4), rapid(x, 0, 5)]
     slot = {1: TOOLS[1]}
-    assert kinds(run(down(5.6), slot, **before)) == []
-    assert kinds(run(down(4.9), slot, **before)) == ["rapid_through_stock"]
-    between = run(down(5.2), slot, **before)
+    assert kinds(run(down(5.6), slot, stock=before)) == []
+    assert kinds(run(down(4.9), slot, stock=before)) == ["rapid_through_stock"]
+    between = run(down(5.2), slot, stock=before)
     assert kinds(between) == ["clearance_not_proven"] and between.undecided_lines == (11,)
-    known = {**before, "within_before": lambda row: before["stock_within_mm"]}
-    assert kinds(run(down(5.35), slot, **before)) == ["clearance_not_proven"]
-    assert kinds(run(down(5.35), slot, **known)) == []
-    assert kinds(run(down(5.29), slot, **known)) == ["clearance_not_proven"]
+    known = replace(before, within_before=lambda row: before.within_mm)
+    assert kinds(run(down(5.35), slot, stock=before)) == ["clearance_not_proven"]
+    assert kinds(run(down(5.35), slot, stock=known)) == []
+    assert kinds(run(down(5.29), slot, stock=known)) == ["clearance_not_proven"]
 
 
 def test_a_way_is_clear_where_all_stock_beside_it_stands_below():
@@ -295,9 +300,9 @@ def test_a_fin_that_an_earlier_clamping_leaves_between_the_nodes_is_not_overlook
     assert heights.max() < -7.9 or fin != FIN             # no node shows it
     across = [rapid(-14, 0, 5), rapid(-14, 0, -4), rapid(14, 0, -4), rapid(14, 0, 5)]
     within = lambda xy, radius: piece.highest_within_mm(here, xy, radius)
-    assert kinds(run(across, TOOLS, stock_top_mm=heights, stock_within_mm=within)) == wanted
-    assert kinds(run(across, TOOLS, stock_top_mm=heights, stock_within_mm=within,
-                     within_before=lambda row: within)) == wanted
+    before = replace(STOCK, top_mm=heights, within_mm=within)
+    assert kinds(run(across, TOOLS, stock=before)) == wanted
+    assert kinds(run(across, TOOLS, stock=replace(before, within_before=lambda row: within))) == wanted
 
 
 def test_clearance_over_a_floor_is_the_gap_to_the_floor():

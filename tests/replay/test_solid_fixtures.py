@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 from cuspline.design import FixtureBox, FixtureCylinder, FixtureSolid, Setup
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.kernel import brep
-from cuspline.replay.replay import Fixture, SolidFixture, replay
+from cuspline.replay.replay import replay
 from cuspline.replay.replay_design import TOLERANCE_MM
 from cuspline.replay.replay_stock import DEEP_MM, SHARE
+from cuspline.replay.scene import Fixture, FoundStock, SolidFixture, Surroundings
 from cuspline.stock.shapes import ROUND_MM
 
 LOW, HIGH = (-20.0, -10.0, -20.0), (20.0, 10.0, 0.0)
@@ -28,8 +29,8 @@ def standing(*fixtures, **where):
 def touched(fixtures, *moves, start=(-30, 60, 50), cutter=None):
     """Amounts of fixture_contact."""
     posted = program(start, moves)
-    found = replay(posted, {1: cutter or tool("flat", 6, flute=40.0)}, stock_min=LOW, stock_max=HIGH, pitch_mm=0.5,
-                   fixtures=fixtures).findings
+    found = replay(posted, {1: cutter or tool("flat", 6, flute=40.0)}, FoundStock(min_mm=LOW, max_mm=HIGH, pitch_mm=0.5),
+                   around=Surroundings(fixtures=fixtures)).findings
     assert {f.kind for f in found} <= {"fixture_contact"}
     return [f.amount_mm for f in found]
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from cuspline.splines.closed_splines import periodic_spline, piece, surface_piece
-from cuspline.splines.fairing import fair_spline
+from cuspline.splines.fairing import Held, fair_spline
 from cuspline.splines.nurbs import NurbsSurface
 
 ROUNDING = 0.5e-4
@@ -42,7 +42,7 @@ def test_without_rounding_it_goes_through_every_value():
 
 def test_end_conditions_hold_and_the_table_still_fits():
     x = np.linspace(0.0, np.pi, 20)
-    odd = fair_spline(x, np.sin(x / 2), 1e-6, zero_derivatives=((0, 2, 4), (1, 3)), slope_at_start=0.5)
+    odd = fair_spline(x, np.sin(x / 2), 1e-6, held=Held(zero_derivatives=((0, 2, 4), (1, 3)), slope_at_start=0.5))
     assert abs(odd(0.0)) < 1e-12 and abs(odd.derivative(2)(0.0)) < 1e-9 and abs(odd.derivative()(np.pi)) < 1e-9
     assert odd.derivative()(0.0) == pytest.approx(0.5, abs=1e-10)
     assert np.abs(odd(x) - np.sin(x / 2)).max() <= 1e-6

@@ -13,6 +13,7 @@ from cuspline.design import Finish, Setup, StockBox
 from cuspline.kernel import brep
 from cuspline.kernel.solids import stl_of
 from cuspline.replay import replay as replaying
+from cuspline.replay.scene import FoundStock
 from cuspline.stock import swept
 from cuspline.toolpaths.gouge import move_depths
 from cuspline.values import checkpoints
@@ -109,8 +110,7 @@ def test_damaged_answers_are_made_anew_and_another_move_or_tool_is_asked_anew(tm
 
     def both(kept, end=(26, 3, 9), tools=TOOLS):
         posted = program((-6, 2, 40), [rapid(-6, 2, 9.5), feed(*end), rapid(26, 16, 14)])
-        history = replaying.replay(posted, tools, stock_min=STOCK.min_mm, stock_max=STOCK.max_mm, pitch_mm=1.0,
-                                   kept=kept)
+        history = replaying.replay(posted, tools, FoundStock(min_mm=STOCK.min_mm, max_mm=STOCK.max_mm, pitch_mm=1.0), kept=kept)
         proven = certificate.certify(posted, tools, part, tolerance_mm=0.001, kept=kept)
         heights = (getattr(history, name).tobytes() for name in ("event_row", "event_z_mm", "final_z_mm"))
         return (*heights, history.findings, history.holder_clearance_mm, proven.bound_mm.tobytes(),

@@ -13,7 +13,7 @@ from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.frames import Frame
 from cuspline.verification.climbing import Ground
-from cuspline.verification.cusps import centers_mm, measured_cusps
+from cuspline.verification.cusps import SampledStock, centers_mm, measured_cusps
 from cuspline.verification.samples import sample_faces
 
 R, SPACING, FINE_MM = 5.0, 0.5, 1e-4
@@ -27,8 +27,9 @@ def measured(faces, moves, high):
     s = sample_faces(faces, SPACING)
     height, row = (a[0] for a in piece.deviations_of_cuts(s.points_mm, s.normals, 2.0))
     feeds = (posted.end_mm - posted.start_mm)[row]
-    return measured_cusps(Ground.of_faces(faces), s, np.where(height < 0.05, height, -np.inf), feeds, piece.cuts[0], posted,
-                          piece.cut_distance_mm, lambda p, n: piece.deviations(p, n, 2.0)[0], SPACING, [7])
+    sampled = SampledStock(ground=Ground.of_faces(faces), samples=s, spacing_mm=SPACING, feed=feeds,
+                           height_mm=np.where(height < 0.05, height, -np.inf))
+    return measured_cusps(sampled, piece.cuts[0], posted, piece.cut_distance_mm, lambda p, n: piece.deviations(p, n, 2.0)[0], [7])
 
 
 def test_uneven_steps_are_measured_one_by_one():

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from cuspline.design.operations import Finishing
 from cuspline.planning import freeform_finishing, section_finishing
+from cuspline.planning.context import FinishingStage
 from cuspline.planning.cutter_choice import choose_ball, choose_rest_ball
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
@@ -42,15 +43,22 @@ class Auto(Finishing):
         return (_by_sections if self.strategy == "sections" else _free_form)(work)
 
 
+def _semi_finish(practice):
+    return FinishingStage(name="semi-finish", allowance_mm=practice.semi_allowance_mm, scallop_mm=practice.semi_scallop_mm)
+
+
+def _finish(work):
+    return FinishingStage(name="finish", allowance_mm=0.0, scallop_mm=work.finish.scallop_mm)
+
+
 def _by_sections(work):
     """Operations in section planes: one ball that fits everywhere, and the smallest where it is held off."""
     practice, finishing = work.practice, work.finishing_work()
     ball, candidates, reach = choose_ball(work.finishing_library, work.samples, work.hollow.radius_mm, work.mesh,
                                           practice.rough_allowance_mm, finishing)
-    semi = lambda: section_finishing.finish(work, "semi-finish", ball, practice.semi_allowance_mm, practice.semi_scallop_mm,
-                                            (), reach)
+    semi = lambda: section_finishing.finish(work, _semi_finish(practice), ball, (), reach)
     operations = roughed(work, ball, reach.is_reached, semi)
-    operations.append(section_finishing.finish(work, "finish", ball, 0.0, work.finish.scallop_mm, candidates, reach))
+    operations.append(section_finishing.finish(work, _finish(work), ball, candidates, reach))
     rest, candidates, adds = choose_rest_ball(work.library, work.samples, reach, work.mesh, ball.cutter.radius_mm,
                                               practice.rough_allowance_mm)
     if rest is not None:
@@ -64,10 +72,9 @@ def _free_form(work):
     chain, candidates, reached = choose_finishing(work.finishing_library, work.samples, work.mesh,
                                                   practice.rough_allowance_mm, work.finishing_work())
     tools = [link.tool for link in chain]
-    semi = lambda: freeform_finishing.finish(work, "semi-finish", tools[0], practice.semi_allowance_mm,
-                                             practice.semi_scallop_mm, ())
+    semi = lambda: freeform_finishing.finish(work, _semi_finish(practice), tools[0], ())
     operations = roughed(work, tools[0], chain[0].adds, semi)
-    finishing = [freeform_finishing.finish(work, "finish", tools[0], 0.0, work.finish.scallop_mm, candidates)]
+    finishing = [freeform_finishing.finish(work, _finish(work), tools[0], candidates)]
     for tool in tools[1:]:
         rest = freeform_finishing.rest(work, finishing, tool, candidates)
         finishing += [rest] if rest is not None else []

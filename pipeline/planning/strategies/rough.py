@@ -27,8 +27,8 @@ class Rough(Clearing):
         if threshold is None:
             threshold = practice.rest_threshold_mm if work.planned else 0.0
         tool, candidates = self._tool(work, allowance)
-        rows = leftover_rows(work.samples)
-        made, _, _ = roughing.cleared(work, self.title, tool, candidates, work.stock_mm, rows, threshold, self, allowance)
+        stage = roughing.RoughingStage(name=self.title, allowance_mm=allowance, threshold_mm=threshold)
+        made, _, _ = roughing.cleared(work, stage, tool, candidates, work.stock_mm, leftover_rows(work.samples), self)
         return [made] if made is not None else [], cutter_reach(work.samples, work.mesh, tool.cutter).is_reached
 
     def _tool(self, work, allowance_mm):

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from cuspline.design.operations import Finishing
 from cuspline.planning import section_finishing
+from cuspline.planning.context import FinishingStage
 from cuspline.planning.cutter_choice import choose_ball
 
 
@@ -23,5 +24,6 @@ class Sections(Finishing):
     def plan(self, work):
         ball, candidates, reach = choose_ball(work.finishing_library, work.samples, work.hollow.radius_mm, work.mesh,
                                               work.practice.rough_allowance_mm, work.finishing_work())
-        made = section_finishing.finish(work, self.title, ball, self.allowance_mm, work.finish.scallop_mm, candidates, reach)
+        stage = FinishingStage(name=self.title, allowance_mm=self.allowance_mm, scallop_mm=work.finish.scallop_mm)
+        made = section_finishing.finish(work, stage, ball, candidates, reach)
         return [made], reach.is_reached

@@ -4,6 +4,7 @@ The main program of these passes is data and calls (pipeline/toolpaths/vane/arc_
 what they make of the rest is computed and told (pipeline/toolpaths/vane/cutter_surface.py), and the verdict measures it.
 """
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -14,8 +15,8 @@ from cuspline.kernel import brep
 from cuspline.planning.context import finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ball_reach, choose_ball, choose_side_cutter
 from cuspline.planning.roughing import roughed
-from cuspline.replay.replay import Fixture
-from cuspline.toolpaths.vane.arc_templates import BESIDE_MM, templated_passes
+from cuspline.replay.scene import Fixture
+from cuspline.toolpaths.vane.arc_templates import BESIDE_MM, RegisterValues, templated_passes
 from cuspline.toolpaths.vane.circular_tip import CircularTip
 from cuspline.toolpaths.vane.cutter_surface import cut_map
 from cuspline.toolpaths.vane.side_cutter import refuse_interference, with_wheel
@@ -64,8 +65,7 @@ def _operations(work):
         PlanError: the design is no vane, lies another way in this setup, or its billet is wider than its body.
         CutterDoesNotFit: no ball fits, or the tip line's valley is tighter than it.
     """
-    tip, half_mm = _vane(work)
-    within_mm = _range_mm(work)
+    vane = _vane(work)
     is_side = work.operation.cutter == "side"
     balls = work.library if is_side else work.finishing_library
     ball, candidates, reach = choose_ball(balls, work.samples, work.hollow.radius_mm, work.mesh,
@@ -78,19 +78,28 @@ def _operations(work):
         is_reached = ball_reach(work.samples, work.mesh, tool.cutter.corner_radius_mm).is_reached
     allowance = work.operation.allowance_mm
     ridge_mm = ridge_for_step_mm("finish", work.finish.scallop_mm, work.finish)
-    made.append(_passes(work, "rough passes", tool, tip, within_mm, half_mm, allowance, ROUGH_RIDGE_MM, {}))
+    made.append(_passes(work, vane, "rough passes", tool, allowance, ROUGH_RIDGE_MM, {}))
     radius = tool.cutter.corner_radius_mm
     facts = {"candidates": [c.as_dict() for c in candidates], "plating_mm": work.plating_mm,
              "min_concave_radius_mm": finite(work.hollow.radius_mm),
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
-             "cut_map": map_facts(cut_map(tip.between(*within_mm), radius, radius, MAP_PITCH_RADII * radius),
-                                 tip.half_arc_rad)}
-    made.append(_passes(work, "finish", tool, tip, within_mm, half_mm, 0.0, ridge_mm, facts))
+             "cut_map": map_facts(cut_map(vane.tip.between(*vane.within_mm), radius, radius, MAP_PITCH_RADII * radius),
+                                 vane.tip.half_arc_rad)}
+    made.append(_passes(work, vane, "finish", tool, 0.0, ridge_mm, facts))
     return made, is_reached
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Vane:
+    """What a setup cuts of a vane."""
+
+    tip: CircularTip            # in the frame of the setup's moves
+    half_mm: float              # half width of the body
+    within_mm: tuple            # (first, last) x of the faces that this setup cuts
+
+
 def _vane(work):
-    """(CircularTip in the frame of the setup's moves, half width of the body)."""
+    """_Vane of a setup."""
     tip, setup = work.design.guide_of(CircularTip), work.setup
     if tip is None:
         raise PlanError(f"{setup.name}: transverse arcs follow a vane's tip, and {work.design.name} says none "
@@ -103,7 +112,7 @@ def _vane(work):
     if wide > half + BESIDE_MM - BOX_ROUNDING_MM:
         raise PlanError(f"{setup.name}: transverse arcs go down beside the body, {half:.3f} mm from the mid-plane, and "
                         f"the stock reaches {wide:.3f} mm: let it be at most {BESIDE_MM:g} mm wider on either side")
-    return tip, half
+    return _Vane(tip=tip, half_mm=half, within_mm=_range_mm(work))
 
 
 def _range_mm(work):
@@ -112,20 +121,20 @@ def _range_mm(work):
     return min(low[0] for low, _ in boxes), max(high[0] for _, high in boxes)
 
 
-def _passes(work, name, tool, tip, within_mm, half_mm, over_mm, ridge_mm, facts):
-    """One operation over a stretch (first, last) x of the tip.
+def _passes(work, vane, name, tool, over_mm, ridge_mm, facts):
+    """One operation over a vane.
 
     The register is larger than the ball, or the disc's teeth, by `over_mm`.
     """
-    radius, control = tool.cutter.corner_radius_mm, work.machine.control
-    along = stretches(tip, radius, ridge_mm, control.resolution_mm, within_mm)
+    radius, control, tip = tool.cutter.corner_radius_mm, work.machine.control, vane.tip
+    along = stretches(tip, radius, ridge_mm, control.resolution_mm, vane.within_mm)
     steps = arc_steps(tip, radius, np.concatenate([s.planes for s in along]))
     rpm, feed = work.speeds(tool, is_rough=False)
-    passes = templated_passes(
-        along, steps, flank_rad=tip.flank_half_angle_rad, register_mm=radius + over_mm,
-        ball_radius_mm=0.0 if tool.head else radius,
-        half_width_mm=half_mm, clearance_z_mm=work.clearance_z_mm, feed_mm_per_min=feed,
-        slow_mm_per_min=work.practice.plunge_share * feed, restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
+    registers = RegisterValues(
+        flank_rad=tip.flank_half_angle_rad, tool_radius_mm=radius + over_mm, ball_radius_mm=0.0 if tool.head else radius,
+        half_width_mm=vane.half_mm, clearance_z_mm=work.clearance_z_mm, feed_mm_per_min=feed,
+        slow_mm_per_min=work.practice.plunge_share * feed)
+    passes = templated_passes(along, steps, registers, restart_steps=RESTART_STEPS, is_rough=over_mm > 0)
     if tool.head is not None:
         passes = with_wheel(passes, tool)
         facts = {**facts, "head": tool.head.name, "wheel_mm": round(tool.wheel_mm, 6)}

@@ -9,6 +9,7 @@ What lies wholly between grid lines is not seen: a slot in which the cutter has 
 that rises above z over less than the pitch.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,29 +42,37 @@ class Waterline:
         return float(self.tip_mm[0, 2])
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DropHeights:
+    """The part as a cutter's tip feels it over places (n, 2)."""
+
+    tips_at: Callable               # places -> (n,) lowest safe tip heights, -inf over nothing
+    above_at: Callable | None = None    # places, z or (n,) of them -> (n,) whether tips_at is above z, where that costs less
+    # places, (n,) z -> (n,) anything continuous that is above zero where tips_at is above z; in place of the height's own
+    # difference, which jumps at walls
+    gap_at: Callable | None = None
+
+
 def mesh_waterlines(mesh, heights_mm, radius_mm, corner_radius_mm, *, pitch_mm, chord_mm, tolerance_mm=1e-5):
     """waterlines() round the whole of a DropMesh; every loop is closed."""
     low, high = mesh.corners_mm.min(axis=(0, 1))[:2], mesh.corners_mm.max(axis=(0, 1))[:2]
     margin = radius_mm + 1.01 * pitch_mm
-    return waterlines(lambda xy: drop_tips_mm(mesh, xy, radius_mm, corner_radius_mm), heights_mm,
-                      low - margin, high + margin, pitch_mm=pitch_mm, chord_mm=chord_mm, tolerance_mm=tolerance_mm,
-                      above_at=lambda xy, z: is_held_above(mesh, xy, radius_mm, corner_radius_mm, z))
+    drops = DropHeights(tips_at=lambda xy: drop_tips_mm(mesh, xy, radius_mm, corner_radius_mm),
+                        above_at=lambda xy, z: is_held_above(mesh, xy, radius_mm, corner_radius_mm, z))
+    return waterlines(drops, heights_mm, low - margin, high + margin, pitch_mm=pitch_mm, chord_mm=chord_mm,
+                      tolerance_mm=tolerance_mm)
 
 
-def waterlines(tips_at, heights_mm, low_mm, high_mm, *, pitch_mm, chord_mm, tolerance_mm=1e-5, above_at=None,
-               gap_at=None):
+def waterlines(drops, heights_mm, low_mm, high_mm, *, pitch_mm, chord_mm, tolerance_mm=1e-5):
     """Loops on which the tip at each height touches the part.
 
     Args:
-        tips_at: (n, 2) positions -> (n,) lowest safe tip heights, -inf over nothing.
+        drops: DropHeights.
         heights_mm: tip heights, in any order; none of them on a level floor, where the loop has no place.
         low_mm, high_mm: (2,) corners of the region.
         pitch_mm: between grid lines; see the module for what it misses.
         chord_mm: how far the loop may stray from the chord between neighbours, at its middle; inf adds no points.
         tolerance_mm: every point is free, and a point this far off it is not.
-        above_at: (n, 2) positions, z or (n,) of them -> (n,) whether tips_at is above z, where that costs less.
-        gap_at: (n, 2) positions, (n,) z -> (n,) anything continuous that is above zero where tips_at is above z;
-            in place of the height's own difference, which jumps at walls.
     Returns:
         tuple of Waterline, from the top.
     Raises:
@@ -75,6 +84,7 @@ def waterlines(tips_at, heights_mm, low_mm, high_mm, *, pitch_mm, chord_mm, tole
                             f"{tolerance_mm} mm: each must be above zero, the tolerance below the pitch")
     lines = [np.linspace(low[a], high[a], int(np.ceil((high[a] - low[a]) / pitch_mm)) + 1) for a in (0, 1)]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
+    tips_at, above_at, gap_at = drops.tips_at, drops.above_at, drops.gap_at
     is_cheaper = above_at is not None
     if gap_at is not None:
         above_at = lambda xy, z: gap_at(xy, z) > 0

@@ -7,6 +7,7 @@ Rough passes cut both ways, from foot to foot.  Finish passes run clockwise seen
 uncut side toward +x a spindle that turns right cuts climb; then up, rapid back, down beside the body.
 """
 
+from dataclasses import dataclass
 
 from cuspline.program.pass_templates import (
     Call,
@@ -68,25 +69,36 @@ FINISH = {m: _template("finish clockwise", m, (*DOWN, *_stroke(1, slow))) for m 
 LEAVE = PassTemplate("leave", (), (UP,))
 
 
-def templated_passes(stretches, steps, *, flank_rad, register_mm, ball_radius_mm, half_width_mm, clearance_z_mm,
-                     feed_mm_per_min, slow_mm_per_min, restart_steps, is_rough):
+@dataclass(frozen=True, kw_only=True)
+class RegisterValues:
+    """What the registers of an operation are set to before its first pass."""
+
+    flank_rad: float            # of the flanks from the vertical; not reckoned from Y, Z, C, whose rounding would turn the flanks
+    tool_radius_mm: float       # true radius, and the allowance more or the plating less
+    ball_radius_mm: float       # of the tool: how far the tip lies below its centre
+    half_width_mm: float        # of the body
+    clearance_z_mm: float       # of rapids across
+    feed_mm_per_min: float      # along the passes
+    slow_mm_per_min: float      # into the cut and from pass to pass
+
+    @property
+    def beside_mm(self):
+        """From the mid-plane to where the tool goes down."""
+        return self.half_width_mm + max(self.tool_radius_mm, self.ball_radius_mm) + BESIDE_MM
+
+
+def templated_passes(stretches, steps, values, *, restart_steps, is_rough):
     """All passes of one operation.
 
     Args:
         stretches: Stretch values.   steps: ArcSteps of their planes, in the same order.
-        flank_rad: angle of the flanks from the vertical.  It is a register, not reckoned from Y, Z, C: rounding of
-            those would turn the flanks.
-        register_mm: tool-radius register: true radius, and the allowance more or the plating less.
-        ball_radius_mm: of the tool: how far the tip lies below its centre.
-        half_width_mm: of the body.   clearance_z_mm: of rapids across.
-        feed_mm_per_min: along the passes.   slow_mm_per_min: into the cut and from pass to pass.
+        values: RegisterValues.
         restart_steps: a restart point at least every so many steps.
         is_rough: both ways; False: clockwise only.
     Returns:
         TemplatedPasses in the tip's frame.
     """
     items, used, row, number = [], {}, 0, 0
-    largest = max(register_mm, ball_radius_mm)
     for stretch in stretches:
         for k in range(len(stretch.planes)):
             if k % restart_steps == 0:
@@ -100,19 +112,19 @@ def templated_passes(stretches, steps, *, flank_rad, register_mm, ball_radius_mm
             row += 1
     items.append(Call(LEAVE.name, ()))
     registers = (
-        Register(Quantity("r", meaning="tool radius offset"), register_mm),
-        Register(Quantity("ball", meaning="tip below the ball's centre"), ball_radius_mm),
-        Register(Quantity("ny", "", meaning="flank's normal, across"), fixed.cos(flank_rad)),
-        Register(Quantity("nz", "", meaning="flank's normal, up"), fixed.sin(flank_rad)),
-        Register(Quantity("half", meaning="half width of the body"), half_width_mm + OVERRUN_MM),
+        Register(Quantity("r", meaning="tool radius offset"), values.tool_radius_mm),
+        Register(Quantity("ball", meaning="tip below the ball's centre"), values.ball_radius_mm),
+        Register(Quantity("ny", "", meaning="flank's normal, across"), fixed.cos(values.flank_rad)),
+        Register(Quantity("nz", "", meaning="flank's normal, up"), fixed.sin(values.flank_rad)),
+        Register(Quantity("half", meaning="half width of the body"), values.half_width_mm + OVERRUN_MM),
         Register(Quantity("mid", axis=1, meaning="mid-plane"), 0.0),
         Register(Quantity("x", axis=0, meaning="plane, counts on"), stretches[0].first_mm),
         Register(Quantity("step", meaning="interval of the planes"), stretches[0].interval_mm),
-        Register(Quantity("clear", axis=2, meaning="clearance height"), clearance_z_mm),
-        Register(Quantity("beside", meaning="way down beside the body"), half_width_mm + largest + BESIDE_MM),
-        Register(Quantity("feed", "mm/min", meaning="feed of the passes"), feed_mm_per_min),
-        Register(Quantity("slow", "mm/min", meaning="feed into the cut"), slow_mm_per_min))
-    return TemplatedPasses(start_mm=(stretches[0].first_mm, -(half_width_mm + largest + BESIDE_MM), clearance_z_mm),
+        Register(Quantity("clear", axis=2, meaning="clearance height"), values.clearance_z_mm),
+        Register(Quantity("beside", meaning="way down beside the body"), values.beside_mm),
+        Register(Quantity("feed", "mm/min", meaning="feed of the passes"), values.feed_mm_per_min),
+        Register(Quantity("slow", "mm/min", meaning="feed into the cut"), values.slow_mm_per_min))
+    return TemplatedPasses(start_mm=(stretches[0].first_mm, -values.beside_mm, values.clearance_z_mm),
                            registers=registers, templates=(*used.values(), LEAVE), items=tuple(items))
 
 

@@ -67,7 +67,7 @@ def refuse_interference(moves, tool, fixtures, spindle_head=()):
 
     Args:
         moves: program.Moves of the disc's middle.   tool: cutters.Tool on a right-angle head.
-        fixtures: replay.Fixture values in the same frame.   spindle_head: of the machine.
+        fixtures: scene.Fixture values in the same frame.   spindle_head: of the machine.
     Raises:
         PlanError: names part, fixture, amount and place.
     """

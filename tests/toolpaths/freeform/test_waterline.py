@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
-from cuspline.toolpaths.freeform.waterline import mesh_waterlines, waterlines
+from cuspline.toolpaths.freeform.waterline import DropHeights, mesh_waterlines, waterlines
 from cuspline.values.errors import ToolpathError
 
 CUTTERS = pytest.mark.parametrize("R, rc", [(3.0, 3.0), (3.0, 0.8), (3.0, 0.0)], ids=["ball", "bull nose", "flat"])
@@ -78,7 +78,7 @@ def test_round_a_sphere_the_loop_is_a_circle(z):
         left = (ball + sphere) ** 2 - (xy ** 2).sum(axis=1)
         return np.where(left > 0, np.sqrt(np.maximum(left, 0)) - ball, -np.inf)
 
-    loop, = waterlines(tips_at, z, (-15, -16), (15, 14), pitch_mm=0.8, chord_mm=0.005)
+    loop, = waterlines(DropHeights(tips_at=tips_at), z, (-15, -16), (15, 14), pitch_mm=0.8, chord_mm=0.005)
     radius = math.sqrt((ball + sphere) ** 2 - (z + ball) ** 2)
     assert np.abs(np.hypot(*loop.tip_mm[:, :2].T) - radius).max() < 1.01e-5
     assert (tips_at(loop.tip_mm[:, :2]) <= z).all()
@@ -111,7 +111,7 @@ def test_two_bosses_have_one_loop_each_until_the_cutter_no_longer_fits_between(a
 
 @pytest.mark.parametrize("z", [0.3, 1e-4, -1e-4, -0.3])
 def test_near_a_saddle_the_two_branches_stay_apart(z):
-    loops = waterlines(lambda xy: xy[:, 0] * xy[:, 1], z, (-5.3, -5), (5, 5.2), pitch_mm=0.71, chord_mm=0.01)
+    loops = waterlines(DropHeights(tips_at=lambda xy: xy[:, 0] * xy[:, 1]), z, (-5.3, -5), (5, 5.2), pitch_mm=0.71, chord_mm=0.01)
     assert len(loops) == 2
     for loop in loops:
         x, y = loop.tip_mm[:, :2].T
@@ -126,7 +126,7 @@ def test_near_a_saddle_the_two_branches_stay_apart(z):
 
 def test_chords_stray_no_further_than_asked_and_their_number_grows_with_the_root():
     def count(chord_mm):
-        loop, = waterlines(lambda xy: 20 - np.hypot(*xy.T), 8.0, (-13, -13.2), (13.1, 13), pitch_mm=4.0,
+        loop, = waterlines(DropHeights(tips_at=lambda xy: 20 - np.hypot(*xy.T)), 8.0, (-13, -13.2), (13.1, 13), pitch_mm=4.0,
                            chord_mm=chord_mm)
         xy = loop.tip_mm[:, :2]
         middle = 0.5 * (xy + np.roll(xy, 1, axis=0))
@@ -142,7 +142,7 @@ def test_sharp_corners_are_followed_to_the_chord():
     def tips_at(xy):
         return np.where(np.abs(xy).max(axis=1) < 3.3, 10.0, -np.inf)
 
-    loop, = waterlines(tips_at, 5.0, (-5, -5.1), (5.2, 5), pitch_mm=1.0, chord_mm=0.003)
+    loop, = waterlines(DropHeights(tips_at=tips_at), 5.0, (-5, -5.1), (5.2, 5), pitch_mm=1.0, chord_mm=0.003)
     assert np.abs(np.abs(loop.tip_mm[:, :2]).max(axis=1) - 3.3).max() < 1e-4
     assert all(np.hypot(*(loop.tip_mm[:, :2] - c).T).min() < 0.02 for c in ((3.3, 3.3), (-3.3, 3.3), (3.3, -3.3)))
 
@@ -168,4 +168,4 @@ def test_above_the_part_there_is_no_loop():
 @pytest.mark.parametrize("change", [{"pitch_mm": 0.0}, {"chord_mm": -1.0}, {"tolerance_mm": 2.0}, {"pitch_mm": np.nan}])
 def test_sizes_that_make_no_sense_are_refused(change):
     with pytest.raises(ToolpathError, match="waterline"):
-        waterlines(lambda xy: xy[:, 0], 0.0, (0, 0), (1, 1), **{"pitch_mm": 0.1, "chord_mm": 0.1, **change})
+        waterlines(DropHeights(tips_at=lambda xy: xy[:, 0]), 0.0, (0, 0), (1, 1), **{"pitch_mm": 0.1, "chord_mm": 0.1, **change})

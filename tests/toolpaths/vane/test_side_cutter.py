@@ -14,8 +14,8 @@ from cuspline.posts.writers.linuxcnc import post
 from cuspline.program.posted import PostedMoves
 from cuspline.program.program import Operation, Program
 from cuspline.replay.head_clearance import PITCH_MM, StockCells, nearest_to_fixtures, put_contacts, stations
-from cuspline.replay.replay import Fixture
 from cuspline.replay.replay_kernel import FIXTURE, HOLDER, RAPID
+from cuspline.replay.scene import Fixture
 from cuspline.shop.cutters import Cutter, HeadBox, Tool
 from cuspline.stock.swept import deviations_and_moves, swept_paths
 from cuspline.toolpaths.vane.side_cutter import refuse_interference, with_wheel
