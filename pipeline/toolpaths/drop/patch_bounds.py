@@ -16,6 +16,7 @@ import numpy as np
 from cuspline.surfaces.trims import is_inside
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
+from cuspline.values.rows import put
 
 TURN_RAD = 0.08             # cone half-angle below which a sub-patch is left whole
 SMALLEST_MM = 0.02          # sub-patches without a normal (poles) are halved down to this
@@ -131,18 +132,22 @@ def _reach(b, ds, dt, out):
     for a in range(ds):
         factor *= 0.5 * (nu - 1 - a)
         for i in range(nu - 1 - a):
-            d[i] = d[i + 1] - d[i]
+            for j in range(nv):
+                for k in range(4):
+                    d[i, j, k] = d[i + 1, j, k] - d[i, j, k]
     for a in range(dt):
         factor *= 0.5 * (nv - 1 - a)
         for j in range(nv - 1 - a):
             for i in range(nu - ds):
-                d[i, j] = d[i, j + 1] - d[i, j]
+                for k in range(4):
+                    d[i, j, k] = d[i, j + 1, k] - d[i, j, k]
     for i in range(nu - ds):
         for j in range(nv - dt):
             out[0] = max(out[0], math.hypot(d[i, j, 0], d[i, j, 1]))
             out[1] = max(out[1], abs(d[i, j, 2]))
             out[2] = max(out[2], abs(d[i, j, 3]))
-    out *= factor
+    for k in range(3):
+        out[k] *= factor
 
 
 @njit(error_model="numpy")
@@ -167,7 +172,7 @@ def derivative_reaches(b, derivatives, is_rational, out):
         _reach(local, orders[n][0], orders[n][1], r[n])
     if not is_rational:
         for n in range(1, 10):
-            out[n] = r[n, :2]
+            put(out[n], r[n, :2])
         _tighten(derivatives, out)
         return
     w = r[:, 2]
