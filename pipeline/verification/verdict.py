@@ -334,7 +334,8 @@ def _judged(part, c, found, own, judging, joined):
     history = _replayed(part, c, judging)
     say(f"{c.name}: certificate of {moves}")
     proven = certify(c.program.posted, tools, part_in_wcs(part.solid, c.program.setup.frame),
-                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), skin_mm=finish.plating_mm, kept=kept)
+                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), skin_mm=finish.plating_mm,
+                     solid=brep.seen_from(brep.the_solid(part.solid), c.program.setup.frame), kept=kept)
     say(f"{c.name}: cusps beside {len(c.samples):,} samples")
     cusps = _cusps(part, c, found)
     say(f"{c.name}: proof of what stands between the samples")
