@@ -115,9 +115,10 @@ def test_a_ball_touches_an_upright_wall_down_to_its_own_radius(stepped):
 def test_a_pass_runs_along_the_foot_of_a_wall(stepped):
     plan = plan_setup(stepped, stepped.setups[0], MACHINE, FEW)
     finish = plan.operations[-1]
-    radius, ends = finish.tool.cutter.radius_mm, finish.moves.end_mm
-    there = (np.abs(ends[:, 0] - radius) < 1e-3) & (np.abs(ends[:, 2] - 3.0) <= 0.03)
-    assert np.ptp(ends[there, 1]) > 11.9
+    moves, radius = finish.moves, finish.tool.cutter.radius_mm
+    there = lambda at: (np.abs(at[:, ::2] - (radius, 3.0)) <= COARSE.profile_tolerance_mm).all(axis=1)
+    along = there(moves.start_mm) & there(moves.end_mm) & (moves.kind != Kind.RAPID)
+    assert np.abs(moves.end_mm[along, 1] - moves.start_mm[along, 1]).sum() > 11.9
 
 
 def test_where_no_spiral_goes_the_passes_follow_the_borders():
