@@ -117,8 +117,8 @@ def test_a_pass_runs_along_the_foot_of_a_wall(stepped):
     finish = plan.operations[-1]
     moves, radius = finish.moves, finish.tool.cutter.radius_mm
     there = lambda at: (np.abs(at[:, ::2] - (radius, 3.0)) <= COARSE.profile_tolerance_mm).all(axis=1)
-    along = there(moves.start_mm) & there(moves.end_mm) & (moves.kind != Kind.RAPID)
-    assert np.abs(moves.end_mm[along, 1] - moves.start_mm[along, 1]).sum() > 11.9
+    along = there(moves.end_mm[:-1]) & there(moves.end_mm[1:]) & (moves.kind[1:] != Kind.RAPID)
+    assert np.abs(np.diff(moves.end_mm[:, 1]))[along].sum() > 11.9
 
 
 def test_where_no_spiral_goes_the_passes_follow_the_borders():
