@@ -11,7 +11,7 @@ from known_tools import tool
 
 import cuspline.posts
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
-from cuspline.planning.clean_up import _touched
+from cuspline.planning.clean_up import _touched, why_out_of_reach
 from cuspline.planning.context import PlanningContext
 from cuspline.planning.cutter_choice import choose_roughing
 from cuspline.planning.plan import plan_setup
@@ -68,6 +68,13 @@ def test_no_holder_of_theirs_touches_the_part(plan_beside_a_column):
     for o in plan_beside_a_column.operations:
         ends = o.moves.end_mm[o.moves.kind != Kind.RAPID]
         assert (ends[:, 2] >= clear_tips_mm(o.tool, work.mesh, ends[:, :2], 0.0) - 1e-9).all()
+
+
+def test_what_is_left_beside_the_column_says_the_stick_out_that_would_do(plan_beside_a_column):
+    plan, place = plan_beside_a_column, np.array([[-20.0, 0.0, 10.0]])
+    why = why_out_of_reach(plan.context, plan.operations, place, 0.0)
+    assert "a stick-out of 8" in why and "--cutters" in why
+    assert why_out_of_reach(plan.context, plan.operations, place * (1, 1, 1.5), 0.0) == why       # a place off the faces: its foot
 
 
 def test_clearing_needs_a_flat_cutter_in_the_library():
