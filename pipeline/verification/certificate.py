@@ -134,8 +134,9 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=
         own, cutter = known[posted.tool[known] == number], tools[number].cutter
         for axis in np.unique(posted.start_axis[own], axis=0) if cutter.type == SIDE else (None,):
             some = own if axis is None else own[(posted.start_axis[own] == axis).all(axis=1)]
-            _prove(views.depths_of(cutter, axis, skin_mm, tolerance_mm - sagitta_mm, kept.of(move_depths)),
-                   chords_of(posted, some, sagitta_mm), bound, share, place)
+            row, *proven = _proven(views.depths_of(cutter, axis, skin_mm, tolerance_mm - sagitta_mm, kept.of(move_depths)),
+                                   chords_of(posted, some, sagitta_mm))
+            bound[row], share[row], place[row] = proven
     return Certificate(row=known, kind=posted.kind[known], bound_mm=bound[known], share=share[known],
                        place_mm=place[known], tolerance_mm=float(tolerance_mm), sagitta_mm=sagitta_mm,
                        uncovered=tuple((int(row), reason) for row, reason in zip(rows, reasons) if reason is not None))
@@ -187,14 +188,13 @@ class _Views:
         return self.made[name]
 
 
-def _prove(depths, chords, bound, share, place):
-    """Fill in the rows of the chords: what the deepest chord of each says."""
+def _proven(depths, chords):
+    """(rows of the chords, bound, share, place) as the deepest chord of each row says; `depths` answers as move_depths."""
     depth, along, point = depths(chords.start_mm, chords.end_mm)
     depth = depth + chords.off_mm
     deepest = np.lexsort((depth, chords.row))
     deepest = deepest[np.diff(chords.row[deepest], append=-1) != 0]
     row, along = chords.row[deepest], along[deepest]
     tip = chords.start_mm[deepest] + along[:, None] * (chords.end_mm - chords.start_mm)[deepest]
-    bound[row] = depth[deepest]
-    share[row] = chords.share[deepest, 0] + along * np.diff(chords.share[deepest], axis=1)[:, 0]
-    place[row] = np.where(np.isfinite(point[deepest]), point[deepest], tip)
+    share = chords.share[deepest, 0] + along * np.diff(chords.share[deepest], axis=1)[:, 0]
+    return row, depth[deepest], share, np.where(np.isfinite(point[deepest]), point[deepest], tip)

@@ -24,7 +24,6 @@ from cuspline.verification.excess_kernels import ABOVE, ROOM, prove_roots
 SHARE = 0.01              # the height proven is higher than the highest place known by this share
 SLACK_MM = 1e-4           # and by this
 ROOT_MM = 0.4             # reach of the first cells
-FLOOR_MM = 0.005
 BORDER_MM = 0.1           # cells whose middle cannot be reached are not halved below this
 NOISE_MM = 1e-6           # a height is exceeded only by more than this
 ROUNDS = 60               # of raising the height, and of halving what cannot be reached
@@ -167,7 +166,7 @@ class _Search:
 
     def _given_up_of(self, frame, world, todo):
         patches, trims = self.ground.patches, self.ground.trims
-        cells, count, out = prove_roots(patches.arrays, trims.arrays, frame, world, (todo.patch, todo.box), self.height, FLOOR_MM)
+        cells, count, out = prove_roots(patches.arrays, trims.arrays, frame, world, todo.patch, todo.box, self.height)
         self.cells += int(cells.sum())
         crowded = count > ROOM
         rows, places = np.nonzero(np.arange(ROOM) < np.where(crowded, 0, count)[:, None])
