@@ -402,7 +402,7 @@ def select_faces(faces, predicate):
     Raises:
         DesignError: it matches another number of faces than it says.
     """
-    found = [f for f in faces if _matches(f, predicate)]
+    found = [f for f in faces if matches(f, predicate)]
     if not predicate.is_met_by(len(found)):
         wanted = predicate.count if predicate.at_least is None else f"at least {predicate.at_least}"
         raise DesignError(
@@ -422,7 +422,8 @@ def _marks_there_are(faces, predicate):
     return ""
 
 
-def _matches(face, predicate):
+def matches(face, predicate):
+    """Whether a Face is one that a FacePredicate describes."""
     if predicate.face_name is not None and face.mark.name != predicate.face_name:
         return False
     if predicate.color is not None and (face.mark.color is None or max(

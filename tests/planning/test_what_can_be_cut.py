@@ -11,7 +11,7 @@ from known_tools import tool
 
 import cuspline.posts
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
-from cuspline.planning.clean_up import _touched
+from cuspline.planning.clean_up import _touched, why_out_of_reach
 from cuspline.planning.context import PlanningContext
 from cuspline.planning.cutter_choice import choose_roughing
 from cuspline.planning.plan import plan_setup
@@ -70,6 +70,13 @@ def test_no_holder_of_theirs_touches_the_part(plan_beside_a_column):
         assert (ends[:, 2] >= clear_tips_mm(o.tool, work.mesh, ends[:, :2], 0.0) - 1e-9).all()
 
 
+def test_what_is_left_beside_the_column_says_the_stick_out_that_would_do(plan_beside_a_column):
+    plan, place = plan_beside_a_column, np.array([[-20.0, 0.0, 10.0]])
+    why = why_out_of_reach(plan.context, plan.operations, place, 0.0)
+    assert "a stick-out of 8" in why and "--cutters" in why
+    assert why_out_of_reach(plan.context, plan.operations, place * (1, 1, 1.5), 0.0) == why       # a place off the faces: its foot
+
+
 def test_clearing_needs_a_flat_cutter_in_the_library():
     with pytest.raises(PlanError, match="--cutters"):
         choose_roughing((), 0.3)
@@ -115,9 +122,10 @@ def test_a_ball_touches_an_upright_wall_down_to_its_own_radius(stepped):
 def test_a_pass_runs_along_the_foot_of_a_wall(stepped):
     plan = plan_setup(stepped, stepped.setups[0], MACHINE, FEW)
     finish = plan.operations[-1]
-    radius, ends = finish.tool.cutter.radius_mm, finish.moves.end_mm
-    there = (np.abs(ends[:, 0] - radius) < 1e-3) & (np.abs(ends[:, 2] - 3.0) <= 0.03)
-    assert np.ptp(ends[there, 1]) > 11.9
+    moves, radius = finish.moves, finish.tool.cutter.radius_mm
+    there = lambda at: (np.abs(at[:, ::2] - (radius, 3.0)) <= COARSE.profile_tolerance_mm).all(axis=1)
+    along = there(moves.end_mm[:-1]) & there(moves.end_mm[1:]) & (moves.kind[1:] != Kind.RAPID)
+    assert np.abs(np.diff(moves.end_mm[:, 1]))[along].sum() > 11.9
 
 
 def test_where_no_spiral_goes_the_passes_follow_the_borders():
