@@ -194,7 +194,7 @@ def _operation(p):
     if p.allowance_mm:
         raise DesignError(f"allowance_mm {p.allowance_mm:g} is what the rough passes of transverse_arcs leave, and sections have "
                           "none: leave it out, or say what roughing leaves by -p shop.rough_allowance_mm")
-    return Auto(section_plane="YZ", passes=p.passes, tool=f"ball {p.ball_mm!r}" if p.ball_mm else None)
+    return Auto(strategy="sections", section_plane="YZ", passes=p.passes, tool=f"ball {p.ball_mm!r}" if p.ball_mm else None)
 
 
 def _refuse_jaws(p, line, tip):
