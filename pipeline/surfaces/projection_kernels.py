@@ -88,14 +88,16 @@ def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work
     rx, ry, rz = q[0] - geometry[leaf, 0], q[1] - geometry[leaf, 1], q[2] - geometry[leaf, 2]
     nx, ny, nz = geometry[leaf, 3], geometry[leaf, 4], geometry[leaf, 5]
     ex, ey, ez = geometry[leaf, 19], geometry[leaf, 20], geometry[leaf, 21]
-    off = max(abs(rx * nx + ry * ny + rz * nz) - geometry[leaf, 6], 0.0)
-    beside = max(abs(rx * ex + ry * ey + rz * ez) - geometry[leaf, 22], 0.0)
-    across = abs(rx * (ny * ez - nz * ey) + ry * (nz * ex - nx * ez) + rz * (nx * ey - ny * ex))
-    across = max(across - geometry[leaf, 23], 0.0)
+    up, along = rx * nx + ry * ny + rz * nz, rx * ex + ry * ey + rz * ez
+    aside = rx * (ny * ez - nz * ey) + ry * (nz * ex - nx * ez) + rz * (nx * ey - ny * ex)
+    off, beside = max(abs(up) - geometry[leaf, 6], 0.0), max(abs(along) - geometry[leaf, 22], 0.0)
+    across = max(abs(aside) - geometry[leaf, 23], 0.0)
     if off * off + beside * beside + across * across >= best:
         return best, found
-    far = np.sqrt(rx * rx + ry * ry + rz * rz) + geometry[leaf, 14]
-    is_simple = far * geometry[leaf, 13] < 1.0
+    if rows[leaf, 2] < 0:
+        is_simple = _is_simple_stretch(geometry[leaf], rx, ry, rz)
+    else:
+        is_simple = _is_simple(geometry[leaf], up, along, aside, rx * rx + ry * ry + rz * rz)
     s = rx * geometry[leaf, 7] + ry * geometry[leaf, 8] + rz * geometry[leaf, 9]
     t = rx * geometry[leaf, 10] + ry * geometry[leaf, 11] + rz * geometry[leaf, 12]
     box = geometry[leaf, 15:19]
@@ -118,6 +120,31 @@ def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work
     if best < before:
         found = leaf
     return best, found
+
+
+@njit(error_model="numpy")
+def _is_simple(g, up, along, aside, square):
+    """Every perpendicular from a point to the piece is a shortest one: there is one at most.
+
+    It is where its length along the normal, times the curvature to that side, stays below one.
+
+    Args:
+        up, along, aside: way from the piece's middle to the point, in the piece's normal and tangents.
+        square: of that way.
+    """
+    slack = abs(along) * g[25] + abs(aside) * g[26] + g[27]
+    less = up * (1.0 - 0.5 * (g[25] * g[25] + g[26] * g[26]))
+    if (max(up, less) + slack) * g[24] < 1.0 and (slack - min(up, less)) * g[13] < 1.0:
+        return True
+    return (np.sqrt(square) + g[14]) * max(g[13], g[24]) < 1.0
+
+
+@njit(error_model="numpy")
+def _is_simple_stretch(g, rx, ry, rz):
+    """The same of a stretch of an edge: the way to the point along the curvature stays shorter than the radius."""
+    toward = rx * g[10] + ry * g[11] + rz * g[12]
+    far = np.sqrt(rx * rx + ry * ry + rz * rz)
+    return min(toward + far * g[24] + g[14] * g[13], (far + g[14]) * g[13]) < 1.0
 
 
 @njit(error_model="numpy")
@@ -292,15 +319,19 @@ def _on_curve(curves, offset, degree, q, s, box, d):
 
 
 @njit(error_model="numpy")
-def _finish(tree, patches, trims, leaf, out, d, stack, reach, parts, work, point, uv, normal):
-    """Parameters and outward normal; an edge's are those of the nearest point of the face that it borders."""
+def _finish(tree, patches, trims, leaf, beside, out, d, stack, reach, parts, work, point, uv, normal):
+    """Parameters and outward normal; an edge's are those of the nearest point of the face that it borders.
+
+    Returns the face, and a leaf of it beside the edge (before: of the last point on one, or NOWHERE).
+    """
     face = tree[5][leaf, 0]
     point[0], point[1], point[2] = out[0], out[1], out[2]
     if out[3] != out[3]:
-        nearest(tree, patches, trims, point, face, True, NOWHERE, out, d, stack, reach, parts, work, np.inf)
+        begin = beside if beside >= 0 and tree[5][beside, 0] == face else NOWHERE
+        _, beside = nearest(tree, patches, trims, point, face, True, begin, out, d, stack, reach, parts, work, np.inf)
     uv[0], uv[1] = out[3], out[4]
     _normal(patches, face, uv[0], uv[1], d, normal)
-    return face
+    return face, beside
 
 
 @njit(error_model="numpy")
@@ -330,7 +361,7 @@ def project_rows(tree, patches, trims, points, face, distance, foot, owner, uv, 
     for k in range(patches[1].shape[0]):
         degree = max(degree, patches[1][k, 2], patches[1][k, 3])
     work = np.empty((degree + 1, degree + 1, 4))
-    leaf = NOWHERE
+    leaf = beside = NOWHERE
     for k in range(first, last):
         begin = leaf if leaf >= 0 and (face[k] < 0 or tree[5][leaf, 0] == face[k]) else NOWHERE
         value, leaf = nearest(tree, patches, trims, points[k], face[k], False, begin, out, d, stack, reach, parts, work,
@@ -340,7 +371,8 @@ def project_rows(tree, patches, trims, points, face, distance, foot, owner, uv, 
             foot[k], uv[k], normal[k] = np.nan, np.nan, np.nan
             continue
         is_edge[k] = tree[5][leaf, 2] < 0
-        owner[k] = _finish(tree, patches, trims, leaf, out, d, stack, reach, parts, work, foot[k], uv[k], normal[k])
+        owner[k], beside = _finish(tree, patches, trims, leaf, beside, out, d, stack, reach, parts, work, foot[k], uv[k],
+                                   normal[k])
         distance[k] = np.sqrt(value)
 
 

@@ -6,13 +6,16 @@ from OCP.BRep import BRep_Tool
 from cuspline.kernel.brep import edges_of_faces
 from cuspline.surfaces.edge_curves import curve_spans
 from cuspline.surfaces.enclosures import (
+    _add,
     _cross,
     _dot,
     _likely_length,
     _middle_length,
+    _mul,
     _quotients,
     _reach,
     _recentred,
+    _scaled,
     curvature_of_piece,
     shifted,
 )
@@ -22,14 +25,16 @@ from cuspline.values.rows import put
 
 TURN = 0.35             # of the normal from the middle of a piece to its side, radians: then it is a leaf
 STRETCH = 1.0           # change of a tangent's length from the middle to the side, as a share: Newton still converges
-EXTRA = 3               # halvings more for pieces across a border
+EXTRA = 3               # halvings more for pieces across a border, or whose curvature has a loose bound
+LOOSE = 1.5             # times the middle's curvature
+LEVEL_PER_MM = 1e-3     # curvature that does not matter
 ROUNDS = 24             # halvings at most: a pole is never flat
 LEAF_ITEMS = 2
 SLACK_MM = 1e-9         # boxes and slabs are wider by this: rounding
 
 
 def leaves(faces, patches, trims):
-    """Boxes (k, 6), geometry (k, 24), rows (k, 4) and curve coefficients (c,)."""
+    """Boxes (k, 6), geometry (k, 28), rows (k, 4) and curve coefficients (c,)."""
     parts = [_face_leaves(patches, trims, f) for f in range(len(faces))]
     curve_parts, coefficients = _edge_leaves(faces)
     parts += curve_parts
@@ -47,18 +52,19 @@ def _face_leaves(patches, trims, face):
         patch, box, extra, state = (a[state != OUTSIDE] for a in (patch, box, extra, state))
         if not len(patch):
             break
-        boxes, geometry, bend = np.empty((len(patch), 6)), np.empty((len(patch), 24)), np.empty((len(patch), 2))
+        boxes, geometry, bend = np.empty((len(patch), 6)), np.empty((len(patch), 28)), np.empty((len(patch), 3))
         measure(patches.coefficients, patches.patch, patch, box, work, boxes, geometry, bend)
-        is_flat = (bend.max(axis=1) < TURN) & np.isfinite(boxes).all(axis=1)
-        extra = extra + (is_flat & (state == ACROSS))
-        ready = (is_flat & ((state != ACROSS) | (extra > EXTRA))) | (level == ROUNDS)
+        is_flat = (bend[:, :2].max(axis=1) < TURN) & np.isfinite(boxes).all(axis=1)
+        is_open = (state == ACROSS) | ~(bend[:, 2] < LOOSE)
+        extra = extra + (is_flat & is_open)
+        ready = (is_flat & (~is_open | (extra > EXTRA))) | (level == ROUNDS)
         rows = np.column_stack([np.full(len(patch), face), patch, state, np.zeros(len(patch), np.int64)])
         done.append((boxes[ready], geometry[ready], rows[ready]))
         go = ~ready
         patch, box = halves(patch[go], box[go], side_to_cut(box[go], bend[go, 0], bend[go, 1]))
         extra = np.concatenate([extra[go], extra[go]])
     if not done:
-        return np.empty((0, 6)), np.empty((0, 24)), np.empty((0, 4), np.int64)
+        return np.empty((0, 6)), np.empty((0, 28)), np.empty((0, 4), np.int64)
     return tuple(np.concatenate(column) for column in zip(*done))
 
 
@@ -68,19 +74,23 @@ def measure(coefficients, rows, patch, box, work, boxes, geometry, bend):
 
     Args:
         boxes: (n, 6) filled: low and high corners.
-        geometry: (n, 24) filled: middle (3), normal there (3), half thickness along it, duals of both tangents in units
-            of the piece's half sides (3 + 3), largest principal curvature in absolute value, largest distance from the
-            middle, the local rectangle (4), a tangent direction (3), half widths along it and across it (2).
-        bend: (n, 2) filled: how much the piece bends towards the sides in s and in t, below TURN for a leaf.
+        geometry: (n, 28) filled: middle (3), normal there (3), half thickness along it, duals of both tangents in units
+            of the piece's half sides (3 + 3), largest curvature against the normal, largest distance from the middle,
+            the local rectangle (4), a tangent direction (3), half widths along it and across it (2), largest curvature
+            towards the normal, what of any normal lies along and across that tangent (2), the largest way from any place
+            to the middle along its own normal.
+        bend: (n, 3) filled: how much the piece bends towards the sides in s and in t, below TURN for a leaf; how many
+            times the middle's curvature the bound on all is.
     """
     out = np.empty(9)
     for k in range(box.shape[0]):
         row = rows[patch[k]]
-        g, most = geometry[k], 0.0
-        for sign in (-1.0, 1.0):
-            curvature_of_piece(coefficients, row, sign, box[k], work, out)
-            most = max(most, out[0])
-        g[13], g[14] = most, out[5]
+        g = geometry[k]
+        curvature_of_piece(coefficients, row, -1.0, box[k], work, out)
+        g[13], most = max(out[0], 0.0), abs(out[1])
+        curvature_of_piece(coefficients, row, 1.0, box[k], work, out)
+        g[24], g[14] = max(out[0], 0.0), out[5]
+        bend[k, 2] = max(g[13], g[24]) / (max(most, abs(out[1])) + LEVEL_PER_MM)
         shifted(coefficients, row, box[k], work)
         _recentred(work, row[2], row[3], g[0:3])
         S, Ss, St, Sss, Sst, Stt = _quotients(work, row[2], row[3], row[4] != 0)
@@ -115,7 +125,7 @@ def _extent(n0, n1, n2, a):
 
 @njit(error_model="numpy")
 def _frame(S, Ss, St, g):
-    """Normal, half thickness and dual tangents of a piece into its geometry row."""
+    """Normal and how it turns, half thickness and dual tangents of a piece into its geometry row."""
     N = _cross(Ss, St)
     length = _middle_length(N)
     E, F, G = _dot(Ss, Ss)[0], _dot(Ss, St)[0], _dot(St, St)[0]
@@ -127,10 +137,15 @@ def _frame(S, Ss, St, g):
         g[7 + c] = (G * Ss[c][0] - F * St[c][0]) / det if sound else 0.0
         g[10 + c] = (E * St[c][0] - F * Ss[c][0]) / det if sound else 0.0
         g[19 + c] = (Ss[c][0] if E >= G else St[c][0]) / slow if sound else 0.0
-    g[6], g[22], g[23] = np.inf, np.inf, np.inf
+    g[6], g[22], g[23], g[25], g[26], g[27] = np.inf, np.inf, np.inf, np.inf, np.inf, np.inf
     if sound:
-        g[6], g[22] = _extent(g[3], g[4], g[5], S), _extent(g[19], g[20], g[21], S)
-        g[23] = _extent(g[4] * g[21] - g[5] * g[20], g[5] * g[19] - g[3] * g[21], g[3] * g[20] - g[4] * g[19], S)
+        ax, ay, az = g[4] * g[21] - g[5] * g[20], g[5] * g[19] - g[3] * g[21], g[3] * g[20] - g[4] * g[19]
+        g[6], g[22], g[23] = _extent(g[3], g[4], g[5], S), _extent(g[19], g[20], g[21], S), _extent(ax, ay, az, S)
+        least = length - _extent(g[3], g[4], g[5], N)
+        if least > 0.0:                     # a shorter normal is a larger share of one
+            way = _dot(S, N)
+            g[25], g[26] = _extent(g[19], g[20], g[21], N) / least, _extent(ax, ay, az, N) / least
+            g[27] = (abs(way[0]) + _reach(way)) / least
 
 
 # edges -------------------------------------------------------------------------------------------------
@@ -156,7 +171,7 @@ def _stretches(powers, face, offset):
     row, flat = np.array([[face, 0, degree, 0, 1]]), powers.ravel()
     box, work, done = np.array([[-1.0, 1.0, 0.0, 0.0]]), np.empty((degree + 1, 1, 4)), []
     for level in range(ROUNDS + 1):
-        boxes, geometry, bend = np.empty((len(box), 6)), np.empty((len(box), 24)), np.empty(len(box))
+        boxes, geometry, bend = np.empty((len(box), 6)), np.empty((len(box), 28)), np.empty(len(box))
         _measure_curve(flat, row, box, work, boxes, geometry, bend)
         ready = (bend < TURN) & np.isfinite(boxes).all(axis=1) | (level == ROUNDS)
         rows = np.tile([face, offset, -1, degree], (int(ready.sum()), 1))
@@ -169,7 +184,8 @@ def _stretches(powers, face, offset):
 
 @njit(error_model="numpy")
 def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
-    """As `measure`, for stretches of a curve: no normal, one tangent."""
+    """As `measure`, for stretches of a curve: one tangent, no normal; 10..12 and 24 the curvature vector in the middle and
+    the most that it changes by."""
     for k in range(box.shape[0]):
         g = geometry[k]
         shifted(coefficients, row[0], box[k], work)
@@ -185,8 +201,24 @@ def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
             slow -= _reach(Ss[c])
         g[13] = np.sqrt(fast) / (slow * slow) if slow > 0.0 else np.inf
         g[14] = np.sqrt(far)
+        _curvature_vector(Ss, Sss, g)
         bend[k] = _likely_length(Sss) / (length + 1e-300)
         put(g[15:19], box[k])
+
+
+@njit(error_model="numpy")
+def _curvature_vector(Ss, Sss, g):
+    """(Ss² Sss - (Ss . Sss) Ss) / Ss⁴ of a curve's stretch into its geometry row."""
+    E, along = _dot(Ss, Ss), _dot(Ss, Sss)
+    square = _mul(E, E)
+    least, change = square[0] - _reach(square), 0.0
+    g[24] = np.inf
+    for c in range(3):
+        form = _add(_mul(E, Sss[c]), _scaled(-1.0, _mul(along, Ss[c])))
+        g[10 + c] = form[0] / (square[0] + 1e-300)
+        change += (_reach(form) + abs(g[10 + c]) * _reach(square)) ** 2
+    if least > 0.0:
+        g[24] = np.sqrt(change) / least
 
 
 # tree --------------------------------------------------------------------------------------------------
