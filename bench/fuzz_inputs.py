@@ -269,7 +269,7 @@ def doors(case):
     with ExitStack() as stack:
         put = lambda where, name, what: stack.enter_context(mock.patch.object(where, name, what))
         put(build, "build", stop_at_planning)
-        put(judge, "verify_setups", stop)
+        put(judge, "first_look", stop)
         put(rfq_vane, "tip_of", stop_in_a_design)
         put(propeller, "propeller_design", stop_at_the_hub)
         if not case.has_real_step:

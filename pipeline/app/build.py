@@ -12,6 +12,7 @@ import importlib.metadata
 import json
 import os
 import shutil
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -20,7 +21,7 @@ import numpy as np
 import cuspline
 from cuspline.app import mending
 from cuspline.app.catalogue import sources_of_post
-from cuspline.app.judge import figures_in_words, judge, post_module, posted_moves
+from cuspline.app.judge import begun, figures_in_words, post_module, posted_moves
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
 from cuspline.design.job import Job, PostedFile, digest_of, job_line
 from cuspline.design.setup_alignment import refixturing_in_words
@@ -30,7 +31,7 @@ from cuspline.kernel.glb import write_glb
 from cuspline.kernel.solids import stl_of
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import plan_setup
-from cuspline.planning.preflight import refuse_impossible_setups
+from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
 from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
 from cuspline.shop.materials import material_named
@@ -45,7 +46,7 @@ from cuspline.values.findings import Finding
 from cuspline.values.interruption import held_off
 from cuspline.verification.in_process import PART
 from cuspline.verification.self_crossing import refuse_self_crossing
-from cuspline.verification.verdict import Judging, Options, SetupProgram, residuals_of
+from cuspline.verification.verdict import Options
 
 STAGES = ("step", "plan", "gcode", "verify", "report")
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
@@ -123,7 +124,7 @@ def _made(order, work, say):
     if design.setups and order.last_stage != "step":
         refuse_impossible_setups(design, solid, order.machine, order.library)
     step = work / f"{design.name}.step"
-    brep.write_step(solid, step, design.name)
+    brep.write_step(brep.storable(solid), step, design.name)
     design = _with_files(design, work)
     order = replace(order, design=design)
     inputs = inputs_hash(order, step)
@@ -136,20 +137,24 @@ def _made(order, work, say):
         brep.write_step(companion.make(), work / f"{name}.step", name)
     shape = shape_of(solid, has_thin_edges=not design.setups)
     refuse_self_crossing(solid, shape, f"design {design.name}: the solid in {step.name}")
+    if design.setups:
+        refuse_gaps(design, solid)
     write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":
         return _finished(order, work, inputs, None)
     if not design.setups:
         return _measured(order, work, inputs, shape, say)
     kept, tell = kept_beside(order.out), lambda text: say(f"{design.name}: {text}")
-    plans = _checked(order, _planned(order, say), solid, kept, tell)
+    plans = _planned(order, say)
+    trial = _Trial(order=order, work=work, inputs=inputs, kept=kept, tell=tell)
     if order.last_stage == "plan":
-        _write_json(work / "plan.json", plan_document(order, plans))
+        _write_json(work / "plan.json", plan_document(order, trial.planned(plans)))
         return _finished(order, work, inputs, None)
-    job = _written(order, plans, work, inputs, tell)
+    plans, job, first = trial.checked(plans)
     if order.last_stage == "gcode":
+        _write_json(work / "plan.json", plan_document(order, plans))
         return _finished(order, work, inputs, job)
-    job, judged = _judged(order, plans, job, work, inputs, kept, tell)
+    job, judged = trial.judged(plans, job, first)
     verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say, kept)}
     _stamp_verdict(work, job, verify)
     _write_json(work / "verify.json", verify)
@@ -209,62 +214,74 @@ def _planned(order, say):
     return plans
 
 
-def _checked(order, plans, solid, kept, tell):
-    """The plans, mended where the posted moves leave or take more than the finish allows, a margin kept."""
-    if not any(p.is_mended for p in plans):
-        return plans
-    design, faces = order.design, brep.faces_of(solid)
-    balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
-    for number in range(1, mending.OWN_ROUNDS + 1):
-        tools = {o.tool.number: o.tool for p in plans for o in p.operations}
-        programs = [SetupProgram(posted=_as_posted(order, plan, tools), setup=plan.setup, faces=tuple(
-            f for p in design.predicates if p.name in plan.setup.faces for f in brep.select_faces(faces, p)))
-            for plan in plans]
-        tell("check of the plan")
-        found = residuals_of(programs, solid, Judging(tools=tools, stock=design.stock, finish=design.finish,
-                                                      ball_radius_mm=min(balls), kept=kept))
-        wants = [mending.wants_of(*pair, design.finish, share=1.0 - mending.MARGIN) for pair in found]
-        plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
-        if not is_changed:
-            break
-        tell(f"planned again, round {number} of the planner's own check")
-    return plans
-
-
 def _as_posted(order, plan, tools):
     """PostedMoves of a plan: posted as text and read back."""
     texts = post_module(order.machine).post(plan.program((), plan.setup.name), order.machine).texts
     return posted_moves(texts, plan.setup, order.machine, tools)
 
 
-def _written(order, plans, work, inputs, tell):
-    """plan.json, programs and tools on disk; Job."""
-    _write_json(work / "plan.json", plan_document(order, plans))
-    tell(f"post for {order.machine.name}")
-    return _posted(order, plans, work, inputs)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Trial:
+    """Plans on trial: posted into the work folder, looked at there as files, mended, posted again."""
 
+    order: Order
+    work: Path
+    inputs: str
+    kept: object
+    tell: Callable
 
-def _judged(order, plans, job, work, inputs, kept, tell):
-    """(Job, Judged) of what is posted, mended and judged again while that helps."""
-    for number in range(1, mending.ROUNDS + 2):
-        judged = judge(work, job, tell, Options(), kept)
-        if number > mending.ROUNDS:
-            break
-        wants = [mending.wants_of_verdict(v, order.accepted) for v in judged.verdict.setups]
-        plans, is_mended = mending.mended(plans, wants, number, "the verdict")
-        if not is_mended:
-            break
-        tell(f"corrected, round {number} of {mending.ROUNDS}")
-        _remove_programs(work, job)
-        job = _written(order, plans, work, inputs, tell)
-    _write_json(work / "plan.json", plan_document(order, plans))
-    return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans),
-                        extra=(*judged.extra, *(f for plan in plans for f in plan.idle)))
+    def posted(self, plans, instead_of=None):
+        """plan.json, programs and tools on disk; Job."""
+        for name in (name for item in (instead_of.posted if instead_of else ()) for name in item.files):
+            (self.work / name).unlink()
+        _write_json(self.work / "plan.json", plan_document(self.order, plans))
+        self.tell(f"post for {self.order.machine.name}")
+        return _posted(self.order, plans, self.work, self.inputs)
 
+    def begun(self, job):
+        """The first part of the verdict."""
+        return begun(self.work, job, self.tell, Options(), self.kept)
 
-def _remove_programs(work, job):
-    for name in (name for item in job.posted for name in item.files):
-        (work / name).unlink()
+    def checked(self, plans):
+        """The plans, mended where the posted moves leave or take more than the finish allows, a margin kept.
+
+        Returns:
+            plans, their Job, and its verdict as far as it has begun; None: not begun.
+        """
+        job, finish = self.posted(plans), self.order.design.finish
+        for number in range(1, mending.OWN_ROUNDS + 1 if any(p.is_mended for p in plans) else 1):
+            first = self.begun(job)
+            wants = [mending.wants_of(*pair, finish, share=1.0 - mending.MARGIN) for pair in first.first.residuals]
+            plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
+            if not is_changed:
+                return plans, job, first
+            self.tell(f"planned again, round {number} of the planner's own check")
+            job = self.posted(plans, instead_of=job)
+        return plans, job, None
+
+    def planned(self, plans):
+        """The plans as `checked`; of the programs that it took nothing stays."""
+        before = set(self.work.iterdir())
+        plans, _, _ = self.checked(plans)
+        for path in set(self.work.iterdir()) - before:
+            path.unlink()
+        return plans
+
+    def judged(self, plans, job, first):
+        """(Job, Judged) of what is posted, mended and judged again while that helps; arguments as `checked` returns."""
+        for number in range(1, mending.ROUNDS + 2):
+            judged = (first or self.begun(job)).judged()
+            if number > mending.ROUNDS:
+                break
+            wants = [mending.wants_of_verdict(v, self.order.accepted) for v in judged.verdict.setups]
+            plans, is_mended = mending.mended(plans, wants, number, "the verdict")
+            if not is_mended:
+                break
+            self.tell(f"corrected, round {number} of {mending.ROUNDS}")
+            job, first = self.posted(plans, instead_of=job), None
+        _write_json(self.work / "plan.json", plan_document(self.order, plans))
+        return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans),
+                            extra=(*judged.extra, *(f for plan in plans for f in plan.idle)))
 
 
 def _coloured_stock(path, judged, finish):

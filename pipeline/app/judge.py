@@ -25,7 +25,7 @@ from cuspline.verification.file_checks import changed_files, changed_job, progra
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
-from cuspline.verification.verdict import Judging, Options, SetupProgram, Verdict, verify_setups
+from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProgram, Verdict, first_look, verify_setups
 
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
 
@@ -129,7 +129,12 @@ def judge_text(folder, job, published=None):
 
 
 def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, published=None):
-    """Verdict on the files of a folder.
+    """Verdict on the files of a folder: `begun`, to its end."""
+    return begun(folder, job, say, options, kept, published).judged()
+
+
+def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, published=None):
+    """A folder's files as far as the first verifier sees them.
 
     Args:
         folder: with the STEP file, the programs, tools.json and the control's tool table.
@@ -139,6 +144,8 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         kept: kept.Kept of a run before that was interrupted.
         published: job.Published of what the files must be; None: they are not published yet, and who builds them has
             asked the solid whether it crosses itself.
+    Returns:
+        Begun.
     Raises:
         InputError: a file is missing.  ReadError: see `read_programs`.  DesignError: the STEP's solid crosses itself.
     """
@@ -159,16 +166,34 @@ def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     judging = Judging(tools=tools, stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
                       ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
-    setups = verify_setups(programs, solid, judging)
-    differ = any(f.kind == "verifiers_disagree" for v in setups for f in v.findings)
-    if differ and options.solid_pitch_mm is None and "verifiers_disagree" not in job.accepted:
-        say("the two verifiers differ: both look closer")
-        closer = replace(options, finer=CLOSER * options.finer)
-        setups = verify_setups(programs, solid, replace(judging, options=closer))
-    setups = tuple(replace(v, findings=_placed((*p.findings, *v.findings), p, job.machine, tools))
-                   for v, p in zip(setups, read))
-    return Judged(verdict=Verdict(setups=setups), solid=solid, programs=tuple(programs), tools=tools,
-                  extra=tuple(extra), stock=job.stock)
+    return Begun(job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
+                 first=first_look(programs, solid, judging))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Begun:
+    """The files of a folder read, simulated and seen by the first verifier."""
+
+    job: object                             # Job
+    solid: object                           # TopoDS_Solid out of the STEP file
+    read: tuple[ReadProgram, ...]           # one a setup
+    programs: tuple[SetupProgram, ...]      # one a setup
+    extra: tuple[Finding, ...]              # about the programs as files
+    first: FirstLook
+
+    def judged(self):
+        """Judged: the verdict, once all verifiers have looked."""
+        judging = self.first.judging
+        options, setups = judging.options, self.first.verdicts()
+        differ = any(f.kind == "verifiers_disagree" for v in setups for f in v.findings)
+        if differ and options.solid_pitch_mm is None and "verifiers_disagree" not in self.job.accepted:
+            judging.say("the two verifiers differ: both look closer")
+            closer = replace(options, finer=CLOSER * options.finer)
+            setups = verify_setups(self.programs, self.solid, replace(judging, options=closer))
+        setups = tuple(replace(v, findings=_placed((*p.findings, *v.findings), p, self.job.machine, judging.tools))
+                       for v, p in zip(setups, self.read))
+        return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
+                      extra=self.extra, stock=self.job.stock)
 
 
 def _file_findings(folder, job, tools, published):

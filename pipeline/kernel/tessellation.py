@@ -151,11 +151,11 @@ def surface_points(face, uv):
     surface, p = BRepAdaptor_Surface(face, False), gp_Pnt()
     if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
         return _plane_points(surface, uv)
-    out = np.empty((len(uv), 3))
-    for i, (u, v) in enumerate(np.asarray(uv).tolist()):
+    rows = []
+    for u, v in np.asarray(uv).tolist():
         surface.D0(u, v, p)
-        out[i] = p.X(), p.Y(), p.Z()
-    return out
+        rows.append(p.Coord())
+    return np.array(rows).reshape(-1, 3)
 
 
 def _plane_points(surface, uv):
@@ -167,16 +167,14 @@ def _plane_points(surface, uv):
 def surface_tangents(face, uv):
     """Exact points and the derivatives along u and v, (n, 3) each."""
     surface, p, a, b = BRepAdaptor_Surface(face, False), gp_Pnt(), gp_Vec(), gp_Vec()
-    points, du, dv = (np.empty((len(uv), 3)) for _ in range(3))
     if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
-        points[:] = _plane_points(surface, uv)
-        du[:] = _plane_points(surface, np.array([[1.0, 0.0]])) - _plane_points(surface, np.zeros((1, 2)))
-        dv[:] = _plane_points(surface, np.array([[0.0, 1.0]])) - _plane_points(surface, np.zeros((1, 2)))
-        return points, du, dv
-    for i, (u, v) in enumerate(np.asarray(uv).tolist()):
+        origin, *ends = _plane_points(surface, np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+        return _plane_points(surface, uv), *(np.tile(end - origin, (len(uv), 1)) for end in ends)
+    rows = []
+    for u, v in np.asarray(uv).tolist():
         surface.D1(u, v, p, a, b)
-        points[i], du[i], dv[i] = (p.X(), p.Y(), p.Z()), (a.X(), a.Y(), a.Z()), (b.X(), b.Y(), b.Z())
-    return points, du, dv
+        rows.append((*p.Coord(), *a.Coord(), *b.Coord()))
+    return tuple(np.array(rows).reshape(-1, 3, 3).transpose(1, 0, 2).copy())
 
 
 def free_parameters(part):

@@ -10,8 +10,10 @@ and the piece leaves min over its positions of z + p(d).  Lengths in mm; inf: ne
 import math
 
 from cuspline.stock.distance_kernels import VERTICAL_MM
+from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.values.compiled import njit
 
+SLACK_MM = 1e-10          # what rounding may put on a bound: taken off, but where a bound is exact (the flat of a bottom)
 STEEP = 0.003             # a tangent to p is taken where no more than this share of rc² is left below the root
 
 
@@ -63,12 +65,12 @@ def _bull_position(s, q, lo, hi, slope, a, rc):
 
 @njit
 def _line_height(x, y, g, a, rc):
-    dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
+    dx, dy, dz = g[X1] - g[X0], g[Y1] - g[Y0], g[Z1] - g[Z0]
     length = math.sqrt(dx * dx + dy * dy)
     if length < VERTICAL_MM:
-        return _at(x, y, g[0], g[1], min(g[2], g[5]), a, rc)
-    s = ((x - g[0]) * dx + (y - g[1]) * dy) / length
-    q = ((x - g[0]) * dy - (y - g[1]) * dx) / length
+        return _at(x, y, g[X0], g[Y0], min(g[Z0], g[Z1]), a, rc)
+    s = ((x - g[X0]) * dx + (y - g[Y0]) * dy) / length
+    q = ((x - g[X0]) * dy - (y - g[Y0]) * dx) / length
     radius = a + rc
     if abs(q) > radius:
         return math.inf
@@ -86,33 +88,33 @@ def _line_height(x, y, g, a, rc):
     else:
         u = _bull_position(s, q, lo, hi, slope, a, rc)
     d = math.sqrt(q * q + (u - s) * (u - s))
-    return g[2] + slope * u + _bottom(min(d, radius), a, rc)
+    return g[Z0] + slope * u + _bottom(min(d, radius), a, rc)
 
 
 @njit
 def _arc_height(x, y, g, r):
     """A disc of radius w rolling on the arc: the envelope circle where it touches, else the end discs."""
-    k = int(g[6])
-    s, q = (x, y - g[1]) if k == 0 else (y, x - g[0])
+    k = int(g[IN_YZ])
+    s, q = (x, y - g[Y0]) if k == 0 else (y, x - g[X0])
     if abs(q) > r:
         return math.inf
     w = math.sqrt(r * r - q * q)
-    u0, u1, rho, ds = g[k], g[3 + k], g[9], s - g[7]
+    u0, u1, rho, ds = g[k], g[X1 + k], g[RADIUS], s - g[CENTER_U]
     best = math.inf
     if abs(s - u0) <= w:
-        best = g[2] + r - math.sqrt(w * w - (s - u0) * (s - u0))
+        best = g[Z0] + r - math.sqrt(w * w - (s - u0) * (s - u0))
     if abs(s - u1) <= w:
-        best = min(best, g[5] + r - math.sqrt(w * w - (s - u1) * (s - u1)))
-    envelope = rho + w if g[10] < 0.0 else rho - w
-    if envelope > 0.0 and abs(ds) <= envelope and u0 <= g[7] + ds * rho / envelope <= u1:
-        best = min(best, g[8] + r + g[10] * math.sqrt(envelope * envelope - ds * ds))
+        best = min(best, g[Z1] + r - math.sqrt(w * w - (s - u1) * (s - u1)))
+    envelope = rho + w if g[SIDE] < 0.0 else rho - w
+    if envelope > 0.0 and abs(ds) <= envelope and u0 <= g[CENTER_U] + ds * rho / envelope <= u1:
+        best = min(best, g[CENTER_Z] + r + g[SIDE] * math.sqrt(envelope * envelope - ds * ds))
     return best
 
 
 @njit
 def piece_height(x, y, g, a, rc):
     """Lowest z of the cutter's bottom over (x, y) along one piece; inf where it never passes, mm."""
-    if g[11] != 0.0:
+    if g[IS_ARC] != 0.0:
         return _arc_height(x, y, g, rc)
     return _line_height(x, y, g, a, rc)
 
@@ -139,7 +141,7 @@ def _child_heights_of_ball(x, y, rc, out):
         xl, xh, yl, yh = out[j] - x, out[8 + j] - x, out[16 + j] - y, out[24 + j] - y
         ex, ey = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
         square = ex * ex + ey * ey
-        box = out[32 + j] + rc - math.sqrt(max(rc * rc - square, 0.0))
+        box = out[32 + j] + (rc - math.sqrt(max(rc * rc - square, 0.0))) - (SLACK_MM if square > 0.0 else 0.0)
         sx, sy = out[40 + j], out[48 + j]
         reach = rc / math.sqrt(1.0 + sx * sx + sy * sy)
         px, py = min(max(-sx * reach, xl), xh), min(max(-sy * reach, yl), yh)
@@ -148,7 +150,7 @@ def _child_heights_of_ball(x, y, rc, out):
         gx, gy = sx + px / root, sy + py / root
         dx, dy = min(max(-gx * rc, xl - px), xh - px), min(max(-gy * rc, yl - py), yh - py)
         tangent = (out[56 + j] + sx * (x + px) + sy * (y + py) + rc - root
-                   + dx * (gx + 0.5 * dx / rc) + dy * (gy + 0.5 * dy / rc))
+                   + dx * (gx + 0.5 * dx / rc) + dy * (gy + 0.5 * dy / rc)) - SLACK_MM
         bound = max(box, tangent) if rest > STEEP * rc * rc else box
         out[64 + j] = math.inf if square > rc * rc else bound
 
@@ -161,7 +163,7 @@ def _child_heights_of_disk(x, y, a, rc, out):
         ex, ey = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
         square = ex * ex + ey * ey
         beyond = max(math.sqrt(square) - a, 0.0)
-        box = out[32 + j] + rc - math.sqrt(max(rc * rc - beyond * beyond, 0.0))
+        box = out[32 + j] + (rc - math.sqrt(max(rc * rc - beyond * beyond, 0.0))) - (SLACK_MM if beyond > 0.0 else 0.0)
         sx, sy = out[40 + j], out[48 + j]
         here = out[56 + j] + sx * x + sy * y
         steep = max(math.sqrt(sx * sx + sy * sy), 1e-300)
@@ -177,5 +179,5 @@ def _child_heights_of_disk(x, y, a, rc, out):
         gx, gy, p = sx + pull * px, sy + pull * py, rc - math.sqrt(max(rc * rc - e * e, 0.0))
         tangent = (here + sx * px + sy * py + p + min(gx * (xl - px), gx * (xh - px))
                    + min(gy * (yl - py), gy * (yh - py)))
-        bound = max(box, plane, tangent) if sx * sx + sy * sy > 0.0 else box
+        bound = max(box, plane - SLACK_MM, tangent - SLACK_MM) if sx * sx + sy * sy > 0.0 else box
         out[64 + j] = math.inf if square > radius * radius else bound

@@ -1,11 +1,19 @@
 """Leaves and tree for closest points: pieces of faces that turn little, stretches of edges, boxes over them."""
 
+from typing import NamedTuple
+
 import numpy as np
 from OCP.BRep import BRep_Tool
 
 from cuspline.kernel.brep import edges_of_faces
 from cuspline.surfaces.edge_curves import curve_spans
 from cuspline.surfaces.enclosures import (
+    BOUND,
+    BY_S,
+    BY_T,
+    MID,
+    REACH,
+    REST,
     _cross,
     _dot,
     _likely_length,
@@ -17,8 +25,9 @@ from cuspline.surfaces.enclosures import (
     shifted,
 )
 from cuspline.surfaces.face_pieces import ACROSS, OUTSIDE, halves, side_to_cut, trim_states, whole_patches
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, IS_RATIONAL
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import HIGH_X, X, Y, Z, put
 
 TURN = 0.35             # of the normal from the middle of a piece to its side, radians: then it is a leaf
 STRETCH = 1.0           # change of a tangent's length from the middle to the side, as a share: Newton still converges
@@ -26,6 +35,23 @@ EXTRA = 3               # halvings more for pieces across a border
 ROUNDS = 24             # halvings at most: a pole is never flat
 LEAF_ITEMS = 2
 SLACK_MM = 1e-9         # boxes and slabs are wider by this: rounding
+MIDDLE, NORMAL, THICKNESS, DUAL_S, DUAL_T = 0, 3, 6, 7, 10                  # columns of a leaf's geometry, see `measure`
+CURVATURE, FARTHEST, RECTANGLE, TANGENT, WIDTH_ALONG, WIDTH_ACROSS = 13, 14, 15, 19, 22, 23
+LEAF_FACE, LEAF_PATCH, LEAF_STATE, LEAF_DEGREE = range(4)       # of its row: the patch of an edge is an offset into its curves
+LEFT, RIGHT = range(2)                                          # children of a node
+IN_S, IN_T = range(2)                                           # how much a piece bends
+
+
+class TreeArrays(NamedTuple):
+    """A `projection.ClosestTree` as kernels take it."""
+
+    nodes: np.ndarray
+    children: np.ndarray
+    order: np.ndarray
+    boxes: np.ndarray
+    geometry: np.ndarray
+    rows: np.ndarray
+    curves: np.ndarray
 
 
 def leaves(faces, patches, trims):
@@ -74,43 +100,44 @@ def measure(coefficients, rows, patch, box, work, boxes, geometry, bend):
         bend: (n, 2) filled: how much the piece bends towards the sides in s and in t, below TURN for a leaf.
     """
     out = np.empty(9)
-    for k in range(box.shape[0]):
+    for k in range(len(box)):
         row = rows[patch[k]]
         g, most = geometry[k], 0.0
         for sign in (-1.0, 1.0):
             curvature_of_piece(coefficients, row, sign, box[k], work, out)
-            most = max(most, out[0])
-        g[13], g[14] = most, out[5]
+            most = max(most, out[BOUND])
+        g[CURVATURE], g[FARTHEST] = most, out[REACH]
         shifted(coefficients, row, box[k], work)
-        _recentred(work, row[2], row[3], g[0:3])
-        S, Ss, St, Sss, Sst, Stt = _quotients(work, row[2], row[3], row[4] != 0)
+        _recentred(work, row[DEGREE_U], row[DEGREE_V], g[MIDDLE:NORMAL])
+        S, Ss, St, Sss, Sst, Stt = _quotients(work, row[DEGREE_U], row[DEGREE_V], row[IS_RATIONAL] != 0)
         for c in range(3):
-            boxes[k, c], boxes[k, 3 + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
+            boxes[k, c], boxes[k, HIGH_X + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
         _frame(S, Ss, St, g)
-        put(g[15:19], box[k])
+        put(g[RECTANGLE:TANGENT], box[k])
         ls, lt = _middle_length(Ss) + 1e-300, _middle_length(St) + 1e-300
-        n = g[3:6]
+        n = g[NORMAL:THICKNESS]
         turn_s, turn_t = _along(n, Sss) / ls + _along(n, Sst) / lt, _along(n, Sst) / ls + _along(n, Stt) / lt
         run_s = _likely_length(Sss) / ls + _likely_length(Sst) / lt
         run_t = _likely_length(Sst) / ls + _likely_length(Stt) / lt
         # the longer of two sides that turn alike is cut first
-        bend[k, 0] = max(turn_s, run_s * (TURN / STRETCH)) * (1.0 + 1e-6 * ls / (ls + lt))
-        bend[k, 1] = max(turn_t, run_t * (TURN / STRETCH)) * (1.0 + 1e-6 * lt / (ls + lt))
+        bend[k, IN_S] = max(turn_s, run_s * (TURN / STRETCH)) * (1.0 + 1e-6 * ls / (ls + lt))
+        bend[k, IN_T] = max(turn_t, run_t * (TURN / STRETCH)) * (1.0 + 1e-6 * lt / (ls + lt))
 
 
 @njit(error_model="numpy")
 def _along(n, a):
     """Likely size of a vector of forms along a direction."""
-    return (abs(n[0] * a[0][0] + n[1] * a[1][0] + n[2] * a[2][0])
-            + abs(n[0] * a[0][1] + n[1] * a[1][1] + n[2] * a[2][1])
-            + abs(n[0] * a[0][2] + n[1] * a[1][2] + n[2] * a[2][2]))
+    return (abs(n[X] * a[X][MID] + n[Y] * a[Y][MID] + n[Z] * a[Z][MID])
+            + abs(n[X] * a[X][BY_S] + n[Y] * a[Y][BY_S] + n[Z] * a[Z][BY_S])
+            + abs(n[X] * a[X][BY_T] + n[Y] * a[Y][BY_T] + n[Z] * a[Z][BY_T]))
 
 
 @njit(error_model="numpy")
 def _extent(n0, n1, n2, a):
     """Largest absolute value of a vector of forms about its middle along a direction."""
-    return (abs(n0 * a[0][1] + n1 * a[1][1] + n2 * a[2][1]) + abs(n0 * a[0][2] + n1 * a[1][2] + n2 * a[2][2])
-            + abs(n0) * a[0][3] + abs(n1) * a[1][3] + abs(n2) * a[2][3]) + SLACK_MM
+    return (abs(n0 * a[X][BY_S] + n1 * a[Y][BY_S] + n2 * a[Z][BY_S])
+            + abs(n0 * a[X][BY_T] + n1 * a[Y][BY_T] + n2 * a[Z][BY_T]) + abs(n0) * a[X][REST] + abs(n1) * a[Y][REST]
+            + abs(n2) * a[Z][REST]) + SLACK_MM
 
 
 @njit(error_model="numpy")
@@ -118,19 +145,22 @@ def _frame(S, Ss, St, g):
     """Normal, half thickness and dual tangents of a piece into its geometry row."""
     N = _cross(Ss, St)
     length = _middle_length(N)
-    E, F, G = _dot(Ss, Ss)[0], _dot(Ss, St)[0], _dot(St, St)[0]
+    E, F, G = _dot(Ss, Ss)[MID], _dot(Ss, St)[MID], _dot(St, St)[MID]
     det = E * G - F * F
     sound = length > 0.0 and det > 1e-14 * E * G
     slow = np.sqrt(max(E, G))
     for c in range(3):
-        g[3 + c] = N[c][0] / length if sound else 0.0
-        g[7 + c] = (G * Ss[c][0] - F * St[c][0]) / det if sound else 0.0
-        g[10 + c] = (E * St[c][0] - F * Ss[c][0]) / det if sound else 0.0
-        g[19 + c] = (Ss[c][0] if E >= G else St[c][0]) / slow if sound else 0.0
-    g[6], g[22], g[23] = np.inf, np.inf, np.inf
+        g[NORMAL + c] = N[c][MID] / length if sound else 0.0
+        g[DUAL_S + c] = (G * Ss[c][MID] - F * St[c][MID]) / det if sound else 0.0
+        g[DUAL_T + c] = (E * St[c][MID] - F * Ss[c][MID]) / det if sound else 0.0
+        g[TANGENT + c] = (Ss[c][MID] if E >= G else St[c][MID]) / slow if sound else 0.0
+    g[THICKNESS], g[WIDTH_ALONG], g[WIDTH_ACROSS] = np.inf, np.inf, np.inf
     if sound:
-        g[6], g[22] = _extent(g[3], g[4], g[5], S), _extent(g[19], g[20], g[21], S)
-        g[23] = _extent(g[4] * g[21] - g[5] * g[20], g[5] * g[19] - g[3] * g[21], g[3] * g[20] - g[4] * g[19], S)
+        g[THICKNESS], g[WIDTH_ALONG] = (_extent(g[NORMAL + X], g[NORMAL + Y], g[NORMAL + Z], S),
+                                        _extent(g[TANGENT + X], g[TANGENT + Y], g[TANGENT + Z], S))
+        g[WIDTH_ACROSS] = _extent(g[NORMAL + Y] * g[TANGENT + Z] - g[NORMAL + Z] * g[TANGENT + Y],
+                                  g[NORMAL + Z] * g[TANGENT + X] - g[NORMAL + X] * g[TANGENT + Z],
+                                  g[NORMAL + X] * g[TANGENT + Y] - g[NORMAL + Y] * g[TANGENT + X], S)
 
 
 # edges -------------------------------------------------------------------------------------------------
@@ -170,23 +200,23 @@ def _stretches(powers, face, offset):
 @njit(error_model="numpy")
 def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
     """As `measure`, for stretches of a curve: no normal, one tangent."""
-    for k in range(box.shape[0]):
+    for k in range(len(box)):
         g = geometry[k]
         shifted(coefficients, row[0], box[k], work)
-        _recentred(work, row[0, 2], 0, g[0:3])
-        S, Ss, _, Sss, _, _ = _quotients(work, row[0, 2], 0, True)
+        _recentred(work, row[0, DEGREE_U], 0, g[MIDDLE:NORMAL])
+        S, Ss, _, Sss, _, _ = _quotients(work, row[0, DEGREE_U], 0, True)
         length = _middle_length(Ss)
         slow, fast, far = length, 0.0, 0.0
-        g[3:13], g[19:22], g[22:24] = 0.0, 0.0, np.inf
+        g[NORMAL:CURVATURE], g[TANGENT:WIDTH_ALONG], g[WIDTH_ALONG:24] = 0.0, 0.0, np.inf
         for c in range(3):
-            boxes[k, c], boxes[k, 3 + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
-            g[7 + c] = Ss[c][0] / (length * length + 1e-300)
-            fast, far = fast + (abs(Sss[c][0]) + _reach(Sss[c])) ** 2, far + _reach(S[c]) ** 2
+            boxes[k, c], boxes[k, HIGH_X + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
+            g[DUAL_S + c] = Ss[c][MID] / (length * length + 1e-300)
+            fast, far = fast + (abs(Sss[c][MID]) + _reach(Sss[c])) ** 2, far + _reach(S[c]) ** 2
             slow -= _reach(Ss[c])
-        g[13] = np.sqrt(fast) / (slow * slow) if slow > 0.0 else np.inf
-        g[14] = np.sqrt(far)
+        g[CURVATURE] = np.sqrt(fast) / (slow * slow) if slow > 0.0 else np.inf
+        g[FARTHEST] = np.sqrt(far)
         bend[k] = _likely_length(Sss) / (length + 1e-300)
-        put(g[15:19], box[k])
+        put(g[RECTANGLE:TANGENT], box[k])
 
 
 # tree --------------------------------------------------------------------------------------------------
@@ -195,7 +225,7 @@ def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
 @njit
 def grown(boxes):
     """Nodes (m, 6), children (m, 2) and order (k,) of a tree over boxes, halved at the median of the longer way."""
-    count = boxes.shape[0]
+    count = len(boxes)
     order, middle = np.arange(count), (boxes[:, :3] + boxes[:, 3:]) / 2
     nodes, children = np.empty((2 * count + 1, 6)), np.empty((2 * count + 1, 2), np.int64)
     todo = [(0, 0, count)]
@@ -206,18 +236,18 @@ def grown(boxes):
         mid_low, mid_high = np.full(3, np.inf), np.full(3, -np.inf)
         for k in order[first:end]:
             for c in range(3):
-                low[c], high[c] = min(low[c], boxes[k, c]), max(high[c], boxes[k, 3 + c])
+                low[c], high[c] = min(low[c], boxes[k, c]), max(high[c], boxes[k, HIGH_X + c])
                 mid_low[c], mid_high[c] = min(mid_low[c], middle[k, c]), max(mid_high[c], middle[k, c])
         put(nodes[node, :3], low)
         put(nodes[node, 3:], high)
         if end - first <= LEAF_ITEMS:
-            children[node, 0], children[node, 1] = -1 - first, end
+            children[node, LEFT], children[node, RIGHT] = -1 - first, end
             continue
         axis = np.argmax(mid_high - mid_low)
         run = order[first:end]
         put(run, run[np.argsort(middle[run, axis], kind="mergesort")])
         half = (first + end) // 2
-        children[node, 0], children[node, 1] = made, made + 1
+        children[node, LEFT], children[node, RIGHT] = made, made + 1
         todo.append((made, first, half))
         todo.append((made + 1, half, end))
         made += 2

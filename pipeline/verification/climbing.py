@@ -10,7 +10,7 @@ Every small cell's most extreme sample is a start.  Starts walk on the surface i
 no step gains, first across the pass beside them, the most promising ones then in all directions; between compass
 directions the best one is searched for, so that a sharp ridge is followed though no compass step stays on it.
 
-The search finds every top that has a start on its own hill: on a ridge at least one for every cell along it; and it
+The search finds every top that has a start on its own hill: on a high ridge at least one for every cell along it; and it
 places a top to CLOSE_MM across and along.  That nothing stands higher is not for it to say: excess_proof.py proves it.
 Gouges may be narrower still: they are looked for below every posted end, too.
 """
@@ -33,6 +33,8 @@ FIRST = 0.25              # first step, in spacings: the mean distance of sample
 ACROSS_ROUNDS = 5         # halvings of the first walk
 PROMISING = 400           # starts that go all the way, beside the best of every wide cell
 WIDE = 6.0                # of these, in spacings
+FEW = 4000                # starts of the first walk, beside the best of every cell of NARROW spacings
+NARROW = 2.0
 LONGEST = 60              # rounds
 COMPASS = np.pi / 4 * np.arange(8)
 BETWEEN = np.pi / 36 * np.array([-4, -3, -2, -1, 1, 2, 3, 4])     # looked at around the best of these
@@ -202,6 +204,7 @@ def tops_of(ground, points_mm, face, heights_mm, feeds, height_of, spacing_mm):
         Tops, more than one of a hill perhaps.
     """
     rows = hill_rows(points_mm, face, heights_mm, CELL * spacing_mm)
+    rows = rows[_best_of(points_mm[rows], face[rows], heights_mm[rows], NARROW * spacing_mm, FEW)]
     u, v, found = ground.parameters(points_mm[rows], face[rows])
     rows, u, v = rows[found], u[found], v[found]
     begin = Tops(face=face[rows], u=u, v=v, height_mm=heights_mm[rows])
@@ -209,10 +212,15 @@ def tops_of(ground, points_mm, face, heights_mm, feeds, height_of, spacing_mm):
     first = FIRST * spacing_mm
     across = walked(ground, begin, height_of, first, along=np.cross(feeds[rows], normal),
                     last_mm=first / 2 ** (ACROSS_ROUNDS - 1))
-    best = np.argsort(-across.height_mm, kind="stable")
-    wide = np.column_stack([np.floor(points_mm[rows[best]] / (WIDE * spacing_mm)).astype(np.int64), across.face[best]])
-    of_cells = best[np.unique(wide, axis=0, return_index=True)[1]]
-    return walked(ground, across.only(np.union1d(best[:PROMISING], of_cells)), height_of, first / 2)
+    best = _best_of(points_mm[rows], across.face, across.height_mm, WIDE * spacing_mm, PROMISING)
+    return walked(ground, across.only(best), height_of, first / 2)
+
+
+def _best_of(points_mm, face, heights_mm, cell_mm, count):
+    """Rows of the `count` highest and of the highest of each face in every cell, growing."""
+    best = np.argsort(-heights_mm, kind="stable")
+    cells = np.column_stack([np.floor(points_mm[best] / cell_mm).astype(np.int64), face[best]])
+    return np.union1d(best[:count], best[np.unique(cells, axis=0, return_index=True)[1]])
 
 
 def bottoms_of(ground, samples_mm, normals, face, centers, depth_of, spacing_mm):

@@ -17,6 +17,7 @@ from cuspline.values.checkpoints import NOTHING
 from cuspline.values.frames import Frame
 
 SIMPLER_MM = 0.002        # the file's triangles may lie this far off the grid's
+COARSER = 2.0             # grid of the stock between a clamping's operations, in pitches of what it leaves in the end
 PART = Frame.shift((0.0, 0.0, 0.0))
 
 
@@ -49,7 +50,7 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
     Args:
         programs: verdict.SetupProgram values in the order in which they are cut.
         tools: dict of tool number -> cutters.Tool.   stock: a value of design.stock.
-        pitches_mm: of each clamping's grid.
+        pitches_mm: of each clamping's grid, for what it leaves in the end.
         kept: kept.Kept for the heights of every operation's stock.
     Yields:
         StockState.
@@ -60,13 +61,17 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
         frame, name, start, piece = program.setup.frame, program.setup.name, 0, before
         heights.end_clamping()
         made.update(np.concatenate([frame.rotation.ravel(), frame.origin_mm]).tobytes())
-        for number, end in enumerate(operation_ends(program.posted), start=1):
+        ends = operation_ends(program.posted)
+        for number, end in enumerate(ends, start=1):
             made.update(_told(program.posted, start, end, tools))
             piece = before.after(frame, swept_paths(_rows(program.posted, 0, end), tools))
             heights.own = swept_paths(_rows(program.posted, start, end), tools)
-            solid = StockSolids(piece, pitches_mm[:k + 1], heights=heights).stock(PART)
+            pitch_mm = pitches_mm[k] * (1.0 if number == len(ends) else COARSER)
+            if number == len(ends):
+                heights.look_anew()
+            solid = StockSolids(piece, [*pitches_mm[:k], pitch_mm], heights=heights).stock(PART)
             yield StockState(setup=name, operation=program.posted.operation_name(end - 1), number=number, piece=piece,
-                             solid=solids.simpler(solid, SIMPLER_MM), inputs_sha256=made.hexdigest(), pitch_mm=pitches_mm[k])
+                             solid=solids.simpler(solid, SIMPLER_MM), inputs_sha256=made.hexdigest(), pitch_mm=pitch_mm)
             start = end
         before = piece
 
@@ -92,6 +97,10 @@ class _Heights:
         """What is known of the clamping that went on is kept."""
         if self.paths is not None:
             self.ended[self.paths] = self.z
+        self.look_anew()
+
+    def look_anew(self):
+        """Of the clamping that goes on everything is asked again: on another grid, or of another clamping."""
         self.paths = self.z = None
 
     def __call__(self, paths, *grid):

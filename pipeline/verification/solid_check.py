@@ -83,7 +83,8 @@ def compare(made, k, tessellation, drops, required, residuals, limits):
                                 _beyond_excess(made, k, excess_mm), excess_mm, found, frame, surface_mm)
     more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
                            own, frame, surface_mm)
-    held = volumes(lambda: (made.stock(frame) - design) ^ region, lambda: design - field.solid, field,
+    held = volumes(lambda prism: ((made.stock(frame) ^ prism) - design) ^ region,
+                   lambda prism: (design ^ prism) - field.solid, field,
                    made.piece.cuts[k], drops, found, limits)
     errors = {"path_error_mm": limits.path_error_mm, "surface_error_mm": surface_mm + held.zmap_mm,
               "ball_radius_mm": limits.ball_radius_mm}

@@ -21,6 +21,7 @@ from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 
 MOST_PLACES = 20_000        # at which the grid's error is looked at where no cell is quiet
 CELLS = 8                 # pitches along the side of a cell in which volumes are compared
+MOST_CELLS = 256          # compared, spread over all that could be
 THIN_MM = 0.05            # volumes are compared where the deviation is below this
 SIGMAS = 4.0              # scatter that a sampling may show
 PIN_MM = 1e-9             # radius of the pin that feels the tessellation's height
@@ -81,8 +82,8 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, limits):
     """Compare them.
 
     Args:
-        excess_of, gouge_of: functions that make the Manifolds, in the clamping's WCS; one stands at a time, none where
-            there is nothing to compare.
+        excess_of, gouge_of: functions of a Manifold in the clamping's WCS: what they hold of the excess, and of what
+            is gouged, within it.
         field: stock_solids.Field of the clamping.   cut: its workpiece.Cut.   drops: DropMesh of the design in its WCS.
         found: Residuals of its faces.
         limits: solid_check.Limits: hollows tighter than its ball are not reachable.
@@ -95,7 +96,7 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, limits):
     shape = np.maximum(1, np.ceil((field.high - field.low)[:2] / cell).astype(int))
     at = np.clip(((points[:, :2] - field.low[:2]) / cell).astype(int), 0, shape - 1)
     is_good = (np.abs(d) < THIN_MM) & found.is_reachable & found.is_own & (normal_z > 0.5)
-    good = _quiet_cells(at, shape, is_good)
+    good = _spread(_quiet_cells(at, shape, is_good))
     if not good.any():                              # a narrow part: no volumes to compare, but the grid has its error
         fine = np.flatnonzero(is_good)
         xy = points[fine[::len(fine) // MOST_PLACES + 1], :2]       # of all faces alike
@@ -104,7 +105,7 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, limits):
     inside = good[at[:, 0], at[:, 1]] & (normal_z > 0.5)
     weight, d = found.samples.weight_mm2[inside], d[inside]
     prism = solids.prism_over([_square(field.low, cell, *c) for c in np.argwhere(good)], field.low[2] - 1, field.high[2] + 1)
-    left, taken = ((made() ^ prism).volume() for made in (excess_of, gouge_of))
+    left, taken = (made(prism).volume() for made in (excess_of, gouge_of))
     facets, facet_scatter, zmap = _facets(field, cut, good, cell)
     triangles, triangle_scatter = _triangles(drops, points[inside], weight * normal_z[inside])
     above, below = float((weight * np.maximum(d, 0)).sum()), float((weight * np.maximum(-d, 0)).sum())
@@ -178,6 +179,14 @@ def _quiet_cells(at, shape, is_good):
         for j in range(3):
             quiet &= fine[i:i + shape[0], j:j + shape[1]]
     return quiet
+
+
+def _spread(good):
+    """At most MOST_CELLS of the cells, drawn evenly."""
+    cells = np.flatnonzero(good)
+    chosen = np.zeros(good.size, bool)
+    chosen[np.random.default_rng(SEED).permutation(cells)[:MOST_CELLS]] = True
+    return chosen.reshape(good.shape)
 
 
 def _square(low, cell, i, j):

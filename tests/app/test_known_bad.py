@@ -451,7 +451,7 @@ def built(whole, folder, found, out, monkeypatch):
     monkeypatch.setattr(recipe, "_planned", lambda order, say: ())
     monkeypatch.setattr(recipe, "plan_document", lambda order, plans: {})
     monkeypatch.setattr(recipe, "_posted", post)
-    monkeypatch.setattr(recipe, "_judged", lambda order, plans, job, *rest: (job, found))
+    monkeypatch.setattr(recipe._Trial, "judged", lambda trial, plans, job, first: (job, found))
     monkeypatch.setattr(recipe, "_coloured_stock", lambda *arguments: "")
     return recipe.build(recipe.Order(
         source=None, design=whole.design, accepted=(), out=out, last_stage="verify",

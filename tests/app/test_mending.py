@@ -13,7 +13,7 @@ from cuspline.app.mending import Wants, mended, wants_of
 from cuspline.kernel import brep
 from cuspline.program.program import Kind, Moves
 from cuspline.verification.reporter import allowed_mm
-from cuspline.verification.verdict import Judging, Options, SetupProgram, residuals_of
+from cuspline.verification.verdict import Judging, Options, SetupProgram, first_look
 
 DISH = Path(__file__).parents[1] / "parts" / "small_dish.py"
 COARSE = Options(spacing_mm=0.25)
@@ -51,9 +51,9 @@ def looked(order, plan):
     tools = {o.tool.number: o.tool for o in plan.operations}
     faces = tuple(brep.select_faces(brep.faces_of(solid), order.design.predicates[0]))
     program = SetupProgram(posted=recipe._as_posted(order, plan, tools), setup=plan.setup, faces=faces)
-    (found,) = residuals_of((program,), solid, Judging(
+    (found,) = first_look((program,), solid, Judging(
         tools=tools, stock=order.design.stock, finish=order.design.finish, options=COARSE,
-        ball_radius_mm=min(t.cutter.radius_mm for t in order.library.of_type("ball"))))
+        ball_radius_mm=min(t.cutter.radius_mm for t in order.library.of_type("ball")))).residuals
     return found
 
 
@@ -98,7 +98,7 @@ def test_a_round_that_did_not_help_is_the_last(plan):
 def test_the_build_mends_what_the_verdict_finds(order, plan, monkeypatch):
     """Planned with passes missing and without the planner's own check: the verdict sends the places back."""
     monkeypatch.setattr(recipe, "plan_setup", lambda *args: spoilt(plan, 0.3))
-    monkeypatch.setattr(recipe, "_checked", lambda order, plans, *rest: plans)
+    monkeypatch.setattr(mending, "OWN_ROUNDS", 0)
     monkeypatch.setattr(recipe, "Options", lambda: Options(spacing_mm=0.25, solid_pitch_mm=0.2))
     result = recipe.build(replace(order, last_stage="verify"))
     assert result.is_ok
@@ -108,7 +108,7 @@ def test_the_build_mends_what_the_verdict_finds(order, plan, monkeypatch):
 
 def test_what_could_not_be_mended_is_told_with_what_was_tried(order, plan, monkeypatch):
     monkeypatch.setattr(recipe, "plan_setup", lambda *args: spoilt(plan, 0.3))
-    monkeypatch.setattr(recipe, "_checked", lambda order, plans, *rest: plans)
+    monkeypatch.setattr(mending, "OWN_ROUNDS", 0)
     monkeypatch.setattr(recipe, "Options", lambda: Options(spacing_mm=0.25, solid_pitch_mm=0.2))
     monkeypatch.setattr(mending, "clean_up", lambda shop, operations, places, *rest: ([], np.zeros(len(places), bool)))
     result = recipe.build(replace(order, last_stage="verify", out=order.out.with_name("stays")))

@@ -21,7 +21,7 @@ from cuspline.stock.swept import deviation_mm, stock_height_mm, swept_paths
 from cuspline.values.errors import DesignError, InputError, PlanError
 from cuspline.verification.certificate import certify, part_in_wcs
 from cuspline.verification.reach import REACHABLE
-from cuspline.verification.verdict import Judging, Options, SetupProgram, residuals_of, verify_setups
+from cuspline.verification.verdict import Judging, Options, SetupProgram, first_look, verify_setups
 
 SOURCE_MM = 0.0508          # 2 mil of plating
 DISH = Path(__file__).parents[1] / "parts" / "small_dish.py"
@@ -80,8 +80,8 @@ def test_every_strategy_cuts_the_metal_so_much_below_the_drawing(strategy, tmp_p
     posted, solid = recipe._as_posted(order, plan, tools), brep.the_solid(design.solid, "dish")
     faces = tuple(brep.select_faces(brep.faces_of(solid), design.predicates[0]))
     program = SetupProgram(posted=posted, setup=plan.setup, faces=faces)
-    (found, _), = residuals_of((program,), solid, Judging(tools=tools, stock=design.stock, finish=design.finish,
-                                                          ball_radius_mm=2.0, options=COARSE))
+    (found, _), = first_look((program,), solid, Judging(tools=tools, stock=design.stock, finish=design.finish,
+                                                          ball_radius_mm=2.0, options=COARSE)).residuals
     good = found.reach == REACHABLE
     allowed = design.finish.scallop_mm + design.finish.profile_tolerance_mm
     assert found.deviation_mm.min() > -design.finish.gouge_mm and found.deviation_mm[good].max() < allowed

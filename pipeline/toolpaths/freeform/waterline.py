@@ -191,7 +191,7 @@ def _linked(starts, ends, nodes, z):
 @njit
 def _followed(follow):
     """Order of all rows along their chains, the place where each chain starts in it, and whether it closes."""
-    n = follow.shape[0]
+    n = len(follow)
     is_first, seen = np.ones(n, np.bool_), np.zeros(n, np.bool_)
     for k in follow:
         if k >= 0:
