@@ -150,7 +150,7 @@ def _reach(b, ds, dt, out):
             out[IN_PLAN] = max(out[IN_PLAN], math.hypot(d[i, j, X], d[i, j, Y]))
             out[IN_Z] = max(out[IN_Z], abs(d[i, j, Z]))
             out[IN_W] = max(out[IN_W], abs(d[i, j, W]))
-    for k in range(3):
+    for k in range(len(out)):
         out[k] *= factor
 
 
