@@ -79,7 +79,7 @@ def chords(geometry):
     lines, line = np.empty((len(geometry), 6)), np.empty(12)
     for p in range(len(geometry)):
         chord(geometry[p], line)
-        lines[p] = line[:6]
+        put(lines[p], line[:6])
     return lines
 
 

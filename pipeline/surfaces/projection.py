@@ -52,7 +52,7 @@ class ClosestTree:
     children: np.ndarray    # (m, 2) int: both children, or -1 - first and end of a run of `order`
     order: np.ndarray       # (k,) int: leaves
     boxes: np.ndarray       # (k, 6)
-    geometry: np.ndarray    # (k, 24) see `projection_tree.measure`
+    geometry: np.ndarray    # (k, 28) see `projection_tree.measure`
     rows: np.ndarray        # (k, 4) int: face; patch or offset into curves; state in the trim, -1 for an edge; degree
     curves: np.ndarray      # (c,) power coefficients of the edges' curves
 
@@ -71,7 +71,7 @@ class ClosestTree:
         return cls(patches=patches, trims=trims, nodes=frozen(nodes, (None, 6), "nodes"),
                    children=frozen(children, (None, 2), "children", np.int64),
                    order=frozen(order, (None,), "order", np.int64), boxes=frozen(boxes, (None, 6), "boxes"),
-                   geometry=frozen(shape, (None, 24), "geometry"), rows=frozen(rows, (None, 4), "rows", np.int64),
+                   geometry=frozen(shape, (None, 28), "geometry"), rows=frozen(rows, (None, 4), "rows", np.int64),
                    curves=frozen(curves, (None,), "curves"))
 
     @property

@@ -52,7 +52,10 @@ from cuspline.surfaces.patches import (
     patch_at,
 )
 from cuspline.surfaces.projection_tree import (
+    BEND_CHANGE,
+    BENDS,
     CURVATURE,
+    CURVATURE_TOWARD,
     DUAL_S,
     DUAL_T,
     FARTHEST,
@@ -63,10 +66,13 @@ from cuspline.surfaces.projection_tree import (
     LEFT,
     MIDDLE,
     NORMAL,
+    NORMALS_ACROSS,
+    NORMALS_ALONG,
     RECTANGLE,
     RIGHT,
     TANGENT,
     THICKNESS,
+    WAY_TO_MIDDLE,
     WIDTH_ACROSS,
     WIDTH_ALONG,
 )
@@ -147,14 +153,16 @@ def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work
     rx, ry, rz = q[X] - geometry[leaf, MIDDLE + X], q[Y] - geometry[leaf, MIDDLE + Y], q[Z] - geometry[leaf, MIDDLE + Z]
     nx, ny, nz = geometry[leaf, NORMAL + X], geometry[leaf, NORMAL + Y], geometry[leaf, NORMAL + Z]
     ex, ey, ez = geometry[leaf, TANGENT + X], geometry[leaf, TANGENT + Y], geometry[leaf, TANGENT + Z]
-    off = max(abs(rx * nx + ry * ny + rz * nz) - geometry[leaf, THICKNESS], 0.0)
-    beside = max(abs(rx * ex + ry * ey + rz * ez) - geometry[leaf, WIDTH_ALONG], 0.0)
-    across = abs(rx * (ny * ez - nz * ey) + ry * (nz * ex - nx * ez) + rz * (nx * ey - ny * ex))
-    across = max(across - geometry[leaf, WIDTH_ACROSS], 0.0)
+    up, along = rx * nx + ry * ny + rz * nz, rx * ex + ry * ey + rz * ez
+    aside = rx * (ny * ez - nz * ey) + ry * (nz * ex - nx * ez) + rz * (nx * ey - ny * ex)
+    off, beside = max(abs(up) - geometry[leaf, THICKNESS], 0.0), max(abs(along) - geometry[leaf, WIDTH_ALONG], 0.0)
+    across = max(abs(aside) - geometry[leaf, WIDTH_ACROSS], 0.0)
     if off * off + beside * beside + across * across >= best:
         return best, found
-    far = np.sqrt(rx * rx + ry * ry + rz * rz) + geometry[leaf, FARTHEST]
-    is_simple = far * geometry[leaf, CURVATURE] < 1.0
+    if rows[leaf, LEAF_STATE] < 0:
+        is_simple = _is_simple_stretch(geometry[leaf], rx, ry, rz)
+    else:
+        is_simple = _is_simple(geometry[leaf], up, along, aside, rx * rx + ry * ry + rz * rz)
     s = rx * geometry[leaf, DUAL_S + X] + ry * geometry[leaf, DUAL_S + Y] + rz * geometry[leaf, DUAL_S + Z]
     t = rx * geometry[leaf, DUAL_T + X] + ry * geometry[leaf, DUAL_T + Y] + rz * geometry[leaf, DUAL_T + Z]
     box = geometry[leaf, RECTANGLE:TANGENT]
@@ -178,6 +186,32 @@ def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work
     if best < before:
         found = leaf
     return best, found
+
+
+@njit(error_model="numpy")
+def _is_simple(g, up, along, aside, square):
+    """Every perpendicular from a point to the piece is a shortest one: there is one at most.
+
+    It is where its length along the normal, times the curvature to that side, stays below one.
+
+    Args:
+        up, along, aside: way from the piece's middle to the point, in the piece's normal and tangents.
+        square: of that way.
+    """
+    lean_along, lean_across = g[NORMALS_ALONG], g[NORMALS_ACROSS]
+    slack = abs(along) * lean_along + abs(aside) * lean_across + g[WAY_TO_MIDDLE]
+    less = up * (1.0 - 0.5 * (lean_along * lean_along + lean_across * lean_across))
+    if (max(up, less) + slack) * g[CURVATURE_TOWARD] < 1.0 and (slack - min(up, less)) * g[CURVATURE] < 1.0:
+        return True
+    return (np.sqrt(square) + g[FARTHEST]) * max(g[CURVATURE], g[CURVATURE_TOWARD]) < 1.0
+
+
+@njit(error_model="numpy")
+def _is_simple_stretch(g, rx, ry, rz):
+    """The same of a stretch of an edge: the way to the point along the curvature stays shorter than the radius."""
+    toward = rx * g[BENDS + X] + ry * g[BENDS + Y] + rz * g[BENDS + Z]
+    far = np.sqrt(rx * rx + ry * ry + rz * rz)
+    return min(toward + far * g[BEND_CHANGE] + g[FARTHEST] * g[CURVATURE], (far + g[FARTHEST]) * g[CURVATURE]) < 1.0
 
 
 @njit(error_model="numpy")
@@ -355,15 +389,19 @@ def _on_curve(curves, offset, degree, q, s, box, d):
 
 
 @njit(error_model="numpy")
-def _finish(tree, patches, trims, leaf, out, d, stack, reach, parts, work, point, uv, normal):
-    """Parameters and outward normal; an edge's are those of the nearest point of the face that it borders."""
+def _finish(tree, patches, trims, leaf, beside, out, d, stack, reach, parts, work, point, uv, normal):
+    """Parameters and outward normal; an edge's are those of the nearest point of the face that it borders.
+
+    Returns the face, and a leaf of it beside the edge (before: of the last point on one, or NOWHERE).
+    """
     face = tree.rows[leaf, LEAF_FACE]
     point[X], point[Y], point[Z] = out[X], out[Y], out[Z]
     if out[AT_U] != out[AT_U]:
-        nearest(tree, patches, trims, point, face, True, NOWHERE, out, d, stack, reach, parts, work, np.inf)
+        begin = beside if beside >= 0 and tree.rows[beside, LEAF_FACE] == face else NOWHERE
+        _, beside = nearest(tree, patches, trims, point, face, True, begin, out, d, stack, reach, parts, work, np.inf)
     uv[U], uv[V] = out[AT_U], out[AT_V]
     _normal(patches, face, uv[U], uv[V], d, normal)
-    return face
+    return face, beside
 
 
 @njit(error_model="numpy")
@@ -394,7 +432,7 @@ def project_rows(tree, patches, trims, points, face, distance, foot, owner, uv, 
     for k in range(len(patches.patch)):
         degree = max(degree, patches.patch[k, DEGREE_U], patches.patch[k, DEGREE_V])
     work = np.empty((degree + 1, degree + 1, 4))
-    leaf = NOWHERE
+    leaf = beside = NOWHERE
     for k in range(first, last):
         begin = leaf if leaf >= 0 and (face[k] < 0 or tree.rows[leaf, LEAF_FACE] == face[k]) else NOWHERE
         value, leaf = nearest(tree, patches, trims, points[k], face[k], False, begin, out, d, stack, reach, parts, work,
@@ -404,7 +442,8 @@ def project_rows(tree, patches, trims, points, face, distance, foot, owner, uv, 
             foot[k], uv[k], normal[k] = np.nan, np.nan, np.nan
             continue
         is_edge[k] = tree.rows[leaf, LEAF_STATE] < 0
-        owner[k] = _finish(tree, patches, trims, leaf, out, d, stack, reach, parts, work, foot[k], uv[k], normal[k])
+        owner[k], beside = _finish(tree, patches, trims, leaf, beside, out, d, stack, reach, parts, work, foot[k], uv[k],
+                                   normal[k])
         distance[k] = np.sqrt(value)
 
 

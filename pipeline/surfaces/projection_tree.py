@@ -14,13 +14,17 @@ from cuspline.surfaces.enclosures import (
     MID,
     REACH,
     REST,
+    VALUE,
+    _add,
     _cross,
     _dot,
     _likely_length,
     _middle_length,
+    _mul,
     _quotients,
     _reach,
     _recentred,
+    _scaled,
     curvature_of_piece,
     shifted,
 )
@@ -31,15 +35,19 @@ from cuspline.values.rows import HIGH_X, X, Y, Z, put
 
 TURN = 0.35             # of the normal from the middle of a piece to its side, radians: then it is a leaf
 STRETCH = 1.0           # change of a tangent's length from the middle to the side, as a share: Newton still converges
-EXTRA = 3               # halvings more for pieces across a border
+EXTRA = 3               # halvings more for pieces across a border, or whose curvature has a loose bound
+LOOSE = 1.5             # times the middle's curvature
+LEVEL_PER_MM = 1e-3     # curvature that does not matter
 ROUNDS = 24             # halvings at most: a pole is never flat
 LEAF_ITEMS = 2
 SLACK_MM = 1e-9         # boxes and slabs are wider by this: rounding
 MIDDLE, NORMAL, THICKNESS, DUAL_S, DUAL_T = 0, 3, 6, 7, 10                  # columns of a leaf's geometry, see `measure`
 CURVATURE, FARTHEST, RECTANGLE, TANGENT, WIDTH_ALONG, WIDTH_ACROSS = 13, 14, 15, 19, 22, 23
+CURVATURE_TOWARD, NORMALS_ALONG, NORMALS_ACROSS, WAY_TO_MIDDLE = range(24, 28)
+BENDS, BEND_CHANGE = 10, 24                                     # of a stretch of an edge
 LEAF_FACE, LEAF_PATCH, LEAF_STATE, LEAF_DEGREE = range(4)       # of its row: the patch of an edge is an offset into its curves
 LEFT, RIGHT = range(2)                                          # children of a node
-IN_S, IN_T = range(2)                                           # how much a piece bends
+IN_S, IN_T, IS_LOOSE = range(3)                                 # how much a piece bends, see `measure`
 
 
 class TreeArrays(NamedTuple):
@@ -55,7 +63,7 @@ class TreeArrays(NamedTuple):
 
 
 def leaves(faces, patches, trims):
-    """Boxes (k, 6), geometry (k, 24), rows (k, 4) and curve coefficients (c,)."""
+    """Boxes (k, 6), geometry (k, 28), rows (k, 4) and curve coefficients (c,)."""
     parts = [_face_leaves(patches, trims, f) for f in range(len(faces))]
     curve_parts, coefficients = _edge_leaves(faces)
     parts += curve_parts
@@ -73,18 +81,19 @@ def _face_leaves(patches, trims, face):
         patch, box, extra, state = (a[state != OUTSIDE] for a in (patch, box, extra, state))
         if not len(patch):
             break
-        boxes, geometry, bend = np.empty((len(patch), 6)), np.empty((len(patch), 24)), np.empty((len(patch), 2))
+        boxes, geometry, bend = np.empty((len(patch), 6)), np.empty((len(patch), 28)), np.empty((len(patch), 3))
         measure(patches.coefficients, patches.patch, patch, box, work, boxes, geometry, bend)
-        is_flat = (bend.max(axis=1) < TURN) & np.isfinite(boxes).all(axis=1)
-        extra = extra + (is_flat & (state == ACROSS))
-        ready = (is_flat & ((state != ACROSS) | (extra > EXTRA))) | (level == ROUNDS)
+        is_flat = (bend[:, :2].max(axis=1) < TURN) & np.isfinite(boxes).all(axis=1)
+        is_open = (state == ACROSS) | ~(bend[:, 2] < LOOSE)
+        extra = extra + (is_flat & is_open)
+        ready = (is_flat & (~is_open | (extra > EXTRA))) | (level == ROUNDS)
         rows = np.column_stack([np.full(len(patch), face), patch, state, np.zeros(len(patch), np.int64)])
         done.append((boxes[ready], geometry[ready], rows[ready]))
         go = ~ready
         patch, box = halves(patch[go], box[go], side_to_cut(box[go], bend[go, 0], bend[go, 1]))
         extra = np.concatenate([extra[go], extra[go]])
     if not done:
-        return np.empty((0, 6)), np.empty((0, 24)), np.empty((0, 4), np.int64)
+        return np.empty((0, 6)), np.empty((0, 28)), np.empty((0, 4), np.int64)
     return tuple(np.concatenate(column) for column in zip(*done))
 
 
@@ -94,19 +103,23 @@ def measure(coefficients, rows, patch, box, work, boxes, geometry, bend):
 
     Args:
         boxes: (n, 6) filled: low and high corners.
-        geometry: (n, 24) filled: middle (3), normal there (3), half thickness along it, duals of both tangents in units
-            of the piece's half sides (3 + 3), largest principal curvature in absolute value, largest distance from the
-            middle, the local rectangle (4), a tangent direction (3), half widths along it and across it (2).
-        bend: (n, 2) filled: how much the piece bends towards the sides in s and in t, below TURN for a leaf.
+        geometry: (n, 28) filled: middle (3), normal there (3), half thickness along it, duals of both tangents in units
+            of the piece's half sides (3 + 3), largest curvature against the normal, largest distance from the middle,
+            the local rectangle (4), a tangent direction (3), half widths along it and across it (2), largest curvature
+            towards the normal, what of any normal lies along and across that tangent (2), the largest way from any place
+            to the middle along its own normal.
+        bend: (n, 3) filled: how much the piece bends towards the sides in s and in t, below TURN for a leaf; how many
+            times the middle's curvature the bound on all is.
     """
     out = np.empty(9)
     for k in range(len(box)):
         row = rows[patch[k]]
-        g, most = geometry[k], 0.0
-        for sign in (-1.0, 1.0):
-            curvature_of_piece(coefficients, row, sign, box[k], work, out)
-            most = max(most, out[BOUND])
-        g[CURVATURE], g[FARTHEST] = most, out[REACH]
+        g = geometry[k]
+        curvature_of_piece(coefficients, row, -1.0, box[k], work, out)
+        g[CURVATURE], most = max(out[BOUND], 0.0), abs(out[VALUE])
+        curvature_of_piece(coefficients, row, 1.0, box[k], work, out)
+        g[CURVATURE_TOWARD], g[FARTHEST] = max(out[BOUND], 0.0), out[REACH]
+        bend[k, IS_LOOSE] = max(g[CURVATURE], g[CURVATURE_TOWARD]) / (max(most, abs(out[VALUE])) + LEVEL_PER_MM)
         shifted(coefficients, row, box[k], work)
         _recentred(work, row[DEGREE_U], row[DEGREE_V], g[MIDDLE:NORMAL])
         S, Ss, St, Sss, Sst, Stt = _quotients(work, row[DEGREE_U], row[DEGREE_V], row[IS_RATIONAL] != 0)
@@ -142,7 +155,7 @@ def _extent(n0, n1, n2, a):
 
 @njit(error_model="numpy")
 def _frame(S, Ss, St, g):
-    """Normal, half thickness and dual tangents of a piece into its geometry row."""
+    """Normal and how it turns, half thickness and dual tangents of a piece into its geometry row."""
     N = _cross(Ss, St)
     length = _middle_length(N)
     E, F, G = _dot(Ss, Ss)[MID], _dot(Ss, St)[MID], _dot(St, St)[MID]
@@ -155,12 +168,17 @@ def _frame(S, Ss, St, g):
         g[DUAL_T + c] = (E * St[c][MID] - F * Ss[c][MID]) / det if sound else 0.0
         g[TANGENT + c] = (Ss[c][MID] if E >= G else St[c][MID]) / slow if sound else 0.0
     g[THICKNESS], g[WIDTH_ALONG], g[WIDTH_ACROSS] = np.inf, np.inf, np.inf
+    g[NORMALS_ALONG], g[NORMALS_ACROSS], g[WAY_TO_MIDDLE] = np.inf, np.inf, np.inf
     if sound:
-        g[THICKNESS], g[WIDTH_ALONG] = (_extent(g[NORMAL + X], g[NORMAL + Y], g[NORMAL + Z], S),
-                                        _extent(g[TANGENT + X], g[TANGENT + Y], g[TANGENT + Z], S))
-        g[WIDTH_ACROSS] = _extent(g[NORMAL + Y] * g[TANGENT + Z] - g[NORMAL + Z] * g[TANGENT + Y],
-                                  g[NORMAL + Z] * g[TANGENT + X] - g[NORMAL + X] * g[TANGENT + Z],
-                                  g[NORMAL + X] * g[TANGENT + Y] - g[NORMAL + Y] * g[TANGENT + X], S)
+        nx, ny, nz = g[NORMAL + X], g[NORMAL + Y], g[NORMAL + Z]
+        ex, ey, ez = g[TANGENT + X], g[TANGENT + Y], g[TANGENT + Z]
+        ax, ay, az = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
+        g[THICKNESS], g[WIDTH_ALONG], g[WIDTH_ACROSS] = _extent(nx, ny, nz, S), _extent(ex, ey, ez, S), _extent(ax, ay, az, S)
+        least = length - _extent(nx, ny, nz, N)
+        if least > 0.0:                     # a shorter normal is a larger share of one
+            way = _dot(S, N)
+            g[NORMALS_ALONG], g[NORMALS_ACROSS] = _extent(ex, ey, ez, N) / least, _extent(ax, ay, az, N) / least
+            g[WAY_TO_MIDDLE] = (abs(way[MID]) + _reach(way)) / least
 
 
 # edges -------------------------------------------------------------------------------------------------
@@ -186,7 +204,7 @@ def _stretches(powers, face, offset):
     row, flat = np.array([[face, 0, degree, 0, 1]]), powers.ravel()
     box, work, done = np.array([[-1.0, 1.0, 0.0, 0.0]]), np.empty((degree + 1, 1, 4)), []
     for level in range(ROUNDS + 1):
-        boxes, geometry, bend = np.empty((len(box), 6)), np.empty((len(box), 24)), np.empty(len(box))
+        boxes, geometry, bend = np.empty((len(box), 6)), np.empty((len(box), 28)), np.empty(len(box))
         _measure_curve(flat, row, box, work, boxes, geometry, bend)
         ready = (bend < TURN) & np.isfinite(boxes).all(axis=1) | (level == ROUNDS)
         rows = np.tile([face, offset, -1, degree], (int(ready.sum()), 1))
@@ -199,7 +217,8 @@ def _stretches(powers, face, offset):
 
 @njit(error_model="numpy")
 def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
-    """As `measure`, for stretches of a curve: no normal, one tangent."""
+    """As `measure`, for stretches of a curve: one tangent, no normal; BENDS and BEND_CHANGE the curvature vector in the
+    middle and the most that it changes by."""
     for k in range(len(box)):
         g = geometry[k]
         shifted(coefficients, row[0], box[k], work)
@@ -215,8 +234,24 @@ def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
             slow -= _reach(Ss[c])
         g[CURVATURE] = np.sqrt(fast) / (slow * slow) if slow > 0.0 else np.inf
         g[FARTHEST] = np.sqrt(far)
+        _curvature_vector(Ss, Sss, g)
         bend[k] = _likely_length(Sss) / (length + 1e-300)
         put(g[RECTANGLE:TANGENT], box[k])
+
+
+@njit(error_model="numpy")
+def _curvature_vector(Ss, Sss, g):
+    """(Ss² Sss - (Ss . Sss) Ss) / Ss⁴ of a curve's stretch into its geometry row."""
+    E, along = _dot(Ss, Ss), _dot(Ss, Sss)
+    square = _mul(E, E)
+    least, change = square[MID] - _reach(square), 0.0
+    g[BEND_CHANGE] = np.inf
+    for c in range(3):
+        form = _add(_mul(E, Sss[c]), _scaled(-1.0, _mul(along, Ss[c])))
+        g[BENDS + c] = form[MID] / (square[MID] + 1e-300)
+        change += (_reach(form) + abs(g[BENDS + c]) * _reach(square)) ** 2
+    if least > 0.0:
+        g[BEND_CHANGE] = np.sqrt(change) / least
 
 
 # tree --------------------------------------------------------------------------------------------------

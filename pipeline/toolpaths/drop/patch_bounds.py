@@ -17,7 +17,7 @@ from cuspline.surfaces.patches import DS, DSS, DST, DT, DTT, POINT, U_HIGH, U_LO
 from cuspline.surfaces.trims import BINS, FIRST_BIN, IS_WHOLE, STRIPS_FROM, STRIPS_PER_V, U0, U1, V0, V1, is_inside
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
-from cuspline.values.rows import W, X, Y, Z
+from cuspline.values.rows import W, X, Y, Z, put
 
 TURN_RAD = 0.08             # cone half-angle below which a sub-patch is left whole
 SMALLEST_MM = 0.02          # sub-patches without a normal (poles) are halved down to this
@@ -136,18 +136,22 @@ def _reach(b, ds, dt, out):
     for a in range(ds):
         factor *= 0.5 * (nu - 1 - a)
         for i in range(nu - 1 - a):
-            d[i] = d[i + 1] - d[i]
+            for j in range(nv):
+                for k in range(4):
+                    d[i, j, k] = d[i + 1, j, k] - d[i, j, k]
     for a in range(dt):
         factor *= 0.5 * (nv - 1 - a)
         for j in range(nv - 1 - a):
             for i in range(nu - ds):
-                d[i, j] = d[i, j + 1] - d[i, j]
+                for k in range(4):
+                    d[i, j, k] = d[i, j + 1, k] - d[i, j, k]
     for i in range(nu - ds):
         for j in range(nv - dt):
             out[IN_PLAN] = max(out[IN_PLAN], math.hypot(d[i, j, X], d[i, j, Y]))
             out[IN_Z] = max(out[IN_Z], abs(d[i, j, Z]))
             out[IN_W] = max(out[IN_W], abs(d[i, j, W]))
-    out *= factor
+    for k in range(3):
+        out[k] *= factor
 
 
 @njit(error_model="numpy")
@@ -172,7 +176,7 @@ def derivative_reaches(b, derivatives, is_rational, out):
         _reach(local, orders[n][0], orders[n][1], r[n])
     if not is_rational:
         for n in range(1, 10):
-            out[n] = r[n, :2]
+            put(out[n], r[n, :2])
         _tighten(derivatives, out)
         return
     w = r[:, IN_W]

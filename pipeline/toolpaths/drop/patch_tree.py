@@ -154,7 +154,8 @@ def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices, upward)
         mu, mv = matrices[du, :du + 1, :du + 1], matrices[dv, :dv + 1, :dv + 1]
         hull = np.empty((du + 1, dv + 1, 3))
         size = (du + 1) * (dv + 1)
-        stack[0], depth[0] = np.array([0.0, 1.0, 0.0, 1.0]), 0
+        put(stack[0], np.array([0.0, 1.0, 0.0, 1.0]))
+        depth[0] = 0
         top = 1
         while top > 0:
             top -= 1
@@ -166,7 +167,7 @@ def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices, upward)
             if verdict > 0 and level < MOST_HALVINGS:
                 k = 0 if verdict == 1 else 2
                 for side in (-1.0, 1.0):
-                    stack[top] = box
+                    put(stack[top], box)
                     stack[top, k] = box[k] + side * 0.5 * box[k + 1]
                     stack[top, k + 1] = 0.5 * box[k + 1]
                     depth[top] = level + 1
@@ -214,7 +215,7 @@ def grow_tree(points, firsts):
             middles[leaf, k] = 0.5 * (column.min() + column.max())
     order = np.arange(m)
     stack = np.empty((128, 3), np.int64)
-    stack[0] = np.array([0, 0, m])
+    put(stack[0], np.array([0, 0, m]))
     top, used = 1, 1
     while top > 0:
         top -= 1
@@ -233,8 +234,8 @@ def grow_tree(points, firsts):
         put(run, run[np.argsort(middles[run, axis], kind="mergesort")])
         half = (low + high) // 2
         first[k] = used
-        stack[top] = np.array([used, low, half])
-        stack[top + 1] = np.array([used + 1, half, high])
+        put(stack[top], np.array([used, low, half]))
+        put(stack[top + 1], np.array([used + 1, half, high]))
         used += 2
         top += 2
     return nodes, first

@@ -85,11 +85,10 @@ def waterlines(drops, heights_mm, low_mm, high_mm, *, pitch_mm, chord_mm, tolera
     lines = [np.linspace(low[a], high[a], int(np.ceil((high[a] - low[a]) / pitch_mm)) + 1) for a in (0, 1)]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
     tips_at, above_at, gap_at = drops.tips_at, drops.above_at, drops.gap_at
-    is_cheaper = above_at is not None
-    if gap_at is not None:
-        above_at = lambda xy, z: gap_at(xy, z) > 0
-    above_at = above_at or (lambda xy, z: tips_at(xy) > z)
+    is_cheaper = above_at is not None and gap_at is None
     gap_at = gap_at or (lambda xy, z: tips_at(xy) - z)
+    above_at = above_at if is_cheaper else lambda xy, z: gap_at(xy, z) > 0
+    look = gap_at if not is_cheaper else lambda xy, z: np.where(above_at(xy, z), np.inf, -np.inf)
     levels = sorted({float(z) for z in np.atleast_1d(heights_mm)}, reverse=True)
     tips = _tips_on(grid, tips_at, levels, above_at if is_cheaper and len(levels) <= FEW_HEIGHTS else None)
     chains = [c for z in levels for c in _chains_at(tips_at, grid, tips, z)]
@@ -102,8 +101,8 @@ def waterlines(drops, heights_mm, low_mm, high_mm, *, pitch_mm, chord_mm, tolera
     xy = _crossings(gap_at, above_at, nodes[free], nodes[held], z, tolerance_mm)
     closed = np.array([c.is_closed for c in chains])
     if np.isfinite(chord_mm):
-        xy, chain = _with_chords_within(gap_at, above_at, xy, chain, (closed, z[np.searchsorted(chain, np.arange(len(chains)))]),
-                                        chord_mm, tolerance_mm)
+        begin = np.searchsorted(chain, np.arange(len(chains)))
+        xy, chain = _with_chords_within((gap_at, above_at, look), xy, chain, (closed, z[begin]), chord_mm, tolerance_mm)
     ends = np.searchsorted(chain, np.arange(len(chains) + 1))
     loops = (_distinct(xy[a:b], c.is_closed, tolerance_mm) for a, b, c in zip(ends[:-1], ends[1:], chains))
     return tuple(Waterline(tip_mm=np.column_stack([p, np.full(len(p), c.height_mm)]), is_closed=c.is_closed)
@@ -213,8 +212,8 @@ def _followed(follow):
     return order, first[:chains], closed[:chains]
 
 
-def _crossings(gap_at, above_at, free, held, z, tolerance_mm):
-    """Last free points before material on stretches free -> held, to tolerance_mm.
+def _crossings(gap_at, above_at, free, held, z, tolerance_mm, gaps=None):
+    """Last free points before material on stretches free -> held, to tolerance_mm; `gaps` at both where they are known.
 
     Chandrupatla's root finder in all rows at once: inverse quadratic steps where three points lie well for
     it, else halving; the bracket itself is brought below the tolerance.  What is left then is halved by side.
@@ -224,8 +223,8 @@ def _crossings(gap_at, above_at, free, held, z, tolerance_mm):
     result = free.copy()
     row = np.arange(len(free))
     x1, x2 = np.zeros(len(free)), np.ones(len(free))
-    f1 = np.clip(gap_at(free, z), -NOTHING_MM, 0.0)
-    f2 = np.maximum(gap_at(held, z), np.finfo(float).tiny)
+    f1, f2 = (gap_at(free, z), gap_at(held, z)) if gaps is None else gaps
+    f1, f2 = np.clip(f1, -NOTHING_MM, 0.0), np.maximum(f2, np.finfo(float).tiny)
     share = np.clip(np.where(f1 > -0.5 * NOTHING_MM, f1 / (f1 - f2), 0.5), 0.05, 0.95)
     for _ in range(SMOOTH_STEPS):
         x = x1 + share * (x2 - x1)
@@ -259,10 +258,11 @@ def _step(x1, x2, x3, f1, f2, f3):
     return np.where(quadratic & np.isfinite(share), share, 0.5)
 
 
-def _with_chords_within(gap_at, above_at, xy, chain, of_chains, chord_mm, tolerance_mm):
+def _with_chords_within(asked, xy, chain, of_chains, chord_mm, tolerance_mm):
     """Points added halfway, square to chords, until the loop passes each chord's middle within chord_mm.
 
     Args:
+        asked: (gap_at, above_at, look): `look` as gap_at, its size infinite where only the side is had for less.
         xy, chain: (n, 2) points and (n,) their chain, ascending.
         of_chains: (whether it is closed, its height), arrays over the chains.
     """
@@ -276,8 +276,7 @@ def _with_chords_within(gap_at, above_at, xy, chain, of_chains, chord_mm, tolera
         rows = rows[length > 2 * chord_mm]
         if len(rows) == 0:
             break
-        places, new = _strays(gap_at, above_at, xy[rows], xy[following[rows]], height[chain[rows]],
-                              chord_mm, tolerance_mm)
+        places, new = _strays(asked, xy[rows], xy[following[rows]], height[chain[rows]], chord_mm, tolerance_mm)
         rows = rows[places]
         pending = np.zeros(len(xy), bool)
         pending[rows] = True
@@ -286,19 +285,23 @@ def _with_chords_within(gap_at, above_at, xy, chain, of_chains, chord_mm, tolera
     return xy, chain
 
 
-def _strays(gap_at, above_at, a, b, z, chord_mm, tolerance_mm):
+def _strays(asked, a, b, z, chord_mm, tolerance_mm):
     """Which chords a -> b the loop does not pass within chord_mm of the middle, and where it runs instead."""
+    gap_at, above_at, look = asked
     middle, length = 0.5 * (a + b), fixed.hypot(*(b - a).T)
     right = np.column_stack([b[:, 1] - a[:, 1], a[:, 0] - b[:, 0]]) / length[:, None]
-    outward = above_at(middle - chord_mm * right, z)                # material reaches out to the left
-    rows = np.flatnonzero(outward | ~above_at(middle + chord_mm * right, z))
+    beside = [look(middle + way * chord_mm * right, z) for way in (-1, 1)]
+    outward = beside[0] > 0                                         # material reaches out to the left
+    rows = np.flatnonzero(outward | (beside[1] <= 0))
     middle, right, outward, z, length = (v[rows] for v in (middle, right, outward, z, length))
     side = np.where(outward, -1.0, 1.0)[:, None] * right
     near, far = middle + chord_mm * side, middle + 0.75 * length[:, None] * side
-    found = np.flatnonzero(above_at(far, z) != outward)
-    near, far, outward, z = (v[found] for v in (near, far, outward, z))
+    gap_near, gap_far = np.where(outward, beside[0][rows], beside[1][rows]), look(far, z)
+    found = np.flatnonzero((gap_far > 0) != outward)
+    near, far, outward, z, gap_near, gap_far = (v[found] for v in (near, far, outward, z, gap_near, gap_far))
     free, held = (np.where((outward == swap)[:, None], far, near) for swap in (True, False))
-    return rows[found], _crossings(gap_at, above_at, free, held, z, tolerance_mm)
+    gaps = tuple(np.where(outward == swap, gap_far, gap_near) for swap in (True, False))
+    return rows[found], _crossings(gap_at, above_at, free, held, z, tolerance_mm, None if np.isinf(gap_near).any() else gaps)
 
 
 def _distinct(xy, is_closed, tolerance_mm):

@@ -110,7 +110,8 @@ def thin_pieces(tree, matrices, thickness, most):
         b = np.empty((du + 1, dv + 1, 4))
         hull = np.empty((du + 1, dv + 1, 3))
         size = (du + 1) * (dv + 1)
-        stack[0], depth[0] = np.array([0.0, 0.0, 1.0, 1.0]), 0
+        put(stack[0], np.array([0.0, 0.0, 1.0, 1.0]))
+        depth[0] = 0
         top = 1
         while top > 0:
             top -= 1
@@ -152,7 +153,8 @@ def thin_pieces(tree, matrices, thickness, most):
                 points = _longer(points)
             leaf[count] = k
             piece[count, PART_S], piece[count, PART_T], piece[count, PART_HS], piece[count, PART_HT] = si, ti, alpha, beta
-            normal[count] = n * max(area, 1e-12)
+            for a in range(3):
+                normal[count, a] = n[a] * max(area, 1e-12)
             put(points[used:used + size].reshape(-1), hull.reshape(-1))
             count += 1
             first_point[count] = used + size
@@ -235,14 +237,14 @@ def fill_nodes(first, points, first_point, normal):
         row = nodes[k]
         if first[k] < 0:
             p = -1 - first[k]
-            sums[k] = normal[p]
+            put(sums[k], normal[p])
             for a in range(3):
                 column = points[first_point[p]:first_point[p + 1], a]
                 row[2 * a], row[2 * a + 1] = column.min() - HULL_MM, column.max() + HULL_MM
         else:
             a, b = first[k], first[k] + 1
-            sums[k] = sums[a] + sums[b]
             for i in range(3):
+                sums[k, i] = sums[a, i] + sums[b, i]
                 row[2 * i] = min(nodes[a, 2 * i], nodes[b, 2 * i])
                 row[2 * i + 1] = max(nodes[a, 2 * i + 1], nodes[b, 2 * i + 1])
         x, y, z = sums[k, X], sums[k, Y], sums[k, Z] + UP

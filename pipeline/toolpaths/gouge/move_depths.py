@@ -102,9 +102,9 @@ def _depths_of_runs(part, rest, start, end, runs, R, rc, core, tolerance, depth,
     for run in range(first_run, last_run):
         base = runs[run]
         count = runs[run + 1] - base
-        tips[0] = start[base]
+        put(tips[0], start[base])
         for i in range(count):
-            tips[i + 1] = end[base + i]
+            put(tips[i + 1], end[base + i])
         todo[0, FIRST_MOVE], todo[0, LAST_MOVE], todo[0, AT_LEVEL] = 0, count, 1
         kept[0, 0], counts[0] = 0, 1
         top = 1

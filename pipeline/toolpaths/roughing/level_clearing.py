@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
 from cuspline.toolpaths.roughing.cleared_area import LevelGround
 from cuspline.toolpaths.roughing.clearing_moves import FIT_MM, ClearingWriter
 from cuspline.toolpaths.roughing.clearing_rules import Clearing, ClearingRules, engagement_of_rad, refuse_bad
@@ -32,6 +32,7 @@ WALL_MARGIN_MM = 0.02       # kept to the side of the allowance: the mesh's devi
 INSETS = (1.0, 3.0, 9.0)    # times FIT_MM: tried one after the other until no arc or line gouges
 SHELF_AREA_MM2 = 1.0        # smaller flat facets do not make a level
 SHELF_NORMAL = 1 - 1e-6
+ROUNDING_MM = 1e-9          # of a tip that stands on a level
 HIDDEN_NODES = 0.75         # a fin between nodes shows in one of them as ground cleared by less than this
 
 
@@ -82,13 +83,29 @@ class _Job:
         tips = drop_tips_mm(rules.mesh, xy_mm, rules.radius_mm + a + WALL_MARGIN_MM, rules.corner_radius_mm + a)
         tips = tips + a + rules.margin_mm
         for low, high in rules.keep_out:
-            beside = np.maximum(np.maximum(np.asarray(low)[:2] - xy_mm, xy_mm - np.asarray(high)[:2]), 0.0)
-            over = fixed.hypot(*beside.T) < rules.radius_mm + rules.keep_out_mm
-            tips = np.where(over, np.maximum(tips, high[2] + rules.keep_out_mm), tips)
+            tips = np.where(self._is_beside(xy_mm, low, high), np.maximum(tips, high[2] + rules.keep_out_mm), tips)
         for mesh in rules.keep_clear:
             highest = drop_tips_mm(mesh, xy_mm, rules.radius_mm + rules.keep_out_mm, 0.0)
             tips = np.maximum(tips, highest + rules.keep_out_mm)
         return tips if rules.lowest_mm is None else np.maximum(tips, rules.lowest_mm(xy_mm))
+
+    def is_free_at(self, xy_mm, level):
+        """(n,) bool: `tip_mm` is no higher than a level; costs far less."""
+        rules, a = self.rules, self.rules.allowance_mm
+        held = is_held_above(rules.mesh, xy_mm, rules.radius_mm + a + WALL_MARGIN_MM, rules.corner_radius_mm + a,
+                             level - a - rules.margin_mm + ROUNDING_MM)
+        for low, high in rules.keep_out:
+            if high[2] + rules.keep_out_mm > level:
+                held |= self._is_beside(xy_mm, low, high)
+        for mesh in rules.keep_clear:
+            held |= is_held_above(mesh, xy_mm, rules.radius_mm + rules.keep_out_mm, 0.0,
+                                  level - rules.keep_out_mm + ROUNDING_MM)
+        return ~held
+
+    def _is_beside(self, xy_mm, low, high):
+        """(n,) bool: the cutter would come within the distance to keep of a box, seen from above."""
+        beside = np.maximum(np.maximum(np.asarray(low)[:2] - xy_mm, xy_mm - np.asarray(high)[:2]), 0.0)
+        return fixed.hypot(*beside.T) < self.rules.radius_mm + self.rules.keep_out_mm
 
     def levels(self):
         """(level, level above) in cutting order."""
@@ -141,7 +158,7 @@ class _Job:
 
     def _material(self, level):
         """(ny, nx) distance to what is cleared at a level, mm, positive in material."""
-        material = -level_distance_mm(self.grid, self.stock_before, self.rules.stock_mm, level)
+        material = -level_distance_mm(self.grid, self.stock_before <= level, lambda xy: self.rules.stock_mm(xy) <= level)
         for lower, field in self.cleared:
             if lower <= level:
                 material = np.minimum(material, field)
@@ -150,7 +167,7 @@ class _Job:
     def _inside(self, level):
         """(ny, nx) distance to where the tip may be and turn, nodes, positive there."""
         turn = self.rules.turn_mm / self.grid.pitch_mm
-        inside = level_distance_mm(self.grid, self.tips, self.tip_mm, level) / self.grid.pitch_mm
+        inside = level_distance_mm(self.grid, self.tips <= level, lambda xy: self.is_free_at(xy, level)) / self.grid.pitch_mm
         return turn + inner_distance(inside, turn)
 
     def _ground(self, material_mm, inside, inset_mm):

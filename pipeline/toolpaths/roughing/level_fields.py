@@ -1,8 +1,8 @@
 r"""Plane distance fields of one level: how far each place is from where a height function passes the level.
 
-A grid of heights is cut at the level.  Each grid edge that the cut crosses is bisected with the
-height function itself, so a vertical wall is found as exactly as a slope; inside a cell crossings
-are joined straight, and every node learns its nearest place on those lines.
+A grid of heights is cut at the level.  Each grid edge that the cut crosses is bisected, so a vertical wall is
+found as exactly as a slope; inside a cell crossings are joined straight, and every node learns its nearest
+place on those lines.
 
     ● ● ● ○ ○      ● below the level, ○ above it
     ● ●╱○ ○ ○      the line lies where the height function says, not halfway
@@ -49,23 +49,20 @@ class PlaneGrid:
         return np.ascontiguousarray(height_mm(self.xy_mm), float).reshape(self.ny, self.nx)
 
 
-def level_distance_mm(grid, heights_mm, height_mm, level_mm):
-    """Signed distance to where the height passes the level.
+def level_distance_mm(grid, is_low, is_low_at):
+    """Signed distance to where a height passes a level.
 
     Args:
         grid: PlaneGrid.
-        heights_mm: (ny, nx) the height function at the nodes.
-        height_mm: function of (n, 2) places -> (n,) heights; -inf is low.
-        level_mm: the level.
+        is_low: (ny, nx) bool: at the nodes the height is at or below the level.
+        is_low_at: function of (n, 2) places -> (n,) bool, the same anywhere.
     Returns:
         (ny, nx) positive where the height is at or below the level, negative above; +-1e9 where the
         level is not met at all.  Within a node of the line off by at most pitch² / 4 of its curvature
         radius and the bisection, farther away by a tenth of the pitch more, and within a cell of a sharp
         corner by a fraction of the pitch.
     """
-    is_low = heights_mm <= level_mm
-    cross_x = _crossings(grid, is_low, height_mm, level_mm, axis=1)
-    cross_y = _crossings(grid, is_low, height_mm, level_mm, axis=0)
+    cross_x, cross_y = (_crossings(grid, is_low, is_low_at, axis) for axis in (1, 0))
     return _distances(is_low, cross_x, cross_y, grid.pitch_mm, np.zeros(is_low.shape, np.bool_), np.inf)
 
 
@@ -97,7 +94,7 @@ def _inner_crossings(distance, by):
     return cross_x, cross_y
 
 
-def _crossings(grid, is_low, height_mm, level_mm, axis):
+def _crossings(grid, is_low, is_low_at, axis):
     """Share of each grid edge along an axis at which the level is passed; NaN where it is not."""
     here, there = (is_low[:, :-1], is_low[:, 1:]) if axis == 1 else (is_low[:-1], is_low[1:])
     shares = np.full(here.shape, np.nan)
@@ -108,7 +105,7 @@ def _crossings(grid, is_low, height_mm, level_mm, axis):
     low, high = np.where(low_first, 0.0, 1.0), np.where(low_first, 1.0, 0.0)
     for _ in range(BISECTIONS if len(rows) else 0):
         middle = (low + high) / 2
-        below = height_mm(start + middle[:, None] * step) <= level_mm
+        below = is_low_at(start + middle[:, None] * step)
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     shares[rows, columns] = low             # the side that is known to be low
     return shares

@@ -43,11 +43,15 @@ class CutMap:
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
 
     def stretches_beyond_mm(self, limit_mm, margin_mm):
-        """((first, last), ...): planes whose arcs leave more than the limit anywhere, and a margin; those that meet are one."""
+        """((first, last), ...): planes whose arcs leave more than the limit anywhere, and a margin; those that meet are one.
+
+        A stretch that holds the first or the last row goes on without end: the map does not say what lies beyond.
+        """
         beyond = np.flatnonzero(np.fmax.reduce(self.deviation_mm, axis=1) > limit_mm)
+        edges = np.r_[-np.inf, self.center_x_mm[1:-1], np.inf]
         found = []
         for run in np.split(beyond, np.flatnonzero(np.diff(beyond) > 1) + 1) if len(beyond) else ():
-            first, last = self.center_x_mm[run[0]] - margin_mm, self.center_x_mm[run[-1]] + margin_mm
+            first, last = edges[run[0]] - margin_mm, edges[run[-1]] + margin_mm
             if found and first <= found[-1][1]:
                 first = found.pop()[0]
             found.append((float(first), float(last)))

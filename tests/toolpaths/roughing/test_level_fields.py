@@ -23,7 +23,7 @@ SWEEP_NODES = 0.1       # a carried place is the nearest one of a node beside it
 def test_distance_to_a_circle_is_good_to_its_chords_beside_it_and_to_a_tenth_of_a_node_farther_off(height):
     grid = PlaneGrid.over((0, 0), (20, 20), 0.25)
     level = RADIUS_MM if height is _cone else 0.0
-    found = level_distance_mm(grid, grid.sampled(height), height, level)
+    found = level_distance_mm(grid, grid.sampled(height) <= level, lambda xy: height(xy) <= level)
     exact = RADIUS_MM - grid.sampled(_cone)
     beside, near = np.abs(exact) < 0.25, np.abs(exact) < 4.0
     chords_mm = 0.25 ** 2 / 4 / RADIUS_MM + 0.25 / 64       # a cell's diagonal as chord, and the bisection

@@ -189,6 +189,7 @@ def test_stretches_beyond_a_limit_hold_all_rows_beyond_it_and_their_margins(stee
         assert inside[worst > limit].all() and (within[1:, 0] > within[:-1, 1]).all()
         near = np.abs(found.center_x_mm[inside][:, None] - found.center_x_mm[worst > limit]).min(axis=1)
         assert near.max() <= 0.3 + 1e-9
+        assert (within[0, 0] == -np.inf) == (worst[0] > limit)      # steep from its first row on: so is what lies before
     assert found.stretches_beyond_mm(10.0, 0.3) == ()
 
 
