@@ -15,6 +15,7 @@ from cuspline.planning.strategies.auto import Auto
 from cuspline.program.program import Kind
 from cuspline.shop.cutters import ToolLibrary, library_from_json
 from cuspline.shop.machines import machine_from_toml
+from cuspline.values.errors import CutterDoesNotFit
 
 POSTS = Path(cuspline.posts.__file__).parent
 MACHINE, SHOP = machine_from_toml(POSTS / "machines" / "mill_3axis.toml"), library_from_json(POSTS / "tools" / "tools.json")
@@ -85,12 +86,11 @@ def test_planes_are_as_far_apart_as_the_cusp_allows(plan):
     assert 0.9 * widest < finish.facts["stepover_mm"] <= widest + 1e-6
 
 
-def test_where_no_one_ball_fits_parallel_passes_go_as_far_as_the_balls_do_and_every_candidate_is_named(small):
+def test_a_library_without_a_fitting_ball_is_refused_with_every_candidate(small):
     big = ToolLibrary(tools=tuple(t for t in LIBRARY.tools if t.cutter.type != "ball" or t.cutter.diameter_mm > 11))
-    plan = plan_setup(small, small.setups[0], MACHINE, big)
-    why = plan.operations[-1].facts["instead_of"]
-    assert why.startswith("sections: no ball of the library") and all(f"T{t.number}" in why for t in big.of_type("ball"))
-    assert plan.operations[-1].facts["strategy"] == "parallel" and plan.area_reached_mm2 < 0.99 * plan.area_required_mm2
+    with pytest.raises(CutterDoesNotFit, match=r"no ball of the library.*T\d+") as error:
+        plan_setup(small, small.setups[0], MACHINE, big)
+    assert all(f"T{t.number}" in str(error.value) for t in big.of_type("ball")) and "leave `strategy` out" in str(error.value)
 
 
 def test_a_wide_step_does_not_let_the_ball_fall_over_an_edge():
