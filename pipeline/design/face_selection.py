@@ -51,7 +51,7 @@ def predicate_for(faces, row, name):
         predicate = FacePredicate(name=name, count=1, **conditions)
         if [k for k, f in enumerate(faces) if brep.matches(f, predicate)] == [row]:
             return predicate
-    raise DesignError(f"face {row + 1} of {len(faces)} cannot be told from another one by kind, normal, place and area: name or "
+    raise DesignError(f"face {row + 1} of {len(faces)} shares kind, normal, place and area with another one: name or "
                       "colour it (`cuspline.kernel.brep.marked`), or choose both with one predicate")
 
 
@@ -93,7 +93,7 @@ def _row_of(faces, shape, name):
             and abs(f.area_mm2 - area) < AREA_SHARE * area]
     if len(near) != 1:
         raise DesignError(f"faces {name!r}: a selected face at {place.round(3).tolist()} is no face of the part "
-                          f"({len(near)} of its {counted(len(faces), 'face')} lie there): select on the finished shape")
+                          f"({len(near)} of its {counted(len(faces), 'face')} are there): select on the finished shape")
     return near[0]
 
 

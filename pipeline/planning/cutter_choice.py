@@ -140,7 +140,7 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
     if chosen is None:
         raise CutterDoesNotFit("no ball of the library can finish this part: " + "; ".join(
             f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
-            + ". Add a smaller or longer ball to the tool library")
+            + ". Add a smaller or longer ball to the file of --cutters")
     return chosen, tuple(candidates), reach
 
 
@@ -176,7 +176,7 @@ def choose_cutter(title, tools, samples, hollow_radius_mm, mesh, stock_mm, is_as
     if chosen is None:
         raise CutterDoesNotFit(f"{title}: no tool that it may use fits: " + "; ".join(
             f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
-            + ". Add a smaller or longer one to the tool library, or request another")
+            + ". Add a smaller or longer one to the file of --cutters, or request another")
     return chosen, tuple(candidates), reached
 
 
@@ -206,7 +206,7 @@ def choose_side_cutter(library, hollow_radius_mm, asked_mm=None):
     if chosen is None:
         listed = "; ".join(f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
         raise CutterDoesNotFit("no side-and-face cutter on an angle head can finish this part: "
-                               f"{listed or 'the tool library has none'}. Add one to the tool library")
+                               f"{listed or 'the tool library has none'}. Add one to the file of --cutters")
     return chosen, tuple(candidates)
 
 

@@ -80,7 +80,7 @@ def choose_finishing(library, samples, mesh, stock_mm, work):
     if not any(r.any() for r in reached):
         raise CutterDoesNotFit("no ball of the library reaches any of the faces wanted: " + ("; ".join(
             f"T{t.number} {t.cutter.name}: {m:.2f} mm of stick-out short" for t, m in zip(tools, missing))
-            or "it has none") + ". Add a smaller or longer ball to the tool library")
+            or "it has none") + ". Add a smaller or longer ball to the file of --cutters")
     chain = _fastest(tools, reached, samples, work)
     links, done = [], np.zeros(len(samples.area_mm2), bool)
     for k in chain:

@@ -10,6 +10,10 @@ from cuspline.values.findings import Finding
 from cuspline.verification.certificate import gouges_beyond
 
 NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
+EXCESS_ADVICE = ("lower `scallop_mm` of the setup's operation for closer passes, or add a smaller ball to the file of "
+                 "--cutters")
+MISSING_ADVICE = ("give its face to an operation of the setup (`faces`), or add a ball to the file of --cutters that "
+                  "is smaller, or sticks out farther")
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
 MISSED_MM2 = 1.0
 SEEN_PITCHES = 3.0        # a body narrower than this many pitches may slip through the grid
@@ -52,8 +56,9 @@ class Reporter:
             amount, worst, more = self.true_mm(self.own, group)
             yield self._finding("gouge", self.own, worst, amount,
                                 f"the cutter goes {_at_least(more)}{length(amount)} into the part "
-                                f"{over_area(self.own.area_mm2(group))}, {self.finish.gouge_mm:g} mm are allowed: tighten "
-                                "the segment tolerance, take a smaller cutter here, or correct the offset of this pass", more)
+                                f"{over_area(self.own.area_mm2(group))}, {self.finish.gouge_mm:g} mm are allowed: lower "
+                                "`profile_tolerance_mm` of the finish, or name a smaller `tool` for the operation; in a program "
+                                "edited by hand, correct the offset of this pass", more)
 
     def unseen_gouges(self, proven):
         """Moves that are not proven to keep to what the finish allows, where no sample tells of them."""
@@ -69,7 +74,7 @@ class Reporter:
                           setup=self.setup, row=worst.row,
                           advice=f"between the sample points this move may go {length(worst.depth_mm)} into the part, "
                           f"{self.finish.gouge_mm:g} mm are allowed; {counted(len(moves), 'move')} from line "
-                          f"{self.posted.line[moves[0].row]}: lift the path there, or tighten the segment tolerance")
+                          f"{self.posted.line[moves[0].row]}: lower `profile_tolerance_mm` of the finish")
 
     def excess(self):
         """One finding a connected area that a ball could finish and that was left proud."""
@@ -78,8 +83,8 @@ class Reporter:
             (amount, worst, more), area = self.true_mm(self.found, group), self.found.area_mm2(group)
             missed = np.median(d[group]) > MISSED * allowed and area >= MISSED_MM2
             left = f"{_at_least(more)}{length(amount)} left {over_area(area)}"
-            advice = (f"never finished, {left}: add a pass here, or a smaller cutter" if missed else
-                      f"{left}, {allowed:.4f} mm are allowed: reduce the stepover, or take a smaller cutter here")
+            advice = (f"never finished, {left}: {MISSING_ADVICE}" if missed else
+                      f"{left}, {allowed:.4f} mm are allowed: {EXCESS_ADVICE}")
             yield self._finding("missing_area" if missed else "excess", self.found, worst, amount, advice, more)
 
     def unseen_excess(self, proof, cut):
@@ -97,7 +102,7 @@ class Reporter:
                           operation=self.posted.operation_name(row) if row >= 0 else "",
                           line=int(self.posted.line[row]) if row >= 0 else 0, row=row,
                           advice=f"{length(proof.amount_mm[worst])} left between the sample points, "
-                          f"{allowed:.4f} mm are allowed: reduce the stepover, or take a smaller cutter here")
+                          f"{allowed:.4f} mm are allowed: {EXCESS_ADVICE}")
 
     def disagreements(self, view, pitch_mm, bounds):
         """The second verifier must see what the first sees, and the other way round."""

@@ -90,7 +90,7 @@ def test_a_library_without_a_fitting_ball_is_refused_with_every_candidate(small)
     big = ToolLibrary(tools=tuple(t for t in LIBRARY.tools if t.cutter.type != "ball" or t.cutter.diameter_mm > 11))
     with pytest.raises(CutterDoesNotFit, match=r"no ball of the library.*T\d+") as error:
         plan_setup(small, small.setups[0], MACHINE, big)
-    assert all(f"T{t.number}" in str(error.value) for t in big.of_type("ball"))
+    assert all(f"T{t.number}" in str(error.value) for t in big.of_type("ball")) and "leave `strategy` out" in str(error.value)
 
 
 def test_a_wide_step_does_not_let_the_ball_fall_over_an_edge():

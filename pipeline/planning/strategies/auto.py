@@ -55,7 +55,12 @@ class Auto(Finishing):
             return _instead(work, f"faces stand along the section plane {chosen.section_plane}")
         try:
             return _by_sections(work)
-        except (CutterDoesNotFit, ToolpathError) as error:      # no one ball everywhere, or a section with kinks
+        except CutterDoesNotFit as error:               # no one ball everywhere
+            if self.strategy is not None:
+                raise CutterDoesNotFit(f"{error}, or leave `strategy` out: parallel passes with several balls go as far as "
+                                       "these do, and what they leave is listed") from None
+            return _instead(work, error)
+        except ToolpathError as error:                  # a section with kinks
             return _instead(work, error)
 
     def _chosen(self, work):
