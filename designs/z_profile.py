@@ -171,7 +171,7 @@ def design(p: ZProfile) -> Design:
         stock=StockBox(min_mm=(0.0, 0.0, 0.0), max_mm=(*size, top + p.stock_top_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
         setups=(Setup(name="setup-1", wcs="G54", faces=("profile",),
-                      operations=(Auto(section_plane=p.section_plane, passes=p.passes),),
+                      operations=(Auto(strategy="sections", section_plane=p.section_plane, passes=p.passes),),
                       wcs_in_words="X0 Y0 at the lower left corner of the block, Z0 on its base (parallels)",
                       fixtures=_jaws(p, across)),),
     )

@@ -31,7 +31,7 @@ from cuspline.kernel.glb import write_glb
 from cuspline.kernel.solids import stl_of
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import plan_setup
-from cuspline.planning.preflight import refuse_impossible_setups
+from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
 from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
 from cuspline.shop.materials import material_named
@@ -124,7 +124,7 @@ def _made(order, work, say):
     if design.setups and order.last_stage != "step":
         refuse_impossible_setups(design, solid, order.machine, order.library)
     step = work / f"{design.name}.step"
-    brep.write_step(solid, step, design.name)
+    brep.write_step(brep.storable(solid), step, design.name)
     design = _with_files(design, work)
     order = replace(order, design=design)
     inputs = inputs_hash(order, step)
@@ -137,6 +137,8 @@ def _made(order, work, say):
         brep.write_step(companion.make(), work / f"{name}.step", name)
     shape = shape_of(solid, has_thin_edges=not design.setups)
     refuse_self_crossing(solid, shape, f"design {design.name}: the solid in {step.name}")
+    if design.setups:
+        refuse_gaps(design, solid)
     write_glb(work / f"{design.name}.glb", design.name, shape.vertices_mm, shape.normals, shape.triangles)
     if order.last_stage == "step":
         return _finished(order, work, inputs, None)

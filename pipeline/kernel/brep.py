@@ -25,6 +25,7 @@ from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from OCP.Message import Message
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
+from OCP.ShapeCustom import ShapeCustom
 from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_REVERSED, TopAbs_SOLID
 from OCP.TopExp import TopExp, TopExp_Explorer
@@ -32,7 +33,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from cuspline.kernel import step_files
+from cuspline.kernel import closure, step_files
 from cuspline.kernel.step_files import FaceMark, MarkedSolid, marks_of
 from cuspline.splines.fitting import fitted
 from cuspline.splines.nurbs import NurbsSurface, local_shape
@@ -55,7 +56,10 @@ KINDS = {
     GeomAbs_SurfaceType.GeomAbs_OffsetSurface: "offset",
 }
 POLE_MM, POLE_SHARE = 1e-7, 1e-8      # a border this short is a pole; how far from it normals are sound
-LARGEST_TOLERANCE_MM = 1e-3           # a valid solid may hide edges that are open by far more
+LARGEST_TOLERANCE_MM = 1e-3           # looser ones are looked into: a valid solid may hide edges that are open by far more
+CLAIMED = 2.0                         # times as loose as its edges are measured to be: a solid to be healed
+TOLD_SOLIDS = 6                       # of a file that holds several
+OPEN_MM = 0.05                        # no rounding leaves more
 
 
 def wrapped(shape):
@@ -74,26 +78,89 @@ def explore(shape, kind):
 def the_solid(shape, name="the part"):
     """The one solid of a shape; colours and names of its faces stay with it.
 
+    One that is closed only loosely is given with its vertices and tolerances healed, as far as they can be (closure.py).
+
     Raises:
-        DesignError: none, several, or one that the kernel calls invalid.
+        DesignError: none, several, one that the kernel calls invalid, or one that is open.
     """
+    solid, marks = _one_solid(shape, name), None
+    if getattr(shape, "face_marks", None) is not None:
+        marks = marks_of(shape, explore(solid, TopAbs_FACE))
+    if loosest_tolerance_mm(solid) > LARGEST_TOLERANCE_MM:
+        solid = _closed(solid, name)
+    return solid if marks is None else MarkedSolid(solid, marks)
+
+
+def _closed(solid, name):
+    """The solid healed.  Raises DesignError where it stays open."""
+    if loosest_tolerance_mm(solid) > CLAIMED * closure.widest_gap(solid)[0]:
+        solid = closure.healed(solid)
+    gap, place = closure.widest_gap(solid)
+    if gap > OPEN_MM:
+        raise DesignError(f"{name} is open by {gap:.3g} mm along an edge at ({', '.join(f'{x:.3f}' for x in place)}), "
+                          f"{OPEN_MM} mm can be a rounding: sew its faces, or build them anew")
+    return solid
+
+
+def widest_gap(solid):
+    """(mm, place (3,)) of the widest gap between two faces of a solid; 0 where all tolerances are small."""
+    return closure.widest_gap(solid) if loosest_tolerance_mm(solid) > LARGEST_TOLERANCE_MM else (0.0, np.zeros(3))
+
+
+def _one_solid(shape, name):
+    """The one valid solid of a shape, as it is."""
     solids = explore(wrapped(shape), TopAbs_SOLID)
     if len(solids) != 1:
         raise DesignError(f"{name} holds {counted(len(solids), 'solid')}, it must be exactly one: "
-                          + ("close its shell" if not solids else "fuse them, or build them one by one"))
+                          + ("close its shell" if not solids else "fuse them, or build them one by one; a job file names one of "
+                             f"them with `solid`: {solids_in_words(solids)}"))
     solid = TopoDS.Solid_s(solids[0])
     if not BRepCheck_Analyzer(solid).IsValid():
         raise DesignError(f"{name} is not a valid solid (BRepCheck): check for self-intersections and open edges")
-    loosest = loosest_tolerance_mm(solid)
-    if loosest > LARGEST_TOLERANCE_MM:
-        raise DesignError(f"{name} is only closed within {loosest:.4g} mm, {LARGEST_TOLERANCE_MM} mm are allowed: "
-                          "heal its edges, or build the faces anew")
     rough = GProp_GProps()
     BRepGProp.VolumeProperties_s(solid, rough)      # off by per cents: enough to tell the side, and far faster
     if rough.Mass() <= 0 and volume_mm3(solid) <= 0:
         raise DesignError(f"{name} has no positive volume: its shell is inside out")
+    return solid
+
+
+def chosen_solid(shape, number, name):
+    """One solid of a shape that may hold several, by its number from 1; None: the shape as it is.
+
+    Raises:
+        DesignError: there is no such.
+    """
+    if number is None:
+        return shape
+    solids = explore(wrapped(shape), TopAbs_SOLID)
+    if number > len(solids):
+        raise DesignError(f"{name} holds {counted(len(solids), 'solid')}, there is no solid {number}: {solids_in_words(solids)}")
+    solid = TopoDS.Solid_s(solids[number - 1])
     marks = marks_of(shape, explore(solid, TopAbs_FACE))
     return solid if marks is None else MarkedSolid(solid, marks)
+
+
+def solids_in_words(solids):
+    """Number, size and place of the first of some solids."""
+    boxes = [bounding_box_mm(s) for s in solids[:TOLD_SOLIDS]]
+    told = lambda row, between: between.join(f"{x:.4g}" for x in row.round(6) + 0.0)
+    rows = [f"{k} is {told(high - low, ' x ')} mm at ({told((low + high) / 2, ', ')})" for k, (low, high) in enumerate(boxes, 1)]
+    return ", ".join(rows) + (f", and {len(solids) - TOLD_SOLIDS} more" if len(solids) > TOLD_SOLIDS else "")
+
+
+def storable(solid):
+    """The solid as STEP can hold it: a face turned from a closed curve comes back without its pole, as a B-spline with it."""
+    if not any(_has_pole_of_closed_curve(f) for f in faces_of(solid)):
+        return solid
+    made = TopoDS.Solid_s(explore(ShapeCustom.ConvertToBSpline_s(solid, False, True, False, False), TopAbs_SOLID)[0])
+    marks = marks_of(solid, explore(solid, TopAbs_FACE))
+    return made if marks is None else MarkedSolid(made, marks)
+
+
+def _has_pole_of_closed_curve(face):
+    if face.kind != "revolution" or not face.adaptor.BasisCurve().IsPeriodic():
+        return False
+    return any(BRep_Tool.Degenerated_s(edge) for edge in _edges_round(face.shape))
 
 
 def marked(shape, names=(), colors=()):
@@ -106,9 +173,9 @@ def marked(shape, names=(), colors=()):
     Raises:
         DesignError: a face that the shape does not have.
     """
-    solid = the_solid(shape)
+    solid = _one_solid(shape, "the part")
     faces = explore(solid, TopAbs_FACE)
-    marks = [FaceMark() for _ in faces] if marks_of(solid, faces) is None else list(solid.face_marks)
+    marks = list(marks_of(shape, faces) or [FaceMark() for _ in faces])
     for what, pairs in (("name", names), ("color", colors)):
         for value, face in pairs:
             found = [k for k, f in enumerate(faces) if f.IsSame(wrapped(face))]
@@ -286,9 +353,12 @@ def _at_parameters(curve):
     return at
 
 
-def _offset_nurbs(surface):
-    """An offset surface is no B-spline; the kernel's own conversion is off by micrometres."""
-    adaptor, p, breaks = GeomAdaptor_Surface(surface), gp_Pnt(), []
+def _offset_nurbs(surface, bounds):
+    """An offset surface is no B-spline; the kernel's own conversion is off by micrometres.
+
+    Only the part within `bounds` (u low, u high, v low, v high): beyond its face it may turn over, as a fillet's does.
+    """
+    adaptor, p, breaks = GeomAdaptor_Surface(surface, *bounds), gp_Pnt(), []
     for direction in "UV":
         knots = TColStd_Array1OfReal(1, getattr(adaptor, f"Nb{direction}Intervals")(GeomAbs_CN) + 1)
         getattr(adaptor, f"{direction}Intervals")(knots, GeomAbs_CN)
@@ -307,16 +377,17 @@ def _offset_nurbs(surface):
 def _nurbs_of(face):
     surface = BRep_Tool.Surface_s(face)
     if GeomAdaptor_Surface(surface).GetType() == GeomAbs_SurfaceType.GeomAbs_OffsetSurface:
-        return _offset_nurbs(surface)
+        return _offset_nurbs(surface, BRepTools.UVBounds_s(face))
     surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
     for direction in "UV":
         if getattr(surface, f"Is{direction}Periodic")():
             getattr(surface, f"Set{direction}NotPeriodic")()
     nu, nv = surface.NbUPoles(), surface.NbVPoles()
+    is_rational = surface.IsURational() or surface.IsVRational()       # the weights of others may be no numbers at all
     poles = np.empty((nu, nv, 4))
     for i in range(nu):
         for j in range(nv):
-            p, w = surface.Pole(i + 1, j + 1), surface.Weight(i + 1, j + 1)
+            p, w = surface.Pole(i + 1, j + 1), surface.Weight(i + 1, j + 1) if is_rational else 1.0
             poles[i, j] = p.X() * w, p.Y() * w, p.Z() * w, w
     flat = lambda d, n: np.repeat(
         [getattr(surface, f"{d}Knot")(k) for k in range(1, n + 1)],

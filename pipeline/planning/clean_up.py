@@ -10,8 +10,16 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline.planning.context import path_tolerance_mm, ridge_for_step_mm
-from cuspline.planning.cutter_choice import missing_stick_outs_mm
-from cuspline.planning.freeform_finishing import LATERAL_SHARE, NODES_A_STEP, flat_step_mm, link_rules, wall_paths_at
+from cuspline.planning.freeform_finishing import (
+    ASIDE_MM,
+    HANGS,
+    LATERAL_SHARE,
+    NODES_A_STEP,
+    flat_step_mm,
+    link_rules,
+    wall_paths_at,
+)
+from cuspline.planning.tool_depth import missing_stick_outs_mm
 from cuspline.program.program import Moves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
 from cuspline.toolpaths.freeform.tip_field import tip_field
@@ -23,7 +31,7 @@ from cuspline.values.errors import ToolpathError
 
 BEYOND_STEPS = 0.75         # of the finish's own step: passes run that far beyond a place
 GROUP_STEPS = 6.0           # places nearer to each other than that are cut together
-TOUCH_MM = 1e-3             # a ball that is held off by less than this touches its place
+TOUCH_SHARE = 0.1           # of the cusp: a ball that is held off its place by less than this touches it
 CLOSER = 0.25               # of the finish's ridge in the first round, the square of it in the second
 
 
@@ -69,12 +77,18 @@ def _balls(work, operations):
 
 
 def _touched(work, tool, foot, left_mm):
-    """(n,) bool: the ball touches the place, with nothing else in its way and its holder clear."""
-    radius = tool.cutter.radius_mm
+    """(n,) bool: the ball touches the place, with nothing else in its way and its holder clear.
+
+    It is dropped a hair beside the place: on an upright wall it would stand on the wall's top.  Where it is held up it
+    is off the place by little on a wall, by all of that on level ground.
+    """
+    radius, up = tool.cutter.radius_mm, foot.normal[:, 2]
     tips = foot.point_mm + radius * foot.normal - (0.0, 0.0, radius)
-    held = work.dropper(radius, radius, 0.0).tips_mm(tips[:, :2])
+    beside = tips[:, :2] + ASIDE_MM * foot.normal[:, :2]
+    lifted = np.maximum(work.dropper(radius, radius, 0.0).tips_mm(beside) - tips[:, 2], 0.0)
+    off_mm = np.sqrt(radius ** 2 + 2.0 * radius * up * lifted + lifted ** 2) - radius
     clear = missing_stick_outs_mm(tool, tips, work.mesh, work.practice.rough_allowance_mm + left_mm) <= 0
-    return (foot.normal[:, 2] > 0.0) & (held <= tips[:, 2] + TOUCH_MM) & clear
+    return (up > -HANGS) & (off_mm <= TOUCH_SHARE * work.finish.scallop_mm) & clear
 
 
 def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):
@@ -84,7 +98,7 @@ def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):
     step, tolerance = flat_step_mm(tool, ridge_mm), path_tolerance_mm(finish)
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=0.0)
     _, feed = work.speeds(tool, is_rough=False)
-    dropper, beyond, moves = work.dropper(radius, radius, 0.0), BEYOND_STEPS * wide, []
+    dropper, beyond, moves = work.dropper_with(tool, 0.0), BEYOND_STEPS * wide, []
     for group in clusters_of(places_mm, GROUP_STEPS * wide):
         tips = places_mm[group] + radius * normals[group]
         low, high = tips.min(axis=0) - beyond, tips.max(axis=0) + beyond

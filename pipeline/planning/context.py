@@ -2,7 +2,7 @@
 
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -10,9 +10,10 @@ from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.operations import Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
-from cuspline.planning.cutter_choice import choose_cutter
+from cuspline.planning.cutter_choice import choose_cutter, cutter_reach
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
+from cuspline.planning.tool_depth import ShortToolDropper, clear_tips_mm, is_clear_above, missing_stick_out_mm
 from cuspline.program.program import Kind, Moves
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
@@ -212,6 +213,25 @@ class PlanningContext:
         """A cutter over the exact part, with an allowance; of a tapered one the ball."""
         corner_mm = cutter.radius_mm if cutter.type in ROUND else cutter.corner_radius_mm
         return self.dropper(cutter.radius_mm, corner_mm, allowance_mm)
+
+    def dropper_with(self, tool, allowance_mm):
+        """The same of a whole tool: where holder or shank would touch the part, it stays up."""
+        dropper = self.dropper_of(tool.cutter, allowance_mm)
+        if not self._is_short(tool):
+            return dropper
+        return ShortToolDropper(dropper, partial(clear_tips_mm, tool, self.mesh, stock_mm=self.practice.rough_allowance_mm))
+
+    def _is_short(self, tool):
+        """Whether a holder or shank would touch the part where its cutter touches the faces of the operation."""
+        standing, lowest = self.practice.rough_allowance_mm, float(self.samples.point_mm[:, 2].min())
+        if is_clear_above(tool, lowest - tool.cutter.corner_radius_mm, float(self.box[1][2]), standing):
+            return False
+
+        def is_in_the_way():
+            reach = cutter_reach(self.samples, self.mesh, tool.cutter)
+            return missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], self.mesh, standing) > 0
+
+        return self._once(("short", tool.number, tuple(self.wanted)), is_in_the_way)
 
     def dropper(self, radius_mm, corner_radius_mm, allowance_mm):
         """The same, the cutter by its measures."""

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline.planning.tool_depth import clear_tips_mm, is_clear_above, missing_stick_out_mm
 from cuspline.shop.cutters import Tool
-from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import CutterDoesNotFit, PlanError
 
 FIT_SHARE = 0.9             # the ball stays this share below the tightest hollow: a full-contact ball chatters
-HOLDER_CLEARANCE_MM = 1.0
-SHANK_CLEARANCE_MM = 0.05
 LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 600, 5, 12
 REST_ROUGHING_SHARE = 0.7   # of the diameter before: a cutter hardly smaller is not worth its change
 SAME_MM = 1e-6              # diameters that are the same
 LEVEL = 1e-6                # of a unit normal: level ground
+ROUNDING_MM = 1e-9          # heights that differ by less are the same
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
 
 
@@ -69,8 +69,8 @@ def ball_reach(samples, mesh, radius_mm):
         radius_mm: ball radius.
     """
     center = samples.point_mm + radius_mm * samples.normal
-    held = drop_tips_mm(mesh, center[:, :2], radius_mm - TOUCH_MM, radius_mm - TOUCH_MM) + radius_mm - TOUCH_MM
-    reached = (samples.normal[:, 2] > -1e-6) & (held <= center[:, 2] + 1e-9)
+    less = radius_mm - TOUCH_MM
+    reached = (samples.normal[:, 2] > -1e-6) & ~is_held_above(mesh, center[:, :2], less, less, center[:, 2] - less + ROUNDING_MM)
     tip = center - np.array([0.0, 0.0, radius_mm])
     return Reach(tip_mm=tip, is_reached=reached)
 
@@ -100,31 +100,6 @@ def cutter_reach(samples, mesh, cutter):
         tip = here if tip is None else np.where((free & ~reached)[:, None], here, tip)
         reached |= free
     return Reach(tip_mm=tip, is_reached=reached)
-
-
-def missing_stick_out_mm(tool, tips_mm, mesh, stock_mm):
-    """How much deeper the holder and shank would have to clear; 0 where everything is clear.
-
-    Args:
-        tool: Tool.
-        tips_mm: (n, 3) tip positions it must reach.
-        mesh: DropMesh of the part.
-        stock_mm: thickness of the material that may still stand on the part.
-    """
-    return float(missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm).max(initial=0.0))
-
-
-def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm):
-    """(n,) how much deeper holder and shank would have to clear at each tip position; 0 where they are clear."""
-    worst = np.zeros(len(tips_mm))
-    for z0, r0, _, r1 in tool.non_cutting_frusta():
-        is_holder = z0 >= tool.stick_out_mm - 1e-9
-        clearance = stock_mm + (HOLDER_CLEARANCE_MM if is_holder else SHANK_CLEARANCE_MM)
-        if max(r0, r1) + clearance <= tool.cutter.radius_mm:
-            continue
-        below = drop_tips_mm(mesh, tips_mm[:, :2], max(r0, r1) + clearance, 0.0)
-        worst = np.maximum(worst, below + clearance - (tips_mm[:, 2] + z0))
-    return worst
 
 
 def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
@@ -281,13 +256,15 @@ class RoughingTool:
     """What speaks for and against one roughing cutter."""
 
     tool: Tool
-    missing_stick_out_mm: float     # 0: its holder clears
+    missing_stick_out_mm: float     # 0: its holder clears; else it goes only as deep as that allows
     leaves_mm: float                # on 95 % of the faces, its allowance included
 
     def candidate(self, chosen):
         """For plan.json."""
-        reason = (f"holder {self.missing_stick_out_mm:.2f} mm short" if self.missing_stick_out_mm > 0
-                  else f"leaves at most {self.leaves_mm:.2f} mm on 95 % of the faces")
+        short, reason = self.missing_stick_out_mm > 0, f"leaves at most {self.leaves_mm:.2f} mm on 95 % of the faces"
+        if short:
+            reason = (f"goes as deep as its holder allows, all are short: {self.missing_stick_out_mm:.2f} mm more stick-out "
+                      "would do" if self is chosen else f"holder {self.missing_stick_out_mm:.2f} mm short")
         return Candidate(tool=self.tool, is_chosen=self is chosen, reason=reason,
                          missing_stick_out_mm=self.missing_stick_out_mm)
 
@@ -296,11 +273,18 @@ def roughing_tools(library, mesh, samples, stock_min_mm, stock_max_mm, allowance
     """All flat and bull-nose cutters of the library as RoughingTool, largest first."""
     found = []
     for tool in library.of_type("flat", "bull_nose"):
-        tips = _tip_heights(tool, mesh, stock_min_mm, stock_max_mm, allowance_mm)
-        left = leftover_mm(tool, mesh, samples, allowance_mm, leftover_rows(samples))
-        found.append(RoughingTool(tool=tool, missing_stick_out_mm=max(missing_stick_out_mm(tool, tips, mesh, 0.0), 0.0),
-                                  leaves_mm=float(np.percentile(left, 95))))
+        missing = missing_when_roughing_mm(tool, mesh, stock_min_mm, stock_max_mm, allowance_mm)
+        left = leftover_mm(tool, mesh, samples, allowance_mm, leftover_rows(samples), is_short=missing > 0)
+        found.append(RoughingTool(tool=tool, missing_stick_out_mm=missing, leaves_mm=float(np.percentile(left, 95))))
     return tuple(found)
+
+
+def missing_when_roughing_mm(tool, mesh, stock_min_mm, stock_max_mm, allowance_mm):
+    """Stick-out that a cutter lacks to go as deep everywhere as part and stock let it; 0 where it lacks none."""
+    top_mm = float(mesh.corners_mm[..., 2].max())
+    if is_clear_above(tool, float(stock_min_mm[2]), top_mm, 0.0):
+        return 0.0
+    return missing_stick_out_mm(tool, _tip_heights(tool, mesh, stock_min_mm, stock_max_mm, allowance_mm), mesh, 0.0)
 
 
 def choose_roughing(tools, allowance_mm):
@@ -309,17 +293,15 @@ def choose_roughing(tools, allowance_mm):
     Args:
         tools: from `roughing_tools`.
     Returns:
-        (RoughingTool, tuple of Candidate).
+        (RoughingTool, tuple of Candidate); one that goes only as deep as its holder allows where no holder clears.
     Raises:
-        PlanError: the library has no flat or bull-nose cutter whose holder clears.
+        PlanError: there is none at all.
     """
-    usable = [t for t in tools if t.missing_stick_out_mm == 0]
-    if not usable:
-        raise PlanError("no flat or bull-nose cutter of the library can rough this part: " + "; ".join(
-            f"T{t.tool.number} {t.tool.cutter.name}: holder {t.missing_stick_out_mm:.2f} mm short" for t in tools)
-            + ". Lengthen a stick-out or add a cutter")
+    if not tools:
+        raise PlanError("the tool library has no flat or bull-nose cutter, and roughing takes one: add one to the file of "
+                        "--cutters")
     # a cutter half as wide takes about four times as long: it must leave clearly less to be worth it
-    best = min(usable, key=lambda t: (t.leaves_mm + allowance_mm) / t.tool.cutter.diameter_mm)
+    best = min(_clearest(tools), key=lambda t: (t.leaves_mm + allowance_mm) / t.tool.cutter.diameter_mm)
     return best, tuple(t.candidate(best) for t in tools)
 
 
@@ -332,11 +314,15 @@ def choose_rest_roughing(tools, first, left_mm):
     Returns:
         (RoughingTool or None, tuple of Candidate).
     """
-    smaller = [t for t in tools if t.missing_stick_out_mm == 0
-               and t.tool.cutter.diameter_mm <= REST_ROUGHING_SHARE * first.tool.cutter.diameter_mm
+    smaller = [t for t in _clearest(tools) if t.tool.cutter.diameter_mm <= REST_ROUGHING_SHARE * first.tool.cutter.diameter_mm
                and first.leaves_mm - t.leaves_mm >= left_mm / 2]
     best = max(smaller, key=lambda t: t.tool.cutter.diameter_mm, default=None)
     return best, tuple(t.candidate(best) for t in tools if t is not first)
+
+
+def _clearest(tools):
+    """The RoughingTool values whose holders clear; all where none does."""
+    return [t for t in tools if t.missing_stick_out_mm == 0] or tools
 
 
 def _tip_heights(tool, mesh, low, high, allowance_mm, spacing_mm=2.0):
@@ -349,10 +335,11 @@ def _tip_heights(tool, mesh, low, high, allowance_mm, spacing_mm=2.0):
     return np.column_stack([xy, np.maximum(tips, low[2])])
 
 
-def leftover_mm(tool, mesh, samples, allowance_mm, rows):
+def leftover_mm(tool, mesh, samples, allowance_mm, rows, is_short=False):
     """(k,) material that the cutter must leave at sample rows, along their normals.
 
-    The lowest tip that still covers the point is looked for over positions around it.
+    The lowest tip that still covers the point is looked for over positions around it; of a tool that `is_short`, as its
+    holder lets it come.
     """
     R, rc = tool.cutter.radius_mm, tool.cutter.corner_radius_mm
     points, normals = samples.point_mm[rows], samples.normal[rows]
@@ -362,8 +349,12 @@ def leftover_mm(tool, mesh, samples, allowance_mm, rows):
         bottom = rc - np.sqrt(max(rc * rc - max(d - (R - rc), 0.0) ** 2, 0.0))
         for angle in np.linspace(0, 2 * np.pi, LEFTOVER_SPOKES if ring else 1, endpoint=False):
             xy = points[:, :2] + d * np.array([fixed.cos(angle), fixed.sin(angle)])
-            tips = drop_tips_mm(mesh, xy, R + allowance_mm, rc + allowance_mm) + allowance_mm
-            lowest = np.minimum(lowest, tips + bottom)
+            cutter = R + allowance_mm, rc + allowance_mm
+            lower = ~is_held_above(mesh, xy, *cutter, lowest - bottom - allowance_mm - ROUNDING_MM)
+            tips = drop_tips_mm(mesh, xy[lower], *cutter) + allowance_mm
+            if is_short:
+                tips = np.maximum(tips, clear_tips_mm(tool, mesh, xy[lower], 0.0))
+            lowest[lower] = np.minimum(lowest[lower], tips + bottom)
     return np.maximum(lowest - points[:, 2], 0.0) * np.abs(normals[:, 2])
 
 

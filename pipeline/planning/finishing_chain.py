@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.planning.cutter_choice import FIT_SHARE, Candidate, ball_reach, missing_stick_outs_mm
+from cuspline.planning.cutter_choice import FIT_SHARE, Candidate, ball_reach
+from cuspline.planning.tool_depth import missing_stick_outs_mm
 from cuspline.scallop.stepover import stepover_for_scallop_mm
 from cuspline.shop.cutters import Tool
 from cuspline.values.arrays import frozen

@@ -26,7 +26,7 @@ from cuspline.toolpaths.freeform.waterline import DropHeights, waterlines
 from cuspline.toolpaths.roughing.stock_fields import swept_by_lines
 from cuspline.toolpaths.sections.profile_passes import planes_across, smallest_step
 from cuspline.values import fixed_math as fixed
-from cuspline.values.errors import PlanError
+from cuspline.values.errors import NotOnePass, PlanError
 
 NODES_A_STEP = 5.0          # grid nodes between neighbouring passes on level ground
 LATERAL_SHARE = 0.02        # of a step, that a move may leave its curve in plan
@@ -49,6 +49,8 @@ TOUCHING_MM = 0.02         # a bull nose or flat cutter nearer to a face than th
 RIM_STEPS = 3               # until the nearest place of a bull nose's corner stands still
 TERRACE_SHARE = 0.8         # of its flutes a flat cutter goes deep beside an upright wall
 RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls by 0.13 of its radius, whatever stands there
+LEVEL = 1 - 1e-9            # of a unit normal's z: level ground
+SAME_MM = 1e-6              # heights that are the same
 OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
 
 
@@ -146,7 +148,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
         return None
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=BRIDGE_STEPS * step)
     gentle = _gentle(field, math.radians(work.operation.steep_deg), OVERLAP_STEPS * step)
-    curves = work.operation.curves(gentle, tool.cutter, ridge_mm) if gentle is not None else []
+    curves, pattern = _curves(work.operation, gentle, tool.cutter, ridge_mm)
     paths = tip_paths(curves, gentle, rules) if curves else []
     walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step)
     touched = []
@@ -160,7 +162,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
     link = link_rules(work, field, tolerance, step, feed, left_mm)
     moves = Moves.joined([moves_of_tip_paths(some, link) for some in (walls, paths) if some])
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
-             "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), "strategy": work.operation.pattern,
+             "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), **pattern,
              "passes": len(paths), "wall_passes": len(walls), "touch_ups": len(touched),
              "grid_mm": round(field.pitch_mm, 6),
              "region_mm2": round(float(field.is_inside.sum()) * field.pitch_mm ** 2, 1), "links": work.operation.passes,
@@ -168,6 +170,17 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
              "candidates": [c.as_dict() for c in candidates]}
     return work.measured(name, tool, rpm, moves, facts)
+
+
+def _curves(operation, field, cutter, ridge_mm):
+    """(passes in plan, what plan.json says of their pattern): along the borders where no one pass covers the region."""
+    if field is None:
+        return [], {"strategy": operation.pattern}
+    try:
+        return operation.curves(field, cutter, ridge_mm), {"strategy": operation.pattern}
+    except NotOnePass as error:
+        return pattern_curves("boundary", field, cutter, ridge_mm), {
+            "strategy": "boundary", "instead_of": f"{operation.pattern}: {error}"}
 
 
 def _touch_up(field, paths, before, scallop_mm, ridge_mm, step_mm, rules):
@@ -193,7 +206,7 @@ def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False):
     boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
-    dropper = work.dropper_of(tool.cutter, allowance_mm)
+    dropper = work.dropper_with(tool, allowance_mm)
     return tip_field(dropper, work.wanted, (low[:2], high[:2]), pitch_mm, run_over, may_be_empty)
 
 
@@ -242,7 +255,8 @@ def _wall_paths(work, field, tool, ridge_mm, tolerance_mm, step_mm):
     steep = (normal < fixed.cos(steep_rad)) & (normal > -HANGS) & (samples.across_per_mm * corner > -0.98)
     if not steep.any():
         return []
-    heights = (_wall_heights(samples, steep, field.dropper, ridge_mm) if corner > 0.0 else
+    heights = ([*_wall_heights(samples, steep, field.dropper, ridge_mm),
+                *_feet(work, samples.point_mm[steep, 2], field.dropper, tolerance_mm)] if corner > 0.0 else
                _terraces(samples, steep, tool, ridge_mm, tolerance_mm))
     return wall_paths_at(work, field, heights, tolerance_mm, step_mm)
 
@@ -256,6 +270,7 @@ def wall_paths_at(work, field, heights, tolerance_mm, step_mm, near=None):
     corner, flat = dropper.corner_radius_mm, dropper.radius_mm - dropper.corner_radius_mm
     low, high = field.node_xy_mm[0, 0], field.node_xy_mm[-1, -1]
     offset, limit = corner + dropper.allowance_mm, fixed.cos(max(steep_rad - WALL_OVERLAP_RAD, 0.0))
+    beside_mm = ASIDE_MM + tolerance_mm / 2         # a line's chords run so far into the wall
 
     def gap(xy, z):
         """How far the ball reaches into the part: its height over a place jumps at walls, this does not."""
@@ -277,7 +292,7 @@ def wall_paths_at(work, field, heights, tolerance_mm, step_mm, near=None):
             arm = middles - foot.point_mm
             wanted = foot.distance_mm <= offset + TOUCHING_MM
         wanted &= foot.normal[:, 2] < limit                                               # not over a level face's rim
-        aside = tips[:, :2] + ASIDE_MM * arm[:, :2] / np.maximum(np.linalg.norm(arm[:, :2], axis=1), 1e-9)[:, None]
+        aside = tips[:, :2] + beside_mm * arm[:, :2] / np.maximum(np.linalg.norm(arm[:, :2], axis=1), 1e-9)[:, None]
         wanted &= dropper.tips_mm(aside) <= tips[:, 2] + tolerance_mm                     # nothing hangs over it
         return wanted if near is None else wanted & near(foot.point_mm)
 
@@ -295,6 +310,14 @@ def _wall_heights(samples, steep, dropper, ridge_mm):
     allowed = chord * np.sqrt(1.0 - normal ** 2) * np.minimum(1.0 + radius * bend, 1.0)
     step_at = smallest_step(tips, allowed, margin_mm=float(allowed.min()), elsewhere_mm=float(allowed.max()))
     return planes_across(float(tips.min()), float(tips.max()), step_at)
+
+
+def _feet(work, walls_z_mm, dropper, tolerance_mm):
+    """Tip heights on the level ground at the foot of walls: passes from above come near it, but not along it."""
+    level = {round(float(f.middle.point_mm[0, 2]) / SAME_MM) * SAME_MM for f in work.faces
+             if f.kind == "plane" and f.middle.normal[0, 2] > LEVEL}
+    low, high = walls_z_mm.min() - dropper.corner_radius_mm, walls_z_mm.max()
+    return [z + dropper.allowance_mm + tolerance_mm / 2 for z in sorted(level) if low < z < high]
 
 
 def _terraces(samples, steep, tool, ridge_mm, tolerance_mm):

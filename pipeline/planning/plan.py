@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cuspline.design.operations import Clearing
 from cuspline.planning.context import PlannedOperation, PlanningContext
 from cuspline.planning.strategies.auto import Auto
 from cuspline.program.program import Operation, Program
@@ -34,10 +35,15 @@ class SetupPlan:
 
     @property
     def idle(self):
-        """Finding of every listed operation for which nothing was left to cut."""
+        """Finding of every listed operation for which nothing was left to cut.
+
+        Clearing that comes first and finds the stock near to the part's shape is none: such is the blank.
+        """
+        first = next((k for k, a in enumerate(self.accounts) if a.programmed), len(self.accounts))
         return tuple(Finding(kind="idle_operation", amount_mm=0.0, place_mm=None, operation=a.operation.title, line=0,
                              setup=self.setup.name, advice=f"{a.why}: leave it out, or choose other faces or a smaller tool")
-                     for a in self.accounts if not a.programmed)
+                     for k, a in enumerate(self.accounts)
+                     if not a.programmed and not (k < first and isinstance(a.operation, Clearing)))
 
     @property
     def is_mended(self):

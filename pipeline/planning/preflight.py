@@ -10,8 +10,9 @@ from cuspline.kernel import brep
 from cuspline.kernel.solids import bodies_of, solid_of
 from cuspline.kernel.tessellation import tessellate
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.values.errors import PlanError
+from cuspline.values.errors import DesignError, PlanError
 
+GAP_SHARE = 0.25            # of what the finish lets stand: so far may two faces be apart along their edge
 HELD_MM = 1e-3              # the part may stand out of its stock by the kernel's own tolerance
 PART_MM = 0.01              # of the part's triangles, where its solid is held against the stock's
 LEAST_MM3 = 1e-6            # smaller bodies are rounding
@@ -37,6 +38,22 @@ def refuse_impossible_setups(design, solid, machine, library):
             faults += _travel_faults(what, _within_reach(setup.turn.box_into(*box), setup), setup, machine, library)
     if faults:
         raise PlanError(f"design {design.name}: " + "; ".join(faults))
+
+
+def refuse_gaps(design, solid):
+    """
+    Args:
+        design: Design with a finish.   solid: as every stage sees it.
+    Raises:
+        DesignError: two faces lie farther apart along their edge than a share of what the finish lets stand.
+    """
+    gap, place = brep.widest_gap(solid)
+    allowed = GAP_SHARE * (design.finish.scallop_mm + design.finish.profile_tolerance_mm)
+    if gap > allowed:
+        raise DesignError(
+            f"design {design.name}: two faces are {gap:.2g} mm apart along their edge at ({', '.join(f'{x:.3f}' for x in place)}), "
+            f"a quarter of what the finish lets stand is {allowed:.2g} mm: close the edge in the CAD program, or state a "
+            f"scallop_mm of at least {gap / GAP_SHARE - design.finish.profile_tolerance_mm:.2g}")
 
 
 def _stock_faults(stock, solid):

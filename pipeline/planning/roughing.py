@@ -2,11 +2,19 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from cuspline.design.operations import Clearing
-from cuspline.planning.cutter_choice import choose_rest_roughing, choose_roughing, leftover_rows, roughing_tools
+from cuspline.planning.cutter_choice import (
+    choose_rest_roughing,
+    choose_roughing,
+    leftover_rows,
+    missing_when_roughing_mm,
+    roughing_tools,
+)
+from cuspline.planning.tool_depth import clear_tips_mm
 from cuspline.toolpaths.drop.dropcutter import DropMesh
 from cuspline.toolpaths.roughing.level_clearing import ClearingRules, clear, engagement_of_rad
 from cuspline.toolpaths.roughing.stock_fields import stock_after
@@ -91,7 +99,7 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
         rapid_mm_per_min=min(a.rapid_mm_per_min for a in work.machine.axes), threshold_mm=stage.threshold_mm,
         keep_out=(*(f.box_mm for f in work.fixtures if f.is_box), *work.beyond_reach(d / 2)),
         keep_clear=tuple(DropMesh.from_triangles(*f.mesh) for f in work.fixtures if not f.is_box),
-        keep_out_mm=practice.keep_out_mm)
+        keep_out_mm=practice.keep_out_mm, lowest_mm=_lowest_of(work, tool, stage.allowance_mm))
     try:
         clearing = clear(rules)
     except NothingToCut:                # a casting near to its shape: the finish takes it, or a semi-finish before
@@ -105,6 +113,13 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
              "given_up_mm3": round(clearing.left_mm3, 1), "leaves_mm": round(left, 3),
              "candidates": [c.as_dict() for c in candidates]}
     return work.measured(stage.name, tool, rpm, clearing.moves, facts), after, left
+
+
+def _lowest_of(work, tool, allowance_mm):
+    """Function (n, 2) -> (n,) lowest tips that a tool's holder allows; None where it is nowhere in the way."""
+    if missing_when_roughing_mm(tool, work.mesh, work.stock_min_mm, work.stock_max_mm, allowance_mm) == 0.0:
+        return None
+    return partial(clear_tips_mm, tool, work.mesh, stock_mm=allowance_mm)
 
 
 def _left_mm(work, stock, rows):

@@ -41,8 +41,9 @@ class Control(Model):
     line_length: int = Field(default=252, ge=40, description="longest block the control takes, characters")
     program_store_bytes: int = Field(gt=0)
     sub_programs: bool = Field(default=True, description="repeated passes as sub-programs and calls; false: move by move")
-    path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: what "
-                                     "G64 P states on LinuxCNC, what is set in a Fanuc control for G64 (corners, smoothing)")
+    path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: half of it "
+                                     "goes out as LinuxCNC's G64 P, whose blends take up to twice that; what is set in a "
+                                     "Fanuc control for G64 (corners, smoothing)")
     arc_max_radius_mm: float = Field(default=1e4, gt=0, description="flatter arcs go out as lines")
     arc_min_length_mm: float = Field(default=1e-3, gt=0, description="shorter arcs go out as lines")
 

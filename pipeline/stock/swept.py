@@ -142,6 +142,11 @@ def forest_of(paths):
     return stack([p.geometry for p in paths], 12), stack([p.blocks for p in paths], 8, 8), trees, tools
 
 
+def world_of(paths):
+    """SweptPaths and PosedPaths as one argument of the kernels of `rays`."""
+    return forest_of(upright_paths(paths)) + posed_forest([p for p in paths if isinstance(p, PosedPath)])
+
+
 def _world(paths):
     """Rows of PostedMoves of all pieces (-1 at the end), their forest, and for rays.py both forests: None without PosedPath.
 
@@ -278,8 +283,7 @@ def stock_intervals(paths, stock_min, stock_max, origins_mm, directions):
     """
     origins, directions = _rows3(origins_mm, "origins_mm"), _rows3(directions, "directions")
     low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
-    upright = upright_paths(paths)
-    world = forest_of(upright) + posed_forest([p for p in paths if isinstance(p, PosedPath)])
+    world = world_of(paths)
     room, count = FEW_INTERVALS, np.zeros(0, np.int64)
     while not len(count) or count.max() > room:
         room = max(room, count.max(initial=0))

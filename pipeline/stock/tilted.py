@@ -42,6 +42,11 @@ class PosedPath:
             object.__setattr__(self, name, frozen(getattr(self, name), (None, width), name, dtype))
         object.__setattr__(self, "row", frozen(self.row, (len(self.geometry),), "row", np.int64))
 
+    @property
+    def is_steady(self):
+        """The axis keeps its direction in every move: what a sub-step sweeps is convex."""
+        return not self.geometry[:, 9:12].any()
+
     def grown(self, by_mm):
         """The same path of a cutter whose surface lies `by_mm` farther out (negative: in).
 

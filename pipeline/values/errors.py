@@ -36,6 +36,10 @@ class ToolpathError(CamError):
     """A pass that cannot be computed, or an operation that came out empty."""
 
 
+class NotOnePass(ToolpathError):
+    """A region over which one continuous pass cannot be led."""
+
+
 class NothingToCut(ToolpathError):
     """An operation that finds nothing standing where it may cut."""
 

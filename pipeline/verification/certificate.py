@@ -18,8 +18,10 @@ from cuspline.toolpaths.gouge.move_depths import move_depths
 from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 from cuspline.verification.certificate_chords import chords_of
+from cuspline.verification.certificate_side import SideViews
 
 PROVABLE = ("ball", "bull_nose", "flat")
+SIDE = "side"               # the same while its axis keeps its direction, whichever that is
 SAGITTA_SHARE = 0.1         # of the tolerance: what the chords of arcs may take of it
 THICKNESS_SHARE = 1.0       # of the tolerance, of pieces of faces: thinner ones cost more to make than they save
 UPRIGHT = 1e-9              # an axis that leans by less stands upright
@@ -99,7 +101,7 @@ def part_in_wcs(solid, frame):
     return ExactPart.of_solid(brep.seen_from(brep.the_solid(solid), frame))
 
 
-def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, kept=NOTHING):
+def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=None, kept=NOTHING):
     """Prove how deep the moves of a posted program cut into the part at most.
 
     The bound of a move is never below its true gouge, and at most the tolerance above it, or a fiftieth of the gouge
@@ -113,6 +115,8 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, kept=N
         tolerance_mm: of the bounds, >= 1.2e-4; a tenth of it goes to chords of arcs.
         rows: (k,) rows of interest; all if None.
         skin_mm: of the cutters, that is left out: what is plated on later.
+        solid: the part as a TopoDS_Solid, WCS: asked where side-and-face cutters move, of which nothing is proven
+            without it.
         kept: kept.Kept, asked first for each tool's moves; NOTHING keeps nothing.
     Returns:
         Certificate.
@@ -121,30 +125,28 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, kept=N
         ToolpathError: a tolerance that is too fine.
     """
     rows = np.arange(len(posted)) if rows is None else np.unique(np.asarray(rows, dtype=np.int64))
-    reasons = _reasons(posted, tools, rows)
+    reasons = _reasons(posted, tools, rows, PROVABLE if solid is None else (*PROVABLE, SIDE))
     known = rows[np.array([r is None for r in reasons], bool)]
     sagitta_mm = SAGITTA_SHARE * tolerance_mm
     bound, share, place = np.zeros(len(posted)), np.full(len(posted), 0.5), np.full((len(posted), 3), np.nan)
-    if len(known):
-        tree = DepthTree.of_part(part, THICKNESS_SHARE * tolerance_mm)
-        for number in np.unique(posted.tool[known]).tolist():
-            own = known[posted.tool[known] == number]
-            row, *proven = _proven(tree, chords_of(posted, own, sagitta_mm), tools[number].cutter, skin_mm,
-                                   tolerance_mm - sagitta_mm, kept.of(move_depths))
+    views = _Views(part, solid, THICKNESS_SHARE * tolerance_mm)
+    for number in np.unique(posted.tool[known]).tolist():
+        own, cutter = known[posted.tool[known] == number], tools[number].cutter
+        for axis in np.unique(posted.start_axis[own], axis=0) if cutter.type == SIDE else (None,):
+            some = own if axis is None else own[(posted.start_axis[own] == axis).all(axis=1)]
+            row, *proven = _proven(views.depths_of(cutter, axis, skin_mm, tolerance_mm - sagitta_mm, kept.of(move_depths)),
+                                   chords_of(posted, some, sagitta_mm))
             bound[row], share[row], place[row] = proven
     return Certificate(row=known, kind=posted.kind[known], bound_mm=bound[known], share=share[known],
                        place_mm=place[known], tolerance_mm=float(tolerance_mm), sagitta_mm=sagitta_mm,
                        uncovered=tuple((int(row), reason) for row, reason in zip(rows, reasons) if reason is not None))
 
 
-def _reasons(posted, tools, rows):
+def _reasons(posted, tools, rows, types):
     """Why nothing can be proven of each row; None where it can."""
     known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
-    upright = np.ones(len(posted), bool)
-    for name in ("start_axis", "end_axis"):             # programs of machines with rotary axes have them
-        axis = getattr(posted, name, None)
-        if axis is not None:
-            upright &= np.abs(axis - (0.0, 0.0, 1.0)).max(axis=1) < UPRIGHT
+    upright = np.abs(np.hstack([posted.start_axis, posted.end_axis]) - (0, 0, 1, 0, 0, 1)).max(axis=1) < UPRIGHT
+    steady = (posted.start_axis == posted.end_axis).all(axis=1)
 
     def reason(row):
         number = int(posted.tool[row])
@@ -152,20 +154,43 @@ def _reasons(posted, tools, rows):
             return "the program does not say where the move begins or ends"
         if number not in tools:
             return f"T{number} is not in the tool table" if number > 0 else "no tool is in the spindle"
-        if tools[number].cutter.type not in PROVABLE:
-            return f"T{number} is a {tools[number].cutter.type} cutter, only {', '.join(PROVABLE)} can be proven"
+        kind = tools[number].cutter.type
+        if kind not in types:
+            return f"T{number} is a {kind} cutter, only {', '.join(types)} can be proven"
+        if kind == SIDE:
+            return None if steady[row] else "the tool axis turns"
         return None if upright[row] else "the tool axis is tilted"
 
     return [reason(row) for row in rows.tolist()]
 
 
-def _proven(tree, chords, cutter, skin_mm, tolerance_mm, ask):
-    """(rows of the chords, bound, share, place) as the deepest chord of each row says; `ask` answers as move_depths."""
-    R = cutter.radius_mm
-    rc = {"ball": R, "flat": 0.0}.get(cutter.type, cutter.corner_radius_mm)
-    lift = np.array([0.0, 0.0, skin_mm])
-    depth, along, point = ask(tree, chords.start_mm + lift, chords.end_mm + lift, R - skin_mm, max(rc - skin_mm, 0.0),
-                              tolerance_mm)
+class _Views:
+    """The part as the cutters of a program meet it: each made when it is first asked for."""
+
+    def __init__(self, part, solid, thickness_mm):
+        self.part, self.solid, self.thickness_mm = part, solid, thickness_mm
+        self.made = {}
+
+    def depths_of(self, cutter, axis, skin_mm, tolerance_mm, ask):
+        """Function of tips (n, 3), (n, 3) that answers as `move_depths` for this cutter; `ask` is that, or as it is."""
+        if axis is not None:
+            view = self._once(tuple(axis.tolist()), lambda: SideViews(solid=self.solid, axis=tuple(axis.tolist()),
+                                                                      thickness_mm=self.thickness_mm))
+            return lambda start, end: view.depths(start, end, cutter, skin_mm, tolerance_mm, ask)
+        tree = self._once(None, lambda: DepthTree.of_part(self.part, self.thickness_mm))
+        R, lift = cutter.radius_mm, np.array([0.0, 0.0, skin_mm])
+        rc = {"ball": R, "flat": 0.0}.get(cutter.type, cutter.corner_radius_mm)
+        return lambda start, end: ask(tree, start + lift, end + lift, R - skin_mm, max(rc - skin_mm, 0.0), tolerance_mm)
+
+    def _once(self, name, make):
+        if name not in self.made:
+            self.made[name] = make()
+        return self.made[name]
+
+
+def _proven(depths, chords):
+    """(rows of the chords, bound, share, place) as the deepest chord of each row says; `depths` answers as move_depths."""
+    depth, along, point = depths(chords.start_mm, chords.end_mm)
     depth = depth + chords.off_mm
     deepest = np.lexsort((depth, chords.row))
     deepest = deepest[np.diff(chords.row[deepest], append=-1) != 0]

@@ -1,6 +1,7 @@
 """Cells of a face, moved out by a height, proven to lie in what was cut, or halved: see excess_proof.py.
 
-A piece of path sweeps a convex volume; of an arc that bulges upward its tangent is taken, which sweeps less.
+A piece of path sweeps a convex volume; of an arc that bulges upward its tangent is taken, which sweeps less.  So does a
+sub-step of any convex cutter whose axis keeps its direction (stock/outlines.py); both kinds come in one world (stock/rays.py).
 Signed distance to a convex volume is convex: over a parallelogram it is largest in a corner, and so is every weighted
 mean of several such distances.  A mean that is nowhere positive has no point outside all of the volumes:
 
@@ -16,7 +17,9 @@ import numpy as np
 
 from cuspline.stock.distance_kernels import piece_distance
 from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X1, Z0, Z1
-from cuspline.stock.tree import CORNER_RADIUS, FIRST_PIECE, FLAT_RADIUS, PIECES, nearest_piece, work
+from cuspline.stock.rays import UPRIGHT_ARRAYS, nearest, scratch
+from cuspline.stock.tilted_tree import one_distance
+from cuspline.stock.tree import CORNER_RADIUS, FIRST_PIECE, FLAT_RADIUS, PIECES
 from cuspline.surfaces.enclosures import S_HIGH, S_LOW, T_HIGH, T_LOW
 from cuspline.surfaces.face_pieces import ACROSS, INSIDE, OUTSIDE, trim_state
 from cuspline.surfaces.offset_pieces import MIDDLE, OFF_BY, SIDE_S, SIDE_T, offset_of_piece
@@ -61,8 +64,8 @@ def _straightened(g, rc, px, py, pz, out):
 
 
 @njit
-def _tool_of(piece, forest):
-    trees = forest[2]
+def _tool_of(piece, world):
+    trees = world[2]
     for k in range(len(trees)):
         if trees[k, FIRST_PIECE] <= piece < trees[k, FIRST_PIECE] + trees[k, PIECES]:
             return k
@@ -85,26 +88,37 @@ def _remembered(piece, near):
 
 
 @njit
-def _corner_distances(cell, near, forest, line, corners):
+def _convex_distance(x, y, z, piece, line, tool, world, search):
+    """Convex distance to a piece: of the `line` that stands for it, or of the sub-step that it is."""
+    behind = len(world[0])
+    if piece < behind:
+        return piece_distance(x, y, z, line, tool[FLAT_RADIUS], tool[CORNER_RADIUS])
+    return one_distance(x, y, z, piece - behind, world[UPRIGHT_ARRAYS:], math.inf, search[2])[0]
+
+
+@njit
+def _corner_distances(cell, near, world, search, line, corners):
     """Distances of a cell's four corners to the pieces remembered that reach into it: (NEAR, 4) filled, how many."""
-    geometry, tools = forest[0], forest[3]
+    geometry, tools = world[0], world[3]
     reach, count = 0.0, 0
+    none = np.zeros(2)
     for i in range(2):
         a = cell[3 + 3 * i:6 + 3 * i]
         reach += math.sqrt(a[X] * a[X] + a[Y] * a[Y] + a[Z] * a[Z])
     for i in range(near[COUNT]):
         piece = near[REMEMBERED + i]
-        tool = _tool_of(piece, forest)
-        flat, rc = tools[tool, FLAT_RADIUS], tools[tool, CORNER_RADIUS]
-        _straightened(geometry[piece], rc, cell[MIDDLE + X], cell[MIDDLE + Y], cell[MIDDLE + Z], line)
-        if piece_distance(cell[MIDDLE + X], cell[MIDDLE + Y], cell[MIDDLE + Z], line, flat, rc) > reach:
+        tool = none
+        if piece < len(geometry):
+            tool = tools[_tool_of(piece, world)]
+            _straightened(geometry[piece], tool[CORNER_RADIUS], cell[MIDDLE + X], cell[MIDDLE + Y], cell[MIDDLE + Z], line)
+        if _convex_distance(cell[MIDDLE + X], cell[MIDDLE + Y], cell[MIDDLE + Z], piece, line, tool, world, search) > reach:
             continue
         for j in range(4):
             s, t = (1.0 if j & 1 else -1.0), (1.0 if j & 2 else -1.0)
-            corners[count, j] = piece_distance(cell[MIDDLE + X] + s * cell[SIDE_S + X] + t * cell[SIDE_T + X],
-                                               cell[MIDDLE + Y] + s * cell[SIDE_S + Y] + t * cell[SIDE_T + Y],
-                                               cell[MIDDLE + Z] + s * cell[SIDE_S + Z] + t * cell[SIDE_T + Z], line,
-                                               flat, rc)
+            corners[count, j] = _convex_distance(cell[MIDDLE + X] + s * cell[SIDE_S + X] + t * cell[SIDE_T + X],
+                                                 cell[MIDDLE + Y] + s * cell[SIDE_S + Y] + t * cell[SIDE_T + Y],
+                                                 cell[MIDDLE + Z] + s * cell[SIDE_S + Z] + t * cell[SIDE_T + Z], piece,
+                                                 line, tool, world, search)
         count += 1
     return count
 
@@ -178,39 +192,38 @@ def _into(frame, cell):
 
 
 @njit
-def _searched(cell, forest, near, search, corner):
+def _searched(cell, world, near, search, corner):
     """Remember the piece nearest to a place by a cell (corner 0..3, middle 4); its distance, and whether it is new."""
     s, t = (BEYOND if corner & 1 else -BEYOND), (BEYOND if corner & 2 else -BEYOND)
     if corner == 4:
         s, t = 0.0, 0.0
     hint = near[REMEMBERED] if near[COUNT] > 0 else -1
-    d, piece = nearest_piece(cell[MIDDLE + X] + s * cell[SIDE_S + X] + t * cell[SIDE_T + X],
-                             cell[MIDDLE + Y] + s * cell[SIDE_S + Y] + t * cell[SIDE_T + Y],
-                             cell[MIDDLE + Z] + s * cell[SIDE_S + Z] + t * cell[SIDE_T + Z], forest, hint, search[0],
-                             search[1], math.inf)
+    d, piece, _ = nearest(cell[MIDDLE + X] + s * cell[SIDE_S + X] + t * cell[SIDE_T + X],
+                          cell[MIDDLE + Y] + s * cell[SIDE_S + Y] + t * cell[SIDE_T + Y],
+                          cell[MIDDLE + Z] + s * cell[SIDE_S + Z] + t * cell[SIDE_T + Z], world, hint, search)
     return d, piece >= 0 and _remembered(piece, near)
 
 
 @njit
-def _is_cut(cell, near, forest, search, line, corners, mean):
+def _is_cut(cell, near, world, search, line, corners, mean):
     """(a proof that the whole cell is cut away was found, distance of its middle if that is positive, else 0)."""
     enough = -cell[OFF_BY]
-    count = _corner_distances(cell, near, forest, line, corners)
+    count = _corner_distances(cell, near, world, search, line, corners)
     if least_largest(corners, count, enough, mean) <= enough:
         return True, 0.0
-    d, more = _searched(cell, forest, near, search, 4)
+    d, more = _searched(cell, world, near, search, 4)
     if d > 0.0:
         return False, d
     for corner in range(4):
-        more |= _searched(cell, forest, near, search, corner)[1]
+        more |= _searched(cell, world, near, search, corner)[1]
     if not more:
         return False, 0.0
-    count = _corner_distances(cell, near, forest, line, corners)
+    count = _corner_distances(cell, near, world, search, line, corners)
     return least_largest(corners, count, enough, mean) <= enough, 0.0
 
 
 @njit
-def _is_deep_in_one(cell, near, forest, search, line, corners, mean):
+def _is_deep_in_one(cell, near, world, search, line, corners, mean):
     """Whether the cell is proven by the piece nearest to a place above it.
 
     All cutters with a flat bottom that stand over a cell are as near, those that end beside it, too; higher up they
@@ -219,9 +232,9 @@ def _is_deep_in_one(cell, near, forest, search, line, corners, mean):
     if not cell[OFF_BY] < math.inf:
         return False
     cell[MIDDLE + Z] += LIFT_MM
-    more = _searched(cell, forest, near, search, 4)[1]
+    more = _searched(cell, world, near, search, 4)[1]
     cell[MIDDLE + Z] -= LIFT_MM
-    count = _corner_distances(cell, near, forest, line, corners) if more else 0
+    count = _corner_distances(cell, near, world, search, line, corners) if more else 0
     return count > 0 and least_largest(corners, count, -cell[OFF_BY], mean) <= -cell[OFF_BY]
 
 
@@ -244,7 +257,7 @@ def _cuts_second(cell, box):
 
 
 @njit
-def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm, room, out):
+def _prove_root(surface, trims, frame, world, patch, root, height_mm, floor_mm, room, out):
     """Cells looked at, cells given up, written to out (ROOM, 7): box, reason, whether its middle is on the face, area.
 
     More than ROOM given up: the rest was not looked at.
@@ -253,7 +266,7 @@ def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm,
     row = patches[patch]
     room_of_cell, near, line, corners, mean, place = room
     near[COUNT], near[OLDEST] = 0, 0
-    search = work()
+    search = scratch()
     todo, deep = np.empty((DEEPEST + 2, 4)), np.zeros(DEEPEST + 2, np.int64)
     whole, cell = np.zeros(DEEPEST + 2, np.bool_), np.empty(10)
     put(todo[0], root)
@@ -270,7 +283,7 @@ def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm,
         _into(frame, cell)
         proven, above = False, 0.0
         if cell[OFF_BY] < math.inf:
-            proven, above = _is_cut(cell, near, forest, search, line, corners, mean)
+            proven, above = _is_cut(cell, near, world, search, line, corners, mean)
         if proven:
             continue
         on_face = state == INSIDE
@@ -281,7 +294,7 @@ def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm,
         b = math.sqrt(cell[SIDE_T + X] * cell[SIDE_T + X] + cell[SIDE_T + Y] * cell[SIDE_T + Y]
                       + cell[SIDE_T + Z] * cell[SIDE_T + Z])
         small = 2.0 * max(a, b) <= floor_mm or depth >= DEEPEST
-        if small and above == 0.0 and _is_deep_in_one(cell, near, forest, search, line, corners, mean):
+        if small and above == 0.0 and _is_deep_in_one(cell, near, world, search, line, corners, mean):
             continue
         if small or (above > 0.0 and on_face):
             if given < ROOM:
@@ -300,12 +313,12 @@ def _prove_root(surface, trims, frame, forest, patch, root, height_mm, floor_mm,
     return cells, given
 
 
-def prove_roots(surface, trims, frame, forest, patch, boxes, height_mm):
+def prove_roots(surface, trims, frame, world, patch, boxes, height_mm):
     """Prove roots, cells (n, 4) of patches (n,), to be cut away at a height above the face.
 
     Args:
         surface: PatchSet.arrays.   trims: TrimSet.arrays.   frame: (4, 3) rotation over origin, see frames.Frame.
-        forest: of swept.forest_of, WCS.
+        world: of swept.world_of, WCS.
         height_mm: above the face.
     Returns:
         cells looked at (n,), cells given up (n,): more than ROOM where a root must be halved and proven anew, and those
@@ -313,17 +326,17 @@ def prove_roots(surface, trims, frame, forest, patch, boxes, height_mm):
     """
     n = len(patch)
     cells, given, out = np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, ROOM, 7))
-    in_blocks(_prove_roots, n, ROOTS, surface, trims, frame, forest, patch, boxes, height_mm, FLOOR_MM, cells, given, out)
+    in_blocks(_prove_roots, n, ROOTS, surface, trims, frame, world, patch, boxes, height_mm, FLOOR_MM, cells, given, out)
     return cells, given, out
 
 
 @njit
-def _prove_roots(surface, trims, frame, forest, patch, boxes, height_mm, floor_mm, cells, given, out, first, last):
+def _prove_roots(surface, trims, frame, world, patch, boxes, height_mm, floor_mm, cells, given, out, first, last):
     widest = 0
     for k in range(len(surface.patch)):
         widest = max(widest, surface.patch[k, DEGREE_U], surface.patch[k, DEGREE_V])
     room = (np.empty((widest + 1, widest + 1, 4)), np.empty(NEAR + 2, np.int64), np.empty(12), np.empty((NEAR, 4)),
             np.empty(4), np.empty(2))
     for k in range(first, last):
-        cells[k], given[k] = _prove_root(surface, trims, frame, forest, patch[k], boxes[k], height_mm, floor_mm, room,
+        cells[k], given[k] = _prove_root(surface, trims, frame, world, patch[k], boxes[k], height_mm, floor_mm, room,
                                          out[k])

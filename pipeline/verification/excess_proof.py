@@ -8,15 +8,15 @@ its parts are.  A middle that is not cut away is a place that stands higher: it 
 
 What is left without a proof, and counted: cells whose middle is excess, or cannot be reached; cells as small as
 FLOOR_MM, which lie at rims where passes end with the face, round excess, at poles, and where what two clampings have
-cut meets (each is asked alone).  A proof knows upright ball, bull nose and flat cutters, not what others cut.  Pieces
-of path lie off the posted path by its `error_mm`.
+cut meets (each is asked alone).  A proof knows upright ball, bull nose and flat cutters, and any cutter while its axis
+keeps its direction, not what others cut.  Pieces of path lie off the posted path by its `error_mm`.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.stock.swept import forest_of, upright_paths
+from cuspline.stock.swept import SweptPath, world_of
 from cuspline.surfaces.face_pieces import halves, in_face_parameters
 from cuspline.surfaces.sampling import served_pieces
 from cuspline.verification.excess_kernels import ABOVE, ROOM, prove_roots
@@ -35,7 +35,7 @@ REASONS = ("excess", "unreachable", "rim", "inside")
 class ExcessProof:
     """What is proven of the stock on some faces, part coordinates."""
 
-    height_mm: float          # no place stands higher, but for the areas below; NaN: no upright cutter, nothing proven
+    height_mm: float          # no place stands higher, but for the areas below; NaN: no cutter it knows, nothing proven
     cells: int                # looked at
     unproven_mm2: dict        # reason -> area, at most: see REASONS
     higher_mm: np.ndarray     # (n, 3) places that stand higher than allowed
@@ -96,15 +96,20 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
     Returns:
         ExcessProof.
     """
-    posed = {p.tool.number: p.tool.cutter.type for c in cuts for p in c.paths if not upright_paths((p,))}
-    uncovered = tuple(f"T{n}, {kind}: only upright ball, bull nose and flat cutters are known to the proof"
-                      for n, kind in sorted(posed.items()))
+    turning = {p.tool.number: p.tool.cutter.type for c in cuts for p in c.paths if not _is_known(p)}
+    uncovered = tuple(f"T{n}, {kind}: its axis turns as it moves, which the proof does not know"
+                      for n, kind in sorted(turning.items()))
     search = _Search(ground, allowed_mm, deviation_of, is_reachable)
-    upright = [replace(c, paths=upright_paths(c.paths)) for c in cuts if upright_paths(c.paths)]
-    if not upright:
+    known = [replace(c, paths=tuple(p for p in c.paths if _is_known(p))) for c in cuts if any(map(_is_known, c.paths))]
+    if not known:
         return ExcessProof(height_mm=np.nan, cells=0, higher_mm=np.zeros((0, 3)), amount_mm=np.zeros(0),
                            unproven_mm2={**dict.fromkeys(REASONS, 0.0), "inside": area_mm2}, uncovered=uncovered)
-    return replace(search.run(upright, min(known_mm, allowed_mm)), uncovered=uncovered)
+    return replace(search.run(known, min(known_mm, allowed_mm)), uncovered=uncovered)
+
+
+def _is_known(path):
+    """Whether what each piece of a path sweeps is convex."""
+    return isinstance(path, SweptPath) or path.is_steady
 
 
 class _Search:
@@ -138,10 +143,10 @@ class _Search:
 
     def _proven_by(self, cut, todo, is_last):
         """Cells that this cut proves nothing of; of the last one: none, they are counted."""
-        forest, failed, failed_at = forest_of(cut.paths), [], self.height
+        world, failed, failed_at = world_of(cut.paths), [], self.height
         frame = np.vstack([cut.frame.rotation, cut.frame.origin_mm])
         for _ in range(ROUNDS if len(todo) else 0):
-            given, crowded = self._given_up(frame, forest, todo)
+            given, crowded = self._given_up(frame, world, todo)
             again, rest = self._judged(given)
             failed.append(rest)
             todo = _Cells.joined([crowded.halved(), again])
@@ -154,14 +159,14 @@ class _Search:
             self._count(left)
         return left
 
-    def _given_up(self, frame, forest, todo):
+    def _given_up(self, frame, world, todo):
         """Cells that could not be proven, and roots of too many of them."""
-        parts = [self._given_up_of(frame, forest, todo.only(slice(k, k + BATCH))) for k in range(0, len(todo), BATCH)]
+        parts = [self._given_up_of(frame, world, todo.only(slice(k, k + BATCH))) for k in range(0, len(todo), BATCH)]
         return tuple(_Cells.joined(column) for column in zip(*parts))
 
-    def _given_up_of(self, frame, forest, todo):
+    def _given_up_of(self, frame, world, todo):
         patches, trims = self.ground.patches, self.ground.trims
-        cells, count, out = prove_roots(patches.arrays, trims.arrays, frame, forest, todo.patch, todo.box, self.height)
+        cells, count, out = prove_roots(patches.arrays, trims.arrays, frame, world, todo.patch, todo.box, self.height)
         self.cells += int(cells.sum())
         crowded = count > ROOM
         rows, places = np.nonzero(np.arange(ROOM) < np.where(crowded, 0, count)[:, None])

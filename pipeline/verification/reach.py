@@ -3,7 +3,7 @@
 import numpy as np
 
 from cuspline.stock.tree import morton_order
-from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
+from cuspline.toolpaths.drop.dropcutter import DropMesh, is_held_above
 
 TOLERANCE_MM = 0.005      # a ball smaller by this must fit: curvature equal to the ball's is reachable
 LEVEL = -1e-6             # normals below this point downward
@@ -35,7 +35,6 @@ def why_unreachable(mesh, points_mm, normals, ball_radius_mm):
     center = points_mm + ball_radius_mm * normals
     small = ball_radius_mm - TOLERANCE_MM
     order = morton_order(np.column_stack([center[:, :2], np.zeros(len(center))]))
-    tips = np.empty(len(center))
-    tips[order] = drop_tips_mm(mesh, center[order, :2], small, small)
-    return np.where(normals[:, 2] < LEVEL, DOWNWARD,
-                    np.where(tips > center[:, 2] - small, TOO_NARROW, REACHABLE))
+    held = np.empty(len(center), bool)
+    held[order] = is_held_above(mesh, center[order, :2], small, small, center[order, 2] - small)
+    return np.where(normals[:, 2] < LEVEL, DOWNWARD, np.where(held, TOO_NARROW, REACHABLE))

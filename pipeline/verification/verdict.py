@@ -46,6 +46,7 @@ from cuspline.verification.text_checks import path_tolerance_mm
 from cuspline.verification.true_depths import largest_true_mm
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
+OF_THE_RESULT = ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm", "gaps_mm")     # bounds of gouge and cusp
 TRACING_MM = 1e-7         # length of a traced ray
 PROVEN_SHARE = 1 / 3      # of the allowed gouge: how near to the truth the certificate's bounds come
 FINEST_MM = 2e-4          # the finest that they are asked for
@@ -238,6 +239,11 @@ class _Part:
         return self.closest or ClosestTree.of_faces(brep.faces_of(self.solid))
 
     @cached_property
+    def gap_mm(self):
+        """How far faces lie apart along their edges, where that is more than rounding."""
+        return brep.widest_gap(self.solid)[0]
+
+    @cached_property
     def path_error_mm(self):
         return max((p.error_mm for c in self.piece.cuts for p in c.paths), default=0.0)
 
@@ -328,7 +334,8 @@ def _judged(part, c, found, own, judging, joined):
     history = _replayed(part, c, judging)
     say(f"{c.name}: certificate of {moves}")
     proven = certify(c.program.posted, tools, part_in_wcs(part.solid, c.program.setup.frame),
-                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), skin_mm=finish.plating_mm, kept=kept)
+                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), skin_mm=finish.plating_mm,
+                     solid=brep.seen_from(brep.the_solid(part.solid), c.program.setup.frame), kept=kept)
     say(f"{c.name}: cusps beside {len(c.samples):,} samples")
     cusps = _cusps(part, c, found)
     say(f"{c.name}: proof of what stands between the samples")
@@ -340,7 +347,8 @@ def _judged(part, c, found, own, judging, joined):
     bounds = {"path_mm": part.path_error_mm, "tracing_mm": TRACING_MM, "post_rounding_mm": c.options.post_rounding_mm,
               "path_tolerance_mm": path_tolerance_mm(c.program.posted, machine),
               "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm,
-              **({"stock_mm": part.piece.blank.error_mm} if part.piece.blank.error_mm else {})}
+              **({"stock_mm": part.piece.blank.error_mm} if part.piece.blank.error_mm else {}),
+              **({"gaps_mm": part.gap_mm} if part.gap_mm else {})}
     bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
     true_mm = partial(_true_mm, part, c, found)
     report = Reporter(c.program, finish, found, own, true_mm)
@@ -492,7 +500,7 @@ def _numbers(found, solid_view, finish, bounds, history, true_mm):
         "cusp_p99_mm": max(0.0, weighted_percentile(d[finished], found.samples.weight_mm2[finished], 0.99)),
         "gouge_volume_mm3": solid_view.gouge.mm3, "gouge_volume_bound_mm3": solid_view.gouge.bound_mm3,
         "excess_volume_mm3": solid_view.excess.mm3, "excess_volume_bound_mm3": solid_view.excess.bound_mm3,
-        "error_bound_mm": _sum([bounds[k] for k in ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm")]),
+        "error_bound_mm": _sum([bounds[k] for k in OF_THE_RESULT if k in bounds]),
         "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
         "area_reached_mm2": area(fair & (d <= allowed_mm(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
         "unreachable": unreachable_places(found),

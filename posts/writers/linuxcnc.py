@@ -14,6 +14,7 @@ EXTENSION = "ngc"
 READER = "rs274_reader"
 TOOL_TABLE = "tools.tbl"
 TOLERANCE_DECIMALS = 7
+BLEND_SHARE = 0.5         # of the path tolerance, for P: blends begin on a servo cycle, and leave the path by up to twice P
 comment = in_brackets
 
 
@@ -58,7 +59,7 @@ class _LinuxCNC(Dialect):
             writer.comment(line)
         writer.block(UNIT_WORD[control.units])
         writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80", "G92.1")
-        writer.block("G64", "P" + writer.length(control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
+        writer.block("G64", "P" + writer.length(BLEND_SHARE * control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
         writer.block(program.wcs)
 
     def up(self, writer):

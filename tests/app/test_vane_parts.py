@@ -1,6 +1,7 @@
 """A short vane end to end: planned, posted, read back, simulated, compared; and what is written beside it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from cuspline.kernel import brep
 from cuspline.replay.replay import replay
 from cuspline.replay.scene import FoundStock, Surroundings
 from cuspline.values.errors import DesignError, PlanError
+from cuspline.values.frames import Frame
+from cuspline.verification.certificate import certify, gouges_beyond, part_in_wcs
 from cuspline.verification.verdict import Options
 
 
@@ -122,6 +125,18 @@ def test_an_aperture_too_wide_for_a_frequency_is_refused_with_the_cell_and_what_
         table_of(RfqVane(**PROTONS, frequency_mhz=440))
 
 
+def test_steep_cells_are_finished_by_arcs_and_sections_where_arcs_leave_too_much(tmp_path):
+    """3 mm of a steep cell at 5 um: without the sections 17 um are left beside the mid-plane."""
+    design, folder = made(tmp_path / "out", "from_mm=1014", "to_mm=1017", "ball_mm=6", "scallop_mm=0.005",
+                          "strategy=transverse_arcs", "rest=sections", stage="gcode")
+    operations = json.loads((folder / "plan.json").read_text())["setups"][0]["operations"]
+    assert [o["name"] for o in operations][-2:] == ["finish", "rest finish"]
+    assert operations[-2]["cut_map"]["general"]["highest_mm"] > 0.01
+    coarse = Options(spacing_mm=0.25, solid_pitch_mm=0.4, replay_pitch_mm=0.5)
+    verify = judge(folder, read_job(folder), options=coarse).as_dict(())
+    assert verify["ok"] and verify["gouge_max_mm"] < 0.001 and verify["excess_proven_mm"] <= 0.005
+
+
 def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
     """Nearly level cells: what arcs leave beside the mid-plane is nothing there, and the disc keeps the finish."""
     design, folder = made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100",
@@ -139,6 +154,22 @@ def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
     assert judged.verdict.setups[0].findings == () and verify["setups"][0]["holder_clearance_mm"] == pytest.approx(1.0)
     assert verify["gouge_max_mm"] < 0.001 and 0.008 < verify["cusp_max_mm"] < 0.0125
     assert verify["area_reached_mm2"] == pytest.approx(verify["area_required_mm2"])
+    # the proofs know the disc: nothing is left out but the moves before the first known place, and they are near the truth
+    proof = verify["setups"][0]["sampling"]
+    assert proof["not_covered"] == [] and max(proof["unproven_mm2"].values()) == 0
+    assert verify["excess_max_mm"] <= verify["excess_proven_mm"] < 1.05 * verify["excess_max_mm"]
+    assert verify["gouge_max_mm"] <= verify["gouge_proven_mm"] < 0.001
+    assert verify["setups"][0]["certificate"]["not_covered"] == {"the program does not say where the move begins or ends": 2}
+    # 2 um into the metal
+    job, tools = read_job(folder), read_tools(folder)
+    setup = job.posted[0].setup
+    moves = posted_moves(((folder / "setup-1.ngc").read_text(),), setup, job.machine, tools)
+    low = {name: getattr(moves, name) - (0.0, 0.0, 0.002) for name in ("start_mm", "end_mm", "center_mm")}
+    solid = brep.seen_from(brep.the_solid(brep.read_step(folder / job.step)), setup.frame)
+    here, there = (certify(m, tools, part_in_wcs(solid, Frame.shift((0, 0, 0))), solid=solid, tolerance_mm=4e-4)
+                   for m in (moves, replace(moves, **low)))
+    assert gouges_beyond(here, 0.001) == () and 0.002 <= there.proven_mm < 0.0025
+    assert {moves.kind[g.row] >= 2 for g in gouges_beyond(there, 0.001)} == {True}
 
 
 def test_a_disc_that_would_meet_the_jaws_is_refused(tmp_path):

@@ -197,8 +197,8 @@ def test_every_finding_of_verify_json_says_whether_it_was_accepted(boss, tmp_pat
 
 
 def test_the_bound_is_none_where_the_text_sets_no_path_tolerance(boss, tmp_path):
-    folder = edited(boss, tmp_path / "a", lambda text: text.replace("G64 P0.001 Q0\n", ""))
+    folder = edited(boss, tmp_path / "a", lambda text: text.replace("G64 P0.0005 Q0\n", ""))
     found = judging.judge(folder, boss.job, options=COARSE)
     assert found.as_dict(())["error_bound_mm"] is None and "bound unknown" in found.figures_in_words
-    wide = edited(boss, tmp_path / "b", lambda text: text.replace("G64 P0.001 Q0", "G64 P0.5"))
-    assert judging.judge(wide, boss.job, options=COARSE).as_dict(())["error_bound_mm"] == pytest.approx(1.0, abs=1e-4)
+    wide = edited(boss, tmp_path / "b", lambda text: text.replace("G64 P0.0005 Q0", "G64 P0.5"))
+    assert judging.judge(wide, boss.job, options=COARSE).as_dict(())["error_bound_mm"] == pytest.approx(1.5, abs=1e-4)

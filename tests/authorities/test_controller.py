@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cuspline.app.catalogue import find_machine
 from cuspline.posts.readers.rs274_reader import read_program
 from cuspline.shop.machines import Control, LinearAxis, Machine, Spindle
 
@@ -50,6 +51,24 @@ def test_the_machine_stays_within_the_tolerance_of_g64(drive, tolerance_mm):
     assert run.is_finished and run.errors == ()
     assert 0.3 * tolerance_mm < run.deviation_mm <= tolerance_mm     # it uses it, and no more
     assert run.end_gap_mm < 1e-9
+
+
+@pytest.mark.controller
+@pytest.mark.parametrize("p_mm, is_left_by_more", [(0.001, True), (0.0005, True), (0.0002, True), (0.01, False)])
+def test_finishing_passes_are_left_by_more_than_p_and_no_more_than_the_reader_counts(tmp_path, p_mm, is_left_by_more):
+    """Arcs with square corners to the next pass, then a wave in short lines, on the default machine."""
+    machine, path = find_machine("mill_3axis"), tmp_path / "program.ngc"
+    there, back = ("G18 G2 X0 Z42.1 I-38.2456 K-8.1293 F2292", "G18 G3 X38.2456 Z11.1293 I0 K-39.1 F2292")
+    passes = [line for k in range(6) for line in (f"G1 X38.2456 Y{k + 0.3333} Z11.1293 F1212", there, f"G1 Y{k + 1}", back)]
+    x = np.arange(38, 8, -1.0)
+    wave = [f"G1 X{x:.4f} Z{z:.4f} F2500" for x, z in zip(x, 11 + 2 * np.cos(x / 4))]
+    text = "\n".join([HEADER.format(tolerance=f"{p_mm:.4f} Q0") + "Z50", *passes, *wave, END])
+    path.write_text(text)
+    run = run_on_controller(path, TOOLS, machine)
+    assert run.is_finished and run.errors == ()
+    counted = read_program(text, work_offsets={}, tool_lengths=TOOLS).path_tolerance_mm[-1]
+    assert run.deviation_mm <= counted
+    assert not is_left_by_more or run.deviation_mm > p_mm
 
 
 @pytest.mark.controller

@@ -12,6 +12,7 @@ from .linuxcnc.controller import run_on_controller
 
 MM_PER_INCH = 25.4
 SLACK_MM = 1e-4             # arcs whose rounded ends differ in radius
+FINISHING = "(OPERATION 2"  # and all after it
 ROUGHING_SLACK_MM = 0.015  # LinuxCNC blends short arcs and blocks of roughing wider than asked; the allowance is 0.3 mm
 TIME_SHARE = 0.15           # the estimate knows no servo cycles
 
@@ -40,6 +41,18 @@ def test_the_tool_table_in_inches_holds_the_same_lengths(default_part_in_inches)
 
 
 @pytest.mark.controller
+def test_the_controller_leaves_the_narrow_part_by_no_more_than_the_error_bound_counts(default_part):
+    """Half of its passes end in a corner to the next one, where blends meet a servo cycle."""
+    machine = find_machine("mill_3axis")
+    tools = {n: t.length_mm for n, t in read_tools(default_part).items()}
+    run = run_on_controller(default_part / "setup-1.ngc", tools, machine)
+    lines = (default_part / "setup-1.ngc").read_text().splitlines()
+    finishing = next(k for k, line in enumerate(lines, 1) if line.startswith(FINISHING))
+    counted = json.loads((default_part / "verify.json").read_text())["error_bounds_mm"]["path_tolerance_mm"]
+    assert run.is_finished and run.distance_mm[run.line >= finishing].max() <= counted == machine.control.path_tolerance_mm
+
+
+@pytest.mark.controller
 def test_the_controller_keeps_the_path_tolerance_and_the_predicted_time(whole_default_part):
     machine = find_machine("mill_3axis")
     tools = {n: t.length_mm for n, t in read_tools(whole_default_part).items()}
@@ -47,7 +60,7 @@ def test_the_controller_keeps_the_path_tolerance_and_the_predicted_time(whole_de
     assert run.is_finished and run.errors == ()
     operations = json.loads((whole_default_part / "plan.json").read_text())["setups"][0]["operations"]
     lines = (whole_default_part / "setup-1.ngc").read_text().splitlines()
-    finishing = next(k for k, line in enumerate(lines, 1) if line.startswith("(OPERATION 2"))
+    finishing = next(k for k, line in enumerate(lines, 1) if line.startswith(FINISHING))
     predicted_s = sum(o["time_s"] for o in operations)
     print(f"deviation {run.deviation_mm:.6f} mm at line {run.deviation_line}, moving {run.moving_s:.1f} s, "
           f"predicted {predicted_s:.1f} s, ratio {run.moving_s / predicted_s:.4f}")

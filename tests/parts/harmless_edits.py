@@ -284,7 +284,7 @@ def exact_stop(sheet, rng):
 
 @harmless
 def closer_path_tolerance(sheet, rng):
-    p = f"{0.0005 / sheet.unit_mm:.7f}"
+    p = f"{0.0002 / sheet.unit_mm:.7f}"
     return None if sheet.is_fanuc else each_line(sheet, lambda line: re.sub(r"G64 P\S+ Q0", f"G64 P{p} Q{p}", line))
 
 

@@ -267,7 +267,9 @@ def wide_path_tolerance(sheet, rng):
     if not lines:
         return None
     p, q = (round(float(v), 4) for v in rng.uniform(0.01, 0.9, 2))
-    words, total = pick(rng, [(f"P{p}", 2 * p), (f"P{p} Q{q}", p + q), (f"P{p} Q0", p), (f"P0.00001 Q{q}", q + 1e-5)])
+    cycle = 5e-4 / sheet.unit_mm            # what the reader counts for a blend's servo cycle at least
+    words, total = pick(rng, [(f"P{p}", 3 * p), (f"P{p} Q{q}", 2 * p + q), (f"P{p} Q0", 2 * p),
+                              (f"P0.00001 Q{q}", q + 1e-5 + cycle)])
     return Spoilt(content=sheet.with_line(lines[0], f"G64 {words}"),
                   expected=at("path_tolerance", first(sheet, cutting(sheet)), amount=total * sheet.unit_mm,
                               within=2e-6))

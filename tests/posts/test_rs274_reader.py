@@ -170,10 +170,10 @@ def test_what_no_move_relies_on_need_not_be_said(text):
 
 
 @pytest.mark.parametrize("said, tolerance_mm", [
-    ("G64 P0.5", 1.0), ("G64 P0.001 Q0.5", 0.501), ("G64 P0.001 Q0", 0.001), ("G61", 0.0), ("G61.1", 0.0), ("", np.inf),
-    ("G20\nG64 P0.001 Q0", 0.0254)])
+    ("G64 P0.5", 1.5), ("G64 P0.001 Q0.5", 0.502), ("G64 P0.001 Q0", 0.002), ("G64 P0.0002 Q0", 0.0007), ("G61", 0.0),
+    ("G61.1", 0.0), ("", np.inf), ("G20\nG64 P0.001 Q0", 0.0508)])
 def test_the_path_tolerance_is_what_the_text_sets(said, tolerance_mm):
-    """Q joins blocks before P blends them, and is P where it is left out."""
+    """Q joins blocks before P blends them, and is P where it is left out; P counts twice, for a blend begins on a servo cycle."""
     assert read(f"G21 G54\n{said}\nG0 X0 Y0 Z0\nG1 X1 F9").path_tolerance_mm[-1] == pytest.approx(tolerance_mm,
                                                                                                   abs=1e-12)
 

@@ -1,5 +1,7 @@
 """The proven height is never below the truth, close to it, and what stands higher is found however small it is."""
 
+from dataclasses import replace
+
 import cadquery as cq
 import numpy as np
 import pytest
@@ -185,13 +187,25 @@ def test_what_cannot_be_reached_is_left_out_and_counted():
     assert 4.0 * 9 < p.unproven_mm2["unreachable"] < 5.2 * 9
 
 
-def test_nothing_is_proven_of_tilted_cutters():
-    lean = np.tile([(0.6, 0.0, 0.8)], (34, 1))
+def leaning(start_axis, end_axis):
+    """A workpiece cut by a ball over the plane, its axis between these two on every move; tips so that it cuts the same."""
+    axes = [np.tile([axis], (34, 1)) for axis in (start_axis, end_axis)]
     moves = raster((-6, 18), YS, 10.0)
-    posted = program((-9, -9, 40), moves, start_axis=lean, end_axis=lean)
-    piece = Workpiece(blank=BoxShape(min_mm=(0, 0, 0), max_mm=(12, 9, 12))).after(HERE, swept_paths(posted, {1: tool("ball", 10)}))
-    p = proof(piece)
+    posted = program((-9, -9, 40), moves, start_axis=axes[0], end_axis=axes[1])
+    shift = R * (np.array([0.0, 0.0, 1.0]) - start_axis)                 # the ball's middle stays where it was
+    posted = replace(posted, start_mm=posted.start_mm + shift, end_mm=posted.end_mm + shift)
+    return Workpiece(blank=BoxShape(min_mm=(0, 0, 0), max_mm=(12, 9, 12))).after(HERE, swept_paths(posted, {1: tool("ball", 10)}))
+
+
+def test_a_ball_that_leans_and_keeps_its_axis_is_proven_as_an_upright_one_is():
+    p = proof(leaning((0.6, 0.0, 0.8), (0.6, 0.0, 0.8)), known=CUSP)
+    assert is_close_above(p.height_mm, CUSP) and p.is_complete and p.uncovered == ()
+
+
+def test_nothing_is_proven_of_cutters_whose_axis_turns():
+    p = proof(leaning((0.6, 0.0, 0.8), (0.0, 0.6, 0.8)))
     assert np.isnan(p.height_mm) and not p.is_complete and p.cells == 0
+    assert p.uncovered == ("T1, ball: its axis turns as it moves, which the proof does not know",)
 
 
 def test_a_tangent_sweeps_no_more_than_its_arc_and_as_much_at_the_place():

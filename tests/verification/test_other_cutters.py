@@ -37,10 +37,9 @@ def test_a_tapered_ball_cuts_a_plane_as_a_ball_does():
     assert v.ok, [f.advice for f in v.findings]
     assert cusp - 4e-4 < v.numbers["cusp_max_mm"] <= cusp + 1e-6 and v.numbers["gouge_max_mm"] < 1e-6
     assert list(v.numbers["certificate"]["not_covered"].values()) == [len(moves)]
-    unproven = v.numbers["sampling"]
-    assert v.numbers["excess_proven_mm"] is None and unproven["unproven_mm2"]["inside"] == pytest.approx(48.0, abs=1e-3)
-    assert unproven["not_covered"] == [
-        "T1, tapered_ball: only upright ball, bull nose and flat cutters are known to the proof"]
+    proven = v.numbers["sampling"]
+    assert cusp <= v.numbers["excess_proven_mm"] <= 1.02 * cusp + 2e-4
+    assert proven["unproven_mm2"]["inside"] == 0 and proven["not_covered"] == []
 
 
 def dovetail_slot(depth=3.0, wide=6.0, taper_deg=10.0):

@@ -80,10 +80,10 @@ def test_the_feed_per_tooth_has_a_limit_that_goes_with_the_diameter():
 
 def test_a_path_tolerance_as_wide_as_the_allowed_gouge_is_no_finding_and_a_wider_one_is():
     cut = "S9000 M3\nG0 X0 Y0\nZ5\nG1 X9 F500"
-    assert found("G64 P0.003 Q0\n" + cut) == []
-    assert found("G64 P0.0031 Q0\n" + cut) == [("path_tolerance", 0.0031, 11)]
+    assert found("G64 P0.0015 Q0\n" + cut) == []
+    assert found("G64 P0.00155 Q0\n" + cut) == [("path_tolerance", 0.0031, 11)]
     assert path_tolerance_mm(posted("G64 P0.5 Q0\nG0 X0 Y0\nZ5\nG64 P0.002 Q0\nG1 X9 F500"),
-                             MILL) == pytest.approx(0.002)
+                             MILL) == pytest.approx(0.004)
 
 
 def test_what_fanucs_control_does_at_corners_is_what_the_machine_states():

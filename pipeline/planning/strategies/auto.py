@@ -1,8 +1,10 @@
 """Auto: from the stock to the finish, all chosen by curvature: what a setup does that lists no operations."""
 
 import math
+from dataclasses import replace
 from typing import Literal
 
+import numpy as np
 from pydantic import Field
 
 from cuspline.design.operations import Finishing
@@ -11,6 +13,10 @@ from cuspline.planning.context import FinishingStage
 from cuspline.planning.cutter_choice import choose_ball, choose_rest_ball
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
+from cuspline.values.errors import CutterDoesNotFit, ToolpathError
+
+SWEPT = 1e-6                # of a unit normal along the way on which a face is swept
+ALONG = 0.98                # of a unit normal square to the section planes: passes in them leave such a wall to the next plane
 
 
 class Auto(Finishing):
@@ -22,9 +28,10 @@ class Auto(Finishing):
          |______|    ->     (____)   ->    (__)  where the
          rough              finish          rest is too tight"""
 
-    strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral"] = Field(
-        default="sections", description="finishing passes: arcs and lines in section planes; on any faces: parallel at an angle, "
-        "constant scallop height, along the faces' border, one spiral")
+    strategy: Literal["sections", "parallel", "constant_scallop", "boundary", "spiral"] | None = Field(
+        default=None, description="finishing passes: arcs and lines in section planes; on any faces: parallel at an angle, "
+        "constant scallop height, along the faces' border, one spiral; left out: sections where section_plane is stated or "
+        "all faces are swept along x or y, else parallel")
     section_plane: Literal["ZX", "YZ"] = Field(default="ZX", description="sections: plane in which the finishing passes run")
     pass_angle_deg: float = Field(default=0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
     steep_deg: float = Field(default=65.0, ge=20, le=90, description="walls steeper than this get waterline passes "
@@ -40,7 +47,33 @@ class Auto(Finishing):
         return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.pass_angle_deg))
 
     def plan(self, work):
-        return (_by_sections if self.strategy == "sections" else _free_form)(work)
+        chosen = self if self.strategy is not None else self._chosen(work)
+        work = work if chosen is self else work.of(chosen, work.planned)
+        if chosen.strategy != "sections":
+            return _free_form(work)
+        if (np.abs(work.samples.normal[:, work.plane.across]) > ALONG).any():
+            return _instead(work, f"faces stand along the section plane {chosen.section_plane}")
+        try:
+            return _by_sections(work)
+        except (CutterDoesNotFit, ToolpathError) as error:      # no one ball everywhere, or a section with kinks
+            return _instead(work, error)
+
+    def _chosen(self, work):
+        """The same with a strategy: sections for faces that are swept square to a section plane, parallel for others."""
+        as_sections = lambda plane: self.model_copy(update={"strategy": "sections", "section_plane": plane})
+        if "section_plane" in self.model_fields_set:
+            return as_sections(self.section_plane)
+        for plane, across in (("ZX", 1), ("YZ", 0)):
+            if (np.abs(work.samples.normal[:, across]) < SWEPT).all():
+                return as_sections(plane)
+        return self.model_copy(update={"strategy": "parallel"})
+
+
+def _instead(work, why):
+    """Parallel passes where sections cannot be: a chain of balls goes where it can."""
+    parallel = work.operation.model_copy(update={"strategy": "parallel"})
+    made, reached = _free_form(work.of(parallel, work.planned))
+    return [replace(o, facts={**o.facts, "instead_of": f"sections: {why}"}) for o in made], reached
 
 
 def _semi_finish(practice):

@@ -16,7 +16,7 @@ from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, DS, DT, IS_RATIONAL, O
 from cuspline.surfaces.trims import TrimSet
 from cuspline.toolpaths.contact.contacts import checked_radii_mm
 from cuspline.toolpaths.contact.leaf_rows import PartArrays
-from cuspline.toolpaths.drop.patch_bounds import EDGE, FACE, conversions
+from cuspline.toolpaths.drop.patch_bounds import EDGE, FACE, UPWARD, conversions
 from cuspline.toolpaths.drop.patch_search import ON_PATCH, ON_S, ON_T, STACK, drop_one
 from cuspline.toolpaths.drop.patch_tree import grow_leaves, grow_tree
 from cuspline.values.arrays import for_kernel, frozen
@@ -37,13 +37,15 @@ class ExactPart:
     arrays: PartArrays      # what kernels take
 
     @classmethod
-    def of_solid(cls, solid):
+    def of_solid(cls, solid, upward=UPWARD):
         """All faces and edges of a solid (or of a shell, or of a compound of solids)."""
-        return cls.of_faces(brep.faces_of(brep.wrapped(solid)))
+        return cls.of_faces(brep.faces_of(brep.wrapped(solid)), upward=upward)
 
     @classmethod
-    def of_faces(cls, faces, geometry=None):
+    def of_faces(cls, faces, geometry=None, upward=UPWARD):
         """Given `brep.Face` values, indices in this order; `geometry` = (PatchSet, TrimSet) of them if at hand.
+
+        What looks up by no more than `upward`, the normal's z, is left out.
 
         Raises:
             ToolpathError: no face looks upward and no edge is there: nothing could be touched.
@@ -62,7 +64,7 @@ class ExactPart:
         matrices = np.zeros((most, most, most))
         for n in range(most):
             matrices[n, :n + 1, :n + 1] = conversions(n)
-        rows, tags, points, firsts = grow_leaves(coefficients, patch, span, sign, kind, trims.arrays, matrices)
+        rows, tags, points, firsts = grow_leaves(coefficients, patch, span, sign, kind, trims.arrays, matrices, upward)
         if not len(rows):
             raise ToolpathError("nothing to drop a cutter on: no face of the part looks upward; check the tool axis")
         nodes, first = grow_tree(points, firsts)

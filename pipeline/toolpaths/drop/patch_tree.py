@@ -51,7 +51,6 @@ from cuspline.toolpaths.drop.patch_bounds import (
     PLANAR_MM,
     SMALLEST_MM,
     TURN_RAD,
-    UPWARD,
     bernstein,
     cone_box,
     derivative_reaches,
@@ -68,11 +67,12 @@ CURVED, LEVEL, TILTED = 0, 1, 2
 
 
 @njit(error_model="numpy")
-def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, row, tag, hull):
+def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, upward, row, tag, hull):
     """Describe one box of a patch.
 
     Args:
         box: (4,) middle s, half s, middle t, half t.
+        upward: boxes whose normals have no larger nz are left out.
         row: (24,) and tag (4,) are filled: patch, FACE or EDGE, trim state, CURVED, LEVEL or TILTED plane.
         hull: (du + 1, dv + 1, 3) control points, filled.
     Returns:
@@ -116,7 +116,7 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, ro
     if length > whole:
         sine = whole / length
         top = (z + upright) / (length - whole)
-        if top <= UPWARD:
+        if top <= upward:
             return -1
         x, y, z = x / length, y / length, z / length
     row[NORMAL_CHANGE] = whole
@@ -138,7 +138,7 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, ro
 
 
 @njit(error_model="numpy")
-def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices):
+def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices, upward):
     """All leaves of all patches.
 
     Returns:
@@ -160,7 +160,7 @@ def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices):
             top -= 1
             box, level = stack[top].copy(), depth[top]
             verdict = leaf_row(coefficients, patch[p], span[p], sign[p], patch[p, OF_FACE], box, kinds[p], trims,
-                               mu, mv, row, tag, hull)
+                               mu, mv, upward, row, tag, hull)
             if verdict < 0:
                 continue
             if verdict > 0 and level < MOST_HALVINGS:

@@ -11,7 +11,7 @@ import numpy as np
 from cuspline.toolpaths.freeform.pass_gaps import FARTHEST, WIDEST, too_far
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
 from cuspline.toolpaths.freeform.scallop_region import borders, lines_at
-from cuspline.values.errors import ToolpathError
+from cuspline.values.errors import NotOnePass
 
 TRIES = 6               # of a finer pitch, until the spiral's own kinks hold the height too
 CLIMBS = 8              # Newton steps of a point to its level
@@ -28,11 +28,11 @@ def spiral_curve(ground, is_inward=True):
         PlaneCurve, open; no place lies farther from it than scallops of 1.08 the wanted height allow, as far as the
         grid resolves it.  Where the border has corners the whole pitch is finer for their sake.
     Raises:
-        ToolpathError: the region has islands, or offsets of its border part into several loops.
+        NotOnePass: the region has islands, or offsets of its border part into several loops, or no pitch holds the height.
     """
     rims = borders(ground)
     if len(rims) != 1:
-        raise ToolpathError(f"the region has {len(rims)} borders, and a spiral goes round one; split the region at its "
+        raise NotOnePass(f"the region has {len(rims)} borders, and a spiral goes round one; split the region at its "
                             "islands, or let the passes follow the borders")
     phi = ground.distance(rims)
     deepest = float(phi[ground.is_inside & np.isfinite(phi)].max())
@@ -43,7 +43,7 @@ def spiral_curve(ground, is_inward=True):
         if not seen.any():
             return PlaneCurve(xy_mm=line if is_inward else line[::-1])
         turns = max(math.ceil(turns * min(height[ground.is_inside].max() / WIDEST, 1.25)), turns + 1)
-    raise ToolpathError(f"a spiral of {turns} turns still leaves scallops of {(height[seen].max() / WIDEST) ** 2:.2f} "
+    raise NotOnePass(f"a spiral of {turns} turns still leaves scallops of {(height[seen].max() / WIDEST) ** 2:.2f} "
                         "times the height allowed; let the passes follow the borders")
 
 
@@ -69,7 +69,7 @@ def _loop(ground, phi, level):
     found = lines_at(ground, phi, level)
     closed = [c for c in found if c.is_closed]
     if len(found) != 1 or not closed:
-        raise ToolpathError(f"{level:.1f} passes from its border the region parts into {len(found)} loops, and "
+        raise NotOnePass(f"{level:.1f} passes from its border the region parts into {len(found)} loops, and "
                             "a spiral follows one; split the region there, or let the passes follow the borders")
     line = closed[0].line_mm
     area = (line[:-1, 0] * line[1:, 1] - line[1:, 0] * line[:-1, 1]).sum()

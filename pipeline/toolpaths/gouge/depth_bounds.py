@@ -1,9 +1,10 @@
 """Upper bounds of how deep a piece of a part lies inside a moving cutter, along whatever direction is nearest out.
 
-The cutter with its tip at C holds what lies within rc of the disk of radius a = R - rc at height C_z + rc, and of the
-column above it.  It is convex and open upward, so the depth of a point S is the least over its supporting planes:
+The cutter with its tip at C holds what lies within rc of its core: the column of radius a = R - rc from height C_z + rc
+up to C_z + top, without end (top = inf) where the cutter counts as closed upward.  It is convex, so the depth of a point
+S is the least over its supporting planes:
 
-    depth(D) = min over unit n, n_z <= 0, of  H(n) - n . D,    D = S - C,    H(n) = a |n_xy| + rc + rc n_z
+    depth(D) = min over unit n of  H(n) - n . D,    D = S - C,    H(n) = a |n_xy| + rc + (rc or, where n_z > 0, top) n_z
 
 Any one n (and any mean of several, with the same mean of their H) therefore bounds the depth of all S and C at
 once by H(n) + max(-n . S) + max(n . C).  A bound needs no exact n: one that points out of the cutter near the deepest
@@ -41,11 +42,11 @@ SWEEPS = 8
 
 
 @njit(inline="always", error_model="numpy")
-def depth_at(x, y, z, R, rc):
+def depth_at(x, y, z, R, rc, top):
     """Depth of a point at (x, y, z) from the tip; negative outside: minus the distance."""
     a = R - rc
     d = math.sqrt(x * x + y * y)
-    e, f = d - a, rc - z
+    e, f = d - a, max(rc - z, z - top)
     if e > 0.0 and f > 0.0:
         return rc - math.sqrt(e * e + f * f)
     return rc - max(e, f)
@@ -66,12 +67,13 @@ def _most(m, low, high):
 
 
 @njit(error_model="numpy")
-def node_depth(nodes, k, tips, low, high, box, R, rc, enough):
+def node_depth(nodes, k, tips, low, high, box, R, rc, top, enough):
     """Upper bound of the depth of what node k holds in a cutter whose tip runs through rows low..high of `tips`.
 
     Args:
         nodes: see depth_tree.   tips: (n, 3).
         box: (6,) least and largest x, y, z of these tips.
+        top: of the cutter's core
         enough: no closer bound is looked for once this is reached.
     """
     a = R - rc
@@ -79,7 +81,9 @@ def node_depth(nodes, k, tips, low, high, box, R, rc, enough):
                       nodes[k, Y_HIGH] - box[Y_LOW])
     zh = nodes[k, Z_HIGH] - box[Z_LOW]
     dx, dy = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
-    depth = depth_at(dx, dy, zh, R, rc) + OUTWARD_MM
+    zl = nodes[k, 4] - box[5]
+    middle = min(max(0.5 * (rc + top), zl), zh)
+    depth = depth_at(dx, dy, middle, R, rc, top) + OUTWARD_MM
     if depth <= enough:
         return depth
     x, y, z, c, h = nodes[k, NORMAL + X], nodes[k, NORMAL + Y], nodes[k, NORMAL + Z], nodes[k, TOPMOST], nodes[k, SLANT]
@@ -92,13 +96,15 @@ def node_depth(nodes, k, tips, low, high, box, R, rc, enough):
     is_flat = z > UPRIGHT
     for turn in range(2):
         pz = min(zh, (c_mid - x * px - y * py) / z) if is_flat else zh
+        if zl > top:                            # over the core: as near to it as the node's box reaches
+            pz = zl
         d = math.sqrt(px * px + py * py)
-        e, f = max(d - a, 0.0), max(rc - pz, 0.0)
+        e, f = max(d - a, 0.0), max(rc - pz, 0.0) + min(top - pz, 0.0)
         g = math.sqrt(e * e + f * f)
         if rc > 0.0 and g > 1e-9:
             s = e / (d * g) if e > 0.0 else 0.0
             nx, ny, nz = px * s, py * s, -f / g
-            support = a * e / g + rc + rc * nz
+            support = a * e / g + rc + (rc if f >= 0.0 else top) * nz
         else:                                   # a mean of the side's plane and the bottom's
             ux, uy = (px / d, py / d) if d > 1e-9 else (1.0, 0.0)
             share = 1.0
@@ -107,7 +113,7 @@ def node_depth(nodes, k, tips, low, high, box, R, rc, enough):
                 share = s / (1.0 + s) if s > 0.0 else 0.0
             nx, ny, nz = share * ux, share * uy, share - 1.0
             support = share * R
-        w = -nz / z if is_flat else max(-(nx * x + ny * y + nz * z), 0.0)
+        w = -nz / z if is_flat and nz <= 0.0 else max(-(nx * x + ny * y + nz * z), 0.0)
         mx, my, mz = -nx - w * x, -ny - w * y, -nz - w * z
         bound = (support + w * c + _most(mx, nodes[k, X_LOW], nodes[k, X_HIGH])
                  + _most(my, nodes[k, Y_LOW], nodes[k, Y_HIGH]) + _most(mz, nodes[k, Z_LOW], nodes[k, Z_HIGH])
@@ -115,7 +121,7 @@ def node_depth(nodes, k, tips, low, high, box, R, rc, enough):
         depth = min(depth, bound + OUTWARD_MM)
         if depth <= enough or turn == 1:
             break
-        step = g * z * z if is_flat else g      # Newton's step along the plane
+        step = g * z * z if is_flat and nz <= 0.0 else g      # Newton's step along the plane
         qx, qy = min(max(px + mx * step, xl), xh), min(max(py + my * step, yl), yh)
         if qx == px and qy == py:
             break
@@ -137,14 +143,14 @@ def _piece_value(o, x, y, z, vx, vy, vz, cubic, nx, ny, nz, support):
 
 
 @njit(error_model="numpy")
-def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, bound, normals, at):
+def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, top, bound, normals, at):
     """Upper bound of the depth over a box of a leaf and a stretch of a move.
 
     Args:
         o: (6, 3) point and derivatives in the box's middle, per half side of the box.
         row, tag: of the leaf (see patch_tree).   alpha, beta: half sides of the box in units of the leaf's.
         middle, half: (3,) tip in the middle of the stretch, from there to its end.
-        bound: known so far.
+        top: of the cutter's core   bound: known so far.
         normals: (8,) scratch.
         at: (3,) filled: sigma, tau, theta (-1..1) of a likely deepest point.
     Returns:
@@ -167,29 +173,32 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, bound, norm
                 + (row[REACH_ST] * row[REACH_T] + row[REACH_S] * row[REACH_TT]) * beta)
         nx, ny, nz, sine = nx / n, ny / n, nz / n, turn * alpha * beta / n
         h = math.sqrt(nx * nx + ny * ny)
-        if nz >= 0.0:
-            bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, -nx, -ny, -nz, a * h + rc - rc * nz))
+        if nz >= 0.0 or top < np.inf:
+            bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, -nx, -ny, -nz,
+                                            a * h + rc - (rc if nz >= 0.0 else top) * nz))
         if sine < 1.0 and not _may_hold_deepest(o, row, tag, alpha, beta, x, y, z, vx, vy, vz, nx, ny, nz, h, sine,
-                                                R, rc, bound, normals):
+                                                R, rc, top, bound, normals):
             return -np.inf                      # its edges hold what is deepest
     if a > 0.0:                                 # beside a wall: the plane of the cutter's side at the nearest point
         ux, uy = _nearest_to_axis(o, x, y, vx, vy, at)
         bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, ux, uy, 0.0, R))
-    px, py, pz, s, t, w = _nearest_to_core(o, x, y, z, vx, vy, vz, a, rc)
+    px, py, pz, s, t, w = _nearest_to_core(o, x, y, z, vx, vy, vz, a, rc, top)
     d = math.sqrt(px * px + py * py)
-    e, f = max(d - a, 0.0), max(rc - pz, 0.0)
+    e, f = max(d - a, 0.0), max(rc - pz, 0.0) + min(top - pz, 0.0)
     g = math.sqrt(e * e + f * f)
     if g > 1e-9 and rc > 0.0:                   # the plane of the cutter's corner there
         at[SIGMA], at[TAU], at[THETA] = s, t, w
         m = e / (d * g) if e > 0.0 else 0.0
         return min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, px * m, py * m, -f / g,
-                                       a * e / g + rc - rc * f / g))
+                                       a * e / g + rc - (rc if f >= 0.0 else top) * f / g))
+    if top < np.inf:
+        bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, 0.0, 0.0, 1.0, rc + top))
     ux, uy = (px / d, py / d) if d > 1e-9 else (1.0, 0.0)
     return _bound_inside_core(o, x, y, z, vx, vy, vz, cubic, ux, uy, R, bound)
 
 
 @njit(error_model="numpy")
-def _nearest_to_core(o, x, y, z, vx, vy, vz, a, rc):
+def _nearest_to_core(o, x, y, z, vx, vy, vz, a, rc, top):
     """The deepest point of the linear part, nearest to the cutter's core, one unknown after the other.
 
     Returns:
@@ -201,8 +210,8 @@ def _nearest_to_core(o, x, y, z, vx, vy, vz, a, rc):
     px, py, pz = x, y, z
     for _ in range(SWEEPS):
         d = math.sqrt(px * px + py * py)
-        e, f = max(d - a, 0.0), max(rc - pz, 0.0)
-        if e + f < 1e-9:
+        e, f = max(d - a, 0.0), max(rc - pz, 0.0) + min(top - pz, 0.0)
+        if e + abs(f) < 1e-9:
             break
         m = e / d if e > 0.0 else 0.0
         rx, ry, rz = px * m, py * m, -f
@@ -266,13 +275,14 @@ def _nearest_to_axis(o, x, y, vx, vy, at):
 
 
 @njit(error_model="numpy")
-def _may_hold_deepest(o, row, tag, alpha, beta, x, y, z, vx, vy, vz, nx, ny, nz, h, sine, R, rc, bound, normals):
+def _may_hold_deepest(o, row, tag, alpha, beta, x, y, z, vx, vy, vz, nx, ny, nz, h, sine, R, rc, top, bound, normals):
     """Can a deepest point of a face, not on its border, lie in a box with these normals, at most `bound` deep?
 
     There the cutter, taken smaller all round by the depth, touches the face squarely: its axis stands at
     S_xy + a' h + r' n_xy, h the horizontal direction of the normal n, r' = rc - depth (a' = a), or 0 (a' = R - depth).
+    A point as deep as half the cutter's height, or as its radius, is deepest whatever the face's normal there.
     """
-    if bound >= R:
+    if bound >= min(R, 0.5 * (rc + top)):
         return True
     a = R - rc
     bend = (0.5 * (row[REACH_SS] * alpha * alpha + 2.0 * row[REACH_ST] * alpha * beta + row[REACH_TT] * beta * beta)

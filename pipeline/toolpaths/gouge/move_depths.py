@@ -37,11 +37,11 @@ CHUNK = 16              # runs a thread takes at a time
 SERIAL_RUNS = 32
 
 
-def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_mm):
-    """How deep a point of the part lies inside the cutter at most, at any place along straight moves.
+def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_mm, height_mm=np.inf):
+    """How deep a point of the part's upper faces lies inside the cutter at most, at any place along straight moves.
 
-    The depth of a point is its distance from the cutter's surface (the cutter closed upward), whatever the
-    direction.  The bound stands within the tolerance of the true depth, within half of it where the bound exceeds the
+    The depth of a point is its distance from the cutter's surface (the cutter closed upward unless it has a height),
+    whatever the direction.  The bound stands within the tolerance of the true depth, within half of it where the bound exceeds the
     tolerance, within DEEP_SHARE of the depth where that is more; except where MOST_BOXES do not settle it: there what
     is open counts as cut, the safe side.
 
@@ -50,6 +50,7 @@ def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_m
         start_mm, end_mm: (n, 3) tips, finite; moves that follow one another are best given so.
         radius_mm, corner_radius_mm: R > 0 and rc, 0 (flat) to R (ball).
         tolerance_mm: >= FINEST_MM.
+        height_mm: of a cutter that ends above as it does below, with a corner of the same radius: >= 2 rc.
     Returns:
         (n,) upper bound of the depth, >= 0; (n,) where along the move, 0..1, and (n, 3) which point of the part is the
         deepest known (NaN where none was found inside the cutter).
@@ -64,8 +65,8 @@ def move_depths(tree, start_mm, end_mm, radius_mm, corner_radius_mm, tolerance_m
     depth, share, place = np.full(len(start), -np.inf), np.full(len(start), 0.5), np.full((len(start), 3), np.nan)
     runs = _runs(start, end, RUN_SHARE * R)
     part, rest = tree.arrays[0], tree.arrays[1:]
-    in_blocks(_depths_of_runs, len(runs) - 1, CHUNK, part, rest, start, end, runs, R, rc, tolerance_mm - CHORD_MM, depth,
-              share, place, serial_rows=SERIAL_RUNS - 1)
+    in_blocks(_depths_of_runs, len(runs) - 1, CHUNK, part, rest, start, end, runs, R, rc, float(height_mm) - rc,
+              tolerance_mm - CHORD_MM, depth, share, place, serial_rows=SERIAL_RUNS - 1)
     # a point that the trim's chords leave out lies that near to an edge
     return np.maximum(depth + CHORD_MM, 0.0), share, place
 
@@ -91,7 +92,7 @@ def _runs(start, end, longest):
 
 
 @njit(error_model="numpy")
-def _depths_of_runs(part, rest, start, end, runs, R, rc, tolerance, depth, share, place, first_run, last_run):
+def _depths_of_runs(part, rest, start, end, runs, R, rc, core, tolerance, depth, share, place, first_run, last_run):
     """Fill in runs first_run..last_run-1."""
     nodes, first, _, _ = rest
     kept, counts = np.empty((LEVELS, MOST_KEPT), np.int64), np.zeros(LEVELS, np.int64)
@@ -111,7 +112,7 @@ def _depths_of_runs(part, rest, start, end, runs, R, rc, tolerance, depth, share
             top -= 1
             low, high, level = todo[top]
             _fill_box(tips, low, high, box)
-            most = _rest_of_run(nodes, first, tips, low, high, box, R, rc, tolerance, kept[level - 1],
+            most = _rest_of_run(nodes, first, tips, low, high, box, R, rc, core, tolerance, kept[level - 1],
                                 counts[level - 1], kept[level], counts, level)
             for i in range(base + low, base + high):
                 depth[i] = max(depth[i], most)
@@ -119,7 +120,7 @@ def _depths_of_runs(part, rest, start, end, runs, R, rc, tolerance, depth, share
                 continue
             if high - low == 1:
                 i = base + low
-                depth[i] = max(depth[i], depth_of_move(part, rest, start[i], end[i], R, rc, tolerance, kept[level],
+                depth[i] = max(depth[i], depth_of_move(part, rest, start[i], end[i], R, rc, core, tolerance, kept[level],
                                                        counts[level], heap, share, place, i))
                 continue
             middle = (low + high) // 2
@@ -138,7 +139,7 @@ def _fill_box(tips, low, high, box):
 
 
 @njit(error_model="numpy")
-def _rest_of_run(nodes, first, tips, low, high, box, R, rc, tolerance, given, count, kept, counts, level):
+def _rest_of_run(nodes, first, tips, low, high, box, R, rc, core, tolerance, given, count, kept, counts, level):
     """Largest bound of what is proven within the tolerance; what is not goes into `kept`, counts[level] nodes."""
     size = max(box[X_HIGH] - box[X_LOW], box[Y_HIGH] - box[Y_LOW], box[Z_HIGH] - box[Z_LOW])
     most, used = -np.inf, 0
@@ -149,7 +150,7 @@ def _rest_of_run(nodes, first, tips, low, high, box, R, rc, tolerance, given, co
         while top > 0:
             top -= 1
             k = stack[top]
-            bound = node_depth(nodes, k, tips, low, high, box, R, rc, tolerance)
+            bound = node_depth(nodes, k, tips, low, high, box, R, rc, core, tolerance)
             if bound <= tolerance:
                 most = max(most, bound)
                 continue
@@ -204,7 +205,7 @@ def _pop(boxes, order, count):
 
 
 @njit(error_model="numpy")
-def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, share, place, row):
+def depth_of_move(part, rest, start, end, R, rc, core, tolerance, given, count, heap, share, place, row):
     """Upper bound of one move's depth in the nodes `given`; share[row] and place[row] are filled if one is found."""
     rows = part.rows
     nodes, first, leaf_of, pieces = rest
@@ -216,7 +217,7 @@ def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, 
         if j < count:
             k = given[j]
             _stretch(start, end, 0.0, 1.0, tips, tip_box)
-            bound = node_depth(nodes, k, tips, 0, 1, tip_box, R, rc, tolerance)
+            bound = node_depth(nodes, k, tips, 0, 1, tip_box, R, rc, core, tolerance)
             if bound <= tolerance:                      # clean as a whole
                 upper = max(upper, bound)
                 continue
@@ -241,7 +242,7 @@ def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, 
                 leaf = leaf_of[p]
                 ids[slot] = -1 - leaf
                 boxes[slot, BOX_S], boxes[slot, BOX_T], boxes[slot, BOX_ALPHA], boxes[slot, BOX_BETA] = pieces[p]
-                bound, depth = _look(part, leaf, start, end, boxes[slot], R, rc, lower, heap)
+                bound, depth = _look(part, leaf, start, end, boxes[slot], R, rc, core, lower, heap)
                 if depth > lower:
                     lower, share[row] = depth, at[THETA]
                     put(place[row], point)
@@ -277,10 +278,10 @@ def depth_of_move(part, rest, start, end, R, rc, tolerance, given, count, heap, 
                 ids[new] = child
                 if child >= 0:
                     _stretch(start, end, b[T_FROM], b[T_TO], tips, tip_box)
-                    b[BOUND] = min(bound, node_depth(nodes, child, tips, 0, 1, tip_box, R, rc,
+                    b[BOUND] = min(bound, node_depth(nodes, child, tips, 0, 1, tip_box, R, rc, core,
                                                      _settled(lower, tolerance)))
                 else:
-                    b[BOUND], depth = _look(part, -1 - child, start, end, b, R, rc, lower, heap)
+                    b[BOUND], depth = _look(part, -1 - child, start, end, b, R, rc, core, lower, heap)
                     if depth > lower:
                         lower, share[row] = depth, at[THETA]
                         put(place[row], point)
@@ -309,7 +310,7 @@ def _stretch(start, end, t0, t1, tips, box):
 
 
 @njit(error_model="numpy")
-def _look(part, leaf, start, end, b, R, rc, known, heap):
+def _look(part, leaf, start, end, b, R, rc, core, known, heap):
     """(bound of a box of a leaf and a stretch, depth of a point found in it); that point and where along the move it
     is deepest go into the scratch if it is deeper than known."""
     _, _, _, o, normals, at, _, _, middle_half, point = heap
@@ -326,7 +327,7 @@ def _look(part, leaf, start, end, b, R, rc, known, heap):
         middle_half[MIDDLE, k] = start[k] + 0.5 * (b[T_FROM] + b[T_TO]) * (end[k] - start[k])
         middle_half[HALF, k] = 0.5 * (b[T_TO] - b[T_FROM]) * (end[k] - start[k])
     bound = piece_depth(o, row, tag, part.sign[tag[PATCH]], b[BOX_ALPHA], b[BOX_BETA], middle_half[MIDDLE],
-                        middle_half[HALF], R, rc, b[BOUND], normals, at)
+                        middle_half[HALF], R, rc, core, b[BOUND], normals, at)
     if bound <= known:
         return bound, 0.0
     best, spare = known, o[DS]                  # the derivatives are done with: their row takes points
@@ -341,7 +342,7 @@ def _look(part, leaf, start, end, b, R, rc, known, heap):
             w = theta if k == 3 else k - 1.0
             depth = depth_at(spare[X] - middle_half[MIDDLE, X] - w * middle_half[HALF, X],
                              spare[Y] - middle_half[MIDDLE, Y] - w * middle_half[HALF, Y],
-                             spare[Z] - middle_half[MIDDLE, Z] - w * middle_half[HALF, Z], R, rc)
+                             spare[Z] - middle_half[MIDDLE, Z] - w * middle_half[HALF, Z], R, rc, core)
             if depth > deepest:
                 deepest, when = depth, 0.5 * (b[T_FROM] + b[T_TO]) + 0.5 * w * (b[T_TO] - b[T_FROM])
         if deepest > best and not (crosses and not in_trim(part, tag[PATCH], u, v)):

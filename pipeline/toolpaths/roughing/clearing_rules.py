@@ -36,6 +36,7 @@ class ClearingRules:
     keep_out: tuple = ()            # boxes (min_mm, max_mm) that the cutter stays clear of
     keep_clear: tuple = ()          # DropMesh values of other things that it stays clear of
     keep_out_mm: float = 0.0        # how far
+    lowest_mm: object = None        # function (n, 2) -> (n,) tips that the holder allows; None: all
 
     @property
     def turn_mm(self):

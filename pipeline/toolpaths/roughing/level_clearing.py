@@ -88,7 +88,7 @@ class _Job:
         for mesh in rules.keep_clear:
             highest = drop_tips_mm(mesh, xy_mm, rules.radius_mm + rules.keep_out_mm, 0.0)
             tips = np.maximum(tips, highest + rules.keep_out_mm)
-        return tips
+        return tips if rules.lowest_mm is None else np.maximum(tips, rules.lowest_mm(xy_mm))
 
     def levels(self):
         """(level, level above) in cutting order."""

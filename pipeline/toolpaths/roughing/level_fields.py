@@ -10,6 +10,7 @@ are joined straight, and every node learns its nearest place on those lines.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from cuspline.values.compiled import njit
 from cuspline.values.rows import X, Y
 
 BISECTIONS = 6          # a crossing is found to the pitch / 64, on the low side
+NOWHERE, FARTHEST_SQUARE = 1e18, 1e17       # nodes²: nearest place not known, or farther off than any is carried
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,90 +114,153 @@ def _crossings(grid, is_low, height_mm, level_mm, axis):
     return shares
 
 
+class _Places(NamedTuple):
+    """The nearest places of all nodes of a grid, or of a row of it, in grid units.
+
+    Round the grid stands a border of one node without a place: node i, j has row j + 1 and column i + 1.
+    """
+
+    square: np.ndarray      # of the distance; NOWHERE as long as no place is known
+    x: np.ndarray
+    y: np.ndarray
+
+
 @njit
-def _offer(near, best, j, i, ax, ay, bx, by):
+def _no_places(ny, nx):
+    shape = ny + 2, nx + 2
+    return _Places(np.full(shape, NOWHERE), np.zeros(shape), np.zeros(shape))
+
+
+@njit
+def _row(places, j):
+    return _Places(places.square[j], places.x[j], places.y[j])
+
+
+@njit
+def _offer(places, j, i, ax, ay, bx, by):
     """Let a node know of a piece of the line, in grid units."""
     ux, uy = bx - ax, by - ay
     square = ux * ux + uy * uy
     t = 0.0 if square == 0.0 else min(max(((i - ax) * ux + (j - ay) * uy) / square, 0.0), 1.0)
     px, py = ax + t * ux, ay + t * uy
     d = (px - i) * (px - i) + (py - j) * (py - j)
-    if d < best[j, i]:
-        best[j, i], near[j, i, X], near[j, i, Y] = d, px, py
+    if d < places.square[j + 1, i + 1]:
+        places.square[j + 1, i + 1], places.x[j + 1, i + 1], places.y[j + 1, i + 1] = d, px, py
 
 
 @njit
-def _seed(is_low, cross_x, cross_y, near, best):
+def _seed(is_low, cross_x, cross_y, places):
     """Join the crossings of every cell and tell the nodes around it."""
     ny, nx = is_low.shape
     ends = np.empty((4, 2))
     for j in range(ny - 1):
         for i in range(nx - 1):
-            count = 0
-            if not math.isnan(cross_x[j, i]):
-                ends[count, X], ends[count, Y] = i + cross_x[j, i], j
-                count += 1
-            if not math.isnan(cross_y[j, i + 1]):
-                ends[count, X], ends[count, Y] = i + 1, j + cross_y[j, i + 1]
-                count += 1
-            if not math.isnan(cross_x[j + 1, i]):
-                ends[count, X], ends[count, Y] = i + cross_x[j + 1, i], j + 1
-                count += 1
-            if not math.isnan(cross_y[j, i]):
-                ends[count, X], ends[count, Y] = i, j + cross_y[j, i]
-                count += 1
+            low = is_low[j, i]
+            if low == is_low[j, i + 1] and low == is_low[j + 1, i] and low == is_low[j + 1, i + 1]:
+                continue
+            count = _crossings_of_cell(cross_x, cross_y, j, i, ends)
             for a in range(count):              # a saddle (four crossings) is fenced off all round
                 for b in range(a + 1, count):
                     for jj in range(max(j - 1, 0), min(j + 3, ny)):
                         for ii in range(max(i - 1, 0), min(i + 3, nx)):
-                            _offer(near, best, jj, ii, ends[a, X], ends[a, Y], ends[b, X], ends[b, Y])
-
-
-@njit(inline="always")
-def _carry(near, best, j, i, jj, ii, limit):
-    if 0 <= jj < len(best) and 0 <= ii < best.shape[1] and best[jj, ii] < limit:
-        px, py = near[jj, ii, X], near[jj, ii, Y]
-        d = (px - i) * (px - i) + (py - j) * (py - j)
-        if d < best[j, i]:
-            best[j, i], near[j, i, X], near[j, i, Y] = d, px, py
+                            _offer(places, jj, ii, ends[a, X], ends[a, Y], ends[b, X], ends[b, Y])
 
 
 @njit
-def _sweep(near, best, is_idle, farthest):
+def _crossings_of_cell(cross_x, cross_y, j, i, ends):
+    """Fill x, y of where the line leaves a cell; how many there are."""
+    count = 0
+    if not math.isnan(cross_x[j, i]):
+        ends[count, X], ends[count, Y] = i + cross_x[j, i], j
+        count += 1
+    if not math.isnan(cross_y[j, i + 1]):
+        ends[count, X], ends[count, Y] = i + 1, j + cross_y[j, i + 1]
+        count += 1
+    if not math.isnan(cross_x[j + 1, i]):
+        ends[count, X], ends[count, Y] = i + cross_x[j + 1, i], j + 1
+        count += 1
+    if not math.isnan(cross_y[j, i]):
+        ends[count, X], ends[count, Y] = i, j + cross_y[j, i]
+        count += 1
+    return count
+
+
+@njit
+def _carry_from_row(to, row, y, columns, first, last, limit):
+    """Tell nodes first..last-1 of a row at y the places of the three nodes beside each in another row.
+
+    Without a branch: so compilers make it eight nodes at a time.
+    """
+    for i in range(first, last):
+        square, px, py, x = to.square[i], to.x[i], to.y[i], columns[i]
+        for k in range(-1, 2):
+            ax, ay = row.x[i + k], row.y[i + k]
+            d = (ax - x) * (ax - x) + (ay - y) * (ay - y)
+            is_nearer = (row.square[i + k] < limit) & (d < square)
+            square, px, py = (d if is_nearer else square), (ax if is_nearer else px), (ay if is_nearer else py)
+        to.square[i], to.x[i], to.y[i] = square, px, py
+
+
+@njit
+def _carry_along(row, y, columns, first, last, step, limit):
+    """Tell nodes first, first + step.. before `last` the place of the one before each in their row."""
+    for i in range(first, last, step):
+        if row.square[i - step] < limit:
+            px, py = row.x[i - step], row.y[i - step]
+            d = (px - columns[i]) * (px - columns[i]) + (py - y) * (py - y)
+            if d < row.square[i]:
+                row.square[i], row.x[i], row.y[i] = d, px, py
+
+
+@njit
+def _stretches(is_idle, out):
+    """Fill first, last (k, 2) of the stretches of a row that are not idle, as `_Places` counts; how many there are."""
+    count, is_inside = 0, False
+    for i in range(len(is_idle)):
+        if is_inside == is_idle[i]:
+            out[count, 1 if is_inside else 0] = i + 1
+            count, is_inside = count + (1 if is_inside else 0), not is_inside
+    if is_inside:
+        out[count, 1] = len(is_idle) + 1
+    return count + (1 if is_inside else 0)
+
+
+@njit
+def _take_over(places, j, beside, is_idle, stretches, columns, limit):
+    """Tell the nodes of row j what the row beside it (+-1) knows, then each other, to and fro."""
+    row, y = _row(places, j + 1), float(j)
+    count = _stretches(is_idle, stretches)
+    for k in range(count):
+        _carry_from_row(row, _row(places, j + 1 + beside), y, columns, stretches[k, 0], stretches[k, 1], limit)
+    for step in (-beside, beside):
+        for k in range(count):
+            first, last = (stretches[k, 0], stretches[k, 1]) if step > 0 else (stretches[k, 1] - 1, stretches[k, 0] - 1)
+            _carry_along(row, y, columns, first, last, step, limit)
+
+
+@njit
+def _sweep(places, is_idle, farthest):
     """Carry nearest places down and up the grid (Danielsson's four passes with all eight neighbours)."""
-    ny, nx = best.shape
-    limit = min(farthest * farthest, 1e17)
+    ny, nx = is_idle.shape
+    limit = min(farthest * farthest, FARTHEST_SQUARE)
+    stretches, columns = np.empty((nx // 2 + 1, 2), np.int64), np.arange(nx + 2) - 1.0
     for j in range(ny):
-        for i in range(nx):
-            if not is_idle[j, i] and best[j, i] > 0.0:
-                for k in range(-1, 2):
-                    _carry(near, best, j, i, j - 1, i + k, limit)
-                _carry(near, best, j, i, j, i - 1, limit)
-        for i in range(nx - 1, -1, -1):
-            if not is_idle[j, i] and best[j, i] > 0.0:
-                _carry(near, best, j, i, j, i + 1, limit)
+        _take_over(places, j, -1, is_idle[j], stretches, columns, limit)
     for j in range(ny - 1, -1, -1):
-        for i in range(nx - 1, -1, -1):
-            if not is_idle[j, i] and best[j, i] > 0.0:
-                for k in range(-1, 2):
-                    _carry(near, best, j, i, j + 1, i + k, limit)
-                _carry(near, best, j, i, j, i + 1, limit)
-        for i in range(nx):
-            if not is_idle[j, i] and best[j, i] > 0.0:
-                _carry(near, best, j, i, j, i - 1, limit)
+        _take_over(places, j, 1, is_idle[j], stretches, columns, limit)
 
 
 @njit
 def _distances(is_low, cross_x, cross_y, pitch, is_idle, farthest):
     """Signed distances (ny, nx) from crossings: nearest places carried from node to node."""
     ny, nx = is_low.shape
-    best, near = np.full((ny, nx), 1e18), np.empty((ny, nx, 2))
-    _seed(is_low, cross_x, cross_y, near, best)
-    _sweep(near, best, is_idle, farthest)
+    places = _no_places(ny, nx)
+    _seed(is_low, cross_x, cross_y, places)
+    _sweep(places, is_idle, farthest)
     out = np.empty((ny, nx))
     for j in range(ny):
         for i in range(nx):
-            out[j, i] = (1.0 if is_low[j, i] else -1.0) * math.sqrt(best[j, i]) * pitch
+            out[j, i] = (1.0 if is_low[j, i] else -1.0) * math.sqrt(places.square[j + 1, i + 1]) * pitch
     return out
 
 
@@ -206,10 +271,15 @@ def nearest_seed(is_seed, is_idle, farthest):
     `is_idle` and `farthest` as in `inner_distance`; 1e9 and no place where no seed is found.
     """
     ny, nx = is_seed.shape
-    near, best = np.zeros((ny, nx, 2)), np.full((ny, nx), 1e18)
+    places = _no_places(ny, nx)
     for j in range(ny):
         for i in range(nx):
             if is_seed[j, i]:
-                near[j, i, X], near[j, i, Y], best[j, i] = i, j, 0.0
-    _sweep(near, best, is_idle, farthest)
-    return near, np.sqrt(best)
+                places.x[j + 1, i + 1], places.y[j + 1, i + 1], places.square[j + 1, i + 1] = i, j, 0.0
+    _sweep(places, is_idle, farthest)
+    near, apart = np.empty((ny, nx, 2)), np.empty((ny, nx))
+    for j in range(ny):
+        for i in range(nx):
+            near[j, i, X], near[j, i, Y] = places.x[j + 1, i + 1], places.y[j + 1, i + 1]
+            apart[j, i] = math.sqrt(places.square[j + 1, i + 1])
+    return near, apart

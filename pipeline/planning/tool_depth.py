@@ -1,0 +1,96 @@
+"""How deep a tool comes before its holder or shank would touch the part, and a dropper that goes no deeper.
+
+    |  holder  |
+    |__________|        z0 above the tip; over a place its tip comes no lower than
+        |  |            what stands there within the holder's radius, and a clearance, less z0
+     ___|  |___
+        (__)
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cuspline.toolpaths.contact.contacts import NO_FACE
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
+from cuspline.toolpaths.drop.droppers import Dropper
+
+HOLDER_CLEARANCE_MM = 1.0
+SHANK_CLEARANCE_MM = 0.05
+ROUNDING_MM = 1e-9          # heights that differ by less are the same
+SOME = 16                   # every so many-th place is looked at first: the rest seldom shows more
+
+
+def clear_tips_mm(tool, mesh, xy_mm, stock_mm):
+    """(n,) lowest tips over places (n, 2) at which holder and shank keep clear; -inf where nothing is in their way.
+
+    Args:
+        tool: Tool.
+        mesh: DropMesh of the part.
+        stock_mm: thickness of the material that may still stand on the part.
+    """
+    lowest = np.full(len(xy_mm), -np.inf)
+    for z0, radius, clearance in _wide_frusta(tool, stock_mm):
+        lowest = np.maximum(lowest, drop_tips_mm(mesh, xy_mm, radius + clearance, 0.0) + clearance - z0)
+    return lowest
+
+
+def is_clear_above(tool, lowest_tip_mm, top_mm, stock_mm):
+    """Whether holder and shank stay over the highest place of the part wherever the tip goes."""
+    return all(lowest_tip_mm + z0 >= top_mm + clearance for z0, _, clearance in _wide_frusta(tool, stock_mm))
+
+
+def missing_stick_out_mm(tool, tips_mm, mesh, stock_mm):
+    """How much deeper the holder and shank would have to clear; 0 where everything is clear.
+
+    Args:
+        tool: Tool.
+        tips_mm: (n, 3) tip positions it must reach.
+        mesh: DropMesh of the part.
+        stock_mm: thickness of the material that may still stand on the part.
+    """
+    least = missing_stick_outs_mm(tool, tips_mm[::SOME], mesh, stock_mm).max(initial=0.0)
+    return float(missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least).max(initial=0.0))
+
+
+def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least_mm=0.0):
+    """(n,) how much deeper holder and shank would have to clear at each tip position; `least_mm` where that is no more."""
+    worst = np.full(len(tips_mm), least_mm)
+    for z0, r, clearance in _wide_frusta(tool, stock_mm):
+        radius, bottom = r + clearance, tips_mm[:, 2] + z0
+        more = is_held_above(mesh, tips_mm[:, :2], radius, 0.0, bottom - clearance + worst - ROUNDING_MM)
+        below = drop_tips_mm(mesh, tips_mm[more, :2], radius, 0.0)
+        worst[more] = np.maximum(worst[more], below + clearance - bottom[more])
+    return worst
+
+
+def _wide_frusta(tool, stock_mm):
+    """(z0, radius, clearance) of neck, shank and holder where they are wider than the cutter that goes before them."""
+    for z0, r0, _, r1 in tool.non_cutting_frusta():
+        clearance = stock_mm + (HOLDER_CLEARANCE_MM if z0 >= tool.stick_out_mm - 1e-9 else SHANK_CLEARANCE_MM)
+        if max(r0, r1) + clearance > tool.cutter.radius_mm:
+            yield z0, max(r0, r1), clearance
+
+
+class ShortToolDropper(Dropper):
+    """A dropper whose cutter stays up where holder or shank would touch the part: there it touches no face."""
+
+    def __init__(self, dropper, lowest_mm):
+        """
+        Args:
+            dropper: Dropper of the cutter alone.
+            lowest_mm: function (n, 2) -> (n,) lowest tips of the whole tool.
+        """
+        self.radius_mm, self.corner_radius_mm = dropper.radius_mm, dropper.corner_radius_mm
+        self.allowance_mm, self._dropper, self._lowest_mm = dropper.allowance_mm, dropper, lowest_mm
+
+    def tips_mm(self, xy_mm):
+        return np.maximum(self._dropper.tips_mm(xy_mm), self._lowest_mm(xy_mm))
+
+    def contacts(self, xy_mm):
+        found, lowest = self._dropper.contacts(xy_mm), self._lowest_mm(np.asarray(xy_mm, float))
+        short = lowest > found.tip_z_mm
+        at = lambda column, value: np.where(short if column.ndim == 1 else short[:, None], value, column)
+        return replace(found, tip_z_mm=at(found.tip_z_mm, lowest), contact_mm=at(found.contact_mm, np.nan),
+                       normal=at(found.normal, np.nan), face=at(found.face, NO_FACE), beside=at(found.beside, NO_FACE),
+                       is_edge=found.is_edge & ~short)

@@ -1,0 +1,176 @@
+"""What cannot be done whole is done as far as it goes, and the rest is said: short tools, spirals, blanks near to the part."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import build123d as bd
+import cadquery as cq
+import numpy as np
+import pytest
+from known_tools import tool
+
+import cuspline.posts
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.planning.clean_up import _touched
+from cuspline.planning.context import PlanningContext
+from cuspline.planning.cutter_choice import choose_roughing
+from cuspline.planning.plan import plan_setup
+from cuspline.planning.strategies.auto import Auto
+from cuspline.planning.strategies.parallel import Parallel
+from cuspline.planning.strategies.rough import Rough
+from cuspline.planning.tool_depth import clear_tips_mm
+from cuspline.program.program import Kind
+from cuspline.shop.cutters import ToolLibrary, library_from_json
+from cuspline.shop.machines import machine_from_toml
+from cuspline.values.errors import PlanError
+
+POSTS = Path(cuspline.posts.__file__).parent
+MACHINE, SHOP = machine_from_toml(POSTS / "machines" / "mill_3axis.toml"), library_from_json(POSTS / "tools" / "tools.json")
+FEW = ToolLibrary(tools=(*SHOP.of_type("ball")[::4], SHOP.of_type("flat", "bull_nose")[0]))
+COARSE = Finish(scallop_mm=0.3, profile_tolerance_mm=0.03, gouge_mm=0.03)       # every step of planning, in little time
+
+
+def part(solid, predicate, stock, *operations, finish=COARSE):
+    return Design(name="part", description="a part", parameters=Parameters(), solid=solid, predicates=(predicate,),
+                  material="aluminium_6061", stock=stock, finish=finish,
+                  setups=(Setup(name="setup-1", faces=(predicate.name,), wcs_in_words="X0 Y0 in the middle, Z0 on the base",
+                                operations=operations),))
+
+
+def context_of(design):
+    return PlanningContext(design, design.setups[0], MACHINE, SHOP)
+
+
+@pytest.fixture(scope="module")
+def beside_a_column():
+    """A plate with a column that is higher than any tool sticks out; its upper face is wanted. By sections."""
+    solid = cq.Workplane("XY").box(70, 20, 10, centered=(True, True, False)).union(
+        cq.Workplane("XY").box(8, 20, 90, centered=(True, True, False)).translate((-31, 0, 0)))
+    plate = FacePredicate(name="plate", count=1, kinds=("plane",), normal=(0, 0, 1), center_max_mm=(99, 99, 11),
+                          center_min_mm=(-99, -99, 9))
+    return part(solid, plate, StockBox(min_mm=(-35, -10, 0), max_mm=(35, 10, 90)), Auto())
+
+
+@pytest.fixture(scope="module")
+def plan_beside_a_column(beside_a_column):
+    return plan_setup(beside_a_column, beside_a_column.setups[0], MACHINE, FEW)
+
+
+def test_short_tools_cut_what_they_come_to(plan_beside_a_column):
+    plan = plan_beside_a_column
+    assert [o.name for o in plan.operations][0] == "rough" and plan.operations[-1].name.endswith("finish")
+    assert 0.2 * plan.area_required_mm2 < plan.area_reached_mm2 < 0.9 * plan.area_required_mm2
+    assert all("T5" in o.facts["instead_of"] and "short" in o.facts["instead_of"] for o in plan.operations)
+
+
+def test_no_holder_of_theirs_touches_the_part(plan_beside_a_column):
+    work = plan_beside_a_column.context
+    for o in plan_beside_a_column.operations:
+        ends = o.moves.end_mm[o.moves.kind != Kind.RAPID]
+        assert (ends[:, 2] >= clear_tips_mm(o.tool, work.mesh, ends[:, :2], 0.0) - 1e-9).all()
+
+
+def test_clearing_needs_a_flat_cutter_in_the_library():
+    with pytest.raises(PlanError, match="--cutters"):
+        choose_roughing((), 0.3)
+
+
+@pytest.fixture(scope="module")
+def drafted():
+    """A drafted pocket with rounded corners hardly wider than the smallest ball."""
+    with bd.BuildPart() as made:
+        bd.Box(40, 30, 20, align=(bd.Align.CENTER, bd.Align.CENTER, bd.Align.MIN))
+        with bd.BuildSketch(bd.Plane.XY.offset(20)):
+            bd.RectangleRounded(26, 18, 5)
+        bd.extrude(amount=-8, taper=8, mode=bd.Mode.SUBTRACT)
+    walls = FacePredicate(name="walls", at_least=1, center_min_mm=(-18, -13, 12.1), center_max_mm=(18, 13, 19.9))
+    return part(made.part, walls, StockBox(min_mm=(-20, -15, 0), max_mm=(20, 15, 20)), Auto(strategy="parallel"),
+                finish=Finish(scallop_mm=0.05, profile_tolerance_mm=0.01, gouge_mm=0.01))
+
+
+def test_on_a_steep_wall_a_ball_touches_what_it_is_micrometres_off(drafted):
+    """Dropped beside a wall of 8 degrees' draft, 0.4 µm off it is 2.6 µm higher."""
+    work = context_of(drafted)
+    foot = work.closest.closest_points(np.array([[12.117, 4.068, 13.719]]))
+    small, large = work.library.of_type("ball")[-1], work.library.of_type("ball")[0]
+    assert _touched(work, small, foot, 0.06).all() and not _touched(work, large, foot, 0.06).any()
+
+
+@pytest.fixture(scope="module")
+def stepped():
+    """A block with a step across, its upright wall and the sharp foot of it."""
+    solid = cq.Workplane("XY").box(20, 12, 9, centered=(True, True, False)).cut(
+        cq.Workplane("XY").box(10, 12, 6, centered=(False, True, False)).translate((0, 0, 3)))
+    both = FacePredicate(name="wall and floor", count=2, kinds=("plane",), center_min_mm=(-0.1, -1, 2.9), center_max_mm=(9, 1, 6.1))
+    return part(solid, both, StockBox(min_mm=(-10, -6, 0), max_mm=(10, 6, 9.2)), Auto(strategy="parallel"))
+
+
+def test_a_ball_touches_an_upright_wall_down_to_its_own_radius(stepped):
+    work = context_of(stepped)
+    small = work.library.of_type("ball")[-1]
+    foot = work.closest.closest_points(np.array([[0.0, 0.0, 4.0], [0.0, 0.0, 5.001], [0.0, 0.0, 5.5]]))
+    assert _touched(work, small, foot, 0.1).tolist() == [False, True, True]
+
+
+def test_a_pass_runs_along_the_foot_of_a_wall(stepped):
+    plan = plan_setup(stepped, stepped.setups[0], MACHINE, FEW)
+    finish = plan.operations[-1]
+    radius, ends = finish.tool.cutter.radius_mm, finish.moves.end_mm
+    there = (np.abs(ends[:, 0] - radius) < 1e-3) & (np.abs(ends[:, 2] - 3.0) <= 0.03)
+    assert np.ptp(ends[there, 1]) > 11.9
+
+
+def test_where_no_spiral_goes_the_passes_follow_the_borders():
+    """A ring has two borders."""
+    ring = cq.Workplane("XY").box(30, 30, 8, centered=(True, True, False)).cut(
+        cq.Workplane("XY").circle(8).extrude(3).translate((0, 0, 5)))
+    top = FacePredicate(name="top", count=1, kinds=("plane",), normal=(0, 0, 1), center_min_mm=(-99, -99, 7.9),
+                        center_max_mm=(99, 99, 8.1), area_min_mm2=300)
+    design = part(ring, top, StockBox(min_mm=(-15, -15, 0), max_mm=(15, 15, 8.2)), Auto(strategy="spiral"))
+    finish = plan_setup(design, design.setups[0], MACHINE, FEW).operations[-1]
+    assert finish.facts["strategy"] == "boundary" and "2 borders" in finish.facts["instead_of"]
+
+
+def reached_by(strategy, *kinds):
+    """(strategy of the finish, why another was to be) of a groove along x with round ends, by sections or none stated."""
+    groove = cq.Workplane("XY").box(40, 20, 10, centered=(True, True, False)).cut(
+        cq.Workplane("XY").slot2D(24, 10).extrude(4).translate((0, 0, 6)))
+    faces = FacePredicate(name="groove", at_least=1, kinds=kinds, center_min_mm=(-15, -6, 5.9), center_max_mm=(15, 6, 9.9))
+    design = part(groove, faces, StockBox(min_mm=(-20, -10, 0), max_mm=(20, 10, 10.2)), Auto(strategy=strategy))
+    facts = plan_setup(design, design.setups[0], MACHINE, FEW).operations[-1].facts
+    return facts.get("strategy", "sections"), facts.get("instead_of", "")
+
+
+def test_sections_are_chosen_for_swept_faces_alone():
+    assert reached_by(None, "plane", "cylinder") == ("parallel", "")
+    name, why = reached_by("sections", "plane", "cylinder")
+    assert name == "parallel" and why.startswith("sections: faces stand along the section plane ZX")
+
+
+def near_net(*operations):
+    """A block that has hardly 0.1 mm on it."""
+    block = cq.Workplane("XY").box(20, 20, 8, centered=(True, True, False))
+    top = FacePredicate(name="top", count=1, kinds=("plane",), normal=(0, 0, 1))
+    design = part(block, top, StockBox(min_mm=(-10, -10, 0), max_mm=(10, 10, 8.1)), *operations)
+    return plan_setup(design, design.setups[0], MACHINE, FEW)
+
+
+def test_level_ground_is_swept():
+    finish = near_net().operations[-1]
+    assert finish.facts["section_plane"] == "ZX" and "instead_of" not in finish.facts
+
+
+def test_a_blank_near_to_the_part_needs_no_roughing():
+    plan = near_net(Rough(), Parallel())
+    assert [o.name for o in plan.operations] == ["parallel"] and plan.idle == ()
+
+
+def test_roughing_after_the_finish_is_idle():
+    assert [f.operation for f in near_net(Parallel(), Rough()).idle] == ["rough"]
+
+
+def test_a_short_tool_is_the_last_choice():
+    at = lambda number, missing, leaves: SimpleNamespace(tool=tool("flat", 10, number=number), missing_stick_out_mm=missing,
+                                                         leaves_mm=leaves, candidate=lambda best: best)
+    assert choose_roughing((at(1, 5.0, 0.1), at(2, 0.0, 3.0)), 0.3)[0].tool.number == 2
+    assert choose_roughing((at(1, 5.0, 0.1), at(2, 9.0, 3.0)), 0.3)[0].tool.number == 1
