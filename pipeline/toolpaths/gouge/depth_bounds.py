@@ -81,7 +81,7 @@ def node_depth(nodes, k, tips, low, high, box, R, rc, top, enough):
                       nodes[k, Y_HIGH] - box[Y_LOW])
     zh = nodes[k, Z_HIGH] - box[Z_LOW]
     dx, dy = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
-    zl = nodes[k, 4] - box[5]
+    zl = nodes[k, Z_LOW] - box[Z_HIGH]
     middle = min(max(0.5 * (rc + top), zl), zh)
     depth = depth_at(dx, dy, middle, R, rc, top) + OUTWARD_MM
     if depth <= enough:
