@@ -132,10 +132,10 @@ def drop_one(tree, x, y, R, rc, tolerance, best, hint, scratch, contact):
     while top > 0:
         top -= 1
         bound = boxes[top, BOUND]
-        if bound <= best + tolerance:
+        if bound <= best + tolerance:               # nothing in it asks for more
             continue
         k = ids[top]
-        if k >= 0 and first[k] >= 0:
+        if k >= 0 and first[k] >= 0:                # a node: its children wait instead, the higher one on top
             a = first[k]
             b = a + 1
             ba, bb = node_bound(nodes, a, x, y, R, rc), node_bound(nodes, b, x, y, R, rc)
@@ -158,21 +158,21 @@ def drop_one(tree, x, y, R, rc, tolerance, best, hint, scratch, contact):
             if kind == FACE:
                 if not can_meet(row[NORMALS:TOP_NZ], nodes[k, X_LOW], nodes[k, X_HIGH], nodes[k, Y_LOW],
                                 nodes[k, Y_HIGH], x, y, R, rc):
-                    continue
+                    continue                        # no normal of it meets the cutter here
                 if tag[SHAPE] != CURVED:
                     tip = plane_contact(tree, leaf, x, y, R, rc, o, w)
                     if tip > best and (state != BORDER or in_trim(tree, patch, w[AT_S], w[AT_T])):
                         best = tip
                         contact[ON_PATCH], contact[ON_S], contact[ON_T] = patch, w[AT_S], w[AT_T]
                         is_maximum = False
-                    continue
+                    continue                        # a plane is settled in closed form
         else:
             si, ti, alpha, beta = boxes[top, BOX_S], boxes[top, BOX_T], boxes[top, BOX_ALPHA], boxes[top, BOX_BETA]
         s, t, hs, ht = (row[MIDDLE_S] + row[HALF_S] * si, row[MIDDLE_T] + row[HALF_T] * ti, row[HALF_S] * alpha,
                         row[HALF_T] * beta)
         if kind == FACE and state == BORDER and not whole:
             if part_state(tree.trims, patches[patch, OF_FACE], tree.span[patch], s, hs, t, ht) == OUTSIDE:
-                continue
+                continue                            # nothing of this part of the leaf belongs to the face
         prow = patches[patch]
         derive(coefficients, prow[OFFSET], prow[DEGREE_U], prow[DEGREE_V], prow[IS_RATIONAL] != 0, s, t, o)
         scale_derivatives(o, hs, ht)
@@ -187,20 +187,20 @@ def drop_one(tree, x, y, R, rc, tolerance, best, hint, scratch, contact):
             ey = abs(o[DS, Y]) + abs(o[DT, Y]) + bend
             if kind == FACE and sine < 1.0:
                 cone_box(nx, ny, nz, sine, 1.0, normals)
-                if nz + sine <= 0.0:
+                if nz + sine <= 0.0:                # it looks down all over
                     continue
                 if not can_meet(normals, o[POINT, X] - ex, o[POINT, X] + ex, o[POINT, Y] - ey, o[POINT, Y] + ey, x, y,
                                 R, rc):
-                    continue
+                    continue                        # no normal of it meets the cutter here
             fill_plane(o, row, alpha, beta, nx, ny, nz if sine < 1.0 else 0.0, kind, ex, ey, bend, plane)
             dx, dy = o[POINT, X] - x, o[POINT, Y] - y
             near = math.sqrt(dx * dx + dy * dy)
             if near > 0.0:                      # no nearer to the axis than this, seen from the middle
                 near -= (abs(dx * o[DS, X] + dy * o[DS, Y]) + abs(dx * o[DT, X] + dy * o[DT, Y])) / near + bend + 1e-9
-            if near > R:
+            if near > R:                            # beside the cutter
                 continue
             bound = min(bound, node_bound(plane, 0, x, y, R, rc), plane[0, TOP] - bottom(max(near, 0.0), R, rc))
-            if bound <= best + tolerance:
+            if bound <= best + tolerance:           # smaller, it is bounded more closely: nothing in it asks for more
                 continue
         proof, middle_z = 0, o[POINT, Z]
         w[AT_S] = w[AT_T] = 0.0
@@ -212,14 +212,14 @@ def drop_one(tree, x, y, R, rc, tolerance, best, hint, scratch, contact):
                 proof = box_proof(row, kind, o, alpha, beta, x, y, R, rc, best, bound, tolerance, nz, sine)
             else:
                 proof = flat_proof(row, kind, o, alpha, beta, x, y, R, nz, sine)
-        if proof == 2:
+        if proof == 2:                              # proven: no contact
             continue
         known = (is_maximum and contact[ON_PATCH] == patch and abs(contact[ON_S] - s) <= hs * 1.000001
                  and abs(contact[ON_T] - t) <= ht * 1.000001)
-        if proof == 1 and known:
+        if proof == 1 and known:                    # the one contact that it may hold is the one at hand
             continue
         if by_map and not map_step(coefficients, prow, s, t, hs, ht, sign, x, y, R, rc, o, w):
-            continue
+            continue                                # that one contact lies outside
         settled = False
         if proof == 1 or (whole and not known):
             hair = HAIR if by_map else 0.0
@@ -244,7 +244,7 @@ def drop_one(tree, x, y, R, rc, tolerance, best, hint, scratch, contact):
                     contact[ON_PATCH], contact[ON_S], contact[ON_T] = patch, s, t
                     is_maximum = False
         if (settled or bound <= best + tolerance or row[REACH_S] * alpha + row[REACH_T] * beta < SMALLEST_MM
-                or top + 2 > STACK):
+                or top + 2 > STACK):                # done with, or not to be halved any more
             continue
         split_t = kind == FACE and row[REACH_T] * beta > row[REACH_S] * alpha
         for side in (-1.0, 1.0):

@@ -81,7 +81,7 @@ def node_depth(nodes, k, tips, low, high, box, R, rc, top, enough):
                       nodes[k, Y_HIGH] - box[Y_LOW])
     zh = nodes[k, Z_HIGH] - box[Z_LOW]
     dx, dy = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
-    zl = nodes[k, 4] - box[5]
+    zl = nodes[k, Z_LOW] - box[Z_HIGH]
     middle = min(max(0.5 * (rc + top), zl), zh)
     depth = depth_at(dx, dy, middle, R, rc, top) + OUTWARD_MM
     if depth <= enough:
@@ -178,11 +178,32 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, top, bound,
                                             a * h + rc - (rc if nz >= 0.0 else top) * nz))
         if sine < 1.0 and not _may_hold_deepest(o, row, tag, alpha, beta, x, y, z, vx, vy, vz, nx, ny, nz, h, sine,
                                                 R, rc, top, bound, normals):
-            return -np.inf
+            return -np.inf                      # its edges hold what is deepest
     if a > 0.0:                                 # beside a wall: the plane of the cutter's side at the nearest point
         ux, uy = _nearest_to_axis(o, x, y, vx, vy, at)
         bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, ux, uy, 0.0, R))
-    # the deepest point of the linear part: nearest to the cutter's core, one unknown after the other
+    px, py, pz, s, t, w = _nearest_to_core(o, x, y, z, vx, vy, vz, a, rc, top)
+    d = math.sqrt(px * px + py * py)
+    e, f = max(d - a, 0.0), max(rc - pz, 0.0) + min(top - pz, 0.0)
+    g = math.sqrt(e * e + f * f)
+    if g > 1e-9 and rc > 0.0:                   # the plane of the cutter's corner there
+        at[SIGMA], at[TAU], at[THETA] = s, t, w
+        m = e / (d * g) if e > 0.0 else 0.0
+        return min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, px * m, py * m, -f / g,
+                                       a * e / g + rc - (rc if f >= 0.0 else top) * f / g))
+    if top < np.inf:
+        bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, 0.0, 0.0, 1.0, rc + top))
+    ux, uy = (px / d, py / d) if d > 1e-9 else (1.0, 0.0)
+    return _bound_inside_core(o, x, y, z, vx, vy, vz, cubic, ux, uy, R, bound)
+
+
+@njit(error_model="numpy")
+def _nearest_to_core(o, x, y, z, vx, vy, vz, a, rc, top):
+    """The deepest point of the linear part, nearest to the cutter's core, one unknown after the other.
+
+    Returns:
+        the point seen from the tip (x, y, z); its sigma, tau, theta.
+    """
     ss, tt = _along(o, 1, o[DS, X], o[DS, Y], o[DS, Z]), _along(o, 2, o[DT, X], o[DT, Y], o[DT, Z])
     vv = vx * vx + vy * vy + vz * vz
     s = t = w = 0.0
@@ -207,18 +228,12 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, top, bound,
                       z + s * o[DS, Z] + t * o[DT, Z] - w * vz)
         if abs(s - before[SIGMA]) + abs(t - before[TAU]) + abs(w - before[THETA]) < 1e-3:
             break
-    d = math.sqrt(px * px + py * py)
-    e, f = max(d - a, 0.0), max(rc - pz, 0.0) + min(top - pz, 0.0)
-    g = math.sqrt(e * e + f * f)
-    if g > 1e-9 and rc > 0.0:
-        at[SIGMA], at[TAU], at[THETA] = s, t, w
-        m = e / (d * g) if e > 0.0 else 0.0
-        return min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, px * m, py * m, -f / g,
-                                       a * e / g + rc - (rc if f >= 0.0 else top) * f / g))
-    if top < np.inf:
-        bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, 0.0, 0.0, 1.0, rc + top))
-    # inside the core: the mean of the side's plane and the bottom's under which one unknown drops out
-    ux, uy = (px / d, py / d) if d > 1e-9 else (1.0, 0.0)
+    return px, py, pz, s, t, w
+
+
+@njit(error_model="numpy")
+def _bound_inside_core(o, x, y, z, vx, vy, vz, cubic, ux, uy, R, bound):
+    """Inside the core: means of the side's plane (direction ux, uy) and the bottom's under which one unknown drops out."""
     for k in range(5):
         share = float(k)
         if k > 1:

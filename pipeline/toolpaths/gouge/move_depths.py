@@ -218,18 +218,18 @@ def depth_of_move(part, rest, start, end, R, rc, core, tolerance, given, count, 
             k = given[j]
             _stretch(start, end, 0.0, 1.0, tips, tip_box)
             bound = node_depth(nodes, k, tips, 0, 1, tip_box, R, rc, core, tolerance)
-            if bound <= tolerance:
+            if bound <= tolerance:                      # clean as a whole
                 upper = max(upper, bound)
                 continue
             ids[filled] = k
             boxes[filled, BOUND], boxes[filled, T_FROM], boxes[filled, T_TO] = bound, 0.0, 1.0
             _push(boxes, order, live, filled)
             filled, live = filled + 1, live + 1
-            continue
+            continue                                    # all that is given first
         while live > 0:
             slot = order[0]
             bound = boxes[slot, BOUND]
-            if bound <= _settled(lower, tolerance) or filled + 2 > MOST_BOXES:
+            if bound <= _settled(lower, tolerance) or filled + 2 > MOST_BOXES:      # the largest is good enough: all are
                 upper = max(upper, bound)
                 break
             _pop(boxes, order, live)
@@ -252,13 +252,13 @@ def depth_of_move(part, rest, start, end, R, rc, core, tolerance, given, count, 
                     live += 1
                 else:
                     upper = max(upper, bound)
-                continue
+                continue                                # halved when its turn comes again
             if k >= 0:
                 size = max(nodes[k, X_HIGH] - nodes[k, X_LOW], nodes[k, Y_HIGH] - nodes[k, Y_LOW],
                            nodes[k, Z_HIGH] - nodes[k, Z_LOW])
             else:
                 size = 2.0 * max(rows[-1 - k, REACH_S] * alpha, rows[-1 - k, REACH_T] * beta)
-                if size + stretch < SMALLEST_MM:
+                if size + stretch < SMALLEST_MM:        # too small to halve: counts as cut
                     upper = max(upper, bound)
                     continue
             for side in range(2):
