@@ -42,7 +42,7 @@ $(error PARAMS belong to one design: make $(firstword $(DESIGNS)) PARAMS='name=v
 endif
 endif
 
-.PHONY: all test lint help step doctor bench lock clean distclean FORCE $(DESIGNS)
+.PHONY: all test lint help step doctor bench corpus lock clean distclean FORCE $(DESIGNS)
 .PRECIOUS: $(PUBLISHED) $(STEPS)
 
 all: $(PUBLISHED) ## set-up, then every design with default parameters into outputs/<design>/
@@ -64,6 +64,9 @@ doctor: .venv/.project ## check the environment for what breaks silently
 bench: .venv/.kernels ## the measurements of bench/run.py
 	@if [ -f bench/run.py ]; then $(BIN)/python bench/run.py $(ARGS); \
 	 else echo "there is nothing to measure yet: bench/run.py is missing" >&2; exit 1; fi
+
+corpus: .venv/.kernels ## parts that nothing was tuned for, each built once: bench/corpus.py; ARGS=failures those not verified again
+	$(BIN)/python bench/corpus.py $(ARGS)
 
 lock: .venv/.environment ## requirements.lock anew from pyproject.toml, known pins kept; ARGS=--upgrade takes newer ones
 	cp requirements.lock requirements.lock.new

@@ -137,13 +137,15 @@ def job_of(piece, title, strategy, folder):
     keys = {"step": f"{title}.step", "material": "aluminium_6061",
             "finish": {"scallop_mm": scallop, "profile_tolerance_mm": profile, "gouge_mm": gouge}, **piece.job}
     if piece.stock is not None:
-        keys["stock"] = piece.stock.model_dump(mode="json", exclude_none=True)
+        keys["stock"] = piece.stock.model_dump(mode="json")
     text = "".join(f"{key} = {_toml(value)}\n" for key, value in keys.items())
     for face in piece.faces:
-        text += "\n[[faces]]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in face.model_dump(mode="json", exclude_none=True).items())
+        text += "\n[[faces]]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in face.model_dump(mode="json").items()
+                                          if v is not None)
     for k, more in enumerate(piece.setups, 1):
-        setup = _setup(k, piece, more, strategy).model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-        text += "\n[[setups]]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in setup.items())
+        setup = _setup(k, piece, more, strategy).model_dump(mode="json", exclude_defaults=True)
+        text += "\n[[setups]]\n" + "".join(f"{k} = {_toml(v)}\n" for k, v in setup.items()
+                                           if v is not None)
     path = folder / f"{title}.toml"
     path.write_text(text)
     return path
@@ -152,7 +154,7 @@ def job_of(piece, title, strategy, folder):
 def _toml(value):
     """A value as TOML; JSON but for tables."""
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items() if v is not None) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml, value)) + "]"
     return json.dumps(value)
@@ -719,6 +721,12 @@ def step_of_degree_one(dice):
 def step_of_an_assembly(dice):
     """A body with a place of its own inside an assembly."""
     return spoilt_piece(dice, corpus_step.placed_in_an_assembly)
+
+
+@family("parallel", "constant_scallop")
+def one_solid_of_two(dice):
+    """A part and its screw in one file; the job names the part."""
+    return spoilt_piece(dice, corpus_step.with_a_neighbour, job={"solid": 1})
 
 
 @family("parallel")

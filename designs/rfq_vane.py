@@ -89,6 +89,8 @@ class RfqVane(Parameters):
         "arc in each transverse plane, as sub-programs and three numbers a step")
     cutter: Literal["ball", "side"] = Field(default="ball", description="transverse_arcs: a ball, or a side-and-face cutter on an "
                                             "angle head; it needs room above the jaws")
+    rest: Literal["none", "sections"] = Field(default="none", description="transverse_arcs: where arcs leave more than the finish "
+                                              "allows, nothing more, or a ball along sections")
     allowance_mm: float = Field(default=0.0, ge=0, le=5, description="transverse_arcs: left by the rough passes; 0: 0.254, 10 mil")
     plating_mm: float = Field(default=0.0, ge=0, le=1, description="plated on later: the metal is cut and judged so much below")
     passes: Literal["zig-zag", "one-way"] = Field(default="zig-zag", description="finishing passes to and fro, or all one way")
@@ -186,7 +188,7 @@ def _operation(p):
     """
     if p.strategy == "transverse_arcs":
         return TransverseArcs(passes=p.passes, allowance_mm=p.allowance_mm or ROUGH_ALLOWANCE_MM, cutter=p.cutter,
-                              ball_mm=p.ball_mm or None)
+                              ball_mm=p.ball_mm or None, rest=p.rest)
     if p.cutter == "side":
         raise DesignError("cutter side: a side-and-face cutter runs transverse_arcs, not sections: give strategy=transverse_arcs")
     if p.allowance_mm:

@@ -9,6 +9,7 @@ FLOORS = ({"values"}, {"splines", "scallop", "shop"}, {"kernel", "program"}, {"p
           {"design", "replay"}, {"toolpaths"}, {"planning", "verification"}, {"report"}, {"app"}, {"designs"})
 CATALOGUE = ("cuspline.app.catalogue", "cuspline.designs")      # finds designs by name
 RANK = {name: rank for rank, floor in enumerate(FLOORS) for name in floor}
+MOST_BARE = 250         # numbers that index something in kernels: the first place of a stack, the second side of a shape
 
 
 @cache
@@ -57,6 +58,12 @@ def is_kernel(function):
     return any("njit" in ast.unparse(decorator) for decorator in function.decorator_list)
 
 
+def has_number(index):
+    """Whether an index, or one of several, is a whole number written out."""
+    return any(isinstance(one, ast.Constant) and isinstance(one.value, int)
+               for one in (index.elts if isinstance(index, ast.Tuple) else [index]))
+
+
 def test_every_module_stands_on_a_floor():
     assert {name.split(".")[1] for name in modules()} == set(RANK)
 
@@ -92,3 +99,11 @@ def test_hardly_a_function_takes_more_than_seven_arguments():
     long = [f"{name}.{f.name}" for name, path in modules().items() for f in ast.walk(ast.parse(path.read_text()))
             if isinstance(f, ast.FunctionDef) and not is_kernel(f) and arguments(f) > 7]
     assert len(long) <= 5, long
+
+
+def test_columns_that_kernels_read_have_names():
+    """`row[NORMAL]` can be read, `row[3]` cannot."""
+    bare = [f"{name}.{kernel.name}: {ast.unparse(part)}" for name, path in modules().items()
+            for kernel in ast.walk(ast.parse(path.read_text())) if isinstance(kernel, ast.FunctionDef) and is_kernel(kernel)
+            for part in ast.walk(kernel) if isinstance(part, ast.Subscript) and has_number(part.slice)]
+    assert len(bare) <= MOST_BARE, bare

@@ -124,7 +124,7 @@ def _made(order, work, say):
     if design.setups and order.last_stage != "step":
         refuse_impossible_setups(design, solid, order.machine, order.library)
     step = work / f"{design.name}.step"
-    brep.write_step(solid, step, design.name)
+    brep.write_step(brep.storable(solid), step, design.name)
     design = _with_files(design, work)
     order = replace(order, design=design)
     inputs = inputs_hash(order, step)

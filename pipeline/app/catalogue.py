@@ -46,6 +46,7 @@ OF_A_READER = {
 OF_A_READER_OF_TOOLS = {
     "read_tool_table": (Callable, "a function (text, control) -> [PostedTool], for the post names a tool table")}
 DESIGN_FILES = (".py", ".toml")
+MESHES = (".stl", ".obj", ".ply", ".3mf", ".amf", ".off", ".glb", ".gltf")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +121,16 @@ def find_design(name_or_file):
         brep.read_step(path)
         raise InputError(f"{path} is a STEP part: write a job file (TOML) that names it with its faces, finish, "
                          "stock and setups, and build that")
+    _refuse_mesh(path)
     raise InputError(f"{path}: a design is a .py file, or a .toml job for a STEP part")
+
+
+def _refuse_mesh(path):
+    """Raises InputError for a file of triangles: offsets, curvature and verdict are those of exact surfaces."""
+    if path.suffix.lower() in MESHES:
+        raise InputError(f"{path} is a mesh: triangles have no curvature to choose cutters and passes by; export the "
+                         "part as STEP from the program that made it, or model its faces anew; a mesh may be the stock: "
+                         'stock = { stl = "blank.stl" }')
 
 
 def _loaded(path, what="design file"):
@@ -152,6 +162,7 @@ class _Job(Model):
     """A job file: a STEP part and what must be known to cut it."""
 
     step: str = Field(description="STEP file, relative to the job file")
+    solid: int | None = Field(default=None, ge=1, description="which solid of the file, from 1; left out: the only one")
     description: str = ""
     material: str
     stock: Stock = StockAllowance()
@@ -171,9 +182,11 @@ def _from_job(path):
     def make(parameters):
         from cuspline.kernel import brep
         step = path.parent / job.step
+        _refuse_mesh(step)
         brep.refuse_unreadable(step)
         return Design(name=path.stem, description=job.description or f"STEP part {job.step}", parameters=parameters,
-                      solid=brep.read_step(step), predicates=job.faces, material=job.material,
+                      solid=brep.chosen_solid(brep.read_step(step), job.solid, job.step), predicates=job.faces,
+                      material=job.material,
                       stock=job.stock, finish=job.finish, setups=job.setups)
 
     return DesignSource(name=path.stem, path=path, parameters=_NoParameters, make=make)

@@ -106,6 +106,27 @@ def _words(text):
 
 
 @app.command()
+def faces(part: Annotated[str, typer.Argument(help="a STEP file, a design or a job file")],
+          param: Annotated[list[str], typer.Option("-p", "--param", help="name=value of a design, repeatable")] = [],
+          toml: Annotated[bool, typer.Option("--toml", help="predicates for a job file instead of Python")] = False,
+          pictures: Annotated[Optional[Path], typer.Option(help="folder for pictures of the numbered faces")] = None,
+          json: AsJson = False):
+    """List a part's faces, with a predicate for each that is ready to be pasted."""
+    from cuspline.app.face_list import draw_faces, face_rows, solid_of
+    solid = solid_of(part, param)
+    _print(face_rows(solid), json, lambda f: [
+        f"{f['number']}  {f['kind']}  {f['area_mm2']:g} mm²  normal {_triple(f['normal'])}  middle {_triple(f['middle_mm'])}"
+        + (f"  {f['name']}" if f["name"] else "") + (f"  colour {_triple(f['color'])}" if f["color"] else ""),
+        *("  " + line for line in f["toml" if toml else "python"].split("\n"))])
+    if pictures is not None:
+        print(draw_faces(solid, pictures), file=sys.stderr)
+
+
+def _triple(values):
+    return "none" if values is None else " ".join(f"{v:g}" for v in values)
+
+
+@app.command()
 def verify(
         folders: Annotated[list[Path], typer.Argument(help="output folders, or programs in them")],
         measured: Annotated[Optional[Path], typer.Option(

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.planning.clean_up import clean_up
+from cuspline.planning.clean_up import clean_up, why_out_of_reach
 from cuspline.planning.plan import plan_setup
 from cuspline.values.amounts import counted
 from cuspline.values.errors import CamError
@@ -118,8 +118,8 @@ def _mended(plan, want, number, by):
     places = context.setup.turn.into(want.places_mm)
     added, touched = clean_up(context, plan.operations, places, want.left_mm, number)
     if not added:
-        return _told(plan, {**told, "done": "nothing: no ball of the library touches these places with its holder "
-                                            "clear"})
+        why = why_out_of_reach(context, plan.operations, places, want.left_mm)
+        return _told(plan, {**told, "done": f"nothing: {why}"})
     done = ", ".join(f"T{o.tool.number} {o.tool.cutter.name}" for o in added)
     rest = int((~touched).sum())
     return replace(plan, operations=(*plan.operations, *context.as_cut(added)), mending=(*plan.mending, {

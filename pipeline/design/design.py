@@ -178,7 +178,7 @@ class Design:
     description: str
     parameters: Parameters
     solid: object                           # OCP TopoDS_Solid, millimetres
-    predicates: tuple[FacePredicate, ...]
+    predicates: tuple[FacePredicate, ...]   # or {name: FacePredicate, or faces selected in CadQuery or build123d}
     material: str                           # a name in planning/materials
     finish: Finish
     setups: tuple[Setup, ...]
@@ -192,6 +192,9 @@ class Design:
 
     def __post_init__(self):
         self._refuse_names()
+        if isinstance(self.predicates, dict):
+            from cuspline.design.face_selection import predicates_of  # the CAD kernel: not for who lists designs
+            object.__setattr__(self, "predicates", predicates_of(self.solid, self.predicates))
         if not self.setups and self.measure is None:
             raise DesignError(f"design {self.name} has no setup and nothing to measure its solid by: "
                               "give it one of them")

@@ -25,6 +25,7 @@ from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
 from OCP.GProp import GProp_GProps
 from OCP.Message import Message
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
+from OCP.ShapeCustom import ShapeCustom
 from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_REVERSED, TopAbs_SOLID
 from OCP.TopExp import TopExp, TopExp_Explorer
@@ -57,6 +58,7 @@ KINDS = {
 POLE_MM, POLE_SHARE = 1e-7, 1e-8      # a border this short is a pole; how far from it normals are sound
 LARGEST_TOLERANCE_MM = 1e-3           # looser ones are looked into: a valid solid may hide edges that are open by far more
 CLAIMED = 2.0                         # times as loose as its edges are measured to be: a solid to be healed
+TOLD_SOLIDS = 6                       # of a file that holds several
 OPEN_MM = 0.05                        # no rounding leaves more
 
 
@@ -110,7 +112,8 @@ def _one_solid(shape, name):
     solids = explore(wrapped(shape), TopAbs_SOLID)
     if len(solids) != 1:
         raise DesignError(f"{name} holds {counted(len(solids), 'solid')}, it must be exactly one: "
-                          + ("close its shell" if not solids else "fuse them, or build them one by one"))
+                          + ("close its shell" if not solids else "fuse them, or build them one by one; a job file names one of "
+                             f"them with `solid`: {solids_in_words(solids)}"))
     solid = TopoDS.Solid_s(solids[0])
     if not BRepCheck_Analyzer(solid).IsValid():
         raise DesignError(f"{name} is not a valid solid (BRepCheck): check for self-intersections and open edges")
@@ -119,6 +122,45 @@ def _one_solid(shape, name):
     if rough.Mass() <= 0 and volume_mm3(solid) <= 0:
         raise DesignError(f"{name} has no positive volume: its shell is inside out")
     return solid
+
+
+def chosen_solid(shape, number, name):
+    """One solid of a shape that may hold several, by its number from 1; None: the shape as it is.
+
+    Raises:
+        DesignError: there is no such.
+    """
+    if number is None:
+        return shape
+    solids = explore(wrapped(shape), TopAbs_SOLID)
+    if number > len(solids):
+        raise DesignError(f"{name} holds {counted(len(solids), 'solid')}, there is no solid {number}: {solids_in_words(solids)}")
+    solid = TopoDS.Solid_s(solids[number - 1])
+    marks = marks_of(shape, explore(solid, TopAbs_FACE))
+    return solid if marks is None else MarkedSolid(solid, marks)
+
+
+def solids_in_words(solids):
+    """Number, size and place of the first of some solids."""
+    boxes = [bounding_box_mm(s) for s in solids[:TOLD_SOLIDS]]
+    told = lambda row, between: between.join(f"{x:.4g}" for x in row.round(6) + 0.0)
+    rows = [f"{k} is {told(high - low, ' x ')} mm at ({told((low + high) / 2, ', ')})" for k, (low, high) in enumerate(boxes, 1)]
+    return ", ".join(rows) + (f", and {len(solids) - TOLD_SOLIDS} more" if len(solids) > TOLD_SOLIDS else "")
+
+
+def storable(solid):
+    """The solid as STEP can hold it: a face turned from a closed curve comes back without its pole, as a B-spline with it."""
+    if not any(_has_pole_of_closed_curve(f) for f in faces_of(solid)):
+        return solid
+    made = TopoDS.Solid_s(explore(ShapeCustom.ConvertToBSpline_s(solid, False, True, False, False), TopAbs_SOLID)[0])
+    marks = marks_of(solid, explore(solid, TopAbs_FACE))
+    return made if marks is None else MarkedSolid(made, marks)
+
+
+def _has_pole_of_closed_curve(face):
+    if face.kind != "revolution" or not face.adaptor.BasisCurve().IsPeriodic():
+        return False
+    return any(BRep_Tool.Degenerated_s(edge) for edge in _edges_round(face.shape))
 
 
 def marked(shape, names=(), colors=()):
@@ -341,10 +383,11 @@ def _nurbs_of(face):
         if getattr(surface, f"Is{direction}Periodic")():
             getattr(surface, f"Set{direction}NotPeriodic")()
     nu, nv = surface.NbUPoles(), surface.NbVPoles()
+    is_rational = surface.IsURational() or surface.IsVRational()       # the weights of others may be no numbers at all
     poles = np.empty((nu, nv, 4))
     for i in range(nu):
         for j in range(nv):
-            p, w = surface.Pole(i + 1, j + 1), surface.Weight(i + 1, j + 1)
+            p, w = surface.Pole(i + 1, j + 1), surface.Weight(i + 1, j + 1) if is_rational else 1.0
             poles[i, j] = p.X() * w, p.Y() * w, p.Z() * w, w
     flat = lambda d, n: np.repeat(
         [getattr(surface, f"{d}Knot")(k) for k in range(1, n + 1)],
@@ -359,7 +402,7 @@ def select_faces(faces, predicate):
     Raises:
         DesignError: it matches another number of faces than it says.
     """
-    found = [f for f in faces if _matches(f, predicate)]
+    found = [f for f in faces if matches(f, predicate)]
     if not predicate.is_met_by(len(found)):
         wanted = predicate.count if predicate.at_least is None else f"at least {predicate.at_least}"
         raise DesignError(
@@ -379,7 +422,8 @@ def _marks_there_are(faces, predicate):
     return ""
 
 
-def _matches(face, predicate):
+def matches(face, predicate):
+    """Whether a Face is one that a FacePredicate describes."""
     if predicate.face_name is not None and face.mark.name != predicate.face_name:
         return False
     if predicate.color is not None and (face.mark.color is None or max(

@@ -80,7 +80,7 @@ def signed_distances_mm(points_mm, vertices_mm, triangles):
     return np.asarray(meshes.mesh(1).vertex_scalar_array(), float)
 
 
-def third_view(stock_mm, stock_triangles, mesh, found, axis, allowed_mm):
+def third_view(stock_mm, stock_triangles, mesh, found, axis, allowed_mm, nearest_mm):
     """Hausdorff distances between the simulated stock and the design over the required faces' quiet places.
 
     Quiet: away from rims, walls and what no cutter reaches, by QUIET_SPACINGS of the samples.
@@ -91,6 +91,8 @@ def third_view(stock_mm, stock_triangles, mesh, found, axis, allowed_mm):
         found: residuals.Residuals of the required faces.   axis: (3,) tool axis.
         allowed_mm: what the finish allows to be left: places that leave less are finished, so that the highest of all
             tops is among them.
+        nearest_mm: function points (k, 3) -> (k,) signed distances to everything cut away.  On the flank of a ridge the
+            stock is nearer than along the normal: by per cents, where ridges are high beside the ball.
     Returns:
         dict: stock_to_design and design_to_stock as `distances` says; first verifier's figures at the same samples;
         mean_residual_mm, max_residual_mm.
@@ -102,7 +104,7 @@ def third_view(stock_mm, stock_triangles, mesh, found, axis, allowed_mm):
     vertices = stock_mm[_nearest_mm(stock_mm, s.points_mm[chosen], found.spacing_mm) < np.inf]
     vertices = vertices[_nearest_mm(vertices, s.points_mm[~calm], far_mm) == np.inf]
     chosen = chosen[_nearest_mm(s.points_mm[chosen], s.points_mm[~calm], far_mm) == np.inf]
-    residual = np.abs(d[chosen])
+    residual = np.minimum(np.abs(d[chosen]), np.abs(nearest_mm(s.points_mm[chosen])))
     return {"stock_to_design": distances(vertices, mesh.vertices_mm, mesh.triangles),
             "design_to_stock": distances(s.points_mm[chosen], stock_mm, stock_triangles),
             "mean_residual_mm": float(residual.mean()) if len(chosen) else 0.0,

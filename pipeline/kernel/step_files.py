@@ -32,6 +32,7 @@ from OCP.TopoDS import TopoDS_Solid
 from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
+from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import refuse_irregular
 
@@ -186,7 +187,9 @@ def read_step(path):
     if shape is None or shape.IsNull():
         raise InputError(f"{path} is not a readable STEP file")
     if not TopExp_Explorer(shape, TopAbs_SOLID).More():
-        raise InputError(f"{path} holds no solid: export a closed solid, not surfaces or a shell")
+        faces = face_map(shape).Extent()
+        raise InputError(f"{path} holds no solid, its surfaces ({counted(faces, 'face')}) enclose none: sew them to a closed "
+                         "solid in the CAD program, and export that")
     return MarkedShape(shape, marks) if any(mark != FaceMark() for mark in marks) else shape
 
 

@@ -10,7 +10,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline.planning.context import path_tolerance_mm, ridge_for_step_mm
-from cuspline.planning.freeform_finishing import LATERAL_SHARE, NODES_A_STEP, flat_step_mm, link_rules, wall_paths_at
+from cuspline.planning.freeform_finishing import (
+    ASIDE_MM,
+    HANGS,
+    LATERAL_SHARE,
+    NODES_A_STEP,
+    flat_step_mm,
+    link_rules,
+    wall_paths_at,
+)
 from cuspline.planning.tool_depth import missing_stick_outs_mm
 from cuspline.program.program import Moves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
@@ -69,15 +77,47 @@ def _balls(work, operations):
 
 
 def _touched(work, tool, foot, left_mm):
-    """(n,) bool: the ball touches the place, with nothing else in its way and its holder clear.
+    """(n,) bool: the ball touches the place, with nothing else in its way and its holder clear."""
+    return _fits(work, tool, foot) & (_missing_mm(work, tool, foot, left_mm) <= 0)
 
-    Held up by dz it is off the place by dz times the normal's height: on a wall, by little.
+
+def why_out_of_reach(work, operations, places_mm, left_mm):
+    """In words, why no ball cleans up places (n, 3): the stick-out that would do, where that is all that is missing."""
+    foot = work.closest.closest_points(places_mm)
+    short = []
+    for tool in _balls(work, operations):
+        fits = _fits(work, tool, foot)
+        if fits.any():
+            short.append((float(_missing_mm(work, tool, foot, left_mm)[fits].max()), -int(fits.sum()), tool))
+    if not short:
+        return "no ball of the library touches these places: other faces keep it off"
+    missing, _, tool = min(short, key=lambda row: (row[1], row[0]))
+    if missing <= 0.0:
+        return f"no pass of T{tool.number} {tool.cutter.name} comes about there"
+    return (f"holder or shank of T{tool.number} {tool.cutter.name} would touch the part: a stick-out of "
+            f"{tool.stick_out_mm + missing:.1f} mm would do, it has {tool.stick_out_mm:g}: set it in the file of --cutters")
+
+
+def _tips_mm(tool, foot):
+    return foot.point_mm + tool.cutter.radius_mm * (foot.normal - (0.0, 0.0, 1.0))
+
+
+def _missing_mm(work, tool, foot, left_mm):
+    """(n,) stick-out that a ball lacks at places."""
+    return missing_stick_outs_mm(tool, _tips_mm(tool, foot), work.mesh, work.practice.rough_allowance_mm + left_mm)
+
+
+def _fits(work, tool, foot):
+    """(n,) bool: the ball alone touches the place.
+
+    It is dropped a hair beside the place: on an upright wall it would stand on the wall's top.  Where it is held up it
+    is off the place by little on a wall, by all of that on level ground.
     """
-    radius, up = tool.cutter.radius_mm, foot.normal[:, 2]
-    tips = foot.point_mm + radius * foot.normal - (0.0, 0.0, radius)
-    off_mm = up * (work.dropper(radius, radius, 0.0).tips_mm(tips[:, :2]) - tips[:, 2])
-    clear = missing_stick_outs_mm(tool, tips, work.mesh, work.practice.rough_allowance_mm + left_mm) <= 0
-    return (up > 0.0) & (off_mm <= TOUCH_SHARE * work.finish.scallop_mm) & clear
+    radius, up, tips = tool.cutter.radius_mm, foot.normal[:, 2], _tips_mm(tool, foot)
+    beside = tips[:, :2] + ASIDE_MM * foot.normal[:, :2]
+    lifted = np.maximum(work.dropper(radius, radius, 0.0).tips_mm(beside) - tips[:, 2], 0.0)
+    off_mm = np.sqrt(radius ** 2 + 2.0 * radius * up * lifted + lifted ** 2) - radius
+    return (up > -HANGS) & (off_mm <= TOUCH_SHARE * work.finish.scallop_mm)
 
 
 def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):

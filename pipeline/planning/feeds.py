@@ -130,7 +130,7 @@ def _corner_speed(cosine, acceleration, tolerance_mm):
 @njit
 def _ramped(lengths, speed, corner, a):
     """Backward and forward pass over corner speeds, then a trapezoid for each move."""
-    n = lengths.shape[0]
+    n = len(lengths)
     v = np.empty(n + 1)
     v[0], v[n] = 0.0, 0.0
     for k in range(1, n):

@@ -49,6 +49,8 @@ TOUCHING_MM = 0.02         # a bull nose or flat cutter nearer to a face than th
 RIM_STEPS = 3               # until the nearest place of a bull nose's corner stands still
 TERRACE_SHARE = 0.8         # of its flutes a flat cutter goes deep beside an upright wall
 RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls by 0.13 of its radius, whatever stands there
+LEVEL = 1 - 1e-9            # of a unit normal's z: level ground
+SAME_MM = 1e-6              # heights that are the same
 OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
 
 
@@ -253,7 +255,8 @@ def _wall_paths(work, field, tool, ridge_mm, tolerance_mm, step_mm):
     steep = (normal < fixed.cos(steep_rad)) & (normal > -HANGS) & (samples.across_per_mm * corner > -0.98)
     if not steep.any():
         return []
-    heights = (_wall_heights(samples, steep, field.dropper, ridge_mm) if corner > 0.0 else
+    heights = ([*_wall_heights(samples, steep, field.dropper, ridge_mm),
+                *_feet(work, samples.point_mm[steep, 2], field.dropper, tolerance_mm)] if corner > 0.0 else
                _terraces(samples, steep, tool, ridge_mm, tolerance_mm))
     return wall_paths_at(work, field, heights, tolerance_mm, step_mm)
 
@@ -267,6 +270,7 @@ def wall_paths_at(work, field, heights, tolerance_mm, step_mm, near=None):
     corner, flat = dropper.corner_radius_mm, dropper.radius_mm - dropper.corner_radius_mm
     low, high = field.node_xy_mm[0, 0], field.node_xy_mm[-1, -1]
     offset, limit = corner + dropper.allowance_mm, fixed.cos(max(steep_rad - WALL_OVERLAP_RAD, 0.0))
+    beside_mm = ASIDE_MM + tolerance_mm / 2         # a line's chords run so far into the wall
 
     def gap(xy, z):
         """How far the ball reaches into the part: its height over a place jumps at walls, this does not."""
@@ -288,7 +292,7 @@ def wall_paths_at(work, field, heights, tolerance_mm, step_mm, near=None):
             arm = middles - foot.point_mm
             wanted = foot.distance_mm <= offset + TOUCHING_MM
         wanted &= foot.normal[:, 2] < limit                                               # not over a level face's rim
-        aside = tips[:, :2] + ASIDE_MM * arm[:, :2] / np.maximum(np.linalg.norm(arm[:, :2], axis=1), 1e-9)[:, None]
+        aside = tips[:, :2] + beside_mm * arm[:, :2] / np.maximum(np.linalg.norm(arm[:, :2], axis=1), 1e-9)[:, None]
         wanted &= dropper.tips_mm(aside) <= tips[:, 2] + tolerance_mm                     # nothing hangs over it
         return wanted if near is None else wanted & near(foot.point_mm)
 
@@ -306,6 +310,14 @@ def _wall_heights(samples, steep, dropper, ridge_mm):
     allowed = chord * np.sqrt(1.0 - normal ** 2) * np.minimum(1.0 + radius * bend, 1.0)
     step_at = smallest_step(tips, allowed, margin_mm=float(allowed.min()), elsewhere_mm=float(allowed.max()))
     return planes_across(float(tips.min()), float(tips.max()), step_at)
+
+
+def _feet(work, walls_z_mm, dropper, tolerance_mm):
+    """Tip heights on the level ground at the foot of walls: passes from above come near it, but not along it."""
+    level = {round(float(f.middle.point_mm[0, 2]) / SAME_MM) * SAME_MM for f in work.faces
+             if f.kind == "plane" and f.middle.normal[0, 2] > LEVEL}
+    low, high = walls_z_mm.min() - dropper.corner_radius_mm, walls_z_mm.max()
+    return [z + dropper.allowance_mm + tolerance_mm / 2 for z in sorted(level) if low < z < high]
 
 
 def _terraces(samples, steep, tool, ridge_mm, tolerance_mm):

@@ -6,7 +6,7 @@ import numpy as np
 
 from cuspline.kernel.brep import bounding_box_mm
 from cuspline.planning.context import path_tolerance_mm
-from cuspline.planning.freeform_finishing import link_rules
+from cuspline.planning.freeform_finishing import LEVEL, SAME_MM, link_rules
 from cuspline.program.program import Moves, MoveWriter
 from cuspline.toolpaths.freeform.parallel_passes import Bearing
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
@@ -17,8 +17,6 @@ from cuspline.toolpaths.freeform.waterline import DropHeights, waterlines
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PlanError, ToolpathError
 
-LEVEL = 1 - 1e-9            # of a unit normal's z: level
-SAME_MM = 1e-6              # heights that are the same
 FLAT_SHARE = 0.95           # of the width of its flat a cutter moves over: no ridge is left
 PITCH_SHARE = 0.05          # of the cutter's radius: grid on which the region of a floor is looked for
 OVER_SHARE = 0.2            # of the radius that passes run over an open edge

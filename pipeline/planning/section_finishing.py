@@ -12,8 +12,11 @@ from cuspline.values.errors import PlanError
 ROWS_BESIDE = 2.0           # largest gaps between samples, that are looked at beside every step
 
 
-def finish(work, stage, tool, candidates, reach):
-    """Section passes over all faces wanted with one ball; `stage` is a FinishingStage."""
+def finish(work, stage, tool, candidates, reach, within=((-np.inf, np.inf),)):
+    """Section passes over all faces wanted with one ball; `stage` is a FinishingStage.
+
+    `within`: (first, last) places of the planes; those that lie in none of these stretches are left out.
+    """
     name, allowance_mm, scallop_mm = stage.name, stage.allowance_mm, stage.scallop_mm
     tolerance = path_tolerance_mm(work.finish)
     planner = ProfilePlanner(work.solid, work.plane, tool.cutter.radius_mm, allowance_mm, tolerance,
@@ -23,7 +26,8 @@ def finish(work, stage, tool, candidates, reach):
     low, high = planner.extent(*work.box)
     wanted = set(work.wanted)
     across = planes_across(*_across_range(work, tool, reach), step)
-    planes = [planner.section_passes(c, low, high, wanted) for c in across]
+    planes = [planner.section_passes(c, low, high, wanted) for c in across
+              if any(first <= c <= last for first, last in within)]
     passes = _in_cutting_order([plane for plane in planes if plane], work.operation.passes == "one-way")
     if not passes:
         raise PlanError(f"{name}: no section plane meets the faces {work.face_names}")

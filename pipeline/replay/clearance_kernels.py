@@ -1,15 +1,16 @@
 """Least distance of a tool of convex revolved segments to triangles: branch and bound, kernels only.
 
-A segment is a row (z0, r0, z1, r1, grow): a frustum from height z0 to z1 above the tip, grown by a ball (a
-ball's end is a point, a bull nose's corner a disc of no height).  Its signed distance is convex, so the value at the
-middle of a box or triangle minus what its gradient can lose from there is a lower bound, and a sharp one: what is
-lost beyond it shrinks with the square of the box.
+A segment is a row (BOTTOM, BOTTOM_RADIUS, TOP, TOP_RADIUS, GROW): a frustum from height z0 to z1 above the tip, grown
+by a ball (a ball's end is a point, a bull nose's corner a disc of no height).  Its signed distance is convex, so the
+value at the middle of a box or triangle minus what its gradient can lose from there is a lower bound, and a sharp one:
+what is lost beyond it shrinks with the square of the box.
 
 The same holds while the tool is pushed along a straight line, or anywhere in a box, without turning: what it
 sweeps is convex again, and its distance is the least over the way, which is convex in the point.
 
-A place is a row of 17: the frame's three unit rows (third: the axis), the tip, the way (in that frame), half
-widths of the box across the axis.
+A place is a row of 17: the frame's three unit rows SIDE_X, SIDE_Y and AXIS, the TIP, the WAY (in that frame), half
+widths HALF_X, HALF_Y of the box across the axis.  A node is a row of 15: MIDDLE and HALF sides of a box, its directions
+BOX_X, BOX_Y, BOX_Z.
 """
 
 import math
@@ -18,8 +19,13 @@ import numpy as np
 
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import FROM, TO, A, B, C, X, Y, Z, put
 
+BOTTOM, BOTTOM_RADIUS, TOP, TOP_RADIUS, GROW = range(5)                         # columns of a segment
+SIDE_X, SIDE_Y, AXIS, TIP, WAY, HALF_X, HALF_Y = 0, 3, 6, 9, 12, 15, 16         # of a place
+MIDDLE, HALF, BOX_X, BOX_Y, BOX_Z = range(0, 15, 3)                             # of a node
+CORNER_A, CORNER_B, CORNER_C = range(0, 9, 3)                                   # of a part of a triangle
+NEAREST = 3               # of `workspace`: the nearest point found
 LEAF = 4                  # triangles in a leaf
 ROUNDING_MM = 1e-9        # taken off every bound
 STACK = 256               # more than twice the depth of any tree
@@ -32,7 +38,7 @@ CUTS = 40                 # tangents along the way at most; the bound holds afte
 @njit
 def segment_distance(rho, z, row):
     """Signed distance to a grown frustum in (rho, z), and its slopes along both."""
-    z0, r0, z1, r1 = row[0], row[1], row[2], row[3]
+    z0, r0, z1, r1 = row[BOTTOM], row[BOTTOM_RADIUS], row[TOP], row[TOP_RADIUS]
     ex, ez = r1 - r0, z1 - z0
     square = ex * ex + ez * ez
     below, above = z0 - z, z - z1
@@ -42,10 +48,10 @@ def segment_distance(rho, z, row):
         side = (rho - r0) * nr + (z - z0) * nz
         if side <= 0.0 and below <= 0.0 and above <= 0.0:
             if side >= below and side >= above:
-                return side - row[4], nr, nz
+                return side - row[GROW], nr, nz
             if below >= above:
-                return below - row[4], 0.0, -1.0
-            return above - row[4], 0.0, 1.0
+                return below - row[GROW], 0.0, -1.0
+            return above - row[GROW], 0.0, 1.0
     near_r, near_z = min(rho, r0), z0
     best = (rho - near_r) * (rho - near_r) + below * below
     r = min(rho, r1)
@@ -60,8 +66,8 @@ def segment_distance(rho, z, row):
             best, near_r, near_z = d2, r, h
     d = math.sqrt(best)
     if d < 1e-13:
-        return d - row[4], 0.0, 0.0
-    return d - row[4], (rho - near_r) / d, (z - near_z) / d
+        return d - row[GROW], 0.0, 0.0
+    return d - row[GROW], (rho - near_r) / d, (z - near_z) / d
 
 
 @njit
@@ -115,24 +121,26 @@ def swept_distance(x, y, z, row, vx, vy, vz, hx, hy, close):
 
 @njit
 def _local(p, x, y, z):
-    x, y, z = x - p[9], y - p[10], z - p[11]
-    return p[0] * x + p[1] * y + p[2] * z, p[3] * x + p[4] * y + p[5] * z, p[6] * x + p[7] * y + p[8] * z
+    x, y, z = x - p[TIP + X], y - p[TIP + Y], z - p[TIP + Z]
+    return (p[SIDE_X + X] * x + p[SIDE_X + Y] * y + p[SIDE_X + Z] * z,
+            p[SIDE_Y + X] * x + p[SIDE_Y + Y] * y + p[SIDE_Y + Z] * z,
+            p[AXIS + X] * x + p[AXIS + Y] * y + p[AXIS + Z] * z)
 
 
 @njit
 def box_bound(node, place, segments, close):
     """No point of the box is nearer to the tool at its place than this."""
-    x, y, z = _local(place, node[0], node[1], node[2])
-    vx, vy, vz, hx, hy = place[12], place[13], place[14], place[15], place[16]
+    x, y, z = _local(place, node[MIDDLE + X], node[MIDDLE + Y], node[MIDDLE + Z])
+    vx, vy, vz, hx, hy = place[WAY + X], place[WAY + Y], place[WAY + Z], place[HALF_X], place[HALF_Y]
     least = math.inf
     for k in range(len(segments)):
         d, gx, gy, gz, _ = swept_distance(x, y, z, segments[k], vx, vy, vz, hx, hy, close)
-        wx = gx * place[0] + gy * place[3] + gz * place[6]
-        wy = gx * place[1] + gy * place[4] + gz * place[7]
-        wz = gx * place[2] + gy * place[5] + gz * place[8]
-        reach = (abs(wx * node[6] + wy * node[7] + wz * node[8]) * node[3]
-                 + abs(wx * node[9] + wy * node[10] + wz * node[11]) * node[4]
-                 + abs(wx * node[12] + wy * node[13] + wz * node[14]) * node[5])
+        wx = gx * place[SIDE_X + X] + gy * place[SIDE_Y + X] + gz * place[AXIS + X]
+        wy = gx * place[SIDE_X + Y] + gy * place[SIDE_Y + Y] + gz * place[AXIS + Y]
+        wz = gx * place[SIDE_X + Z] + gy * place[SIDE_Y + Z] + gz * place[AXIS + Z]
+        reach = (abs(wx * node[BOX_X + X] + wy * node[BOX_X + Y] + wz * node[BOX_X + Z]) * node[HALF + X]
+                 + abs(wx * node[BOX_Y + X] + wy * node[BOX_Y + Y] + wz * node[BOX_Y + Z]) * node[HALF + Y]
+                 + abs(wx * node[BOX_Z + X] + wy * node[BOX_Z + Y] + wz * node[BOX_Z + Z]) * node[HALF + Z])
         least = min(least, d - reach)
     return least - ROUNDING_MM
 
@@ -144,21 +152,21 @@ def _triangle(corners, place, row, best, floor, least, tolerance, parts, point):
     Halved across its longest side, nearest halves first, until nothing can be nearer than `best` by the tolerance.
     """
     for v in range(3):
-        x, y, z = _local(place, corners[v, 0], corners[v, 1], corners[v, 2])
+        x, y, z = _local(place, corners[v, X], corners[v, Y], corners[v, Z])
         parts[0, 3 * v], parts[0, 3 * v + 1], parts[0, 3 * v + 2] = x, y, z
-    vx, vy, vz, hx, hy = place[12], place[13], place[14], place[15], place[16]
+    vx, vy, vz, hx, hy = place[WAY + X], place[WAY + Y], place[WAY + Z], place[HALF_X], place[HALF_Y]
     waiting, close = 1, 0.1 * tolerance
     while waiting > 0:
         waiting -= 1
-        ax, ay, az = parts[waiting, 0], parts[waiting, 1], parts[waiting, 2]
-        bx, by, bz = parts[waiting, 3], parts[waiting, 4], parts[waiting, 5]
-        cx, cy, cz = parts[waiting, 6], parts[waiting, 7], parts[waiting, 8]
+        ax, ay, az = parts[waiting, CORNER_A + X], parts[waiting, CORNER_A + Y], parts[waiting, CORNER_A + Z]
+        bx, by, bz = parts[waiting, CORNER_B + X], parts[waiting, CORNER_B + Y], parts[waiting, CORNER_B + Z]
+        cx, cy, cz = parts[waiting, CORNER_C + X], parts[waiting, CORNER_C + Y], parts[waiting, CORNER_C + Z]
         mx, my, mz = (ax + bx + cx) / 3.0, (ay + by + cy) / 3.0, (az + bz + cz) / 3.0
         d, gx, gy, gz, got = swept_distance(mx, my, mz, row, vx, vy, vz, hx, hy, close)
         if got < best:
             best = got
             for k in range(3):
-                point[k] = place[9 + k] + place[k] * mx + place[3 + k] * my + place[6 + k] * mz
+                point[k] = place[TIP + k] + place[k] * mx + place[SIDE_Y + k] * my + place[AXIS + k] * mz
             if best < floor:
                 return best, -math.inf
         bound = d - ROUNDING_MM + min(gx * (ax - mx) + gy * (ay - my) + gz * (az - mz),
@@ -178,12 +186,12 @@ def _triangle(corners, place, row, best, floor, least, tolerance, parts, point):
         nearer = gx * (ax - bx) + gy * (ay - by) + gz * (az - bz) < 0.0     # a's half has the lower tangent
         for half in range(2):
             row_of = parts[waiting + half]
-            row_of[3], row_of[4], row_of[5] = hxm, hym, hzm
-            row_of[6], row_of[7], row_of[8] = cx, cy, cz
+            row_of[CORNER_B + X], row_of[CORNER_B + Y], row_of[CORNER_B + Z] = hxm, hym, hzm
+            row_of[CORNER_C + X], row_of[CORNER_C + Y], row_of[CORNER_C + Z] = cx, cy, cz
             if (half == 1) == nearer:
-                row_of[0], row_of[1], row_of[2] = ax, ay, az
+                row_of[CORNER_A + X], row_of[CORNER_A + Y], row_of[CORNER_A + Z] = ax, ay, az
             else:
-                row_of[0], row_of[1], row_of[2] = bx, by, bz
+                row_of[CORNER_A + X], row_of[CORNER_A + Y], row_of[CORNER_A + Z] = bx, by, bz
         waiting += 2
     return best, least
 
@@ -238,7 +246,7 @@ def least_distance(mesh, place, segments, cap, floor, tolerance, hint, work):
             continue
         left = 2 * node + 1
         b0, b1 = box_bound(nodes[left], place, segments, close), math.inf
-        if nodes[left + 1, 3] >= 0.0:
+        if nodes[left + 1, HALF + X] >= 0.0:
             b1 = box_bound(nodes[left + 1], place, segments, close)
         near, far = (left, left + 1) if b0 <= b1 else (left + 1, left)
         stack[top], bounds[top] = far, max(b0, b1)
@@ -258,8 +266,8 @@ def _frame_of(triangles, first, last, node):
     """Axes of a box into node[6:15]: the mean normal of some triangles, and the way they reach farthest across it."""
     nx = ny = nz = 0.0
     for t in range(first, last):
-        a, b = triangles[t, 1] - triangles[t, 0], triangles[t, 2] - triangles[t, 0]
-        nx, ny, nz = nx + a[1] * b[2] - a[2] * b[1], ny + a[2] * b[0] - a[0] * b[2], nz + a[0] * b[1] - a[1] * b[0]
+        a, b = triangles[t, B] - triangles[t, A], triangles[t, C] - triangles[t, A]
+        nx, ny, nz = nx + a[Y] * b[Z] - a[Z] * b[Y], ny + a[Z] * b[X] - a[X] * b[Z], nz + a[X] * b[Y] - a[Y] * b[X]
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
     if length < 1e-300:
         nx, ny, nz, length = 0.0, 0.0, 1.0, 1.0
@@ -271,8 +279,8 @@ def _frame_of(triangles, first, last, node):
         for t in range(first, last):
             for c in range(3):
                 x, y, z = triangles[t, c]
-                u = place[0] * x + place[1] * y + place[2] * z
-                v = place[3] * x + place[4] * y + place[5] * z
+                u = place[SIDE_X + X] * x + place[SIDE_X + Y] * y + place[SIDE_X + Z] * z
+                v = place[SIDE_Y + X] * x + place[SIDE_Y + Y] * y + place[SIDE_Y + Z] * z
                 if turn == 0:
                     mu, mv = mu + u / (3.0 * (last - first)), mv + v / (3.0 * (last - first))
                 else:
@@ -280,8 +288,8 @@ def _frame_of(triangles, first, last, node):
     angle = 0.5 * fixed.arctan2(2.0 * uv, uu - vv)
     c, s = fixed.cos(angle), fixed.sin(angle)
     for k in range(3):
-        node[6 + k], node[9 + k] = c * place[k] + s * place[3 + k], c * place[3 + k] - s * place[k]
-        node[12 + k] = place[6 + k]
+        node[BOX_X + k], node[BOX_Y + k] = c * place[k] + s * place[SIDE_Y + k], c * place[SIDE_Y + k] - s * place[k]
+        node[BOX_Z + k] = place[AXIS + k]
 
 
 @njit
@@ -301,10 +309,10 @@ def build_nodes(triangles, leaves):
                 low, high = math.inf, -math.inf
                 for t in range(first, last):
                     for v in range(3):
-                        along = (node[6 + 3 * a] * triangles[t, v, 0] + node[7 + 3 * a] * triangles[t, v, 1]
-                                 + node[8 + 3 * a] * triangles[t, v, 2])
+                        along = (node[BOX_X + 3 * a] * triangles[t, v, X] + node[BOX_X + Y + 3 * a] * triangles[t, v, Y]
+                                 + node[BOX_X + Z + 3 * a] * triangles[t, v, Z])
                         low, high = min(low, along), max(high, along)
-                node[3 + a] = 0.5 * (high - low)
+                node[HALF + a] = 0.5 * (high - low)
                 for k in range(3):
                     middle[k] += 0.5 * (low + high) * node[6 + 3 * a + k]
             put(node, middle)
@@ -321,18 +329,18 @@ def set_place(place, tx, ty, tz, ax, ay, az):
     else:
         ux, uy, uz = -az, 0.0, ax            # ey x axis
     length = math.sqrt(ux * ux + uy * uy + uz * uz)
-    place[0], place[1], place[2] = ux / length, uy / length, uz / length
-    ux, uy, uz = place[0], place[1], place[2]
-    place[3], place[4], place[5] = ay * uz - az * uy, az * ux - ax * uz, ax * uy - ay * ux
-    place[6], place[7], place[8] = ax, ay, az
-    place[9], place[10], place[11] = tx, ty, tz
+    place[SIDE_X + X], place[SIDE_X + Y], place[SIDE_X + Z] = ux / length, uy / length, uz / length
+    ux, uy, uz = place[SIDE_X + X], place[SIDE_X + Y], place[SIDE_X + Z]
+    place[SIDE_Y + X], place[SIDE_Y + Y], place[SIDE_Y + Z] = ay * uz - az * uy, az * ux - ax * uz, ax * uy - ay * ux
+    place[AXIS + X], place[AXIS + Y], place[AXIS + Z] = ax, ay, az
+    place[TIP + X], place[TIP + Y], place[TIP + Z] = tx, ty, tz
 
 
 @njit
 def set_way(place, wx, wy, wz):
     """Lets the tool of a place move straight by a vector of the world."""
     for k in range(3):
-        place[12 + k] = place[3 * k] * wx + place[3 * k + 1] * wy + place[3 * k + 2] * wz
+        place[WAY + k] = place[3 * k] * wx + place[3 * k + 1] * wy + place[3 * k + 2] * wz
 
 
 @njit
@@ -342,11 +350,11 @@ def distances(mesh, tips, axes, segments, cap, tolerance):
     lower, got, points, work = np.empty(n), np.empty(n), np.full((n, 3), math.nan), workspace()
     place, hint = np.zeros(17), -1
     for i in range(n):
-        set_place(place, tips[i, 0], tips[i, 1], tips[i, 2], axes[i, 0], axes[i, 1], axes[i, 2])
+        set_place(place, tips[i, X], tips[i, Y], tips[i, Z], axes[i, X], axes[i, Y], axes[i, Z])
         lower[i], got[i], found = least_distance(mesh, place, segments, cap, -math.inf, tolerance, hint, work)
         if found >= 0:
             hint = found
-            points[i] = work[3]
+            points[i] = work[NEAREST]
     return lower, got, points
 
 
@@ -357,16 +365,16 @@ def _pose(t, tip0, tip1, axis0, axis1, turn, place):
     if turn > 1e-12:
         s = fixed.sin(turn)
         a, b = fixed.sin((1.0 - t) * turn) / s, fixed.sin(t * turn) / s
-    x, y, z = a * axis0[0] + b * axis1[0], a * axis0[1] + b * axis1[1], a * axis0[2] + b * axis1[2]
+    x, y, z = a * axis0[X] + b * axis1[X], a * axis0[Y] + b * axis1[Y], a * axis0[Z] + b * axis1[Z]
     length = math.sqrt(x * x + y * y + z * z)
-    set_place(place, tip0[0] + t * (tip1[0] - tip0[0]), tip0[1] + t * (tip1[1] - tip0[1]),
-              tip0[2] + t * (tip1[2] - tip0[2]), x / length, y / length, z / length)
+    set_place(place, tip0[X] + t * (tip1[X] - tip0[X]), tip0[Y] + t * (tip1[Y] - tip0[Y]),
+              tip0[Z] + t * (tip1[Z] - tip0[Z]), x / length, y / length, z / length)
 
 
 @njit
 def turn_of(axis0, axis1):
     """Angle between two unit vectors, rad."""
-    x, y, z = axis0[0] - axis1[0], axis0[1] - axis1[1], axis0[2] - axis1[2]
+    x, y, z = axis0[X] - axis1[X], axis0[Y] - axis1[Y], axis0[Z] - axis1[Z]
     if x == 0.0 and y == 0.0 and z == 0.0:
         return 0.0
     return 2.0 * fixed.arcsin(min(0.5 * math.sqrt(x * x + y * y + z * z), 1.0))
@@ -381,20 +389,20 @@ def _over_move(mesh, segments, tip0, tip1, axis0, axis1, turn, lever, margin, ca
     than half the turn times the lever.
     """
     lower, waiting = cap, 1
-    spans[0, 0], spans[0, 1] = 0.0, 1.0
+    spans[0, FROM], spans[0, TO] = 0.0, 1.0
     while waiting > 0:
         waiting -= 1
-        lo, hi = spans[waiting, 0], spans[waiting, 1]
+        lo, hi = spans[waiting, FROM], spans[waiting, TO]
         middle, width = 0.5 * (lo + hi), hi - lo
         slack = 0.5 * width * turn * lever
         _pose(middle, tip0, tip1, axis0, axis1, turn, place)
         for k in range(3):
-            place[9 + k] -= 0.5 * width * (tip1[k] - tip0[k])
-        set_way(place, width * (tip1[0] - tip0[0]), width * (tip1[1] - tip0[1]), width * (tip1[2] - tip0[2]))
+            place[TIP + k] -= 0.5 * width * (tip1[k] - tip0[k])
+        set_way(place, width * (tip1[X] - tip0[X]), width * (tip1[Y] - tip0[Y]), width * (tip1[Z] - tip0[Z]))
         bound, got, found = least_distance(mesh, place, segments, cap + slack, margin + slack, tolerance, hint, work)
         if found >= 0:
             hint = found
-            put(spot, work[3])
+            put(spot, work[NEAREST])
         if bound - slack >= margin:
             lower = min(lower, bound - slack)
             continue
@@ -403,11 +411,11 @@ def _over_move(mesh, segments, tip0, tip1, axis0, axis1, turn, lever, margin, ca
             _, got, found = least_distance(mesh, place, segments, margin, margin, tolerance, hint, work)
             if got < margin:
                 hint = found
-                put(spot, work[3])
+                put(spot, work[NEAREST])
         if got < margin or slack <= tolerance:
             return got, False, hint
-        spans[waiting, 0], spans[waiting, 1] = middle, hi
-        spans[waiting + 1, 0], spans[waiting + 1, 1] = lo, middle
+        spans[waiting, FROM], spans[waiting, TO] = middle, hi
+        spans[waiting + 1, FROM], spans[waiting + 1, TO] = lo, middle
         waiting += 2
     return lower, True, hint
 
@@ -416,7 +424,7 @@ def _over_move(mesh, segments, tip0, tip1, axis0, axis1, turn, lever, margin, ca
 def _motion(tip0, tip1, axis0, axis1, lever):
     """No point of the tool goes farther than this from one pose to the next."""
     d = tip1 - tip0
-    return math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) + lever * turn_of(axis0, axis1)
+    return math.sqrt(d[X] * d[X] + d[Y] * d[Y] + d[Z] * d[Z]) + lever * turn_of(axis0, axis1)
 
 
 @njit
@@ -454,12 +462,12 @@ def certify(mesh, tips0, tips1, axes0, axes1, segments, lever, margin, cap, tole
             while j + 1 < n and way + motion[j] + gap[j + 1] <= trust:
                 way += motion[j] + gap[j + 1]
                 j += 1
-            set_place(place, tips0[j, 0], tips0[j, 1], tips0[j, 2], axes0[j, 0], axes0[j, 1], axes0[j, 2])
+            set_place(place, tips0[j, X], tips0[j, Y], tips0[j, Z], axes0[j, X], axes0[j, Y], axes0[j, Z])
             left, got, found = least_distance(mesh, place, segments, cap, margin, coarse, hint, work)
             spot[:] = math.nan
             if found >= 0:
                 hint = found
-                put(spot, work[3])
+                put(spot, work[NEAREST])
             if j > i:
                 trust = AHEAD * (left - margin)
                 if left - way < margin:

@@ -8,10 +8,11 @@ import math
 
 import numpy as np
 
-from cuspline.replay.clearance_kernels import least_distance, workspace
-from cuspline.replay.replay_stock import DEEP_MM, SHARE, beyond
+from cuspline.replay.clearance_kernels import AXIS, HALF_X, NEAREST, SIDE_X, SIDE_Y, TIP, WAY, least_distance, workspace
+from cuspline.replay.replay_stock import AMOUNT, DEEP_MM, SHARE, beyond
+from cuspline.stock.path_pieces import X1
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import FROM, TO, X, Y, Z, put
 
 TOLERANCE_MM = 1e-3       # of an amount, and of the least clearance
 GROUP = 64                # pieces looked at as one, at most
@@ -21,19 +22,19 @@ GROUP = 64                # pieces looked at as one, at most
 def upright(place, lines, first, last):
     """The place of an upright tool that stands anywhere in the box round some lines; a single line is a way."""
     place[:] = 0.0
-    place[0] = place[4] = place[8] = 1.0
+    place[SIDE_X + X] = place[SIDE_Y + Y] = place[AXIS + Z] = 1.0
     if last - first == 1:
         for k in range(3):
-            place[9 + k], place[12 + k] = lines[first, k], lines[first, 3 + k] - lines[first, k]
+            place[TIP + k], place[WAY + k] = lines[first, k], lines[first, X1 + k] - lines[first, k]
         return
     for k in range(3):
         low, high = math.inf, -math.inf
         for p in range(first, last):
-            low, high = min(low, lines[p, k], lines[p, 3 + k]), max(high, lines[p, k], lines[p, 3 + k])
+            low, high = min(low, lines[p, k], lines[p, X1 + k]), max(high, lines[p, k], lines[p, X1 + k])
         if k < 2:
-            place[9 + k], place[15 + k] = 0.5 * (low + high), 0.5 * (high - low)
+            place[TIP + k], place[HALF_X + k] = 0.5 * (low + high), 0.5 * (high - low)
         else:
-            place[11], place[14] = low, high - low
+            place[TIP + Z], place[WAY + Z] = low, high - low
 
 
 @njit
@@ -54,13 +55,13 @@ def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
     spans = np.empty((64, 2), np.int64)
     for start in range(0, len(lines), GROUP):
         waiting = 1
-        spans[0, 0], spans[0, 1] = start, min(start + GROUP, len(lines))
+        spans[0, FROM], spans[0, TO] = start, min(start + GROUP, len(lines))
         while waiting > 0:
             waiting -= 1
             first, last = spans[waiting]
             table = worst[rows[first]]
             upright(place, lines, first, last)
-            enough = max(beyond(wanted, table[0]) if rows[first] == rows[last - 1] else wanted, least - tolerance)
+            enough = max(beyond(wanted, table[AMOUNT]) if rows[first] == rows[last - 1] else wanted, least - tolerance)
             if last - first > 1:
                 bound, _, found = least_distance(mesh, place, segments, enough + 2.0 * tolerance, enough + tolerance,
                                                  tolerance, hint, work)
@@ -69,8 +70,8 @@ def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
                     proven = min(proven, bound)
                     continue
                 middle = (first + last) // 2
-                spans[waiting, 0], spans[waiting, 1] = middle, last
-                spans[waiting + 1, 0], spans[waiting + 1, 1] = first, middle
+                spans[waiting, FROM], spans[waiting, TO] = middle, last
+                spans[waiting + 1, FROM], spans[waiting + 1, TO] = first, middle
                 waiting += 2
                 continue
             bound, rough, floor = -math.inf, tolerance, wanted - DEEP_MM
@@ -82,9 +83,9 @@ def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
                 hint = found
                 if got < least:
                     least = got
-                    put(spot, work[3])
-                if wanted - got > max(table[0], 0.0):
-                    table[0] = wanted - got
-                    put(table[1:], work[3])
+                    put(spot, work[NEAREST])
+                if wanted - got > max(table[AMOUNT], 0.0):
+                    table[AMOUNT] = wanted - got
+                    put(table[1:], work[NEAREST])
             proven = min(proven, bound)
     return proven, least, spot

@@ -10,7 +10,12 @@ import math
 
 import numpy as np
 
+from cuspline.replay.clearance_kernels import BOTTOM, BOTTOM_RADIUS, GROW, TOP_RADIUS
 from cuspline.replay.replay_stock import (
+    AMOUNT,
+    AT_X,
+    AT_Y,
+    AT_Z,
     BUDGET,
     DEPTH_MM,
     LEAST_MM,
@@ -25,8 +30,10 @@ from cuspline.replay.replay_stock import (
 )
 from cuspline.stock.distance_kernels import corner_distance
 from cuspline.stock.height_kernels import piece_height
+from cuspline.stock.path_pieces import IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
+from cuspline.stock.tree import CORNER_RADIUS, FLAT_RADIUS
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import HIGH_X, HIGH_Y, HIGH_Z, LOW_X, LOW_Y, X, Y, Z, put
 
 RUBBING_MM = 0.001        # a shank as wide as its flutes may rub so much on the stock that these have just cut
 TILE = 8                  # cells along the side of a tile whose highest bound is kept: where a piece cuts no lower it
@@ -35,32 +42,35 @@ REFRESH = 256             # pieces after which the highest of the tiles is looke
 FAR_MM = 50.0             # clearances beyond this are not measured
 NOISE_MM = 1e-6           # heights closer than this are the same
 RAPID, SHANK, HOLDER, FIXTURE, LOW = range(5)
+CUTTER, KIND = range(2)         # columns of kinds
+PROVEN, ATTAINED = range(2)     # of the least distance
+ROW, CELL, HEIGHT = range(3)    # arrays of events
 
 
 @njit
 def chord(g, out):
     """A piece as a straight line that lies nowhere above it."""
     put(out, g)
-    out[11] = 0.0
-    if g[11] != 0.0 and g[10] < 0.0:
-        dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
+    out[IS_ARC] = 0.0
+    if g[IS_ARC] != 0.0 and g[SIDE] < 0.0:
+        dx, dy, dz = g[X1] - g[X0], g[Y1] - g[Y0], g[Z1] - g[Z0]
         half = 0.25 * (dx * dx + dy * dy + dz * dz)
-        sagitta = g[9] - math.sqrt(max(g[9] * g[9] - half, 0.0))
-        out[2] -= sagitta
-        out[5] -= sagitta
+        sagitta = g[RADIUS] - math.sqrt(max(g[RADIUS] * g[RADIUS] - half, 0.0))
+        out[Z0] -= sagitta
+        out[Z1] -= sagitta
 
 
 @njit
 def lowered(line, by_mm, out):
     """A rapid's straight way lowered by the height it is to keep; where it leads up, it may begin in the cut."""
     put(out, line)
-    rise = line[5] - line[2]
-    across = math.sqrt((line[3] - line[0]) ** 2 + (line[4] - line[1]) ** 2)
+    rise = line[Z1] - line[Z0]
+    across = math.sqrt((line[X1] - line[X0]) ** 2 + (line[Y1] - line[Y0]) ** 2)
     if rise > 0.0 and across < by_mm:
-        out[5] -= min(by_mm, rise)
+        out[Z1] -= min(by_mm, rise)
     else:
-        out[2] -= max(by_mm - max(rise, 0.0), 0.0)
-        out[5] -= by_mm
+        out[Z0] -= max(by_mm - max(rise, 0.0), 0.0)
+        out[Z1] -= by_mm
 
 
 @njit
@@ -69,7 +79,7 @@ def chords(geometry):
     lines, line = np.empty((len(geometry), 6)), np.empty(12)
     for p in range(len(geometry)):
         chord(geometry[p], line)
-        lines[p] = line[:6]
+        put(lines[p], line[:6])
     return lines
 
 
@@ -94,24 +104,25 @@ def _cells(low, high, lines):
 
 @njit
 def _keep_worst(table, row, amount, x, y, z):
-    if amount > table[row, 0]:
-        table[row, 0], table[row, 1], table[row, 2], table[row, 3] = amount, x, y, z
+    if amount > table[row, AMOUNT]:
+        table[row, AMOUNT], table[row, AT_X], table[row, AT_Y], table[row, AT_Z] = amount, x, y, z
 
 
 @njit
 def _fixture_depth(line, part, box):
     """How deep a moving upright part enters a box, from above or beside; negative: clear."""
-    hx, hy = 0.5 * (box[3] - box[0]), 0.5 * (box[4] - box[1])
-    return -part_distance(0.5 * (box[0] + box[3]), 0.5 * (box[1] + box[4]), hx, hy, box[5], line, part)[0]
+    hx, hy = 0.5 * (box[HIGH_X] - box[LOW_X]), 0.5 * (box[HIGH_Y] - box[LOW_Y])
+    return -part_distance(0.5 * (box[LOW_X] + box[HIGH_X]), 0.5 * (box[LOW_Y] + box[HIGH_Y]), hx, hy, box[HIGH_Z], line,
+                          part)[0]
 
 
 @njit
 def _doubtful_cells(line, part, enough, stock, highest, doubtful):
     """Cells whose bounds leave a part nearer than `enough`: their number, and the least distance of the others."""
     _, bounds, _, tiles, xs, ys = stock
-    xl, xh, yl, yh = min(line[0], line[3]), max(line[0], line[3]), min(line[1], line[4]), max(line[1], line[4])
-    radius = max(part[1], part[3]) + part[4]
-    low, grow = min(line[2], line[5]) + part[0] - part[4], radius + enough
+    xl, xh, yl, yh = min(line[X0], line[X1]), max(line[X0], line[X1]), min(line[Y0], line[Y1]), max(line[Y0], line[Y1])
+    radius = max(part[BOTTOM_RADIUS], part[TOP_RADIUS]) + part[GROW]
+    low, grow = min(line[Z0], line[Z1]) + part[BOTTOM] - part[GROW], radius + enough
     if low - highest >= enough:
         return 0, min(low - highest, FAR_MM)
     i0, i1 = _cells(xl - grow, xh + grow, xs)
@@ -153,7 +164,7 @@ def _at_nodes(line, part, doubtful, count, stock, spot):
                 _, d = part_distance(xs[i], ys[j], 0.0, 0.0, z[j, i], line, part)
                 if d < best:
                     best = d
-                    spot[0], spot[1], spot[2] = xs[i], ys[j], z[j, i]
+                    spot[X], spot[Y], spot[Z] = xs[i], ys[j], z[j, i]
     return best
 
 
@@ -195,9 +206,9 @@ def _gap(x, low, high):
 def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
     """Lowers nodes and bounds by one piece; gives the events (grown when full) and their number."""
     _, bounds, _, tiles, xs, ys = stock
-    radius, low = a + rc, min(g[2], g[5])
-    i0, i1 = _cells(min(g[0], g[3]) - radius, max(g[0], g[3]) + radius, xs)
-    j0, j1 = _cells(min(g[1], g[4]) - radius, max(g[1], g[4]) + radius, ys)
+    radius, low = a + rc, min(g[Z0], g[Z1])
+    i0, i1 = _cells(min(g[X0], g[X1]) - radius, max(g[X0], g[X1]) + radius, xs)
+    j0, j1 = _cells(min(g[Y0], g[Y1]) - radius, max(g[Y0], g[Y1]) + radius, ys)
     if i0 == i1 or j0 == j1:
         return events, count
     for tj in range(j0 // TILE, (j1 - 1) // TILE + 1):
@@ -214,11 +225,11 @@ def _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids, ev
     z, bounds, _, tiles, xs, ys = stock
     j0, j1 = tj * TILE, min((tj + 1) * TILE, len(bounds))
     i0, i1 = ti * TILE, min((ti + 1) * TILE, bounds.shape[1])
-    low, more, top = min(g[2], g[5]), bulge(g), tiles[tj, ti]
+    low, more, top = min(g[Z0], g[Z1]), bulge(g), tiles[tj, ti]
     thin_rc = max(rc - touch, 0.0)
     thin_a = a - (touch - (rc - thin_rc))
-    mx, my = 0.5 * (g[0] + g[3]), 0.5 * (g[1] + g[4])
-    reach = a + rc + NOISE_MM + 0.5 * math.sqrt((g[3] - g[0]) * (g[3] - g[0]) + (g[4] - g[1]) * (g[4] - g[1]))
+    mx, my = 0.5 * (g[X0] + g[X1]), 0.5 * (g[Y0] + g[Y1])
+    reach = a + rc + NOISE_MM + 0.5 * math.sqrt((g[X1] - g[X0]) * (g[X1] - g[X0]) + (g[Y1] - g[Y0]) * (g[Y1] - g[Y0]))
     if _gap(mx, xs[i0], xs[i1]) ** 2 + _gap(my, ys[j0], ys[j1]) ** 2 > reach * reach:
         return events, count, top
     for j in range(j0, j1 + 1):
@@ -242,9 +253,9 @@ def _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids, ev
                 if piece_height(xs[i], ys[j], lifted, thin_a, thin_rc) < z[j, i]:
                     _keep_worst(rapids, row, z[j, i] - h, xs[i], ys[j], h)
             z[j, i] = h
-            if count == len(events[2]):
+            if count == len(events[HEIGHT]):
                 events = _with_room(events, count)
-            events[0][count], events[1][count], events[2][count] = row, j * z.shape[1] + i, h
+            events[ROW][count], events[CELL][count], events[HEIGHT][count] = row, j * z.shape[1] + i, h
             count += 1
     return events, count, _tile_top(bounds, tj, ti)
 
@@ -254,9 +265,9 @@ def _with_room(events, count):
     """The same events in arrays of more than twice the length."""
     room = 2 * count + 1024
     rows, cells, heights = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room)
-    put(rows, events[0][:count])
-    put(cells, events[1][:count])
-    put(heights, events[2][:count])
+    put(rows, events[ROW][:count])
+    put(cells, events[CELL][:count])
+    put(heights, events[HEIGHT][:count])
     return rows, cells, heights
 
 
@@ -290,48 +301,48 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
             tiles[tj, ti] = _tile_top(bounds, tj, ti)
     spot, heights = np.empty(3), np.empty((2, TILE + 1))
     unsure = np.zeros(worst.shape[1], np.bool_)
-    count, line, highest, low = len(events[2]), np.empty(12), math.inf, np.empty(12)
+    count, line, highest, low = len(events[HEIGHT]), np.empty(12), math.inf, np.empty(12)
     for p in range(len(geometry)):
         if p % REFRESH == 0:
             highest = tiles.max()
         chord(geometry[p], line)
-        a, rc = cutters[cutter[p], 0], cutters[cutter[p], 1]
+        a, rc = cutters[cutter[p], FLAT_RADIUS], cutters[cutter[p], CORNER_RADIUS]
         for c in range(len(parts)):
-            if kinds[c, 0] != cutter[p]:
+            if kinds[c, CUTTER] != cutter[p]:
                 continue
-            part, kind = parts[c], kinds[c, 1]
+            part, kind = parts[c], kinds[c, KIND]
             for f in range(len(boxes)):
                 depth = _fixture_depth(line, part, boxes[f])
                 if kind == RAPID:                # thinner than the flutes by the touch, all round
                     depth += touch
-                _keep_worst(worst[FIXTURE], row[p], depth, line[3], line[4], boxes[f, 5])
+                _keep_worst(worst[FIXTURE], row[p], depth, line[X1], line[Y1], boxes[f, HIGH_Z])
             if kind == RAPID and not is_rapid[p]:
                 continue
             may_rub = kind == SHANK and wanted[kind] == 0.0
             limit = wanted[kind] - (0.0 if kind == RAPID else (RUBBING_MM if may_rub else touch))
-            enough = max(limit, least[1] - LEAST_MM) if kind == HOLDER else limit
-            if kind != RAPID and worst[kind, row[p], 0] > 0.0:     # this move touches already: how much deeper?
-                enough = min(enough, beyond(wanted[kind], worst[kind, row[p], 0]))
+            enough = max(limit, least[ATTAINED] - LEAST_MM) if kind == HOLDER else limit
+            if kind != RAPID and worst[kind, row[p], AMOUNT] > 0.0:     # this move touches already: how much deeper?
+                enough = min(enough, beyond(wanted[kind], worst[kind, row[p], AMOUNT]))
             proven, got, in_doubt = _against_stock(line, part, limit, enough, p, stock, highest, past, doubtful, space,
                                                    spot, SEEN_BUDGET if unsure[row[p]] else BUDGET)
             if kind == HOLDER:
-                least[0] = min(least[0], proven)
-                if got < least[1]:
-                    least[1] = got
+                least[PROVEN] = min(least[PROVEN], proven)
+                if got < least[ATTAINED]:
+                    least[ATTAINED] = got
                     put(least[2:], spot)
             unsure[row[p]] |= in_doubt
             if got < limit:
                 amount = wanted[kind] - got
                 if kind == RAPID:
-                    amount = spot[2] - piece_height(spot[0], spot[1], geometry[p], a, rc)
-                _keep_worst(worst[kind], row[p], amount, spot[0], spot[1], spot[2])
+                    amount = spot[Z] - piece_height(spot[X], spot[Y], geometry[p], a, rc)
+                _keep_worst(worst[kind], row[p], amount, spot[X], spot[Y], spot[Z])
             elif kind == RAPID and low_mm > 0.0:
                 lowered(line, low_mm, low)
                 _, got, _ = _against_stock(low, part, -touch, -touch, p, stock, highest, past, doubtful, space, spot,
                                            SEEN_BUDGET)
                 if got < -touch:
-                    _keep_worst(worst[LOW], row[p], spot[2] - piece_height(spot[0], spot[1], low, a, rc), spot[0],
-                                spot[1], spot[2])
+                    _keep_worst(worst[LOW], row[p], spot[Z] - piece_height(spot[X], spot[Y], low, a, rc), spot[X],
+                                spot[Y], spot[Z])
         events, count = _cut(geometry[p], a, rc, row[p], is_rapid[p], touch, stock, heights, worst[RAPID], events,
                              count)
-    return (events[0][:count], events[1][:count], events[2][:count]), unsure
+    return (events[ROW][:count], events[CELL][:count], events[HEIGHT][:count]), unsure

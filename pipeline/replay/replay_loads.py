@@ -22,6 +22,8 @@ from cuspline.values.compiled import njit
 BINS = 8                  # of a diameter of way
 WINDOW = 4                # bins looked at together: half a diameter, so that a pass that nicks an edge is seen
 MOST_BINS = 4_000_000     # a longer way has longer bins
+BEGIN_X, BEGIN_Y, END_X, END_Y, CENTER_X, CENTER_Y, SENSE = range(7)     # columns of a move's ends
+FIRST_X, FIRST_Y, PITCH = range(3)                                       # of a grid
 SAME_RAD = 1e-9           # an arc that turns by less is a whole circle
 
 
@@ -101,7 +103,7 @@ def _slopes_rad(posted, length_mm):
 
 
 def _ends(posted):
-    """(n, 7) x, y of both ends; centre and extra turns of arcs about +Z, NaN and 0 for others; +1 against the clock."""
+    """(n, 7) x, y of both ends; centre of arcs about +Z, NaN for others; +1 against the clock, else -1."""
     about_z = (posted.kind >= Kind.ARC_CW) & (posted.plane == Plane.XY)
     center = np.where(about_z[:, None], posted.center_mm[:, :2], np.nan)
     turn = np.where(posted.kind == Kind.ARC_CCW, 1.0, -1.0)
@@ -111,17 +113,17 @@ def _ends(posted):
 @njit
 def _met(x, y, end, way, diameter):
     """Where along the way of a move, in diameters, its cutter's front meets a place."""
-    if np.isnan(end[4]):
-        dx, dy = end[2] - end[0], end[3] - end[1]
+    if np.isnan(end[CENTER_X]):
+        dx, dy = end[END_X] - end[BEGIN_X], end[END_Y] - end[BEGIN_Y]
         length = math.sqrt(dx * dx + dy * dy)
         if length == 0.0:
             return 0.0
-        share = ((x - end[0]) * dx + (y - end[1]) * dy) / (length * length)
-        aside = abs((x - end[0]) * dy - (y - end[1]) * dx) / length
+        share = ((x - end[BEGIN_X]) * dx + (y - end[BEGIN_Y]) * dy) / (length * length)
+        aside = abs((x - end[BEGIN_X]) * dy - (y - end[BEGIN_Y]) * dx) / length
     else:
         share = _turned(x, y, end)
-        aside = abs(math.sqrt((x - end[4]) ** 2 + (y - end[5]) ** 2)
-                    - math.sqrt((end[0] - end[4]) ** 2 + (end[1] - end[5]) ** 2))
+        aside = abs(math.sqrt((x - end[CENTER_X]) ** 2 + (y - end[CENTER_Y]) ** 2)
+                    - math.sqrt((end[BEGIN_X] - end[CENTER_X]) ** 2 + (end[BEGIN_Y] - end[CENTER_Y]) ** 2))
     ahead = math.sqrt(max(0.25 - (aside / diameter) ** 2, 0.0))
     return min(max(share * way - ahead, 0.0), way)
 
@@ -129,9 +131,9 @@ def _met(x, y, end, way, diameter):
 @njit
 def _turned(x, y, end):
     """Share of an arc's turn at which it passes a place; the nearer end beside it."""
-    a0 = fixed.arctan2(end[1] - end[5], end[0] - end[4])
-    whole = ((fixed.arctan2(end[3] - end[5], end[2] - end[4]) - a0) * end[6]) % (2 * math.pi)
-    part = ((fixed.arctan2(y - end[5], x - end[4]) - a0) * end[6]) % (2 * math.pi)
+    a0 = fixed.arctan2(end[BEGIN_Y] - end[CENTER_Y], end[BEGIN_X] - end[CENTER_X])
+    whole = ((fixed.arctan2(end[END_Y] - end[CENTER_Y], end[END_X] - end[CENTER_X]) - a0) * end[SENSE]) % (2 * math.pi)
+    part = ((fixed.arctan2(y - end[CENTER_Y], x - end[CENTER_X]) - a0) * end[SENSE]) % (2 * math.pi)
     whole = 2 * math.pi if whole < SAME_RAD else whole
     if part <= whole:
         return part / whole
@@ -163,11 +165,11 @@ def _taken(rows, cells, taken, first, nx, grid, count, bin_way, starts, way, fee
         row, cell = rows[e], cells[e]
         if e < first or not feeds[row]:
             continue
-        x, y = grid[0] + grid[2] * (cell % nx), grid[1] + grid[2] * (cell // nx)
+        x, y = grid[FIRST_X] + grid[PITCH] * (cell % nx), grid[FIRST_Y] + grid[PITCH] * (cell // nx)
         k = min(int((starts[row] + _met(x, y, ends[row], way[row], diameter[row])) / bin_way), count - 1)
         volume[k] += taken[e]
         deepest[k] = max(deepest[k], taken[e])
-        if max(abs(x - ends[row, 2]), abs(y - ends[row, 3])) <= 0.5 * grid[2]:
+        if max(abs(x - ends[row, END_X]), abs(y - ends[row, END_Y])) <= 0.5 * grid[PITCH]:
             plunge[row] += taken[e]
     return volume, deepest, plunge
 

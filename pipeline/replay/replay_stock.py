@@ -10,10 +10,17 @@ import math
 
 import numpy as np
 
-from cuspline.replay.clearance_kernels import swept_distance
+from cuspline.replay.clearance_kernels import BOTTOM, BOTTOM_RADIUS, GROW, TOP_RADIUS, swept_distance
 from cuspline.stock.height_kernels import piece_height
+from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
+from cuspline.stock.tree import CORNER_RADIUS, FLAT_RADIUS
 from cuspline.values.compiled import njit
+from cuspline.values.rows import FROM, TO, X_HIGH, X_LOW, Y_HIGH, Y_LOW, X, Y, Z
 
+FIRST_NODE, FIRST_PIECE, PIECES, LEAVES = range(4)              # columns of trees
+LOWEST = 4                                                      # of a node, behind its rectangle: its lowest tip
+CELL_X, CELL_Y, CELL_HALF_X, CELL_HALF_Y, CELL_TOP = range(5)   # of a part of a cell
+AMOUNT, AT_X, AT_Y, AT_Z = range(4)                             # of the worst contacts
 CELL_MM = 0.0005          # parts of cells are not quartered below it, half of what a shank may rub: a thinner fin can
                           # stay unseen, and is counted
 CLEAR_CELL_MM = 0.02      # the same where only the least clearance is looked for
@@ -39,39 +46,39 @@ def beyond(wanted, missing):
 @njit
 def bulge(g):
     """How much higher inside a cell than at its corners an arc above its centre can leave the stock; 0 for others."""
-    if g[11] == 0.0 or g[10] < 0.0:
+    if g[IS_ARC] == 0.0 or g[SIDE] < 0.0:
         return 0.0
-    dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
-    return g[9] - math.sqrt(max(g[9] * g[9] - 0.25 * (dx * dx + dy * dy + dz * dz), 0.0))
+    dx, dy, dz = g[X1] - g[X0], g[Y1] - g[Y0], g[Z1] - g[Z0]
+    return g[RADIUS] - math.sqrt(max(g[RADIUS] * g[RADIUS] - 0.25 * (dx * dx + dy * dy + dz * dz), 0.0))
 
 
 @njit
 def node_height(x, y, node, a, rc):
     """No piece under a node (xl, xh, yl, yh and height of its lowest tip) leaves less over (x, y)."""
-    ex, ey = max(node[0] - x, x - node[1], 0.0), max(node[2] - y, y - node[3], 0.0)
+    ex, ey = max(node[X_LOW] - x, x - node[X_HIGH], 0.0), max(node[Y_LOW] - y, y - node[Y_HIGH], 0.0)
     d = math.sqrt(ex * ex + ey * ey)
     if d > a + rc:
         return math.inf
     beyond = max(d - a, 0.0)
-    return node[4] + rc - math.sqrt(max(rc * rc - beyond * beyond, 0.0))
+    return node[LOWEST] + rc - math.sqrt(max(rc * rc - beyond * beyond, 0.0))
 
 
 @njit
 def _standing(x, y, g):
     """Tip on an arc above its centre that stands still where the arc is lowest over (x, y), to first order."""
-    k = int(g[6])
-    u = min(max(x if k == 0 else y, g[k]), g[3 + k])
-    z = g[8] + math.sqrt(max(g[9] * g[9] - (u - g[7]) * (u - g[7]), 0.0))
-    return (u, g[1], z) if k == 0 else (g[0], u, z)
+    k = int(g[IN_YZ])
+    u = min(max(x if k == 0 else y, g[k]), g[X1 + k])
+    z = g[CENTER_Z] + math.sqrt(max(g[RADIUS] * g[RADIUS] - (u - g[CENTER_U]) * (u - g[CENTER_U]), 0.0))
+    return (u, g[Y0], z) if k == 0 else (g[X0], u, z)
 
 
 @njit
 def _covered(x, y, hx, hy, g, a, rc, spare):
     """No point of the rectangle keeps more height than this after the piece; inf: not all of it is passed over."""
-    if g[11] != 0.0 and g[10] > 0.0:
+    if g[IS_ARC] != 0.0 and g[SIDE] > 0.0:
         spare[:] = 0.0
-        spare[0], spare[1], spare[2] = _standing(x, y, g)
-        spare[3], spare[4], spare[5] = spare[0], spare[1], spare[2]
+        spare[X0], spare[Y0], spare[Z0] = _standing(x, y, g)
+        spare[X1], spare[Y1], spare[Z1] = spare[X0], spare[Y0], spare[Z0]
         g = spare
     return max(max(piece_height(x - hx, y - hy, g, a, rc), piece_height(x + hx, y - hy, g, a, rc)),
                max(piece_height(x - hx, y + hy, g, a, rc), piece_height(x + hx, y + hy, g, a, rc)))
@@ -80,8 +87,8 @@ def _covered(x, y, hx, hy, g, a, rc, spare):
 @njit
 def part_distance(x, y, hx, hy, top, line, part):
     """(lower bound, attained) distance of a moving upright part to a rectangle of stock of one height."""
-    bound, _, _, _, got = swept_distance(x - line[0], y - line[1], top - line[2], part, line[3] - line[0],
-                                         line[4] - line[1], line[5] - line[2], hx, hy, CLOSE_MM)
+    bound, _, _, _, got = swept_distance(x - line[X0], y - line[Y0], top - line[Z0], part, line[X1] - line[X0],
+                                         line[Y1] - line[Y0], line[Z1] - line[Z0], hx, hy, CLOSE_MM)
     return bound, got
 
 
@@ -100,8 +107,8 @@ def earlier_cover(x, y, hx, hy, bound, before, line, part, enough, forest, order
     stack, bounds, spare = work
     height = bound                           # if no piece leaves less, the bound is what is left
     for k in range(len(trees)):
-        node0, piece0, count, leaves = trees[k, 0], trees[k, 1], trees[k, 2], trees[k, 3]
-        a, rc = tools[k, 0], tools[k, 1]
+        node0, piece0, count, leaves = trees[k, FIRST_NODE], trees[k, FIRST_PIECE], trees[k, PIECES], trees[k, LEAVES]
+        a, rc = tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS]
         waiting, stack[0], bounds[0] = 1, 0, -math.inf
         while waiting > 0:
             waiting -= 1
@@ -139,13 +146,13 @@ def earlier_cover(x, y, hx, hy, bound, before, line, part, enough, forest, order
 @njit
 def _holds(x, y, z, room, g, rc, is_upright):
     """Whether a column from a point upward, its radius less by `room`, lies in what one piece swept (sufficient)."""
-    dx, dy = g[3] - g[0], g[4] - g[1]
+    dx, dy = g[X1] - g[X0], g[Y1] - g[Y0]
     square, t = dx * dx + dy * dy, 0.0
-    low = min(g[2], g[5])
+    low = min(g[Z0], g[Z1])
     if square > 1e-18:
-        t = min(max(((x - g[0]) * dx + (y - g[1]) * dy) / square, 0.0), 1.0)
-        low = g[2] + t * (g[5] - g[2])
-    ex, ey = x - g[0] - t * dx, y - g[1] - t * dy
+        t = min(max(((x - g[X0]) * dx + (y - g[Y0]) * dy) / square, 0.0), 1.0)
+        low = g[Z0] + t * (g[Z1] - g[Z0])
+    ex, ey = x - g[X0] - t * dx, y - g[Y0] - t * dy
     if not is_upright or END < t < 1.0 - END:       # the ends of an arc are exact, the chord between them is not
         low += bulge(g)
     return ex * ex + ey * ey <= room * room and z >= low + rc - CLOSE_MM
@@ -159,11 +166,11 @@ def _is_in_one(way, radius, before, forest, orders, firsts, stack):
     its chord, lifted.
     """
     geometry, nodes, trees, tools = forest
-    is_upright = way[0] == way[3] and way[1] == way[4]
+    is_upright = way[X0] == way[X1] and way[Y0] == way[Y1]
     for k in range(len(trees)):
-        node0, piece0, count, leaves = trees[k, 0], trees[k, 1], trees[k, 2], trees[k, 3]
-        rc = tools[k, 1]
-        room = tools[k, 0] + rc - radius
+        node0, piece0, count, leaves = trees[k, FIRST_NODE], trees[k, FIRST_PIECE], trees[k, PIECES], trees[k, LEAVES]
+        rc = tools[k, CORNER_RADIUS]
+        room = tools[k, FLAT_RADIUS] + rc - radius
         if room < 0.0:
             continue
         waiting, stack[0] = 1, 0
@@ -171,9 +178,9 @@ def _is_in_one(way, radius, before, forest, orders, firsts, stack):
             waiting -= 1
             node = stack[waiting]
             row = nodes[node0 + node]
-            if (firsts[node0 + node] >= before or row[4] + rc > min(way[2], way[5]) + CLOSE_MM
-                    or row[0] - room > min(way[0], way[3]) or row[1] + room < max(way[0], way[3])
-                    or row[2] - room > min(way[1], way[4]) or row[3] + room < max(way[1], way[4])):
+            if (firsts[node0 + node] >= before or row[LOWEST] + rc > min(way[Z0], way[Z1]) + CLOSE_MM
+                    or row[X_LOW] - room > min(way[X0], way[X1]) or row[X_HIGH] + room < max(way[X0], way[X1])
+                    or row[Y_LOW] - room > min(way[Y0], way[Y1]) or row[Y_HIGH] + room < max(way[Y0], way[Y1])):
                 continue
             if node < leaves - 1:
                 stack[waiting], stack[waiting + 1] = 2 * node + 1, 2 * node + 2
@@ -182,8 +189,8 @@ def _is_in_one(way, radius, before, forest, orders, firsts, stack):
             t0 = (node - leaves + 1) * LEAF
             for t in range(piece0 + t0, piece0 + min(t0 + LEAF, count)):
                 g = geometry[t]
-                if (orders[t] < before and _holds(way[0], way[1], way[2], room, g, rc, is_upright)
-                        and _holds(way[3], way[4], way[5], room, g, rc, is_upright)):
+                if (orders[t] < before and _holds(way[X0], way[Y0], way[Z0], room, g, rc, is_upright)
+                        and _holds(way[X1], way[Y1], way[Z1], room, g, rc, is_upright)):
                     return True
     return False
 
@@ -196,23 +203,23 @@ def runs_in_swept(line, part, wanted, before, forest, orders, firsts, space):
     distance (a shank rubs) bridges them.
     """
     stack, spans = space[0][0], space[1]
-    radius, up = max(part[1], part[3]) + part[4] + wanted, part[0] - wanted
-    way, spans[0, 0], spans[0, 1], waiting = np.empty(6), 0.0, 1.0, 1
-    length = math.sqrt((line[3] - line[0]) ** 2 + (line[4] - line[1]) ** 2 + (line[5] - line[2]) ** 2)
+    radius, up = max(part[BOTTOM_RADIUS], part[TOP_RADIUS]) + part[GROW] + wanted, part[BOTTOM] - wanted
+    way, spans[0, FROM], spans[0, TO], waiting = np.empty(6), 0.0, 1.0, 1
+    length = math.sqrt((line[X1] - line[X0]) ** 2 + (line[Y1] - line[Y0]) ** 2 + (line[Z1] - line[Z0]) ** 2)
     while waiting > 0:
         waiting -= 1
-        first, last = spans[waiting, 0], spans[waiting, 1]
+        first, last = spans[waiting, FROM], spans[waiting, TO]
         for k in range(3):
             lift = up if k == 2 else 0.0
-            way[k] = line[k] + first * (line[3 + k] - line[k]) + lift
-            way[3 + k] = line[k] + last * (line[3 + k] - line[k]) + lift
+            way[k] = line[k] + first * (line[X1 + k] - line[k]) + lift
+            way[X1 + k] = line[k] + last * (line[X1 + k] - line[k]) + lift
         if _is_in_one(way, radius, before, forest, orders, firsts, stack):
             continue
         if (last - first) * length <= STRETCH_MM:
             return False
         middle = 0.5 * (first + last)
-        spans[waiting, 0], spans[waiting, 1] = middle, last
-        spans[waiting + 1, 0], spans[waiting + 1, 1] = first, middle
+        spans[waiting, FROM], spans[waiting, TO] = middle, last
+        spans[waiting + 1, FROM], spans[waiting + 1, TO] = first, middle
         waiting += 2
     return True
 
@@ -237,7 +244,8 @@ def refine(x, y, hx, hy, bound, sure, before, line, part, wanted, enough, forest
     """
     work, cells = space
     least, proven, doubt, waiting = math.inf, math.inf, False, 1
-    cells[0, 0], cells[0, 1], cells[0, 2], cells[0, 3], cells[0, 4] = x, y, hx, hy, bound
+    cells[0, CELL_X], cells[0, CELL_Y], cells[0, CELL_HALF_X], cells[0, CELL_HALF_Y] = x, y, hx, hy
+    cells[0, CELL_TOP] = bound
     while waiting > 0:
         waiting -= 1
         x, y, hx, hy, bound = cells[waiting]
@@ -259,7 +267,7 @@ def refine(x, y, hx, hy, bound, sure, before, line, part, wanted, enough, forest
         _, got = part_distance(x, y, 0.0, 0.0, height, line, part)
         if got < least:
             least = got
-            spot[0], spot[1], spot[2] = x, y, height
+            spot[X], spot[Y], spot[Z] = x, y, height
             enough = min(enough, max(got - LEAST_MM, wanted) if got >= wanted else got - DEPTH_MM)
         if lower >= enough:
             proven = min(proven, lower)
@@ -270,8 +278,8 @@ def refine(x, y, hx, hy, bound, sure, before, line, part, wanted, enough, forest
             for j in range(ny):
                 for i in range(nx):
                     part_of = cells[waiting]
-                    part_of[0], part_of[2] = x + (2 * i - nx + 1) * hx / nx, hx / nx
-                    part_of[1], part_of[3] = y + (2 * j - ny + 1) * hy / ny, hy / ny
-                    part_of[4] = bound
+                    part_of[CELL_X], part_of[CELL_HALF_X] = x + (2 * i - nx + 1) * hx / nx, hx / nx
+                    part_of[CELL_Y], part_of[CELL_HALF_Y] = y + (2 * j - ny + 1) * hy / ny, hy / ny
+                    part_of[CELL_TOP] = bound
                     waiting += 1
     return proven, least, doubt and least >= wanted, budget

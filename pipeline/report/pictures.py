@@ -22,6 +22,9 @@ CAPTIONS = {"iso": "The design", "top": "The design from above",
 INSTALL = "no pictures: install libegl1 libgl1 libgl1-mesa-dri"
 RAPID_COLOUR = (240, 170, 170)
 PATH_ROOM = 0.2         # of the part's diagonal: paths higher above it are not drawn
+LABEL_LIFT = 0.012      # of the part's diagonal: labels stand so far off their faces
+PALE = np.array([(0.99, 0.80, 0.75), (0.78, 0.90, 0.76), (0.75, 0.85, 0.97), (0.98, 0.92, 0.70), (0.87, 0.80, 0.95),
+                 (0.74, 0.93, 0.91), (0.96, 0.83, 0.91), (0.88, 0.88, 0.82)])
 TIMEOUT_S = 300         # a software renderer needs about 10 s; only a hung driver needs more
 
 
@@ -56,6 +59,27 @@ def render_pictures(bundle, out_dir):
     return Pictures(files=files, left_out=f"no picture of: {', '.join(missing)}" if missing else "")
 
 
+def render_faces(view, out_dir):
+    """PNG pictures faces-above and faces-below of a part, its faces numbered from 1 in their own order.
+
+    Args:
+        view: view_mesh.ViewMesh.
+    Returns:
+        "" or why there are none; never raises because of the renderer.
+    """
+    face = view.face_index[view.triangles[:, 0]]
+    corners = view.vertices_mm[view.triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    size = fixed.length(np.ptp(view.vertices_mm, axis=0))
+    widest = [int(np.flatnonzero(face == k)[area[face == k].argmax()]) for k in np.unique(face)]
+    places = corners[widest].mean(axis=1) + LABEL_LIFT * size * view.normals[view.triangles[widest, 0]]
+    edges = view.edges_mm or (np.zeros((0, 3)),)
+    return _rendered({"vertices": view.vertices_mm, "normals": view.normals, "triangles": view.triangles,
+                      "face_colours": PALE[face % len(PALE)], "labels": np.array([str(k + 1) for k in np.unique(face)]),
+                      "label_places": places, "edge_points": np.vstack(edges),
+                      "edge_lengths": np.array([len(e) for e in edges])}, out_dir)
+
+
 def render_shape(view, out_dir):
     """PNG pictures of a bare part from four sides: iso, front, side, back.
 
@@ -64,9 +88,14 @@ def render_shape(view, out_dir):
     Returns:
         "" or why there are none; never raises because of the renderer.
     """
+    return _rendered({"vertices": view.vertices_mm, "normals": view.normals, "triangles": view.triangles}, out_dir)
+
+
+def _rendered(scene, out_dir):
+    """Draws a scene of plain arrays into a folder; "" or why there are no pictures."""
     with tempfile.TemporaryDirectory(dir=out_dir, prefix=".pictures-") as scratch:
         job = Path(scratch) / "scene.npz"
-        np.savez(job, vertices=view.vertices_mm, normals=view.normals, triangles=view.triangles)
+        np.savez(job, **scene)
         failure = _run_child(job, Path(scratch))
         for rendered in filter(_is_whole, sorted(Path(scratch).glob("*.png"))):
             os.replace(rendered, Path(out_dir) / rendered.name)

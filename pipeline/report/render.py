@@ -19,6 +19,7 @@ from vtkmodules.vtkIOImage import vtkPNGWriter
 from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
 from vtkmodules.vtkRenderingCore import (
     vtkActor,
+    vtkBillboardTextActor3D,
     vtkLightKit,
     vtkPolyDataMapper,
     vtkRenderer,
@@ -33,6 +34,7 @@ PART_SHARE = 0.88       # of the width, where a colour bar stands beside the par
 ISO, TOP = ((1.0, -1.35, 1.05), (0.0, 0.0, 1.0)), ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))    # (towards the eye, up)
 SIDES = {"iso": ((-1.0, -0.9, 0.5), ISO[1]), "front": ((-1.0, 0.0, 0.0), ISO[1]), "side": ((0.0, -1.0, 0.0), ISO[1]),
          "back": ((1.0, -0.7, 0.4), ISO[1])}
+BELOW_EYE, LABEL_SIZE = (-1.0, 1.35, -0.8), 15
 STEEL, EDGE = (0.70, 0.75, 0.82), (0.06, 0.08, 0.12)
 # deviation colours as in viewer.js: dark beyond the scale, blue gouged, pale at zero, red left
 RAMP = ((-1.0, (0.13, 0.40, 0.78)), (0.0, (0.91, 0.93, 0.89)), (1.0, (0.85, 0.16, 0.12)))
@@ -56,6 +58,33 @@ def render_shape(scene, out_dir):
     part = surface_actor(scene["vertices"], scene["normals"], scene["triangles"])
     for name, (towards_eye, up) in SIDES.items():
         write_png(photograph((part,), towards_eye, up), Path(out_dir) / f"{name}.png")
+
+
+def render_faces(scene, out_dir):
+    """Writes faces-above.png and faces-below.png: each face in a colour of its own, with its label."""
+    part = surface_actor(scene["vertices"], scene["normals"], scene["triangles"])
+    part.GetMapper().GetInput().GetCellData().SetScalars(_colours(scene["face_colours"]))
+    part.GetMapper().SetScalarModeToUseCellData()
+    part.GetMapper().ScalarVisibilityOn()
+    edges = edge_actor(scene["edge_points"], scene["edge_lengths"])
+    labels = [label_actor(str(text), place) for text, place in zip(scene["labels"], scene["label_places"])]
+    for name, towards_eye in (("above", ISO[0]), ("below", BELOW_EYE)):
+        write_png(photograph((part, edges, *labels), towards_eye, ISO[1]), Path(out_dir) / f"faces-{name}.png")
+
+
+def label_actor(text, place):
+    """A word at a place, towards the eye, hidden behind what stands before it."""
+    label = vtkBillboardTextActor3D()
+    label.SetInput(text)
+    label.SetPosition(*map(float, place))
+    letters = label.GetTextProperty()
+    letters.SetFontSize(LABEL_SIZE * SUPERSAMPLING)
+    letters.SetColor(*EDGE)
+    letters.SetBackgroundColor(1, 1, 1)
+    letters.SetBackgroundOpacity(0.75)
+    letters.SetJustificationToCentered()
+    letters.SetVerticalJustificationToCentered()
+    return label
 
 
 def surface_actor(vertices, normals, triangles):
@@ -249,4 +278,5 @@ def _line_actor(data, width):
 
 if __name__ == "__main__":
     given = dict(np.load(sys.argv[1]))
-    (render_all if "scale_um" in given else render_shape)(given, sys.argv[2])
+    draw = render_all if "scale_um" in given else render_faces if "labels" in given else render_shape
+    draw(given, sys.argv[2])

@@ -11,10 +11,13 @@ import numpy as np
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.compiled import njit
+from cuspline.values.rows import W
 from cuspline.values.threads import in_blocks
 
 CHUNK = 256              # points a thread takes at a time
 SERIAL_ROWS = 2000       # below this, starting threads costs more than it saves
+
+POINT, DU, DV, DUU, DUV, DVV = range(6)         # rows of derivatives: S, Su, Sv, Suu, Suv, Svv
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -182,7 +185,7 @@ def _derive_rows(pu, pv, U, V, poles, u, v, out, first, last):
     bu, bv = np.empty((3, pu + 1)), np.empty((3, pv + 1))
     h = np.empty((6, 4))
     for q in range(first, last):
-        iu, iv = _span(U, pu, poles.shape[0], u[q]), _span(V, pv, poles.shape[1], v[q])
+        iu, iv = _span(U, pu, len(poles), u[q]), _span(V, pv, poles.shape[1], v[q])
         _basis(U, pu, iu, u[q], bu)
         _basis(V, pv, iv, v[q], bv)
         h[:] = 0.0
@@ -194,17 +197,17 @@ def _derive_rows(pu, pv, U, V, poles, u, v, out, first, last):
                     r0 += bv[0, j] * p
                     r1 += bv[1, j] * p
                     r2 += bv[2, j] * p
-                h[0, b] += bu[0, i] * r0
-                h[1, b] += bu[1, i] * r0
-                h[2, b] += bu[0, i] * r1
-                h[3, b] += bu[2, i] * r0
-                h[4, b] += bu[1, i] * r1
-                h[5, b] += bu[0, i] * r2
-        w, wu, wv, wuu, wuv, wvv = h[0, 3], h[1, 3], h[2, 3], h[3, 3], h[4, 3], h[5, 3]
+                h[POINT, b] += bu[0, i] * r0
+                h[DU, b] += bu[1, i] * r0
+                h[DV, b] += bu[0, i] * r1
+                h[DUU, b] += bu[2, i] * r0
+                h[DUV, b] += bu[1, i] * r1
+                h[DVV, b] += bu[0, i] * r2
+        w, wu, wv, wuu, wuv, wvv = h[POINT, W], h[DU, W], h[DV, W], h[DUU, W], h[DUV, W], h[DVV, W]
         for b in range(3):
-            s = h[0, b] / w
-            su, sv = (h[1, b] - wu * s) / w, (h[2, b] - wv * s) / w
-            out[q, 0, b], out[q, 1, b], out[q, 2, b] = s, su, sv
-            out[q, 3, b] = (h[3, b] - 2.0 * wu * su - wuu * s) / w
-            out[q, 4, b] = (h[4, b] - wu * sv - wv * su - wuv * s) / w
-            out[q, 5, b] = (h[5, b] - 2.0 * wv * sv - wvv * s) / w
+            s = h[POINT, b] / w
+            su, sv = (h[DU, b] - wu * s) / w, (h[DV, b] - wv * s) / w
+            out[q, POINT, b], out[q, DU, b], out[q, DV, b] = s, su, sv
+            out[q, DUU, b] = (h[DUU, b] - 2.0 * wu * su - wuu * s) / w
+            out[q, DUV, b] = (h[DUV, b] - wu * sv - wv * su - wuv * s) / w
+            out[q, DVV, b] = (h[DVV, b] - 2.0 * wv * sv - wvv * s) / w

@@ -12,6 +12,7 @@ The distance is negative inside, 1-Lipschitz, and its sign is exact.  All length
 
 import math
 
+from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.values.compiled import njit
 
 VERTICAL_MM = 1e-9        # a move shorter than this from above is a plunge
@@ -32,12 +33,12 @@ def _column(px, py, pz, hx, hy, g, t, a, rc):
 
     The rectangle has half sides hx, hy round (px, py); a point has hx = hy = 0.
     """
-    dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
-    x, y = g[0] + t * dx - px, g[1] + t * dy - py
+    dx, dy, dz = g[X1] - g[X0], g[Y1] - g[Y0], g[Z1] - g[Z0]
+    x, y = g[X0] + t * dx - px, g[Y0] + t * dy - py
     x = math.copysign(max(abs(x) - hx, 0.0), x)
     y = math.copysign(max(abs(y) - hy, 0.0), y)
     rho = math.sqrt(x * x + y * y)
-    e, f = rho - a, g[2] + t * dz + rc - pz
+    e, f = rho - a, g[Z0] + t * dz + rc - pz
     slope = (x * dx + y * dy) / rho if rho > 0.0 else 0.0
     if e > 0.0 and f > 0.0:
         d = math.sqrt(e * e + f * f)
@@ -78,11 +79,11 @@ def least_along_line(px, py, pz, hx, hy, g, a, rc):
 @njit
 def _ball_on_line(px, py, pz, g, r):
     """In the vertical plane of the line: distance to the region above it; then across the plane."""
-    dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
+    dx, dy, dz = g[X1] - g[X0], g[Y1] - g[Y0], g[Z1] - g[Z0]
     length = math.sqrt(dx * dx + dy * dy)
-    s = ((px - g[0]) * dx + (py - g[1]) * dy) / length
-    q = ((px - g[0]) * dy - (py - g[1]) * dx) / length
-    v = pz - g[2] - r
+    s = ((px - g[X0]) * dx + (py - g[Y0]) * dy) / length
+    q = ((px - g[X0]) * dy - (py - g[Y0]) * dx) / length
+    v = pz - g[Z0] - r
     if 0.0 <= s <= length and v * length >= dz * s:
         return abs(q) - r
     v0, v1 = min(v, 0.0), min(v - dz, 0.0)
@@ -98,40 +99,40 @@ def _ball_on_line(px, py, pz, g, r):
 @njit
 def _ball_on_arc(px, py, pz, g, r):
     """As `_ball_on_line`, with an arc of a quarter turn for the lower edge of the region."""
-    k = int(g[6])
-    u, q = (px, py - g[1]) if k == 0 else (py, px - g[0])
-    u0, u1 = g[k], g[3 + k]
-    v, du = pz - r - g[8], u - g[7]
+    k = int(g[IN_YZ])
+    u, q = (px, py - g[Y0]) if k == 0 else (py, px - g[X0])
+    u0, u1 = g[k], g[X1 + k]
+    v, du = pz - r - g[CENTER_Z], u - g[CENTER_U]
     if u0 <= u <= u1:
-        edge = g[10] * math.sqrt(max(g[9] * g[9] - du * du, 0.0))
+        edge = g[SIDE] * math.sqrt(max(g[RADIUS] * g[RADIUS] - du * du, 0.0))
         if v >= edge:
             return abs(q) - r
-    v0, v1 = min(pz - r - g[2], 0.0), min(pz - r - g[5], 0.0)
+    v0, v1 = min(pz - r - g[Z0], 0.0), min(pz - r - g[Z1], 0.0)
     d2 = min((u - u0) * (u - u0) + v0 * v0, (u - u1) * (u - u1) + v1 * v1)
     rho = math.sqrt(du * du + v * v)
-    if rho > 0.0 and v * g[10] >= 0.0:
-        foot = g[7] + du * g[9] / rho
+    if rho > 0.0 and v * g[SIDE] >= 0.0:
+        foot = g[CENTER_U] + du * g[RADIUS] / rho
         if u0 <= foot <= u1:
-            d2 = min(d2, (rho - g[9]) * (rho - g[9]))
+            d2 = min(d2, (rho - g[RADIUS]) * (rho - g[RADIUS]))
     return math.sqrt(q * q + d2) - r
 
 
 @njit
 def piece_distance(px, py, pz, g, a, rc):
     """Signed distance of a point to what the cutter (a, rc) sweeps along one piece, mm."""
-    if g[11] != 0.0:
+    if g[IS_ARC] != 0.0:
         return _ball_on_arc(px, py, pz, g, rc)
-    dx, dy = g[3] - g[0], g[4] - g[1]
+    dx, dy = g[X1] - g[X0], g[Y1] - g[Y0]
     square = dx * dx + dy * dy
     if square < VERTICAL_MM * VERTICAL_MM:
-        rho = math.sqrt((px - g[0]) * (px - g[0]) + (py - g[1]) * (py - g[1]))
-        return corner_distance(rho - a, min(g[2], g[5]) + rc - pz) - rc
+        rho = math.sqrt((px - g[X0]) * (px - g[X0]) + (py - g[Y0]) * (py - g[Y0]))
+        return corner_distance(rho - a, min(g[Z0], g[Z1]) + rc - pz) - rc
     if a == 0.0:
         return _ball_on_line(px, py, pz, g, rc)
-    if g[2] == g[5]:
-        t = min(max(((px - g[0]) * dx + (py - g[1]) * dy) / square, 0.0), 1.0)
-        x, y = g[0] + t * dx - px, g[1] + t * dy - py
-        return corner_distance(math.sqrt(x * x + y * y) - a, g[2] + rc - pz) - rc
+    if g[Z0] == g[Z1]:
+        t = min(max(((px - g[X0]) * dx + (py - g[Y0]) * dy) / square, 0.0), 1.0)
+        x, y = g[X0] + t * dx - px, g[Y0] + t * dy - py
+        return corner_distance(math.sqrt(x * x + y * y) - a, g[Z0] + rc - pz) - rc
     return least_along_line(px, py, pz, 0.0, 0.0, g, a, rc) - rc
 
 

@@ -10,6 +10,7 @@ and the piece leaves min over its positions of z + p(d).  Lengths in mm; inf: ne
 import math
 
 from cuspline.stock.distance_kernels import VERTICAL_MM
+from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.values.compiled import njit
 
 SLACK_MM = 1e-10          # what rounding may put on a bound: taken off, but where a bound is exact (the flat of a bottom)
@@ -64,12 +65,12 @@ def _bull_position(s, q, lo, hi, slope, a, rc):
 
 @njit
 def _line_height(x, y, g, a, rc):
-    dx, dy, dz = g[3] - g[0], g[4] - g[1], g[5] - g[2]
+    dx, dy, dz = g[X1] - g[X0], g[Y1] - g[Y0], g[Z1] - g[Z0]
     length = math.sqrt(dx * dx + dy * dy)
     if length < VERTICAL_MM:
-        return _at(x, y, g[0], g[1], min(g[2], g[5]), a, rc)
-    s = ((x - g[0]) * dx + (y - g[1]) * dy) / length
-    q = ((x - g[0]) * dy - (y - g[1]) * dx) / length
+        return _at(x, y, g[X0], g[Y0], min(g[Z0], g[Z1]), a, rc)
+    s = ((x - g[X0]) * dx + (y - g[Y0]) * dy) / length
+    q = ((x - g[X0]) * dy - (y - g[Y0]) * dx) / length
     radius = a + rc
     if abs(q) > radius:
         return math.inf
@@ -87,33 +88,33 @@ def _line_height(x, y, g, a, rc):
     else:
         u = _bull_position(s, q, lo, hi, slope, a, rc)
     d = math.sqrt(q * q + (u - s) * (u - s))
-    return g[2] + slope * u + _bottom(min(d, radius), a, rc)
+    return g[Z0] + slope * u + _bottom(min(d, radius), a, rc)
 
 
 @njit
 def _arc_height(x, y, g, r):
     """A disc of radius w rolling on the arc: the envelope circle where it touches, else the end discs."""
-    k = int(g[6])
-    s, q = (x, y - g[1]) if k == 0 else (y, x - g[0])
+    k = int(g[IN_YZ])
+    s, q = (x, y - g[Y0]) if k == 0 else (y, x - g[X0])
     if abs(q) > r:
         return math.inf
     w = math.sqrt(r * r - q * q)
-    u0, u1, rho, ds = g[k], g[3 + k], g[9], s - g[7]
+    u0, u1, rho, ds = g[k], g[X1 + k], g[RADIUS], s - g[CENTER_U]
     best = math.inf
     if abs(s - u0) <= w:
-        best = g[2] + r - math.sqrt(w * w - (s - u0) * (s - u0))
+        best = g[Z0] + r - math.sqrt(w * w - (s - u0) * (s - u0))
     if abs(s - u1) <= w:
-        best = min(best, g[5] + r - math.sqrt(w * w - (s - u1) * (s - u1)))
-    envelope = rho + w if g[10] < 0.0 else rho - w
-    if envelope > 0.0 and abs(ds) <= envelope and u0 <= g[7] + ds * rho / envelope <= u1:
-        best = min(best, g[8] + r + g[10] * math.sqrt(envelope * envelope - ds * ds))
+        best = min(best, g[Z1] + r - math.sqrt(w * w - (s - u1) * (s - u1)))
+    envelope = rho + w if g[SIDE] < 0.0 else rho - w
+    if envelope > 0.0 and abs(ds) <= envelope and u0 <= g[CENTER_U] + ds * rho / envelope <= u1:
+        best = min(best, g[CENTER_Z] + r + g[SIDE] * math.sqrt(envelope * envelope - ds * ds))
     return best
 
 
 @njit
 def piece_height(x, y, g, a, rc):
     """Lowest z of the cutter's bottom over (x, y) along one piece; inf where it never passes, mm."""
-    if g[11] != 0.0:
+    if g[IS_ARC] != 0.0:
         return _arc_height(x, y, g, rc)
     return _line_height(x, y, g, a, rc)
 

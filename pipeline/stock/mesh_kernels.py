@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from cuspline.values.compiled import njit
+from cuspline.values.rows import FROM, TO, A, B, C, X, Y, Z
 from cuspline.values.threads import in_blocks
 
 LEAF = 4
@@ -72,10 +73,10 @@ def _met(p, d, axes, t):
     """(where along a line it passes a triangle, +1 into the material, -1 out of it, 0: it does not)."""
     kx, ky, kz = axes
     shear_x, shear_y = d[kx] / d[kz], d[ky] / d[kz]
-    az, bz, cz = t[0, kz] - p[kz], t[1, kz] - p[kz], t[2, kz] - p[kz]
-    ax, ay = t[0, kx] - p[kx] - shear_x * az, t[0, ky] - p[ky] - shear_y * az
-    bx, by = t[1, kx] - p[kx] - shear_x * bz, t[1, ky] - p[ky] - shear_y * bz
-    cx, cy = t[2, kx] - p[kx] - shear_x * cz, t[2, ky] - p[ky] - shear_y * cz
+    az, bz, cz = t[A, kz] - p[kz], t[B, kz] - p[kz], t[C, kz] - p[kz]
+    ax, ay = t[A, kx] - p[kx] - shear_x * az, t[A, ky] - p[ky] - shear_y * az
+    bx, by = t[B, kx] - p[kx] - shear_x * bz, t[B, ky] - p[ky] - shear_y * bz
+    cx, cy = t[C, kx] - p[kx] - shear_x * cz, t[C, ky] - p[ky] - shear_y * cz
     side, u = _side(bx, by, cx, cy)
     other, v = _side(cx, cy, ax, ay)
     if other != side:
@@ -119,7 +120,7 @@ def _spans(places, signs, count, out):
         if was == 0 and inside == 1:
             begin = places[k]
         elif was == 1 and inside == 0 and places[k] - begin > SHORTEST_MM:
-            out[found, 0], out[found, 1] = begin, places[k]
+            out[found, FROM], out[found, TO] = begin, places[k]
             found += 1
     return found
 
@@ -173,32 +174,32 @@ def facets_of(corners):
     out = np.full((len(corners), 5), np.nan)
     for i in range(len(corners)):
         a, b, c = corners[i]
-        e, f, g = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        h, k, m = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        e, f, g = b[X] - a[X], b[Y] - a[Y], b[Z] - a[Z]
+        h, k, m = c[X] - a[X], c[Y] - a[Y], c[Z] - a[Z]
         up = e * k - f * h
         if up > 0.0:
             sx, sy = (g * k - f * m) / up, (e * m - g * h) / up
-            out[i, SLOPE_X], out[i, SLOPE_Y], out[i, RISE] = sx, sy, a[2] - sx * a[0] - sy * a[1]
-            out[i, STEEPNESS], out[i, TOP] = math.sqrt(sx * sx + sy * sy), max(a[2], b[2], c[2])
+            out[i, SLOPE_X], out[i, SLOPE_Y], out[i, RISE] = sx, sy, a[Z] - sx * a[X] - sy * a[Y]
+            out[i, STEEPNESS], out[i, TOP] = math.sqrt(sx * sx + sy * sy), max(a[Z], b[Z], c[Z])
     return out
 
 
 @njit
 def _beside_side(x, y, a, b):
     """Square of the distance of (x, y) from a triangle's side in plan; whether it lies to the left of it."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
+    dx, dy = b[X] - a[X], b[Y] - a[Y]
     square = dx * dx + dy * dy
-    share = min(max(((x - a[0]) * dx + (y - a[1]) * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
-    ex, ey = x - a[0] - share * dx, y - a[1] - share * dy
-    return ex * ex + ey * ey, dx * (y - a[1]) - dy * (x - a[0]) >= 0.0
+    share = min(max(((x - a[X]) * dx + (y - a[Y]) * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    ex, ey = x - a[X] - share * dx, y - a[Y] - share * dy
+    return ex * ex + ey * ey, dx * (y - a[Y]) - dy * (x - a[X]) >= 0.0
 
 
 @njit
 def _beside(x, y, t):
     """Square of the distance of (x, y) from a triangle that looks up, in plan."""
-    d0, left0 = _beside_side(x, y, t[0], t[1])
-    d1, left1 = _beside_side(x, y, t[1], t[2])
-    d2, left2 = _beside_side(x, y, t[2], t[0])
+    d0, left0 = _beside_side(x, y, t[A], t[B])
+    d1, left1 = _beside_side(x, y, t[B], t[C])
+    d2, left2 = _beside_side(x, y, t[C], t[A])
     return 0.0 if left0 and left1 and left2 else min(d0, d1, d2)
 
 
@@ -218,7 +219,7 @@ def _tops_within(xy, radius, corners, facets, tree, out, begin, end):
     """Places begin..end-1."""
     stack, leaves = np.empty(DEPTH, np.int64), (len(tree) + 1) // 2
     for i in range(begin, end):
-        x, y, best = xy[i, 0], xy[i, 1], -math.inf
+        x, y, best = xy[i, X], xy[i, Y], -math.inf
         waiting, stack[0] = 1, 0
         while waiting > 0:
             waiting -= 1

@@ -11,10 +11,11 @@ of them; a point outside lies over the inside of one piece, or nearest to a corn
 
 A piece is a row of ten numbers:
 
-    0      0 line, 1 arc
-    1, 2   its first point r, z
-    3..5   line: direction r, z, length;  arc: centre r, z, radius
-    6..9   arc: directions from the centre to its ends
+    IS_ARC                              0 line, 1 arc
+    START_R, START_Z                    its first point
+    DIRECTION_R, DIRECTION_Z, LINE_LENGTH   of a line
+    CENTER_R, CENTER_Z, RADIUS          of an arc, in the same three columns
+    FROM_R, FROM_Z, TO_R, TO_Z          of an arc: directions from the centre to its ends
 """
 
 import math
@@ -27,6 +28,8 @@ from cuspline.values.errors import SimulationError
 
 TURN_RIGHT = 1e-6         # a corner may turn right by this (rad): rounding of an outline's own numbers
 ROUNDING_MM = 1e-10       # of a point on the outline
+IS_ARC, START_R, START_Z, CENTER_R, CENTER_Z, RADIUS, FROM_R, FROM_Z, TO_R, TO_Z = range(10)
+DIRECTION_R, DIRECTION_Z, LINE_LENGTH = range(3, 6)
 
 
 def outline_pieces(profile, name):
@@ -69,21 +72,21 @@ def outline_distance(r, z, outline, first, last):
     worst, wr, wz = -math.inf, 0.0, 0.0
     for k in range(first, last):
         o = outline[k]
-        if o[0] == 0.0:
-            x, y = r - o[1], z - o[2]
-            s, nr, nz = x * o[4] - y * o[3], o[4], -o[3]
-            is_over = 0.0 <= x * o[3] + y * o[4] <= o[5]
+        if o[IS_ARC] == 0.0:
+            x, y = r - o[START_R], z - o[START_Z]
+            s, nr, nz = x * o[DIRECTION_Z] - y * o[DIRECTION_R], o[DIRECTION_Z], -o[DIRECTION_R]
+            is_over = 0.0 <= x * o[DIRECTION_R] + y * o[DIRECTION_Z] <= o[LINE_LENGTH]
         else:
-            x, y = r - o[3], z - o[4]
-            is_over = o[6] * y - o[7] * x >= 0.0 and x * o[9] - y * o[8] >= 0.0
+            x, y = r - o[CENTER_R], z - o[CENTER_Z]
+            is_over = o[FROM_R] * y - o[FROM_Z] * x >= 0.0 and x * o[TO_Z] - y * o[TO_R] >= 0.0
             rho = math.sqrt(x * x + y * y)
             if is_over and rho > 0.0:
-                s, nr, nz = rho - o[5], x / rho, y / rho
+                s, nr, nz = rho - o[RADIUS], x / rho, y / rho
             else:
-                s, nr, nz = x * o[6] + y * o[7] - o[5], o[6], o[7]
-                other = x * o[8] + y * o[9] - o[5]
+                s, nr, nz = x * o[FROM_R] + y * o[FROM_Z] - o[RADIUS], o[FROM_R], o[FROM_Z]
+                other = x * o[TO_R] + y * o[TO_Z] - o[RADIUS]
                 if other > s:
-                    s, nr, nz = other, o[8], o[9]
+                    s, nr, nz = other, o[TO_R], o[TO_Z]
         if s > 0.0 and is_over:
             return s, nr, nz
         if s > worst:
@@ -92,7 +95,7 @@ def outline_distance(r, z, outline, first, last):
         return worst, wr, wz
     least, x0, z0 = math.inf, 0.0, 0.0
     for k in range(first, last):
-        x, y = r - outline[k, 1], z - outline[k, 2]
+        x, y = r - outline[k, START_R], z - outline[k, START_Z]
         square = x * x + y * y
         if square < least:
             least, x0, z0 = square, x, y
@@ -106,9 +109,9 @@ def touching_point(nr, nz, outline, first, last):
     best, br, bz, radius = -math.inf, 0.0, 0.0, 0.0
     for k in range(first, last):
         o = outline[k]
-        r, z, bend = o[1], o[2], 0.0
-        if o[0] != 0.0 and o[6] * nz - o[7] * nr >= 0.0 and nr * o[9] - nz * o[8] >= 0.0:
-            r, z, bend = o[3] + o[5] * nr, o[4] + o[5] * nz, o[5]
+        r, z, bend = o[START_R], o[START_Z], 0.0
+        if o[IS_ARC] != 0.0 and o[FROM_R] * nz - o[FROM_Z] * nr >= 0.0 and nr * o[TO_Z] - nz * o[TO_R] >= 0.0:
+            r, z, bend = o[CENTER_R] + o[RADIUS] * nr, o[CENTER_Z] + o[RADIUS] * nz, o[RADIUS]
         far = r * nr + z * nz
         if far > best:
             best, br, bz, radius = far, r, z, bend

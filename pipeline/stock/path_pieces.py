@@ -2,11 +2,11 @@
 
 A piece is a row of twelve numbers, cutter tip in the WCS, mm:
 
-    0..5   both ends, x y z x y z (arcs: ordered so that u grows)
-    6      arcs: 0 when the horizontal axis u of their plane is x (G18), 1 when it is y (G19)
-    7..9   arcs: centre u, centre z, radius
-    10     arcs: +1 above their centre, -1 below it
-    11     0 line, 1 arc
+    X0 Y0 Z0, X1 Y1 Z1          both ends (arcs: ordered so that u grows)
+    IN_YZ                       arcs: 0 when the horizontal axis u of their plane is x (G18), 1 when it is y (G19)
+    CENTER_U, CENTER_Z, RADIUS  arcs
+    SIDE                       arcs: +1 above their centre, -1 below it
+    IS_ARC                      0 line, 1 arc
 
 Only arcs of a ball in a vertical plane stay arcs.  All others become chords.
 """
@@ -23,6 +23,7 @@ from cuspline.values.errors import SimulationError
 SAGITTA_MM = 2e-5         # chords of arcs that cannot stay arcs; also half the radius step of a spiral's pieces
 ARC_ANGLE_RAD = np.pi / 12    # longest arc piece: keeps the bounding planes of the tree tight
 QUARTER = np.pi / 2
+X0, Y0, Z0, X1, Y1, Z1, IN_YZ, CENTER_U, CENTER_Z, RADIUS, SIDE, IS_ARC = range(12)
 LINE, ARC = 0.0, 1.0
 MOST_PARTS = 4096         # of one straight move: longer ones lead out of every machine, and need no tight boxes
 MOST_CHORDS = 1_000_000   # of one arc: more are turns on the spot, or a slip of the pen

@@ -23,6 +23,7 @@ from cuspline.stock.tilted_tree import nearest_substep, one_distance, one_slope
 from cuspline.stock.tracing import CLOSE_MM, GRAZING, PATIENT_STEPS, box_crossings
 from cuspline.stock.tree import CHUNK, nearest_piece, one_piece_distance
 from cuspline.values.compiled import njit
+from cuspline.values.rows import FROM, TO, X, Y, Z
 from cuspline.values.threads import in_blocks
 
 UPRIGHT_ARRAYS = 4        # of the world's arrays
@@ -94,7 +95,7 @@ def _of_one(px, py, pz, piece, world, work):
 @njit(error_model="numpy")
 def _at(p, n, s, is_all, piece, world, work):
     """Distance at p + s n to everything swept, the piece it belongs to and where; or to the given piece alone."""
-    x, y, z = p[0] + s * n[0], p[1] + s * n[1], p[2] + s * n[2]
+    x, y, z = p[X] + s * n[X], p[Y] + s * n[Y], p[Z] + s * n[Z]
     if is_all and s < work[4][0] and piece >= len(world[0]):
         d, found, t = _nearest_kept(x, y, z, s, world, piece, work)
         if found >= 0:
@@ -110,11 +111,11 @@ def _fall(p, n, s, g, sign, piece, at, world, work):
     """How fast sign * distance to a piece falls along the ray at s, where it is g."""
     behind = len(world[0])
     if piece >= behind:
-        x, y, z = p[0] + s * n[0], p[1] + s * n[1], p[2] + s * n[2]
+        x, y, z = p[X] + s * n[X], p[Y] + s * n[Y], p[Z] + s * n[Z]
         slope = one_slope(x, y, z, n, piece - behind, at, world[UPRIGHT_ARRAYS:])
     else:
         s += SLOPE_MM
-        ahead, _ = _of_one(p[0] + s * n[0], p[1] + s * n[1], p[2] + s * n[2], piece, world, work)
+        ahead, _ = _of_one(p[X] + s * n[X], p[Y] + s * n[Y], p[Z] + s * n[Z], piece, world, work)
         slope = (ahead - sign * g) / SLOPE_MM
     return min(max(-sign * slope, 0.0), 1.0)
 
@@ -181,7 +182,7 @@ def leave(p, n, s, end, d, piece, at, world, work):
 @njit(error_model="numpy")
 def _nearest_and_keep(p, world, hint, work):
     """As `nearest`; near the surface, what else is near is kept for the ray from here."""
-    return _nearest(p[0], p[1], p[2], world, hint, KEPT_MM, work)
+    return _nearest(p[X], p[Y], p[Z], world, hint, KEPT_MM, work)
 
 
 @njit(error_model="numpy")
@@ -197,7 +198,7 @@ def _deviation(p, n, low, high, limit, d, piece, at, world, work):
     start = max(enter, 0.0)
     if start >= min(out, limit):
         return -limit
-    back = np.array([-n[0], -n[1], -n[2]])
+    back = np.array([-n[X], -n[Y], -n[Z]])
     if start > 0.0:
         d, piece, at = _at(p, back, start, True, piece, world, work)
     s = leave(p, back, start, limit, d, piece, at, world, work)[0] if d < -CLOSE_MM else start
@@ -216,7 +217,7 @@ def distances(points, world):
 def _distances(points, world, out, piece, first, last):
     work, hint = scratch(), -1
     for i in range(first, last):
-        out[i], hint, _ = nearest(points[i, 0], points[i, 1], points[i, 2], world, hint, work)
+        out[i], hint, _ = nearest(points[i, X], points[i, Y], points[i, Z], world, hint, work)
         piece[i] = hint
 
 
@@ -249,8 +250,8 @@ def _highest_stock(xy, top, bottom, world, out, piece, first, last):
     down = np.array([0.0, 0.0, -1.0])
     work, hint = scratch(), -1
     for i in range(first, last):
-        p = np.array([xy[i, 0], xy[i, 1], top])
-        d, hint, at = nearest(p[0], p[1], p[2], world, hint, work)
+        p = np.array([xy[i, X], xy[i, Y], top])
+        d, hint, at = nearest(p[X], p[Y], p[Z], world, hint, work)
         out[i], piece[i], s = top, -1, 0.0
         if abs(d) <= CLOSE_MM:           # flutes that end in the billet's top
             s = GAP_MM
@@ -287,7 +288,7 @@ def _stock_on_ray(p, n, s, end, out, hint, world, work):
             s, d, hint, _ = march(p, n, s, end, d, hint, at, 1.0, True, world, work)
             if s - begin > GAP_MM:
                 if count < len(out):
-                    out[count, 0], out[count, 1] = begin, s
+                    out[count, FROM], out[count, TO] = begin, s
                 count += 1
             touched = last = s
         else:

@@ -11,13 +11,32 @@ below.  All lengths in mm; distances are negative inside.
 
 import math
 
-from cuspline.stock.outlines import outline_distance
+from cuspline.stock.outlines import (
+    DIRECTION_R,
+    DIRECTION_Z,
+    FROM_R,
+    FROM_Z,
+    IS_ARC,
+    LINE_LENGTH,
+    RADIUS,
+    START_R,
+    START_Z,
+    TO_R,
+    TO_Z,
+    outline_distance,
+)
+from cuspline.stock.tilted_pieces import AXIS, AXIS_WAY, LENGTH, TIP, TURN, WAY
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y, Z
 
 CLOSE_MM = 4e-10          # the least distance along a sub-step is found to this
 WAITING = 64              # more intervals than can wait at once: every one is halved at the latest at 1e-15
 WIDEST_RAD = 1.5          # nodes whose axes turn by more are always looked into
 NEAR_END = 0.1            # an interval is never split nearer to its ends than this share
+MIDDLE_TIP, FRAME_U, FRAME_V, FRAME_W, MIDDLE_AXIS = range(0, 15, 3)        # columns of a tree's node, see tilted_tree.py
+LOW_0, HIGH_0, LOW_1, HIGH_1, LOW_2, HIGH_2 = range(15, 33, 3)
+WIDEST, TOUCH, HEIGHT_0, HEIGHT_1, HEIGHT_2, IS_FILLED = 33, 34, 37, 38, 39, 40
+LEFT, RIGHT, F_LEFT, F_RIGHT, SLOPE_LEFT, SLOPE_RIGHT = range(6)            # of an interval that waits
 SMOOTH = 0.05             # how far f may be from a parabola for its slopes to be interpolated
 
 
@@ -25,8 +44,8 @@ SMOOTH = 0.05             # how far f may be from a parabola for its slopes to b
 def _seen_from_axis(px, py, pz, g, t):
     """A point as the cutter at the share t of a sub-step sees it: its axis (3) and by what that was stretched to a unit,
     height above the tip, way from the axis (3) and its length."""
-    x, y, z = px - g[0] - t * g[3], py - g[1] - t * g[4], pz - g[2] - t * g[5]
-    ax, ay, az = g[6] + t * g[9], g[7] + t * g[10], g[8] + t * g[11]
+    x, y, z = px - g[TIP + X] - t * g[WAY + X], py - g[TIP + Y] - t * g[WAY + Y], pz - g[TIP + Z] - t * g[WAY + Z]
+    ax, ay, az = g[AXIS + X] + t * g[AXIS_WAY + X], g[AXIS + Y] + t * g[AXIS_WAY + Y], g[AXIS + Z] + t * g[AXIS_WAY + Z]
     stretch = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
     ax, ay, az = ax * stretch, ay * stretch, az * stretch
     up = x * ax + y * ay + z * az
@@ -40,10 +59,10 @@ def pose_distance(px, py, pz, g, t, outline, first, last):
     ax, ay, az, stretch, up, ex, ey, ez, r = _seen_from_axis(px, py, pz, g, t)
     d, nr, nz = outline_distance(r, up, outline, first, last)
     if r < 1e-12:
-        return d, -nz * (ax * g[3] + ay * g[4] + az * g[5])
+        return d, -nz * (ax * g[WAY + X] + ay * g[WAY + Y] + az * g[WAY + Z])
     ex, ey, ez = ex / r, ey / r, ez / r
-    way = (nr * ex + nz * ax) * g[3] + (nr * ey + nz * ay) * g[4] + (nr * ez + nz * az) * g[5]
-    turn = (ex * g[9] + ey * g[10] + ez * g[11]) * stretch
+    way = (nr * ex + nz * ax) * g[WAY + X] + (nr * ey + nz * ay) * g[WAY + Y] + (nr * ez + nz * az) * g[WAY + Z]
+    turn = (ex * g[AXIS_WAY + X] + ey * g[AXIS_WAY + Y] + ez * g[AXIS_WAY + Z]) * stretch
     return d, (nz * r - nr * up) * turn - way
 
 
@@ -71,18 +90,18 @@ def _split_at(l, r, fl, fr, sl, sr, crossing):
 
 @njit(error_model="numpy")
 def _wait(waiting, k, l, r, fl, fr, sl, sr):
-    waiting[k, 0], waiting[k, 1], waiting[k, 2] = l, r, fl
-    waiting[k, 3], waiting[k, 4], waiting[k, 5] = fr, sl, sr
+    waiting[k, LEFT], waiting[k, RIGHT], waiting[k, F_LEFT] = l, r, fl
+    waiting[k, F_RIGHT], waiting[k, SLOPE_LEFT], waiting[k, SLOPE_RIGHT] = fr, sl, sr
 
 
 @njit(error_model="numpy")
 def substep_distance(px, py, pz, g, outline, first, last, best, waiting):
     """Least of `pose_distance` over a sub-step, and where it is; if it is not below `best`, anything from `best` on."""
     fm, sm = pose_distance(px, py, pz, g, 0.5, outline, first, last)
-    x, y, z = px - g[0] - 0.5 * g[3], py - g[1] - 0.5 * g[4], pz - g[2] - 0.5 * g[5]
-    w = g[13]
-    M = 2.0 * w * g[12] + w * w * (1.0 + w) * (math.sqrt(x * x + y * y + z * z) + 0.5 * g[12])
-    if fm - 0.5 * abs(sm) - 0.125 * M >= best or g[12] + w == 0.0:
+    x, y, z = px - g[TIP + X] - 0.5 * g[WAY + X], py - g[TIP + Y] - 0.5 * g[WAY + Y], pz - g[TIP + Z] - 0.5 * g[WAY + Z]
+    w = g[TURN]
+    M = 2.0 * w * g[LENGTH] + w * w * (1.0 + w) * (math.sqrt(x * x + y * y + z * z) + 0.5 * g[LENGTH])
+    if fm - 0.5 * abs(sm) - 0.125 * M >= best or g[LENGTH] + w == 0.0:
         return fm, 0.5
     f0, s0 = pose_distance(px, py, pz, g, 0.0, outline, first, last)
     f1, s1 = pose_distance(px, py, pz, g, 1.0, outline, first, last)
@@ -143,22 +162,24 @@ def _bulge(rc, zc, nr, nz, height, theta, outline, first, last):
     before = behind = widest = 0.0
     for k in range(first, last):
         o = outline[k]
-        if o[0] == 0.0:
-            sine, near = o[4] * nz + o[3] * nr, o[4] * nr - o[3] * nz
+        if o[IS_ARC] == 0.0:
+            sine, near = o[DIRECTION_Z] * nz + o[DIRECTION_R] * nr, o[DIRECTION_Z] * nr - o[DIRECTION_R] * nz
             if near > 0.0 and abs(sine) < theta:
                 left = theta - abs(sine)
                 if abs(sine) < 1e-9:         # the contact is on the line: what lies to its either side
-                    done = min(max((rc - o[1]) * o[3] + (zc - o[2]) * o[4], 0.0), o[5])
+                    done = min(max((rc - o[START_R]) * o[DIRECTION_R] + (zc - o[START_Z]) * o[DIRECTION_Z], 0.0),
+                               o[LINE_LENGTH])
                     behind += done * left
-                    before += (o[5] - done) * left
+                    before += (o[LINE_LENGTH] - done) * left
                 elif sine > 0.0:
-                    behind += o[5] * left
+                    behind += o[LINE_LENGTH] * left
                 else:
-                    before += o[5] * left
-        elif o[5] > widest:
-            c0, c1 = o[6] * nz - o[7] * nr, nr * o[9] - nz * o[8]
-            if (c0 >= -theta or o[6] * nr + o[7] * nz < 0.0) and (c1 >= -theta or o[8] * nr + o[9] * nz < 0.0):
-                widest = o[5]
+                    before += o[LINE_LENGTH] * left
+        elif o[RADIUS] > widest:
+            c0, c1 = o[FROM_R] * nz - o[FROM_Z] * nr, nr * o[TO_Z] - nz * o[TO_R]
+            if ((c0 >= -theta or o[FROM_R] * nr + o[FROM_Z] * nz < 0.0)
+                    and (c1 >= -theta or o[TO_R] * nr + o[TO_Z] * nz < 0.0)):
+                widest = o[RADIUS]
     return abs(B) * theta + max(before, behind) + 0.5 * max(widest - A, 0.0) * theta * theta
 
 
@@ -175,30 +196,31 @@ def poses_distance(px, py, pz, node, outline, first, last):
     Q is at the height of that meeting, as near as z0 <= z <= z2 allows.  All that is lost grows with the square of the
     node's size.  Everything is reckoned in the node's frame.
     """
-    x, y, z = px - node[0], py - node[1], pz - node[2]
-    pu = x * node[3] + y * node[4] + z * node[5]
-    pv = x * node[6] + y * node[7] + z * node[8]
-    pw = x * node[9] + y * node[10] + z * node[11]
-    u = _clamped(pu - node[34], node[21], node[24])
-    v = _clamped(pv - node[35], node[22], node[25])
-    w = _clamped(pw - node[36], node[23], node[26])
+    x, y, z = px - node[MIDDLE_TIP + X], py - node[MIDDLE_TIP + Y], pz - node[MIDDLE_TIP + Z]
+    pu = x * node[FRAME_U + X] + y * node[FRAME_U + Y] + z * node[FRAME_U + Z]
+    pv = x * node[FRAME_V + X] + y * node[FRAME_V + Y] + z * node[FRAME_V + Z]
+    pw = x * node[FRAME_W + X] + y * node[FRAME_W + Y] + z * node[FRAME_W + Z]
+    u = _clamped(pu - node[TOUCH + X], node[LOW_1 + X], node[HIGH_1 + X])
+    v = _clamped(pv - node[TOUCH + Y], node[LOW_1 + Y], node[HIGH_1 + Y])
+    w = _clamped(pw - node[TOUCH + Z], node[LOW_1 + Z], node[HIGH_1 + Z])
     pu, pv, pw = pu - u, pv - v, pw - w
-    au, av, aw = node[12], node[13], node[14]
+    au, av, aw = node[MIDDLE_AXIS + X], node[MIDDLE_AXIS + Y], node[MIDDLE_AXIS + Z]
     up = pu * au + pv * av + pw * aw
     eu, ev, ew = pu - up * au, pv - up * av, pw - up * aw
     r = math.sqrt(eu * eu + ev * ev + ew * ew)
     d, nr, nz = outline_distance(r, up, outline, first, last)
     share = nr / r if r > 1e-12 else 0.0     # on the axis all gradients round it count as one
     nu, nv, nw = share * eu + nz * au, share * ev + nz * av, share * ew + nz * aw
-    height = _clamped(up - nz * r / nr, node[37], node[39]) if nr > 1e-12 else node[38]
-    i, z0, z1 = (15, node[37], node[38]) if height <= node[38] else (21, node[38], node[39])
+    height = _clamped(up - nz * r / nr, node[HEIGHT_0], node[HEIGHT_2]) if nr > 1e-12 else node[HEIGHT_1]
+    i, z0, z1 = ((LOW_0, node[HEIGHT_0], node[HEIGHT_1]) if height <= node[HEIGHT_1]
+                 else (LOW_1, node[HEIGHT_1], node[HEIGHT_2]))
     k = (height - z0) / (z1 - z0)
     u0, u1 = node[i] + k * (node[i + 6] - node[i]) - u, node[i + 3] + k * (node[i + 9] - node[i + 3]) - u
     v0, v1 = node[i + 1] + k * (node[i + 7] - node[i + 1]) - v, node[i + 4] + k * (node[i + 10] - node[i + 4]) - v
     w0, w1 = node[i + 2] + k * (node[i + 8] - node[i + 2]) - w, node[i + 5] + k * (node[i + 11] - node[i + 5]) - w
-    if node[33] > WIDEST_RAD:                # what follows holds for less than a quarter turn
+    if node[WIDEST] > WIDEST_RAD:                # what follows holds for less than a quarter turn
         return -math.inf
     low = d - _most(nu, u0, u1) - _most(nv, v0, v1) - _most(nw, w0, w1)
-    if node[33] > 0.0:
-        low -= _bulge(r - d * nr, up - d * nz, nr, nz, height, node[33], outline, first, last)
+    if node[WIDEST] > 0.0:
+        low -= _bulge(r - d * nr, up - d * nz, nr, nz, height, node[WIDEST], outline, first, last)
     return low

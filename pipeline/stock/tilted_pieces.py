@@ -3,9 +3,9 @@ r"""Posted moves with any tool axis, broken into the sub-steps that the kernels 
 A sub-step runs straight from tip to tip, while its axis turns as the normalised mean of both ends' axes.  It is
 a row of fourteen numbers, WCS, mm and rad:
 
-    0..2   tip where it begins        6..8    axis where it begins
-    3..5   tip's way                  9..11   axis where it ends less axis where it begins
-    12     length of the tip's way    13      fastest turning of the axis, rad a sub-step
+    TIP      (3) where it begins      AXIS       (3) where it begins
+    WAY      (3) of the tip           AXIS_WAY   (3) axis where it ends less axis where it begins
+    LENGTH   of the tip's way         TURN       fastest turning of the axis, rad a sub-step
 
 The normalised mean runs on the great circle of the true axis, only not evenly.  Over a turn of h, at the share
 (1 + u)/2 of it, the angle from the middle is atan(u tan(h/2)) in place of u h/2.  The difference is below
@@ -22,6 +22,7 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import SimulationError
 
+TIP, WAY, AXIS, AXIS_WAY, LENGTH, TURN = 0, 3, 6, 9, 12, 13
 TURN_ERROR_MM = 1e-5      # a tenth of what an answer may be off
 UNEVEN = 2 / (9 * np.sqrt(3))
 OPPOSITE_RAD = np.radians(179)

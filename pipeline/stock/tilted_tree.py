@@ -3,21 +3,20 @@
 A tree is an implicit binary heap over sub-steps, halved again and again across their longest side.  A node is a row
 of 41 numbers:
 
-    0..2     its middle tip
-    3..11    its frame, three unit vectors u v w; w along the normal that it leaves on the part, towards the holder
-    12..14   its middle axis, in the frame
-    15..20   box round the points of the axes at height z0 over the tips, from the middle pose's: low u v w, high u v w
-    21..26   the same at height z1
-    27..32   the same at height z2
-    33       largest angle between an axis and the middle one
-    34..36   from the middle tip to where the cutter touches a plane whose normal is w, from above, in the frame
-    37..39   z0, z1, z2: the normal at that contact meets the axis at z1
-    40       1, or 0 where the node holds nothing
+    MIDDLE_TIP      (3)
+    FRAME_U, _V, _W (3 each) its frame, unit vectors u v w; w along the normal that it leaves on the part, towards the holder
+    MIDDLE_AXIS     (3) in the frame
+    LOW_0, HIGH_0   (3 each) corners of the box round the points of the axes at height z0, from the middle pose's
+    LOW_1 .. HIGH_2 (3 each) the same at heights z1, z2
+    WIDEST          largest angle between an axis and the middle one
+    TOUCH           (3) from the middle tip to where the cutter touches a plane whose normal is w, from above, in the frame
+    HEIGHT_0, _1, _2    z0, z1, z2: the normal at that contact meets the axis at z1
+    IS_FILLED       1, or 0 where the node holds nothing
 
 A forest is a tuple of arrays that numba takes as one argument:
 
     geometry (m, 14), nodes (k, 41), outlines (o, 10),
-    trees (t, 6)   first node, first sub-step, sub-steps, leaves, first outline piece, behind the last one
+    trees (t, 6)   first node, first sub-step, sub-steps, leaves, first line of the outline, behind the last one
     grown (t,)     how far the cutter's surface lies out
 """
 
@@ -26,11 +25,27 @@ import math
 import numpy as np
 
 from cuspline.stock.outlines import touching_point
-from cuspline.stock.tilted_kernels import poses_distance, slope_along, substep_distance
+from cuspline.stock.tilted_kernels import (
+    FRAME_U,
+    FRAME_V,
+    FRAME_W,
+    HEIGHT_0,
+    HEIGHT_1,
+    HEIGHT_2,
+    IS_FILLED,
+    LOW_0,
+    MIDDLE_AXIS,
+    TOUCH,
+    WIDEST,
+    poses_distance,
+    slope_along,
+    substep_distance,
+)
+from cuspline.stock.tilted_pieces import AXIS, AXIS_WAY, TURN, WAY
 from cuspline.stock.tree import SLACK_MM
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import X, Y, Z, put
 from cuspline.values.threads import in_blocks
 
 LEAF = 4                  # sub-steps in a leaf
@@ -40,6 +55,8 @@ BESIDE = 20.0             # mm, z0 and z2 of a node are this far from z1, where 
 KEPT_SHARE = 1.5          # a point keeps the sub-steps that are within this many times its distance,
 KEPT_LEAST_MM = 2e-5      # and this
 COLUMNS = 41
+COUNT, SUMS = 0, 1        # columns of moments; behind the sums of the six, products
+FIRST_NODE, FIRST_SUBSTEP, SUBSTEPS, LEAVES, FIRST_LINE, BEHIND_LAST = range(6)     # of trees
 ROUND = 0.5               # ratio of a contact's radii of curvature that still counts as round
 
 
@@ -78,11 +95,11 @@ def _moments(geometry, leaves):
         g, node = geometry[t], out[leaves - 1 + t // LEAF]
         for end in range(2):
             for k in range(3):
-                q[k], q[3 + k] = g[k] + end * g[3 + k], g[6 + k] + end * g[9 + k]
-            node[0] += 1.0
+                q[k], q[3 + k] = g[k] + end * g[WAY + k], g[AXIS + k] + end * g[AXIS_WAY + k]
+            node[COUNT] += 1.0
             c = 7
             for i in range(6):
-                node[1 + i] += q[i]
+                node[SUMS + i] += q[i]
                 for j in range(i, 6):
                     node[c] += q[i] * q[j]
                     c += 1
@@ -94,13 +111,13 @@ def _moments(geometry, leaves):
 @njit(error_model="numpy")
 def _spread_at(moment, z, out):
     """Covariance (3, 3) of the axis points at height z over the tips."""
-    n = moment[0]
+    n = moment[COUNT]
     for i in range(3):
         for j in range(i, 3):
             total = 0.0
             for a, b, weight in ((i, j, 1.0), (i, j + 3, z), (j, i + 3, z), (i + 3, j + 3, z * z)):
                 c = 7 + a * 6 - a * (a - 1) // 2 + b - a
-                total += weight * (moment[c] / n - moment[1 + a] / n * moment[1 + b] / n)
+                total += weight * (moment[c] / n - moment[SUMS + a] / n * moment[SUMS + b] / n)
             out[i, j] = out[j, i] = total
 
 
@@ -108,16 +125,16 @@ def _spread_at(moment, z, out):
 def _thinnest(C, w):
     """Direction in which a covariance is least, sought from w on: powers of its adjugate."""
     for _ in range(6):
-        x = ((C[1, 1] * C[2, 2] - C[1, 2] ** 2) * w[0] + (C[0, 2] * C[1, 2] - C[0, 1] * C[2, 2]) * w[1]
-             + (C[0, 1] * C[1, 2] - C[0, 2] * C[1, 1]) * w[2])
-        y = ((C[0, 2] * C[1, 2] - C[0, 1] * C[2, 2]) * w[0] + (C[0, 0] * C[2, 2] - C[0, 2] ** 2) * w[1]
-             + (C[0, 1] * C[0, 2] - C[1, 2] * C[0, 0]) * w[2])
-        z = ((C[0, 1] * C[1, 2] - C[0, 2] * C[1, 1]) * w[0] + (C[0, 1] * C[0, 2] - C[1, 2] * C[0, 0]) * w[1]
-             + (C[0, 0] * C[1, 1] - C[0, 1] ** 2) * w[2])
+        x = ((C[Y, Y] * C[Z, Z] - C[Y, Z] ** 2) * w[X] + (C[X, Z] * C[Y, Z] - C[X, Y] * C[Z, Z]) * w[Y]
+             + (C[X, Y] * C[Y, Z] - C[X, Z] * C[Y, Y]) * w[Z])
+        y = ((C[X, Z] * C[Y, Z] - C[X, Y] * C[Z, Z]) * w[X] + (C[X, X] * C[Z, Z] - C[X, Z] ** 2) * w[Y]
+             + (C[X, Y] * C[X, Z] - C[Y, Z] * C[X, X]) * w[Z])
+        z = ((C[X, Y] * C[Y, Z] - C[X, Z] * C[Y, Y]) * w[X] + (C[X, Y] * C[X, Z] - C[Y, Z] * C[X, X]) * w[Y]
+             + (C[X, X] * C[Y, Y] - C[X, Y] ** 2) * w[Z])
         length = math.sqrt(x * x + y * y + z * z)
         if not length > 0.0:
             return
-        w[0], w[1], w[2] = x / length, y / length, z / length
+        w[X], w[Y], w[Z] = x / length, y / length, z / length
 
 
 @njit(error_model="numpy")
@@ -127,12 +144,12 @@ def _touch(w, axis, outline, out):
     Returns at what height the normal there meets the axis, and the outline's radius of curvature there over the way
     along the normal to the axis.
     """
-    nz = -(w[0] * axis[0] + w[1] * axis[1] + w[2] * axis[2])
-    ex, ey, ez = -w[0] - nz * axis[0], -w[1] - nz * axis[1], -w[2] - nz * axis[2]
+    nz = -(w[X] * axis[X] + w[Y] * axis[Y] + w[Z] * axis[Z])
+    ex, ey, ez = -w[X] - nz * axis[X], -w[Y] - nz * axis[Y], -w[Z] - nz * axis[Z]
     nr = math.sqrt(ex * ex + ey * ey + ez * ez)
     r, z, bend = touching_point(nr, nz, outline, 0, len(outline))
     share = r / nr if nr > 1e-9 else 0.0
-    out[0], out[1], out[2] = share * ex + z * axis[0], share * ey + z * axis[1], share * ez + z * axis[2]
+    out[X], out[Y], out[Z] = share * ex + z * axis[X], share * ey + z * axis[Y], share * ez + z * axis[Z]
     return (z - r * nz / nr, bend * nr / max(r, 1e-9)) if nr > 1e-9 else (math.inf, 1.0)
 
 
@@ -143,60 +160,61 @@ def _frame(node, axis, moment, before, outline, lowest, highest):
     for _ in range(3):
         z = min(max(_touch(w, axis, outline, touch)[0], lowest), highest)
         _spread_at(moment, z, C)
-        size = INHERIT * (C[0, 0] + C[1, 1] + C[2, 2]) + 1e-12
+        size = INHERIT * (C[X, X] + C[Y, Y] + C[Z, Z]) + 1e-12
         for i in range(3):
             for j in range(3):
                 C[i, j] += size * ((i == j) - before[i] * before[j])
         _thinnest(C, w)
-        if w[0] * axis[0] + w[1] * axis[1] + w[2] * axis[2] < 0.0:
+        if w[X] * axis[X] + w[Y] * axis[Y] + w[Z] * axis[Z] < 0.0:
             w *= -1.0
     z, ratio = _touch(w, axis, outline, touch)
     z = min(max(z, lowest), highest)
-    node[37], node[38], node[39] = max(z - BESIDE, lowest - 1.0), z, z + BESIDE
+    node[HEIGHT_0], node[HEIGHT_1], node[HEIGHT_2] = max(z - BESIDE, lowest - 1.0), z, z + BESIDE
     a = np.zeros(3)
     a[np.argmin(np.abs(w))] = 1.0
-    a -= w * (a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
-    a /= math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-    b = np.array([w[1] * a[2] - w[2] * a[1], w[2] * a[0] - w[0] * a[2], w[0] * a[1] - w[1] * a[0]])
+    a -= w * (a[X] * w[X] + a[Y] * w[Y] + a[Z] * w[Z])
+    a /= math.sqrt(a[X] * a[X] + a[Y] * a[Y] + a[Z] * a[Z])
+    b = np.array([w[Y] * a[Z] - w[Z] * a[Y], w[Z] * a[X] - w[X] * a[Z], w[X] * a[Y] - w[Y] * a[X]])
     aa = ab = bb = 0.0
     for i in range(3):
         for j in range(3):
             aa, ab, bb = aa + a[i] * C[i, j] * a[j], ab + a[i] * C[i, j] * b[j], bb + b[i] * C[i, j] * b[j]
     turn = 0.5 * fixed.arctan2(2.0 * ab, aa - bb)
     if ratio < ROUND:                        # u along the cutter's meridian: off along v does not pull along u
-        turn = fixed.arctan2(b[0] * axis[0] + b[1] * axis[1] + b[2] * axis[2],
-                             a[0] * axis[0] + a[1] * axis[1] + a[2] * axis[2])
+        turn = fixed.arctan2(b[X] * axis[X] + b[Y] * axis[Y] + b[Z] * axis[Z],
+                             a[X] * axis[X] + a[Y] * axis[Y] + a[Z] * axis[Z])
     cosine, sine = fixed.cos(turn), fixed.sin(turn)
     for k in range(3):
-        node[3 + k], node[6 + k], node[9 + k] = cosine * a[k] + sine * b[k], cosine * b[k] - sine * a[k], w[k]
+        node[FRAME_U + k], node[FRAME_V + k], node[FRAME_W + k] = (cosine * a[k] + sine * b[k],
+                                                                   cosine * b[k] - sine * a[k], w[k])
     for c in range(3):
-        along = node[3 + 3 * c:6 + 3 * c]
-        node[12 + c] = along[0] * axis[0] + along[1] * axis[1] + along[2] * axis[2]
-        node[34 + c] = along[0] * touch[0] + along[1] * touch[1] + along[2] * touch[2]
+        along = node[FRAME_U + 3 * c:FRAME_V + 3 * c]
+        node[MIDDLE_AXIS + c] = along[X] * axis[X] + along[Y] * axis[Y] + along[Z] * axis[Z]
+        node[TOUCH + c] = along[X] * touch[X] + along[Y] * touch[Y] + along[Z] * touch[Z]
 
 
 @njit(error_model="numpy")
 def _enclose(node, axis, geometry, first, last):
     """Fills boxes and largest angle over sub-steps first..last."""
-    for box in range(15, 33, 6):
+    for box in range(LOW_0, WIDEST, 6):
         node[box:box + 3], node[box + 3:box + 6] = math.inf, -math.inf
     for t in range(first, last):
         g = geometry[t]
-        bend = 0.125 * g[13] * g[13]             # how far a unit axis leaves the chord of its ends
+        bend = 0.125 * g[TURN] * g[TURN]             # how far a unit axis leaves the chord of its ends
         for end in range(2):
             chord = 0.0
             for k in range(3):
-                off = g[6 + k] + end * g[9 + k] - axis[k]
+                off = g[AXIS + k] + end * g[AXIS_WAY + k] - axis[k]
                 chord += off * off
             angle = 2.0 * fixed.arcsin(min(1.0, 0.5 * math.sqrt(chord)))
-            node[33] = max(node[33], angle if angle < 0.5 * math.pi else math.pi)
+            node[WIDEST] = max(node[WIDEST], angle if angle < 0.5 * math.pi else math.pi)
             for c in range(3):
                 tip = turn = 0.0
                 for k in range(3):
-                    tip += node[3 + 3 * c + k] * (g[k] + end * g[3 + k] - node[k])
-                    turn += node[3 + 3 * c + k] * (g[6 + k] + end * g[9 + k] - axis[k])
+                    tip += node[FRAME_U + 3 * c + k] * (g[k] + end * g[WAY + k] - node[k])
+                    turn += node[FRAME_U + 3 * c + k] * (g[AXIS + k] + end * g[AXIS_WAY + k] - axis[k])
                 for i in range(3):
-                    box, z = 15 + 6 * i + c, node[37 + i]
+                    box, z = LOW_0 + 6 * i + c, node[HEIGHT_0 + i]
                     node[box] = min(node[box], tip + z * turn - abs(z) * bend)
                     node[box + 3] = max(node[box + 3], tip + z * turn + abs(z) * bend)
 
@@ -210,21 +228,21 @@ def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highes
         first, last = i * span, min((i + 1) * span, len(geometry))
         if first >= last:
             continue
-        put(node, moment[1:4] / moment[0])
-        axis = moment[4:7] / moment[0]
-        length = math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
-        axis = axis / length if length > 1e-9 else geometry[first, 6:9] / 1.0
-        before = nodes[(width - 2 + i) // 2, 9:12] if width > 1 else axis
+        put(node, moment[1:4] / moment[COUNT])
+        axis = moment[4:7] / moment[COUNT]
+        length = math.sqrt(axis[X] ** 2 + axis[Y] ** 2 + axis[Z] ** 2)
+        axis = axis / length if length > 1e-9 else geometry[first, AXIS:AXIS_WAY] / 1.0
+        before = nodes[(width - 2 + i) // 2, FRAME_W:MIDDLE_AXIS] if width > 1 else axis
         _frame(node, axis, moment, before, outline, lowest, highest)
         _enclose(node, axis, geometry, first, last)
-        node[40] = 1.0
+        node[IS_FILLED] = 1.0
 
 
 @njit(error_model="numpy")
 def tree_of(piece, trees):
     """Number of the tree that holds a sub-step."""
     for k in range(len(trees)):
-        if trees[k, 1] <= piece < trees[k, 1] + trees[k, 2]:
+        if trees[k, FIRST_SUBSTEP] <= piece < trees[k, FIRST_SUBSTEP] + trees[k, SUBSTEPS]:
             return k
     return -1
 
@@ -234,7 +252,8 @@ def one_distance(px, py, pz, piece, forest, best, waiting):
     """`substep_distance` of one sub-step of the forest, to the grown cutter."""
     geometry, _, outlines, trees, grown = forest
     k = tree_of(piece, trees)
-    d, t = substep_distance(px, py, pz, geometry[piece], outlines, trees[k, 4], trees[k, 5], best + grown[k], waiting)
+    d, t = substep_distance(px, py, pz, geometry[piece], outlines, trees[k, FIRST_LINE], trees[k, BEHIND_LAST],
+                            best + grown[k], waiting)
     return d - grown[k], t
 
 
@@ -243,7 +262,8 @@ def one_slope(px, py, pz, n, piece, t, forest):
     """Derivative of the distance to the cutter at the share t of a sub-step, as the point moves along n (3,)."""
     geometry, _, outlines, trees, _ = forest
     k = tree_of(piece, trees)
-    return slope_along(px, py, pz, n[0], n[1], n[2], geometry[piece], t, outlines, trees[k, 4], trees[k, 5])
+    return slope_along(px, py, pz, n[X], n[Y], n[Z], geometry[piece], t, outlines, trees[k, FIRST_LINE],
+                       trees[k, BEHIND_LAST])
 
 
 @njit
@@ -300,9 +320,9 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
                 continue
             left = 2 * node + 1
             b0 = b1 = math.inf
-            if nodes[base + left, 40] != 0.0:
+            if nodes[base + left, IS_FILLED] != 0.0:
                 b0 = poses_distance(px, py, pz, nodes[base + left], outlines, first, last) - by
-            if nodes[base + left + 1, 40] != 0.0:
+            if nodes[base + left + 1, IS_FILLED] != 0.0:
                 b1 = poses_distance(px, py, pz, nodes[base + left + 1], outlines, first, last) - by
             near, far = (left, left + 1) if b0 <= b1 else (left + 1, left)
             if max(b0, b1) - SLACK_MM < limit:

@@ -9,9 +9,14 @@ import math
 import numpy as np
 
 from cuspline.stock.distance_kernels import child_distances, piece_distance
+from cuspline.stock.path_pieces import IS_ARC, SIDE
 from cuspline.stock.tree import (
     CHUNK,
+    CORNER_RADIUS,
     DEPTH,
+    FIRST_PIECE,
+    FLAT_RADIUS,
+    PIECES,
     SLACK_MM,
     block_of,
     nearest_piece,
@@ -21,6 +26,7 @@ from cuspline.stock.tree import (
     work,
 )
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y, Z
 from cuspline.values.threads import in_blocks
 
 CLOSE_MM = 1e-8           # where tracing stops short of the surface
@@ -50,13 +56,13 @@ def _entry(p, n, d, limit, g, a, rc):
     Along a line and along an arc that hangs down a convex cutter sweeps a convex volume, so the distance is convex along
     the ray: its secant through two places before the entry meets zero no later than it does, and never steps over.
     """
-    if g[11] != 0.0 and g[10] > 0.0:
+    if g[IS_ARC] != 0.0 and g[SIDE] > 0.0:
         return _entry_by_steps(p, n, d, limit, g, a, rc)
     before, f_before, t = 0.0, d, d
     for _ in range(60):
         if t >= limit:
             return limit
-        f = piece_distance(p[0] + t * n[0], p[1] + t * n[1], p[2] + t * n[2], g, a, rc)
+        f = piece_distance(p[X] + t * n[X], p[Y] + t * n[Y], p[Z] + t * n[Z], g, a, rc)
         if f <= SETTLED_MM:
             return t
         fall = (f_before - f) / (t - before)
@@ -76,7 +82,7 @@ def _entry_by_steps(p, n, d, limit, g, a, rc):
     for step in range(PATIENT_STEPS * 4):
         if t >= limit:
             return limit
-        f = piece_distance(p[0] + t * n[0], p[1] + t * n[1], p[2] + t * n[2], g, a, rc)
+        f = piece_distance(p[X] + t * n[X], p[Y] + t * n[Y], p[Z] + t * n[Z], g, a, rc)
         if f <= SETTLED_MM:
             return t
         t += f if step < PATIENT_STEPS else max(f, GRAZING * t + 1e-6)
@@ -97,7 +103,7 @@ def first_entry(p, n, limit, forest, hint, stack, bounds):
     for pick in range(2):                    # first the hint alone, then all trees
         for k in range(len(trees)):
             tree = trees[k]
-            a, rc, first, count = tools[k, 0], tools[k, 1], tree[1], tree[2]
+            a, rc, first, count = tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS], tree[FIRST_PIECE], tree[PIECES]
             top, t = 0, -1
             if pick == 0:
                 if not first <= hint < first + count:
@@ -107,7 +113,7 @@ def first_entry(p, n, limit, forest, hint, stack, bounds):
                 top = open_root(stack, bounds)
             while True:
                 if t >= 0:
-                    d = piece_distance(p[0], p[1], p[2], geometry[t], a, rc)
+                    d = piece_distance(p[X], p[Y], p[Z], geometry[t], a, rc)
                     if d <= CLOSE_MM:
                         return -1.0, t
                     if d < best:
@@ -124,7 +130,7 @@ def first_entry(p, n, limit, forest, hint, stack, bounds):
                 t = piece_of(code, tree)
                 if t >= 0:
                     continue
-                child_distances(p[0], p[1], p[2], blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
+                child_distances(p[X], p[Y], p[Z], blocks[block_of(code, tree)], a, rc, bounds[DEPTH:])
                 top = push_children(code, best + SLACK_MM, top, stack, bounds)
     return best, found
 
@@ -132,16 +138,18 @@ def first_entry(p, n, limit, forest, hint, stack, bounds):
 @njit
 def _exit(p, n, start, limit, forest, piece, stack, bounds):
     """Depth along -n from `start` to where stock begins, and the piece that reaches deepest at the start."""
-    geometry, trees, tools = forest[0], forest[2], forest[3]
+    geometry, _, trees, tools = forest
     t, deepest = start, -1
     while t < limit:
-        d, piece = nearest_piece(p[0] - t * n[0], p[1] - t * n[1], p[2] - t * n[2], forest, piece, stack, bounds, -CLOSE_MM)
+        d, piece = nearest_piece(p[X] - t * n[X], p[Y] - t * n[Y], p[Z] - t * n[Z], forest, piece, stack, bounds,
+                                 -CLOSE_MM)
         if piece < 0:
             break
         deepest = piece if deepest < 0 else deepest
         for k in range(len(trees)):
-            if trees[k, 1] <= piece < trees[k, 1] + trees[k, 2]:
-                t = max(_leave(p, n, t, d, limit, geometry[piece], tools[k, 0], tools[k, 1]), t + CLOSE_MM)
+            if trees[k, FIRST_PIECE] <= piece < trees[k, FIRST_PIECE] + trees[k, PIECES]:
+                t = max(_leave(p, n, t, d, limit, geometry[piece], tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS]),
+                        t + CLOSE_MM)
     return min(t, limit), deepest
 
 
@@ -152,7 +160,7 @@ def _leave(p, n, t, d, limit, g, a, rc):
     hi = f_hi = 0.0
     while True:
         hi = min(lo + step, limit)
-        f_hi = piece_distance(p[0] - hi * n[0], p[1] - hi * n[1], p[2] - hi * n[2], g, a, rc)
+        f_hi = piece_distance(p[X] - hi * n[X], p[Y] - hi * n[Y], p[Z] - hi * n[Z], g, a, rc)
         if f_hi >= 0.0:
             break
         if hi >= limit:
@@ -163,7 +171,7 @@ def _leave(p, n, t, d, limit, g, a, rc):
             break
         share = 0.5 if k % 3 == 2 else min(max(f_lo / (f_lo - f_hi), 0.01), 0.99)
         middle = lo + share * (hi - lo)
-        f = piece_distance(p[0] - middle * n[0], p[1] - middle * n[1], p[2] - middle * n[2], g, a, rc)
+        f = piece_distance(p[X] - middle * n[X], p[Y] - middle * n[Y], p[Z] - middle * n[Z], g, a, rc)
         if f >= 0.0:
             hi, f_hi = middle, f
         else:

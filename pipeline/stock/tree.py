@@ -4,9 +4,9 @@ A tree has eight children a node, over runs of pieces in the order of `halved_or
 single pieces.  All children of a node stand together, one column each, so that their bounds come out of one sweep
 over 64 numbers:
 
-    0..3   xl, xh, yl, yh     rectangle round the tips
-    4      lowest tip
-    5..7   sx, sy, c          every tip has z >= c + sx x + sy y  (0, 0, lowest where nodes are wide)
+    X_LOW, X_HIGH, Y_LOW, Y_HIGH    rectangle round the tips
+    LOWEST                          tip
+    SLOPE_X, SLOPE_Y, RISE          sx, sy, c: every tip has z >= c + sx x + sy y  (0, 0, lowest where nodes are wide)
 
 A forest is a tuple of arrays that numba takes as one argument:
 
@@ -22,7 +22,9 @@ import numpy as np
 
 from cuspline.stock.distance_kernels import child_distances, piece_distance
 from cuspline.stock.height_kernels import child_heights, piece_height
+from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, X, Y, Z
 from cuspline.values.threads import in_blocks
 
 WIDTH = 8                 # children of a node
@@ -34,6 +36,9 @@ CHUNK = 64                # points answered one after the other, each helped by 
 DEPTH = 128               # more open nodes than any tree leaves
 LEVEL_BITS = 5            # of an open node's number: its level
 BLOCK = 9 * WIDTH
+LOWEST, SLOPE_X, SLOPE_Y, RISE = range(4, 8)                                # rows of a block, behind the rectangle
+FIRST_BLOCK, FIRST_PIECE, PIECES, LEVELS, SECOND_LEVEL = range(5)           # columns of trees
+FLAT_RADIUS, CORNER_RADIUS = range(2)                                       # of tools
 
 
 def morton_order(points):
@@ -92,9 +97,9 @@ def _halve(rows, run):
 def _longest_side(rows, lo, hi):
     xl, xh, yl, yh, zl, zh = math.inf, -math.inf, math.inf, -math.inf, math.inf, -math.inf
     for t in range(lo, hi):
-        xl, xh = min(xl, rows[t, 0]), max(xh, rows[t, 0])
-        yl, yh = min(yl, rows[t, 1]), max(yh, rows[t, 1])
-        zl, zh = min(zl, rows[t, 2]), max(zh, rows[t, 2])
+        xl, xh = min(xl, rows[t, X]), max(xh, rows[t, X])
+        yl, yh = min(yl, rows[t, Y]), max(yh, rows[t, Y])
+        zl, zh = min(zl, rows[t, Z]), max(zh, rows[t, Z])
     if xh - xl >= max(yh - yl, zh - zl):
         return 0
     return 1 if yh - yl >= zh - zl else 2
@@ -136,15 +141,15 @@ def build_blocks(geometry):
 @njit
 def _lowest_over_plane(g, sx, sy):
     """Least z - sx x - sy y over a piece."""
-    best = min(g[2] - sx * g[0] - sy * g[1], g[5] - sx * g[3] - sy * g[4])
-    if g[11] != 0.0 and g[10] < 0.0:                      # the belly of an arc that hangs down
-        s = sx if g[6] == 0.0 else sy
+    best = min(g[Z0] - sx * g[X0] - sy * g[Y0], g[Z1] - sx * g[X1] - sy * g[Y1])
+    if g[IS_ARC] != 0.0 and g[SIDE] < 0.0:                      # the belly of an arc that hangs down
+        s = sx if g[IN_YZ] == 0.0 else sy
         root = math.sqrt(1.0 + s * s)
-        k = int(g[6])
-        touch = g[7] + g[9] * s / root
-        if g[k] < touch < g[3 + k]:
-            fixed = sy * g[1] if k == 0 else sx * g[0]
-            best = min(best, g[8] - s * g[7] - g[9] * root - fixed)
+        k = int(g[IN_YZ])
+        touch = g[CENTER_U] + g[RADIUS] * s / root
+        if g[k] < touch < g[X1 + k]:
+            fixed = sy * g[Y0] if k == 0 else sx * g[X0]
+            best = min(best, g[CENTER_Z] - s * g[CENTER_U] - g[RADIUS] * root - fixed)
     return best
 
 
@@ -177,18 +182,18 @@ def _fill_blocks(geometry, levels, second, blocks):
 
 @njit(error_model="numpy")
 def _fill_node(geometry, first, last, has_plane, block, j):
-    block[0, j], block[1, j], block[2, j], block[3, j] = FAR_MM, FAR_MM, FAR_MM, FAR_MM
-    block[4, j], block[5, j], block[6, j], block[7, j] = FAR_MM, 0.0, 0.0, FAR_MM
+    block[X_LOW, j], block[X_HIGH, j], block[Y_LOW, j], block[Y_HIGH, j] = FAR_MM, FAR_MM, FAR_MM, FAR_MM
+    block[LOWEST, j], block[SLOPE_X, j], block[SLOPE_Y, j], block[RISE, j] = FAR_MM, 0.0, 0.0, FAR_MM
     if first >= last:                                      # nobody there: far above everything
         return
-    x0, y0, z0 = geometry[first, 0], geometry[first, 1], geometry[first, 2]
+    x0, y0, z0 = geometry[first, X0], geometry[first, Y0], geometry[first, Z0]
     xl, xh, yl, yh, low = math.inf, -math.inf, math.inf, -math.inf, math.inf
     mx = my = mz = xx = xy = yy = xz = yz = 0.0
     for t in range(first, last):
         g = geometry[t]
-        xl, xh = min(xl, g[0], g[3]), max(xh, g[0], g[3])
-        yl, yh = min(yl, g[1], g[4]), max(yh, g[1], g[4])
-        low = min(low, g[2], g[5])
+        xl, xh = min(xl, g[X0], g[X1]), max(xh, g[X0], g[X1])
+        yl, yh = min(yl, g[Y0], g[Y1]), max(yh, g[Y0], g[Y1])
+        low = min(low, g[Z0], g[Z1])
         if has_plane and last - first > 1:
             for k in (0, 3):
                 x, y, z = g[k] - x0, g[k + 1] - y0, g[k + 2] - z0
@@ -197,7 +202,7 @@ def _fill_node(geometry, first, last, has_plane, block, j):
     sx = sy = 0.0
     if last - first == 1:
         g = geometry[first]
-        x, y, z = g[3] - x0, g[4] - y0, g[5] - z0
+        x, y, z = g[X1] - x0, g[Y1] - y0, g[Z1] - z0
         square = x * x + y * y
         if z * z < STEEPEST * STEEPEST * square:
             sx, sy = x * z / square, y * z / square
@@ -209,8 +214,8 @@ def _fill_node(geometry, first, last, has_plane, block, j):
     else:
         for t in range(first, last):
             c = min(c, _lowest_over_plane(geometry[t], sx, sy))
-    block[0, j], block[1, j], block[2, j], block[3, j] = xl, xh, yl, yh
-    block[4, j], block[5, j], block[6, j], block[7, j] = low, sx, sy, c
+    block[X_LOW, j], block[X_HIGH, j], block[Y_LOW, j], block[Y_HIGH, j] = xl, xh, yl, yh
+    block[LOWEST, j], block[SLOPE_X, j], block[SLOPE_Y, j], block[RISE, j] = low, sx, sy, c
 
 
 @njit
@@ -229,8 +234,8 @@ def open_root(stack, bounds):
 @njit
 def piece_of(code, tree):
     """The piece that an open node is, or -1: it has a block."""
-    is_piece = code & (2 ** LEVEL_BITS - 1) == tree[3]
-    return tree[1] + (code >> LEVEL_BITS) if is_piece else -1
+    is_piece = code & (2 ** LEVEL_BITS - 1) == tree[LEVELS]
+    return tree[FIRST_PIECE] + (code >> LEVEL_BITS) if is_piece else -1
 
 
 @njit
@@ -238,9 +243,9 @@ def block_of(code, tree):
     """Row of an open node's block: levels stand one after the other, the root's first."""
     level = code & (2 ** LEVEL_BITS - 1)
     if level == 0:
-        return tree[0]
-    above = tree[4] * ((1 << 3 * (level - 1)) - 1) // (WIDTH - 1)                 # 1 << 3: WIDTH
-    return tree[0] + 1 + above + (code >> LEVEL_BITS)
+        return tree[FIRST_BLOCK]
+    above = tree[SECOND_LEVEL] * ((1 << 3 * (level - 1)) - 1) // (WIDTH - 1)                 # 1 << 3: WIDTH
+    return tree[FIRST_BLOCK] + 1 + above + (code >> LEVEL_BITS)
 
 
 @njit
@@ -266,8 +271,8 @@ def one_piece_distance(px, py, pz, piece, forest):
     """Signed distance of a point to what is swept along one piece of the forest."""
     geometry, _, trees, tools = forest
     for k in range(len(trees)):
-        if trees[k, 1] <= piece < trees[k, 1] + trees[k, 2]:
-            return piece_distance(px, py, pz, geometry[piece], tools[k, 0], tools[k, 1])
+        if trees[k, FIRST_PIECE] <= piece < trees[k, FIRST_PIECE] + trees[k, PIECES]:
+            return piece_distance(px, py, pz, geometry[piece], tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS])
     return math.inf
 
 
@@ -279,7 +284,7 @@ def nearest_piece(px, py, pz, forest, hint, stack, bounds, best):
     for pick in range(2):                    # first the hint alone, then all trees
         for k in range(len(trees)):
             tree = trees[k]
-            a, rc, first, count = tools[k, 0], tools[k, 1], tree[1], tree[2]
+            a, rc, first, count = tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS], tree[FIRST_PIECE], tree[PIECES]
             if pick == 0:
                 if first <= hint < first + count:
                     d = piece_distance(px, py, pz, geometry[hint], a, rc)
@@ -311,7 +316,7 @@ def lowest_piece(x, y, forest, top_mm, hint, stack, bounds):
     for pick in range(2):
         for k in range(len(trees)):
             tree = trees[k]
-            a, rc, first, count = tools[k, 0], tools[k, 1], tree[1], tree[2]
+            a, rc, first, count = tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS], tree[FIRST_PIECE], tree[PIECES]
             if pick == 0:
                 if first <= hint < first + count:
                     z = piece_height(x, y, geometry[hint], a, rc)
@@ -346,7 +351,7 @@ def distances(points, forest):
 def _distances(points, forest, out, piece, first, last):
     (stack, bounds), hint = work(), -1
     for i in range(first, last):
-        d, hint = nearest_piece(points[i, 0], points[i, 1], points[i, 2], forest, hint, stack, bounds, math.inf)
+        d, hint = nearest_piece(points[i, X], points[i, Y], points[i, Z], forest, hint, stack, bounds, math.inf)
         out[i], piece[i] = d, hint
 
 
@@ -361,5 +366,5 @@ def heights(xy, forest, top_mm):
 def _heights(xy, forest, top_mm, out, piece, first, last):
     (stack, bounds), hint = work(), -1
     for i in range(first, last):
-        z, hint = lowest_piece(xy[i, 0], xy[i, 1], forest, top_mm, hint, stack, bounds)
+        z, hint = lowest_piece(xy[i, X], xy[i, Y], forest, top_mm, hint, stack, bounds)
         out[i], piece[i] = z, hint

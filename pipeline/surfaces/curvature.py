@@ -22,7 +22,7 @@ from cuspline.surfaces.face_pieces import (
     trim_states,
     whole_patches,
 )
-from cuspline.surfaces.patches import PatchSet
+from cuspline.surfaces.patches import OF_FACE, PatchSet
 from cuspline.surfaces.trims import TrimSet
 from cuspline.values.arrays import frozen
 from cuspline.values.compiled import njit
@@ -240,6 +240,6 @@ class _Search:
 @njit
 def _examine(coefficients, rows, sign, patch, box, work, out):
     """Bounds of `enclosures.curvature_of_piece` for many pieces."""
-    for k in range(box.shape[0]):
+    for k in range(len(box)):
         q = patch[k]
-        curvature_of_piece(coefficients, rows[q], sign[rows[q, 0]], box[k], work, out[k])
+        curvature_of_piece(coefficients, rows[q], sign[rows[q, OF_FACE]], box[k], work, out[k])

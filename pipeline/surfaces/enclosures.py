@@ -10,50 +10,57 @@ import math
 
 import numpy as np
 
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, IS_RATIONAL, OFFSET
 from cuspline.values.compiled import njit
+from cuspline.values.rows import W, X, Y, Z
 
 SOUND = 0.05            # share of its middle's area element that must be left all over a piece, else no bound
+S_LOW, S_HIGH, T_LOW, T_HIGH = range(4)         # of a piece: its rectangle
+MID, BY_S, BY_T, REST = range(4)                # of a form: c, a, b, r
+BOUND, VALUE, PLACE = 0, 1, 2                   # of `curvature_of_piece`: PLACE is three columns
+REACH, LENGTH_S, LENGTH_T, CUTS_T = range(5, 9)
+SIZE_REACH, SIZE_S, SIZE_T = range(3, 6)        # of `size_of_piece`, behind its middle
 
 
 @njit(error_model="numpy")
 def _add(x, y):
-    return x[0] + y[0], x[1] + y[1], x[2] + y[2], x[3] + y[3]
+    return x[MID] + y[MID], x[BY_S] + y[BY_S], x[BY_T] + y[BY_T], x[REST] + y[REST]
 
 
 @njit(error_model="numpy")
 def _scaled(f, x):
-    return f * x[0], f * x[1], f * x[2], abs(f) * x[3]
+    return f * x[MID], f * x[BY_S], f * x[BY_T], abs(f) * x[REST]
 
 
 @njit(error_model="numpy")
 def _mul(x, y):
-    rest = (abs(x[0]) * y[3] + abs(y[0]) * x[3]
-            + (abs(x[1]) + abs(x[2]) + x[3]) * (abs(y[1]) + abs(y[2]) + y[3]))
-    return x[0] * y[0], x[0] * y[1] + y[0] * x[1], x[0] * y[2] + y[0] * x[2], rest
+    rest = (abs(x[MID]) * y[REST] + abs(y[MID]) * x[REST]
+            + (abs(x[BY_S]) + abs(x[BY_T]) + x[REST]) * (abs(y[BY_S]) + abs(y[BY_T]) + y[REST]))
+    return x[MID] * y[MID], x[MID] * y[BY_S] + y[MID] * x[BY_S], x[MID] * y[BY_T] + y[MID] * x[BY_T], rest
 
 
 @njit(error_model="numpy")
 def _reach(x):
-    return abs(x[1]) + abs(x[2]) + x[3]
+    return abs(x[BY_S]) + abs(x[BY_T]) + x[REST]
 
 
 @njit(error_model="numpy")
 def _dot(a, b):
-    return _add(_add(_mul(a[0], b[0]), _mul(a[1], b[1])), _mul(a[2], b[2]))
+    return _add(_add(_mul(a[X], b[X]), _mul(a[Y], b[Y])), _mul(a[Z], b[Z]))
 
 
 @njit(error_model="numpy")
 def _cross(a, b):
-    return (_add(_mul(a[1], b[2]), _scaled(-1.0, _mul(a[2], b[1]))),
-            _add(_mul(a[2], b[0]), _scaled(-1.0, _mul(a[0], b[2]))),
-            _add(_mul(a[0], b[1]), _scaled(-1.0, _mul(a[1], b[0]))))
+    return (_add(_mul(a[Y], b[Z]), _scaled(-1.0, _mul(a[Z], b[Y]))),
+            _add(_mul(a[Z], b[X]), _scaled(-1.0, _mul(a[X], b[Z]))),
+            _add(_mul(a[X], b[Y]), _scaled(-1.0, _mul(a[Y], b[X]))))
 
 
 @njit(error_model="numpy")
 def _mix(f, a, g, b):
     """f a + g b of vectors of forms."""
-    return (_add(_scaled(f, a[0]), _scaled(g, b[0])), _add(_scaled(f, a[1]), _scaled(g, b[1])),
-            _add(_scaled(f, a[2]), _scaled(g, b[2])))
+    return (_add(_scaled(f, a[X]), _scaled(g, b[X])), _add(_scaled(f, a[Y]), _scaled(g, b[Y])),
+            _add(_scaled(f, a[Z]), _scaled(g, b[Z])))
 
 
 @njit(error_model="numpy")
@@ -65,8 +72,9 @@ def shifted(coefficients, patch, box, work):
         box: (4,) s low, s high, t low, t high.
         work: (du + 1, dv + 1, 4) or larger; filled.
     """
-    offset, du, dv = patch[1], patch[2], patch[3]
-    s, hs, t, ht = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2, (box[2] + box[3]) / 2, (box[3] - box[2]) / 2
+    offset, du, dv = patch[OFFSET], patch[DEGREE_U], patch[DEGREE_V]
+    s, hs, t, ht = ((box[S_LOW] + box[S_HIGH]) / 2, (box[S_HIGH] - box[S_LOW]) / 2, (box[T_LOW] + box[T_HIGH]) / 2,
+                    (box[T_HIGH] - box[T_LOW]) / 2)
     for i in range(du + 1):
         for j in range(dv + 1):
             for k in range(4):
@@ -123,37 +131,37 @@ def _vector(work, du, dv, ms, mt):
 @njit(error_model="numpy")
 def _recentred(work, du, dv, out):
     """Take the middle point away from the piece and its weight to one there; the middle into out (3,)."""
-    w = work[0, 0, 3]
+    w = work[0, 0, W]
     for k in range(3):
         out[k] = work[0, 0, k] / w
     for i in range(du + 1):
         for j in range(dv + 1):
             for k in range(3):
-                work[i, j, k] = (work[i, j, k] - out[k] * work[i, j, 3]) / w
+                work[i, j, k] = (work[i, j, k] - out[k] * work[i, j, W]) / w
     for i in range(du + 1):
         for j in range(dv + 1):
-            work[i, j, 3] /= w
+            work[i, j, W] /= w
 
 
 @njit(error_model="numpy")
 def _inverse(x):
     """1 / x; all NaN where x may vanish."""
-    reach, c = _reach(x), x[0]
+    reach, c = _reach(x), x[MID]
     low = c - reach
     if low <= 0.0:
         return np.nan, np.nan, np.nan, np.nan
-    return 1.0 / c, -x[1] / (c * c), -x[2] / (c * c), x[3] / (c * c) + reach * reach / low ** 3
+    return 1.0 / c, -x[BY_S] / (c * c), -x[BY_T] / (c * c), x[REST] / (c * c) + reach * reach / low ** 3
 
 
 @njit(error_model="numpy")
 def _inverse_root(x):
     """x^-1/2; all NaN where x may vanish."""
-    reach, c = _reach(x), x[0]
+    reach, c = _reach(x), x[MID]
     low = c - reach
     if low <= SOUND * c:
         return np.nan, np.nan, np.nan, np.nan
     f, g = 1.0 / np.sqrt(c), -0.5 / (c * np.sqrt(c))
-    return f, g * x[1], g * x[2], abs(g) * x[3] + 0.375 * reach * reach / (low * low * math.sqrt(low))
+    return f, g * x[BY_S], g * x[BY_T], abs(g) * x[REST] + 0.375 * reach * reach / (low * low * math.sqrt(low))
 
 
 @njit(error_model="numpy")
@@ -176,26 +184,26 @@ def _quotients(work, du, dv, is_rational):
 
 @njit(error_model="numpy")
 def _times(f, a):
-    return _mul(f, a[0]), _mul(f, a[1]), _mul(f, a[2])
+    return _mul(f, a[X]), _mul(f, a[Y]), _mul(f, a[Z])
 
 
 @njit(error_model="numpy")
 def _less(a, f, b):
     """a - f b."""
-    return (_add(a[0], _scaled(-1.0, _mul(f, b[0]))), _add(a[1], _scaled(-1.0, _mul(f, b[1]))),
-            _add(a[2], _scaled(-1.0, _mul(f, b[2]))))
+    return (_add(a[X], _scaled(-1.0, _mul(f, b[X]))), _add(a[Y], _scaled(-1.0, _mul(f, b[Y]))),
+            _add(a[Z], _scaled(-1.0, _mul(f, b[Z]))))
 
 
 @njit(error_model="numpy")
 def _middle_length(a):
-    return np.sqrt(a[0][0] ** 2 + a[1][0] ** 2 + a[2][0] ** 2)
+    return np.sqrt(a[X][MID] ** 2 + a[Y][MID] ** 2 + a[Z][MID] ** 2)
 
 
 @njit(error_model="numpy")
 def _likely_length(a):
     """Size of a vector of forms without its proven rest: good for choosing, not for proving."""
-    x, y, z = (abs(a[0][0]) + abs(a[0][1]) + abs(a[0][2]), abs(a[1][0]) + abs(a[1][1]) + abs(a[1][2]),
-               abs(a[2][0]) + abs(a[2][1]) + abs(a[2][2]))
+    x, y, z = (abs(a[X][MID]) + abs(a[X][BY_S]) + abs(a[X][BY_T]), abs(a[Y][MID]) + abs(a[Y][BY_S]) + abs(a[Y][BY_T]),
+               abs(a[Z][MID]) + abs(a[Z][BY_S]) + abs(a[Z][BY_T]))
     return np.sqrt(x * x + y * y + z * z)
 
 
@@ -211,9 +219,9 @@ def _largest_over_piece(p, q, r):
     most = -np.inf
     for s in (-1.0, 1.0):
         for t in (-1.0, 1.0):
-            most = max(most, _largest_eigenvalue(p[0] + s * p[1] + t * p[2], q[0] + s * q[1] + t * q[2],
-                                                 r[0] + s * r[1] + t * r[2]))
-    return most + max(p[3], r[3]) + q[3]
+            most = max(most, _largest_eigenvalue(p[MID] + s * p[BY_S] + t * p[BY_T], q[MID] + s * q[BY_S] + t * q[BY_T],
+                                                 r[MID] + s * r[BY_S] + t * r[BY_T]))
+    return most + max(p[REST], r[REST]) + q[REST]
 
 
 @njit(error_model="numpy")
@@ -223,7 +231,7 @@ def size_of_piece(coefficients, patch, box, work, out):
     Args:
         out: (6,) filled: middle point; largest distance of a point of the piece from it; likely lengths along s and t.
     """
-    du, dv, is_rational = patch[2], patch[3], patch[4] != 0
+    du, dv, is_rational = patch[DEGREE_U], patch[DEGREE_V], patch[IS_RATIONAL] != 0
     shifted(coefficients, patch, box, work)
     _recentred(work, du, dv, out)
     x, y, z = _vector(work, du, dv, 0, 0)
@@ -231,9 +239,9 @@ def size_of_piece(coefficients, patch, box, work, out):
         i = _inverse(_derived(work, du, dv, 3, 0, 0))
         x, y, z = _mul(i, x), _mul(i, y), _mul(i, z)
     reach = np.sqrt(_reach(x) ** 2 + _reach(y) ** 2 + _reach(z) ** 2)
-    out[3] = reach if reach == reach else np.inf
-    out[4] = 2.0 * np.sqrt(x[1] ** 2 + y[1] ** 2 + z[1] ** 2)
-    out[5] = 2.0 * np.sqrt(x[2] ** 2 + y[2] ** 2 + z[2] ** 2)
+    out[SIZE_REACH] = reach if reach == reach else np.inf
+    out[SIZE_S] = 2.0 * np.sqrt(x[BY_S] ** 2 + y[BY_S] ** 2 + z[BY_S] ** 2)
+    out[SIZE_T] = 2.0 * np.sqrt(x[BY_T] ** 2 + y[BY_T] ** 2 + z[BY_T] ** 2)
 
 
 @njit(error_model="numpy")
@@ -249,24 +257,24 @@ def curvature_of_piece(coefficients, patch, sign, box, work, out):
         out: (9,) filled: upper bound (inf: none), value in the middle (NaN at a pole), middle point (3), largest
             distance from it, likely lengths along s and t, 1 to split t and 0 to split s.
     """
-    du, dv = patch[2], patch[3]
+    du, dv = patch[DEGREE_U], patch[DEGREE_V]
     shifted(coefficients, patch, box, work)
-    _recentred(work, du, dv, out[2:5])
-    S, Ss, St, Sss, Sst, Stt = _quotients(work, du, dv, patch[4] != 0)
-    reach = np.sqrt(_reach(S[0]) ** 2 + _reach(S[1]) ** 2 + _reach(S[2]) ** 2)
-    out[0], out[1], out[5] = np.inf, np.nan, (reach if reach == reach else np.inf)
+    _recentred(work, du, dv, out[PLACE:REACH])
+    S, Ss, St, Sss, Sst, Stt = _quotients(work, du, dv, patch[IS_RATIONAL] != 0)
+    reach = np.sqrt(_reach(S[X]) ** 2 + _reach(S[Y]) ** 2 + _reach(S[Z]) ** 2)
+    out[BOUND], out[VALUE], out[REACH] = np.inf, np.nan, (reach if reach == reach else np.inf)
     ls, lt = _middle_length(Ss), _middle_length(St)
-    out[6], out[7] = 2.0 * ls, 2.0 * lt
+    out[LENGTH_S], out[LENGTH_T] = 2.0 * ls, 2.0 * lt
     tiny = 1e-300
     bend_s = _likely_length(Sss) / (ls + tiny) + _likely_length(Sst) / (lt + tiny)
     bend_t = _likely_length(Sst) / (ls + tiny) + _likely_length(Stt) / (lt + tiny)
     if bend_s + bend_t < np.inf:
-        out[8] = 1.0 if (bend_t > bend_s or bend_s + bend_t == 0.0 and lt > ls) else 0.0
+        out[CUTS_T] = 1.0 if (bend_t > bend_s or bend_s + bend_t == 0.0 and lt > ls) else 0.0
     else:                       # no bound at all, as when weights cannot be told from 0: the wider side
-        out[8] = 1.0 if box[3] - box[2] > box[1] - box[0] else 0.0
+        out[CUTS_T] = 1.0 if box[T_HIGH] - box[T_LOW] > box[S_HIGH] - box[S_LOW] else 0.0
     if ls == 0.0 or lt == 0.0 or not reach < np.inf:
         return
-    along = (Ss[0][0] * St[0][0] + Ss[1][0] * St[1][0] + Ss[2][0] * St[2][0]) / (ls * ls)
+    along = (Ss[X][MID] * St[X][MID] + Ss[Y][MID] * St[Y][MID] + Ss[Z][MID] * St[Z][MID]) / (ls * ls)
     square = lt * lt - along * along * ls * ls
     if square <= 1e-18 * lt * lt:
         return
@@ -278,17 +286,17 @@ def curvature_of_piece(coefficients, patch, sign, box, work, out):
     N = _cross(A, B)
     n = _scaled(sign, _inverse_root(_dot(N, N)))
     # II about the middle, where the normal is exact: value first, bound after
-    p0 = sign * (AA[0][0] * N[0][0] + AA[1][0] * N[1][0] + AA[2][0] * N[2][0])
-    q0 = sign * (AB[0][0] * N[0][0] + AB[1][0] * N[1][0] + AB[2][0] * N[2][0])
-    r0 = sign * (BB[0][0] * N[0][0] + BB[1][0] * N[1][0] + BB[2][0] * N[2][0])
+    p0 = sign * (AA[X][MID] * N[X][MID] + AA[Y][MID] * N[Y][MID] + AA[Z][MID] * N[Z][MID])
+    q0 = sign * (AB[X][MID] * N[X][MID] + AB[Y][MID] * N[Y][MID] + AB[Z][MID] * N[Z][MID])
+    r0 = sign * (BB[X][MID] * N[X][MID] + BB[Y][MID] * N[Y][MID] + BB[Z][MID] * N[Z][MID])
     K = _largest_eigenvalue(p0, q0, r0)
-    out[1] = K
+    out[VALUE] = K
     E, F, G = _dot(A, A), _dot(A, B), _dot(B, B)
     smallest = -_largest_over_piece(_scaled(-1.0, E), _scaled(-1.0, F), _scaled(-1.0, G))
-    if not (smallest > SOUND and n[0] == n[0]):
+    if not (smallest > SOUND and n[MID] == n[MID]):
         return
     P = _add(_mul(_dot(AA, N), n), _scaled(-K, E))
     Q = _add(_mul(_dot(AB, N), n), _scaled(-K, F))
     R = _add(_mul(_dot(BB, N), n), _scaled(-K, G))
     more = _largest_over_piece(P, Q, R)
-    out[0] = K + max(more, 0.0) / smallest
+    out[BOUND] = K + max(more, 0.0) / smallest

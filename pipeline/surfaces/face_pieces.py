@@ -6,7 +6,21 @@ the border of its face.  Borders are those of `trims`: chords closer than CHORD_
 
 import numpy as np
 
-from cuspline.surfaces.trims import is_inside
+from cuspline.surfaces.patches import U_HIGH, U_LOW, V_HIGH, V_LOW, U, V
+from cuspline.surfaces.trims import (
+    BINS,
+    BORDER_U_HIGH,
+    BORDER_U_LOW,
+    FIRST_BIN,
+    IS_WHOLE,
+    STRIPS_FROM,
+    STRIPS_PER_V,
+    U0,
+    U1,
+    V0,
+    V1,
+    is_inside,
+)
 from cuspline.values.compiled import njit
 
 OUTSIDE, ACROSS, INSIDE = 0, 1, 2
@@ -51,7 +65,7 @@ def trim_states(patches, trims, patch, box):
 
 @njit
 def _states(trims, face, box, out):
-    for k in range(box.shape[0]):
+    for k in range(len(box)):
         out[k] = trim_state(trims, face[k], box[k])
 
 
@@ -59,40 +73,43 @@ def _states(trims, face, box, out):
 def trim_state(trims, face, box):
     """State of one rectangle (u low, u high, v low, v high) of a face."""
     chords, bins, items, faces, strip = trims
-    if faces[face, 2] == 1:
+    if faces[face, IS_WHOLE] == 1:
         return INSIDE
-    count = faces[face, 1]
-    first, last = (box[2] - strip[face, 0]) * strip[face, 1], (box[3] - strip[face, 0]) * strip[face, 1]
-    if last < 0.0 or first > count or box[1] < strip[face, 2] or box[0] > strip[face, 3]:
+    count = faces[face, BINS]
+    first, last = ((box[V_LOW] - strip[face, STRIPS_FROM]) * strip[face, STRIPS_PER_V],
+                   (box[V_HIGH] - strip[face, STRIPS_FROM]) * strip[face, STRIPS_PER_V])
+    if (last < 0.0 or first > count or box[U_HIGH] < strip[face, BORDER_U_LOW]
+            or box[U_LOW] > strip[face, BORDER_U_HIGH]):
         return OUTSIDE
     low, high = max(0, min(int(first), count - 1)), max(0, min(int(last), count - 1))
-    for b in range(faces[face, 0] + low, faces[face, 0] + high + 1):
+    for b in range(faces[face, FIRST_BIN] + low, faces[face, FIRST_BIN] + high + 1):
         for k in range(bins[b], bins[b + 1]):
             if _meets(chords[items[k]], box):
                 return ACROSS
-    inside = is_inside(trims, face, (box[0] + box[1]) / 2, (box[2] + box[3]) / 2)
+    inside = is_inside(trims, face, (box[U_LOW] + box[U_HIGH]) / 2, (box[V_LOW] + box[V_HIGH]) / 2)
     return INSIDE if inside else OUTSIDE
 
 
 @njit
 def _meets(chord, box):
     """A chord and a rectangle have a point in common: no axis and no normal of the chord separates them."""
-    if (max(chord[0], chord[2]) < box[0] or min(chord[0], chord[2]) > box[1]
-            or max(chord[1], chord[3]) < box[2] or min(chord[1], chord[3]) > box[3]):
+    if (max(chord[U0], chord[U1]) < box[U_LOW] or min(chord[U0], chord[U1]) > box[U_HIGH]
+            or max(chord[V0], chord[V1]) < box[V_LOW] or min(chord[V0], chord[V1]) > box[V_HIGH]):
         return False
-    du, dv = chord[2] - chord[0], chord[3] - chord[1]
-    middle = dv * ((box[0] + box[1]) / 2 - chord[0]) - du * ((box[2] + box[3]) / 2 - chord[1])
-    return abs(middle) <= abs(dv) * (box[1] - box[0]) / 2 + abs(du) * (box[3] - box[2]) / 2
+    du, dv = chord[U1] - chord[U0], chord[V1] - chord[V0]
+    middle = dv * ((box[U_LOW] + box[U_HIGH]) / 2 - chord[U0]) - du * ((box[V_LOW] + box[V_HIGH]) / 2 - chord[V0])
+    return abs(middle) <= abs(dv) * (box[U_HIGH] - box[U_LOW]) / 2 + abs(du) * (box[V_HIGH] - box[V_LOW]) / 2
 
 
 @njit
 def point_on_border(trims, face, box, out):
     """Parameters of a border point in a rectangle that lies across the border, into out (2,); False: none found."""
     chords, bins, items, faces, strip = trims
-    count = faces[face, 1]
-    first, last = (box[2] - strip[face, 0]) * strip[face, 1], (box[3] - strip[face, 0]) * strip[face, 1]
+    count = faces[face, BINS]
+    first, last = ((box[V_LOW] - strip[face, STRIPS_FROM]) * strip[face, STRIPS_PER_V],
+                   (box[V_HIGH] - strip[face, STRIPS_FROM]) * strip[face, STRIPS_PER_V])
     low, high = max(0, min(int(first), count - 1)), max(0, min(int(last), count - 1))
-    for b in range(faces[face, 0] + low, faces[face, 0] + high + 1):
+    for b in range(faces[face, FIRST_BIN] + low, faces[face, FIRST_BIN] + high + 1):
         for k in range(bins[b], bins[b + 1]):
             c = chords[items[k]]
             if not _meets(c, box):
@@ -104,7 +121,7 @@ def point_on_border(trims, face, box, out):
                     p, q = (box[2 * a] - c[a]) / d, (box[2 * a + 1] - c[a]) / d
                     begin, end = max(begin, min(p, q)), min(end, max(p, q))
             share = (begin + end) / 2
-            out[0] = min(max(c[0] + share * (c[2] - c[0]), box[0]), box[1])
-            out[1] = min(max(c[1] + share * (c[3] - c[1]), box[2]), box[3])
+            out[U] = min(max(c[U0] + share * (c[U1] - c[U0]), box[U_LOW]), box[U_HIGH])
+            out[V] = min(max(c[V0] + share * (c[V1] - c[V0]), box[V_LOW]), box[V_HIGH])
             return True
     return False

@@ -3,6 +3,10 @@
 import numpy as np
 
 from cuspline.surfaces.enclosures import (
+    BY_S,
+    BY_T,
+    MID,
+    REST,
     _add,
     _cross,
     _derived,
@@ -17,7 +21,11 @@ from cuspline.surfaces.enclosures import (
     _vector,
     shifted,
 )
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, IS_RATIONAL
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y, Z
+
+MIDDLE, SIDE_S, SIDE_T, OFF_BY = 0, 3, 6, 9     # columns of `offset_of_piece`, the first three are vectors
 
 
 @njit(error_model="numpy")
@@ -44,16 +52,16 @@ def offset_of_piece(coefficients, patch, sign, by_mm, box, work, out):
         out: (10,) filled: middle, a, b, rest; rest is inf where nothing bounds it (a pole).  a and b of a piece with a
             pole are those of the surface itself.
     """
-    du, dv = patch[2], patch[3]
+    du, dv = patch[DEGREE_U], patch[DEGREE_V]
     shifted(coefficients, patch, box, work)
     _recentred(work, du, dv, out)
-    S, Ss, St = _tangents(work, du, dv, patch[4] != 0)
+    S, Ss, St = _tangents(work, du, dv, patch[IS_RATIONAL] != 0)
     N = _cross(Ss, St)
     per_length = _scaled(sign * by_mm, _inverse_root(_dot(N, N)))
-    rest, bounded = 0.0, per_length[3] < np.inf and S[0][3] + S[1][3] + S[2][3] < np.inf
+    rest, bounded = 0.0, per_length[REST] < np.inf and S[X][REST] + S[Y][REST] + S[Z][REST] < np.inf
     for k in range(3):
         x = _add(S[k], _mul(N[k], per_length)) if bounded else S[k]
-        out[k] += x[0]
-        out[3 + k], out[6 + k] = x[1], x[2]
-        rest += x[3] * x[3]
-    out[9] = np.sqrt(rest) if bounded else np.inf
+        out[k] += x[MID]
+        out[SIDE_S + k], out[SIDE_T + k] = x[BY_S], x[BY_T]
+        rest += x[REST] * x[REST]
+    out[OFF_BY] = np.sqrt(rest) if bounded else np.inf

@@ -7,6 +7,7 @@ up to the degrees a kernel uses.  Evaluation is Horner's rule: no basis function
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -14,10 +15,27 @@ from scipy.interpolate import BSpline
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y, Z
 from cuspline.values.threads import in_blocks
 
 CHUNK = 512             # points a thread takes at a time
 SERIAL_ROWS = 4000      # below this, starting threads costs more than it saves
+OF_FACE, OFFSET, DEGREE_U, DEGREE_V, IS_RATIONAL = range(5)         # columns of PatchSet.patch
+U_LOW, U_HIGH, V_LOW, V_HIGH = range(4)                             # of PatchSet.span
+FIRST_PATCH, SPANS_U, SPANS_V, BREAKS_U, BREAKS_V = range(5)        # of PatchSet.face
+U, V = range(2)                                                     # of a place on a face
+POINT, DS, DT, DSS, DST, DTT = range(6)                             # rows of what `derive` gives
+
+
+class PatchArrays(NamedTuple):
+    """A PatchSet as kernels take it."""
+
+    coefficients: np.ndarray
+    patch: np.ndarray
+    span: np.ndarray
+    face: np.ndarray
+    breaks: np.ndarray
+    sign: np.ndarray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,8 +89,8 @@ class PatchSet:
 
     @property
     def arrays(self):
-        """What kernels take as one argument: (coefficients, patch, span, face, breaks, sign)."""
-        return self.coefficients, self.patch, self.span, self.face, self.breaks, self.sign
+        """PatchArrays."""
+        return PatchArrays(self.coefficients, self.patch, self.span, self.face, self.breaks, self.sign)
 
     def domain(self, face):
         """(u low, u high, v low, v high) of a face."""
@@ -132,8 +150,9 @@ def find_span(breaks, first, count, x):
 @njit
 def patch_at(arrays, face, u, v):
     """Patch index that holds (u, v) of a face."""
-    row, breaks = arrays[3][face], arrays[4]
-    return row[0] + find_span(breaks, row[3], row[1], u) * row[2] + find_span(breaks, row[4], row[2], v)
+    row, breaks = arrays.face[face], arrays.breaks
+    return (row[FIRST_PATCH] + find_span(breaks, row[BREAKS_U], row[SPANS_U], u) * row[SPANS_V]
+            + find_span(breaks, row[BREAKS_V], row[SPANS_V], v))
 
 
 @njit(error_model="numpy")
@@ -150,7 +169,7 @@ def position(coefficients, offset, du, dv, is_rational, s, t, out):
         x, y, z, w = x * s + a, y * s + b, z * s + d, w * s + e
     if is_rational:
         x, y, z = x / w, y / w, z / w
-    out[0], out[1], out[2] = x, y, z
+    out[X], out[Y], out[Z] = x, y, z
 
 
 @njit(error_model="numpy")
@@ -185,17 +204,18 @@ def derive(coefficients, offset, du, dv, is_rational, s, t, out):
             rss = (rss - 2.0 * ws * rs - wss * r) / w
             rst = (rst - ws * rt - wt * rs - wst * r) / w
             rtt = (rtt - 2.0 * wt * rt - wtt * r) / w
-        out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], out[5, k] = r, rs, rt, rss, rst, rtt
+        out[POINT, k], out[DS, k], out[DT, k], out[DSS, k], out[DST, k], out[DTT, k] = r, rs, rt, rss, rst, rtt
 
 
 @njit(error_model="numpy")
 def derive_on_face(arrays, face, u, v, out):
     """As `derive`, but at parameters of a face and with respect to them."""
-    coefficients, patch, span = arrays[0], arrays[1], arrays[2]
+    coefficients, patch, span = arrays.coefficients, arrays.patch, arrays.span
     q = patch_at(arrays, face, u, v)
-    ul, uh, vl, vh = span[q, 0], span[q, 1], span[q, 2], span[q, 3]
+    ul, uh, vl, vh = span[q, U_LOW], span[q, U_HIGH], span[q, V_LOW], span[q, V_HIGH]
     s, t = (2.0 * min(max(u, ul), uh) - ul - uh) / (uh - ul), (2.0 * min(max(v, vl), vh) - vl - vh) / (vh - vl)
-    derive(coefficients, patch[q, 1], patch[q, 2], patch[q, 3], patch[q, 4] != 0, s, t, out)
+    derive(coefficients, patch[q, OFFSET], patch[q, DEGREE_U], patch[q, DEGREE_V], patch[q, IS_RATIONAL] != 0, s, t,
+           out)
     scale_derivatives(out, 2.0 / (uh - ul), 2.0 / (vh - vl))
 
 
@@ -203,11 +223,11 @@ def derive_on_face(arrays, face, u, v, out):
 def scale_derivatives(out, a, b):
     """Point and derivatives (6, 3) of `derive`, made those with respect to s / a and t / b."""
     for k in range(3):
-        out[1, k] *= a
-        out[2, k] *= b
-        out[3, k] *= a * a
-        out[4, k] *= a * b
-        out[5, k] *= b * b
+        out[DS, k] *= a
+        out[DT, k] *= b
+        out[DSS, k] *= a * a
+        out[DST, k] *= a * b
+        out[DTT, k] *= b * b
 
 
 @njit

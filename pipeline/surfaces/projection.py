@@ -12,6 +12,7 @@ import numpy as np
 from cuspline.surfaces import projection_tree
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection_kernels import CHUNK, NOWHERE, project_rows, refine_rows
+from cuspline.surfaces.projection_tree import TreeArrays
 from cuspline.surfaces.trims import TrimSet
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.errors import PlanError
@@ -76,7 +77,7 @@ class ClosestTree:
     @property
     def arrays(self):
         """What kernels take as one argument."""
-        return self.nodes, self.children, self.order, self.boxes, self.geometry, self.rows, self.curves
+        return TreeArrays(self.nodes, self.children, self.order, self.boxes, self.geometry, self.rows, self.curves)
 
     def closest_points(self, points_mm, face=None):
         """Nearest points of the faces, edges and corners.

@@ -8,12 +8,77 @@ in the squared distance, or proven to hold nothing nearer.
 
 import numpy as np
 
-from cuspline.surfaces.enclosures import _add, _dot, _largest_over_piece, _quotients, _recentred, _scaled, shifted
+from cuspline.surfaces.enclosures import (
+    BY_S,
+    BY_T,
+    MID,
+    REST,
+    S_HIGH,
+    S_LOW,
+    T_HIGH,
+    T_LOW,
+    _add,
+    _dot,
+    _largest_over_piece,
+    _quotients,
+    _recentred,
+    _scaled,
+    shifted,
+)
 from cuspline.surfaces.face_pieces import INSIDE
-from cuspline.surfaces.patches import derive, patch_at
+from cuspline.surfaces.patches import (
+    BREAKS_U,
+    BREAKS_V,
+    DEGREE_U,
+    DEGREE_V,
+    DS,
+    DSS,
+    DST,
+    DT,
+    DTT,
+    FIRST_PATCH,
+    IS_RATIONAL,
+    OFFSET,
+    POINT,
+    SPANS_U,
+    SPANS_V,
+    U_HIGH,
+    U_LOW,
+    V_HIGH,
+    V_LOW,
+    U,
+    V,
+    derive,
+    patch_at,
+)
+from cuspline.surfaces.projection_tree import (
+    BEND_CHANGE,
+    BENDS,
+    CURVATURE,
+    CURVATURE_TOWARD,
+    DUAL_S,
+    DUAL_T,
+    FARTHEST,
+    LEAF_DEGREE,
+    LEAF_FACE,
+    LEAF_PATCH,
+    LEAF_STATE,
+    LEFT,
+    MIDDLE,
+    NORMAL,
+    NORMALS_ACROSS,
+    NORMALS_ALONG,
+    RECTANGLE,
+    RIGHT,
+    TANGENT,
+    THICKNESS,
+    WAY_TO_MIDDLE,
+    WIDTH_ACROSS,
+    WIDTH_ALONG,
+)
 from cuspline.surfaces.trims import is_inside
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import HIGH_X, HIGH_Y, HIGH_Z, LOW_X, LOW_Y, LOW_Z, X, Y, Z, put
 
 CHUNK = 256             # points that a thread takes at a time, each beginning with the leaf of the one before
 STACK = 128             # open nodes: twice the depth of a tree of 2^60 leaves
@@ -22,6 +87,7 @@ STEPS = 30              # Newton steps at a leaf
 LAST = 1e-7             # a Newton step this small in local parameters is the last, taken along the tangents
 STOPPED = 1e-15         # a step this small in local parameters ends the iteration
 NOWHERE = -1
+AT_U, AT_V = 3, 4       # of an answer, behind its point
 PARTS = 400             # parts of one leaf looked at for one point: only at a centre of curvature it takes more
 DEPTH = 40
 SAME = 1.0 - 1e-12      # share of a squared distance below which a part may still hold a nearer point
@@ -30,9 +96,9 @@ SAME = 1.0 - 1e-12      # share of a squared distance below which a part may sti
 @njit(error_model="numpy")
 def _box_distance(boxes, k, x, y, z):
     """Squared distance of a point to box k of (n, 6): low, high."""
-    dx = max(boxes[k, 0] - x, 0.0, x - boxes[k, 3])
-    dy = max(boxes[k, 1] - y, 0.0, y - boxes[k, 4])
-    dz = max(boxes[k, 2] - z, 0.0, z - boxes[k, 5])
+    dx = max(boxes[k, LOW_X] - x, 0.0, x - boxes[k, HIGH_X])
+    dy = max(boxes[k, LOW_Y] - y, 0.0, y - boxes[k, HIGH_Y])
+    dz = max(boxes[k, LOW_Z] - z, 0.0, z - boxes[k, HIGH_Z])
     return dx * dx + dy * dy + dz * dz
 
 
@@ -41,8 +107,7 @@ def nearest(tree, patches, trims, q, face, ignore_trim, first_leaf, out, d, stac
     """Nearest point to q.
 
     Args:
-        tree: (node boxes, children, order, leaf boxes, leaf geometry, leaf rows, curves): see `projection.ClosestTree`.
-        patches, trims: arrays of PatchSet and TrimSet.
+        tree: `projection_tree.TreeArrays`.   patches, trims: arrays of PatchSet and TrimSet.
         face: only this face, or NOWHERE for all.
         ignore_trim: take every point of the pieces.
         first_leaf: leaf looked at before all others, or NOWHERE.
@@ -52,8 +117,8 @@ def nearest(tree, patches, trims, q, face, ignore_trim, first_leaf, out, d, stac
     Returns:
         (squared distance, leaf); (best, NOWHERE) if nothing is nearer.
     """
-    nodes, children, order, boxes = tree[0], tree[1], tree[2], tree[3]
-    x, y, z = q[0], q[1], q[2]
+    nodes, children, order, boxes = tree.nodes, tree.children, tree.order, tree.boxes
+    x, y, z = q[X], q[Y], q[Z]
     found = NOWHERE
     if first_leaf >= 0:
         best, found = _visit(tree, patches, trims, q, face, ignore_trim, first_leaf, out, d, parts, work, best, found)
@@ -63,7 +128,7 @@ def nearest(tree, patches, trims, q, face, ignore_trim, first_leaf, out, d, stac
         if reach[top] >= best:
             continue
         node = stack[top]
-        left, right = children[node, 0], children[node, 1]
+        left, right = children[node, LEFT], children[node, RIGHT]
         if left < 0:
             for k in range(-left - 1, right):
                 leaf = order[k]
@@ -82,41 +147,42 @@ def nearest(tree, patches, trims, q, face, ignore_trim, first_leaf, out, d, stac
 
 @njit(error_model="numpy")
 def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work, best, found):
-    geometry, rows = tree[4], tree[5]
-    if face >= 0 and rows[leaf, 0] != face or ignore_trim and rows[leaf, 2] < 0:
+    geometry, rows = tree.geometry, tree.rows
+    if face >= 0 and rows[leaf, LEAF_FACE] != face or ignore_trim and rows[leaf, LEAF_STATE] < 0:
         return best, found
-    rx, ry, rz = q[0] - geometry[leaf, 0], q[1] - geometry[leaf, 1], q[2] - geometry[leaf, 2]
-    nx, ny, nz = geometry[leaf, 3], geometry[leaf, 4], geometry[leaf, 5]
-    ex, ey, ez = geometry[leaf, 19], geometry[leaf, 20], geometry[leaf, 21]
+    rx, ry, rz = q[X] - geometry[leaf, MIDDLE + X], q[Y] - geometry[leaf, MIDDLE + Y], q[Z] - geometry[leaf, MIDDLE + Z]
+    nx, ny, nz = geometry[leaf, NORMAL + X], geometry[leaf, NORMAL + Y], geometry[leaf, NORMAL + Z]
+    ex, ey, ez = geometry[leaf, TANGENT + X], geometry[leaf, TANGENT + Y], geometry[leaf, TANGENT + Z]
     up, along = rx * nx + ry * ny + rz * nz, rx * ex + ry * ey + rz * ez
     aside = rx * (ny * ez - nz * ey) + ry * (nz * ex - nx * ez) + rz * (nx * ey - ny * ex)
-    off, beside = max(abs(up) - geometry[leaf, 6], 0.0), max(abs(along) - geometry[leaf, 22], 0.0)
-    across = max(abs(aside) - geometry[leaf, 23], 0.0)
+    off, beside = max(abs(up) - geometry[leaf, THICKNESS], 0.0), max(abs(along) - geometry[leaf, WIDTH_ALONG], 0.0)
+    across = max(abs(aside) - geometry[leaf, WIDTH_ACROSS], 0.0)
     if off * off + beside * beside + across * across >= best:
         return best, found
-    if rows[leaf, 2] < 0:
+    if rows[leaf, LEAF_STATE] < 0:
         is_simple = _is_simple_stretch(geometry[leaf], rx, ry, rz)
     else:
         is_simple = _is_simple(geometry[leaf], up, along, aside, rx * rx + ry * ry + rz * rz)
-    s = rx * geometry[leaf, 7] + ry * geometry[leaf, 8] + rz * geometry[leaf, 9]
-    t = rx * geometry[leaf, 10] + ry * geometry[leaf, 11] + rz * geometry[leaf, 12]
-    box = geometry[leaf, 15:19]
-    hs, ht = (box[1] - box[0]) / 2, (box[3] - box[2]) / 2
-    ms, mt = (box[0] + box[1]) / 2, (box[2] + box[3]) / 2
-    if rows[leaf, 2] < 0:
+    s = rx * geometry[leaf, DUAL_S + X] + ry * geometry[leaf, DUAL_S + Y] + rz * geometry[leaf, DUAL_S + Z]
+    t = rx * geometry[leaf, DUAL_T + X] + ry * geometry[leaf, DUAL_T + Y] + rz * geometry[leaf, DUAL_T + Z]
+    box = geometry[leaf, RECTANGLE:TANGENT]
+    hs, ht = (box[S_HIGH] - box[S_LOW]) / 2, (box[T_HIGH] - box[T_LOW]) / 2
+    ms, mt = (box[S_LOW] + box[S_HIGH]) / 2, (box[T_LOW] + box[T_HIGH]) / 2
+    if rows[leaf, LEAF_STATE] < 0:
         for k in range(1 if is_simple else STARTS):
             a = min(max(s, -1.0), 1.0) if k == 0 else -1.0 + 2.0 * k / STARTS
-            value = _on_curve(tree[6], rows[leaf, 1], rows[leaf, 3], q, ms + a * hs, box, d)
+            value = _on_curve(tree.curves, rows[leaf, LEAF_PATCH], rows[leaf, LEAF_DEGREE], q, ms + a * hs, box, d)
             if value < best:
                 best, found = value, leaf
-                out[0], out[1], out[2], out[3], out[4] = d[0, 0], d[0, 1], d[0, 2], np.nan, np.nan
+                out[X], out[Y], out[Z], out[AT_U], out[AT_V] = d[POINT, X], d[POINT, Y], d[POINT, Z], np.nan, np.nan
         return best, found
-    inside = ignore_trim or rows[leaf, 2] == INSIDE
+    inside = ignore_trim or rows[leaf, LEAF_STATE] == INSIDE
     a, b = ms + min(max(s, -1.0), 1.0) * hs, mt + min(max(t, -1.0), 1.0) * ht
     before = best
-    best = _take(patches, trims, rows[leaf, 0], rows[leaf, 1], q, a, b, box, inside, out, d, best)
+    best = _take(patches, trims, rows[leaf, LEAF_FACE], rows[leaf, LEAF_PATCH], q, a, b, box, inside, out, d, best)
     if not is_simple:
-        best = _by_parts(patches, trims, rows[leaf, 0], rows[leaf, 1], q, box, inside, out, d, parts, work, best)
+        best = _by_parts(patches, trims, rows[leaf, LEAF_FACE], rows[leaf, LEAF_PATCH], q, box, inside, out, d, parts,
+                         work, best)
     if best < before:
         found = leaf
     return best, found
@@ -132,19 +198,20 @@ def _is_simple(g, up, along, aside, square):
         up, along, aside: way from the piece's middle to the point, in the piece's normal and tangents.
         square: of that way.
     """
-    slack = abs(along) * g[25] + abs(aside) * g[26] + g[27]
-    less = up * (1.0 - 0.5 * (g[25] * g[25] + g[26] * g[26]))
-    if (max(up, less) + slack) * g[24] < 1.0 and (slack - min(up, less)) * g[13] < 1.0:
+    lean_along, lean_across = g[NORMALS_ALONG], g[NORMALS_ACROSS]
+    slack = abs(along) * lean_along + abs(aside) * lean_across + g[WAY_TO_MIDDLE]
+    less = up * (1.0 - 0.5 * (lean_along * lean_along + lean_across * lean_across))
+    if (max(up, less) + slack) * g[CURVATURE_TOWARD] < 1.0 and (slack - min(up, less)) * g[CURVATURE] < 1.0:
         return True
-    return (np.sqrt(square) + g[14]) * max(g[13], g[24]) < 1.0
+    return (np.sqrt(square) + g[FARTHEST]) * max(g[CURVATURE], g[CURVATURE_TOWARD]) < 1.0
 
 
 @njit(error_model="numpy")
 def _is_simple_stretch(g, rx, ry, rz):
     """The same of a stretch of an edge: the way to the point along the curvature stays shorter than the radius."""
-    toward = rx * g[10] + ry * g[11] + rz * g[12]
+    toward = rx * g[BENDS + X] + ry * g[BENDS + Y] + rz * g[BENDS + Z]
     far = np.sqrt(rx * rx + ry * ry + rz * rz)
-    return min(toward + far * g[24] + g[14] * g[13], (far + g[14]) * g[13]) < 1.0
+    return min(toward + far * g[BEND_CHANGE] + g[FARTHEST] * g[CURVATURE], (far + g[FARTHEST]) * g[CURVATURE]) < 1.0
 
 
 @njit(error_model="numpy")
@@ -152,11 +219,11 @@ def _take(patches, trims, face, patch, q, s, t, box, inside, out, d, best):
     """One Newton run; the place into out where it is nearer than best and within the trim.  Returns the new best."""
     value, s, t = _on_patch(patches, patch, q, s, t, box, d)
     if value < best:
-        span = patches[2]
-        u = (span[patch, 0] + span[patch, 1] + s * (span[patch, 1] - span[patch, 0])) / 2
-        v = (span[patch, 2] + span[patch, 3] + t * (span[patch, 3] - span[patch, 2])) / 2
+        span = patches.span
+        u = (span[patch, U_LOW] + span[patch, U_HIGH] + s * (span[patch, U_HIGH] - span[patch, U_LOW])) / 2
+        v = (span[patch, V_LOW] + span[patch, V_HIGH] + t * (span[patch, V_HIGH] - span[patch, V_LOW])) / 2
         if inside or is_inside(trims, face, u, v):
-            out[0], out[1], out[2], out[3], out[4] = d[0, 0], d[0, 1], d[0, 2], u, v
+            out[X], out[Y], out[Z], out[AT_U], out[AT_V] = d[POINT, X], d[POINT, Y], d[POINT, Z], u, v
             return value
     return best
 
@@ -164,7 +231,7 @@ def _take(patches, trims, face, patch, q, s, t, box, inside, out, d, best):
 @njit(error_model="numpy")
 def _by_parts(patches, trims, face, patch, q, box, inside, out, d, parts, work, best):
     """Halve a piece until its parts are convex in the squared distance or hold nothing nearer."""
-    row, top = patches[1][patch], 1
+    row, top = patches.patch[patch], 1
     put(parts[0], box)
     center = np.empty(3)
     for _ in range(PARTS):
@@ -172,27 +239,28 @@ def _by_parts(patches, trims, face, patch, q, box, inside, out, d, parts, work, 
             break
         top -= 1
         part = parts[top].copy()
-        shifted(patches[0], row, part, work)
-        _recentred(work, row[2], row[3], center)
-        S, Ss, St, Sss, Sst, Stt = _quotients(work, row[2], row[3], row[4] != 0)
-        r = (_add(S[0], (center[0] - q[0], 0.0, 0.0, 0.0)), _add(S[1], (center[1] - q[1], 0.0, 0.0, 0.0)),
-             _add(S[2], (center[2] - q[2], 0.0, 0.0, 0.0)))
+        shifted(patches.coefficients, row, part, work)
+        _recentred(work, row[DEGREE_U], row[DEGREE_V], center)
+        S, Ss, St, Sss, Sst, Stt = _quotients(work, row[DEGREE_U], row[DEGREE_V], row[IS_RATIONAL] != 0)
+        r = (_add(S[X], (center[X] - q[X], 0.0, 0.0, 0.0)), _add(S[Y], (center[Y] - q[Y], 0.0, 0.0, 0.0)),
+             _add(S[Z], (center[Z] - q[Z], 0.0, 0.0, 0.0)))
         f = _dot(r, r)
-        if f[0] - abs(f[1]) - abs(f[2]) - f[3] >= best * SAME:
+        if f[MID] - abs(f[BY_S]) - abs(f[BY_T]) - f[REST] >= best * SAME:
             continue
         hss, hst = _add(_dot(Ss, Ss), _dot(r, Sss)), _add(_dot(Ss, St), _dot(r, Sst))
         htt = _add(_dot(St, St), _dot(r, Stt))
         is_convex = _largest_over_piece(_scaled(-1.0, hss), _scaled(-1.0, hst), _scaled(-1.0, htt)) < 0.0
-        ms, mt = (part[0] + part[1]) / 2, (part[2] + part[3]) / 2
+        ms, mt = (part[S_LOW] + part[S_HIGH]) / 2, (part[T_LOW] + part[T_HIGH]) / 2
         best = _take(patches, trims, face, patch, q, ms, mt, part, inside, out, d, best)
         if is_convex or top + 2 > DEPTH:
             continue
         put(parts[top], part)
         put(parts[top + 1], part)
-        if abs(hss[1]) + abs(hss[2]) + hss[3] + abs(hss[0]) > abs(htt[1]) + abs(htt[2]) + htt[3] + abs(htt[0]):
-            parts[top, 1], parts[top + 1, 0] = ms, ms
+        if (abs(hss[BY_S]) + abs(hss[BY_T]) + hss[REST] + abs(hss[MID]) > abs(htt[BY_S]) + abs(htt[BY_T]) + htt[REST]
+                + abs(htt[MID])):
+            parts[top, S_HIGH], parts[top + 1, S_LOW] = ms, ms
         else:
-            parts[top, 3], parts[top + 1, 2] = mt, mt
+            parts[top, T_HIGH], parts[top + 1, T_LOW] = mt, mt
         top += 2
     return best
 
@@ -204,21 +272,21 @@ def _on_patch(patches, patch, q, s, t, box, d):
     Newton with the full second derivatives where they are positive definite, Gauss-Newton elsewhere; a parameter that
     rests on the rectangle's border stays there while the slope pushes outward.
     """
-    coefficients, row = patches[0], patches[1][patch]
-    offset, du, dv, is_rational = row[1], row[2], row[3], row[4] != 0
+    coefficients, row = patches.coefficients, patches.patch[patch]
+    offset, du, dv, is_rational = row[OFFSET], row[DEGREE_U], row[DEGREE_V], row[IS_RATIONAL] != 0
     derive(coefficients, offset, du, dv, is_rational, s, t, d)
-    rx, ry, rz = d[0, 0] - q[0], d[0, 1] - q[1], d[0, 2] - q[2]
+    rx, ry, rz = d[POINT, X] - q[X], d[POINT, Y] - q[Y], d[POINT, Z] - q[Z]
     value = rx * rx + ry * ry + rz * rz
     for _ in range(STEPS):
-        gs, gt = rx * d[1, 0] + ry * d[1, 1] + rz * d[1, 2], rx * d[2, 0] + ry * d[2, 1] + rz * d[2, 2]
-        E = d[1, 0] * d[1, 0] + d[1, 1] * d[1, 1] + d[1, 2] * d[1, 2]
-        F = d[1, 0] * d[2, 0] + d[1, 1] * d[2, 1] + d[1, 2] * d[2, 2]
-        G = d[2, 0] * d[2, 0] + d[2, 1] * d[2, 1] + d[2, 2] * d[2, 2]
-        a = E + rx * d[3, 0] + ry * d[3, 1] + rz * d[3, 2]
-        b = F + rx * d[4, 0] + ry * d[4, 1] + rz * d[4, 2]
-        c = G + rx * d[5, 0] + ry * d[5, 1] + rz * d[5, 2]
-        held_s = (s <= box[0] and gs > 0.0) or (s >= box[1] and gs < 0.0)
-        held_t = (t <= box[2] and gt > 0.0) or (t >= box[3] and gt < 0.0)
+        gs, gt = rx * d[DS, X] + ry * d[DS, Y] + rz * d[DS, Z], rx * d[DT, X] + ry * d[DT, Y] + rz * d[DT, Z]
+        E = d[DS, X] * d[DS, X] + d[DS, Y] * d[DS, Y] + d[DS, Z] * d[DS, Z]
+        F = d[DS, X] * d[DT, X] + d[DS, Y] * d[DT, Y] + d[DS, Z] * d[DT, Z]
+        G = d[DT, X] * d[DT, X] + d[DT, Y] * d[DT, Y] + d[DT, Z] * d[DT, Z]
+        a = E + rx * d[DSS, X] + ry * d[DSS, Y] + rz * d[DSS, Z]
+        b = F + rx * d[DST, X] + ry * d[DST, Y] + rz * d[DST, Z]
+        c = G + rx * d[DTT, X] + ry * d[DTT, Y] + rz * d[DTT, Z]
+        held_s = (s <= box[S_LOW] and gs > 0.0) or (s >= box[S_HIGH] and gs < 0.0)
+        held_t = (t <= box[T_LOW] and gt > 0.0) or (t >= box[T_HIGH] and gt < 0.0)
         if held_s and held_t:
             break
         if not (a > 0.0 and c > 0.0 and a * c - b * b > 1e-12 * a * c):
@@ -232,10 +300,11 @@ def _on_patch(patches, patch, q, s, t, box, d):
         else:
             det = a * c - b * b
             ps, pt = (b * gt - c * gs) / det, (b * gs - a * gt) / det
-        if abs(ps) < LAST and abs(pt) < LAST and box[0] <= s + ps <= box[1] and box[2] <= t + pt <= box[3]:
+        if (abs(ps) < LAST and abs(pt) < LAST and box[S_LOW] <= s + ps <= box[S_HIGH]
+                and box[T_LOW] <= t + pt <= box[T_HIGH]):
             s, t = s + ps, t + pt           # quadratic convergence: what is left is below rounding
-            rx, ry, rz = (rx + ps * d[1, 0] + pt * d[2, 0], ry + ps * d[1, 1] + pt * d[2, 1],
-                          rz + ps * d[1, 2] + pt * d[2, 2])
+            rx, ry, rz = (rx + ps * d[DS, X] + pt * d[DT, X], ry + ps * d[DS, Y] + pt * d[DT, Y],
+                          rz + ps * d[DS, Z] + pt * d[DT, Z])
             value = rx * rx + ry * ry + rz * rz
             break
         # Newton's direction cut off at the rectangle may climb: the slope scaled by each tangent's own length does not
@@ -245,11 +314,12 @@ def _on_patch(patches, patch, q, s, t, box, d):
                 ps, pt = (0.0 if held_s else -gs / (E + 1e-300)), (0.0 if held_t else -gt / (G + 1e-300))
             share = 1.0
             for _ in range(30):
-                s1, t1 = min(max(s + share * ps, box[0]), box[1]), min(max(t + share * pt, box[2]), box[3])
+                s1, t1 = (min(max(s + share * ps, box[S_LOW]), box[S_HIGH]),
+                          min(max(t + share * pt, box[T_LOW]), box[T_HIGH]))
                 if abs(s1 - s) <= STOPPED and abs(t1 - t) <= STOPPED:
                     break
                 derive(coefficients, offset, du, dv, is_rational, s1, t1, d)
-                x, y, z = d[0, 0] - q[0], d[0, 1] - q[1], d[0, 2] - q[2]
+                x, y, z = d[POINT, X] - q[X], d[POINT, Y] - q[Y], d[POINT, Z] - q[Z]
                 next_value = x * x + y * y + z * z
                 if next_value < value:
                     done = abs(s1 - s) < 1e-9 and abs(t1 - t) < 1e-9
@@ -269,7 +339,7 @@ def _on_patch(patches, patch, q, s, t, box, d):
 @njit(error_model="numpy")
 def derive_point(d, q, rx, ry, rz):
     """The kept place as a point into d[0] (the last trial may have been a worse one)."""
-    d[0, 0], d[0, 1], d[0, 2] = q[0] + rx, q[1] + ry, q[2] + rz
+    d[POINT, X], d[POINT, Y], d[POINT, Z] = q[X] + rx, q[Y] + ry, q[Z] + rz
 
 
 @njit(error_model="numpy")
@@ -290,31 +360,31 @@ def _curve_at(curves, offset, degree, s, d):
         p = p / w
         p1 = (p1 - w1 * p) / w
         p2 = (p2 - 2.0 * w1 * p1 - w2 * p) / w
-        d[0, k], d[1, k], d[2, k] = p, p1, p2
+        d[POINT, k], d[DS, k], d[DT, k] = p, p1, p2
 
 
 @njit(error_model="numpy")
 def _on_curve(curves, offset, degree, q, s, box, d):
     """Local minimum of the squared distance over a stretch of a curve; the point in d[0]."""
     value = np.inf
-    low, high, before = box[0], box[1], 0.0
+    low, high, before = box[S_LOW], box[S_HIGH], 0.0
     for _ in range(STEPS):
         _curve_at(curves, offset, degree, s, d)
-        rx, ry, rz = d[0, 0] - q[0], d[0, 1] - q[1], d[0, 2] - q[2]
+        rx, ry, rz = d[POINT, X] - q[X], d[POINT, Y] - q[Y], d[POINT, Z] - q[Z]
         now = rx * rx + ry * ry + rz * rz
-        g = rx * d[1, 0] + ry * d[1, 1] + rz * d[1, 2]
-        E = d[1, 0] * d[1, 0] + d[1, 1] * d[1, 1] + d[1, 2] * d[1, 2]
+        g = rx * d[DS, X] + ry * d[DS, Y] + rz * d[DS, Z]
+        E = d[DS, X] * d[DS, X] + d[DS, Y] * d[DS, Y] + d[DS, Z] * d[DS, Z]
         if now > value:                                 # too far: halfway back
             s1 = (s + before) / 2
         else:
             value, before = now, s
-            h = E + rx * d[2, 0] + ry * d[2, 1] + rz * d[2, 2]
+            h = E + rx * d[DT, X] + ry * d[DT, Y] + rz * d[DT, Z]
             s1 = min(max(s - g / (h if h > 0.1 * E else E + 1e-300), low), high)
         if abs(s1 - s) <= 1e-13:
             break
         s = s1
     _curve_at(curves, offset, degree, before, d)
-    rx, ry, rz = d[0, 0] - q[0], d[0, 1] - q[1], d[0, 2] - q[2]
+    rx, ry, rz = d[POINT, X] - q[X], d[POINT, Y] - q[Y], d[POINT, Z] - q[Z]
     return rx * rx + ry * ry + rz * rz
 
 
@@ -324,32 +394,33 @@ def _finish(tree, patches, trims, leaf, beside, out, d, stack, reach, parts, wor
 
     Returns the face, and a leaf of it beside the edge (before: of the last point on one, or NOWHERE).
     """
-    face = tree[5][leaf, 0]
-    point[0], point[1], point[2] = out[0], out[1], out[2]
-    if out[3] != out[3]:
-        begin = beside if beside >= 0 and tree[5][beside, 0] == face else NOWHERE
+    face = tree.rows[leaf, LEAF_FACE]
+    point[X], point[Y], point[Z] = out[X], out[Y], out[Z]
+    if out[AT_U] != out[AT_U]:
+        begin = beside if beside >= 0 and tree.rows[beside, LEAF_FACE] == face else NOWHERE
         _, beside = nearest(tree, patches, trims, point, face, True, begin, out, d, stack, reach, parts, work, np.inf)
-    uv[0], uv[1] = out[3], out[4]
-    _normal(patches, face, uv[0], uv[1], d, normal)
+    uv[U], uv[V] = out[AT_U], out[AT_V]
+    _normal(patches, face, uv[U], uv[V], d, normal)
     return face, beside
 
 
 @njit(error_model="numpy")
 def _normal(patches, face, u, v, d, normal):
-    row, breaks, sign = patches[3][face], patches[4], patches[5][face]
+    row, breaks, sign = patches.face[face], patches.breaks, patches.sign[face]
     i = j = 0
-    while i < row[1] - 1 and u >= breaks[row[3] + i + 1]:
+    while i < row[SPANS_U] - 1 and u >= breaks[row[BREAKS_U] + i + 1]:
         i += 1
-    while j < row[2] - 1 and v >= breaks[row[4] + j + 1]:
+    while j < row[SPANS_V] - 1 and v >= breaks[row[BREAKS_V] + j + 1]:
         j += 1
-    k = row[0] + i * row[2] + j
-    p, span = patches[1][k], patches[2][k]
-    s, t = (2.0 * u - span[0] - span[1]) / (span[1] - span[0]), (2.0 * v - span[2] - span[3]) / (span[3] - span[2])
-    derive(patches[0], p[1], p[2], p[3], p[4] != 0, s, t, d)
-    nx, ny, nz = (d[1, 1] * d[2, 2] - d[1, 2] * d[2, 1], d[1, 2] * d[2, 0] - d[1, 0] * d[2, 2],
-                  d[1, 0] * d[2, 1] - d[1, 1] * d[2, 0])
+    k = row[FIRST_PATCH] + i * row[SPANS_V] + j
+    p, span = patches.patch[k], patches.span[k]
+    s, t = ((2.0 * u - span[U_LOW] - span[U_HIGH]) / (span[U_HIGH] - span[U_LOW]),
+            (2.0 * v - span[V_LOW] - span[V_HIGH]) / (span[V_HIGH] - span[V_LOW]))
+    derive(patches.coefficients, p[OFFSET], p[DEGREE_U], p[DEGREE_V], p[IS_RATIONAL] != 0, s, t, d)
+    nx, ny, nz = (d[DS, Y] * d[DT, Z] - d[DS, Z] * d[DT, Y], d[DS, Z] * d[DT, X] - d[DS, X] * d[DT, Z],
+                  d[DS, X] * d[DT, Y] - d[DS, Y] * d[DT, X])
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
-    normal[0], normal[1], normal[2] = sign * nx / length, sign * ny / length, sign * nz / length
+    normal[X], normal[Y], normal[Z] = sign * nx / length, sign * ny / length, sign * nz / length
 
 
 @njit(error_model="numpy")
@@ -358,19 +429,19 @@ def project_rows(tree, patches, trims, points, face, distance, foot, owner, uv, 
     out, d, parts = np.empty(5), np.empty((6, 3)), np.empty((DEPTH, 4))
     stack, reach = np.empty(STACK, np.int64), np.empty(STACK)
     degree = 1
-    for k in range(patches[1].shape[0]):
-        degree = max(degree, patches[1][k, 2], patches[1][k, 3])
+    for k in range(len(patches.patch)):
+        degree = max(degree, patches.patch[k, DEGREE_U], patches.patch[k, DEGREE_V])
     work = np.empty((degree + 1, degree + 1, 4))
     leaf = beside = NOWHERE
     for k in range(first, last):
-        begin = leaf if leaf >= 0 and (face[k] < 0 or tree[5][leaf, 0] == face[k]) else NOWHERE
+        begin = leaf if leaf >= 0 and (face[k] < 0 or tree.rows[leaf, LEAF_FACE] == face[k]) else NOWHERE
         value, leaf = nearest(tree, patches, trims, points[k], face[k], False, begin, out, d, stack, reach, parts, work,
                               np.inf)
         if leaf < 0:
             distance[k], owner[k], is_edge[k] = np.inf, NOWHERE, False
             foot[k], uv[k], normal[k] = np.nan, np.nan, np.nan
             continue
-        is_edge[k] = tree[5][leaf, 2] < 0
+        is_edge[k] = tree.rows[leaf, LEAF_STATE] < 0
         owner[k], beside = _finish(tree, patches, trims, leaf, beside, out, d, stack, reach, parts, work, foot[k], uv[k],
                                    normal[k])
         distance[k] = np.sqrt(value)
@@ -379,33 +450,34 @@ def project_rows(tree, patches, trims, points, face, distance, foot, owner, uv, 
 @njit(error_model="numpy")
 def refine_one(patches, face, q, uv, foot, box, d):
     """Newton across the patches of a face from (u, v) = uv; the answer into uv and foot."""
-    row, spans = patches[3][face], patches[2]
-    box[0], box[1], box[2], box[3] = -1.0, 1.0, -1.0, 1.0
+    row, spans = patches.face[face], patches.span
+    box[S_LOW], box[S_HIGH], box[T_LOW], box[T_HIGH] = -1.0, 1.0, -1.0, 1.0
     for _ in range(STEPS):
-        k = patch_at(patches, face, uv[0], uv[1])
+        k = patch_at(patches, face, uv[U], uv[V])
         span = spans[k]
-        s = (2.0 * uv[0] - span[0] - span[1]) / (span[1] - span[0])
-        t = (2.0 * uv[1] - span[2] - span[3]) / (span[3] - span[2])
+        s = (2.0 * uv[U] - span[U_LOW] - span[U_HIGH]) / (span[U_HIGH] - span[U_LOW])
+        t = (2.0 * uv[V] - span[V_LOW] - span[V_HIGH]) / (span[V_HIGH] - span[V_LOW])
         value, s, t = _on_patch(patches, k, q, min(max(s, -1.0), 1.0), min(max(t, -1.0), 1.0), box, d)
-        foot[0], foot[1], foot[2] = d[0, 0], d[0, 1], d[0, 2]
-        u, v = (span[0] + span[1] + s * (span[1] - span[0])) / 2, (span[2] + span[3] + t * (span[3] - span[2])) / 2
-        uv[0], uv[1] = u, v
+        foot[X], foot[Y], foot[Z] = d[POINT, X], d[POINT, Y], d[POINT, Z]
+        u, v = ((span[U_LOW] + span[U_HIGH] + s * (span[U_HIGH] - span[U_LOW])) / 2,
+                (span[V_LOW] + span[V_HIGH] + t * (span[V_HIGH] - span[V_LOW])) / 2)
+        uv[U], uv[V] = u, v
         # on a side shared with a neighbour: go on there
-        i, j = (k - row[0]) // row[2], (k - row[0]) % row[2]
-        cross_u = 1 if s >= 1.0 and i + 1 < row[1] else (-1 if s <= -1.0 and i > 0 else 0)
-        cross_v = 1 if t >= 1.0 and j + 1 < row[2] else (-1 if t <= -1.0 and j > 0 else 0)
+        i, j = (k - row[FIRST_PATCH]) // row[SPANS_V], (k - row[FIRST_PATCH]) % row[SPANS_V]
+        cross_u = 1 if s >= 1.0 and i + 1 < row[SPANS_U] else (-1 if s <= -1.0 and i > 0 else 0)
+        cross_v = 1 if t >= 1.0 and j + 1 < row[SPANS_V] else (-1 if t <= -1.0 and j > 0 else 0)
         if cross_u == 0 and cross_v == 0:
             return value
-        beside = k + cross_u * row[2] + cross_v
+        beside = k + cross_u * row[SPANS_V] + cross_v
         other = spans[beside]
         a = -1.0 * cross_u if cross_u != 0 else s
         b = -1.0 * cross_v if cross_v != 0 else t
         next_value, a, b = _on_patch(patches, beside, q, a, b, box, d)
         if not next_value < value:
             return value
-        foot[0], foot[1], foot[2] = d[0, 0], d[0, 1], d[0, 2]
-        uv[0] = (other[0] + other[1] + a * (other[1] - other[0])) / 2
-        uv[1] = (other[2] + other[3] + b * (other[3] - other[2])) / 2
+        foot[X], foot[Y], foot[Z] = d[POINT, X], d[POINT, Y], d[POINT, Z]
+        uv[U] = (other[U_LOW] + other[U_HIGH] + a * (other[U_HIGH] - other[U_LOW])) / 2
+        uv[V] = (other[V_LOW] + other[V_HIGH] + b * (other[V_HIGH] - other[V_LOW])) / 2
         if abs(a) < 1.0 and abs(b) < 1.0:
             return next_value
     return value

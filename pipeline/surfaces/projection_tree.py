@@ -1,11 +1,20 @@
 """Leaves and tree for closest points: pieces of faces that turn little, stretches of edges, boxes over them."""
 
+from typing import NamedTuple
+
 import numpy as np
 from OCP.BRep import BRep_Tool
 
 from cuspline.kernel.brep import edges_of_faces
 from cuspline.surfaces.edge_curves import curve_spans
 from cuspline.surfaces.enclosures import (
+    BOUND,
+    BY_S,
+    BY_T,
+    MID,
+    REACH,
+    REST,
+    VALUE,
     _add,
     _cross,
     _dot,
@@ -20,8 +29,9 @@ from cuspline.surfaces.enclosures import (
     shifted,
 )
 from cuspline.surfaces.face_pieces import ACROSS, OUTSIDE, halves, side_to_cut, trim_states, whole_patches
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, IS_RATIONAL
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import HIGH_X, X, Y, Z, put
 
 TURN = 0.35             # of the normal from the middle of a piece to its side, radians: then it is a leaf
 STRETCH = 1.0           # change of a tangent's length from the middle to the side, as a share: Newton still converges
@@ -31,6 +41,25 @@ LEVEL_PER_MM = 1e-3     # curvature that does not matter
 ROUNDS = 24             # halvings at most: a pole is never flat
 LEAF_ITEMS = 2
 SLACK_MM = 1e-9         # boxes and slabs are wider by this: rounding
+MIDDLE, NORMAL, THICKNESS, DUAL_S, DUAL_T = 0, 3, 6, 7, 10                  # columns of a leaf's geometry, see `measure`
+CURVATURE, FARTHEST, RECTANGLE, TANGENT, WIDTH_ALONG, WIDTH_ACROSS = 13, 14, 15, 19, 22, 23
+CURVATURE_TOWARD, NORMALS_ALONG, NORMALS_ACROSS, WAY_TO_MIDDLE = range(24, 28)
+BENDS, BEND_CHANGE = 10, 24                                     # of a stretch of an edge
+LEAF_FACE, LEAF_PATCH, LEAF_STATE, LEAF_DEGREE = range(4)       # of its row: the patch of an edge is an offset into its curves
+LEFT, RIGHT = range(2)                                          # children of a node
+IN_S, IN_T, IS_LOOSE = range(3)                                 # how much a piece bends, see `measure`
+
+
+class TreeArrays(NamedTuple):
+    """A `projection.ClosestTree` as kernels take it."""
+
+    nodes: np.ndarray
+    children: np.ndarray
+    order: np.ndarray
+    boxes: np.ndarray
+    geometry: np.ndarray
+    rows: np.ndarray
+    curves: np.ndarray
 
 
 def leaves(faces, patches, trims):
@@ -83,44 +112,45 @@ def measure(coefficients, rows, patch, box, work, boxes, geometry, bend):
             times the middle's curvature the bound on all is.
     """
     out = np.empty(9)
-    for k in range(box.shape[0]):
+    for k in range(len(box)):
         row = rows[patch[k]]
         g = geometry[k]
         curvature_of_piece(coefficients, row, -1.0, box[k], work, out)
-        g[13], most = max(out[0], 0.0), abs(out[1])
+        g[CURVATURE], most = max(out[BOUND], 0.0), abs(out[VALUE])
         curvature_of_piece(coefficients, row, 1.0, box[k], work, out)
-        g[24], g[14] = max(out[0], 0.0), out[5]
-        bend[k, 2] = max(g[13], g[24]) / (max(most, abs(out[1])) + LEVEL_PER_MM)
+        g[CURVATURE_TOWARD], g[FARTHEST] = max(out[BOUND], 0.0), out[REACH]
+        bend[k, IS_LOOSE] = max(g[CURVATURE], g[CURVATURE_TOWARD]) / (max(most, abs(out[VALUE])) + LEVEL_PER_MM)
         shifted(coefficients, row, box[k], work)
-        _recentred(work, row[2], row[3], g[0:3])
-        S, Ss, St, Sss, Sst, Stt = _quotients(work, row[2], row[3], row[4] != 0)
+        _recentred(work, row[DEGREE_U], row[DEGREE_V], g[MIDDLE:NORMAL])
+        S, Ss, St, Sss, Sst, Stt = _quotients(work, row[DEGREE_U], row[DEGREE_V], row[IS_RATIONAL] != 0)
         for c in range(3):
-            boxes[k, c], boxes[k, 3 + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
+            boxes[k, c], boxes[k, HIGH_X + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
         _frame(S, Ss, St, g)
-        put(g[15:19], box[k])
+        put(g[RECTANGLE:TANGENT], box[k])
         ls, lt = _middle_length(Ss) + 1e-300, _middle_length(St) + 1e-300
-        n = g[3:6]
+        n = g[NORMAL:THICKNESS]
         turn_s, turn_t = _along(n, Sss) / ls + _along(n, Sst) / lt, _along(n, Sst) / ls + _along(n, Stt) / lt
         run_s = _likely_length(Sss) / ls + _likely_length(Sst) / lt
         run_t = _likely_length(Sst) / ls + _likely_length(Stt) / lt
         # the longer of two sides that turn alike is cut first
-        bend[k, 0] = max(turn_s, run_s * (TURN / STRETCH)) * (1.0 + 1e-6 * ls / (ls + lt))
-        bend[k, 1] = max(turn_t, run_t * (TURN / STRETCH)) * (1.0 + 1e-6 * lt / (ls + lt))
+        bend[k, IN_S] = max(turn_s, run_s * (TURN / STRETCH)) * (1.0 + 1e-6 * ls / (ls + lt))
+        bend[k, IN_T] = max(turn_t, run_t * (TURN / STRETCH)) * (1.0 + 1e-6 * lt / (ls + lt))
 
 
 @njit(error_model="numpy")
 def _along(n, a):
     """Likely size of a vector of forms along a direction."""
-    return (abs(n[0] * a[0][0] + n[1] * a[1][0] + n[2] * a[2][0])
-            + abs(n[0] * a[0][1] + n[1] * a[1][1] + n[2] * a[2][1])
-            + abs(n[0] * a[0][2] + n[1] * a[1][2] + n[2] * a[2][2]))
+    return (abs(n[X] * a[X][MID] + n[Y] * a[Y][MID] + n[Z] * a[Z][MID])
+            + abs(n[X] * a[X][BY_S] + n[Y] * a[Y][BY_S] + n[Z] * a[Z][BY_S])
+            + abs(n[X] * a[X][BY_T] + n[Y] * a[Y][BY_T] + n[Z] * a[Z][BY_T]))
 
 
 @njit(error_model="numpy")
 def _extent(n0, n1, n2, a):
     """Largest absolute value of a vector of forms about its middle along a direction."""
-    return (abs(n0 * a[0][1] + n1 * a[1][1] + n2 * a[2][1]) + abs(n0 * a[0][2] + n1 * a[1][2] + n2 * a[2][2])
-            + abs(n0) * a[0][3] + abs(n1) * a[1][3] + abs(n2) * a[2][3]) + SLACK_MM
+    return (abs(n0 * a[X][BY_S] + n1 * a[Y][BY_S] + n2 * a[Z][BY_S])
+            + abs(n0 * a[X][BY_T] + n1 * a[Y][BY_T] + n2 * a[Z][BY_T]) + abs(n0) * a[X][REST] + abs(n1) * a[Y][REST]
+            + abs(n2) * a[Z][REST]) + SLACK_MM
 
 
 @njit(error_model="numpy")
@@ -128,24 +158,27 @@ def _frame(S, Ss, St, g):
     """Normal and how it turns, half thickness and dual tangents of a piece into its geometry row."""
     N = _cross(Ss, St)
     length = _middle_length(N)
-    E, F, G = _dot(Ss, Ss)[0], _dot(Ss, St)[0], _dot(St, St)[0]
+    E, F, G = _dot(Ss, Ss)[MID], _dot(Ss, St)[MID], _dot(St, St)[MID]
     det = E * G - F * F
     sound = length > 0.0 and det > 1e-14 * E * G
     slow = np.sqrt(max(E, G))
     for c in range(3):
-        g[3 + c] = N[c][0] / length if sound else 0.0
-        g[7 + c] = (G * Ss[c][0] - F * St[c][0]) / det if sound else 0.0
-        g[10 + c] = (E * St[c][0] - F * Ss[c][0]) / det if sound else 0.0
-        g[19 + c] = (Ss[c][0] if E >= G else St[c][0]) / slow if sound else 0.0
-    g[6], g[22], g[23], g[25], g[26], g[27] = np.inf, np.inf, np.inf, np.inf, np.inf, np.inf
+        g[NORMAL + c] = N[c][MID] / length if sound else 0.0
+        g[DUAL_S + c] = (G * Ss[c][MID] - F * St[c][MID]) / det if sound else 0.0
+        g[DUAL_T + c] = (E * St[c][MID] - F * Ss[c][MID]) / det if sound else 0.0
+        g[TANGENT + c] = (Ss[c][MID] if E >= G else St[c][MID]) / slow if sound else 0.0
+    g[THICKNESS], g[WIDTH_ALONG], g[WIDTH_ACROSS] = np.inf, np.inf, np.inf
+    g[NORMALS_ALONG], g[NORMALS_ACROSS], g[WAY_TO_MIDDLE] = np.inf, np.inf, np.inf
     if sound:
-        ax, ay, az = g[4] * g[21] - g[5] * g[20], g[5] * g[19] - g[3] * g[21], g[3] * g[20] - g[4] * g[19]
-        g[6], g[22], g[23] = _extent(g[3], g[4], g[5], S), _extent(g[19], g[20], g[21], S), _extent(ax, ay, az, S)
-        least = length - _extent(g[3], g[4], g[5], N)
+        nx, ny, nz = g[NORMAL + X], g[NORMAL + Y], g[NORMAL + Z]
+        ex, ey, ez = g[TANGENT + X], g[TANGENT + Y], g[TANGENT + Z]
+        ax, ay, az = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
+        g[THICKNESS], g[WIDTH_ALONG], g[WIDTH_ACROSS] = _extent(nx, ny, nz, S), _extent(ex, ey, ez, S), _extent(ax, ay, az, S)
+        least = length - _extent(nx, ny, nz, N)
         if least > 0.0:                     # a shorter normal is a larger share of one
             way = _dot(S, N)
-            g[25], g[26] = _extent(g[19], g[20], g[21], N) / least, _extent(ax, ay, az, N) / least
-            g[27] = (abs(way[0]) + _reach(way)) / least
+            g[NORMALS_ALONG], g[NORMALS_ACROSS] = _extent(ex, ey, ez, N) / least, _extent(ax, ay, az, N) / least
+            g[WAY_TO_MIDDLE] = (abs(way[MID]) + _reach(way)) / least
 
 
 # edges -------------------------------------------------------------------------------------------------
@@ -184,26 +217,26 @@ def _stretches(powers, face, offset):
 
 @njit(error_model="numpy")
 def _measure_curve(coefficients, row, box, work, boxes, geometry, bend):
-    """As `measure`, for stretches of a curve: one tangent, no normal; 10..12 and 24 the curvature vector in the middle and
-    the most that it changes by."""
-    for k in range(box.shape[0]):
+    """As `measure`, for stretches of a curve: one tangent, no normal; BENDS and BEND_CHANGE the curvature vector in the
+    middle and the most that it changes by."""
+    for k in range(len(box)):
         g = geometry[k]
         shifted(coefficients, row[0], box[k], work)
-        _recentred(work, row[0, 2], 0, g[0:3])
-        S, Ss, _, Sss, _, _ = _quotients(work, row[0, 2], 0, True)
+        _recentred(work, row[0, DEGREE_U], 0, g[MIDDLE:NORMAL])
+        S, Ss, _, Sss, _, _ = _quotients(work, row[0, DEGREE_U], 0, True)
         length = _middle_length(Ss)
         slow, fast, far = length, 0.0, 0.0
-        g[3:13], g[19:22], g[22:24] = 0.0, 0.0, np.inf
+        g[NORMAL:CURVATURE], g[TANGENT:WIDTH_ALONG], g[WIDTH_ALONG:24] = 0.0, 0.0, np.inf
         for c in range(3):
-            boxes[k, c], boxes[k, 3 + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
-            g[7 + c] = Ss[c][0] / (length * length + 1e-300)
-            fast, far = fast + (abs(Sss[c][0]) + _reach(Sss[c])) ** 2, far + _reach(S[c]) ** 2
+            boxes[k, c], boxes[k, HIGH_X + c] = g[c] - _reach(S[c]) - SLACK_MM, g[c] + _reach(S[c]) + SLACK_MM
+            g[DUAL_S + c] = Ss[c][MID] / (length * length + 1e-300)
+            fast, far = fast + (abs(Sss[c][MID]) + _reach(Sss[c])) ** 2, far + _reach(S[c]) ** 2
             slow -= _reach(Ss[c])
-        g[13] = np.sqrt(fast) / (slow * slow) if slow > 0.0 else np.inf
-        g[14] = np.sqrt(far)
+        g[CURVATURE] = np.sqrt(fast) / (slow * slow) if slow > 0.0 else np.inf
+        g[FARTHEST] = np.sqrt(far)
         _curvature_vector(Ss, Sss, g)
         bend[k] = _likely_length(Sss) / (length + 1e-300)
-        put(g[15:19], box[k])
+        put(g[RECTANGLE:TANGENT], box[k])
 
 
 @njit(error_model="numpy")
@@ -211,14 +244,14 @@ def _curvature_vector(Ss, Sss, g):
     """(Ss² Sss - (Ss . Sss) Ss) / Ss⁴ of a curve's stretch into its geometry row."""
     E, along = _dot(Ss, Ss), _dot(Ss, Sss)
     square = _mul(E, E)
-    least, change = square[0] - _reach(square), 0.0
-    g[24] = np.inf
+    least, change = square[MID] - _reach(square), 0.0
+    g[BEND_CHANGE] = np.inf
     for c in range(3):
         form = _add(_mul(E, Sss[c]), _scaled(-1.0, _mul(along, Ss[c])))
-        g[10 + c] = form[0] / (square[0] + 1e-300)
-        change += (_reach(form) + abs(g[10 + c]) * _reach(square)) ** 2
+        g[BENDS + c] = form[MID] / (square[MID] + 1e-300)
+        change += (_reach(form) + abs(g[BENDS + c]) * _reach(square)) ** 2
     if least > 0.0:
-        g[24] = np.sqrt(change) / least
+        g[BEND_CHANGE] = np.sqrt(change) / least
 
 
 # tree --------------------------------------------------------------------------------------------------
@@ -227,7 +260,7 @@ def _curvature_vector(Ss, Sss, g):
 @njit
 def grown(boxes):
     """Nodes (m, 6), children (m, 2) and order (k,) of a tree over boxes, halved at the median of the longer way."""
-    count = boxes.shape[0]
+    count = len(boxes)
     order, middle = np.arange(count), (boxes[:, :3] + boxes[:, 3:]) / 2
     nodes, children = np.empty((2 * count + 1, 6)), np.empty((2 * count + 1, 2), np.int64)
     todo = [(0, 0, count)]
@@ -238,18 +271,18 @@ def grown(boxes):
         mid_low, mid_high = np.full(3, np.inf), np.full(3, -np.inf)
         for k in order[first:end]:
             for c in range(3):
-                low[c], high[c] = min(low[c], boxes[k, c]), max(high[c], boxes[k, 3 + c])
+                low[c], high[c] = min(low[c], boxes[k, c]), max(high[c], boxes[k, HIGH_X + c])
                 mid_low[c], mid_high[c] = min(mid_low[c], middle[k, c]), max(mid_high[c], middle[k, c])
         put(nodes[node, :3], low)
         put(nodes[node, 3:], high)
         if end - first <= LEAF_ITEMS:
-            children[node, 0], children[node, 1] = -1 - first, end
+            children[node, LEFT], children[node, RIGHT] = -1 - first, end
             continue
         axis = np.argmax(mid_high - mid_low)
         run = order[first:end]
         put(run, run[np.argsort(middle[run, axis], kind="mergesort")])
         half = (first + end) // 2
-        children[node, 0], children[node, 1] = made, made + 1
+        children[node, LEFT], children[node, RIGHT] = made, made + 1
         todo.append((made, first, half))
         todo.append((made + 1, half, end))
         made += 2

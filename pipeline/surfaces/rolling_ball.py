@@ -33,6 +33,7 @@ from cuspline.splines.closed_splines import periodic_spline
 from cuspline.splines.nurbs import NurbsSurface, local_shape
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y, Z
 
 DEGREE = 5
 SITES = 400                 # of a curved profile, from which its feet are sought
@@ -225,7 +226,7 @@ def deepest_inside(places, centers, radii):
     deepest, found = -math.inf, -1
     for i in range(len(places)):
         for j in range(len(centers)):
-            dx, dy, dz = places[i, 0] - centers[j, 0], places[i, 1] - centers[j, 1], places[i, 2] - centers[j, 2]
+            dx, dy, dz = places[i, X] - centers[j, X], places[i, Y] - centers[j, Y], places[i, Z] - centers[j, Z]
             least = radii[j] - deepest
             if least > 0 and dx * dx + dy * dy + dz * dz < least * least:
                 deepest, found = radii[j] - math.sqrt(dx * dx + dy * dy + dz * dz), i

@@ -22,7 +22,7 @@ from cuspline.surfaces.face_pieces import (
     trim_states,
     whole_patches,
 )
-from cuspline.surfaces.patches import PatchSet
+from cuspline.surfaces.patches import U_HIGH, U_LOW, V_HIGH, V_LOW, PatchSet, U, V
 from cuspline.surfaces.trims import TrimSet
 from cuspline.values.arrays import frozen
 from cuspline.values.compiled import njit
@@ -112,7 +112,7 @@ def served_pieces(patches, trims, face, spacing_mm):
 
 @njit
 def _sizes(coefficients, rows, patch, box, work, out):
-    for k in range(box.shape[0]):
+    for k in range(len(box)):
         size_of_piece(coefficients, rows[patch[k]], box[k], work, out[k])
 
 
@@ -127,9 +127,9 @@ def _border_places(patches, trims, face, patch, box):
 
 @njit
 def _border_rows(trims, face, box, out):
-    for k in range(box.shape[0]):
+    for k in range(len(box)):
         if not point_on_border(trims, face, box[k], out[k]):
-            out[k, 0], out[k, 1] = (box[k, 0] + box[k, 1]) / 2, (box[k, 2] + box[k, 3]) / 2
+            out[k, U], out[k, V] = (box[k, U_LOW] + box[k, U_HIGH]) / 2, (box[k, V_LOW] + box[k, V_HIGH]) / 2
 
 
 def _inner_share(patches, trims, face, patch, box):

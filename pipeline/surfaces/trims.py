@@ -21,6 +21,9 @@ FIRST_CHORDS = 8            # a knot span of a border curve
 CHUNK = 2048
 SERIAL_ROWS = 20_000
 LARGEST_GAP = 1e-3          # between ends of border curves, as a share of the face's parameter range
+FIRST_BIN, BINS, IS_WHOLE = range(3)                                # columns of TrimSet.face
+STRIPS_FROM, STRIPS_PER_V, BORDER_U_LOW, BORDER_U_HIGH = range(4)   # of TrimSet.strip
+U0, V0, U1, V1 = range(4)                                           # of TrimSet.chords
 POLE_SHARE = 1e-9           # what a gap along a side that is one point counts for: enough to choose between ends there
 
 
@@ -163,17 +166,17 @@ def _is_whole(chords, domain):
 def is_inside(trims, face, u, v):
     """Even-odd test of one point."""
     chords, bins, items, faces, strip = trims
-    if faces[face, 2] == 1:
+    if faces[face, IS_WHOLE] == 1:
         return True
-    count = faces[face, 1]
-    place = (v - strip[face, 0]) * strip[face, 1]
-    if place < 0.0 or place > count or u < strip[face, 2] or u > strip[face, 3]:
+    count = faces[face, BINS]
+    place = (v - strip[face, STRIPS_FROM]) * strip[face, STRIPS_PER_V]
+    if place < 0.0 or place > count or u < strip[face, BORDER_U_LOW] or u > strip[face, BORDER_U_HIGH]:
         return False
-    b = faces[face, 0] + min(int(place), count - 1)
+    b = faces[face, FIRST_BIN] + min(int(place), count - 1)
     inside = False
     for k in range(bins[b], bins[b + 1]):
         c = chords[items[k]]
-        if (c[1] <= v) != (c[3] <= v) and c[0] + (v - c[1]) / (c[3] - c[1]) * (c[2] - c[0]) > u:
+        if (c[V0] <= v) != (c[V1] <= v) and c[U0] + (v - c[V0]) / (c[V1] - c[V0]) * (c[U1] - c[U0]) > u:
             inside = not inside
     return inside
 

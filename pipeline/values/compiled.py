@@ -28,11 +28,15 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 
+from cuspline.values.kernel_parts import PartCacheImpl, PartCompiler
+from cuspline.values.known_calls import KnownCalls
+
 SUFFIX = ".kernel"
 LETTERS = 20            # of a checksum in hexadecimal
 OPTIONS = {"nopython": True, "boundscheck": None, "nogil": True, "no_cfunc_wrapper": True}
 COLLECTED_AFTER = 100_000, 50, 100      # objects; Python's own figures cost a compiler a seventh of its time
 PATIENCE_S, LOOK_S = 120.0, 0.02        # waiting for another process that compiles the same; how often to look
+KNOWN_CALLS = KnownCalls()
 _TEXTS = {}             # id of a kernel -> the kernel, what it says, the kernels that it names
 LIBRARIES = {"numpy", "numba", "math", "cmath", "operator"}        # numba knows them itself
 
@@ -60,26 +64,64 @@ def elementwise(function):
     return Elementwise(py_func=function, targetoptions={**OPTIONS, "error_model": "numpy"})
 
 
-class Kernel(CPUDispatcher):
-    """A function compiled for each combination of types that it is called with."""
+class CompiledOnce(CPUDispatcher):
+    """Compiled once for each combination of types, by one of all processes."""
 
     def compile(self, sig):
         with global_compiler_lock:
             if tuple(getattr(sig, "args", sig)) in self.overloads:
                 return super().compile(sig)
             if type(self._cache) is NullCache:      # at first use: what it calls may stand below it in the file
-                self._cache = KernelCache(self) if Path(self.py_func.__code__.co_filename).exists() else NotKept()
-            with self._cache.turn(sig, self.targetctx), _rare_collections():
+                self._cache = self._kept_at() if Path(self.py_func.__code__.co_filename).exists() else NotKept()
+            with self._cache.turn(sig, self.targetctx), _rare_collections(), KNOWN_CALLS.within(self.typingctx):
                 return super().compile(sig)
 
+
+class Kernel(CompiledOnce):
+    """A function compiled for each combination of types that it is called with: here as Python calls it."""
+
+    def _kept_at(self):
+        return KernelCache(self)
+
+    @cached_property
+    def part(self):
+        """The same as other kernels call it."""
+        return Part(self)
+
+    def add_overload(self, cres):
+        super().add_overload(cres)
+        for environment in cres._find_referenced_environments():        # those of the parts
+            cres.codegen.set_env(environment.env_name, environment)
+
+    @property
+    def is_compiling(self):
+        return super().is_compiling or self.part.is_compiling
+
     def get_call_template(self, args, kws):
-        return super().get_call_template([self._as_handed_over(a) for a in args],
-                                         {name: self._as_handed_over(a) for name, a in kws.items()})
+        return self.part.get_call_template([self._as_handed_over(a) for a in args],
+                                           {name: self._as_handed_over(a) for name, a in kws.items()})
+
+    def get_overload(self, sig):
+        return self.part.get_overload(sig)
 
     @staticmethod
     def _as_handed_over(argument):
         """The type of an argument in another kernel's call."""
         return types.unliteral(argument)
+
+
+class Part(CompiledOnce):
+    """A kernel as other kernels call it, see kernel_parts.py."""
+
+    def __init__(self, kernel):
+        super().__init__(py_func=kernel.py_func, targetoptions=kernel.targetoptions, pipeline_class=PartCompiler)
+        self.kernel = kernel
+
+    def _kept_at(self):
+        return PartCache(self.kernel)
+
+    def add_overload(self, cres):
+        self.overloads[tuple(cres.signature.args)] = cres
 
 
 class Elementwise(Kernel):
@@ -135,9 +177,11 @@ class NotKept(NullCache):
 class KernelCache(FunctionCache):
     """What numba asks for compiled code, and hands it to."""
 
+    suffix = ""
+
     def __init__(self, kernel):
         super().__init__(kernel.py_func)
-        name = self._impl.filename_base.rpartition("-")[0]
+        name = self._impl.filename_base.rpartition("-")[0] + self.suffix
         self._cache_file = KernelFiles(Path(self._cache_path), name, fingerprint(kernel))
 
     def _index_key(self, sig, codegen):
@@ -146,6 +190,12 @@ class KernelCache(FunctionCache):
     def turn(self, sig, target_context):
         """A block in which no other process compiles the same."""
         return self._cache_file.turn(self._index_key(sig, target_context.codegen()))
+
+
+class PartCache(KernelCache):
+    """The same for parts."""
+
+    _impl_class, suffix = PartCacheImpl, "-part"
 
 
 def _fields(sig):

@@ -28,6 +28,7 @@ ATAN_EIGHTHS = np.array([                                               # atan(k
     (0.35877067027057225, -2.4623815582638635e-17), (0.4636476090008061, 2.2698777452961687e-17),
     (0.5585993153435624, -5.4556305485916264e-18), (0.6435011087932844, 1.5834785051444286e-17),
     (0.7188299996216245, -2.1478388444456983e-17), (0.7853981633974483, 3.061616997868383e-17)])
+HIGH, LOW = range(2)    # parts of a number held as a sum
 HALF_PI_LOW = 6.123233995736766e-17
 MOST_EXP, LEAST_EXP = 709.782712893384, -745.1332191019412
 FULL_RANK = 1e-13           # of the longest pivot: what is shorter hangs on the rows before it
@@ -106,7 +107,7 @@ def _arctan_up_to_one(x):
     z, s = t * t, 0.0
     for j in range(7, 0, -1):
         s = s * z + ATAN_TERMS[j]
-    return ATAN_EIGHTHS[k, 0], t + (t * z * s + ATAN_EIGHTHS[k, 1])
+    return ATAN_EIGHTHS[k, HIGH], t + (t * z * s + ATAN_EIGHTHS[k, LOW])
 
 
 @njit(inline="always")
@@ -120,9 +121,9 @@ def _arctan2(y, x):
         high, low = _arctan_up_to_one(a / b if b != 0.0 else 0.0)
     else:
         high, low = _arctan_up_to_one(b / a)
-        high, low = 2.0 * ATAN_EIGHTHS[8, 0] - high, HALF_PI_LOW - low
+        high, low = 2.0 * ATAN_EIGHTHS[8, HIGH] - high, HALF_PI_LOW - low
     if x < 0.0 or (x == 0.0 and math.copysign(1.0, x) < 0.0):
-        high, low = 4.0 * ATAN_EIGHTHS[8, 0] - high, 2.0 * HALF_PI_LOW - low
+        high, low = 4.0 * ATAN_EIGHTHS[8, HIGH] - high, 2.0 * HALF_PI_LOW - low
     return math.copysign(high + low, y)
 
 
@@ -165,7 +166,7 @@ def _exp(x):
     if x < LEAST_EXP:
         return 0.0
     k = np.rint(x * 1.4426950408889634)
-    r = (x - k * LOG_2_PARTS[0]) - k * LOG_2_PARTS[1]
+    r = (x - k * LOG_2_PARTS[HIGH]) - k * LOG_2_PARTS[LOW]
     s = 0.0
     for j in range(14, 1, -1):
         s = s * r + EXP_TERMS[j]
@@ -184,7 +185,7 @@ def _log(x):
     z, s = t * t, 0.0
     for j in range(11, 0, -1):
         s = s * z + LOG_TERMS[j]
-    return e * LOG_2_PARTS[0] + (e * LOG_2_PARTS[1] + (2.0 * t + 2.0 * t * z * s))
+    return e * LOG_2_PARTS[HIGH] + (e * LOG_2_PARTS[LOW] + (2.0 * t + 2.0 * t * z * s))
 
 
 @elementwise
@@ -337,7 +338,7 @@ def solve(a, b):
 
 @njit
 def _eliminated(a, x):
-    n = a.shape[0]
+    n = len(a)
     for k in range(n):
         best = k
         for i in range(k + 1, n):
@@ -474,27 +475,27 @@ def _factored(a):
 def _reflect(a, v, scale, k, first):
     for j in range(first, a.shape[1]):
         s = 0.0
-        for i in range(v.shape[0]):
+        for i in range(len(v)):
             s += v[i] * a[k + i, j]
         s *= scale
-        for i in range(v.shape[0]):
+        for i in range(len(v)):
             a[k + i, j] -= s * v[i]
 
 
 @njit
 def _reflect_columns(q, v, scale, k):
-    for i in range(q.shape[0]):
+    for i in range(len(q)):
         s = 0.0
-        for j in range(v.shape[0]):
+        for j in range(len(v)):
             s += q[i, k + j] * v[j]
         s *= scale
-        for j in range(v.shape[0]):
+        for j in range(len(v)):
             q[i, k + j] -= s * v[j]
 
 
 @njit
 def _forward(low, x):
-    for i in range(low.shape[0]):
+    for i in range(len(low)):
         for j in range(x.shape[1]):
             rest = x[i, j]
             for k in range(i):
@@ -505,10 +506,10 @@ def _forward(low, x):
 
 @njit
 def _backward(up, x):
-    for i in range(up.shape[0] - 1, -1, -1):
+    for i in range(len(up) - 1, -1, -1):
         for j in range(x.shape[1]):
             rest = x[i, j]
-            for k in range(i + 1, up.shape[0]):
+            for k in range(i + 1, len(up)):
                 rest -= up[i, k] * x[k, j]
             x[i, j] = rest / up[i, i]
     return x

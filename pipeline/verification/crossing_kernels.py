@@ -7,9 +7,11 @@ children 2 k + 1 and 2 k + 2.
 import numpy as np
 
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import HIGH_X, HIGH_Y, HIGH_Z, LOW_X, LOW_Y, LOW_Z, A, B, C, X, Y, Z, put
 
 LEAF = 4                # triangles in a box at the bottom
+BEHIND = 6              # column of the tree, behind a box: the row behind its last triangle
+FIRST, SECOND = range(2)    # of a pair
 THIN = 1e-12            # of a volume over the cube of the longest side: below, it is none
 
 
@@ -19,8 +21,8 @@ def boxes_of(corners):
     boxes = np.empty((len(corners), 6))
     for i in range(len(corners)):
         for k in range(3):
-            a, b, c = corners[i, 0, k], corners[i, 1, k], corners[i, 2, k]
-            boxes[i, k], boxes[i, 3 + k] = min(a, min(b, c)), max(a, max(b, c))
+            a, b, c = corners[i, A, k], corners[i, B, k], corners[i, C, k]
+            boxes[i, k], boxes[i, HIGH_X + k] = min(a, min(b, c)), max(a, max(b, c))
     return boxes
 
 
@@ -33,19 +35,21 @@ def tree_over(boxes, levels):
     for i in range(len(boxes)):
         node = first + i // LEAF
         for k in range(3):
-            tree[node, k], tree[node, 3 + k] = min(tree[node, k], boxes[i, k]), max(tree[node, 3 + k], boxes[i, 3 + k])
-        tree[node, 6] = i + 1
+            tree[node, k], tree[node, HIGH_X + k] = (min(tree[node, k], boxes[i, k]),
+                                                     max(tree[node, HIGH_X + k], boxes[i, HIGH_X + k]))
+        tree[node, BEHIND] = i + 1
     for node in range(first - 1, -1, -1):
         for k in range(3):
             tree[node, k] = min(tree[2 * node + 1, k], tree[2 * node + 2, k])
-            tree[node, 3 + k] = max(tree[2 * node + 1, 3 + k], tree[2 * node + 2, 3 + k])
-        tree[node, 6] = max(tree[2 * node + 1, 6], tree[2 * node + 2, 6])
+            tree[node, HIGH_X + k] = max(tree[2 * node + 1, HIGH_X + k], tree[2 * node + 2, HIGH_X + k])
+        tree[node, BEHIND] = max(tree[2 * node + 1, BEHIND], tree[2 * node + 2, BEHIND])
     return tree
 
 
 @njit(inline="always")
 def _are_apart(a, b):
-    return a[0] > b[3] or a[1] > b[4] or a[2] > b[5] or b[0] > a[3] or b[1] > a[4] or b[2] > a[5]
+    return (a[LOW_X] > b[HIGH_X] or a[LOW_Y] > b[HIGH_Y] or a[LOW_Z] > b[HIGH_Z] or b[LOW_X] > a[HIGH_X]
+            or b[LOW_Y] > a[HIGH_Y] or b[LOW_Z] > a[HIGH_Z])
 
 
 @njit
@@ -68,7 +72,7 @@ def crossing_pairs(corners, ids, boxes, tree, limit):
         while height > 0:
             height -= 1
             node = stack[height]
-            if tree[node, 6] <= i + 1 or _are_apart(boxes[i], tree[node]):
+            if tree[node, BEHIND] <= i + 1 or _are_apart(boxes[i], tree[node]):
                 continue                        # what stands before has asked already
             if node < first:
                 stack[height], stack[height + 1] = 2 * node + 1, 2 * node + 2
@@ -77,7 +81,7 @@ def crossing_pairs(corners, ids, boxes, tree, limit):
             start = (node - first) * LEAF
             for j in range(max(start, i + 1), min(start + LEAF, len(corners))):
                 if not _are_apart(boxes[i], boxes[j]) and _crosses(corners[i], corners[j], ids[i], ids[j], place):
-                    pairs[found, 0], pairs[found, 1] = i, j
+                    pairs[found, FIRST], pairs[found, SECOND] = i, j
                     put(places[found], place)
                     found += 1
                     if found == limit:
@@ -108,31 +112,31 @@ def _crosses(a, b, ids_a, ids_b, place):
 
 @njit(inline="always")
 def _is_in(one, ids):
-    return one == ids[0] or one == ids[1] or one == ids[2]
+    return one == ids[A] or one == ids[B] or one == ids[C]
 
 
 @njit
 def _volume(a, b, c, d):
     """Six times the volume of a tetrahedron, signed."""
-    x0, x1, x2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    y0, y1, y2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    z0, z1, z2 = d[0] - a[0], d[1] - a[1], d[2] - a[2]
+    x0, x1, x2 = b[X] - a[X], b[Y] - a[Y], b[Z] - a[Z]
+    y0, y1, y2 = c[X] - a[X], c[Y] - a[Y], c[Z] - a[Z]
+    z0, z1, z2 = d[X] - a[X], d[Y] - a[Y], d[Z] - a[Z]
     return x0 * (y1 * z2 - y2 * z1) - x1 * (y0 * z2 - y2 * z0) + x2 * (y0 * z1 - y1 * z0)
 
 
 @njit
 def _pierces(p, q, t, place):
     """Whether the way from p to q passes through a triangle or one of its sides; where, is added to place."""
-    below, above = _volume(t[0], t[1], t[2], p), _volume(t[0], t[1], t[2], q)
+    below, above = _volume(t[A], t[B], t[C], p), _volume(t[A], t[B], t[C], q)
     if not below * above < 0:
         return False
     size = 0.0
     for k in range(3):
-        size = max(size, abs(q[k] - p[k]), abs(t[1, k] - t[0, k]), abs(t[2, k] - t[0, k]))
+        size = max(size, abs(q[k] - p[k]), abs(t[B, k] - t[A, k]), abs(t[C, k] - t[A, k]))
     thin = THIN * size * size * size
     if abs(below) < thin or abs(above) < thin:
         return False
-    u, v, w = _volume(p, q, t[0], t[1]), _volume(p, q, t[1], t[2]), _volume(p, q, t[2], t[0])
+    u, v, w = _volume(p, q, t[A], t[B]), _volume(p, q, t[B], t[C]), _volume(p, q, t[C], t[A])
     if not ((u > -thin and v > -thin and w > -thin) or (u < thin and v < thin and w < thin)):
         return False
     share = below / (below - above)
@@ -158,15 +162,15 @@ def enclosures(points, direction, corners):
             ahead[k] = p[k] + direction[k]
         for j in range(len(corners)):
             t = corners[j]
-            u = _volume(p, ahead, t[0], t[1])
-            v = _volume(p, ahead, t[1], t[2])
+            u = _volume(p, ahead, t[A], t[B])
+            v = _volume(p, ahead, t[B], t[C])
             if u * v <= 0:
                 continue
-            w = _volume(p, ahead, t[2], t[0])
+            w = _volume(p, ahead, t[C], t[A])
             if u * w <= 0:
                 continue
             # the ray's line passes through the triangle: ahead of the point, and outward or inward?
-            below, above = _volume(t[0], t[1], t[2], p), _volume(t[0], t[1], t[2], ahead)
+            below, above = _volume(t[A], t[B], t[C], p), _volume(t[A], t[B], t[C], ahead)
             if below / (below - above) > 0:
                 count[i] += 1 if above > below else -1
     return count

@@ -16,17 +16,24 @@ import math
 import numpy as np
 
 from cuspline.stock.distance_kernels import piece_distance
+from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X1, Z0, Z1
 from cuspline.stock.rays import UPRIGHT_ARRAYS, nearest, scratch
 from cuspline.stock.tilted_tree import one_distance
+from cuspline.stock.tree import CORNER_RADIUS, FIRST_PIECE, FLAT_RADIUS, PIECES
+from cuspline.surfaces.enclosures import S_HIGH, S_LOW, T_HIGH, T_LOW
 from cuspline.surfaces.face_pieces import ACROSS, INSIDE, OUTSIDE, trim_state
-from cuspline.surfaces.offset_pieces import offset_of_piece
+from cuspline.surfaces.offset_pieces import MIDDLE, OFF_BY, SIDE_S, SIDE_T, offset_of_piece
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, OF_FACE, U_HIGH, U_LOW, V_HIGH, V_LOW, U, V
 from cuspline.surfaces.trims import is_inside
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import X, Y, Z, put
 from cuspline.values.threads import in_blocks
 
 FLOOR_MM = 0.005          # cells no longer than this are not halved
 ABOVE, FLOOR = 0, 1       # why a cell was given up: its middle is not cut away; it is as small as they get
+REASON, ON_BORDER, AREA = range(4, 7)   # columns of a cell given up, behind its rectangle
+COUNT, OLDEST, REMEMBERED = range(3)    # of the pieces remembered: how many, the place of the oldest, the first of them
+ORIGIN = 3                              # row of a frame, below its rotation
 NEAR = 12                 # pieces of path remembered from cell to cell
 ROOM = 160                # cells given up in one root
 ROOTS = 16                # a thread proves at a time
@@ -40,27 +47,27 @@ STEEP = 0.05              # an arc whose tangent is steeper than 1 in this is ta
 def _straightened(g, rc, px, py, pz, out):
     """A piece of path for which a distance is convex: the piece, or a tangent of an arc that bulges upward."""
     put(out, g)
-    if g[11] == 0.0 or g[10] < 0.0:
+    if g[IS_ARC] == 0.0 or g[SIDE] < 0.0:
         return
-    k = int(g[6])
-    du, dv = (px if k == 0 else py) - g[7], max(pz - rc - g[8], 0.0)
+    k = int(g[IN_YZ])
+    du, dv = (px if k == 0 else py) - g[CENTER_U], max(pz - rc - g[CENTER_Z], 0.0)
     rho = math.sqrt(du * du + dv * dv)
-    u = min(max(g[7] + (du * g[9] / rho if rho > 0.0 else 0.0), g[k]), g[3 + k])
-    rise = math.sqrt(max(g[9] * g[9] - (u - g[7]) * (u - g[7]), 0.0))
-    out[11] = 0.0
-    if rise < STEEP * g[9]:
-        out[k], out[3 + k] = u, u
-        out[2], out[5] = g[8] + rise, g[8] + rise
+    u = min(max(g[CENTER_U] + (du * g[RADIUS] / rho if rho > 0.0 else 0.0), g[k]), g[X1 + k])
+    rise = math.sqrt(max(g[RADIUS] * g[RADIUS] - (u - g[CENTER_U]) * (u - g[CENTER_U]), 0.0))
+    out[IS_ARC] = 0.0
+    if rise < STEEP * g[RADIUS]:
+        out[k], out[X1 + k] = u, u
+        out[Z0], out[Z1] = g[CENTER_Z] + rise, g[CENTER_Z] + rise
         return
-    slope = (g[7] - u) / rise
-    out[2], out[5] = g[8] + rise + slope * (g[k] - u), g[8] + rise + slope * (g[3 + k] - u)
+    slope = (g[CENTER_U] - u) / rise
+    out[Z0], out[Z1] = g[CENTER_Z] + rise + slope * (g[k] - u), g[CENTER_Z] + rise + slope * (g[X1 + k] - u)
 
 
 @njit
 def _tool_of(piece, world):
     trees = world[2]
     for k in range(len(trees)):
-        if trees[k, 1] <= piece < trees[k, 1] + trees[k, 2]:
+        if trees[k, FIRST_PIECE] <= piece < trees[k, FIRST_PIECE] + trees[k, PIECES]:
             return k
     return 0
 
@@ -68,15 +75,15 @@ def _tool_of(piece, world):
 @njit
 def _remembered(piece, near):
     """Put a piece among those remembered (count first, then the place of the oldest); False: it was there."""
-    for i in range(near[0]):
-        if near[2 + i] == piece:
+    for i in range(near[COUNT]):
+        if near[REMEMBERED + i] == piece:
             return False
-    if near[0] < NEAR:
-        near[2 + near[0]] = piece
-        near[0] += 1
+    if near[COUNT] < NEAR:
+        near[REMEMBERED + near[COUNT]] = piece
+        near[COUNT] += 1
     else:
-        near[2 + near[1]] = piece
-        near[1] = (near[1] + 1) % NEAR
+        near[REMEMBERED + near[OLDEST]] = piece
+        near[OLDEST] = (near[OLDEST] + 1) % NEAR
     return True
 
 
@@ -85,7 +92,7 @@ def _convex_distance(x, y, z, piece, line, tool, world, search):
     """Convex distance to a piece: of the `line` that stands for it, or of the sub-step that it is."""
     behind = len(world[0])
     if piece < behind:
-        return piece_distance(x, y, z, line, tool[0], tool[1])
+        return piece_distance(x, y, z, line, tool[FLAT_RADIUS], tool[CORNER_RADIUS])
     return one_distance(x, y, z, piece - behind, world[UPRIGHT_ARRAYS:], math.inf, search[2])[0]
 
 
@@ -97,19 +104,21 @@ def _corner_distances(cell, near, world, search, line, corners):
     none = np.zeros(2)
     for i in range(2):
         a = cell[3 + 3 * i:6 + 3 * i]
-        reach += math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-    for i in range(near[0]):
-        piece = near[2 + i]
+        reach += math.sqrt(a[X] * a[X] + a[Y] * a[Y] + a[Z] * a[Z])
+    for i in range(near[COUNT]):
+        piece = near[REMEMBERED + i]
         tool = none
         if piece < len(geometry):
             tool = tools[_tool_of(piece, world)]
-            _straightened(geometry[piece], tool[1], cell[0], cell[1], cell[2], line)
-        if _convex_distance(cell[0], cell[1], cell[2], piece, line, tool, world, search) > reach:
+            _straightened(geometry[piece], tool[CORNER_RADIUS], cell[MIDDLE + X], cell[MIDDLE + Y], cell[MIDDLE + Z], line)
+        if _convex_distance(cell[MIDDLE + X], cell[MIDDLE + Y], cell[MIDDLE + Z], piece, line, tool, world, search) > reach:
             continue
         for j in range(4):
             s, t = (1.0 if j & 1 else -1.0), (1.0 if j & 2 else -1.0)
-            corners[count, j] = _convex_distance(cell[0] + s * cell[3] + t * cell[6], cell[1] + s * cell[4] + t * cell[7],
-                                                 cell[2] + s * cell[5] + t * cell[8], piece, line, tool, world, search)
+            corners[count, j] = _convex_distance(cell[MIDDLE + X] + s * cell[SIDE_S + X] + t * cell[SIDE_T + X],
+                                                 cell[MIDDLE + Y] + s * cell[SIDE_S + Y] + t * cell[SIDE_T + Y],
+                                                 cell[MIDDLE + Z] + s * cell[SIDE_S + Z] + t * cell[SIDE_T + Z], piece,
+                                                 line, tool, world, search)
         count += 1
     return count
 
@@ -173,10 +182,11 @@ def least_largest(corners, count, enough, mean):
 @njit
 def _into(frame, cell):
     """Middle and half sides of a cell (9,) seen from a frame: rotation (3, 3) over origin (3,)."""
-    x, y, z = cell[0] - frame[3, 0], cell[1] - frame[3, 1], cell[2] - frame[3, 2]
+    x, y, z = (cell[MIDDLE + X] - frame[ORIGIN, X], cell[MIDDLE + Y] - frame[ORIGIN, Y],
+               cell[MIDDLE + Z] - frame[ORIGIN, Z])
     for i in range(3):
         for k in range(3):
-            cell[3 * i + k] = x * frame[0, k] + y * frame[1, k] + z * frame[2, k]
+            cell[3 * i + k] = x * frame[X, k] + y * frame[Y, k] + z * frame[Z, k]
         if i < 2:
             x, y, z = cell[3 * i + 3], cell[3 * i + 4], cell[3 * i + 5]
 
@@ -187,16 +197,17 @@ def _searched(cell, world, near, search, corner):
     s, t = (BEYOND if corner & 1 else -BEYOND), (BEYOND if corner & 2 else -BEYOND)
     if corner == 4:
         s, t = 0.0, 0.0
-    hint = near[2] if near[0] > 0 else -1
-    d, piece, _ = nearest(cell[0] + s * cell[3] + t * cell[6], cell[1] + s * cell[4] + t * cell[7],
-                          cell[2] + s * cell[5] + t * cell[8], world, hint, search)
+    hint = near[REMEMBERED] if near[COUNT] > 0 else -1
+    d, piece, _ = nearest(cell[MIDDLE + X] + s * cell[SIDE_S + X] + t * cell[SIDE_T + X],
+                          cell[MIDDLE + Y] + s * cell[SIDE_S + Y] + t * cell[SIDE_T + Y],
+                          cell[MIDDLE + Z] + s * cell[SIDE_S + Z] + t * cell[SIDE_T + Z], world, hint, search)
     return d, piece >= 0 and _remembered(piece, near)
 
 
 @njit
 def _is_cut(cell, near, world, search, line, corners, mean):
     """(a proof that the whole cell is cut away was found, distance of its middle if that is positive, else 0)."""
-    enough = -cell[9]
+    enough = -cell[OFF_BY]
     count = _corner_distances(cell, near, world, search, line, corners)
     if least_largest(corners, count, enough, mean) <= enough:
         return True, 0.0
@@ -218,31 +229,31 @@ def _is_deep_in_one(cell, near, world, search, line, corners, mean):
     All cutters with a flat bottom that stand over a cell are as near, those that end beside it, too; higher up they
     are not.
     """
-    if not cell[9] < math.inf:
+    if not cell[OFF_BY] < math.inf:
         return False
-    cell[2] += LIFT_MM
+    cell[MIDDLE + Z] += LIFT_MM
     more = _searched(cell, world, near, search, 4)[1]
-    cell[2] -= LIFT_MM
+    cell[MIDDLE + Z] -= LIFT_MM
     count = _corner_distances(cell, near, world, search, line, corners) if more else 0
-    return count > 0 and least_largest(corners, count, -cell[9], mean) <= -cell[9]
+    return count > 0 and least_largest(corners, count, -cell[OFF_BY], mean) <= -cell[OFF_BY]
 
 
 @njit
 def _state(trims, face, span, box, place):
     """Trim state of a cell; its middle's parameters into place (2,)."""
-    u0, u1, v0, v1 = span[0], span[1], span[2], span[3]
-    around = ((u0 + u1 + box[0] * (u1 - u0)) / 2, (u0 + u1 + box[1] * (u1 - u0)) / 2,
-              (v0 + v1 + box[2] * (v1 - v0)) / 2, (v0 + v1 + box[3] * (v1 - v0)) / 2)
-    place[0], place[1] = (around[0] + around[1]) / 2, (around[2] + around[3]) / 2
+    u0, u1, v0, v1 = span[U_LOW], span[U_HIGH], span[V_LOW], span[V_HIGH]
+    around = ((u0 + u1 + box[S_LOW] * (u1 - u0)) / 2, (u0 + u1 + box[S_HIGH] * (u1 - u0)) / 2,
+              (v0 + v1 + box[T_LOW] * (v1 - v0)) / 2, (v0 + v1 + box[T_HIGH] * (v1 - v0)) / 2)
+    place[U], place[V] = (around[S_LOW] + around[S_HIGH]) / 2, (around[T_LOW] + around[T_HIGH]) / 2
     return trim_state(trims, face, around)
 
 
 @njit
 def _cuts_second(cell, box):
     """Whether the second of a cell's sides is to be halved: the longer one, in parameters where none has a length."""
-    a = cell[3] * cell[3] + cell[4] * cell[4] + cell[5] * cell[5]
-    b = cell[6] * cell[6] + cell[7] * cell[7] + cell[8] * cell[8]
-    return b > a if a + b > 0.0 else box[3] - box[2] > box[1] - box[0]
+    a = cell[SIDE_S + X] * cell[SIDE_S + X] + cell[SIDE_S + Y] * cell[SIDE_S + Y] + cell[SIDE_S + Z] * cell[SIDE_S + Z]
+    b = cell[SIDE_T + X] * cell[SIDE_T + X] + cell[SIDE_T + Y] * cell[SIDE_T + Y] + cell[SIDE_T + Z] * cell[SIDE_T + Z]
+    return b > a if a + b > 0.0 else box[T_HIGH] - box[T_LOW] > box[S_HIGH] - box[S_LOW]
 
 
 @njit
@@ -254,7 +265,7 @@ def _prove_root(surface, trims, frame, world, patch, root, height_mm, floor_mm, 
     coefficients, patches, span, _, _, sign = surface
     row = patches[patch]
     room_of_cell, near, line, corners, mean, place = room
-    near[0], near[1] = 0, 0
+    near[COUNT], near[OLDEST] = 0, 0
     search = scratch()
     todo, deep = np.empty((DEEPEST + 2, 4)), np.zeros(DEEPEST + 2, np.int64)
     whole, cell = np.zeros(DEEPEST + 2, np.bool_), np.empty(10)
@@ -263,31 +274,33 @@ def _prove_root(surface, trims, frame, world, patch, root, height_mm, floor_mm, 
     while top > 0 and given <= ROOM:
         top -= 1
         box, depth = todo[top].copy(), deep[top]
-        state = INSIDE if whole[top] else _state(trims, row[0], span[patch], box, place)
+        state = INSIDE if whole[top] else _state(trims, row[OF_FACE], span[patch], box, place)
         if state == OUTSIDE:
             continue
         cells += 1
-        offset_of_piece(coefficients, row, sign[row[0]], height_mm, box, room_of_cell, cell)
+        offset_of_piece(coefficients, row, sign[row[OF_FACE]], height_mm, box, room_of_cell, cell)
         second = _cuts_second(cell, box)
         _into(frame, cell)
         proven, above = False, 0.0
-        if cell[9] < math.inf:
+        if cell[OFF_BY] < math.inf:
             proven, above = _is_cut(cell, near, world, search, line, corners, mean)
         if proven:
             continue
         on_face = state == INSIDE
         if not on_face and above > 0.0:
-            on_face = is_inside(trims, row[0], place[0], place[1])
-        a = math.sqrt(cell[3] * cell[3] + cell[4] * cell[4] + cell[5] * cell[5])
-        b = math.sqrt(cell[6] * cell[6] + cell[7] * cell[7] + cell[8] * cell[8])
+            on_face = is_inside(trims, row[OF_FACE], place[U], place[V])
+        a = math.sqrt(cell[SIDE_S + X] * cell[SIDE_S + X] + cell[SIDE_S + Y] * cell[SIDE_S + Y]
+                      + cell[SIDE_S + Z] * cell[SIDE_S + Z])
+        b = math.sqrt(cell[SIDE_T + X] * cell[SIDE_T + X] + cell[SIDE_T + Y] * cell[SIDE_T + Y]
+                      + cell[SIDE_T + Z] * cell[SIDE_T + Z])
         small = 2.0 * max(a, b) <= floor_mm or depth >= DEEPEST
         if small and above == 0.0 and _is_deep_in_one(cell, near, world, search, line, corners, mean):
             continue
         if small or (above > 0.0 and on_face):
             if given < ROOM:
                 put(out[given], box)
-                out[given, 4] = ABOVE if above > 0.0 and on_face else FLOOR
-                out[given, 5], out[given, 6] = state == ACROSS, 4.0 * a * b
+                out[given, REASON] = ABOVE if above > 0.0 and on_face else FLOOR
+                out[given, ON_BORDER], out[given, AREA] = state == ACROSS, 4.0 * a * b
             given += 1
             continue
         low = 2 if second else 0
@@ -320,8 +333,8 @@ def prove_roots(surface, trims, frame, world, patch, boxes, height_mm):
 @njit
 def _prove_roots(surface, trims, frame, world, patch, boxes, height_mm, floor_mm, cells, given, out, first, last):
     widest = 0
-    for k in range(len(surface[1])):
-        widest = max(widest, surface[1][k, 2], surface[1][k, 3])
+    for k in range(len(surface.patch)):
+        widest = max(widest, surface.patch[k, DEGREE_U], surface.patch[k, DEGREE_V])
     room = (np.empty((widest + 1, widest + 1, 4)), np.empty(NEAR + 2, np.int64), np.empty(12), np.empty((NEAR, 4)),
             np.empty(4), np.empty(2))
     for k in range(first, last):

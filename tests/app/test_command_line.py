@@ -44,6 +44,23 @@ def test_a_shop_s_own_materials_are_listed_too(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)[-1] == steel
 
 
+def test_faces_of_a_part_are_listed_with_predicates_for_it(tmp_path, capsys):
+    import cadquery as cq
+
+    from cuspline.design import FacePredicate
+    from cuspline.kernel import brep
+    solid = brep.the_solid(cq.Workplane("XY").box(10, 8, 6).faces(">Z").workplane().hole(3))
+    brep.write_step(solid, tmp_path / "block.step", "block")
+    assert cli.run(["faces", str(tmp_path / "block.step"), "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [r["number"] for r in rows] == list(range(1, 8)) and sum(r["kind"] == "cylinder" for r in rows) == 1
+    for row, face in zip(rows, brep.faces_of(solid)):
+        predicate = eval(row["python"], {"FacePredicate": FacePredicate})
+        assert [f.area_mm2 for f in brep.select_faces(brep.faces_of(solid), predicate)] == [face.area_mm2]
+    assert cli.run(["faces", str(tmp_path / "block.step"), "--toml"]) == 0
+    assert capsys.readouterr().out.count("  [[faces]]\n") == 7
+
+
 def test_findings_are_listed_with_their_meaning(capsys):
     assert cli.run(["findings"]) == 0
     assert capsys.readouterr().out == "".join(f"{name}: {kind.meaning}\n" for name, kind in KINDS.items())

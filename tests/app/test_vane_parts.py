@@ -125,6 +125,18 @@ def test_an_aperture_too_wide_for_a_frequency_is_refused_with_the_cell_and_what_
         table_of(RfqVane(**PROTONS, frequency_mhz=440))
 
 
+def test_steep_cells_are_finished_by_arcs_and_sections_where_arcs_leave_too_much(tmp_path):
+    """3 mm of a steep cell at 5 um: without the sections 17 um are left beside the mid-plane."""
+    design, folder = made(tmp_path / "out", "from_mm=1014", "to_mm=1017", "ball_mm=6", "scallop_mm=0.005",
+                          "strategy=transverse_arcs", "rest=sections", stage="gcode")
+    operations = json.loads((folder / "plan.json").read_text())["setups"][0]["operations"]
+    assert [o["name"] for o in operations][-2:] == ["finish", "rest finish"]
+    assert operations[-2]["cut_map"]["general"]["highest_mm"] > 0.01
+    coarse = Options(spacing_mm=0.25, solid_pitch_mm=0.4, replay_pitch_mm=0.5)
+    verify = judge(folder, read_job(folder), options=coarse).as_dict(())
+    assert verify["ok"] and verify["gouge_max_mm"] < 0.001 and verify["excess_proven_mm"] <= 0.005
+
+
 def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
     """Nearly level cells: what arcs leave beside the mid-plane is nothing there, and the disc keeps the finish."""
     design, folder = made(tmp_path / "out", "from_mm=150", "to_mm=154", "axis_height_mm=100",

@@ -13,6 +13,7 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
 
 from cuspline.design import FacePredicate
+from cuspline.kernel import brep
 from cuspline.kernel.brep import (
     bounding_box_mm,
     edges_of_faces,
@@ -189,3 +190,25 @@ def test_step_files_that_cannot_be_used_are_refused_with_the_reason(tmp_path):
     cq.exporters.export(cq.Workplane(obj=box().faces(">Z").val()), str(tmp_path / "face.step"))
     with pytest.raises(InputError, match="holds no solid"):
         read_step(tmp_path / "face.step")
+
+
+def test_a_loft_of_ellipses_read_from_step_is_no_division_by_zero(tmp_path):
+    """A closed polynomial surface: the weights that the CAD kernel gives of it may be no numbers."""
+    solid = (cq.Workplane().ellipse(9, 7).workplane(offset=2).ellipse(7, 5).workplane(offset=2).ellipse(4, 3).loft())
+    brep.write_step(brep.the_solid(solid), tmp_path / "loft.step", "loft")
+    faces = brep.faces_of(brep.the_solid(brep.read_step(tmp_path / "loft.step")))
+    side = next(f for f in faces if f.kind == "bspline")
+    assert np.isfinite(side.nurbs.poles).all() and (side.nurbs.poles[..., 3] == 1).all()
+    u0, u1, v0, v1 = side.uv_bounds
+    exact = side.adaptor.Value(0.3 * u0 + 0.7 * u1, 0.4 * v0 + 0.6 * v1).Coord()
+    assert side.shape_at(0.3 * u0 + 0.7 * u1, 0.4 * v0 + 0.6 * v1).point_mm[0] == pytest.approx(exact, abs=1e-9)
+
+
+def test_an_arc_turned_round_an_axis_that_it_crosses_survives_a_step_file(tmp_path):
+    """The arc's circle goes on beyond the axis: a face turned from it loses its pole on its way through STEP."""
+    profile = cq.Workplane("XZ").moveTo(0, -8).lineTo(11, -8).lineTo(11, 0).threePointArc((7.7, 1.9), (0, 3.5)).close()
+    solid = brep.the_solid(profile.revolve(360, (0, 0), (0, 1)))
+    brep.write_step(brep.storable(solid), tmp_path / "dome.step", "dome")
+    again = brep.the_solid(brep.read_step(tmp_path / "dome.step"))
+    assert sorted(f.kind for f in brep.faces_of(again)) == ["bspline", "cylinder", "plane"]
+    assert brep.volume_mm3(again) == pytest.approx(brep.volume_mm3(solid), rel=1e-5)      # as it is integrated

@@ -26,7 +26,7 @@ def operation(number, name, tool_number, blocks, spindle="S8000 M3"):
 def program_text(*operations):
     """A whole program of operations."""
     return "\n".join(["(WRITTEN BY HAND)", f"({UNVERIFIED})", "G21", "G17 G90 G91.1 G94 G40 G49 G80 G92.1",
-                      "G64 P0.001 Q0", "G54", *(line for o in operations for line in o), "M5", "G53 G0 Z0", "M2"]) + "\n"
+                      "G64 P0.0005 Q0", "G54", *(line for o in operations for line in o), "M5", "G53 G0 Z0", "M2"]) + "\n"
 
 
 def written(folder, design, text, tools, ball_radius_mm):

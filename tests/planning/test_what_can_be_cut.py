@@ -11,7 +11,7 @@ from known_tools import tool
 
 import cuspline.posts
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
-from cuspline.planning.clean_up import _touched
+from cuspline.planning.clean_up import _touched, why_out_of_reach
 from cuspline.planning.context import PlanningContext
 from cuspline.planning.cutter_choice import choose_roughing
 from cuspline.planning.plan import plan_setup
@@ -70,6 +70,13 @@ def test_no_holder_of_theirs_touches_the_part(plan_beside_a_column):
         assert (ends[:, 2] >= clear_tips_mm(o.tool, work.mesh, ends[:, :2], 0.0) - 1e-9).all()
 
 
+def test_what_is_left_beside_the_column_says_the_stick_out_that_would_do(plan_beside_a_column):
+    plan, place = plan_beside_a_column, np.array([[-20.0, 0.0, 10.0]])
+    why = why_out_of_reach(plan.context, plan.operations, place, 0.0)
+    assert "a stick-out of 8" in why and "--cutters" in why
+    assert why_out_of_reach(plan.context, plan.operations, place * (1, 1, 1.5), 0.0) == why       # a place off the faces: its foot
+
+
 def test_clearing_needs_a_flat_cutter_in_the_library():
     with pytest.raises(PlanError, match="--cutters"):
         choose_roughing((), 0.3)
@@ -94,6 +101,31 @@ def test_on_a_steep_wall_a_ball_touches_what_it_is_micrometres_off(drafted):
     foot = work.closest.closest_points(np.array([[12.117, 4.068, 13.719]]))
     small, large = work.library.of_type("ball")[-1], work.library.of_type("ball")[0]
     assert _touched(work, small, foot, 0.06).all() and not _touched(work, large, foot, 0.06).any()
+
+
+@pytest.fixture(scope="module")
+def stepped():
+    """A block with a step across, its upright wall and the sharp foot of it."""
+    solid = cq.Workplane("XY").box(20, 12, 9, centered=(True, True, False)).cut(
+        cq.Workplane("XY").box(10, 12, 6, centered=(False, True, False)).translate((0, 0, 3)))
+    both = FacePredicate(name="wall and floor", count=2, kinds=("plane",), center_min_mm=(-0.1, -1, 2.9), center_max_mm=(9, 1, 6.1))
+    return part(solid, both, StockBox(min_mm=(-10, -6, 0), max_mm=(10, 6, 9.2)), Auto(strategy="parallel"))
+
+
+def test_a_ball_touches_an_upright_wall_down_to_its_own_radius(stepped):
+    work = context_of(stepped)
+    small = work.library.of_type("ball")[-1]
+    foot = work.closest.closest_points(np.array([[0.0, 0.0, 4.0], [0.0, 0.0, 5.001], [0.0, 0.0, 5.5]]))
+    assert _touched(work, small, foot, 0.1).tolist() == [False, True, True]
+
+
+def test_a_pass_runs_along_the_foot_of_a_wall(stepped):
+    plan = plan_setup(stepped, stepped.setups[0], MACHINE, FEW)
+    finish = plan.operations[-1]
+    moves, radius = finish.moves, finish.tool.cutter.radius_mm
+    there = lambda at: (np.abs(at[:, ::2] - (radius, 3.0)) <= COARSE.profile_tolerance_mm).all(axis=1)
+    along = there(moves.end_mm[:-1]) & there(moves.end_mm[1:]) & (moves.kind[1:] != Kind.RAPID)
+    assert np.abs(np.diff(moves.end_mm[:, 1]))[along].sum() > 11.9
 
 
 def test_where_no_spiral_goes_the_passes_follow_the_borders():

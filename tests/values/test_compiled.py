@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numba.core import types
+from numba.core.registry import cpu_target
 
 from cuspline.values import compiled
 from cuspline.values.compiled import fingerprint, njit
@@ -35,6 +37,41 @@ def outer(x):
 @njit
 def beside(x):
     return x - 1.0
+"""
+
+
+RAISING = """
+import math
+from cuspline.values.compiled import njit
+
+
+@njit
+def root(x):
+    if x < 0.0:
+        raise ValueError("no root of less than nothing")
+    return math.sqrt(x)
+"""
+RAISED = """
+from cuspline.values.compiled import njit
+from {0} import root
+
+
+@njit
+def roots(x, out):
+    for k in range(len(x)):
+        out[k] = root(x[k])
+
+
+@njit
+def factorial(n):
+    if n < 2:
+        return 1
+    return n * factorial(n - 1)
+
+
+@njit
+def choices(n, k):
+    return factorial(n) // (factorial(k) * factorial(n - k))
 """
 
 
@@ -96,6 +133,58 @@ def test_a_spoilt_file_of_compiled_code_is_compiled_anew(read, tmp_path):
     assert was_compiled(read().outer, 1.0) and not was_compiled(read().outer, 1.0)
 
 
+def test_a_kernel_that_only_kernels_call_is_compiled_for_them_alone(read):
+    outer = read().outer
+    assert outer(1.0) == 6.0
+    inner = sys.modules["called_kernels"].inner
+    assert len(inner.part.signatures) == 1 and not inner.signatures and not outer.part.signatures
+    assert inner(1.0) == 3.0 and len(inner.signatures) == 1
+
+
+def test_what_a_kernel_within_a_kernel_refuses_comes_through_compiled_or_found_again(read):
+    for _ in range(2):
+        kernels, out = read(RAISING, RAISED), np.zeros(2)
+        kernels.roots(np.array([4.0, 9.0]), out)
+        assert out.tolist() == [2.0, 3.0]
+        with pytest.raises(ValueError, match="no root of less than nothing"):
+            kernels.roots(np.array([4.0, -9.0]), out)
+
+
+def test_a_caller_compiled_anew_takes_in_what_is_found_on_disk(read):
+    read(RAISING, RAISED).roots(np.ones(1), np.zeros(1))
+    changed = read(RAISING, RAISED.replace("out[k] = root", "out[k] = 2.0 * root"))
+    out = np.zeros(1)
+    changed.roots(np.array([4.0]), out)
+    assert out.tolist() == [4.0] and not sys.modules["called_kernels"].root.part.stats.cache_misses
+    with pytest.raises(ValueError, match="no root"):
+        changed.roots(np.array([-1.0]), out)
+
+
+def test_a_kernel_may_call_itself(read):
+    for _ in range(2):
+        kernels = read(RAISING, RAISED)
+        assert kernels.choices(5, 2) == 10 and kernels.factorial(5) == 120
+
+
+def test_numba_is_asked_once_for_calls_that_are_alike(monkeypatch):
+    monkeypatch.setattr(compiled.KernelFiles, "load", lambda self, key: None)
+    asked, known = [], compiled.KnownCalls()
+    monkeypatch.setattr(compiled, "KNOWN_CALLS", known)
+    typing_context = cpu_target.typing_context
+    ask = typing_context._resolve_user_function_type
+    monkeypatch.setattr(type(typing_context), "_resolve_user_function_type",
+                        lambda self, function, args, kws, literals=None: asked.append((function, tuple(args))) or ask(
+                            function, args, kws, literals))
+
+    @njit
+    def kernel(x, y):
+        return (x + y) * (x + x) * (y + y) + (x + y)
+
+    assert kernel(1.0, 2.0) == 27.0 and kernel(1, 2) == 27
+    again = [call for call in asked if asked.count(call) > 1 and type(call[0]) is types.Function]
+    assert len(asked) >= 4 and again == []
+
+
 def test_fields_of_a_named_tuple_that_change_places_are_another_type():
     @njit
     def first(pair):
@@ -116,7 +205,7 @@ def test_a_constant_is_one_argument_like_any_other(monkeypatch):
     @njit
     def outer(x, k):
         return inner(x, 1) + inner(x, 2) + inner(x, k)
-    assert outer(0.0, 3) == 6.0 and len(inner.signatures) == 1
+    assert outer(0.0, 3) == 6.0 and len(inner.part.signatures) == 1
 
 
 def test_a_constant_that_cannot_be_told_apart_is_refused():

@@ -12,7 +12,8 @@ from pydantic import Field
 
 from cuspline.design.operations import Operation, ToolWish
 from cuspline.kernel import brep
-from cuspline.planning.context import finite, ridge_for_step_mm
+from cuspline.planning import section_finishing
+from cuspline.planning.context import FinishingStage, finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ball_reach, choose_ball, choose_side_cutter
 from cuspline.planning.roughing import roughed
 from cuspline.replay.scene import Fixture
@@ -48,6 +49,8 @@ class TransverseArcs(Operation):
     ball_mm: float | None = Field(default=None, gt=0,
                                   description="diameter of the finishing ball, or the width of a side-and-face cutter's teeth; "
                                   "left out: the largest that fits")
+    rest: Literal["none", "sections"] = Field(default="none", description="where one arc a plane leaves more than the finish "
+                                              "allows: nothing, or a ball along sections of the true surface")
     section_plane: Literal["YZ"] = "YZ"
 
     @property
@@ -80,13 +83,25 @@ def _operations(work):
     ridge_mm = ridge_for_step_mm("finish", work.finish.scallop_mm, work.finish)
     made.append(_passes(work, vane, "rough passes", tool, allowance, ROUGH_RIDGE_MM, {}))
     radius = tool.cutter.corner_radius_mm
+    found = cut_map(vane.tip.between(*vane.within_mm), radius, radius, MAP_PITCH_RADII * radius)
     facts = {"candidates": [c.as_dict() for c in candidates], "plating_mm": work.plating_mm,
              "min_concave_radius_mm": finite(work.hollow.radius_mm),
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
-             "cut_map": map_facts(cut_map(vane.tip.between(*vane.within_mm), radius, radius, MAP_PITCH_RADII * radius),
-                                 vane.tip.half_arc_rad)}
+             "cut_map": map_facts(found, vane.tip.half_arc_rad)}
     made.append(_passes(work, vane, "finish", tool, 0.0, ridge_mm, facts))
+    if work.operation.rest == "sections":
+        made += _rest(work, found, (ball, reach), ridge_mm, made[-1].facts["stepover_mm"])
     return made, is_reached
+
+
+def _rest(work, found, ball_and_reach, ridge_mm, margin_mm):
+    """Sections where the arcs' map and their cusps together leave more than the finish: one operation, or none."""
+    within = found.stretches_beyond_mm(work.finish.scallop_mm - ridge_mm, margin_mm)
+    if not within:
+        return []
+    ball, reach = ball_and_reach
+    stage = FinishingStage(name="rest finish", allowance_mm=0.0, scallop_mm=work.finish.scallop_mm)
+    return [section_finishing.finish(work, stage, ball, (), reach, within)]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -12,9 +12,25 @@ and no contact holds.  Neither depends on where in the box the axis stands, so l
 
 import math
 
-from cuspline.surfaces.patches import derive
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, DS, DSS, DST, DT, DTT, IS_RATIONAL, OFFSET, POINT, derive
+from cuspline.toolpaths.contact.leaf_rows import (
+    AT_S,
+    AT_T,
+    REACH_S,
+    REACH_SS,
+    REACH_SSS,
+    REACH_SST,
+    REACH_ST,
+    REACH_STT,
+    REACH_T,
+    REACH_TT,
+    REACH_TTT,
+)
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y, Z
 
+S_BY_X, S_BY_Y, T_BY_X, T_BY_Y = range(4, 8)            # of what `map_proof` leaves: the inverse of G's derivatives,
+ERROR_SS, ERROR_ST, ERROR_TS, ERROR_TT = range(8, 12)   # and what it makes of their errors
 HAIR = 1e-8         # of a box: contacts on the line between two boxes belong to both
 
 
@@ -27,8 +43,8 @@ def map_proof(row, o, alpha, beta, sign, nx, ny, nz, length, sine, x, y, R, rc, 
         o: (6, 3) position and derivatives in the middle, per alpha, beta.
         sign, nx, ny, nz, length: upward normal = sign (S_s x S_t), unit, and its length, in the middle.
         sine: of the angle that normals leave it by at most.
-        w: (12,); filled where the answer is 1: sigma, tau of Newton's step in 0, 1, the inverse of G's derivatives
-            in 4 to 7, what it makes of their errors in 8 to 11 (rows).
+        w: (12,); filled where the answer is 1: sigma, tau of Newton's step (AT_S, AT_T), the inverse of G's derivatives
+            (S_BY_X to T_BY_Y), what it makes of their errors (ERROR_SS to ERROR_TT).
     Returns:
         0: nothing; 1: at most one contact; 2: none.
     """
@@ -44,22 +60,22 @@ def map_proof(row, o, alpha, beta, sign, nx, ny, nz, length, sine, x, y, R, rc, 
         px, py = nx / level, ny / level
         turn = 1.01 * sine / level
         spread = c / (level - 1.04 * sine)             # largest c / |n_xy|
-    ass, ast, att = row[6] * alpha * alpha, row[7] * alpha * beta, row[8] * beta * beta
-    ls, lt = row[4] * alpha, row[5] * beta
-    sss, sst = row[9] * alpha ** 3, row[10] * alpha * alpha * beta
-    stt, ttt = row[11] * alpha * beta * beta, row[12] * beta ** 3
+    ass, ast, att = row[REACH_SS] * alpha * alpha, row[REACH_ST] * alpha * beta, row[REACH_TT] * beta * beta
+    ls, lt = row[REACH_S] * alpha, row[REACH_T] * beta
+    sss, sst = row[REACH_SSS] * alpha ** 3, row[REACH_SST] * alpha * alpha * beta
+    stt, ttt = row[REACH_STT] * alpha * beta * beta, row[REACH_TTT] * beta ** 3
     least = length * (1.0 - sine)
     # derivatives of the normal vector in the middle, then of the unit normal
-    mx = o[3, 1] * o[2, 2] - o[3, 2] * o[2, 1] + o[1, 1] * o[4, 2] - o[1, 2] * o[4, 1]
-    my = o[3, 2] * o[2, 0] - o[3, 0] * o[2, 2] + o[1, 2] * o[4, 0] - o[1, 0] * o[4, 2]
-    mz = o[3, 0] * o[2, 1] - o[3, 1] * o[2, 0] + o[1, 0] * o[4, 1] - o[1, 1] * o[4, 0]
+    mx = o[DSS, Y] * o[DT, Z] - o[DSS, Z] * o[DT, Y] + o[DS, Y] * o[DST, Z] - o[DS, Z] * o[DST, Y]
+    my = o[DSS, Z] * o[DT, X] - o[DSS, X] * o[DT, Z] + o[DS, Z] * o[DST, X] - o[DS, X] * o[DST, Z]
+    mz = o[DSS, X] * o[DT, Y] - o[DSS, Y] * o[DT, X] + o[DS, X] * o[DST, Y] - o[DS, Y] * o[DST, X]
     vs = math.sqrt(mx * mx + my * my + mz * mz)
     k = nx * mx + ny * my + nz * mz
     scale = sign / length
     sx, sy = scale * (mx - k * nx), scale * (my - k * ny)
-    mx = o[4, 1] * o[2, 2] - o[4, 2] * o[2, 1] + o[1, 1] * o[5, 2] - o[1, 2] * o[5, 1]
-    my = o[4, 2] * o[2, 0] - o[4, 0] * o[2, 2] + o[1, 2] * o[5, 0] - o[1, 0] * o[5, 2]
-    mz = o[4, 0] * o[2, 1] - o[4, 1] * o[2, 0] + o[1, 0] * o[5, 1] - o[1, 1] * o[5, 0]
+    mx = o[DST, Y] * o[DT, Z] - o[DST, Z] * o[DT, Y] + o[DS, Y] * o[DTT, Z] - o[DS, Z] * o[DTT, Y]
+    my = o[DST, Z] * o[DT, X] - o[DST, X] * o[DT, Z] + o[DS, Z] * o[DTT, X] - o[DS, X] * o[DTT, Z]
+    mz = o[DST, X] * o[DT, Y] - o[DST, Y] * o[DT, X] + o[DS, X] * o[DTT, Y] - o[DS, Y] * o[DTT, X]
     vt = math.sqrt(mx * mx + my * my + mz * mz)
     k = nx * mx + ny * my + nz * mz
     tx, ty = scale * (mx - k * nx), scale * (my - k * ny)
@@ -70,11 +86,11 @@ def map_proof(row, o, alpha, beta, sign, nx, ny, nz, length, sine, x, y, R, rc, 
     dt = (stt * lt + 2.0 * ast * att + ls * ttt + cross) / least + vt * turned
     # rows of G's derivatives along the normal's horizontal direction p and across it
     middle = c / level if c > 0.0 else 0.0
-    a = px * o[1, 0] + py * o[1, 1] + rc * (px * sx + py * sy)
-    b = px * o[2, 0] + py * o[2, 1] + rc * (px * tx + py * ty)
+    a = px * o[DS, X] + py * o[DS, Y] + rc * (px * sx + py * sy)
+    b = px * o[DT, X] + py * o[DT, Y] + rc * (px * tx + py * ty)
     ns, nt = px * sy - py * sx, px * ty - py * tx
-    d = px * o[1, 1] - py * o[1, 0] + (rc + middle) * ns
-    e = px * o[2, 1] - py * o[2, 0] + (rc + middle) * nt
+    d = px * o[DS, Y] - py * o[DS, X] + (rc + middle) * ns
+    e = px * o[DT, Y] - py * o[DT, X] + (rc + middle) * nt
     hs, ht = math.sqrt(sx * sx + sy * sy), math.sqrt(tx * tx + ty * ty)
     es, et = ass + ast + rc * ds, ast + att + rc * dt
     ea, eb = es + spread * turn * (hs + ds), et + spread * turn * (ht + dt)
@@ -92,14 +108,14 @@ def map_proof(row, o, alpha, beta, sign, nx, ny, nz, length, sine, x, y, R, rc, 
         return 0
     if det * sign < 0.0:
         return 2
-    gx, gy = o[0, 0] + rc * nx + c * px - x, o[0, 1] + rc * ny + c * py - y
+    gx, gy = o[POINT, X] + rc * nx + c * px - x, o[POINT, Y] + rc * ny + c * py - y
     if c == 0.0:
-        gx, gy = o[0, 0] + rc * nx - x, o[0, 1] + rc * ny - y
-    w[4], w[5] = (e * px + b * py) / det, (e * py - b * px) / det
-    w[6], w[7] = -(a * py + d * px) / det, (a * px - d * py) / det
-    w[8], w[9], w[10], w[11] = ja, jb, jd, je
-    w[0], w[1] = -(w[4] * gx + w[5] * gy), -(w[6] * gx + w[7] * gy)
-    if abs(w[0]) > 1.0 + HAIR + ja + jb or abs(w[1]) > 1.0 + HAIR + jd + je:
+        gx, gy = o[POINT, X] + rc * nx - x, o[POINT, Y] + rc * ny - y
+    w[S_BY_X], w[S_BY_Y] = (e * px + b * py) / det, (e * py - b * px) / det
+    w[T_BY_X], w[T_BY_Y] = -(a * py + d * px) / det, (a * px - d * py) / det
+    w[ERROR_SS], w[ERROR_ST], w[ERROR_TS], w[ERROR_TT] = ja, jb, jd, je
+    w[AT_S], w[AT_T] = -(w[S_BY_X] * gx + w[S_BY_Y] * gy), -(w[T_BY_X] * gx + w[T_BY_Y] * gy)
+    if abs(w[AT_S]) > 1.0 + HAIR + ja + jb or abs(w[AT_T]) > 1.0 + HAIR + jd + je:
         return 2
     return 1
 
@@ -108,20 +124,21 @@ def map_proof(row, o, alpha, beta, sign, nx, ny, nz, length, sine, x, y, R, rc, 
 def map_step(coefficients, patch, s, t, hs, ht, sign, x, y, R, rc, o, w):
     """Another step of Newton, from what `map_proof` left in w: false where the contact lies outside the box."""
     c = R - rc
-    u, v = min(max(w[0], -1.0), 1.0), min(max(w[1], -1.0), 1.0)
-    derive(coefficients, patch[1], patch[2], patch[3], patch[4] != 0, s + hs * u, t + ht * v, o)
-    nx = sign * (o[1, 1] * o[2, 2] - o[1, 2] * o[2, 1])
-    ny = sign * (o[1, 2] * o[2, 0] - o[1, 0] * o[2, 2])
-    nz = o[1, 0] * o[2, 1] - o[1, 1] * o[2, 0]
+    u, v = min(max(w[AT_S], -1.0), 1.0), min(max(w[AT_T], -1.0), 1.0)
+    derive(coefficients, patch[OFFSET], patch[DEGREE_U], patch[DEGREE_V], patch[IS_RATIONAL] != 0, s + hs * u,
+           t + ht * v, o)
+    nx = sign * (o[DS, Y] * o[DT, Z] - o[DS, Z] * o[DT, Y])
+    ny = sign * (o[DS, Z] * o[DT, X] - o[DS, X] * o[DT, Z])
+    nz = o[DS, X] * o[DT, Y] - o[DS, Y] * o[DT, X]
     level = math.sqrt(nx * nx + ny * ny)
     k = rc / math.sqrt(level * level + nz * nz)
     if c > 0.0:
         k += c / level
-    gx, gy = o[0, 0] + k * nx - x, o[0, 1] + k * ny - y
-    du, dv = w[4] * gx + w[5] * gy, w[6] * gx + w[7] * gy
+    gx, gy = o[POINT, X] + k * nx - x, o[POINT, Y] + k * ny - y
+    du, dv = w[S_BY_X] * gx + w[S_BY_Y] * gy, w[T_BY_X] * gx + w[T_BY_Y] * gy
     # the contact lies within |step| + J |distance| of here: distance <= (1 - J)^-1 |step|
-    ja, jb, jd, je = w[8], w[9], w[10], w[11]
+    ja, jb, jd, je = w[ERROR_SS], w[ERROR_ST], w[ERROR_TS], w[ERROR_TT]
     det = (1.0 - ja) * (1.0 - je) - jb * jd
     fu, fv = ((1.0 - je) * abs(du) + jb * abs(dv)) / det, ((1.0 - ja) * abs(dv) + jd * abs(du)) / det
-    w[0], w[1] = u - du, v - dv
-    return abs(w[0]) <= 1.0 + HAIR + ja * fu + jb * fv and abs(w[1]) <= 1.0 + HAIR + jd * fu + je * fv
+    w[AT_S], w[AT_T] = u - du, v - dv
+    return abs(w[AT_S]) <= 1.0 + HAIR + ja * fu + jb * fv and abs(w[AT_T]) <= 1.0 + HAIR + jd * fu + je * fv

@@ -2,8 +2,8 @@ r"""Cutter locations from the surface: where the tip stands when the cutter touc
 
 A cutter is a profile revolved about its axis, tip at (r, z) = (0, 0), as elements from the tip outward and upward:
 
-    z          │ side line       LINE: r0, z0, r1, z1
-    │          │                 ARC:  rc, zc, radius, angle0, angle1 (from +r toward +z, rising)
+    z          │ side line       KIND LINE: R0, Z0, R1, Z1
+    │          │                 KIND ARC:  CENTER_R, CENTER_Z, RADIUS, ANGLE_0, ANGLE_1 (from +r toward +z, rising)
     │         ╱ corner arc
     0───────-‾  bottom line
     0          r
@@ -21,9 +21,12 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.rows import X, Y, Z
 from cuspline.values.threads import in_blocks
 
 LINE, ARC = 0, 1
+KIND, CENTER_R, CENTER_Z, RADIUS, ANGLE_0, ANGLE_1 = range(6)       # columns of an element that is an arc
+R0, Z0, R1, Z1 = range(1, 5)                                        # of one that is a line
 CHUNK, SERIAL_ROWS = 1024, 8000
 TIE = 1e-12             # ends of a line that a direction meets at equal reach: the lower one touches
 LEVEL = 1e-9            # sine of the slope below which a contact counts as level: it then lies under the tip
@@ -95,27 +98,27 @@ def cutter_locations(elements, contact_mm, normal, axis=(0.0, 0.0, 1.0), allowan
 def profile_point(elements, radial, axial):
     """(r, z) of the profile furthest in a unit direction (radial >= 0, axial); NaN: it looks past the upper end."""
     best, r, z = -np.inf, 0.0, 0.0
-    for k in range(elements.shape[0]):
+    for k in range(len(elements)):
         e = elements[k]
-        if e[0] == LINE:
-            ends = (e[1], e[2], e[3], e[4])
+        if e[KIND] == LINE:
+            ends = (e[R0], e[Z0], e[R1], e[Z1])
         else:
             angle = fixed.arctan2(axial, radial)
-            first = e[1] + e[3] * fixed.cos(e[4]), e[2] + e[3] * fixed.sin(e[4])
-            last = e[1] + e[3] * fixed.cos(e[5]), e[2] + e[3] * fixed.sin(e[5])
-            if e[4] <= angle <= e[5]:
-                first = last = e[1] + e[3] * radial, e[2] + e[3] * axial
+            first = e[CENTER_R] + e[RADIUS] * fixed.cos(e[ANGLE_0]), e[CENTER_Z] + e[RADIUS] * fixed.sin(e[ANGLE_0])
+            last = e[CENTER_R] + e[RADIUS] * fixed.cos(e[ANGLE_1]), e[CENTER_Z] + e[RADIUS] * fixed.sin(e[ANGLE_1])
+            if e[ANGLE_0] <= angle <= e[ANGLE_1]:
+                first = last = e[CENTER_R] + e[RADIUS] * radial, e[CENTER_Z] + e[RADIUS] * axial
             ends = (first[0], first[1], last[0], last[1])
         for j in range(0, 4, 2):
             reach = ends[j] * radial + ends[j + 1] * axial
             if best == -np.inf or reach > best + TIE * (1.0 + abs(best)):
                 best, r, z = reach, ends[j], ends[j + 1]
-    e = elements[elements.shape[0] - 1]
-    if e[0] == LINE:
-        top_r, top_z, along_r, along_z = e[3], e[4], e[3] - e[1], e[4] - e[2]
+    e = elements[len(elements) - 1]
+    if e[KIND] == LINE:
+        top_r, top_z, along_r, along_z = e[R1], e[Z1], e[R1] - e[R0], e[Z1] - e[Z0]
     else:
-        top_r, top_z = e[1] + e[3] * fixed.cos(e[5]), e[2] + e[3] * fixed.sin(e[5])
-        along_r, along_z = -fixed.sin(e[5]), fixed.cos(e[5])
+        top_r, top_z = e[CENTER_R] + e[RADIUS] * fixed.cos(e[ANGLE_1]), e[CENTER_Z] + e[RADIUS] * fixed.sin(e[ANGLE_1])
+        along_r, along_z = -fixed.sin(e[ANGLE_1]), fixed.cos(e[ANGLE_1])
     past = (radial * along_r + axial * along_z) / fixed.hypot(along_r, along_z)
     if past > BEYOND and r == top_r and z == top_z:
         return np.nan, np.nan
@@ -124,14 +127,14 @@ def profile_point(elements, radial, axial):
 
 @njit(error_model="numpy")
 def _tip(elements, contact, normal, axis, allowance, out):
-    along = normal[0] * axis[0] + normal[1] * axis[1] + normal[2] * axis[2]
-    hx, hy, hz = normal[0] - along * axis[0], normal[1] - along * axis[1], normal[2] - along * axis[2]
+    along = normal[X] * axis[X] + normal[Y] * axis[Y] + normal[Z] * axis[Z]
+    hx, hy, hz = normal[X] - along * axis[X], normal[Y] - along * axis[Y], normal[Z] - along * axis[Z]
     across = np.sqrt(hx * hx + hy * hy + hz * hz)
     r, z = profile_point(elements, across, -along)
     share = r / across if across > LEVEL else 0.0
-    out[0] = contact[0] + allowance * normal[0] + share * hx - z * axis[0]
-    out[1] = contact[1] + allowance * normal[1] + share * hy - z * axis[1]
-    out[2] = contact[2] + allowance * normal[2] + share * hz - z * axis[2]
+    out[X] = contact[X] + allowance * normal[X] + share * hx - z * axis[X]
+    out[Y] = contact[Y] + allowance * normal[Y] + share * hy - z * axis[Y]
+    out[Z] = contact[Z] + allowance * normal[Z] + share * hz - z * axis[Z]
 
 
 @njit

@@ -10,8 +10,23 @@ import math
 
 import numpy as np
 
-from cuspline.surfaces.patches import derive
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, DS, DSS, DST, DT, DTT, IS_RATIONAL, OFFSET, POINT, derive
+from cuspline.toolpaths.contact.leaf_rows import (
+    AT_S,
+    AT_T,
+    CERTAINTY,
+    REACH_S,
+    REACH_SS,
+    REACH_SSS,
+    REACH_SST,
+    REACH_ST,
+    REACH_STT,
+    REACH_T,
+    REACH_TT,
+    REACH_TTT,
+)
 from cuspline.values.compiled import njit
+from cuspline.values.rows import FROM, TO, X, Y, Z
 
 STEPS = 30
 RIM_MM = 1e-9           # a point this far outside the disk counts as under it: the safe side
@@ -24,16 +39,16 @@ def climb_flat(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, o, w):
     Returns:
         its z, -inf if none; w (4,) holds s, t and 2 if the search on a face came to a maximum, 1 on an edge.
     """
-    if patch[3] == 0:
+    if patch[DEGREE_V] == 0:
         return _climb_edge(coefficients, patch, sl, sh, x, y, R, o, w)
     found = _to_rim(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, o, w)
     if not found:
         found = _to_summit(coefficients, patch, s, t, sl, sh, tl, th, o, w)
-    w[2] = 0.0
-    if not found or (o[0, 0] - x) ** 2 + (o[0, 1] - y) ** 2 > (R + RIM_MM) ** 2:
+    w[CERTAINTY] = 0.0
+    if not found or (o[POINT, X] - x) ** 2 + (o[POINT, Y] - y) ** 2 > (R + RIM_MM) ** 2:
         return -np.inf
-    w[2] = 2.0
-    return o[0, 2]
+    w[CERTAINTY] = 2.0
+    return o[POINT, Z]
 
 
 @njit(inline="always")
@@ -48,27 +63,27 @@ def _to_rim(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, o, w):
     """Newton on (Q, P) within a box; true when it converged inside it (o, w hold the point)."""
     blocked = 0
     for _ in range(STEPS):
-        derive(coefficients, patch[1], patch[2], patch[3], patch[4] != 0, s, t, o)
-        dx, dy = o[0, 0] - x, o[0, 1] - y
+        derive(coefficients, patch[OFFSET], patch[DEGREE_U], patch[DEGREE_V], patch[IS_RATIONAL] != 0, s, t, o)
+        dx, dy = o[POINT, X] - x, o[POINT, Y] - y
         q = 0.5 * (dx * dx + dy * dy - R * R)
-        qs, qt = dx * o[1, 0] + dy * o[1, 1], dx * o[2, 0] + dy * o[2, 1]
-        qss = o[1, 0] ** 2 + o[1, 1] ** 2 + dx * o[3, 0] + dy * o[3, 1]
-        qst = o[1, 0] * o[2, 0] + o[1, 1] * o[2, 1] + dx * o[4, 0] + dy * o[4, 1]
-        qtt = o[2, 0] ** 2 + o[2, 1] ** 2 + dx * o[5, 0] + dy * o[5, 1]
-        p = o[1, 2] * qt - o[2, 2] * qs
-        ps = o[3, 2] * qt + o[1, 2] * qst - o[4, 2] * qs - o[2, 2] * qss
-        pt = o[4, 2] * qt + o[1, 2] * qtt - o[5, 2] * qs - o[2, 2] * qst
+        qs, qt = dx * o[DS, X] + dy * o[DS, Y], dx * o[DT, X] + dy * o[DT, Y]
+        qss = o[DS, X] ** 2 + o[DS, Y] ** 2 + dx * o[DSS, X] + dy * o[DSS, Y]
+        qst = o[DS, X] * o[DT, X] + o[DS, Y] * o[DT, Y] + dx * o[DST, X] + dy * o[DST, Y]
+        qtt = o[DT, X] ** 2 + o[DT, Y] ** 2 + dx * o[DTT, X] + dy * o[DTT, Y]
+        p = o[DS, Z] * qt - o[DT, Z] * qs
+        ps = o[DSS, Z] * qt + o[DS, Z] * qst - o[DST, Z] * qs - o[DT, Z] * qss
+        pt = o[DST, Z] * qt + o[DS, Z] * qtt - o[DTT, Z] * qs - o[DT, Z] * qst
         det = qs * pt - qt * ps
         if not abs(det) > 1e-300:
             return False
         ns, nt = s - (pt * q - qt * p) / det, t - (qs * p - ps * q) / det
         clamped = _is_outside(ns, nt, sl, sh, tl, th)
         ns, nt = min(max(ns, sl), sh), min(max(nt, tl), th)
-        moved = abs(ns - s) * math.sqrt(o[1, 0] ** 2 + o[1, 1] ** 2 + o[1, 2] ** 2) \
-            + abs(nt - t) * math.sqrt(o[2, 0] ** 2 + o[2, 1] ** 2 + o[2, 2] ** 2)
+        moved = abs(ns - s) * math.sqrt(o[DS, X] ** 2 + o[DS, Y] ** 2 + o[DS, Z] ** 2) \
+            + abs(nt - t) * math.sqrt(o[DT, X] ** 2 + o[DT, Y] ** 2 + o[DT, Z] ** 2)
         if moved < 1e-12:
-            w[0], w[1] = s, t
-            return not clamped and abs(q) < 2.0 * RIM_MM * R and qs * o[1, 2] + qt * o[2, 2] >= 0.0
+            w[AT_S], w[AT_T] = s, t
+            return not clamped and abs(q) < 2.0 * RIM_MM * R and qs * o[DS, Z] + qt * o[DT, Z] >= 0.0
         if clamped:
             blocked += 1
             if blocked > 6:
@@ -81,17 +96,17 @@ def _to_rim(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, o, w):
 def _to_summit(coefficients, patch, s, t, sl, sh, tl, th, o, w):
     """Newton on the gradient of z within a box; true when it converged on a maximum inside it."""
     for _ in range(STEPS):
-        derive(coefficients, patch[1], patch[2], patch[3], patch[4] != 0, s, t, o)
-        det = o[3, 2] * o[5, 2] - o[4, 2] * o[4, 2]
-        if not (det > 0.0 and o[3, 2] < 0.0):
+        derive(coefficients, patch[OFFSET], patch[DEGREE_U], patch[DEGREE_V], patch[IS_RATIONAL] != 0, s, t, o)
+        det = o[DSS, Z] * o[DTT, Z] - o[DST, Z] * o[DST, Z]
+        if not (det > 0.0 and o[DSS, Z] < 0.0):
             return False
-        ns = s - (o[5, 2] * o[1, 2] - o[4, 2] * o[2, 2]) / det
-        nt = t - (o[3, 2] * o[2, 2] - o[4, 2] * o[1, 2]) / det
+        ns = s - (o[DTT, Z] * o[DS, Z] - o[DST, Z] * o[DT, Z]) / det
+        nt = t - (o[DSS, Z] * o[DT, Z] - o[DST, Z] * o[DS, Z]) / det
         clamped = _is_outside(ns, nt, sl, sh, tl, th)
         ns, nt = min(max(ns, sl), sh), min(max(nt, tl), th)
-        moved = abs(ns - s) * (abs(o[1, 0]) + abs(o[1, 1])) + abs(nt - t) * (abs(o[2, 0]) + abs(o[2, 1]))
+        moved = abs(ns - s) * (abs(o[DS, X]) + abs(o[DS, Y])) + abs(nt - t) * (abs(o[DT, X]) + abs(o[DT, Y]))
         if moved < 1e-10:
-            w[0], w[1] = s, t
+            w[AT_S], w[AT_T] = s, t
             return not clamped
         s, t = ns, nt
     return False
@@ -107,8 +122,8 @@ def _climb_edge(coefficients, patch, sl, sh, x, y, R, o, w):
         z, values[k] = _edge_at(coefficients, patch, s, x, y, o)
         if values[k] <= R + RIM_MM and z > best:
             best, bs = z, s
-    if (values[0] > R) != (values[1] > R):          # crossing of the rim: Newton kept in a bracket
-        inside, outside = (sl, sh) if values[0] <= R else (sh, sl)
+    if (values[FROM] > R) != (values[TO] > R):          # crossing of the rim: Newton kept in a bracket
+        inside, outside = (sl, sh) if values[FROM] <= R else (sh, sl)
         s = 0.5 * (inside + outside)
         for _ in range(80):
             z, d = _edge_at(coefficients, patch, s, x, y, o)
@@ -122,7 +137,7 @@ def _climb_edge(coefficients, patch, sl, sh, x, y, R, o, w):
                     best, bs = z, s
             if abs(d - R) < 1e-13 * R or abs(inside - outside) < 1e-15:
                 break
-            rate = ((o[0, 0] - x) * o[1, 0] + (o[0, 1] - y) * o[1, 1]) / max(d, 1e-300)
+            rate = ((o[POINT, X] - x) * o[DS, X] + (o[POINT, Y] - y) * o[DS, Y]) / max(d, 1e-300)
             n = s - (d - R) / rate if rate != 0.0 else np.inf
             if not (min(inside, outside) < n < max(inside, outside)):
                 n = 0.5 * (inside + outside)
@@ -132,38 +147,38 @@ def _climb_edge(coefficients, patch, sl, sh, x, y, R, o, w):
         z, d = _edge_at(coefficients, patch, s, x, y, o)
         if d <= R + RIM_MM and z > best:
             best, bs = z, s
-        if not o[3, 2] < 0.0:
+        if not o[DSS, Z] < 0.0:
             break
-        n = min(max(s - o[1, 2] / o[3, 2], sl), sh)
+        n = min(max(s - o[DS, Z] / o[DSS, Z], sl), sh)
         if abs(n - s) < 1e-14:
             break
         s = n
-    w[0], w[1], w[2] = bs, 0.0, 1.0
+    w[AT_S], w[AT_T], w[CERTAINTY] = bs, 0.0, 1.0
     return best
 
 
 @njit(error_model="numpy", inline="always")
 def _edge_at(coefficients, patch, s, x, y, o):
     """z and distance to the axis; derivatives stay in o."""
-    derive(coefficients, patch[1], patch[2], patch[3], patch[4] != 0, s, 0.0, o)
-    return o[0, 2], math.sqrt((o[0, 0] - x) ** 2 + (o[0, 1] - y) ** 2)
+    derive(coefficients, patch[OFFSET], patch[DEGREE_U], patch[DEGREE_V], patch[IS_RATIONAL] != 0, s, 0.0, o)
+    return o[POINT, Z], math.sqrt((o[POINT, X] - x) ** 2 + (o[POINT, Y] - y) ** 2)
 
 
 @njit(error_model="numpy")
 def flat_proof(row, kind, o, alpha, beta, x, y, R, normal_z, sine):
     """As `patch_contacts.box_proof` for a flat end mill: 0 nothing, 1 at most one contact, 2 none."""
-    ls, lt = row[4] * alpha, row[5] * beta
-    ass, ast, att = row[6] * alpha * alpha, row[7] * alpha * beta, row[8] * beta * beta
-    sss, sst = row[9] * alpha ** 3, row[10] * alpha * alpha * beta
-    stt, ttt = row[11] * alpha * beta * beta, row[12] * beta ** 3
-    dx, dy = o[0, 0] - x, o[0, 1] - y
+    ls, lt = row[REACH_S] * alpha, row[REACH_T] * beta
+    ass, ast, att = row[REACH_SS] * alpha * alpha, row[REACH_ST] * alpha * beta, row[REACH_TT] * beta * beta
+    sss, sst = row[REACH_SSS] * alpha ** 3, row[REACH_SST] * alpha * alpha * beta
+    stt, ttt = row[REACH_STT] * alpha * beta * beta, row[REACH_TTT] * beta ** 3
+    dx, dy = o[POINT, X] - x, o[POINT, Y] - y
     d = math.sqrt(dx * dx + dy * dy)
     bend = 0.5 * (ass + 2.0 * ast + att)
-    reach = d + math.sqrt(o[1, 0] ** 2 + o[1, 1] ** 2) + math.sqrt(o[2, 0] ** 2 + o[2, 1] ** 2) + bend
-    qs, qt = dx * o[1, 0] + dy * o[1, 1], dx * o[2, 0] + dy * o[2, 1]
-    qss = o[1, 0] ** 2 + o[1, 1] ** 2 + dx * o[3, 0] + dy * o[3, 1]
-    qst = o[1, 0] * o[2, 0] + o[1, 1] * o[2, 1] + dx * o[4, 0] + dy * o[4, 1]
-    qtt = o[2, 0] ** 2 + o[2, 1] ** 2 + dx * o[5, 0] + dy * o[5, 1]
+    reach = d + math.sqrt(o[DS, X] ** 2 + o[DS, Y] ** 2) + math.sqrt(o[DT, X] ** 2 + o[DT, Y] ** 2) + bend
+    qs, qt = dx * o[DS, X] + dy * o[DS, Y], dx * o[DT, X] + dy * o[DT, Y]
+    qss = o[DS, X] ** 2 + o[DS, Y] ** 2 + dx * o[DSS, X] + dy * o[DSS, Y]
+    qst = o[DS, X] * o[DT, X] + o[DS, Y] * o[DT, Y] + dx * o[DST, X] + dy * o[DST, Y]
+    qtt = o[DT, X] ** 2 + o[DT, Y] ** 2 + dx * o[DTT, X] + dy * o[DTT, Y]
     # how far the second derivatives of Q leave their middle values: its third derivatives
     xsss, xsst = 3.0 * ls * ass + reach * sss, 2.0 * ls * ast + lt * ass + reach * sst
     xstt, xttt = 2.0 * lt * ast + ls * att + reach * stt, 3.0 * lt * att + reach * ttt
@@ -176,29 +191,29 @@ def flat_proof(row, kind, o, alpha, beta, x, y, R, normal_z, sine):
         return 2
     eqs = abs(qss) + abs(qst) + xsss + 2.0 * xsst + xstt
     if kind == 1:
-        falls = abs(o[1, 2]) > ass or o[3, 2] + sss < 0.0
+        falls = abs(o[DS, Z]) > ass or o[DSS, Z] + sss < 0.0
         return 1 if falls and (q_high <= 0.0 or abs(qs) > eqs) else 0
     summit = not (sine < 1.0 and math.sqrt(max(1.0 - normal_z * normal_z, 0.0)) > 1.01 * sine)
-    if summit and (o[3, 2] - sss - sst > 0.0 or o[5, 2] - stt - ttt > 0.0):
+    if summit and (o[DSS, Z] - sss - sst > 0.0 or o[DTT, Z] - stt - ttt > 0.0):
         summit = False                              # z curves upward: no maximum inside
     rim = q_high >= -RIM_MM * R
     if not rim and not summit:
         return 2
     if not rim:
-        a, b, c = -o[3, 2] - sss - sst, -o[5, 2] - stt - ttt, abs(o[4, 2]) + sst + stt
+        a, b, c = -o[DSS, Z] - sss - sst, -o[DTT, Z] - stt - ttt, abs(o[DST, Z]) + sst + stt
         return 1 if a > 0.0 and b > 0.0 and a * b > c * c else 0
     if summit:
         return 0
-    ps = o[3, 2] * qt + o[1, 2] * qst - o[4, 2] * qs - o[2, 2] * qss
-    pt = o[4, 2] * qt + o[1, 2] * qtt - o[5, 2] * qs - o[2, 2] * qst
+    ps = o[DSS, Z] * qt + o[DS, Z] * qst - o[DST, Z] * qs - o[DT, Z] * qss
+    pt = o[DST, Z] * qt + o[DS, Z] * qtt - o[DTT, Z] * qs - o[DT, Z] * qst
     eqt = abs(qst) + abs(qtt) + xsst + 2.0 * xstt + xttt
     gs, gt = abs(qs) + eqs, abs(qt) + eqt
     # every factor of ps, pt at its largest, times how far the other leaves its middle
     rss, rst, rtt = xsss + xsst, xsst + xstt, xstt + xttt
-    eps = (sss + sst) * gt + abs(o[3, 2]) * eqt + (ass + ast) * (abs(qst) + rst) + abs(o[1, 2]) * rst \
-        + (sst + stt) * gs + abs(o[4, 2]) * eqs + (ast + att) * (abs(qss) + rss) + abs(o[2, 2]) * rss
-    ept = (sst + stt) * gt + abs(o[4, 2]) * eqt + (ass + ast) * (abs(qtt) + rtt) + abs(o[1, 2]) * rtt \
-        + (stt + ttt) * gs + abs(o[5, 2]) * eqs + (ast + att) * (abs(qst) + rst) + abs(o[2, 2]) * rst
+    eps = (sss + sst) * gt + abs(o[DSS, Z]) * eqt + (ass + ast) * (abs(qst) + rst) + abs(o[DS, Z]) * rst \
+        + (sst + stt) * gs + abs(o[DST, Z]) * eqs + (ast + att) * (abs(qss) + rss) + abs(o[DT, Z]) * rss
+    ept = (sst + stt) * gt + abs(o[DST, Z]) * eqt + (ass + ast) * (abs(qtt) + rtt) + abs(o[DS, Z]) * rtt \
+        + (stt + ttt) * gs + abs(o[DTT, Z]) * eqs + (ast + att) * (abs(qst) + rst) + abs(o[DT, Z]) * rst
     det = abs(qs * pt - qt * ps)
     loss = abs(qs) * ept + abs(pt) * eqs + eqs * ept + abs(qt) * eps + abs(ps) * eqt + eqt * eps
     return 1 if det > loss else 0

@@ -15,7 +15,10 @@ import math
 import numpy as np
 
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, A, B, C, X, Y, Z
 
+TOP, PLANE_A, PLANE_B, PLANE_C, LEAN_X, LEAN_Y, UPHILL_X, UPHILL_Y = range(4, 12)   # of a node, behind X_LOW to Y_HIGH
+FACET_A, FACET_B, FACET_C, FACET_SLOPE, FACET_ROOT = range(5)                       # of a facet
 STACK = 128          # deeper than any balanced tree of 2**63 leaves
 SETTLED_MM = 1e-12   # an edge's contact is left when nothing better than this can come
 
@@ -33,34 +36,34 @@ def bottom(d, R, rc):
 def node_bound(nodes, k, x, y, R, rc):
     """Upper bound of the tip height that anything in node k can ask for.
 
-    Columns of nodes: x low, x high, y low, y high, z max, plane z <= a x + b y + c as a, b, c,
-    then (a, b) / sqrt(1 + a² + b²) and (a, b) / |(a, b)|.
+    Columns of nodes: X_LOW, X_HIGH, Y_LOW, Y_HIGH, TOP, plane z <= a x + b y + c as PLANE_A, PLANE_B, PLANE_C,
+    then (a, b) / sqrt(1 + a² + b²) as LEAN_X, LEAN_Y and (a, b) / |(a, b)| as UPHILL_X, UPHILL_Y.
     """
-    xl, xh, yl, yh = nodes[k, 0] - x, nodes[k, 1] - x, nodes[k, 2] - y, nodes[k, 3] - y
+    xl, xh, yl, yh = nodes[k, X_LOW] - x, nodes[k, X_HIGH] - x, nodes[k, Y_LOW] - y, nodes[k, Y_HIGH] - y
     dx, dy = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
     near2 = dx * dx + dy * dy
     if near2 > R * R:
         return -np.inf
-    a, b = nodes[k, 5], nodes[k, 6]
+    a, b = nodes[k, PLANE_A], nodes[k, PLANE_B]
     # expand about the point of the box nearest to where the cutter would touch the plane
-    px = min(max((R - rc) * nodes[k, 10] + rc * nodes[k, 8], xl), xh)
-    py = min(max((R - rc) * nodes[k, 11] + rc * nodes[k, 9], yl), yh)
+    px = min(max((R - rc) * nodes[k, UPHILL_X] + rc * nodes[k, LEAN_X], xl), xh)
+    py = min(max((R - rc) * nodes[k, UPHILL_Y] + rc * nodes[k, LEAN_Y], yl), yh)
     d2 = px * px + py * py
     if rc == 0.0:
         # on the disk every multiple of R² - d² >= 0 may be added: with m = |(a, b)| / 2R the rim's contact is flat
-        height = nodes[k, 7] + a * (x + px) + b * (y + py)
+        height = nodes[k, PLANE_C] + a * (x + px) + b * (y + py)
         inside = height + max(a * (xl - px), a * (xh - px)) + max(b * (yl - py), b * (yh - py))
-        m = (a * nodes[k, 10] + b * nodes[k, 11]) / R
+        m = (a * nodes[k, UPHILL_X] + b * nodes[k, UPHILL_Y]) / R
         bound = height + 0.5 * m * (R * R - d2)
         bound += rise(a - m * px, xl - px, xh - px, m) + rise(b - m * py, yl - py, yh - py, m)
         bound = min(bound, inside)
     else:
         m = 1.0 / R if rc == R else 0.0     # p of a ball bends by that or more everywhere
         px, py, p, steep = tangent_of_bottom(px, py, R, rc, 0.96)
-        bound = nodes[k, 7] + a * (x + px) + b * (y + py) - p
+        bound = nodes[k, PLANE_C] + a * (x + px) + b * (y + py) - p
         bound += rise(a - steep * px, xl - px, xh - px, m) + rise(b - steep * py, yl - py, yh - py, m)
-    if nodes[k, 4] < bound:
-        bound = min(bound, nodes[k, 4] - bottom(math.sqrt(near2), R, rc))
+    if nodes[k, TOP] < bound:
+        bound = min(bound, nodes[k, TOP] - bottom(math.sqrt(near2), R, rc))
     return bound
 
 
@@ -182,19 +185,20 @@ def _bull_nose_on_edge(az, slope, steep, foot, q, low, high, R, rc, best):
 def triangle_contact(corners, facets, k, x, y, R, rc, best):
     """Where triangle k holds the cutter over (x, y): tip height, contact x, y, z.
 
-    What cannot exceed `best` may come back lower than it is.  Columns of facets: plane a, b, c, its slope |(a, b)|
-    and sqrt(1 + slope²); an infinite slope stands for a facet whose plane is not to be relied on.
+    What cannot exceed `best` may come back lower than it is.  Columns of facets: plane a, b, c as FACET_A, FACET_B,
+    FACET_C, its slope |(a, b)| and sqrt(1 + slope²) as FACET_SLOPE, FACET_ROOT; an infinite slope stands for a facet
+    whose plane is not to be relied on.
     """
-    slope, root = facets[k, 3], facets[k, 4]
-    a, b = facets[k, 0], facets[k, 1]
+    slope, root = facets[k, FACET_SLOPE], facets[k, FACET_ROOT]
+    a, b = facets[k, FACET_A], facets[k, FACET_B]
     held = np.inf
     if slope < np.inf:
-        held = facets[k, 2] + a * x + b * y + (R - rc) * slope + rc * (root - 1.0)
+        held = facets[k, FACET_C] + a * x + b * y + (R - rc) * slope + rc * (root - 1.0)
         if held <= best:
             return -np.inf, x, y, 0.0
-    ax, ay, az = corners[k, 0, 0] - x, corners[k, 0, 1] - y, corners[k, 0, 2]
-    bx, by, bz = corners[k, 1, 0] - x, corners[k, 1, 1] - y, corners[k, 1, 2]
-    cx, cy, cz = corners[k, 2, 0] - x, corners[k, 2, 1] - y, corners[k, 2, 2]
+    ax, ay, az = corners[k, A, X] - x, corners[k, A, Y] - y, corners[k, A, Z]
+    bx, by, bz = corners[k, B, X] - x, corners[k, B, Y] - y, corners[k, B, Z]
+    cx, cy, cz = corners[k, C, X] - x, corners[k, C, Y] - y, corners[k, C, Z]
     ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
     nz = ux * vy - uy * vx
     tip, tx, ty, tz = -np.inf, x, y, 0.0
@@ -241,7 +245,7 @@ def drop_one(corners, facets, nodes, x, y, R, rc, start, stack, bounds):
 
     Returns tip, the row of the triangle it rests on (-1 for nothing), contact x, y, z.
     """
-    first_leaf = (nodes.shape[0] - 1) // 2
+    first_leaf = (len(nodes) - 1) // 2
     best, owner, tx, ty, tz = -np.inf, -1, np.nan, np.nan, np.nan
     if start >= 0:
         best, tx, ty, tz = triangle_contact(corners, facets, start, x, y, R, rc, best)
@@ -254,8 +258,8 @@ def drop_one(corners, facets, nodes, x, y, R, rc, start, stack, bounds):
             continue
         k = stack[top]
         if k >= first_leaf:
-            for t in range(first_of(k - first_leaf, corners.shape[0], first_leaf + 1),
-                           first_of(k - first_leaf + 1, corners.shape[0], first_leaf + 1)):
+            for t in range(first_of(k - first_leaf, len(corners), first_leaf + 1),
+                           first_of(k - first_leaf + 1, len(corners), first_leaf + 1)):
                 tip, cx, cy, cz = triangle_contact(corners, facets, t, x, y, R, rc, best)
                 if tip > best:
                     best, owner, tx, ty, tz = tip, t, cx, cy, cz
@@ -278,7 +282,7 @@ def drop_one(corners, facets, nodes, x, y, R, rc, start, stack, bounds):
 @njit(error_model="numpy")
 def holder_above(corners, facets, nodes, x, y, R, rc, z, start, stack):
     """Row of a triangle that keeps the tip above z, -1 where none does; `start` is tried first."""
-    first_leaf = (nodes.shape[0] - 1) // 2
+    first_leaf = (len(nodes) - 1) // 2
     if start >= 0 and triangle_contact(corners, facets, start, x, y, R, rc, z)[0] > z:
         return start
     top = 1
@@ -287,8 +291,8 @@ def holder_above(corners, facets, nodes, x, y, R, rc, z, start, stack):
         top -= 1
         k = stack[top]
         if k >= first_leaf:
-            for t in range(first_of(k - first_leaf, corners.shape[0], first_leaf + 1),
-                           first_of(k - first_leaf + 1, corners.shape[0], first_leaf + 1)):
+            for t in range(first_of(k - first_leaf, len(corners), first_leaf + 1),
+                           first_of(k - first_leaf + 1, len(corners), first_leaf + 1)):
                 if triangle_contact(corners, facets, t, x, y, R, rc, z)[0] > z:
                     return t
             continue

@@ -9,10 +9,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.toolpaths.contact.contacts import checked_radii_mm
-from cuspline.toolpaths.drop.drop_kernels import STACK, drop_one, first_of, holder_above
+from cuspline.toolpaths.drop.drop_kernels import (
+    FACET_A,
+    FACET_B,
+    FACET_C,
+    FACET_ROOT,
+    FACET_SLOPE,
+    LEAN_X,
+    LEAN_Y,
+    PLANE_A,
+    PLANE_B,
+    PLANE_C,
+    STACK,
+    TOP,
+    UPHILL_X,
+    UPHILL_Y,
+    drop_one,
+    first_of,
+    holder_above,
+)
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, A, B, C, X, Y, Z
 from cuspline.values.threads import in_blocks
 
 SERIAL_ROWS = 512       # fewer are done before the other threads have woken
@@ -141,10 +160,10 @@ def _drop_rows(corners, facets, nodes, xy, R, rc, tips, contacts, owners, first,
     stack, bounds = np.empty(STACK, np.int64), np.empty(STACK)
     last = -1
     for i in range(first, end):
-        tips[i], last, tx, ty, tz = drop_one(corners, facets, nodes, xy[i, 0], xy[i, 1], R, rc, last, stack, bounds)
-        if owners.shape[0] > 0:
+        tips[i], last, tx, ty, tz = drop_one(corners, facets, nodes, xy[i, X], xy[i, Y], R, rc, last, stack, bounds)
+        if len(owners) > 0:
             owners[i] = last
-            contacts[i, 0], contacts[i, 1], contacts[i, 2] = tx, ty, tz
+            contacts[i, X], contacts[i, Y], contacts[i, Z] = tx, ty, tz
 
 
 @njit(error_model="numpy")
@@ -152,7 +171,7 @@ def _held_rows(corners, facets, nodes, xy, R, rc, z, held, first, end):
     stack = np.empty(STACK, np.int64)
     last = -1
     for i in range(first, end):
-        holder = holder_above(corners, facets, nodes, xy[i, 0], xy[i, 1], R, rc, z[i], last, stack)
+        holder = holder_above(corners, facets, nodes, xy[i, X], xy[i, Y], R, rc, z[i], last, stack)
         held[i] = holder >= 0
         last = holder if holder >= 0 else last
 
@@ -168,7 +187,7 @@ def _sides(corners):
 @njit(error_model="numpy")
 def _halved(centers, side, leaves):
     """(m,) order in which every node's triangles are parted by side, then across their longer extent in plan."""
-    m = centers.shape[0]
+    m = len(centers)
     order, key = np.arange(m), np.empty(m)
     width = leaves
     while width > 1:
@@ -180,7 +199,7 @@ def _halved(centers, side, leaves):
                 is_mixed |= side[k] != side[rows[0]]
                 for axis in range(2):
                     low[axis], high[axis] = min(low[axis], centers[k, axis]), max(high[axis], centers[k, axis])
-            axis = 0 if high[0] - low[0] > high[1] - low[1] else 1
+            axis = 0 if high[X] - low[X] > high[Y] - low[Y] else 1
             for k in rows:
                 key[k] = side[k] if is_mixed else centers[k, axis]
             _part(rows, key, first_of(leaf + width // 2, m, leaves) - first)
@@ -191,7 +210,7 @@ def _halved(centers, side, leaves):
 @njit
 def _part(rows, key, count):
     """Reorder rows so that the first `count` have the lowest keys (Hoare's selection)."""
-    low, high = 0, rows.shape[0] - 1
+    low, high = 0, len(rows) - 1
     while low < high:
         pivot = key[rows[(low + high) // 2]]
         i, j = low, high
@@ -215,12 +234,12 @@ def _part(rows, key, count):
 @njit(error_model="numpy")
 def _facet_planes(corners):
     """Plane a, b, c, slope and sqrt(1 + slope²) of each triangle; slope inf where it is too steep or too narrow."""
-    m = corners.shape[0]
+    m = len(corners)
     facets = np.full((m, 5), np.inf)
     for k in range(m):
-        ax, ay, az = corners[k, 0]
-        ux, uy, uz = corners[k, 1] - corners[k, 0]
-        vx, vy, vz = corners[k, 2] - corners[k, 0]
+        ax, ay, az = corners[k, A]
+        ux, uy, uz = corners[k, B] - corners[k, A]
+        vx, vy, vz = corners[k, C] - corners[k, A]
         nz = ux * vy - uy * vx
         longest = math.sqrt(max(ux * ux + uy * uy, vx * vx + vy * vy, (vx - ux) ** 2 + (vy - uy) ** 2))
         if not abs(nz) > NARROWEST_MM * longest:
@@ -228,8 +247,8 @@ def _facet_planes(corners):
         a, b = -(uy * vz - uz * vy) / nz, -(uz * vx - ux * vz) / nz
         slope = math.sqrt(a * a + b * b)
         if slope < STEEPEST:
-            facets[k, 0], facets[k, 1], facets[k, 2] = a, b, az - a * ax - b * ay
-            facets[k, 3], facets[k, 4] = slope, math.sqrt(1.0 + slope * slope)
+            facets[k, FACET_A], facets[k, FACET_B], facets[k, FACET_C] = a, b, az - a * ax - b * ay
+            facets[k, FACET_SLOPE], facets[k, FACET_ROOT] = slope, math.sqrt(1.0 + slope * slope)
     return facets
 
 
@@ -237,7 +256,7 @@ def _facet_planes(corners):
 def _upper_planes(corners, leaves):
     """Box, top and a least-squares plane lifted until it lies above, for every node of the tree."""
     nodes = np.empty((2 * leaves - 1, 12))
-    m, width, k = corners.shape[0], leaves, 0
+    m, width, k = len(corners), leaves, 0
     while width >= 1:
         for leaf in range(0, leaves, width):
             _upper_plane(corners, first_of(leaf, m, leaves), first_of(leaf + width, m, leaves), nodes[k])
@@ -250,15 +269,17 @@ def _upper_planes(corners, leaves):
 def _upper_plane(corners, first, last, node):
     """Fill one node from the triangles first..last-1; a node without any lies nowhere."""
     node[:] = 0.0
-    node[0], node[1], node[2], node[3], node[4], node[7] = np.inf, -np.inf, np.inf, -np.inf, -np.inf, -np.inf
+    node[X_LOW], node[X_HIGH], node[Y_LOW], node[Y_HIGH], node[TOP], node[PLANE_C] = (np.inf, -np.inf, np.inf, -np.inf,
+                                                                                      -np.inf, -np.inf)
     if first >= last:
         return
     mx = my = mz = 0.0
     for t in range(first, last):
         for v in range(3):
-            x, y, z = corners[t, v, 0], corners[t, v, 1], corners[t, v, 2]
-            node[0], node[1], node[2], node[3] = min(node[0], x), max(node[1], x), min(node[2], y), max(node[3], y)
-            node[4] = max(node[4], z)
+            x, y, z = corners[t, v, X], corners[t, v, Y], corners[t, v, Z]
+            node[X_LOW], node[X_HIGH], node[Y_LOW], node[Y_HIGH] = (min(node[X_LOW], x), max(node[X_HIGH], x),
+                                                                    min(node[Y_LOW], y), max(node[Y_HIGH], y))
+            node[TOP] = max(node[TOP], z)
             mx += x
             my += y
             mz += z
@@ -267,7 +288,7 @@ def _upper_plane(corners, first, last, node):
     xx = xy = yy = xz = yz = 0.0
     for t in range(first, last):
         for v in range(3):
-            x, y, z = corners[t, v, 0] - mx, corners[t, v, 1] - my, corners[t, v, 2] - mz
+            x, y, z = corners[t, v, X] - mx, corners[t, v, Y] - my, corners[t, v, Z] - mz
             xx += x * x
             xy += x * y
             yy += y * y
@@ -283,8 +304,8 @@ def _upper_plane(corners, first, last, node):
     c = -np.inf
     for t in range(first, last):
         for v in range(3):
-            c = max(c, corners[t, v, 2] - a * corners[t, v, 0] - b * corners[t, v, 1])
-    node[5], node[6], node[7] = a, b, c
+            c = max(c, corners[t, v, Z] - a * corners[t, v, X] - b * corners[t, v, Y])
+    node[PLANE_A], node[PLANE_B], node[PLANE_C] = a, b, c
     if slope > 1e-12:
         root = math.sqrt(1.0 + slope * slope)
-        node[8], node[9], node[10], node[11] = a / root, b / root, a / slope, b / slope
+        node[LEAN_X], node[LEAN_Y], node[UPHILL_X], node[UPHILL_Y] = a / root, b / root, a / slope, b / slope

@@ -12,16 +12,17 @@ import numpy as np
 
 from cuspline.kernel import brep
 from cuspline.surfaces.edge_curves import EdgeCurves
-from cuspline.surfaces.patches import PatchSet, derive
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, DS, DT, IS_RATIONAL, OF_FACE, OFFSET, POINT, PatchSet, derive
 from cuspline.surfaces.trims import TrimSet
 from cuspline.toolpaths.contact.contacts import checked_radii_mm
+from cuspline.toolpaths.contact.leaf_rows import PartArrays
 from cuspline.toolpaths.drop.patch_bounds import EDGE, FACE, UPWARD, conversions
-from cuspline.toolpaths.drop.patch_search import STACK, drop_one
+from cuspline.toolpaths.drop.patch_search import ON_PATCH, ON_S, ON_T, STACK, drop_one
 from cuspline.toolpaths.drop.patch_tree import grow_leaves, grow_tree
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
-from cuspline.values.rows import put
+from cuspline.values.rows import X, Y, Z, put
 from cuspline.values.threads import in_blocks
 
 TOLERANCE_MM = 1e-5         # what asks for less than this more than the best contact is not looked for
@@ -33,7 +34,7 @@ SERIAL_ROWS = 512
 class ExactPart:
     """The faces and edges of a part as a tree of sub-patches, millimetres, in the part's own frame (tool axis +z)."""
 
-    arrays: tuple       # what kernels take: coefficients, patch, span, kind, sign, rows, tags, nodes, first, trims
+    arrays: PartArrays      # what kernels take
 
     @classmethod
     def of_solid(cls, solid, upward=UPWARD):
@@ -70,12 +71,12 @@ class ExactPart:
         arrays = (coefficients, patch, span, kind, sign, rows, tags, nodes, first)
         for a in arrays:
             a.setflags(write=False)
-        return cls(arrays=(*arrays, trims.arrays))
+        return cls(arrays=PartArrays(*arrays, trims.arrays))
 
     @property
     def memory_bytes(self):
         """Size of everything that kernels read."""
-        return sum(a.nbytes for a in (*self.arrays[:9], *self.arrays[9]))
+        return sum(a.nbytes for a in (*self.arrays[:-1], *self.arrays.trims))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,9 +121,9 @@ def drop_contacts(part, xy_mm, radius_mm, corner_radius_mm, *, tolerance_mm=TOLE
     _describe(part.arrays, xy, at, float(radius_mm), float(corner_radius_mm), contact, normal)
     patch = at[:, 0].astype(np.int64)
     found = patch >= 0
-    face = np.where(found, part.arrays[1][patch, 0], -1)
+    face = np.where(found, part.arrays.patch[patch, OF_FACE], -1)
     return SurfaceContacts(tip_z_mm=tips, contact_mm=contact, normal=normal, face=face,
-                           is_edge=found & (part.arrays[3][patch] == EDGE))
+                           is_edge=found & (part.arrays.kind[patch] == EDGE))
 
 
 def gouge_depths_mm(part, tips_mm, radius_mm, corner_radius_mm, *, tolerance_mm=TOLERANCE_MM):
@@ -162,13 +163,13 @@ def _drop_rows(tree, xy, start, R, rc, tolerance, tips, at, low, high):
     scratch = scratch_space()
     hint, last = np.full(3, -1.0), np.full(3, -1.0)
     for i in range(low, high):
-        tips[i] = drop_one(tree, xy[i, 0], xy[i, 1], R, rc, tolerance, start[i], hint, scratch, at[i])
-        hint[0] = at[i, 0]
-        if at[i, 0] >= 0.0:
-            hint[1], hint[2] = at[i, 1], at[i, 2]
-            if last[0] == at[i, 0]:
-                hint[1] = min(max(2.0 * at[i, 1] - last[1], -1.0), 1.0)
-                hint[2] = min(max(2.0 * at[i, 2] - last[2], -1.0), 1.0)
+        tips[i] = drop_one(tree, xy[i, X], xy[i, Y], R, rc, tolerance, start[i], hint, scratch, at[i])
+        hint[ON_PATCH] = at[i, ON_PATCH]
+        if at[i, ON_PATCH] >= 0.0:
+            hint[ON_S], hint[ON_T] = at[i, ON_S], at[i, ON_T]
+            if last[ON_PATCH] == at[i, ON_PATCH]:
+                hint[ON_S] = min(max(2.0 * at[i, ON_S] - last[ON_S], -1.0), 1.0)
+                hint[ON_T] = min(max(2.0 * at[i, ON_T] - last[ON_T], -1.0), 1.0)
         put(last, at[i])
 
 
@@ -176,22 +177,23 @@ def _drop_rows(tree, xy, start, R, rc, tolerance, tips, at, low, high):
 def _describe(tree, xy, at, R, rc, contact, normal):
     """Contact points, and normals into the cutter: the face's, on an edge the cutter's."""
     o = np.empty((6, 3))
-    for i in range(xy.shape[0]):
-        if at[i, 0] < 0.0:
+    for i in range(len(xy)):
+        if at[i, ON_PATCH] < 0.0:
             continue
-        p = int(at[i, 0])
-        row = tree[1][p]
-        derive(tree[0], row[1], row[2], row[3], row[4] != 0, at[i, 1], at[i, 2], o)
-        contact[i] = o[0]
+        p = int(at[i, ON_PATCH])
+        row = tree.patch[p]
+        derive(tree.coefficients, row[OFFSET], row[DEGREE_U], row[DEGREE_V], row[IS_RATIONAL] != 0, at[i, ON_S],
+               at[i, ON_T], o)
+        contact[i] = o[POINT]
         n = np.zeros(3)
-        if tree[3][p] == FACE:
-            n = tree[4][p] * np.cross(o[1], o[2])
-        size = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+        if tree.kind[p] == FACE:
+            n = tree.sign[p] * np.cross(o[DS], o[DT])
+        size = math.sqrt(n[X] * n[X] + n[Y] * n[Y] + n[Z] * n[Z])
         if not size > 0.0:
             n = np.array([0.0, 0.0, 1.0])
-            dx, dy = o[0, 0] - xy[i, 0], o[0, 1] - xy[i, 1]
+            dx, dy = o[POINT, X] - xy[i, X], o[POINT, Y] - xy[i, Y]
             d = np.sqrt(dx * dx + dy * dy)
             e = d - (R - rc)
             if rc > 0.0 and e > 0.0:
                 n = np.array([-e * dx / d, -e * dy / d, np.sqrt(max(rc * rc - e * e, 0.0))])
-        normal[i] = n / math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+        normal[i] = n / math.sqrt(n[X] * n[X] + n[Y] * n[Y] + n[Z] * n[Z])

@@ -13,9 +13,11 @@ import math
 
 import numpy as np
 
-from cuspline.surfaces.trims import is_inside
+from cuspline.surfaces.patches import DS, DSS, DST, DT, DTT, POINT, U_HIGH, U_LOW, V_HIGH, V_LOW
+from cuspline.surfaces.trims import BINS, FIRST_BIN, IS_WHOLE, STRIPS_FROM, STRIPS_PER_V, U0, U1, V0, V1, is_inside
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
+from cuspline.values.rows import W, X, Y, Z, put
 
 TURN_RAD = 0.08             # cone half-angle below which a sub-patch is left whole
 SMALLEST_MM = 0.02          # sub-patches without a normal (poles) are halved down to this
@@ -25,6 +27,9 @@ PLANAR_MM = 1e-9            # a sub-patch this close to its parametrisation's pl
 HULL_MM = 1e-9              # outward rounding of hulls
 OUTSIDE, INSIDE, BORDER = 0, 1, 2
 FACE, EDGE = 0, 1
+DSSS, DSST, DSTT, DTTT = range(6, 10)       # rows of reaches, behind those of `patches.derive`
+IN_PLAN, IN_Z, IN_W = range(3)              # their columns: norm in xy, |z|, |w|
+NX_LOW, NX_HIGH, NY_LOW, NY_HIGH, HX_LOW, HX_HIGH, HY_LOW, HY_HIGH = range(8)       # of `cone_box`
 
 
 def conversions(degree):
@@ -42,21 +47,21 @@ def conversions(degree):
 def box_state(trims, face, ul, uh, vl, vh):
     """OUTSIDE, INSIDE or BORDER: what a parameter box is to the trim; chords count with a hair around them."""
     chords, bins, items, faces, strip = trims
-    if faces[face, 2] == 1:
+    if faces[face, IS_WHOLE] == 1:
         return INSIDE
-    count = faces[face, 1]
+    count = faces[face, BINS]
     if count == 0:
         return INSIDE
     hair_u, hair_v = 1e-6 * (uh - ul), 1e-6 * (vh - vl)
     ul, uh, vl, vh = ul - hair_u, uh + hair_u, vl - hair_v, vh + hair_v
-    low = int(math.floor((vl - strip[face, 0]) * strip[face, 1]))
-    high = int(math.floor((vh - strip[face, 0]) * strip[face, 1]))
+    low = int(math.floor((vl - strip[face, STRIPS_FROM]) * strip[face, STRIPS_PER_V]))
+    high = int(math.floor((vh - strip[face, STRIPS_FROM]) * strip[face, STRIPS_PER_V]))
     if low <= count and high >= 0:
-        first = faces[face, 0]
+        first = faces[face, FIRST_BIN]
         for b in range(first + min(max(low, 0), count - 1), first + min(max(high, 0), count - 1) + 1):
             for k in range(bins[b], bins[b + 1]):
                 c = chords[items[k]]
-                if _chord_meets(c[0], c[1], c[2], c[3], ul, uh, vl, vh):
+                if _chord_meets(c[U0], c[V0], c[U1], c[V1], ul, uh, vl, vh):
                     return BORDER
     return INSIDE if is_inside(trims, face, 0.5 * (ul + uh), 0.5 * (vl + vh)) else OUTSIDE
 
@@ -64,8 +69,8 @@ def box_state(trims, face, ul, uh, vl, vh):
 @njit
 def part_state(trims, face, span, s, hs, t, ht):
     """`box_state` of a box of a patch over its `span`: middle s, t and half sides hs, ht in local parameters."""
-    u0, v0 = 0.5 * (span[0] + span[1]), 0.5 * (span[2] + span[3])
-    hu, hv = 0.5 * (span[1] - span[0]), 0.5 * (span[3] - span[2])
+    u0, v0 = 0.5 * (span[U_LOW] + span[U_HIGH]), 0.5 * (span[V_LOW] + span[V_HIGH])
+    hu, hv = 0.5 * (span[U_HIGH] - span[U_LOW]), 0.5 * (span[V_HIGH] - span[V_LOW])
     return box_state(trims, face, u0 + hu * (s - hs), u0 + hu * (s + hs), v0 + hv * (t - ht), v0 + hv * (t + ht))
 
 
@@ -122,7 +127,7 @@ def bernstein(coefficients, offset, du, dv, cs, hs, ct, ht, mu, mv, out):
 @njit(error_model="numpy")
 def _reach(b, ds, dt, out):
     """Largest (xy norm, |z|, |w|) of the (ds, dt) derivative's Bernstein coefficients into out (3,)."""
-    nu, nv = b.shape[0], b.shape[1]
+    nu, nv = len(b), b.shape[1]
     out[:] = 0.0
     if nu <= ds or nv <= dt:
         return
@@ -131,18 +136,22 @@ def _reach(b, ds, dt, out):
     for a in range(ds):
         factor *= 0.5 * (nu - 1 - a)
         for i in range(nu - 1 - a):
-            d[i] = d[i + 1] - d[i]
+            for j in range(nv):
+                for k in range(4):
+                    d[i, j, k] = d[i + 1, j, k] - d[i, j, k]
     for a in range(dt):
         factor *= 0.5 * (nv - 1 - a)
         for j in range(nv - 1 - a):
             for i in range(nu - ds):
-                d[i, j] = d[i, j + 1] - d[i, j]
+                for k in range(4):
+                    d[i, j, k] = d[i, j + 1, k] - d[i, j, k]
     for i in range(nu - ds):
         for j in range(nv - dt):
-            out[0] = max(out[0], math.hypot(d[i, j, 0], d[i, j, 1]))
-            out[1] = max(out[1], abs(d[i, j, 2]))
-            out[2] = max(out[2], abs(d[i, j, 3]))
-    out *= factor
+            out[IN_PLAN] = max(out[IN_PLAN], math.hypot(d[i, j, X], d[i, j, Y]))
+            out[IN_Z] = max(out[IN_Z], abs(d[i, j, Z]))
+            out[IN_W] = max(out[IN_W], abs(d[i, j, W]))
+    for k in range(3):
+        out[k] *= factor
 
 
 @njit(error_model="numpy")
@@ -152,39 +161,41 @@ def derivative_reaches(b, derivatives, is_rational, out):
     per sigma, tau."""
     local = b.copy()
     low = np.inf
-    out[0] = 0.0
-    for i in range(b.shape[0]):
+    out[POINT] = 0.0
+    for i in range(len(b)):
         for j in range(b.shape[1]):
-            w = b[i, j, 3]
+            w = b[i, j, W]
             low = min(low, w)
             for k in range(3):
-                local[i, j, k] -= derivatives[0, k] * w
-            out[0, 0] = max(out[0, 0], math.hypot(local[i, j, 0], local[i, j, 1]) / w)
-            out[0, 1] = max(out[0, 1], abs(local[i, j, 2]) / w)
+                local[i, j, k] -= derivatives[POINT, k] * w
+            out[POINT, IN_PLAN] = max(out[POINT, IN_PLAN], math.hypot(local[i, j, X], local[i, j, Y]) / w)
+            out[POINT, IN_Z] = max(out[POINT, IN_Z], abs(local[i, j, Z]) / w)
     r = np.empty((10, 3))
     orders = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
     for n in range(1, 10):
         _reach(local, orders[n][0], orders[n][1], r[n])
     if not is_rational:
         for n in range(1, 10):
-            out[n] = r[n, :2]
+            put(out[n], r[n, :2])
         _tighten(derivatives, out)
         return
-    w = r[:, 2]
+    w = r[:, IN_W]
     for k in range(2):
         o, n = out[:, k], r[:, k]
-        o[1] = (n[1] + w[1] * o[0]) / low
-        o[2] = (n[2] + w[2] * o[0]) / low
-        o[3] = (n[3] + 2 * w[1] * o[1] + w[3] * o[0]) / low
-        o[4] = (n[4] + w[1] * o[2] + w[2] * o[1] + w[4] * o[0]) / low
-        o[5] = (n[5] + 2 * w[2] * o[2] + w[5] * o[0]) / low
+        o[DS] = (n[DS] + w[DS] * o[POINT]) / low
+        o[DT] = (n[DT] + w[DT] * o[POINT]) / low
+        o[DSS] = (n[DSS] + 2 * w[DS] * o[DS] + w[DSS] * o[POINT]) / low
+        o[DST] = (n[DST] + w[DS] * o[DT] + w[DT] * o[DS] + w[DST] * o[POINT]) / low
+        o[DTT] = (n[DTT] + 2 * w[DT] * o[DT] + w[DTT] * o[POINT]) / low
     for _ in range(2):                          # once with the crude ones, once with the tightened
         for k in range(2):
             o, n = out[:, k], r[:, k]
-            o[6] = (n[6] + 3 * w[1] * o[3] + 3 * w[3] * o[1] + w[6] * o[0]) / low
-            o[7] = (n[7] + 2 * w[1] * o[4] + w[2] * o[3] + 2 * w[4] * o[1] + w[3] * o[2] + w[7] * o[0]) / low
-            o[8] = (n[8] + 2 * w[2] * o[4] + w[1] * o[5] + 2 * w[4] * o[2] + w[5] * o[1] + w[8] * o[0]) / low
-            o[9] = (n[9] + 3 * w[2] * o[5] + 3 * w[5] * o[2] + w[9] * o[0]) / low
+            o[DSSS] = (n[DSSS] + 3 * w[DS] * o[DSS] + 3 * w[DSS] * o[DS] + w[DSSS] * o[POINT]) / low
+            o[DSST] = (n[DSST] + 2 * w[DS] * o[DST] + w[DT] * o[DSS] + 2 * w[DST] * o[DS] + w[DSS] * o[DT]
+                       + w[DSST] * o[POINT]) / low
+            o[DSTT] = (n[DSTT] + 2 * w[DT] * o[DST] + w[DS] * o[DTT] + 2 * w[DST] * o[DT] + w[DTT] * o[DS]
+                       + w[DSTT] * o[POINT]) / low
+            o[DTTT] = (n[DTTT] + 3 * w[DT] * o[DTT] + 3 * w[DTT] * o[DT] + w[DTTT] * o[POINT]) / low
         _tighten(derivatives, out)
 
 
@@ -192,30 +203,33 @@ def derivative_reaches(b, derivatives, is_rational, out):
 def _tighten(derivatives, out):
     """No derivative leaves its value in the middle by more than the next ones' reaches."""
     for k in range(2):
-        for n, first, second in ((3, 6, 7), (4, 7, 8), (5, 8, 9), (1, 3, 4), (2, 4, 5)):
+        for n, first, second in ((DSS, DSSS, DSST), (DST, DSST, DSTT), (DTT, DSTT, DTTT), (DS, DSS, DST),
+                                 (DT, DST, DTT)):
             if k == 0:
-                size = math.hypot(derivatives[n, 0], derivatives[n, 1])
+                size = math.hypot(derivatives[n, X], derivatives[n, Y])
             else:
-                size = abs(derivatives[n, 2])
+                size = abs(derivatives[n, Z])
             out[n, k] = min(out[n, k], size + out[first, k] + out[second, k])
-        out[0, k] = min(out[0, k], out[1, k] + out[2, k])
+        out[POINT, k] = min(out[POINT, k], out[DS, k] + out[DT, k])
 
 
 @njit(error_model="numpy")
 def normal_change(r):
     """How far S_s x S_t leaves its value in the middle of the box: (whole, z component) from (10, 2) reaches."""
-    s, t, ss, st, tt = (fixed.hypot(r[1, 0], r[1, 1]), fixed.hypot(r[2, 0], r[2, 1]), fixed.hypot(r[3, 0], r[3, 1]),
-                        fixed.hypot(r[4, 0], r[4, 1]), fixed.hypot(r[5, 0], r[5, 1]))
+    s, t, ss, st, tt = (fixed.hypot(r[DS, IN_PLAN], r[DS, IN_Z]), fixed.hypot(r[DT, IN_PLAN], r[DT, IN_Z]),
+                        fixed.hypot(r[DSS, IN_PLAN], r[DSS, IN_Z]), fixed.hypot(r[DST, IN_PLAN], r[DST, IN_Z]),
+                        fixed.hypot(r[DTT, IN_PLAN], r[DTT, IN_Z]))
     whole = ss * t + s * st + st * t + s * tt
-    return whole, r[3, 0] * r[2, 0] + r[1, 0] * r[4, 0] + r[4, 0] * r[2, 0] + r[1, 0] * r[5, 0]
+    return (whole, r[DSS, IN_PLAN] * r[DT, IN_PLAN] + r[DS, IN_PLAN] * r[DST, IN_PLAN]
+            + r[DST, IN_PLAN] * r[DT, IN_PLAN] + r[DS, IN_PLAN] * r[DTT, IN_PLAN])
 
 
 @njit(error_model="numpy", inline="always")
 def cone_box(nx, ny, nz, sine, up, out):
     """Ranges over a cone of unit normals (axis n, sine of the half-angle) into out (8,): nx low, high, ny low,
     high, and the same of the unit horizontal direction.  `up`: the largest nz; nothing is known if sine >= 1."""
-    out[0] = out[2] = out[4] = out[6] = -1.0
-    out[1] = out[3] = out[5] = out[7] = 1.0
+    out[NX_LOW] = out[NY_LOW] = out[HX_LOW] = out[HY_LOW] = -1.0
+    out[NX_HIGH] = out[NY_HIGH] = out[HX_HIGH] = out[HY_HIGH] = 1.0
     if sine >= 1.0:
         return
     cosine = math.sqrt(1.0 - sine * sine)
@@ -233,5 +247,5 @@ def cone_box(nx, ny, nz, sine, up, out):
     for k in range(2):
         n = (nx if k == 0 else ny) / h
         side = math.sqrt(max(1.0 - n * n, 0.0)) * sine_h
-        out[4 + 2 * k] = -1.0 if n < -cosine_h else max(n * cosine_h - side, -1.0) - hair
-        out[5 + 2 * k] = 1.0 if n > cosine_h else min(n * cosine_h + side, 1.0) + hair
+        out[HX_LOW + 2 * k] = -1.0 if n < -cosine_h else max(n * cosine_h - side, -1.0) - hair
+        out[HX_HIGH + 2 * k] = 1.0 if n > cosine_h else min(n * cosine_h + side, 1.0) + hair

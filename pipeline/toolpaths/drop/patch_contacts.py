@@ -15,9 +15,37 @@ import math
 
 import numpy as np
 
-from cuspline.surfaces.patches import derive
-from cuspline.toolpaths.drop.drop_kernels import bottom, rise, tangent_of_bottom
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, DS, DSS, DST, DT, DTT, IS_RATIONAL, OFFSET, POINT, derive
+from cuspline.toolpaths.contact.leaf_rows import (
+    AT_S,
+    AT_T,
+    CERTAINTY,
+    REACH_S,
+    REACH_SS,
+    REACH_SSS,
+    REACH_SST,
+    REACH_ST,
+    REACH_STT,
+    REACH_T,
+    REACH_TT,
+    REACH_TTT,
+    REACH_Z,
+)
+from cuspline.toolpaths.drop.drop_kernels import (
+    LEAN_X,
+    LEAN_Y,
+    PLANE_A,
+    PLANE_B,
+    PLANE_C,
+    TOP,
+    UPHILL_X,
+    UPHILL_Y,
+    bottom,
+    rise,
+    tangent_of_bottom,
+)
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, X, Y, Z
 
 KEEP = 0.7          # share of d_i d_j kept when the direction to the axis turns within a box (Young's inequality)
 STEPS = 24
@@ -37,25 +65,25 @@ def on_rim(a, b, xl, xh, yl, yh, R):
 @njit(error_model="numpy")
 def node_bound(nodes, k, x, y, R, rc):
     """Upper bound of the tip height that anything in node k can ask for."""
-    xl, xh, yl, yh = nodes[k, 0] - x, nodes[k, 1] - x, nodes[k, 2] - y, nodes[k, 3] - y
+    xl, xh, yl, yh = nodes[k, X_LOW] - x, nodes[k, X_HIGH] - x, nodes[k, Y_LOW] - y, nodes[k, Y_HIGH] - y
     dx, dy = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
     near2 = dx * dx + dy * dy
     if near2 > R * R:
         return -np.inf
-    a, b = nodes[k, 5], nodes[k, 6]
-    px = (R - rc) * nodes[k, 10] + rc * nodes[k, 8]
-    py = (R - rc) * nodes[k, 11] + rc * nodes[k, 9]
+    a, b = nodes[k, PLANE_A], nodes[k, PLANE_B]
+    px = (R - rc) * nodes[k, UPHILL_X] + rc * nodes[k, LEAN_X]
+    py = (R - rc) * nodes[k, UPHILL_Y] + rc * nodes[k, LEAN_Y]
     px, py, p, steep = tangent_of_bottom(min(max(px, xl), xh), min(max(py, yl), yh), R, rc, 0.96)
     m = 1.0 / R if rc == R else 0.0     # a ball bends by that or more everywhere
-    bound = nodes[k, 7] + a * (x + px) + b * (y + py) - p
+    bound = nodes[k, PLANE_C] + a * (x + px) + b * (y + py) - p
     bound += rise(a - steep * px, xl - px, xh - px, m) + rise(b - steep * py, yl - py, yh - py, m)
     if rc < R:                          # the plane alone: highest over the whole cutter
-        g = a * nodes[k, 10] + b * nodes[k, 11]
-        level = nodes[k, 7] + a * x + b * y
+        g = a * nodes[k, UPHILL_X] + b * nodes[k, UPHILL_Y]
+        level = nodes[k, PLANE_C] + a * x + b * y
         bound = min(bound, level + (R - rc) * g + rc * (math.sqrt(1.0 + g * g) - 1.0))
         if rc == 0.0:
             bound = min(bound, level + on_rim(a, b, xl, xh, yl, yh, R))
-    top = nodes[k, 4]
+    top = nodes[k, TOP]
     if top < bound:
         top -= bottom(math.sqrt(near2), R, rc)
     return min(bound, top)
@@ -73,17 +101,17 @@ def climb(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, rc, guess, o, w):
         the tip height that the point asks for; -inf if none was found below the cutter.
     """
     c = R - rc
-    offset, du, dv, rational = patch[1], patch[2], patch[3], patch[4] != 0
+    offset, du, dv, rational = patch[OFFSET], patch[DEGREE_U], patch[DEGREE_V], patch[IS_RATIONAL] != 0
     best, bs, bt = -np.inf, s, t
     step_s = step_t = 0.0
     done, kind = 0.0, 1.0
     for _ in range(STEPS):
         derive(coefficients, offset, du, dv, rational, s, t, o)
-        dx, dy = o[0, 0] - x, o[0, 1] - y
+        dx, dy = o[POINT, X] - x, o[POINT, Y] - y
         d = math.sqrt(dx * dx + dy * dy)
         e = max(d - c, 0.0)
         if d <= R:
-            tip = o[0, 2] - (rc - math.sqrt(max(rc * rc - e * e, 0.0)))
+            tip = o[POINT, Z] - (rc - math.sqrt(max(rc * rc - e * e, 0.0)))
         else:
             tip = -np.inf
         if best > -np.inf and tip < best:
@@ -95,36 +123,36 @@ def climb(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, rc, guess, o, w):
             continue
         best, bs, bt = max(best, tip), s, t
         level = tip if tip > -np.inf else guess
-        q = min(o[0, 2] - level - rc, 0.0)
+        q = min(o[POINT, Z] - level - rc, 0.0)
         wz = 1.0 if q < 0.0 else 0.0
         share, inverse = (e / d, 1.0 / d) if e > 0.0 and d > 0.0 else ((1.0, 0.0) if c == 0.0 else (0.0, 0.0))
         mx, my = share * dx, share * dy
-        gs = mx * o[1, 0] + my * o[1, 1] + q * o[1, 2]
-        gt = mx * o[2, 0] + my * o[2, 1] + q * o[2, 2]
+        gs = mx * o[DS, X] + my * o[DS, Y] + q * o[DS, Z]
+        gt = mx * o[DT, X] + my * o[DT, Y] + q * o[DT, Z]
         radial = c * inverse * inverse * inverse    # (1 - w) / d² once divided below
-        rs, rt = dx * o[1, 0] + dy * o[1, 1], dx * o[2, 0] + dy * o[2, 1]
-        hss = mx * o[3, 0] + my * o[3, 1] + q * o[3, 2] + wz * o[1, 2] * o[1, 2] \
-            + share * (o[1, 0] * o[1, 0] + o[1, 1] * o[1, 1]) + radial * rs * rs
+        rs, rt = dx * o[DS, X] + dy * o[DS, Y], dx * o[DT, X] + dy * o[DT, Y]
+        hss = mx * o[DSS, X] + my * o[DSS, Y] + q * o[DSS, Z] + wz * o[DS, Z] * o[DS, Z] \
+            + share * (o[DS, X] * o[DS, X] + o[DS, Y] * o[DS, Y]) + radial * rs * rs
         free_s = not ((s <= sl and gs > 0.0) or (s >= sh and gs < 0.0))
         free_t = dv > 0 and not ((t <= tl and gt > 0.0) or (t >= th and gt < 0.0))
         kind = 2.0 if free_s and (free_t or dv == 0) else 1.0
         step_s = step_t = 0.0
         if free_s and free_t:
-            hst = mx * o[4, 0] + my * o[4, 1] + q * o[4, 2] + wz * o[1, 2] * o[2, 2] \
-                + share * (o[1, 0] * o[2, 0] + o[1, 1] * o[2, 1]) + radial * rs * rt
-            htt = mx * o[5, 0] + my * o[5, 1] + q * o[5, 2] + wz * o[2, 2] * o[2, 2] \
-                + share * (o[2, 0] * o[2, 0] + o[2, 1] * o[2, 1]) + radial * rt * rt
+            hst = mx * o[DST, X] + my * o[DST, Y] + q * o[DST, Z] + wz * o[DS, Z] * o[DT, Z] \
+                + share * (o[DS, X] * o[DT, X] + o[DS, Y] * o[DT, Y]) + radial * rs * rt
+            htt = mx * o[DTT, X] + my * o[DTT, Y] + q * o[DTT, Z] + wz * o[DT, Z] * o[DT, Z] \
+                + share * (o[DT, X] * o[DT, X] + o[DT, Y] * o[DT, Y]) + radial * rt * rt
             step_s, step_t = _descent(hss, hst, htt, gs, gt, o)
             if (s <= sl and step_s < 0.0) or (s >= sh and step_s > 0.0) \
                     or (t <= tl and step_t < 0.0) or (t >= th and step_t > 0.0):    # back inside, one by one
-                step_s = -gs / max(abs(hss), 1e-3 * _square(o[1]), 1e-300)
-                step_t = -gt / max(abs(htt), 1e-3 * _square(o[2]), 1e-300)
+                step_s = -gs / max(abs(hss), 1e-3 * _square(o[DS]), 1e-300)
+                step_t = -gt / max(abs(htt), 1e-3 * _square(o[DT]), 1e-300)
         elif free_s:
-            step_s = -gs / max(abs(hss), 1e-3 * _square(o[1]), 1e-300)
+            step_s = -gs / max(abs(hss), 1e-3 * _square(o[DS]), 1e-300)
         elif free_t:
-            htt = mx * o[5, 0] + my * o[5, 1] + q * o[5, 2] + wz * o[2, 2] * o[2, 2] \
-                + share * (o[2, 0] * o[2, 0] + o[2, 1] * o[2, 1]) + radial * rt * rt
-            step_t = -gt / max(abs(htt), 1e-3 * _square(o[2]), 1e-300)
+            htt = mx * o[DTT, X] + my * o[DTT, Y] + q * o[DTT, Z] + wz * o[DT, Z] * o[DT, Z] \
+                + share * (o[DT, X] * o[DT, X] + o[DT, Y] * o[DT, Y]) + radial * rt * rt
+            step_t = -gt / max(abs(htt), 1e-3 * _square(o[DT]), 1e-300)
         gain = -(gs * step_s + gt * step_t)
         if tip > -np.inf and 0.5 * gain <= CONVERGED_MM * max(-q, 1e-3 * rc):
             done = kind
@@ -135,19 +163,19 @@ def climb(coefficients, patch, s, t, sl, sh, tl, th, x, y, R, rc, guess, o, w):
         step_s, step_t = s - bs, t - bt
         if tip == -np.inf and abs(step_s) + abs(step_t) < 1e-14:
             break
-    w[0], w[1], w[2] = bs, bt, done
+    w[AT_S], w[AT_T], w[CERTAINTY] = bs, bt, done
     return best
 
 
 @njit(inline="always", error_model="numpy")
 def _square(v):
-    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    return v[X] * v[X] + v[Y] * v[Y] + v[Z] * v[Z]
 
 
 @njit(error_model="numpy")
 def _descent(hss, hst, htt, gs, gt, o):
     """Newton's step; where the Hessian is not positive, with its eigenvalues' sizes instead (scaled by the metric)."""
-    a, b = math.sqrt(max(_square(o[1]), 1e-300)), math.sqrt(max(_square(o[2]), 1e-300))
+    a, b = math.sqrt(max(_square(o[DS]), 1e-300)), math.sqrt(max(_square(o[DT]), 1e-300))
     hss, hst, htt, gs, gt = hss / (a * a), hst / (a * b), htt / (b * b), gs / a, gt / b
     middle = 0.5 * (hss + htt)
     spread = math.sqrt(0.25 * (hss - htt) ** 2 + hst * hst)
@@ -184,27 +212,27 @@ def box_proof(row, tag_kind, o, alpha, beta, x, y, R, rc, best, bound, tolerance
     """
     c = R - rc
     is_face = tag_kind == 0
-    ls, lt = row[4] * alpha, row[5] * beta
-    ass, ast, att = row[6] * alpha * alpha, row[7] * alpha * beta, row[8] * beta * beta
+    ls, lt = row[REACH_S] * alpha, row[REACH_T] * beta
+    ass, ast, att = row[REACH_SS] * alpha * alpha, row[REACH_ST] * alpha * beta, row[REACH_TT] * beta * beta
     bend = 0.5 * (ass + 2.0 * ast + att)
-    dx, dy = o[0, 0] - x, o[0, 1] - y
+    dx, dy = o[POINT, X] - x, o[POINT, Y] - y
     d = math.sqrt(dx * dx + dy * dy)
-    wide = math.sqrt(o[1, 0] ** 2 + o[1, 1] ** 2) + math.sqrt(o[2, 0] ** 2 + o[2, 1] ** 2) + bend
-    tall = min(abs(o[1, 2]) + abs(o[2, 2]) + bend, row[23] * 2.0)
+    wide = math.sqrt(o[DS, X] ** 2 + o[DS, Y] ** 2) + math.sqrt(o[DT, X] ** 2 + o[DT, Y] ** 2) + bend
+    tall = min(abs(o[DS, Z]) + abs(o[DT, Z]) + bend, row[REACH_Z] * 2.0)
     near, far = max(d - wide, 0.0), d + wide
     if d > 0.0:                                 # along the direction to the axis a box reaches less far
-        near = max(d - (abs(dx * o[1, 0] + dy * o[1, 1]) + abs(dx * o[2, 0] + dy * o[2, 1])) / d - bend, near)
+        near = max(d - (abs(dx * o[DS, X] + dy * o[DS, Y]) + abs(dx * o[DT, X] + dy * o[DT, Y])) / d - bend, near)
     if near > R:
         return 2
-    low = max(best, o[0, 2] - tall - bottom(min(far, R), R, rc))
-    high = min(bound, o[0, 2] + tall - bottom(near, R, rc))
+    low = max(best, o[POINT, Z] - tall - bottom(min(far, R), R, rc))
+    high = min(bound, o[POINT, Z] + tall - bottom(near, R, rc))
     if is_face and sine < 1.0:
-        low = max(low, o[0, 2] - tall - rc * (1.0 - max(normal_z - 1.01 * sine, -1.0)))
-        high = min(high, o[0, 2] + tall - rc * (1.0 - min(normal_z + 1.01 * sine, 1.0)))
+        low = max(low, o[POINT, Z] - tall - rc * (1.0 - max(normal_z - 1.01 * sine, -1.0)))
+        high = min(high, o[POINT, Z] + tall - rc * (1.0 - min(normal_z + 1.01 * sine, 1.0)))
     if high <= best + tolerance or high < low:
         return 2
     half = 0.5 * (high - low)
-    q = min(o[0, 2] - 0.5 * (low + high) - rc, 0.0)
+    q = min(o[POINT, Z] - 0.5 * (low + high) - rc, 0.0)
     e = max(d - c, 0.0)
     share = e / d if d > 0.0 else 0.0
     if c == 0.0:
@@ -212,24 +240,25 @@ def box_proof(row, tag_kind, o, alpha, beta, x, y, R, rc, best, bound, tolerance
     mx, my = share * dx, share * dy
     reach = math.sqrt(q * q + e * e) + wide + tall + half
     moved = ls + lt + half
-    wz = 1.0 if o[0, 2] + tall < low + rc else 0.0
+    wz = 1.0 if o[POINT, Z] + tall < low + rc else 0.0
     w = max(1.0 - c / near, 0.0) if near > 0.0 else (1.0 if c == 0.0 else 0.0)
-    hss = mx * o[3, 0] + my * o[3, 1] + q * o[3, 2] + wz * o[1, 2] * o[1, 2] \
-        + w * (o[1, 0] * o[1, 0] + o[1, 1] * o[1, 1])
-    ess = reach * (row[9] * alpha ** 3 + row[10] * alpha * alpha * beta) + moved * ass \
+    hss = mx * o[DSS, X] + my * o[DSS, Y] + q * o[DSS, Z] + wz * o[DS, Z] * o[DS, Z] \
+        + w * (o[DS, X] * o[DS, X] + o[DS, Y] * o[DS, Y])
+    ess = reach * (row[REACH_SSS] * alpha ** 3 + row[REACH_SST] * alpha * alpha * beta) + moved * ass \
         + 2.0 * ls * (ass + ast)
     hst = ess_t = htt = ett = 0.0
     if is_face:
-        hst = mx * o[4, 0] + my * o[4, 1] + q * o[4, 2] + wz * o[1, 2] * o[2, 2] \
-            + w * (o[1, 0] * o[2, 0] + o[1, 1] * o[2, 1])
-        htt = mx * o[5, 0] + my * o[5, 1] + q * o[5, 2] + wz * o[2, 2] * o[2, 2] \
-            + w * (o[2, 0] * o[2, 0] + o[2, 1] * o[2, 1])
-        ess_t = reach * (row[10] * alpha * alpha * beta + row[11] * alpha * beta * beta) + moved * ast \
+        hst = mx * o[DST, X] + my * o[DST, Y] + q * o[DST, Z] + wz * o[DS, Z] * o[DT, Z] \
+            + w * (o[DS, X] * o[DT, X] + o[DS, Y] * o[DT, Y])
+        htt = mx * o[DTT, X] + my * o[DTT, Y] + q * o[DTT, Z] + wz * o[DT, Z] * o[DT, Z] \
+            + w * (o[DT, X] * o[DT, X] + o[DT, Y] * o[DT, Y])
+        ess_t = reach * (row[REACH_SST] * alpha * alpha * beta + row[REACH_STT] * alpha * beta * beta) + moved * ast \
             + lt * (ass + ast) + ls * (ast + att)
-        ett = reach * (row[11] * alpha * beta * beta + row[12] * beta ** 3) + moved * att + 2.0 * lt * (ast + att)
+        ett = (reach * (row[REACH_STT] * alpha * beta * beta + row[REACH_TTT] * beta ** 3) + moved * att
+               + 2.0 * lt * (ast + att))
     if near > c and c > 0.0:
         v = c / far                             # 1 - w at the far side
-        rs, rt = (dx * o[1, 0] + dy * o[1, 1]) / d, (dx * o[2, 0] + dy * o[2, 1]) / d
+        rs, rt = (dx * o[DS, X] + dy * o[DS, Y]) / d, (dx * o[DT, X] + dy * o[DT, Y]) / d
         turn = wide / near
         qs, qt = ass + ast + turn * ls, ast + att + turn * lt
         loss = KEEP / (1.0 - KEEP)
@@ -249,9 +278,9 @@ def box_proof(row, tag_kind, o, alpha, beta, x, y, R, rc, best, bound, tolerance
     rest = best + tolerance
     if best == -np.inf or low > rest:
         return 0
-    q = min(o[0, 2] - rest - rc, 0.0)
-    gs = -(mx * o[1, 0] + my * o[1, 1] + q * o[1, 2])
-    gt = -(mx * o[2, 0] + my * o[2, 1] + q * o[2, 2])
+    q = min(o[POINT, Z] - rest - rc, 0.0)
+    gs = -(mx * o[DS, X] + my * o[DS, Y] + q * o[DS, Z])
+    gt = -(mx * o[DT, X] + my * o[DT, Y] + q * o[DT, Z])
     extra = max(rest - low, high - rest, 0.0)
     hss, htt = hss - cross - extra * (ass + ast), htt - cross - extra * (att + ast)
     inside = 0.5 * (rc * rc - q * q - e * e) + _parabola(gs, hss) + (_parabola(gt, htt) if is_face else 0.0)

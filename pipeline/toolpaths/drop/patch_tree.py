@@ -9,11 +9,43 @@ import math
 
 import numpy as np
 
-from cuspline.surfaces.patches import derive, scale_derivatives
+from cuspline.surfaces.patches import (
+    DEGREE_U,
+    DEGREE_V,
+    DS,
+    DSS,
+    DST,
+    DT,
+    DTT,
+    IS_RATIONAL,
+    OF_FACE,
+    OFFSET,
+    POINT,
+    derive,
+    scale_derivatives,
+)
+from cuspline.toolpaths.contact.leaf_rows import (
+    HALF_S,
+    HALF_T,
+    KIND,
+    MIDDLE_S,
+    MIDDLE_T,
+    NORMAL_CHANGE,
+    NORMALS,
+    PATCH,
+    REACH_S,
+    REACH_Z,
+    SHAPE,
+    STATE,
+    TOP_NZ,
+)
+from cuspline.toolpaths.drop.drop_kernels import LEAN_X, LEAN_Y, PLANE_A, PLANE_B, PLANE_C, TOP, UPHILL_X, UPHILL_Y
 from cuspline.toolpaths.drop.patch_bounds import (
     EDGE,
     FACE,
     HULL_MM,
+    IN_PLAN,
+    IN_Z,
     MOST_HALVINGS,
     OUTSIDE,
     PLANAR_MM,
@@ -27,7 +59,7 @@ from cuspline.toolpaths.drop.patch_bounds import (
 )
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, W, X, Y, Z, put
 
 STEEPEST = 5.0              # slope up to which a node's plane follows the surface
 LEAF_COLUMNS = 24           # middle and half sizes (4), reaches (9), change of the normal, normals (8), top nz, dz
@@ -46,40 +78,40 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, up
     Returns:
         -1: leave it out; 0: it is a leaf; 1, 2: halve it in s, in t first.
     """
-    du, dv, rational = patch[2], patch[3], patch[4] != 0
+    du, dv, rational = patch[DEGREE_U], patch[DEGREE_V], patch[IS_RATIONAL] != 0
     state = 1
     if kind == FACE:
-        state = part_state(trims, face, span, box[0], box[1], box[2], box[3])
+        state = part_state(trims, face, span, box[MIDDLE_S], box[HALF_S], box[MIDDLE_T], box[HALF_T])
         if state == OUTSIDE:
             return -1
     b = np.empty((du + 1, dv + 1, 4))
-    bernstein(coefficients, patch[1], du, dv, box[0], box[1], box[2], box[3], mu, mv, b)
+    bernstein(coefficients, patch[OFFSET], du, dv, box[MIDDLE_S], box[HALF_S], box[MIDDLE_T], box[HALF_T], mu, mv, b)
     o = np.empty((6, 3))
-    derive(coefficients, patch[1], du, dv, rational, box[0], box[2], o)
-    scale_derivatives(o, box[1], box[3])
+    derive(coefficients, patch[OFFSET], du, dv, rational, box[MIDDLE_S], box[MIDDLE_T], o)
+    scale_derivatives(o, box[HALF_S], box[HALF_T])
     r = np.empty((10, 2))
     derivative_reaches(b, o, rational, r)
     a = np.empty(len(r))
     for k in range(len(r)):
-        a[k] = fixed.hypot(r[k, 0], r[k, 1])
+        a[k] = fixed.hypot(r[k, IN_PLAN], r[k, IN_Z])
     for i in range(du + 1):
         for j in range(dv + 1):
             for k in range(3):
-                hull[i, j, k] = b[i, j, k] / b[i, j, 3]
-    row[0], row[1], row[2], row[3] = box[0], box[1], box[2], box[3]
-    put(row[4:13], a[1:10])
-    row[23] = r[0, 1]
-    tag[1], tag[2], tag[3] = kind, state, CURVED
+                hull[i, j, k] = b[i, j, k] / b[i, j, W]
+    row[MIDDLE_S], row[HALF_S], row[MIDDLE_T], row[HALF_T] = box[MIDDLE_S], box[HALF_S], box[MIDDLE_T], box[HALF_T]
+    put(row[REACH_S:NORMAL_CHANGE], a[1:10])
+    row[REACH_Z] = r[POINT, IN_Z]
+    tag[KIND], tag[STATE], tag[SHAPE] = kind, state, CURVED
     if kind == EDGE:
-        row[13] = np.inf
-        cone_box(0.0, 0.0, 1.0, 1.0, 1.0, row[14:22])
-        row[22] = 1.0
-        return 1 if a[3] > TURN_RAD * 2.0 * max(a[1], 1e-30) and a[0] > SMALLEST_MM else 0
+        row[NORMAL_CHANGE] = np.inf
+        cone_box(0.0, 0.0, 1.0, 1.0, 1.0, row[NORMALS:TOP_NZ])
+        row[TOP_NZ] = 1.0
+        return 1 if a[DSS] > TURN_RAD * 2.0 * max(a[DS], 1e-30) and a[POINT] > SMALLEST_MM else 0
     sine, top = 2.0, 1.0
     whole, upright = normal_change(r)
-    x = sign * (o[1, 1] * o[2, 2] - o[1, 2] * o[2, 1])
-    y = sign * (o[1, 2] * o[2, 0] - o[1, 0] * o[2, 2])
-    z = sign * (o[1, 0] * o[2, 1] - o[1, 1] * o[2, 0])
+    x = sign * (o[DS, Y] * o[DT, Z] - o[DS, Z] * o[DT, Y])
+    y = sign * (o[DS, Z] * o[DT, X] - o[DS, X] * o[DT, Z])
+    z = sign * (o[DS, X] * o[DT, Y] - o[DS, Y] * o[DT, X])
     length = math.sqrt(x * x + y * y + z * z)
     if length > whole:
         sine = whole / length
@@ -87,21 +119,21 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, up
         if top <= upward:
             return -1
         x, y, z = x / length, y / length, z / length
-    row[13] = whole
-    cone_box(x, y, z, sine, top, row[14:22])
-    row[22] = top
-    bend = 0.5 * (a[3] + 2.0 * a[4] + a[5])
+    row[NORMAL_CHANGE] = whole
+    cone_box(x, y, z, sine, top, row[NORMALS:TOP_NZ])
+    row[TOP_NZ] = top
+    bend = 0.5 * (a[DSS] + 2.0 * a[DST] + a[DTT])
     if sine < TURN_RAD:
         if bend < PLANAR_MM:
-            tag[3] = TILTED
-        if r[0, 1] < PLANAR_MM:
-            tag[3] = LEVEL
+            tag[SHAPE] = TILTED
+        if r[POINT, IN_Z] < PLANAR_MM:
+            tag[SHAPE] = LEVEL
         return 0
-    if sine >= 1.0 and a[0] < SMALLEST_MM:
+    if sine >= 1.0 and a[POINT] < SMALLEST_MM:
         return 0
-    along, across = a[3] * a[2] + a[1] * a[4], a[4] * a[2] + a[1] * a[5]
-    if sine >= 1.0 and max(a[1], a[2]) > 3.0 * min(a[1], a[2]) and min(a[1], a[2]) > 0.0:
-        along, across = a[1], a[2]
+    along, across = a[DSS] * a[DT] + a[DS] * a[DST], a[DST] * a[DT] + a[DS] * a[DTT]
+    if sine >= 1.0 and max(a[DS], a[DT]) > 3.0 * min(a[DS], a[DT]) and min(a[DS], a[DT]) > 0.0:
+        along, across = a[DS], a[DT]
     return 1 if along >= across else 2
 
 
@@ -117,37 +149,38 @@ def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices, upward)
     count = used = 0
     stack, depth = np.empty((2 * MOST_HALVINGS + 64, 4)), np.empty(2 * MOST_HALVINGS + 64, np.int64)
     row, tag = np.zeros(LEAF_COLUMNS), np.zeros(4, np.int64)
-    for p in range(patch.shape[0]):
-        du, dv = patch[p, 2], patch[p, 3]
+    for p in range(len(patch)):
+        du, dv = patch[p, DEGREE_U], patch[p, DEGREE_V]
         mu, mv = matrices[du, :du + 1, :du + 1], matrices[dv, :dv + 1, :dv + 1]
         hull = np.empty((du + 1, dv + 1, 3))
         size = (du + 1) * (dv + 1)
-        stack[0], depth[0] = np.array([0.0, 1.0, 0.0, 1.0]), 0
+        put(stack[0], np.array([0.0, 1.0, 0.0, 1.0]))
+        depth[0] = 0
         top = 1
         while top > 0:
             top -= 1
             box, level = stack[top].copy(), depth[top]
-            verdict = leaf_row(coefficients, patch[p], span[p], sign[p], patch[p, 0], box, kinds[p], trims,
+            verdict = leaf_row(coefficients, patch[p], span[p], sign[p], patch[p, OF_FACE], box, kinds[p], trims,
                                mu, mv, upward, row, tag, hull)
             if verdict < 0:
                 continue
             if verdict > 0 and level < MOST_HALVINGS:
                 k = 0 if verdict == 1 else 2
                 for side in (-1.0, 1.0):
-                    stack[top] = box
+                    put(stack[top], box)
                     stack[top, k] = box[k] + side * 0.5 * box[k + 1]
                     stack[top, k + 1] = 0.5 * box[k + 1]
                     depth[top] = level + 1
                     top += 1
                 continue
-            if count == rows.shape[0]:
+            if count == len(rows):
                 rows, tags = _doubled(rows), _doubled(tags)
                 more = np.empty(2 * count + 1, np.int64)
                 put(more, firsts[:count])
                 firsts = more
-            while used + size > points.shape[0]:
+            while used + size > len(points):
                 points = _doubled(points)
-            tag[0] = p
+            tag[PATCH] = p
             put(rows[count], row)
             put(tags[count], tag)
             firsts[count] = used
@@ -160,7 +193,7 @@ def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices, upward)
 
 @njit
 def _doubled(a):
-    out = np.empty((2 * a.shape[0], a.shape[1]), a.dtype)
+    out = np.empty((2 * len(a), a.shape[1]), a.dtype)
     put(out.reshape(-1), a.reshape(-1))
     return out
 
@@ -173,7 +206,7 @@ def grow_tree(points, firsts):
         nodes (2 m - 1, 12): x low, high, y low, high, z top, a, b, c, (a, b) / sqrt(1 + a² + b²), (a, b) / |(a, b)|.
         first (2 m - 1,): the two children stand at first, first + 1; a leaf holds -1 - (its number).
     """
-    m = firsts.shape[0] - 1
+    m = len(firsts) - 1
     nodes, first = np.empty((2 * m - 1, 12)), np.empty(2 * m - 1, np.int64)
     middles = np.empty((m, 3))
     for leaf in range(m):
@@ -182,7 +215,7 @@ def grow_tree(points, firsts):
             middles[leaf, k] = 0.5 * (column.min() + column.max())
     order = np.arange(m)
     stack = np.empty((128, 3), np.int64)
-    stack[0] = np.array([0, 0, m])
+    put(stack[0], np.array([0, 0, m]))
     top, used = 1, 1
     while top > 0:
         top -= 1
@@ -201,8 +234,8 @@ def grow_tree(points, firsts):
         put(run, run[np.argsort(middles[run, axis], kind="mergesort")])
         half = (low + high) // 2
         first[k] = used
-        stack[top] = np.array([used, low, half])
-        stack[top + 1] = np.array([used + 1, half, high])
+        put(stack[top], np.array([used, low, half]))
+        put(stack[top + 1], np.array([used + 1, half, high]))
         used += 2
         top += 2
     return nodes, first
@@ -215,14 +248,14 @@ def _node(points, firsts, leaves, out):
     n = mx = my = mz = 0.0
     for leaf in leaves:
         for i in range(firsts[leaf], firsts[leaf + 1]):
-            x, y, z = points[i, 0], points[i, 1], points[i, 2]
+            x, y, z = points[i, X], points[i, Y], points[i, Z]
             xl, xh, yl, yh, zh = min(xl, x), max(xh, x), min(yl, y), max(yh, y), max(zh, z)
             mx, my, mz, n = mx + x, my + y, mz + z, n + 1.0
     mx, my, mz = mx / n, my / n, mz / n
     xx = xy = yy = xz = yz = 0.0
     for leaf in leaves:
         for i in range(firsts[leaf], firsts[leaf + 1]):
-            x, y, z = points[i, 0] - mx, points[i, 1] - my, points[i, 2] - mz
+            x, y, z = points[i, X] - mx, points[i, Y] - my, points[i, Z] - mz
             xx, xy, yy, xz, yz = xx + x * x, xy + x * y, yy + y * y, xz + x * z, yz + y * z
     ridge = 1e-9 * (xx + yy) + 1e-18
     det = (xx + ridge) * (yy + ridge) - xy * xy
@@ -234,9 +267,9 @@ def _node(points, firsts, leaves, out):
     c = -np.inf
     for leaf in leaves:
         for i in range(firsts[leaf], firsts[leaf + 1]):
-            c = max(c, points[i, 2] - a * points[i, 0] - b * points[i, 1])
+            c = max(c, points[i, Z] - a * points[i, X] - b * points[i, Y])
     s = 1.0 / math.sqrt(1.0 + g * g)
-    out[0], out[1], out[2], out[3] = xl - HULL_MM, xh + HULL_MM, yl - HULL_MM, yh + HULL_MM
-    out[4], out[5], out[6], out[7] = zh + HULL_MM, a, b, c + HULL_MM * (1.0 + g)
-    out[8], out[9] = a * s, b * s
-    out[10], out[11] = (a / g, b / g) if g > 1e-12 else (0.0, 0.0)
+    out[X_LOW], out[X_HIGH], out[Y_LOW], out[Y_HIGH] = xl - HULL_MM, xh + HULL_MM, yl - HULL_MM, yh + HULL_MM
+    out[TOP], out[PLANE_A], out[PLANE_B], out[PLANE_C] = zh + HULL_MM, a, b, c + HULL_MM * (1.0 + g)
+    out[LEAN_X], out[LEAN_Y] = a * s, b * s
+    out[UPHILL_X], out[UPHILL_Y] = (a / g, b / g) if g > 1e-12 else (0.0, 0.0)

@@ -4,66 +4,70 @@ import math
 
 import numpy as np
 
-from cuspline.surfaces.patches import derive
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, DS, DT, IS_RATIONAL, OFFSET, POINT, derive
+from cuspline.toolpaths.contact.leaf_rows import AT_S, AT_T, HALF_S, HALF_T, MIDDLE_S, MIDDLE_T, PATCH, SHAPE
 from cuspline.toolpaths.drop.patch_contacts import bottom
 from cuspline.toolpaths.drop.patch_tree import LEVEL
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y, Z
 
 
 @njit(error_model="numpy")
 def plane_contact(tree, leaf, x, y, R, rc, o, w):
     """Contact on a plane leaf: (tip, found); on a level plane the point nearest the axis, else the closed form."""
-    row, tag = tree[5][leaf], tree[6][leaf]
-    p = tree[1][tag[0]]
-    derive(tree[0], p[1], p[2], p[3], p[4] != 0, row[0], row[2], o)
-    sign = tree[4][tag[0]]
+    row, tag = tree.rows[leaf], tree.tags[leaf]
+    p = tree.patch[tag[PATCH]]
+    derive(tree.coefficients, p[OFFSET], p[DEGREE_U], p[DEGREE_V], p[IS_RATIONAL] != 0, row[MIDDLE_S], row[MIDDLE_T], o)
+    sign = tree.sign[tag[PATCH]]
     tx, ty = x, y
-    if tag[3] != LEVEL:
-        nx = sign * (o[1, 1] * o[2, 2] - o[1, 2] * o[2, 1])
-        ny = sign * (o[1, 2] * o[2, 0] - o[1, 0] * o[2, 2])
-        nz = sign * (o[1, 0] * o[2, 1] - o[1, 1] * o[2, 0])
+    if tag[SHAPE] != LEVEL:
+        nx = sign * (o[DS, Y] * o[DT, Z] - o[DS, Z] * o[DT, Y])
+        ny = sign * (o[DS, Z] * o[DT, X] - o[DS, X] * o[DT, Z])
+        nz = sign * (o[DS, X] * o[DT, Y] - o[DS, Y] * o[DT, X])
         n, h = math.sqrt(nx * nx + ny * ny + nz * nz), math.sqrt(nx * nx + ny * ny)
         if h > 0.0:
             k = (R - rc) / h + rc / n
             tx, ty = x - k * nx, y - k * ny
-    s, t = row[0], row[2]
+    s, t = row[MIDDLE_S], row[MIDDLE_T]
     best = np.inf
-    w[0], w[1] = s, t
+    w[AT_S], w[AT_T] = s, t
     for _ in range(6):                      # one step where the parametrisation is even, a few where it is not
-        dx, dy = tx - o[0, 0], ty - o[0, 1]
+        dx, dy = tx - o[POINT, X], ty - o[POINT, Y]
         if dx * dx + dy * dy < best:
             best = dx * dx + dy * dy
-            w[0], w[1] = s, t
+            w[AT_S], w[AT_T] = s, t
         else:
             break
         if best < 1e-24:
             break
-        det = o[1, 0] * o[2, 1] - o[1, 1] * o[2, 0]
+        det = o[DS, X] * o[DT, Y] - o[DS, Y] * o[DT, X]
         if abs(det) < 1e-300:
             break
-        ns, nt = s + (dx * o[2, 1] - dy * o[2, 0]) / det, t + (o[1, 0] * dy - o[1, 1] * dx) / det
-        if tag[3] != LEVEL:
+        ns, nt = s + (dx * o[DT, Y] - dy * o[DT, X]) / det, t + (o[DS, X] * dy - o[DS, Y] * dx) / det
+        if tag[SHAPE] != LEVEL:
             s, t = ns, nt
-            if abs(s - row[0]) > row[1] * 1.000001 + 1e-12 or abs(t - row[2]) > row[3] * 1.000001 + 1e-12:
+            if (abs(s - row[MIDDLE_S]) > row[HALF_S] * 1.000001 + 1e-12
+                    or abs(t - row[MIDDLE_T]) > row[HALF_T] * 1.000001 + 1e-12):
                 return -np.inf
         else:
             s, t = _nearest_in_box(row, s, t, ns, nt, o)
-        derive(tree[0], p[1], p[2], p[3], p[4] != 0, s, t, o)
-    d = math.sqrt((o[0, 0] - x) ** 2 + (o[0, 1] - y) ** 2)
+        derive(tree.coefficients, p[OFFSET], p[DEGREE_U], p[DEGREE_V], p[IS_RATIONAL] != 0, s, t, o)
+    d = math.sqrt((o[POINT, X] - x) ** 2 + (o[POINT, Y] - y) ** 2)
     if d > R + 1e-9:
         return -np.inf
-    return o[0, 2] - bottom(min(d, R), R, rc)
+    return o[POINT, Z] - bottom(min(d, R), R, rc)
 
 
 @njit(error_model="numpy")
 def _nearest_in_box(row, s, t, ns, nt, o):
     """Point of the leaf's box nearest (in the plane's metric) to the unbounded solution ns, nt."""
-    sl, sh, tl, th = row[0] - row[1], row[0] + row[1], row[2] - row[3], row[2] + row[3]
+    sl, sh, tl, th = (row[MIDDLE_S] - row[HALF_S], row[MIDDLE_S] + row[HALF_S], row[MIDDLE_T] - row[HALF_T],
+                      row[MIDDLE_T] + row[HALF_T])
     if sl <= ns <= sh and tl <= nt <= th:
         return ns, nt
-    ss = o[1, 0] ** 2 + o[1, 1] ** 2
-    st = o[1, 0] * o[2, 0] + o[1, 1] * o[2, 1]
-    tt = o[2, 0] ** 2 + o[2, 1] ** 2
+    ss = o[DS, X] ** 2 + o[DS, Y] ** 2
+    st = o[DS, X] * o[DT, X] + o[DS, Y] * o[DT, Y]
+    tt = o[DT, X] ** 2 + o[DT, Y] ** 2
     bs, bt, least = s, t, np.inf
     for side in range(4):                   # quadratic in the rest along each side
         if side < 2:

@@ -20,8 +20,10 @@ import numpy as np
 from cuspline.values.arrays import for_kernel
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.rows import X, Y
 
 FAR, TRIAL, DONE = 0, 1, 2
+STEP_I, STEP_J = range(2)       # of an offset
 SMOOTH = 0.5            # second order where the second difference is below this share of the first
 BENT = 0.15             # and below this share of the stencil's own length: not across a seed or a meeting of fronts
 MOST_FLIPS = 200        # Selling's reduction needs about as many steps as the metric is stretched
@@ -86,9 +88,9 @@ def _seed_line(metric, inside, shut, x, y, line, reach, start):
     """Least distance of each near node to the segments of one polyline, at most what stands there already."""
     ny, nx = inside.shape
     step = x[1] - x[0]
-    for s in range(line.shape[0] - 1):
+    for s in range(len(line) - 1):
         ax, ay = line[s]
-        ux, uy = line[s + 1, 0] - ax, line[s + 1, 1] - ay
+        ux, uy = line[s + 1, X] - ax, line[s + 1, Y] - ay
         j0 = max(int(math.floor((min(ax, ax + ux) - x[0]) / step - reach)), 0)
         j1 = min(int(math.ceil((max(ax, ax + ux) - x[0]) / step + reach)), nx - 1)
         i0 = max(int(math.floor((min(ay, ay + uy) - y[0]) / step - reach)), 0)
@@ -122,19 +124,19 @@ def _selling(xx, xy, yy):
         flipped = False
         for k in range(3):
             p, q = (k + 1) % 3, (k + 2) % 3
-            w[k] = -(xx * b[p, 0] * b[q, 0] + xy * (b[p, 0] * b[q, 1] + b[p, 1] * b[q, 0]) + yy * b[p, 1] * b[q, 1])
+            w[k] = -(xx * b[p, X] * b[q, X] + xy * (b[p, X] * b[q, Y] + b[p, Y] * b[q, X]) + yy * b[p, Y] * b[q, Y])
             if w[k] < -1e-12 * (xx + yy):
-                px, py, qx, qy = b[p, 0], b[p, 1], b[q, 0], b[q, 1]
-                b[p, 0], b[p, 1] = -px, -py
-                b[q, 0], b[q, 1] = qx, qy
-                b[k, 0], b[k, 1] = px - qx, py - qy
+                px, py, qx, qy = b[p, X], b[p, Y], b[q, X], b[q, Y]
+                b[p, X], b[p, Y] = -px, -py
+                b[q, X], b[q, Y] = qx, qy
+                b[k, X], b[k, Y] = px - qx, py - qy
                 flipped = True
                 break
         if not flipped:
             break
     e = np.empty((3, 2), np.int64)
     for k in range(3):
-        e[k, 0], e[k, 1] = -b[k, 1], b[k, 0]
+        e[k, X], e[k, Y] = -b[k, Y], b[k, X]
         w[k] = max(w[k], 0.0)
     return w, e
 
@@ -152,8 +154,8 @@ def _sees(inside, shut, i, j, di, dj):
         if not inside[a, b]:
             return False
         left, low = min(q, b), min(p, a)
-        along_x_first = (b != q and shut[p, left, 0]) or (a != p and shut[low, b, 1])
-        along_y_first = (a != p and shut[low, q, 1]) or (b != q and shut[a, left, 0])
+        along_x_first = (b != q and shut[p, left, X]) or (a != p and shut[low, b, Y])
+        along_y_first = (a != p and shut[low, q, Y]) or (b != q and shut[a, left, X])
         if along_x_first and along_y_first:
             return False
         p, q = a, b
@@ -179,9 +181,9 @@ def _stencils(metric, inside, shut):
                     continue
                 for side in range(2):
                     sign = 1 - 2 * side
-                    di, dj = sign * e[k, 1], sign * e[k, 0]
+                    di, dj = sign * e[k, Y], sign * e[k, X]
                     if _sees(inside, shut, i, j, di, dj):
-                        offsets[i, j, 2 * k + side, 0], offsets[i, j, 2 * k + side, 1] = di, dj
+                        offsets[i, j, 2 * k + side, STEP_I], offsets[i, j, 2 * k + side, STEP_J] = di, dj
     return weights, offsets
 
 

@@ -72,7 +72,7 @@ def dissected(at):
 @njit
 def _elimination_tree(first, row):
     """(n,) parent of each column; -1 none."""
-    n = first.shape[0] - 1
+    n = len(first) - 1
     parent, ancestor = np.full(n, -1), np.full(n, -1)
     for k in range(n):
         for p in range(first[k], first[k + 1]):
@@ -88,7 +88,7 @@ def _elimination_tree(first, row):
 
 @njit
 def _column_starts(first, row, parent):
-    n = first.shape[0] - 1
+    n = len(first) - 1
     counts, mark = np.ones(n, np.int64), np.full(n, -1)
     for k in range(n):
         mark[k] = k
@@ -106,7 +106,7 @@ def _column_starts(first, row, parent):
 @njit
 def _factorized(first, row, value):
     """L column by column from the upper triangle, row k of L from the columns before it."""
-    n = first.shape[0] - 1
+    n = len(first) - 1
     parent = _elimination_tree(first, row)
     starts = _column_starts(first, row, parent)
     filled = starts[:-1].copy()
@@ -148,7 +148,7 @@ def _factorized(first, row, value):
 
 @njit
 def _substituted(first, row, value, right):
-    x, n = right.copy(), right.shape[0]
+    x, n = right.copy(), len(right)
     for k in range(n):
         x[k] /= value[first[k]]
         for p in range(first[k] + 1, first[k + 1]):

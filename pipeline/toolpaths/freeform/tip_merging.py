@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y, Z
 
 HIGH_SHARE = 0.9            # of the tolerance, for air at the dense tips
 STRAIGHT_MM = 1e-9          # dense tips this near a chord in plan lie on it: they have tested it already
@@ -64,22 +65,22 @@ def _beside(tips, rows, untested):
 @njit(error_model="numpy")
 def _holds(p, a, b, low, high, lateral):
     """All points between a and b lie beside the chord within the bounds."""
-    dx, dy, dz = p[b, 0] - p[a, 0], p[b, 1] - p[a, 1], p[b, 2] - p[a, 2]
+    dx, dy, dz = p[b, X] - p[a, X], p[b, Y] - p[a, Y], p[b, Z] - p[a, Z]
     level2 = dx * dx + dy * dy
     if level2 == 0.0:
         return False
     steep = math.sqrt(level2 / (level2 + dz * dz))
     last = 0.0
     for k in range(a + 1, b):
-        ex, ey = p[k, 0] - p[a, 0], p[k, 1] - p[a, 1]
+        ex, ey = p[k, X] - p[a, X], p[k, Y] - p[a, Y]
         t = (ex * dx + ey * dy) / level2
         if t < last or t > 1.0:
             return False
         last = t
         side = ex - t * dx, ey - t * dy
-        if side[0] * side[0] + side[1] * side[1] > lateral * lateral:
+        if side[X] * side[X] + side[Y] * side[Y] > lateral * lateral:
             return False
-        gap = p[a, 2] + t * dz - p[k, 2]
+        gap = p[a, Z] + t * dz - p[k, Z]
         if gap < -low[k] or gap * steep > high:
             return False
     return True
@@ -88,7 +89,7 @@ def _holds(p, a, b, low, high, lateral):
 @njit(error_model="numpy")
 def _greedy(p, corner, low, high, lateral):
     """(n,) bool: points that stay; from each the farthest chord that doubling and halving finds."""
-    n = p.shape[0]
+    n = len(p)
     keep = np.zeros(n, np.bool_)
     limit = np.empty(n, np.int64)           # next corner at or after each point
     nearest = n - 1

@@ -101,8 +101,8 @@ def waterlines(drops, heights_mm, low_mm, high_mm, *, pitch_mm, chord_mm, tolera
     xy = _crossings(gap_at, above_at, nodes[free], nodes[held], z, tolerance_mm)
     closed = np.array([c.is_closed for c in chains])
     if np.isfinite(chord_mm):
-        of_chains = closed, z[np.searchsorted(chain, np.arange(len(chains)))]
-        xy, chain = _with_chords_within((gap_at, above_at, look), xy, chain, of_chains, chord_mm, tolerance_mm)
+        begin = np.searchsorted(chain, np.arange(len(chains)))
+        xy, chain = _with_chords_within((gap_at, above_at, look), xy, chain, (closed, z[begin]), chord_mm, tolerance_mm)
     ends = np.searchsorted(chain, np.arange(len(chains) + 1))
     loops = (_distinct(xy[a:b], c.is_closed, tolerance_mm) for a, b, c in zip(ends[:-1], ends[1:], chains))
     return tuple(Waterline(tip_mm=np.column_stack([p, np.full(len(p), c.height_mm)]), is_closed=c.is_closed)
@@ -190,7 +190,7 @@ def _linked(starts, ends, nodes, z):
 @njit
 def _followed(follow):
     """Order of all rows along their chains, the place where each chain starts in it, and whether it closes."""
-    n = follow.shape[0]
+    n = len(follow)
     is_first, seen = np.ones(n, np.bool_), np.zeros(n, np.bool_)
     for k in follow:
         if k >= 0:

@@ -15,10 +15,27 @@ import math
 
 import numpy as np
 
-from cuspline.toolpaths.drop.patch_bounds import FACE, cone_box
+from cuspline.surfaces.patches import DS, DT, POINT
+from cuspline.toolpaths.contact.leaf_rows import (
+    KIND,
+    REACH_S,
+    REACH_SS,
+    REACH_SSS,
+    REACH_SST,
+    REACH_ST,
+    REACH_STT,
+    REACH_T,
+    REACH_TT,
+    REACH_TTT,
+    SHAPE,
+)
+from cuspline.toolpaths.drop.patch_bounds import FACE, HX_HIGH, HX_LOW, cone_box
 from cuspline.toolpaths.drop.patch_tree import LEVEL
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, Z_HIGH, Z_LOW, X, Y, Z
 
+NORMAL, TOPMOST, SLANT = 6, 9, 10       # columns of a node, behind its box, see depth_tree
+SIGMA, TAU, THETA = range(3)            # where in a box and a stretch, -1..1
 OUTWARD_MM = 1e-9       # added to every bound: rounding of coordinates below a metre
 UPRIGHT = 0.02          # N_z below which a node's N says nothing about heights
 SWEEPS = 8
@@ -40,7 +57,7 @@ def _least(tips, low, high, x, y, z):
     """Least of (x, y, z) . tip over rows low..high."""
     best = np.inf
     for i in range(low, high + 1):
-        best = min(best, x * tips[i, 0] + y * tips[i, 1] + z * tips[i, 2])
+        best = min(best, x * tips[i, X] + y * tips[i, Y] + z * tips[i, Z])
     return best
 
 
@@ -60,15 +77,16 @@ def node_depth(nodes, k, tips, low, high, box, R, rc, top, enough):
         enough: no closer bound is looked for once this is reached.
     """
     a = R - rc
-    xl, xh, yl, yh = nodes[k, 0] - box[1], nodes[k, 1] - box[0], nodes[k, 2] - box[3], nodes[k, 3] - box[2]
-    zh = nodes[k, 5] - box[4]
+    xl, xh, yl, yh = (nodes[k, X_LOW] - box[X_HIGH], nodes[k, X_HIGH] - box[X_LOW], nodes[k, Y_LOW] - box[Y_HIGH],
+                      nodes[k, Y_HIGH] - box[Y_LOW])
+    zh = nodes[k, Z_HIGH] - box[Z_LOW]
     dx, dy = max(xl, -xh, 0.0), max(yl, -yh, 0.0)
     zl = nodes[k, 4] - box[5]
     middle = min(max(0.5 * (rc + top), zl), zh)
     depth = depth_at(dx, dy, middle, R, rc, top) + OUTWARD_MM
     if depth <= enough:
         return depth
-    x, y, z, c, h = nodes[k, 6], nodes[k, 7], nodes[k, 8], nodes[k, 9], nodes[k, 10]
+    x, y, z, c, h = nodes[k, NORMAL + X], nodes[k, NORMAL + Y], nodes[k, NORMAL + Z], nodes[k, TOPMOST], nodes[k, SLANT]
     c_mid = c - _least(tips, low, high, x, y, z)
     depth = min(depth, a * h + rc - rc * z + c_mid + OUTWARD_MM)
     if depth <= enough:
@@ -97,8 +115,9 @@ def node_depth(nodes, k, tips, low, high, box, R, rc, top, enough):
             support = share * R
         w = -nz / z if is_flat and nz <= 0.0 else max(-(nx * x + ny * y + nz * z), 0.0)
         mx, my, mz = -nx - w * x, -ny - w * y, -nz - w * z
-        bound = support + w * c + _most(mx, nodes[k, 0], nodes[k, 1]) + _most(my, nodes[k, 2], nodes[k, 3]) \
-            + _most(mz, nodes[k, 4], nodes[k, 5]) - _least(tips, low, high, -nx, -ny, -nz)
+        bound = (support + w * c + _most(mx, nodes[k, X_LOW], nodes[k, X_HIGH])
+                 + _most(my, nodes[k, Y_LOW], nodes[k, Y_HIGH]) + _most(mz, nodes[k, Z_LOW], nodes[k, Z_HIGH])
+                 - _least(tips, low, high, -nx, -ny, -nz))
         depth = min(depth, bound + OUTWARD_MM)
         if depth <= enough or turn == 1:
             break
@@ -112,7 +131,7 @@ def node_depth(nodes, k, tips, low, high, box, R, rc, top, enough):
 
 @njit(inline="always", error_model="numpy")
 def _along(o, row, nx, ny, nz):
-    return nx * o[row, 0] + ny * o[row, 1] + nz * o[row, 2]
+    return nx * o[row, X] + ny * o[row, Y] + nz * o[row, Z]
 
 
 @njit(inline="always", error_model="numpy")
@@ -138,19 +157,20 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, top, bound,
         the bound; -inf if the deepest point of the face cannot lie inside the box: then its edges hold it.
     """
     a = R - rc
-    x, y, z = o[0, 0] - middle[0], o[0, 1] - middle[1], o[0, 2] - middle[2]
-    vx, vy, vz = half[0], half[1], half[2]
-    cubic = (row[9] * alpha ** 3 + 3.0 * row[10] * alpha * alpha * beta + 3.0 * row[11] * alpha * beta * beta
-             + row[12] * beta ** 3) / 6.0
-    at[0] = at[1] = at[2] = 0.0
+    x, y, z = o[POINT, X] - middle[X], o[POINT, Y] - middle[Y], o[POINT, Z] - middle[Z]
+    vx, vy, vz = half[X], half[Y], half[Z]
+    cubic = (row[REACH_SSS] * alpha ** 3 + 3.0 * row[REACH_SST] * alpha * alpha * beta
+             + 3.0 * row[REACH_STT] * alpha * beta * beta + row[REACH_TTT] * beta ** 3) / 6.0
+    at[SIGMA] = at[TAU] = at[THETA] = 0.0
     n = 0.0
-    if tag[1] == FACE:
-        nx = sign * (o[1, 1] * o[2, 2] - o[1, 2] * o[2, 1])
-        ny = sign * (o[1, 2] * o[2, 0] - o[1, 0] * o[2, 2])
-        nz = sign * (o[1, 0] * o[2, 1] - o[1, 1] * o[2, 0])
+    if tag[KIND] == FACE:
+        nx = sign * (o[DS, Y] * o[DT, Z] - o[DS, Z] * o[DT, Y])
+        ny = sign * (o[DS, Z] * o[DT, X] - o[DS, X] * o[DT, Z])
+        nz = sign * (o[DS, X] * o[DT, Y] - o[DS, Y] * o[DT, X])
         n = math.sqrt(nx * nx + ny * ny + nz * nz)
     if n > 0.0:
-        turn = (row[6] * row[5] + row[4] * row[7]) * alpha + (row[7] * row[5] + row[4] * row[8]) * beta
+        turn = ((row[REACH_SS] * row[REACH_T] + row[REACH_S] * row[REACH_ST]) * alpha
+                + (row[REACH_ST] * row[REACH_T] + row[REACH_S] * row[REACH_TT]) * beta)
         nx, ny, nz, sine = nx / n, ny / n, nz / n, turn * alpha * beta / n
         h = math.sqrt(nx * nx + ny * ny)
         if nz >= 0.0 or top < np.inf:
@@ -163,7 +183,7 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, top, bound,
         ux, uy = _nearest_to_axis(o, x, y, vx, vy, at)
         bound = min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, ux, uy, 0.0, R))
     # the deepest point of the linear part: nearest to the cutter's core, one unknown after the other
-    ss, tt = _along(o, 1, o[1, 0], o[1, 1], o[1, 2]), _along(o, 2, o[2, 0], o[2, 1], o[2, 2])
+    ss, tt = _along(o, 1, o[DS, X], o[DS, Y], o[DS, Z]), _along(o, 2, o[DT, X], o[DT, Y], o[DT, Z])
     vv = vx * vx + vy * vy + vz * vz
     s = t = w = 0.0
     px, py, pz = x, y, z
@@ -176,22 +196,22 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, top, bound,
         rx, ry, rz = px * m, py * m, -f
         before = s, t, w
         if ss > 0.0:
-            q = min(max(s - (rx * o[1, 0] + ry * o[1, 1] + rz * o[1, 2]) / ss, -1.0), 1.0) - s
-            rx, ry, rz, s = rx + q * o[1, 0], ry + q * o[1, 1], rz + q * o[1, 2], s + q
+            q = min(max(s - (rx * o[DS, X] + ry * o[DS, Y] + rz * o[DS, Z]) / ss, -1.0), 1.0) - s
+            rx, ry, rz, s = rx + q * o[DS, X], ry + q * o[DS, Y], rz + q * o[DS, Z], s + q
         if tt > 0.0:
-            q = min(max(t - (rx * o[2, 0] + ry * o[2, 1] + rz * o[2, 2]) / tt, -1.0), 1.0) - t
-            rx, ry, rz, t = rx + q * o[2, 0], ry + q * o[2, 1], rz + q * o[2, 2], t + q
+            q = min(max(t - (rx * o[DT, X] + ry * o[DT, Y] + rz * o[DT, Z]) / tt, -1.0), 1.0) - t
+            rx, ry, rz, t = rx + q * o[DT, X], ry + q * o[DT, Y], rz + q * o[DT, Z], t + q
         if vv > 0.0:
             w = min(max(w + (rx * vx + ry * vy + rz * vz) / vv, -1.0), 1.0)
-        px, py, pz = (x + s * o[1, 0] + t * o[2, 0] - w * vx, y + s * o[1, 1] + t * o[2, 1] - w * vy,
-                      z + s * o[1, 2] + t * o[2, 2] - w * vz)
-        if abs(s - before[0]) + abs(t - before[1]) + abs(w - before[2]) < 1e-3:
+        px, py, pz = (x + s * o[DS, X] + t * o[DT, X] - w * vx, y + s * o[DS, Y] + t * o[DT, Y] - w * vy,
+                      z + s * o[DS, Z] + t * o[DT, Z] - w * vz)
+        if abs(s - before[SIGMA]) + abs(t - before[TAU]) + abs(w - before[THETA]) < 1e-3:
             break
     d = math.sqrt(px * px + py * py)
     e, f = max(d - a, 0.0), max(rc - pz, 0.0) + min(top - pz, 0.0)
     g = math.sqrt(e * e + f * f)
     if g > 1e-9 and rc > 0.0:
-        at[0], at[1], at[2] = s, t, w
+        at[SIGMA], at[TAU], at[THETA] = s, t, w
         m = e / (d * g) if e > 0.0 else 0.0
         return min(bound, _piece_value(o, x, y, z, vx, vy, vz, cubic, px * m, py * m, -f / g,
                                        a * e / g + rc - (rc if f >= 0.0 else top) * f / g))
@@ -203,9 +223,9 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, top, bound,
         share = float(k)
         if k > 1:
             if k == 2:
-                side, down = -(ux * o[1, 0] + uy * o[1, 1]), o[1, 2]
+                side, down = -(ux * o[DS, X] + uy * o[DS, Y]), o[DS, Z]
             elif k == 3:
-                side, down = -(ux * o[2, 0] + uy * o[2, 1]), o[2, 2]
+                side, down = -(ux * o[DT, X] + uy * o[DT, Y]), o[DT, Z]
             else:
                 side, down = ux * vx + uy * vy, -vz
             if not side * down < 0.0:
@@ -218,23 +238,23 @@ def piece_depth(o, row, tag, sign, alpha, beta, middle, half, R, rc, top, bound,
 @njit(error_model="numpy")
 def _nearest_to_axis(o, x, y, vx, vy, at):
     """Direction from the axis to the linear part's point nearest to it; its sigma, tau, theta into `at`."""
-    ss, tt = o[1, 0] * o[1, 0] + o[1, 1] * o[1, 1], o[2, 0] * o[2, 0] + o[2, 1] * o[2, 1]
+    ss, tt = o[DS, X] * o[DS, X] + o[DS, Y] * o[DS, Y], o[DT, X] * o[DT, X] + o[DT, Y] * o[DT, Y]
     vv = vx * vx + vy * vy
     s = t = w = 0.0
     for _ in range(SWEEPS):
         before = s, t, w
         if ss > 0.0:
-            q = min(max(s - (x * o[1, 0] + y * o[1, 1]) / ss, -1.0), 1.0) - s
-            x, y, s = x + q * o[1, 0], y + q * o[1, 1], s + q
+            q = min(max(s - (x * o[DS, X] + y * o[DS, Y]) / ss, -1.0), 1.0) - s
+            x, y, s = x + q * o[DS, X], y + q * o[DS, Y], s + q
         if tt > 0.0:
-            q = min(max(t - (x * o[2, 0] + y * o[2, 1]) / tt, -1.0), 1.0) - t
-            x, y, t = x + q * o[2, 0], y + q * o[2, 1], t + q
+            q = min(max(t - (x * o[DT, X] + y * o[DT, Y]) / tt, -1.0), 1.0) - t
+            x, y, t = x + q * o[DT, X], y + q * o[DT, Y], t + q
         if vv > 0.0:
             q = min(max(w + (x * vx + y * vy) / vv, -1.0), 1.0) - w
             x, y, w = x - q * vx, y - q * vy, w + q
-        if abs(s - before[0]) + abs(t - before[1]) + abs(w - before[2]) < 1e-3:
+        if abs(s - before[SIGMA]) + abs(t - before[TAU]) + abs(w - before[THETA]) < 1e-3:
             break
-    at[0], at[1], at[2] = s, t, w
+    at[SIGMA], at[TAU], at[THETA] = s, t, w
     d = math.sqrt(x * x + y * y)
     return (x / d, y / d) if d > 1e-9 else (1.0, 0.0)
 
@@ -250,13 +270,15 @@ def _may_hold_deepest(o, row, tag, alpha, beta, x, y, z, vx, vy, vz, nx, ny, nz,
     if bound >= min(R, 0.5 * (rc + top)):
         return True
     a = R - rc
-    bend = 0.5 * (row[6] * alpha * alpha + 2.0 * row[7] * alpha * beta + row[8] * beta * beta) + OUTWARD_MM
+    bend = (0.5 * (row[REACH_SS] * alpha * alpha + 2.0 * row[REACH_ST] * alpha * beta + row[REACH_TT] * beta * beta)
+            + OUTWARD_MM)
     d = math.sqrt(x * x + y * y)
     if d > 0.0:
         ux, uy = x / d, y / d
-        near = d - abs(ux * o[1, 0] + uy * o[1, 1]) - abs(ux * o[2, 0] + uy * o[2, 1]) - abs(ux * vx + uy * vy) - bend
+        near = (d - abs(ux * o[DS, X] + uy * o[DS, Y]) - abs(ux * o[DT, X] + uy * o[DT, Y]) - abs(ux * vx + uy * vy)
+                - bend)
         farthest = a + rc * min(h + sine, 1.0)
-        if tag[3] == LEVEL:                     # as deep all over: where the side is no nearer than the bottom
+        if tag[SHAPE] == LEVEL:                     # as deep all over: where the side is no nearer than the bottom
             farthest = min(a, R - (z - abs(vz))) + OUTWARD_MM
         if near > farthest:
             return False
@@ -265,8 +287,8 @@ def _may_hold_deepest(o, row, tag, alpha, beta, x, y, z, vx, vy, vz, nx, ny, nz,
     narrow = a - max(bound - rc, 0.0)
     for k in range(2):
         q, v = (x, vx) if k == 0 else (y, vy)
-        wide = abs(o[1, k]) + abs(o[2, k]) + abs(v) + bend
-        n0, n1, h0, h1 = normals[2 * k], normals[2 * k + 1], normals[4 + 2 * k], normals[5 + 2 * k]
+        wide = abs(o[DS, k]) + abs(o[DT, k]) + abs(v) + bend
+        n0, n1, h0, h1 = normals[2 * k], normals[2 * k + 1], normals[HX_LOW + 2 * k], normals[HX_HIGH + 2 * k]
         if q + wide + max(rc * n1, least * n1) + max(a * h1, narrow * h1) < 0.0 \
                 or q - wide + min(rc * n0, least * n0) + min(a * h0, narrow * h0) > 0.0:
             return False

@@ -2,9 +2,9 @@
 
 The leaves of `patch_tree` are halved until their control hulls are thin.  A node holds
 
-    0..5 x low, high, y low, high, z low, high   6..8 N, unit, N_z >= 0   9 c: N . S <= c for all S below   10 |N_xy|
+    X_LOW to Z_HIGH   NORMAL: N, unit, N_z >= 0   TOPMOST: c, N . S <= c for all S below   SLANT: |N_xy|
 
-A piece is (s, t, half s, half t) of its leaf's own box, in units of that box's half sides.
+A piece is PART_S, PART_T, PART_HS, PART_HT of its leaf's own box, in units of that box's half sides.
 """
 
 import math
@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, OF_FACE, OFFSET, U_HIGH, U_LOW, V_HIGH, V_LOW
+from cuspline.toolpaths.contact.leaf_rows import HALF_S, HALF_T, KIND, MIDDLE_S, MIDDLE_T, PATCH, REACH_S, REACH_T, SHAPE, STATE
 from cuspline.toolpaths.drop.patch_bounds import (
     BORDER,
     FACE,
@@ -23,10 +25,12 @@ from cuspline.toolpaths.drop.patch_bounds import (
     conversions,
 )
 from cuspline.toolpaths.drop.patch_tree import CURVED, grow_tree
+from cuspline.toolpaths.gouge.depth_bounds import NORMAL, SLANT, TOPMOST
 from cuspline.values.compiled import njit
-from cuspline.values.rows import put
+from cuspline.values.rows import W, X, Y, Z, put
 
 MOST_PIECES = 600_000     # a part that asks for more is cut four times as coarsely
+PART_S, PART_T, PART_HS, PART_HT = range(4)
 UP = 1e-9                   # weight of the upward direction where a piece has none of its own
 
 
@@ -45,7 +49,7 @@ class DepthTree:
                 contact and slower elsewhere.
         """
         tree = part.arrays
-        most = tree[1][:, 2:4].max() + 1
+        most = tree.patch[:, [DEGREE_U, DEGREE_V]].max() + 1
         matrices = np.zeros((most, most, most))
         for n in range(most):
             matrices[n, :n + 1, :n + 1] = conversions(n)
@@ -80,7 +84,7 @@ def _corners(points, first_point):
 
 @njit
 def _longer(a):
-    out = np.empty((2 * a.shape[0],) + a.shape[1:], a.dtype)
+    out = np.empty((2 * len(a),) + a.shape[1:], a.dtype)
     put(out.reshape(-1), a.reshape(-1))
     return out
 
@@ -99,56 +103,58 @@ def thin_pieces(tree, matrices, thickness, most):
     stack, depth = np.empty((2 * MOST_HALVINGS + 64, 4)), np.empty(2 * MOST_HALVINGS + 64, np.int64)
     count = 0
     n = np.empty(3)
-    for k in range(rows.shape[0]):
-        p = patches[tags[k, 0]]
-        du, dv = p[2], p[3]
+    for k in range(len(rows)):
+        p = patches[tags[k, PATCH]]
+        du, dv = p[DEGREE_U], p[DEGREE_V]
         mu, mv = matrices[du, :du + 1, :du + 1], matrices[dv, :dv + 1, :dv + 1]
         b = np.empty((du + 1, dv + 1, 4))
         hull = np.empty((du + 1, dv + 1, 3))
         size = (du + 1) * (dv + 1)
-        stack[0], depth[0] = np.array([0.0, 0.0, 1.0, 1.0]), 0
+        put(stack[0], np.array([0.0, 0.0, 1.0, 1.0]))
+        depth[0] = 0
         top = 1
         while top > 0:
             top -= 1
             si, ti, alpha, beta = stack[top]
             level = depth[top]
-            s, t = rows[k, 0] + rows[k, 1] * si, rows[k, 2] + rows[k, 3] * ti
-            hs, ht = rows[k, 1] * alpha, rows[k, 3] * beta
-            if tags[k, 2] == BORDER and level > 0 and outside_trim(tree, k, s, t, hs, ht):
+            s, t = rows[k, MIDDLE_S] + rows[k, HALF_S] * si, rows[k, MIDDLE_T] + rows[k, HALF_T] * ti
+            hs, ht = rows[k, HALF_S] * alpha, rows[k, HALF_T] * beta
+            if tags[k, STATE] == BORDER and level > 0 and outside_trim(tree, k, s, t, hs, ht):
                 continue
-            bernstein(coefficients, p[1], du, dv, s, hs, t, ht, mu, mv, b)
+            bernstein(coefficients, p[OFFSET], du, dv, s, hs, t, ht, mu, mv, b)
             for i in range(du + 1):
                 for j in range(dv + 1):
                     for a in range(3):
-                        hull[i, j, a] = b[i, j, a] / b[i, j, 3]
-            area = _area_normal(hull, signs[tags[k, 0]], tags[k, 1] == FACE, n)
-            if tags[k, 3] == CURVED and level < MOST_HALVINGS:
-                bend_s, bend_t, thick = _bends(hull, n, tags[k, 1] == FACE)
+                        hull[i, j, a] = b[i, j, a] / b[i, j, W]
+            area = _area_normal(hull, signs[tags[k, PATCH]], tags[k, KIND] == FACE, n)
+            if tags[k, SHAPE] == CURVED and level < MOST_HALVINGS:
+                bend_s, bend_t, thick = _bends(hull, n, tags[k, KIND] == FACE)
                 if thick > thickness:
                     if bend_s > bend_t:
                         axis = 0
                     elif bend_t > bend_s:
                         axis = 1
                     else:
-                        axis = 0 if rows[k, 4] * alpha >= rows[k, 5] * beta else 1
+                        axis = 0 if rows[k, REACH_S] * alpha >= rows[k, REACH_T] * beta else 1
                     for side in (-1.0, 1.0):
-                        stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3] = si, ti, alpha, beta
-                        stack[top, axis] += side * 0.5 * stack[top, 2 + axis]
-                        stack[top, 2 + axis] *= 0.5
+                        stack[top, PART_S], stack[top, PART_T], stack[top, PART_HS], stack[top, PART_HT] = si, ti, alpha, beta
+                        stack[top, axis] += side * 0.5 * stack[top, PART_HS + axis]
+                        stack[top, PART_HS + axis] *= 0.5
                         depth[top] = level + 1
                         top += 1
                     continue
-            if count == leaf.shape[0]:
+            if count == len(leaf):
                 leaf, piece, normal = _longer(leaf), _longer(piece), _longer(normal)
                 more = np.empty(2 * count + 1, np.int64)
                 put(more, first_point[:count + 1])
                 first_point = more
             used = first_point[count]
-            while used + size > points.shape[0]:
+            while used + size > len(points):
                 points = _longer(points)
             leaf[count] = k
-            piece[count, 0], piece[count, 1], piece[count, 2], piece[count, 3] = si, ti, alpha, beta
-            normal[count] = n * max(area, 1e-12)
+            piece[count, PART_S], piece[count, PART_T], piece[count, PART_HS], piece[count, PART_HT] = si, ti, alpha, beta
+            for a in range(3):
+                normal[count, a] = n[a] * max(area, 1e-12)
             put(points[used:used + size].reshape(-1), hull.reshape(-1))
             count += 1
             first_point[count] = used + size
@@ -164,84 +170,84 @@ def thin_pieces(tree, matrices, thickness, most):
 @njit
 def outside_trim(tree, leaf, s, t, hs, ht):
     """Does a box of a leaf's patch lie outside its face's trim?"""
-    patch = tree[6][leaf, 0]
-    span = tree[2][patch]
-    u0, v0 = 0.5 * (span[0] + span[1]), 0.5 * (span[2] + span[3])
-    hu, hv = 0.5 * (span[1] - span[0]), 0.5 * (span[3] - span[2])
-    return box_state(tree[9], tree[1][patch, 0], u0 + hu * (s - hs), u0 + hu * (s + hs),
+    patch = tree.tags[leaf, PATCH]
+    span = tree.span[patch]
+    u0, v0 = 0.5 * (span[U_LOW] + span[U_HIGH]), 0.5 * (span[V_LOW] + span[V_HIGH])
+    hu, hv = 0.5 * (span[U_HIGH] - span[U_LOW]), 0.5 * (span[V_HIGH] - span[V_LOW])
+    return box_state(tree.trims, tree.patch[patch, OF_FACE], u0 + hu * (s - hs), u0 + hu * (s + hs),
                      v0 + hv * (t - ht), v0 + hv * (t + ht)) == OUTSIDE
 
 
 @njit(error_model="numpy")
 def _area_normal(hull, sign, is_face, n):
     """Unit upward direction of a piece into n (3,); its area.  Of an edge: square to it, as far up as can be."""
-    a, b = hull.shape[0] - 1, hull.shape[1] - 1
+    a, b = len(hull) - 1, hull.shape[1] - 1
     area = 0.0
     if is_face:
         p, q = hull[a, b] - hull[0, 0], hull[0, b] - hull[a, 0]
-        n[0] = 0.5 * sign * (p[1] * q[2] - p[2] * q[1])
-        n[1] = 0.5 * sign * (p[2] * q[0] - p[0] * q[2])
-        n[2] = max(0.5 * sign * (p[0] * q[1] - p[1] * q[0]), 0.0)
-        area = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+        n[X] = 0.5 * sign * (p[Y] * q[Z] - p[Z] * q[Y])
+        n[Y] = 0.5 * sign * (p[Z] * q[X] - p[X] * q[Z])
+        n[Z] = max(0.5 * sign * (p[X] * q[Y] - p[Y] * q[X]), 0.0)
+        area = math.sqrt(n[X] * n[X] + n[Y] * n[Y] + n[Z] * n[Z])
     else:
         d = hull[a, 0] - hull[0, 0]
-        square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-        n[0], n[1], n[2] = -d[0] * d[2], -d[1] * d[2], d[0] * d[0] + d[1] * d[1]
-        if not n[2] > 1e-12 * square:
-            n[0] = n[1] = n[2] = 0.0
-    length = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+        square = d[X] * d[X] + d[Y] * d[Y] + d[Z] * d[Z]
+        n[X], n[Y], n[Z] = -d[X] * d[Z], -d[Y] * d[Z], d[X] * d[X] + d[Y] * d[Y]
+        if not n[Z] > 1e-12 * square:
+            n[X] = n[Y] = n[Z] = 0.0
+    length = math.sqrt(n[X] * n[X] + n[Y] * n[Y] + n[Z] * n[Z])
     if length > 1e-30:
-        n[0], n[1], n[2] = n[0] / length, n[1] / length, n[2] / length
+        n[X], n[Y], n[Z] = n[X] / length, n[Y] / length, n[Z] / length
     else:
-        n[0], n[1], n[2] = 0.0, 0.0, 1.0
+        n[X], n[Y], n[Z] = 0.0, 0.0, 1.0
     return area
 
 
 @njit(error_model="numpy")
 def _bends(hull, n, is_face):
     """How much the hull bends along s and along t, and how thick it is along n; an edge: how far from straight."""
-    nu, nv = hull.shape[0], hull.shape[1]
+    nu, nv = len(hull), hull.shape[1]
     bend_s = bend_t = 0.0
     low, high = np.inf, -np.inf
     if not is_face:
         for i in range(1, nu - 1):
             d = hull[i - 1, 0] - 2.0 * hull[i, 0] + hull[i + 1, 0]
-            bend_s = max(bend_s, (nu - 1) * math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]))
+            bend_s = max(bend_s, (nu - 1) * math.sqrt(d[X] * d[X] + d[Y] * d[Y] + d[Z] * d[Z]))
         return bend_s, 0.0, bend_s
     for i in range(nu):
         for j in range(nv):
-            z = n[0] * hull[i, j, 0] + n[1] * hull[i, j, 1] + n[2] * hull[i, j, 2]
+            z = n[X] * hull[i, j, X] + n[Y] * hull[i, j, Y] + n[Z] * hull[i, j, Z]
             low, high = min(low, z), max(high, z)
             if 0 < i < nu - 1:
                 d = hull[i - 1, j] - 2.0 * hull[i, j] + hull[i + 1, j]
-                bend_s = max(bend_s, (nu - 1) * abs(n[0] * d[0] + n[1] * d[1] + n[2] * d[2]))
+                bend_s = max(bend_s, (nu - 1) * abs(n[X] * d[X] + n[Y] * d[Y] + n[Z] * d[Z]))
             if 0 < j < nv - 1:
                 d = hull[i, j - 1] - 2.0 * hull[i, j] + hull[i, j + 1]
-                bend_t = max(bend_t, (nv - 1) * abs(n[0] * d[0] + n[1] * d[1] + n[2] * d[2]))
+                bend_t = max(bend_t, (nv - 1) * abs(n[X] * d[X] + n[Y] * d[Y] + n[Z] * d[Z]))
     return bend_s, bend_t, high - low
 
 
 @njit(error_model="numpy")
 def fill_nodes(first, points, first_point, normal):
     """(k, 11) rows of all nodes."""
-    nodes = np.empty((first.shape[0], 11))
-    sums = np.zeros((first.shape[0], 3))
+    nodes = np.empty((len(first), 11))
+    sums = np.zeros((len(first), 3))
     stack = np.empty(256, np.int64)
-    for k in range(first.shape[0] - 1, -1, -1):         # children stand behind their parents
+    for k in range(len(first) - 1, -1, -1):         # children stand behind their parents
         row = nodes[k]
         if first[k] < 0:
             p = -1 - first[k]
-            sums[k] = normal[p]
+            put(sums[k], normal[p])
             for a in range(3):
                 column = points[first_point[p]:first_point[p + 1], a]
                 row[2 * a], row[2 * a + 1] = column.min() - HULL_MM, column.max() + HULL_MM
         else:
             a, b = first[k], first[k] + 1
-            sums[k] = sums[a] + sums[b]
             for i in range(3):
+                sums[k, i] = sums[a, i] + sums[b, i]
                 row[2 * i] = min(nodes[a, 2 * i], nodes[b, 2 * i])
                 row[2 * i + 1] = max(nodes[a, 2 * i + 1], nodes[b, 2 * i + 1])
-        x, y, z = sums[k, 0], sums[k, 1], sums[k, 2] + UP
+        x, y, z = sums[k, X], sums[k, Y], sums[k, Z] + UP
         length = math.sqrt(x * x + y * y + z * z)
         x, y, z = x / length, y / length, z / length
         c, top = -np.inf, 1
@@ -255,6 +261,7 @@ def fill_nodes(first, points, first_point, normal):
                 continue
             p = -1 - first[j]
             for i in range(first_point[p], first_point[p + 1]):
-                c = max(c, x * points[i, 0] + y * points[i, 1] + z * points[i, 2])
-        row[6], row[7], row[8], row[9], row[10] = x, y, z, c + HULL_MM, math.sqrt(x * x + y * y)
+                c = max(c, x * points[i, X] + y * points[i, Y] + z * points[i, Z])
+        row[NORMAL + X], row[NORMAL + Y], row[NORMAL + Z] = x, y, z
+        row[TOPMOST], row[SLANT] = c + HULL_MM, math.sqrt(x * x + y * y)
     return nodes

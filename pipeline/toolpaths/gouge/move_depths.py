@@ -8,19 +8,23 @@ stands within the tolerance of the deepest point known.
 
 import numpy as np
 
-from cuspline.surfaces.patches import derive, position, scale_derivatives
+from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, DS, IS_RATIONAL, OFFSET, derive, position, scale_derivatives
 from cuspline.surfaces.trims import CHORD_MM
+from cuspline.toolpaths.contact.leaf_rows import HALF_S, HALF_T, KIND, MIDDLE_S, MIDDLE_T, PATCH, REACH_S, REACH_T, STATE
 from cuspline.toolpaths.drop.exact_drop import checked_radii_mm
 from cuspline.toolpaths.drop.patch_bounds import BORDER, FACE
 from cuspline.toolpaths.drop.patch_search import in_trim
-from cuspline.toolpaths.gouge.depth_bounds import depth_at, node_depth, piece_depth
+from cuspline.toolpaths.gouge.depth_bounds import SIGMA, TAU, THETA, depth_at, node_depth, piece_depth
 from cuspline.toolpaths.gouge.depth_tree import outside_trim
 from cuspline.values.arrays import for_kernel
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
-from cuspline.values.rows import put
+from cuspline.values.rows import FROM, TO, X_HIGH, X_LOW, Y_HIGH, Y_LOW, Z_HIGH, Z_LOW, X, Y, Z, put
 from cuspline.values.threads import in_blocks
 
+BOUND, T_FROM, T_TO, BOX_S, BOX_T, BOX_ALPHA, BOX_BETA = range(7)       # of a box of a piece and a stretch of the move
+FIRST_MOVE, LAST_MOVE, AT_LEVEL = range(3)      # of a part of a run that waits
+MIDDLE, HALF = range(2)                         # of a stretch: the tip in its middle, from there to its end
 FINEST_MM = 1e-4        # tolerance
 RUN = 16                # moves that go down the tree together at most
 RUN_SHARE = 0.5         # of the radius: no run is longer
@@ -90,7 +94,7 @@ def _runs(start, end, longest):
 @njit(error_model="numpy")
 def _depths_of_runs(part, rest, start, end, runs, R, rc, core, tolerance, depth, share, place, first_run, last_run):
     """Fill in runs first_run..last_run-1."""
-    nodes, first = rest[0], rest[1]
+    nodes, first, _, _ = rest
     kept, counts = np.empty((LEVELS, MOST_KEPT), np.int64), np.zeros(LEVELS, np.int64)
     todo = np.empty((2 * LEVELS, 3), np.int64)          # first and last move, level
     tips, box = np.empty((RUN + 1, 3)), np.empty(6)
@@ -98,10 +102,10 @@ def _depths_of_runs(part, rest, start, end, runs, R, rc, core, tolerance, depth,
     for run in range(first_run, last_run):
         base = runs[run]
         count = runs[run + 1] - base
-        tips[0] = start[base]
+        put(tips[0], start[base])
         for i in range(count):
-            tips[i + 1] = end[base + i]
-        todo[0, 0], todo[0, 1], todo[0, 2] = 0, count, 1
+            put(tips[i + 1], end[base + i])
+        todo[0, FIRST_MOVE], todo[0, LAST_MOVE], todo[0, AT_LEVEL] = 0, count, 1
         kept[0, 0], counts[0] = 0, 1
         top = 1
         while top > 0:
@@ -120,8 +124,8 @@ def _depths_of_runs(part, rest, start, end, runs, R, rc, core, tolerance, depth,
                                                        counts[level], heap, share, place, i))
                 continue
             middle = (low + high) // 2
-            todo[top, 0], todo[top, 1], todo[top, 2] = middle, high, level + 1
-            todo[top + 1, 0], todo[top + 1, 1], todo[top + 1, 2] = low, middle, level + 1
+            todo[top, FIRST_MOVE], todo[top, LAST_MOVE], todo[top, AT_LEVEL] = middle, high, level + 1
+            todo[top + 1, FIRST_MOVE], todo[top + 1, LAST_MOVE], todo[top + 1, AT_LEVEL] = low, middle, level + 1
             top += 2
 
 
@@ -137,7 +141,7 @@ def _fill_box(tips, low, high, box):
 @njit(error_model="numpy")
 def _rest_of_run(nodes, first, tips, low, high, box, R, rc, core, tolerance, given, count, kept, counts, level):
     """Largest bound of what is proven within the tolerance; what is not goes into `kept`, counts[level] nodes."""
-    size = max(box[1] - box[0], box[3] - box[2], box[5] - box[4])
+    size = max(box[X_HIGH] - box[X_LOW], box[Y_HIGH] - box[Y_LOW], box[Z_HIGH] - box[Z_LOW])
     most, used = -np.inf, 0
     stack = np.empty(128, np.int64)
     for j in range(count):
@@ -150,8 +154,8 @@ def _rest_of_run(nodes, first, tips, low, high, box, R, rc, core, tolerance, giv
             if bound <= tolerance:
                 most = max(most, bound)
                 continue
-            wide = max(nodes[k, 1] - nodes[k, 0], nodes[k, 3] - nodes[k, 2])
-            room = used + top + (count - j) + 2 < kept.shape[0] and top + 2 < stack.shape[0]
+            wide = max(nodes[k, X_HIGH] - nodes[k, X_LOW], nodes[k, Y_HIGH] - nodes[k, Y_LOW])
+            room = used + top + (count - j) + 2 < len(kept) and top + 2 < len(stack)
             if first[k] >= 0 and wide > size and room:
                 stack[top], stack[top + 1] = first[k] + 1, first[k]
                 top += 2
@@ -164,8 +168,7 @@ def _rest_of_run(nodes, first, tips, low, high, box, R, rc, core, tolerance, giv
 
 @njit
 def heap_space():
-    """What one thread needs for `depth_of_move`: boxes (bound, t0, t1, s, t, half s, half t), what each is of, and
-    scratch."""
+    """What one thread needs for `depth_of_move`: boxes (columns BOUND to BOX_BETA), what each is of, and scratch."""
     return (np.empty((MOST_BOXES + 8, 7)), np.empty(MOST_BOXES + 8, np.int64), np.empty(MOST_BOXES + 8, np.int64),
             np.empty((6, 3)), np.empty(8), np.empty(3), np.empty((2, 3)), np.empty(6), np.empty((2, 3)), np.empty(3))
 
@@ -176,7 +179,7 @@ def _push(boxes, order, count, slot):
     i = count
     while i > 0:
         above = (i - 1) // 2
-        if boxes[order[above], 0] >= boxes[slot, 0]:
+        if boxes[order[above], BOUND] >= boxes[slot, BOUND]:
             break
         order[i] = order[above]
         i = above
@@ -191,9 +194,9 @@ def _pop(boxes, order, count):
     i = 0
     while 2 * i + 1 < count:
         k = 2 * i + 1
-        if k + 1 < count and boxes[order[k + 1], 0] > boxes[order[k], 0]:
+        if k + 1 < count and boxes[order[k + 1], BOUND] > boxes[order[k], BOUND]:
             k += 1
-        if boxes[order[k], 0] <= boxes[last, 0]:
+        if boxes[order[k], BOUND] <= boxes[last, BOUND]:
             break
         order[i] = order[k]
         i = k
@@ -204,10 +207,10 @@ def _pop(boxes, order, count):
 @njit(error_model="numpy")
 def depth_of_move(part, rest, start, end, R, rc, core, tolerance, given, count, heap, share, place, row):
     """Upper bound of one move's depth in the nodes `given`; share[row] and place[row] are filled if one is found."""
-    rows = part[5]
+    rows = part.rows
     nodes, first, leaf_of, pieces = rest
     boxes, ids, order, o, normals, at, tips, tip_box, middle_half, point = heap
-    length = max(abs(end[0] - start[0]), abs(end[1] - start[1]), abs(end[2] - start[2]))
+    length = max(abs(end[X] - start[X]), abs(end[Y] - start[Y]), abs(end[Z] - start[Z]))
     lower, upper = 0.0, -np.inf
     filled = live = 0
     for j in range(count + 1):                          # the last round: all that come of boxes taken from the heap
@@ -219,31 +222,31 @@ def depth_of_move(part, rest, start, end, R, rc, core, tolerance, given, count, 
                 upper = max(upper, bound)
                 continue
             ids[filled] = k
-            boxes[filled, 0], boxes[filled, 1], boxes[filled, 2] = bound, 0.0, 1.0
+            boxes[filled, BOUND], boxes[filled, T_FROM], boxes[filled, T_TO] = bound, 0.0, 1.0
             _push(boxes, order, live, filled)
             filled, live = filled + 1, live + 1
             continue
         while live > 0:
             slot = order[0]
-            bound = boxes[slot, 0]
+            bound = boxes[slot, BOUND]
             if bound <= _settled(lower, tolerance) or filled + 2 > MOST_BOXES:
                 upper = max(upper, bound)
                 break
             _pop(boxes, order, live)
             live -= 1
-            k, t0, t1 = ids[slot], boxes[slot, 1], boxes[slot, 2]
-            si, ti, alpha, beta = boxes[slot, 3], boxes[slot, 4], boxes[slot, 5], boxes[slot, 6]
+            k, t0, t1 = ids[slot], boxes[slot, T_FROM], boxes[slot, T_TO]
+            si, ti, alpha, beta = boxes[slot, BOX_S], boxes[slot, BOX_T], boxes[slot, BOX_ALPHA], boxes[slot, BOX_BETA]
             tm, stretch = 0.5 * (t0 + t1), (t1 - t0) * length
             if k >= 0 and first[k] < 0:                 # a leaf of the tree: from now on a piece
                 p = -1 - first[k]
                 leaf = leaf_of[p]
                 ids[slot] = -1 - leaf
-                boxes[slot, 3], boxes[slot, 4], boxes[slot, 5], boxes[slot, 6] = pieces[p]
+                boxes[slot, BOX_S], boxes[slot, BOX_T], boxes[slot, BOX_ALPHA], boxes[slot, BOX_BETA] = pieces[p]
                 bound, depth = _look(part, leaf, start, end, boxes[slot], R, rc, core, lower, heap)
                 if depth > lower:
-                    lower, share[row] = depth, at[2]
+                    lower, share[row] = depth, at[THETA]
                     put(place[row], point)
-                boxes[slot, 0] = bound
+                boxes[slot, BOUND] = bound
                 if bound > _settled(lower, tolerance):
                     _push(boxes, order, live, slot)
                     live += 1
@@ -251,42 +254,44 @@ def depth_of_move(part, rest, start, end, R, rc, core, tolerance, given, count, 
                     upper = max(upper, bound)
                 continue
             if k >= 0:
-                size = max(nodes[k, 1] - nodes[k, 0], nodes[k, 3] - nodes[k, 2], nodes[k, 5] - nodes[k, 4])
+                size = max(nodes[k, X_HIGH] - nodes[k, X_LOW], nodes[k, Y_HIGH] - nodes[k, Y_LOW],
+                           nodes[k, Z_HIGH] - nodes[k, Z_LOW])
             else:
-                size = 2.0 * max(rows[-1 - k, 4] * alpha, rows[-1 - k, 5] * beta)
+                size = 2.0 * max(rows[-1 - k, REACH_S] * alpha, rows[-1 - k, REACH_T] * beta)
                 if size + stretch < SMALLEST_MM:
                     upper = max(upper, bound)
                     continue
             for side in range(2):
                 new = slot if side == 1 else filled
                 b = boxes[new]
-                b[0], b[1], b[2], b[3], b[4], b[5], b[6] = bound, t0, t1, si, ti, alpha, beta
+                b[BOUND], b[T_FROM], b[T_TO] = bound, t0, t1
+                b[BOX_S], b[BOX_T], b[BOX_ALPHA], b[BOX_BETA] = si, ti, alpha, beta
                 child = k
                 if stretch > size:
-                    b[1], b[2] = (t0, tm) if side == 0 else (tm, t1)
+                    b[T_FROM], b[T_TO] = (t0, tm) if side == 0 else (tm, t1)
                 elif k >= 0:
                     child = first[k] + side
-                elif rows[-1 - k, 4] * alpha >= rows[-1 - k, 5] * beta:
-                    b[3], b[5] = si + (side - 0.5) * alpha, 0.5 * alpha
+                elif rows[-1 - k, REACH_S] * alpha >= rows[-1 - k, REACH_T] * beta:
+                    b[BOX_S], b[BOX_ALPHA] = si + (side - 0.5) * alpha, 0.5 * alpha
                 else:
-                    b[4], b[6] = ti + (side - 0.5) * beta, 0.5 * beta
+                    b[BOX_T], b[BOX_BETA] = ti + (side - 0.5) * beta, 0.5 * beta
                 ids[new] = child
                 if child >= 0:
-                    _stretch(start, end, b[1], b[2], tips, tip_box)
-                    b[0] = min(bound, node_depth(nodes, child, tips, 0, 1, tip_box, R, rc, core,
+                    _stretch(start, end, b[T_FROM], b[T_TO], tips, tip_box)
+                    b[BOUND] = min(bound, node_depth(nodes, child, tips, 0, 1, tip_box, R, rc, core,
                                                      _settled(lower, tolerance)))
                 else:
-                    b[0], depth = _look(part, -1 - child, start, end, b, R, rc, core, lower, heap)
+                    b[BOUND], depth = _look(part, -1 - child, start, end, b, R, rc, core, lower, heap)
                     if depth > lower:
-                        lower, share[row] = depth, at[2]
+                        lower, share[row] = depth, at[THETA]
                         put(place[row], point)
-                if b[0] > _settled(lower, tolerance):
+                if b[BOUND] > _settled(lower, tolerance):
                     _push(boxes, order, live, new)
                     live += 1
                     if side == 0:
                         filled += 1
                 else:
-                    upper = max(upper, b[0])
+                    upper = max(upper, b[BOUND])
     return max(upper, lower)
 
 
@@ -299,8 +304,8 @@ def _settled(lower, tolerance):
 @njit(inline="always")
 def _stretch(start, end, t0, t1, tips, box):
     for k in range(3):
-        tips[0, k] = start[k] + t0 * (end[k] - start[k])
-        tips[1, k] = start[k] + t1 * (end[k] - start[k])
+        tips[FROM, k] = start[k] + t0 * (end[k] - start[k])
+        tips[TO, k] = start[k] + t1 * (end[k] - start[k])
     _fill_box(tips, 0, 1, box)
 
 
@@ -308,39 +313,40 @@ def _stretch(start, end, t0, t1, tips, box):
 def _look(part, leaf, start, end, b, R, rc, core, known, heap):
     """(bound of a box of a leaf and a stretch, depth of a point found in it); that point and where along the move it
     is deepest go into the scratch if it is deeper than known."""
-    o, normals, at, middle_half, point = heap[3], heap[4], heap[5], heap[8], heap[9]
-    row, tag = part[5][leaf], part[6][leaf]
-    s, t, hs, ht = row[0] + row[1] * b[3], row[2] + row[3] * b[4], row[1] * b[5], row[3] * b[6]
-    crosses = tag[1] == FACE and tag[2] == BORDER
+    _, _, _, o, normals, at, _, _, middle_half, point = heap
+    row, tag = part.rows[leaf], part.tags[leaf]
+    s, t, hs, ht = (row[MIDDLE_S] + row[HALF_S] * b[BOX_S], row[MIDDLE_T] + row[HALF_T] * b[BOX_T],
+                    row[HALF_S] * b[BOX_ALPHA], row[HALF_T] * b[BOX_BETA])
+    crosses = tag[KIND] == FACE and tag[STATE] == BORDER
     if crosses and outside_trim(part, leaf, s, t, hs, ht):
         return -np.inf, 0.0
-    p = part[1][tag[0]]
-    derive(part[0], p[1], p[2], p[3], p[4] != 0, s, t, o)
+    p = part.patch[tag[PATCH]]
+    derive(part.coefficients, p[OFFSET], p[DEGREE_U], p[DEGREE_V], p[IS_RATIONAL] != 0, s, t, o)
     scale_derivatives(o, hs, ht)
     for k in range(3):
-        middle_half[0, k] = start[k] + 0.5 * (b[1] + b[2]) * (end[k] - start[k])
-        middle_half[1, k] = 0.5 * (b[2] - b[1]) * (end[k] - start[k])
-    bound = piece_depth(o, row, tag, part[4][tag[0]], b[5], b[6], middle_half[0], middle_half[1], R, rc, core, b[0],
-                        normals, at)
+        middle_half[MIDDLE, k] = start[k] + 0.5 * (b[T_FROM] + b[T_TO]) * (end[k] - start[k])
+        middle_half[HALF, k] = 0.5 * (b[T_TO] - b[T_FROM]) * (end[k] - start[k])
+    bound = piece_depth(o, row, tag, part.sign[tag[PATCH]], b[BOX_ALPHA], b[BOX_BETA], middle_half[MIDDLE],
+                        middle_half[HALF], R, rc, core, b[BOUND], normals, at)
     if bound <= known:
         return bound, 0.0
-    best = known
-    sigma, tau, theta = at[0], at[1], at[2]
+    best, spare = known, o[DS]                  # the derivatives are done with: their row takes points
+    sigma, tau, theta = at[SIGMA], at[TAU], at[THETA]
     for turn in range(2):                       # the likely deepest point, and the middle
         if turn == 1:
             sigma = tau = 0.0
         u, v = s + hs * sigma, t + ht * tau
-        position(part[0], p[1], p[2], p[3], p[4] != 0, u, v, o[1])
+        position(part.coefficients, p[OFFSET], p[DEGREE_U], p[DEGREE_V], p[IS_RATIONAL] != 0, u, v, spare)
         deepest, when = best, -1.0
         for k in range(4):
             w = theta if k == 3 else k - 1.0
-            depth = depth_at(o[1, 0] - middle_half[0, 0] - w * middle_half[1, 0],
-                             o[1, 1] - middle_half[0, 1] - w * middle_half[1, 1],
-                             o[1, 2] - middle_half[0, 2] - w * middle_half[1, 2], R, rc, core)
+            depth = depth_at(spare[X] - middle_half[MIDDLE, X] - w * middle_half[HALF, X],
+                             spare[Y] - middle_half[MIDDLE, Y] - w * middle_half[HALF, Y],
+                             spare[Z] - middle_half[MIDDLE, Z] - w * middle_half[HALF, Z], R, rc, core)
             if depth > deepest:
-                deepest, when = depth, 0.5 * (b[1] + b[2]) + 0.5 * w * (b[2] - b[1])
-        if deepest > best and not (crosses and not in_trim(part, tag[0], u, v)):
+                deepest, when = depth, 0.5 * (b[T_FROM] + b[T_TO]) + 0.5 * w * (b[T_TO] - b[T_FROM])
+        if deepest > best and not (crosses and not in_trim(part, tag[PATCH], u, v)):
             best = deepest
-            at[2] = when
-            point[0], point[1], point[2] = o[1, 0], o[1, 1], o[1, 2]
+            at[THETA] = when
+            point[X], point[Y], point[Z] = spare[X], spare[Y], spare[Z]
     return bound, best if best > known else 0.0

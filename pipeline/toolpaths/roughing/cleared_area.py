@@ -18,6 +18,7 @@ from scipy import ndimage
 from cuspline.toolpaths.roughing.level_fields import inner_distance, nearest_seed
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y
 
 FARTHEST_NODES = 4.0    # free room beyond this is cut off, so that it does not matter when it was worked out
 STROKE_NODES = 3        # a stroke changes the material no farther outside the cutter
@@ -141,17 +142,17 @@ def _patch(is_goal, x, y, most):
     out = np.empty((most, 2), np.int64)
     if not is_goal[y, x]:
         return out[:0]
-    out[0, 0], out[0, 1], count, at = x, y, 1, 0
+    out[0, X], out[0, Y], count, at = x, y, 1, 0
     while at < count and count < most:
-        for j in range(max(out[at, 1] - 1, 0), min(out[at, 1] + 2, ny)):
-            for i in range(max(out[at, 0] - 1, 0), min(out[at, 0] + 2, nx)):
+        for j in range(max(out[at, Y] - 1, 0), min(out[at, Y] + 2, ny)):
+            for i in range(max(out[at, X] - 1, 0), min(out[at, X] + 2, nx)):
                 if not is_goal[j, i] or count >= most:
                     continue
                 seen = False
                 for k in range(count):
-                    seen = seen or (out[k, 0] == i and out[k, 1] == j)
+                    seen = seen or (out[k, X] == i and out[k, Y] == j)
                 if not seen:
-                    out[count, 0], out[count, 1] = i, j
+                    out[count, X], out[count, Y] = i, j
                     count += 1
         at += 1
     return out[:count]

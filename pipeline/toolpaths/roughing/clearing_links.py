@@ -11,6 +11,7 @@ import numpy as np
 
 from cuspline.toolpaths.roughing.engagement import value_at
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y
 
 FAR_NODES = 2.0             # from the tool's place to the first node of a way
 SIGHT_NODES = 0.5           # a straight line is looked at this often
@@ -76,7 +77,7 @@ def _traced(before, at, nx):
         count, k = count + 1, before[k]
     out, k = np.empty((count, 2)), at
     for n in range(count - 1, -1, -1):
-        out[n, 0], out[n, 1] = k % nx, k // nx
+        out[n, X], out[n, Y] = k % nx, k // nx
         k = before[k]
     return out
 
@@ -90,12 +91,12 @@ def pulled_straight(standing, way):
     while here < len(way) - 1:
         there = here + 1
         step = 2
-        while here + step < len(way) and is_free_line(standing, way[here, 0], way[here, 1],
-                                                      way[here + step, 0], way[here + step, 1]):
+        while here + step < len(way) and is_free_line(standing, way[here, X], way[here, Y],
+                                                      way[here + step, X], way[here + step, Y]):
             there = here + step
             step *= 2
-        while there + 1 < len(way) and is_free_line(standing, way[here, 0], way[here, 1],
-                                                    way[there + 1, 0], way[there + 1, 1]):
+        while there + 1 < len(way) and is_free_line(standing, way[here, X], way[here, Y],
+                                                    way[there + 1, X], way[there + 1, Y]):
             there += 1
         kept[there] = True
         here = there
@@ -117,7 +118,7 @@ def upstream(wanted, near, x, y):
     bx, by = 0.0, 0.0
     while True:
         seen[j, i] = True
-        ax, ay = near[j, i, 0] - i, near[j, i, 1] - j
+        ax, ay = near[j, i, X] - i, near[j, i, Y] - j
         length = math.hypot(ax, ay)
         if length > 0.0:
             bx, by = ay / length, -ax / length          # against the heading of the pass

@@ -18,6 +18,7 @@ import numpy as np
 
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y
 
 ARC_SAMPLES = 120           # half the circle ahead is looked at in steps of 1.5 degrees
 SIDE_SAMPLES = 8
@@ -137,7 +138,7 @@ def cut_pass(material, permitted, x, y, heading, radius, thin, bound, step, righ
         (k, 2) positions, cut back to the last one in material; number of nodes cleared; largest engaged arc.
     """
     path = np.empty((longest + 1, 2))
-    path[0, 0], path[0, 1] = x, y
+    path[0, X], path[0, Y] = x, y
     count, last, fresh, without, most = 1, 1, 0, 0.0, 0.0
     while count <= longest and without < idle:
         heading = _next_heading(material, permitted, x, y, heading, radius, thin, bound, step, right, left)
@@ -146,11 +147,11 @@ def cut_pass(material, permitted, x, y, heading, radius, thin, bound, step, righ
         nx, ny = x + step * fixed.cos(heading), y + step * fixed.sin(heading)
         engaged = engaged_rad(material, nx, ny, heading, radius, CHIP_SHARE * thin)
         x, y = nx, ny
-        path[count, 0], path[count, 1] = x, y
+        path[count, X], path[count, Y] = x, y
         count += 1
         if engaged > 0.0:
             for k in range(last, count):        # steps that run out into the air are not made, and clear nothing
-                fresh += clear_stroke(material, path[k - 1, 0], path[k - 1, 1], path[k, 0], path[k, 1], radius, thin)
+                fresh += clear_stroke(material, path[k - 1, X], path[k - 1, Y], path[k, X], path[k, Y], radius, thin)
             most, without, last = max(most, engaged), 0.0, count
         else:
             without += step

@@ -16,6 +16,7 @@ import numpy as np
 
 from cuspline.values.arrays import frozen
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y
 
 BISECTIONS = 6          # a crossing is found to the pitch / 64, on the low side
 NOWHERE, FARTHEST_SQUARE = 1e18, 1e17       # nodes²: nearest place not known, or farther off than any is carried
@@ -159,7 +160,7 @@ def _seed(is_low, cross_x, cross_y, places):
                 for b in range(a + 1, count):
                     for jj in range(max(j - 1, 0), min(j + 3, ny)):
                         for ii in range(max(i - 1, 0), min(i + 3, nx)):
-                            _offer(places, jj, ii, ends[a, 0], ends[a, 1], ends[b, 0], ends[b, 1])
+                            _offer(places, jj, ii, ends[a, X], ends[a, Y], ends[b, X], ends[b, Y])
 
 
 @njit
@@ -167,16 +168,16 @@ def _crossings_of_cell(cross_x, cross_y, j, i, ends):
     """Fill x, y of where the line leaves a cell; how many there are."""
     count = 0
     if not math.isnan(cross_x[j, i]):
-        ends[count, 0], ends[count, 1] = i + cross_x[j, i], j
+        ends[count, X], ends[count, Y] = i + cross_x[j, i], j
         count += 1
     if not math.isnan(cross_y[j, i + 1]):
-        ends[count, 0], ends[count, 1] = i + 1, j + cross_y[j, i + 1]
+        ends[count, X], ends[count, Y] = i + 1, j + cross_y[j, i + 1]
         count += 1
     if not math.isnan(cross_x[j + 1, i]):
-        ends[count, 0], ends[count, 1] = i + cross_x[j + 1, i], j + 1
+        ends[count, X], ends[count, Y] = i + cross_x[j + 1, i], j + 1
         count += 1
     if not math.isnan(cross_y[j, i]):
-        ends[count, 0], ends[count, 1] = i, j + cross_y[j, i]
+        ends[count, X], ends[count, Y] = i, j + cross_y[j, i]
         count += 1
     return count
 
@@ -276,6 +277,6 @@ def nearest_seed(is_seed, is_idle, farthest):
     near, apart = np.empty((ny, nx, 2)), np.empty((ny, nx))
     for j in range(ny):
         for i in range(nx):
-            near[j, i, 0], near[j, i, 1] = places.x[j + 1, i + 1], places.y[j + 1, i + 1]
+            near[j, i, X], near[j, i, Y] = places.x[j + 1, i + 1], places.y[j + 1, i + 1]
             apart[j, i] = math.sqrt(places.square[j + 1, i + 1])
     return near, apart

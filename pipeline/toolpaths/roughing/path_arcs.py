@@ -6,10 +6,13 @@ import numpy as np
 
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y
 
 STRAIGHT_RADII = 1e4        # flatter arcs (radius over tolerance) are lines
 WIDEST_SWEEP_RAD = 2.8      # an arc stays below half a turn
 LEAST_RADIUS_MM = 0.05
+END_ROW, TURN, CENTER_X, CENTER_Y = range(4)    # columns of elements
+FITS, FIT_X, FIT_Y, FIT_TURN = range(4)         # of what `_fits` says
 
 
 @njit
@@ -27,13 +30,13 @@ def _circle(ax, ay, bx, by, cx, cy):
 @njit
 def _line_fits(points, first, last, tolerance):
     ax, ay = points[first]
-    ux, uy = points[last, 0] - ax, points[last, 1] - ay
+    ux, uy = points[last, X] - ax, points[last, Y] - ay
     length = math.hypot(ux, uy)
     if length < 1e-12:
         return False
     before = 0.0
     for k in range(first + 1, last):
-        dx, dy = points[k, 0] - ax, points[k, 1] - ay
+        dx, dy = points[k, X] - ax, points[k, Y] - ay
         along = (dx * ux + dy * uy) / length
         if abs(dx * uy - dy * ux) / length > tolerance or along < before - 1e-9 or along > length:
             return False
@@ -45,19 +48,19 @@ def _line_fits(points, first, last, tolerance):
 def _arc_fits(points, first, last, tolerance):
     """(fits, centre x, centre y, turn: +1 left, -1 right)."""
     middle = (first + last) // 2
-    cx, cy, radius = _circle(points[first, 0], points[first, 1], points[middle, 0], points[middle, 1],
-                             points[last, 0], points[last, 1])
+    cx, cy, radius = _circle(points[first, X], points[first, Y], points[middle, X], points[middle, Y],
+                             points[last, X], points[last, Y])
     if not LEAST_RADIUS_MM < radius < STRAIGHT_RADII * tolerance:
         return False, 0.0, 0.0, 0
-    ax, ay = points[first, 0] - cx, points[first, 1] - cy
-    mx, my = points[middle, 0] - cx, points[middle, 1] - cy
+    ax, ay = points[first, X] - cx, points[first, Y] - cy
+    mx, my = points[middle, X] - cx, points[middle, Y] - cy
     turn = 1 if ax * my - ay * mx > 0.0 else -1
     before = 0.0
     for k in range(first + 1, last + 1):
-        dx, dy = points[k, 0] - cx, points[k, 1] - cy
+        dx, dy = points[k, X] - cx, points[k, Y] - cy
         if abs(math.hypot(dx, dy) - radius) > tolerance:
             return False, 0.0, 0.0, 0
-        px, py = points[k - 1, 0] - cx, points[k - 1, 1] - cy
+        px, py = points[k - 1, X] - cx, points[k - 1, Y] - cy
         step = turn * fixed.arctan2(px * dy - py * dx, px * dx + py * dy)
         before += step
         if step < 0.0 or before > WIDEST_SWEEP_RAD:
@@ -88,7 +91,7 @@ def lines_and_arcs(points, tolerance):
         best = (True, 0.0, 0.0, 0)
         while first + step < len(points):
             answer = _fits(points, first, first + step, tolerance)
-            if not answer[0]:
+            if not answer[FITS]:
                 break
             good, best = first + step, answer
             step *= 2
@@ -96,11 +99,13 @@ def lines_and_arcs(points, tolerance):
         while bad - good > 1:
             middle = (good + bad) // 2
             answer = _fits(points, first, middle, tolerance)
-            if answer[0]:
+            if answer[FITS]:
                 good, best = middle, answer
             else:
                 bad = middle
-        out[count, 0], out[count, 1], out[count, 2], out[count, 3] = good, best[3], best[1], best[2]
+        out[count, END_ROW], out[count, TURN], out[count, CENTER_X], out[count,
+                                                                         CENTER_Y] = (good, best[FIT_TURN], best[FIT_X],
+                                                                                      best[FIT_Y])
         count += 1
         first = good
     return out[:count].copy()

@@ -15,11 +15,12 @@ import numpy as np
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
-from cuspline.values.rows import put
+from cuspline.values.rows import X, Y, put
 
 JOINTS = 220            # candidate joints along one curve
 BUCKETS = 41            # heading states kept at each joint
 CHECKS = 24             # points at which an arc's deviation is measured
+JOINT, BUCKET, IS_BIARC, MIDDLE_ROW = range(4)      # of where a chain ends; JOINT, BUCKET of where it comes from
 SAFETY = 0.985          # between the checks an arc may deviate slightly more
 
 
@@ -107,7 +108,7 @@ def _arc_center(x0, y0, x1, y1, heading):
 @njit
 def _deviation(points, first, last, heading, largest_radius):
     """Largest distance of points first..last from the arc (or line) that joins their ends."""
-    x0, y0, x1, y1 = points[first, 0], points[first, 1], points[last, 0], points[last, 1]
+    x0, y0, x1, y1 = points[first, X], points[first, Y], points[last, X], points[last, Y]
     cx, cy, radius = _arc_center(x0, y0, x1, y1, heading)
     length = math.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)
     worst = 0.0
@@ -115,9 +116,9 @@ def _deviation(points, first, last, heading, largest_radius):
     for k in range(1, count + 1):
         i = first + k * (last - first) // (count + 1)
         if abs(radius) > largest_radius:
-            d = abs((points[i, 0] - x0) * (y1 - y0) - (points[i, 1] - y0) * (x1 - x0)) / length
+            d = abs((points[i, X] - x0) * (y1 - y0) - (points[i, Y] - y0) * (x1 - x0)) / length
         else:
-            d = abs(math.sqrt((points[i, 0] - cx) ** 2 + (points[i, 1] - cy) ** 2) - abs(radius))
+            d = abs(math.sqrt((points[i, X] - cx) ** 2 + (points[i, Y] - cy) ** 2) - abs(radius))
         worst = max(worst, d)
     return worst
 
@@ -130,9 +131,9 @@ def _wrapped(angle):
 @njit
 def _end_heading(points, first, last, heading, largest_radius):
     """Heading with which the arc arrives; a line arrives along its chord."""
-    dx, dy = points[last, 0] - points[first, 0], points[last, 1] - points[first, 1]
+    dx, dy = points[last, X] - points[first, X], points[last, Y] - points[first, Y]
     chord = fixed.arctan2(dy, dx)
-    _, _, radius = _arc_center(points[first, 0], points[first, 1], points[last, 0], points[last, 1], heading)
+    _, _, radius = _arc_center(points[first, X], points[first, Y], points[last, X], points[last, Y], heading)
     if abs(radius) > largest_radius:
         return chord
     return heading + 2.0 * _wrapped(chord - heading)
@@ -141,7 +142,7 @@ def _end_heading(points, first, last, heading, largest_radius):
 @njit
 def _shortest_chain(points, headings, rows, tolerance, spread, largest_radius):
     """Dynamic programming; returns (k, 5): start, end and start heading of every arc."""
-    m = rows.shape[0]
+    m = len(rows)
     cost = np.full((m, BUCKETS), 1e18)
     error = np.zeros((m, BUCKETS))              # heading minus the curve's heading
     before = np.full((m, BUCKETS, 2), -1, np.int64)
@@ -168,7 +169,7 @@ def _shortest_chain(points, headings, rows, tolerance, spread, largest_radius):
                 if b == m - 1:
                     if abs(e) < 2e-4 and c < best:
                         best = c
-                        tail[0], tail[1], tail[2], tail[3] = a, s, 0, 0
+                        tail[JOINT], tail[BUCKET], tail[IS_BIARC], tail[MIDDLE_ROW] = a, s, 0, 0
                     continue
                 if abs(e) > spread:
                     continue
@@ -176,13 +177,13 @@ def _shortest_chain(points, headings, rows, tolerance, spread, largest_radius):
                 if c < cost[b, t]:
                     cost[b, t] = c
                     error[b, t] = e
-                    before[b, t, 0], before[b, t, 1] = a, s
+                    before[b, t, JOINT], before[b, t, BUCKET] = a, s
             # two arcs that end with the exact heading
             if cost[a, s] + 2.0 < best:
                 middle = _biarc_middle(points, headings, rows[a], rows[m - 1], start, tolerance, largest_radius)
                 if middle >= 0 and cost[a, s] + 2.0 < best:
                     best = cost[a, s] + 2.0
-                    tail[0], tail[1], tail[2], tail[3] = a, s, 1, middle
+                    tail[JOINT], tail[BUCKET], tail[IS_BIARC], tail[MIDDLE_ROW] = a, s, 1, middle
     out = np.empty((2 * m, 5))
     if best > 1e17:
         return out[:0]
@@ -224,7 +225,7 @@ def _biarc_middle(points, headings, first, last, start, tolerance, largest_radiu
 @njit
 def _middle_mismatch(points, headings, first, middle, last, start, largest_radius):
     arrived = _end_heading(points, first, middle, start, largest_radius)
-    dx, dy = points[last, 0] - points[middle, 0], points[last, 1] - points[middle, 1]
+    dx, dy = points[last, X] - points[middle, X], points[last, Y] - points[middle, Y]
     needed = headings[last] + 2.0 * _wrapped(fixed.arctan2(dy, dx) - headings[last])
     return _wrapped(arrived - needed)
 
@@ -232,22 +233,22 @@ def _middle_mismatch(points, headings, first, middle, last, start, largest_radiu
 @njit
 def _traced(points, headings, rows, error, before, tail, out, largest_radius):
     """Follow the chain back from its end and write it forward."""
-    a, s = int(tail[0]), int(tail[1])
+    a, s = int(tail[JOINT]), int(tail[BUCKET])
     n = 0
-    last = rows[rows.shape[0] - 1]
-    if tail[2] > 0.5:
-        middle = int(tail[3])
+    last = rows[len(rows) - 1]
+    if tail[IS_BIARC] > 0.5:
+        middle = int(tail[MIDDLE_ROW])
         start = headings[rows[a]] + error[a, s]
         arrived = _end_heading(points, rows[a], middle, start, largest_radius)
-        put(out[n], (points[middle, 0], points[middle, 1], points[last, 0], points[last, 1], arrived))
+        put(out[n], (points[middle, X], points[middle, Y], points[last, X], points[last, Y], arrived))
         n += 1
         last = middle
     while True:
         i = rows[a]
-        put(out[n], (points[i, 0], points[i, 1], points[last, 0], points[last, 1], headings[i] + error[a, s]))
+        put(out[n], (points[i, X], points[i, Y], points[last, X], points[last, Y], headings[i] + error[a, s]))
         n += 1
         if a == 0:
             break
         last = i
-        a, s = before[a, s, 0], before[a, s, 1]
+        a, s = before[a, s, JOINT], before[a, s, BUCKET]
     return out[:n][::-1].copy()

@@ -34,12 +34,28 @@ class CutMap:
     deviation_mm: np.ndarray    # (n, k) of s_actual along the normal there, positive: left; NaN beyond the tip's ends
     is_folded: np.ndarray       # (n, k) bool: the envelope turns back; more is cut there
     is_matching: np.ndarray     # (n,) bool
+    center_x_mm: np.ndarray     # (n,) plane of each row's arc
 
     def __post_init__(self):
         n, k = self.deviation_mm.shape
         for name, shape, dtype in (("place_mm", (n, k, 3), float), ("deviation_mm", (n, k), float),
-                                   ("is_folded", (n, k), bool), ("is_matching", (n,), bool)):
+                                   ("is_folded", (n, k), bool), ("is_matching", (n,), bool), ("center_x_mm", (n,), float)):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
+
+    def stretches_beyond_mm(self, limit_mm, margin_mm):
+        """((first, last), ...): planes whose arcs leave more than the limit anywhere, and a margin; those that meet are one.
+
+        A stretch that holds the first or the last row goes on without end: the map does not say what lies beyond.
+        """
+        beyond = np.flatnonzero(np.fmax.reduce(self.deviation_mm, axis=1) > limit_mm)
+        edges = np.r_[-np.inf, self.center_x_mm[1:-1], np.inf]
+        found = []
+        for run in np.split(beyond, np.flatnonzero(np.diff(beyond) > 1) + 1) if len(beyond) else ():
+            first, last = edges[run[0]] - margin_mm, edges[run[-1]] + margin_mm
+            if found and first <= found[-1][1]:
+                first = found.pop()[0]
+            found.append((float(first), float(last)))
+        return tuple(found)
 
 
 def cut_map(tip, ball_radius_mm, register_mm, pitch_mm):
@@ -62,9 +78,9 @@ def cut_map(tip, ball_radius_mm, register_mm, pitch_mm):
     for part in np.split(np.arange(count + 1), np.flatnonzero(np.diff(steep)) + 1):
         if len(part) > 1:
             nodes = np.linspace(*centers[part[[0, -1]]], LEAST_NODES) if len(part) < LEAST_NODES else centers[part]
-            rows.append(_part(tip, ball_radius_mm, register_mm, nodes))
-    place, deviation, folded, matching = (np.concatenate(column) for column in zip(*rows))
-    return CutMap(place_mm=place, deviation_mm=deviation, is_folded=folded, is_matching=matching)
+            rows.append((*_part(tip, ball_radius_mm, register_mm, nodes), nodes))
+    place, deviation, folded, matching, center_x = (np.concatenate(column) for column in zip(*rows))
+    return CutMap(place_mm=place, deviation_mm=deviation, is_folded=folded, is_matching=matching, center_x_mm=center_x)
 
 
 def _part(tip, ball_radius_mm, register_mm, center_x_mm):

@@ -40,6 +40,23 @@ def test_what_is_no_such_vane_is_refused(asked, said):
         TransverseArcs().plan(work(**asked))
 
 
+def test_sections_follow_only_where_the_arcs_leave_more_than_the_finish():
+    """From gentle cells into steeper ones: the map's limit is crossed in some of them."""
+    design = find_design("rfq_vane").design(["strategy=transverse_arcs", "rest=sections", "from_mm=440", "to_mm=480", "ball_mm=6"])
+    made = plan_setup(design, design.setups[0], find_machine(design.machine), find_library(None)).operations
+    assert [o.name for o in made][-2:] == ["finish", "rest finish"]
+    finish, rest = made[-2:]
+    chart, cutting = finish.facts["cut_map"], rest.moves.kind != Kind.RAPID
+    over = np.array([max((d for d in row if d is not None), default=0.0) for row in chart["deviation_mm"]]) > 0.001
+    x, planes = np.array(chart["x_mm"]), np.unique(rest.moves.end_mm[rest.moves.kind >= Kind.ARC_CW, 0])
+    assert 0.02 < over.mean() < 0.9 and cutting.any()
+    near = np.abs(planes[:, None] - x[over]).min(axis=1)        # a row's crest lies within the ball's lean of its plane
+    assert near.max() < finish.facts["stepover_mm"] + 0.6
+    gentle = find_design("rfq_vane").design(["strategy=transverse_arcs", "rest=sections", "from_mm=150", "to_mm=154"])
+    made = plan_setup(gentle, gentle.setups[0], find_machine(gentle.machine), find_library(None)).operations
+    assert made[-1].name == "finish"
+
+
 def test_a_vane_is_roughed_both_ways_and_finished_climb_with_one_register():
     design = find_design("rfq_vane").design(["strategy=transverse_arcs", "from_mm=700", "to_mm=708", "ball_mm=6"])
     machine = find_machine(design.machine)

@@ -180,6 +180,19 @@ def test_a_level_tip_is_cut_exactly():
     assert np.nanmax(np.abs(found.deviation_mm)) < 1e-12
 
 
+def test_stretches_beyond_a_limit_hold_all_rows_beyond_it_and_their_margins(steep):
+    found = cut_map(steep, BALL_MM, BALL_MM, 0.05)
+    worst = np.fmax.reduce(found.deviation_mm, axis=1)
+    for limit in (0.001, 0.004, 0.05):
+        within = np.array(found.stretches_beyond_mm(limit, 0.3))
+        inside = ((found.center_x_mm[:, None] >= within[:, 0]) & (found.center_x_mm[:, None] <= within[:, 1])).any(axis=1)
+        assert inside[worst > limit].all() and (within[1:, 0] > within[:-1, 1]).all()
+        near = np.abs(found.center_x_mm[inside][:, None] - found.center_x_mm[worst > limit]).min(axis=1)
+        assert near.max() <= 0.3 + 1e-9
+        assert (within[0, 0] == -np.inf) == (worst[0] > limit)      # steep from its first row on: so is what lies before
+    assert found.stretches_beyond_mm(10.0, 0.3) == ()
+
+
 def test_on_a_constant_slope_the_error_grows_with_its_square_and_the_ball():
     """To leading order Rc s² / 2 (1 - cos t)(cos t - sin α) is left: most half way between crest and flank in cos t."""
     worst = {}

@@ -1,0 +1,62 @@
+"""What `cuspline faces` tells of a part: each face by what it is, a predicate for it alone, pictures with their numbers."""
+
+from pathlib import Path
+
+import numpy as np
+
+from cuspline.app import catalogue
+from cuspline.app.report_inputs import shape_of
+from cuspline.design.face_selection import in_python, in_toml, predicate_for
+from cuspline.kernel import brep
+from cuspline.report.pictures import render_faces
+from cuspline.values.errors import DesignError, InputError
+
+STEP_FILES = (".step", ".stp")
+DECIMALS = 4
+
+
+def solid_of(part, assignments):
+    """The solid of a STEP file, or of a design by name, Python file or job file with ["name=value", ...].
+
+    Raises:
+        InputError, DesignError: there is none such; says why.
+    """
+    path = Path(part)
+    if path.suffix.lower() in STEP_FILES:
+        brep.refuse_unreadable(path)
+        return brep.the_solid(brep.read_step(path), path.name)
+    design = catalogue.make_design(catalogue.find_design(part), assignments)
+    return brep.the_solid(design.solid, f"design {design.name}")
+
+
+def face_rows(solid):
+    """One dict a face, in the part's own order, numbered from 1."""
+    faces = brep.faces_of(solid)
+    return [_row(faces, k) for k in range(len(faces))]
+
+
+def _row(faces, k):
+    face = faces[k]
+    listed = lambda v: (np.round(v[0], DECIMALS) + 0.0).tolist() if np.isfinite(v).all() else None
+    try:
+        predicate = predicate_for(faces, k, f"face {k + 1}")
+        python, toml = in_python(predicate), in_toml(predicate)
+    except DesignError as error:
+        python = toml = f"# {error}"
+    return {"number": k + 1, "kind": face.kind, "area_mm2": round(face.area_mm2, DECIMALS), "normal": listed(face.middle.normal),
+            "middle_mm": listed(face.middle.point_mm), "name": face.mark.name,
+            "color": None if face.mark.color is None else list(face.mark.color), "python": python, "toml": toml}
+
+
+def draw_faces(solid, folder):
+    """Pictures into a folder; what came of them, in words.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        failure = render_faces(shape_of(solid), folder)
+    except OSError as error:
+        raise InputError(f"--pictures {folder}: cannot be written ({error.strerror}); name another folder") from None
+    return failure or f"{folder / 'faces-above.png'} and {folder / 'faces-below.png'} written"
