@@ -58,7 +58,7 @@ class PlannedOperation:
         """Height field (function (n, 2) -> (n,)) of the lowest that its cutter comes to, in the frame of its moves."""
         cutter = self.tool.cutter
         if self.tool.head is not None:      # a disc beside the spindle: nothing is counted on
-            return lambda xy_mm: np.full(len(xy_mm), np.inf)
+            return lambda xy_mm, at_most_mm=np.inf: np.full(len(xy_mm), at_most_mm)
         return swept_by_lines(lines_of_moves(self.moves), cutter.radius_mm, cutter.corner_radius_mm)
 
 
@@ -256,8 +256,8 @@ class PlanningContext:
         """A place in part coordinates, rounded for plan.json."""
         return self.setup.turn.out(np.array(place_mm)[None])[0].round(4).tolist()
 
-    def stock_mm(self, xy_mm):
-        """Height of the stock over places (n, 2) before the operation's first move; -inf beside it."""
+    def stock_mm(self, xy_mm, at_most_mm=np.inf):
+        """Height of the stock over places (n, 2) before the operation's first move, at most so much; -inf beside it."""
         inside = ((xy_mm >= self.stock_min_mm[:2]) & (xy_mm <= self.stock_max_mm[:2])).all(axis=1)
         if not self.piece.blank.fills_box_in(self.setup.turn):
             inside[inside] = np.isfinite(self.piece.blank.tops_mm(self.setup.turn, xy_mm[inside]))
@@ -265,7 +265,7 @@ class PlanningContext:
         height[inside] = self.piece.heights_mm(self.setup.turn, xy_mm[inside])
         for operation in self.planned:
             height = np.minimum(height, operation.swept_mm(xy_mm))
-        return height
+        return np.minimum(height, at_most_mm)
 
     def standing_mm(self, tool):
         """The most that stands over the faces of the operation, straight up: what its links go over."""

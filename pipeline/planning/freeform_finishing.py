@@ -188,7 +188,7 @@ def _touch_up(field, paths, before, scallop_mm, ridge_mm, step_mm, rules):
     more, cutter = [], field.dropper
     for closer in TOUCH_UP_RIDGES:
         mine = swept_by_lines([p.tips_mm for p in [*paths, *more]], cutter.radius_mm, cutter.corner_radius_mm)
-        left = region_left(field, [mine, *before], TOUCH_UP_SHARE * scallop_mm, TOUCH_UP_STEPS * step_mm)
+        left = region_left(field, [*before, mine], TOUCH_UP_SHARE * scallop_mm, TOUCH_UP_STEPS * step_mm)
         if left is None:
             break
         more += tip_paths(parallel_curves(left, 0.0, closer * ridge_mm), left, rules)

@@ -10,9 +10,15 @@ from known_tools import tool
 from cuspline.kernel.brep import faces_of, planning_mesh, the_solid
 from cuspline.planning.cutter_choice import choose_ball
 from cuspline.planning.finishing_chain import WORTH_SHARE, FinishingWork, _clear_reach, choose_finishing
+from cuspline.planning.tool_depth import (
+    HOLDER_CLEARANCE_MM,
+    SHANK_CLEARANCE_MM,
+    missing_stick_out_mm,
+    missing_stick_outs_mm,
+)
 from cuspline.shop.cutters import ToolLibrary
 from cuspline.surfaces.curvature import sample_faces
-from cuspline.toolpaths.drop.dropcutter import DropMesh
+from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
 from cuspline.values.errors import CutterDoesNotFit
 
 BALLS = (16, 10, 8, 6, 4, 2)
@@ -132,3 +138,17 @@ def test_one_ball_for_all_keeps_its_choice_and_now_says_its_numbers(grooved):
     assert all(c.stepover_mm is not None and c.missing_stick_out_mm == 0 for c in candidates)
     bare = choose_ball(SHOP, samples, 1.5, mesh, 0.0)[1]
     assert [c.reason for c in bare] == [c.reason for c in candidates] and bare[0].stepover_mm is None
+
+
+def test_the_stick_out_missing_is_what_the_holder_let_down_at_every_tip_shows(grooved):
+    samples, mesh = grooved
+    short = tool("ball", 4).model_copy(update={"stick_out_mm": 8.0})
+    tips = samples.point_mm[::5] - (0.0, 0.0, 4.0)
+    worst = np.zeros(len(tips))
+    for z0, r0, _, r1 in short.non_cutting_frusta():
+        clear = HOLDER_CLEARANCE_MM if z0 >= short.stick_out_mm - 1e-9 else SHANK_CLEARANCE_MM
+        if max(r0, r1) + clear > short.cutter.radius_mm:
+            worst = np.maximum(worst, drop_tips_mm(mesh, tips[:, :2], max(r0, r1) + clear, 0.0) + clear - (tips[:, 2] + z0))
+    assert 0 < (worst > 0).sum() < len(worst)
+    assert np.array_equal(missing_stick_outs_mm(short, tips, mesh, 0.0), worst)
+    assert missing_stick_out_mm(short, tips, mesh, 0.0) == worst.max()

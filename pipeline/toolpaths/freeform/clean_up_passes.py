@@ -8,6 +8,7 @@ import numpy as np
 
 JUMP = 4.0                  # grid pitches: contacts farther apart do not follow each other
 NEWTON_STEPS = 4            # along the normal: the height above is only near to the way along it
+SETTLED_MM = 1e-7           # a step this small is the last
 RUN_ON = 0.8                # of the step from node to node
 
 
@@ -18,17 +19,22 @@ def left_by_mm(field, swept):
 
     Args:
         field: TipField of a cutter that reaches every contact of interest.
-        swept: height fields of what cutters swept (stock_fields), at least one; infinite where none of them comes.
+        swept: height fields of what cutters swept (stock_fields) in the order of the cuts, at least one; infinite where
+            none of them comes.
     """
     inside = field.is_inside & np.isfinite(field.tip_z_mm)
     def over(contacts, mask):
         points, normal = contacts[mask], field.normal[mask]
         rise, off = np.maximum(normal[:, 2], 0.0), np.zeros(mask.sum())
+        known, live = np.ones(len(off), bool), np.arange(len(off))
         for _ in range(NEWTON_STEPS):
-            at = points + off[:, None] * normal
-            bottom = np.min([surface(at[:, :2]) for surface in swept], axis=0)
-            known = np.isfinite(bottom)
-            off[known] = np.maximum(off[known] + (bottom[known] - at[known, 2]) * rise[known], 0.0)
+            at = points[live] + off[live, None] * normal[live]
+            bottom = swept[-1](at[:, :2])
+            for surface in swept[-2::-1]:           # what was cut before is seldom lower
+                bottom = surface(at[:, :2], bottom)
+            before, known[live] = off[live], np.isfinite(bottom)
+            off[live] = np.where(known[live], np.maximum(before + (bottom - at[:, 2]) * rise[live], 0.0), before)
+            live = live[~known[live] | (np.abs(off[live] - before) > SETTLED_MM)]
         return np.where(known, off, np.inf)
 
     left = np.full(inside.shape, np.nan)

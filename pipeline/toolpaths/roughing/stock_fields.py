@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from cuspline.program.program import Kind, Plane
-from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
+from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm, is_held_above
 from cuspline.values import fixed_math as fixed
 
 CHORD_MM = 1e-3         # arcs count as chords that lie this close to them
@@ -43,6 +43,8 @@ def stock_after(moves, radius_mm, corner_radius_mm, height_mm):
 def swept_by_lines(lines, radius_mm, corner_radius_mm):
     """Height field of the lowest that the bottom of a cutter comes to along lines; inf where it never comes.
 
+    Asked with a second argument, (n,) heights, it gives these where they are lower, which it finds for less.
+
     The cutter's bottom stands p(d) above its tip.  min over the path of z + p(d) is minus the
     drop-cutter's max over S of S_z - p(d) on the path turned upside down: its pieces are the edges of
     flat triangles, and the answer is exact.
@@ -58,7 +60,15 @@ def swept_by_lines(lines, radius_mm, corner_radius_mm):
     at = lambda k: (starts[row] + (k / counts[row])[:, None] * (ends - starts)[row]) * np.array([1.0, 1.0, -1.0])
     corners = np.stack([at(number), at(number + 1), at(number + 1)], axis=1).reshape(-1, 3)
     path = DropMesh.from_triangles(corners, np.arange(len(corners)).reshape(-1, 3))
-    return lambda xy_mm: -drop_tips_mm(path, xy_mm, radius_mm, corner_radius_mm)
+
+    def lowest_mm(xy_mm, at_most_mm=None):
+        if at_most_mm is None:
+            return -drop_tips_mm(path, xy_mm, radius_mm, corner_radius_mm)
+        lower, out = is_held_above(path, xy_mm, radius_mm, corner_radius_mm, -at_most_mm), at_most_mm.copy()
+        out[lower] = -drop_tips_mm(path, xy_mm[lower], radius_mm, corner_radius_mm)
+        return out
+
+    return lowest_mm
 
 
 def lines_of_moves(moves):

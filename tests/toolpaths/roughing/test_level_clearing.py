@@ -13,7 +13,7 @@ from scipy import ndimage
 from cuspline.kernel import brep
 from cuspline.program.program import Kind
 from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
-from cuspline.toolpaths.roughing.level_clearing import ClearingRules, clear, engagement_of_rad
+from cuspline.toolpaths.roughing.level_clearing import ClearingRules, _Job, clear, engagement_of_rad
 from cuspline.toolpaths.roughing.level_fields import PlaneGrid
 from cuspline.toolpaths.roughing.stock_fields import box_stock, points_of_move, stock_after
 from cuspline.values.errors import ToolpathError
@@ -202,3 +202,13 @@ def test_nothing_to_remove_is_refused():
 def test_bounds_that_cannot_be_used_are_refused(changes, words):
     with pytest.raises(ToolpathError, match=words):
         clear(_rules(_mesh(BOX), **changes))
+
+
+def test_a_place_is_free_at_a_level_where_the_lowest_tip_is_no_higher():
+    fixture = DropMesh.from_triangles([[30.0, 20.0, 9.0], [40.0, 20.0, 9.0], [30.0, 30.0, 9.0]], [[0, 1, 2]])
+    job = _Job(_rules(_mesh(PARTS["pocket with islands"]()), keep_clear=(fixture,), keep_out_mm=1.0,
+                      keep_out=((np.array([0.0, 0.0, 0.0]), np.array([5.0, 9.0, 7.0])),)))
+    xy = np.random.default_rng(6).uniform((-4, -4), (48, 38), (3000, 2))
+    tips = job.tip_mm(xy)
+    for level in (4.3, 8.0, 9.5, 10.0, 12.3):
+        assert np.array_equal(job.is_free_at(xy, level), tips <= level)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cuspline.program.program import MoveWriter, Plane
-from cuspline.toolpaths.roughing.stock_fields import box_stock, points_of_move, stock_after
+from cuspline.toolpaths.roughing.stock_fields import box_stock, lines_of_moves, points_of_move, stock_after, swept_by_lines
 
 RADIUS_MM = 3.0
 
@@ -47,3 +47,12 @@ def test_the_stock_left_is_what_the_cutter_put_down_along_the_path_leaves(corner
 def test_beside_the_box_there_is_no_stock_before_or_after():
     left = stock_after(_moves(), RADIUS_MM, 0.0, box_stock((0, 0, 0), (20, 16, 10)))
     assert left(np.array([[30.0, 5.0]]))[0] == -np.inf
+
+
+def test_asked_where_it_is_lower_the_swept_height_is_the_lower_of_both():
+    swept = swept_by_lines(lines_of_moves(_moves()), RADIUS_MM, 1.0)
+    rng = np.random.default_rng(4)
+    xy, other = rng.uniform((-1, -1), (21, 17), (400, 2)), rng.uniform(5, 12, 400)
+    whole = swept(xy)
+    assert np.isinf(whole).any() and (whole < other).any() and (other < whole).any()
+    assert np.array_equal(swept(xy, other), np.minimum(whole, other))
