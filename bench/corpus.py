@@ -7,7 +7,7 @@ function, in a process of its own with limits of time; what came of it is one li
     python bench/corpus.py family [number]    those cases, again
     python bench/corpus.py failures           what was not verified, again
     python bench/corpus.py keep CASE FOLDER   one case, its files and outputs kept in a folder, told as it goes
-    python bench/corpus.py table              what is known so far
+    python bench/corpus.py table              what is known so far into RESULTS.md
 """
 
 import contextlib
@@ -67,7 +67,7 @@ def outcome_of(family, number, strategy, folder):
     if child == 0:
         _build(family, number, strategy, Path(folder))
     status, usage = _ended(child, begin + LONGEST_S)
-    case, said = corpus_parts.case_name(family, number, strategy), _said(folder)
+    case, said = corpus_parts.case_name(family, number, strategy), _said(folder).replace(f"{folder}/", "")
     code = os.waitstatus_to_exitcode(status)
     verdict = CLASSES.get(code, HUNG if code in (-signal.SIGXCPU, -signal.SIGKILL) else FAULT)
     return Outcome(case=case, family=family, number=number, strategy=strategy or "default", verdict=verdict,
@@ -171,7 +171,9 @@ def table():
     parts = [r for r in rows if r.family not in corpus_parts.WITHOUT_A_SOLID]
     count = lambda verdict: sum(r.verdict == verdict for r in parts)
     share = 100 * count(VERIFIED) / max(len(parts), 1)
-    lines = [f"{len(parts)} cases of {len({r.family for r in parts})} families: {count(VERIFIED)} verified at the first try "
+    everything = sum(name not in corpus_parts.WITHOUT_A_SOLID for name, _, _ in cases())
+    lines = [f"{len(parts)} of {everything} cases, of {len({r.family for r in parts})} families: {count(VERIFIED)} verified at "
+             "the first try "
              f"({share:.1f} %), {count(REFUSED)} refused, {count(REJECTED)} rejected, {count(FAULT)} faults, {count(HUNG)} "
              f"beyond {LONGEST_CPU_S} CPU s.  Of {len(rows) - len(parts)} that hold no single solid "
              f"{sum(r.verdict == REFUSED for r in rows if r.family in corpus_parts.WITHOUT_A_SOLID)} were refused.  "
@@ -183,10 +185,16 @@ def table():
     return lines
 
 
+def _write_results():
+    from run import RESULTS, machine, own_versions, with_section
+    head = ["## Corpus: parts that nothing was tuned for (`make corpus`)", "", f"Machine: {machine()}. {own_versions()}.", ""]
+    RESULTS.write_text(with_section(RESULTS.read_text(), "corpus", head + table()))
+
+
 def main(arguments):
     everything, done = cases(), known()
     if arguments == ["table"]:
-        print("\n".join(table()))
+        _write_results()
     elif arguments[:1] == ["keep"]:
         family, number, strategy = next(c for c in everything if corpus_parts.case_name(*c) == arguments[1])
         Path(arguments[2]).mkdir(parents=True, exist_ok=True)
@@ -198,8 +206,7 @@ def main(arguments):
         run([c for c in everything if c[0] == arguments[0] and number in (None, c[1])])
     else:
         run([c for c in everything if corpus_parts.case_name(*c) not in done])
-        from run import RESULTS, with_section
-        RESULTS.write_text(with_section(RESULTS.read_text(), "corpus", ["## Corpus", "", *table()]))
+        _write_results()
 
 
 if __name__ == "__main__":
