@@ -58,7 +58,7 @@ class PlannedOperation:
         """Height field (function (n, 2) -> (n,)) of the lowest that its cutter comes to, in the frame of its moves."""
         cutter = self.tool.cutter
         if self.tool.head is not None:      # a disc beside the spindle: nothing is counted on
-            return lambda xy_mm, at_most_mm=np.inf: np.full(len(xy_mm), at_most_mm)
+            return lambda xy_mm, at_most_mm=np.inf: np.broadcast_to(at_most_mm, len(xy_mm))
         return swept_by_lines(lines_of_moves(self.moves), cutter.radius_mm, cutter.corner_radius_mm)
 
 
@@ -264,7 +264,7 @@ class PlanningContext:
         height = np.full(len(xy_mm), -np.inf)
         height[inside] = self.piece.heights_mm(self.setup.turn, xy_mm[inside])
         for operation in self.planned:
-            height = np.minimum(height, operation.swept_mm(xy_mm))
+            height = operation.swept_mm(xy_mm, height)
         return np.minimum(height, at_most_mm)
 
     def standing_mm(self, tool):

@@ -37,7 +37,7 @@ def stock_after(moves, radius_mm, corner_radius_mm, height_mm):
     if len(moves) == 0:
         return height_mm
     bottom = swept_by_lines(lines_of_moves(moves), radius_mm, corner_radius_mm)
-    return lambda xy_mm: np.minimum(height_mm(xy_mm), bottom(xy_mm))
+    return lambda xy_mm: bottom(xy_mm, height_mm(xy_mm))
 
 
 def swept_by_lines(lines, radius_mm, corner_radius_mm):
