@@ -167,7 +167,8 @@ class _Job:
     def _inside(self, level):
         """(ny, nx) distance to where the tip may be and turn, nodes, positive there."""
         turn = self.rules.turn_mm / self.grid.pitch_mm
-        inside = level_distance_mm(self.grid, self.tips <= level, lambda xy: self.is_free_at(xy, level)) / self.grid.pitch_mm
+        is_free = self.tips <= level + ROUNDING_MM      # on a flat floor all tips are the level, but for rounding
+        inside = level_distance_mm(self.grid, is_free, lambda xy: self.is_free_at(xy, level)) / self.grid.pitch_mm
         return turn + inner_distance(inside, turn)
 
     def _ground(self, material_mm, inside, inset_mm):
