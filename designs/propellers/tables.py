@@ -99,10 +99,10 @@ def own_propeller(main, hub_ratio, form=BladeForm()):
         hub_ratio: hub diameter over propeller diameter.
         form: BladeForm.
     """
-    plan, form = table(DATA / "propeller_bseries_planform.csv"), table(DATA / "propeller_dtmb4119.csv")
+    plan, dtmb = table(DATA / "propeller_bseries_planform.csv"), table(DATA / "propeller_dtmb4119.csv")
     r = plan["r_R"]
     out = np.clip((r - hub_ratio) / (1 - hub_ratio), -0.2, 1)
-    camber = np.interp(r, form["r_R"], form["f0_c"])
+    camber = np.interp(r, dtmb["r_R"], dtmb["f0_c"])
     camber *= form.camber_share / np.interp(0.7, r, camber)
     unload = np.clip((0.7 - r) / (0.7 - hub_ratio), 0, 1.2) ** 2
     made = PropellerTable(
