@@ -59,20 +59,21 @@ class Limits:
     ball_radius_mm: float             # smallest ball of the shop
 
 
-def compare(made, k, tessellation, drops, required, residuals, limits):
+def compare(made, k, part, drops, required, residuals, limits):
     """Stock solid against design solid, as one clamping sees it.
 
     Excess is what all clampings together leave above its faces; gouges are its own, on any face.
 
     Args:
         made: stock_solids.StockSolids of the workpiece after all clampings.   k: the clamping's number.
-        tessellation: of the whole design, part coordinates.
+        part: of the whole design its `mesh`, a Tessellation, and its `surface`, a ClosestTree; part coordinates.
         drops: DropMesh of it in the clamping's WCS.
         required: indices of the faces that this clamping cuts.
         residuals: Residuals of these faces after all clampings, and of all faces after this one alone.
         limits: Limits.
     """
     field, (found, own), excess_mm, gouge_mm = made.field(k), residuals, limits.excess_mm, limits.gouge_mm
+    tessellation = part.mesh
     frame, low, high = field.frame, field.low, field.high
     vertices, triangles = frame.into(tessellation.vertices_mm), tessellation.triangles
     design = solids.solid_of(vertices, triangles, "the design's tessellation")
@@ -80,9 +81,9 @@ def compare(made, k, tessellation, drops, required, residuals, limits):
     surface_mm = limits.surface_error_mm
     # one large solid stands at a time
     bodies, artefacts = _bodies("excess", (made.stock(frame, excess_mm) - design) ^ region,
-                                _beyond_excess(made, k, excess_mm), excess_mm, found, frame, surface_mm)
+                                _beyond_excess(made, k, excess_mm), excess_mm, _Seen(found, frame, part), surface_mm)
     more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
-                           own, frame, surface_mm)
+                           _Seen(own, frame, part), surface_mm)
     held = volumes(lambda prism: ((made.stock(frame) ^ prism) - design) ^ region,
                    lambda prism: (design ^ prism) - field.solid, field,
                    made.piece.cuts[k], drops, found, limits)
@@ -130,15 +131,31 @@ def _region(vertices, triangles, low, high):
     return solids.united(prisms)
 
 
-def _bodies(kind, solid, beyond_mm, tolerance, found, frame, tessellation_mm):
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What samples and exact faces say of places in a clamping's WCS."""
+
+    found: object             # Residuals
+    frame: object             # the WCS seen from the part
+    part: object              # see `compare`
+
+    def depths(self, places):
+        """Nearest sample (n,), and how far places (n, 3) lie off the design (n,): along that sample's normal, but no farther
+        than the faces are; beside a wall the normal is another face's."""
+        samples = self.found.samples
+        points, normals = self.frame.into(samples.points_mm), self.frame.turn_into(samples.normals)
+        near = cKDTree(points).query(places)[1]
+        along = np.abs(np.einsum("nc,nc->n", places - points[near], normals[near]))
+        return near, np.minimum(along, self.part.surface.closest_points(self.frame.out(places)).distance_mm)
+
+
+def _bodies(kind, solid, beyond_mm, tolerance, seen, tessellation_mm):
     """Real bodies, and how many were made by the grid: there the exact stock does not cross the design."""
     pieces = solids.bodies_of(solid, LEAST_MM3)
     if not pieces:
         return [], 0
     vertices = np.concatenate([p.vertices_mm for p in pieces])
-    points, normals = frame.into(found.samples.points_mm), frame.turn_into(found.samples.normals)
-    near = cKDTree(points).query(vertices)[1]
-    depth = np.abs(np.einsum("nc,nc->n", vertices - points[near], normals[near]))
+    near, depth = seen.depths(vertices)
     beyond = beyond_mm(vertices)
     ends = np.cumsum([0] + [len(p.vertices_mm) for p in pieces])
     real = []
@@ -146,7 +163,7 @@ def _bodies(kind, solid, beyond_mm, tolerance, found, frame, tessellation_mm):
         if _is_real(beyond[i:j], depth[i:j], max(2 * tessellation_mm, SURE_MM)) and not _is_hair(piece, tessellation_mm):
             worst = i + int(depth[i:j].argmax())
             real.append(_described(kind, piece, tolerance + float(depth[worst]), vertices[worst],
-                                   np.unique(near[i:j]), frame))
+                                   np.unique(near[i:j]), seen.frame))
     return real, len(pieces) - len(real)
 
 

@@ -341,7 +341,7 @@ def _judged(part, c, found, own, judging, joined):
     say(f"{c.name}: proof of what stands between the samples")
     proof = _excess_proof(part, c, found)
     say(f"{c.name}: solids on a grid of {c.options.solid_pitch_mm:.3f} mm" + (", third view" if c.options.mesh_checks else ""))
-    view = compare(part.made, c.number, part.mesh, c.drops, c.required, (found, own), Limits(
+    view = compare(part.made, c.number, part, c.drops, c.required, (found, own), Limits(
         excess_mm=allowed_mm(finish), gouge_mm=finish.gouge_mm, path_error_mm=part.path_error_mm,
         surface_error_mm=part.mesh.deviation_mm, ball_radius_mm=part.ball_radius_mm))
     bounds = {"path_mm": part.path_error_mm, "tracing_mm": TRACING_MM, "post_rounding_mm": c.options.post_rounding_mm,

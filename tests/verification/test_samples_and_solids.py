@@ -1,5 +1,7 @@
 """Samples lie exactly on the B-rep, meshes are closed and within their deviation, volumes are closed forms."""
 
+from types import SimpleNamespace
+
 import cadquery as cq
 import numpy as np
 import pytest
@@ -8,9 +10,12 @@ from scipy.spatial import cKDTree
 
 from cuspline.kernel import brep, solids, tessellation
 from cuspline.kernel.tessellation import tessellate
+from cuspline.surfaces.projection import ClosestTree
 from cuspline.values.clusters import clusters_of
 from cuspline.values.errors import DesignError, SimulationError
+from cuspline.values.frames import Frame
 from cuspline.verification.samples import INSIDE_MM, sample_faces
+from cuspline.verification.solid_check import _Seen
 
 BLOCK = brep.the_solid(cq.Workplane().box(30, 20, 10, centered=False).faces(">Z").workplane(centerOption="CenterOfMass").hole(6, 4)
                        .edges("|Z").edges("not %CIRCLE").fillet(2))
@@ -116,6 +121,18 @@ def test_a_union_in_the_plane_is_the_same_in_any_portions(monkeypatch):
         monkeypatch.setattr(solids, "POLYGONS_AT_ONCE", size)
         volumes.append(solids.prism_over(list(corners), 0.0, 2.0).volume())
     assert volumes[0] == pytest.approx(volumes[1], abs=1e-5) and volumes[0] > 100
+
+
+def test_a_place_on_the_top_beside_a_hole_is_not_deep():
+    """The nearest samples are those of the hole's wall: along their normal such a place would lie as far off as it lies beside."""
+    faces = brep.faces_of(BLOCK)
+    wall = [f for f in faces if f.kind == "cylinder"]
+    seen = _Seen(SimpleNamespace(samples=sample_faces([f.shape for f in wall], 0.5)), Frame.shift((0.0, 0.0, 0.0)),
+                 SimpleNamespace(surface=ClosestTree.of_faces(faces)))
+    turn = np.linspace(0.1, 6.2, 9)
+    beside = lambda r, z: np.column_stack([15 + r * np.cos(turn), 10 + r * np.sin(turn), np.full(9, z)])
+    assert seen.depths(beside(3.03, 10.0))[1].max() < 1e-9
+    assert seen.depths(beside(3.03, 8.0))[1] == pytest.approx(0.03, rel=0.1)       # in the metal of the wall; normals 10 degrees off
 
 
 def test_an_open_mesh_is_refused():
