@@ -132,7 +132,7 @@ def test_a_place_on_the_top_beside_a_hole_is_not_deep():
     turn = np.linspace(0.1, 6.2, 9)
     beside = lambda r, z: np.column_stack([15 + r * np.cos(turn), 10 + r * np.sin(turn), np.full(9, z)])
     assert seen.depths(beside(3.03, 10.0))[1].max() < 1e-9
-    assert seen.depths(beside(3.03, 8.0))[1] == pytest.approx(0.03, rel=0.1)       # in the metal of the wall; normals 10 degrees off
+    assert seen.depths(beside(3.03, 8.0))[1] == pytest.approx(0.03, rel=0.1)    # in the metal of the wall; normals 10 degrees off
 
 
 def test_an_open_mesh_is_refused():
