@@ -22,6 +22,7 @@ import cuspline
 from cuspline.app import mending
 from cuspline.app.catalogue import sources_of_post
 from cuspline.app.judge import begun, figures_in_words, post_module, posted_moves
+from cuspline.app.outcome import Result
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
 from cuspline.design.job import Job, PostedFile, digest_of, job_line
 from cuspline.design.setup_alignment import refixturing_in_words
@@ -65,19 +66,6 @@ class Order:
     accepted: tuple[str, ...]
     out: Path
     last_stage: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Result:
-    """What came of it."""
-
-    folder: Path
-    is_ok: bool
-    findings: tuple
-    left_out: str               # what could not be made here, in words; "" nothing
-    told: str = ""              # what the build came to, where it is not the stage that was asked for
-    figures: str = ""           # gouge, cusp, bound in words; "" where nothing was verified
-    accepted: tuple = ()        # findings that were accepted by name
 
 
 def build(order, say=lambda text: None):

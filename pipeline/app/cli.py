@@ -148,9 +148,9 @@ def verify(
 
 def _verified(folder, measured, post, accept):
     """Judge one folder, or one program in it; the exit status."""
-    from cuspline.app.build import Result
     from cuspline.app.catalogue import tool_table_of, with_post
     from cuspline.app.judge import judge
+    from cuspline.app.outcome import Result
     from cuspline.design.job import read_job, read_published
     from cuspline.design.setup_alignment import read_measured
     from cuspline.kernel import brep
@@ -176,7 +176,7 @@ def _verified(folder, measured, post, accept):
         judged = judge(folder, job, _say, kept=kept, published=published)
     passed = {*own_acceptances(folder, job, published), *accept}
     refused = judged.refused(passed)
-    _tell(job.design, "verify", Result(folder=folder, is_ok=not refused, findings=tuple(refused), left_out="",
+    _tell(job.design, "verify", Result(folder=folder, is_ok=not refused, findings=tuple(refused),
                                        figures=judged.figures_in_words, accepted=judged.passed_over(passed)))
     return FINDINGS if refused else 0
 

@@ -129,7 +129,10 @@ def judge_text(folder, job, published=None):
 
 
 def judge(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, published=None):
-    """Verdict on the files of a folder: `begun`, to its end."""
+    """Judged: the verdict on the files of a folder, `begun` to its end.
+
+    Args, raises: as there.
+    """
     return begun(folder, job, say, options, kept, published).judged()
 
 

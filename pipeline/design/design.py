@@ -1,7 +1,7 @@
 """A Design: the B-rep with what must be known to cut it. The truth is the B-rep."""
 
 from dataclasses import dataclass
-from typing import Annotated, Callable, Literal
+from typing import Annotated, Any, Callable, Literal
 
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
@@ -178,7 +178,8 @@ class Design:
     description: str
     parameters: Parameters
     solid: object                           # OCP TopoDS_Solid, millimetres
-    predicates: tuple[FacePredicate, ...]   # or {name: FacePredicate, or faces selected in CadQuery or build123d}
+    # a dict on the way in: {name: FacePredicate, or faces selected in CadQuery or build123d}
+    predicates: tuple[FacePredicate, ...] | dict[str, Any]
     material: str                           # a name in planning/materials
     finish: Finish
     setups: tuple[Setup, ...]

@@ -28,13 +28,14 @@ from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
 from OCP.ShapeCustom import ShapeCustom
 from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_REVERSED, TopAbs_SOLID
-from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cuspline.kernel import closure, step_files
 from cuspline.kernel.step_files import FaceMark, MarkedSolid, marks_of
+from cuspline.kernel.topology import explore
 from cuspline.splines.fitting import fitted
 from cuspline.splines.nurbs import NurbsSurface, local_shape
 from cuspline.values import fixed_math as fixed
@@ -66,13 +67,6 @@ def wrapped(shape):
     """The TopoDS shape inside a CadQuery or build123d object, or the shape itself."""
     inner = shape.val() if hasattr(shape, "val") else shape
     return getattr(inner, "wrapped", inner)
-
-
-def explore(shape, kind):
-    """Distinct sub-shapes of one kind, in the kernel's stable order: that of its explorer."""
-    table = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, table)
-    return [table.FindKey(k) for k in range(1, table.Extent() + 1)]
 
 
 def the_solid(shape, name="the part"):

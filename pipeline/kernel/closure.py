@@ -18,6 +18,7 @@ from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from cuspline.kernel.topology import explore
 from cuspline.values import fixed_math as fixed
 
 TIGHTEST_MM = 1e-7          # the kernel's own confusion
@@ -30,7 +31,7 @@ PULL = 1e-3                 # of the ends as they are, on a vertex that its edge
 def widest_gap(solid):
     """(mm, place (3,)) of the largest distance between two faces along an edge they share, each followed by its own curve."""
     sides, edges = {}, TopTools_IndexedMapOfShape()
-    for face in _of_kind(solid, TopAbs_FACE):
+    for face in explore(solid, TopAbs_FACE):
         surface = BRepAdaptor_Surface(TopoDS.Face_s(face), False)
         explorer = TopExp_Explorer(face, TopAbs_EDGE)
         while explorer.More():
@@ -53,21 +54,21 @@ def _along(edge, face, surface):
     for k, t in enumerate(np.linspace(curve.FirstParameter(), curve.LastParameter(), LOOKS).tolist()):
         place = curve.Value(t)
         surface.D0(place.X(), place.Y(), point)
-        out[k] = point.X(), point.Y(), point.Z()
+        out[k] = point.Coord()
     return out
 
 
 def healed(solid):
     """A copy whose vertices lie where their edges meet and whose tolerances are measured; itself where that fails."""
     copy = TopoDS.Solid_s(BRepBuilderAPI_Copy(solid, True, False).Shape())
-    edges = [e for e in map(TopoDS.Edge_s, _of_kind(copy, TopAbs_EDGE)) if not BRep_Tool.Degenerated_s(e)]
+    edges = [e for e in map(TopoDS.Edge_s, explore(copy, TopAbs_EDGE)) if not BRep_Tool.Degenerated_s(e)]
     places = _meeting_places(edges)
     ShapeFix_ShapeTolerance().SetTolerance(copy, TIGHTEST_MM)
     for vertex, point in places.values():
         BRep_Builder().UpdateVertex(vertex, gp_Pnt(*point.tolist()), TIGHTEST_MM)
     for edge in edges:
         _retrim(edge, places)
-    for face in map(TopoDS.Face_s, _of_kind(copy, TopAbs_FACE)):
+    for face in map(TopoDS.Face_s, explore(copy, TopAbs_FACE)):
         _renew_short_curves(face)
     BRepLib.SameParameter_s(copy, TIGHTEST_MM, True)
     BRepLib.UpdateTolerances_s(copy, False)
@@ -113,7 +114,7 @@ def _retrim(edge, places):
 
 def _renew_short_curves(face):
     """Project anew the edges whose curve in the face's parameters is shorter than they are now."""
-    for edge in map(TopoDS.Edge_s, _of_kind(face, TopAbs_EDGE)):
+    for edge in map(TopoDS.Edge_s, explore(face, TopAbs_EDGE)):
         if BRep_Tool.Degenerated_s(edge) or BRep_Tool.IsClosed_s(edge, face):
             continue
         flat = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
@@ -134,10 +135,4 @@ def _foot(curve, point, t):
 def _at(curve, t):
     point, way = gp_Pnt(), gp_Vec()
     curve.D1(float(t), point, way)
-    return np.array([point.X(), point.Y(), point.Z()]), np.array([way.X(), way.Y(), way.Z()])
-
-
-def _of_kind(shape, kind):
-    table = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, table)
-    return [table.FindKey(k) for k in range(1, table.Extent() + 1)]
+    return np.array(point.Coord()), np.array(way.Coord())

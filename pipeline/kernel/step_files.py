@@ -26,12 +26,13 @@ from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDF import TDF_LabelSequence
 from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
-from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Solid
 from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
+from cuspline.kernel.topology import indexed
 from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import refuse_irregular
@@ -88,9 +89,7 @@ def marks_of(shape, faces):
 
 def face_map(shape):
     """The kernel's index of a shape's faces, in the order of `brep.explore`, from 1."""
-    table = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, TopAbs_FACE, table)
-    return table
+    return indexed(shape, TopAbs_FACE)
 
 
 def write_step(solid, path, name):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.planning.tool_depth import clear_tips_mm, is_clear_above, missing_stick_out_mm
+from cuspline.planning.tool_depth import ROUNDING_MM, clear_tips_mm, is_clear_above, missing_stick_out_mm
 from cuspline.shop.cutters import Tool
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
 from cuspline.values import fixed_math as fixed
@@ -19,7 +19,6 @@ LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 600, 5, 12
 REST_ROUGHING_SHARE = 0.7   # of the diameter before: a cutter hardly smaller is not worth its change
 SAME_MM = 1e-6              # diameters that are the same
 LEVEL = 1e-6                # of a unit normal: level ground
-ROUNDING_MM = 1e-9          # heights that differ by less are the same
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
 
 

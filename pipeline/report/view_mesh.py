@@ -15,11 +15,10 @@ from OCP.GCPnts import GCPnts_TangentialDeflection
 from OCP.GeomAbs import GeomAbs_Plane
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
-from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from cuspline.kernel.topology import explore
 from cuspline.values.errors import DesignError
 
 ANGLE_RAD = 0.15        # largest turn between neighbouring facets: 42 facets round a full circle
@@ -53,7 +52,7 @@ def tessellate_for_view(solid, deflection_mm, longest_edge_mm=None, angle_rad=AN
     # copied without its mesh: a mesh left by someone else would be reused whatever its deflection
     shape = BRepBuilderAPI_Copy(solid, False, False).Shape()
     BRepMesh_IncrementalMesh(shape, deflection_mm, False, angle_rad, False)
-    patches = [_face_patch(TopoDS.Face_s(f), row, longest_edge_mm) for row, f in enumerate(_parts_of(shape, TopAbs_FACE))]
+    patches = [_face_patch(TopoDS.Face_s(f), row, longest_edge_mm) for row, f in enumerate(explore(shape, TopAbs_FACE))]
     if not patches:
         raise DesignError("the shape has no face: there is nothing to draw")
     counts = [len(vertices) for vertices, *_ in patches]
@@ -62,16 +61,9 @@ def tessellate_for_view(solid, deflection_mm, longest_edge_mm=None, angle_rad=AN
         vertices_mm=np.vstack([vertices for vertices, *_ in patches]),
         normals=np.vstack([normals for _, normals, *_ in patches]),
         triangles=np.vstack([triangles + o for (_, _, triangles, _), o in zip(patches, offsets)]),
-        edges_mm=tuple(_edge_polyline(e, deflection_mm) for e in map(TopoDS.Edge_s, _parts_of(shape, TopAbs_EDGE))
+        edges_mm=tuple(_edge_polyline(e, deflection_mm) for e in map(TopoDS.Edge_s, explore(shape, TopAbs_EDGE))
                        if not BRep_Tool.Degenerated_s(e)),
         face_index=np.repeat(np.arange(len(patches)), counts), uv=np.vstack([uv for *_, uv in patches]))
-
-
-def _parts_of(shape, kind):
-    """Every face or edge once, in OCP's own order."""
-    found = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, found)
-    return [found.FindKey(i) for i in range(1, found.Extent() + 1)]
 
 
 def _face_patch(face, row, longest_edge_mm):

@@ -12,7 +12,6 @@ import numpy as np
 
 from cuspline.kernel import brep
 from cuspline.program.program import Kind
-from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.toolpaths.gouge.depth_tree import DepthTree
 from cuspline.toolpaths.gouge.move_depths import move_depths
 from cuspline.values.arrays import frozen
@@ -91,14 +90,14 @@ def gouges_beyond(certificate, allowed_mm):
                  for k in deep)
 
 
-def part_in_wcs(solid, frame):
-    """ExactPart of a solid's faces, all of them, in a setup's WCS.
+def solid_in_wcs(solid, frame):
+    """A solid as TopoDS_Solid in a setup's WCS.
 
     Args:
         solid: TopoDS_Solid (or a shape that holds one), part coordinates.
         frame: frames.Frame of the setup.
     """
-    return ExactPart.of_solid(brep.seen_from(brep.the_solid(solid), frame))
+    return brep.seen_from(brep.the_solid(solid), frame)
 
 
 def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=None, kept=NOTHING):
@@ -111,7 +110,7 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=
     Args:
         posted: PostedMoves.
         tools: dict of tool number -> cutters.Tool.
-        part: exact_drop.ExactPart of all faces of the solid, WCS (see `part_in_wcs`).
+        part: exact_drop.ExactPart of all faces of the solid, WCS (see `solid_in_wcs`).
         tolerance_mm: of the bounds, >= 1.2e-4; a tenth of it goes to chords of arcs.
         rows: (k,) rows of interest; all if None.
         skin_mm: of the cutters, that is left out: what is plated on later.

@@ -145,8 +145,12 @@ class _Seen:
         samples = self.found.samples
         points, normals = self.frame.into(samples.points_mm), self.frame.turn_into(samples.normals)
         near = cKDTree(points).query(places)[1]
-        along = np.abs(np.einsum("nc,nc->n", places - points[near], normals[near]))
-        return near, np.minimum(along, self.part.surface.closest_points(self.frame.out(places)).distance_mm)
+        depth = np.abs(np.einsum("nc,nc->n", places - points[near], normals[near]))
+        deep = depth > SURE_MM
+        if deep.any():
+            away = self.part.surface.closest_points(self.frame.out(places[deep])).distance_mm
+            depth[deep] = np.minimum(depth[deep], away)
+        return near, depth
 
 
 def _bodies(kind, solid, beyond_mm, tolerance, seen, tessellation_mm):

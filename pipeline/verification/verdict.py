@@ -18,11 +18,12 @@ from cuspline.stock.swept import is_height_field, lowest_moves, stock_height_mm,
 from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
+from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.values import fixed_math as fixed
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError
 from cuspline.values.findings import Finding
-from cuspline.verification.certificate import Certificate, certify, part_in_wcs
+from cuspline.verification.certificate import Certificate, certify, solid_in_wcs
 from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
@@ -333,9 +334,9 @@ def _judged(part, c, found, own, judging, joined):
     say(f"{c.name}: replay of {moves} on a grid of {c.options.replay_pitch_mm:.3f} mm")
     history = _replayed(part, c, judging)
     say(f"{c.name}: certificate of {moves}")
-    proven = certify(c.program.posted, tools, part_in_wcs(part.solid, c.program.setup.frame),
-                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM), skin_mm=finish.plating_mm,
-                     solid=brep.seen_from(brep.the_solid(part.solid), c.program.setup.frame), kept=kept)
+    solid = solid_in_wcs(part.solid, c.program.setup.frame)
+    proven = certify(c.program.posted, tools, ExactPart.of_solid(solid), solid=solid, kept=kept, skin_mm=finish.plating_mm,
+                     tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
     say(f"{c.name}: cusps beside {len(c.samples):,} samples")
     cusps = _cusps(part, c, found)
     say(f"{c.name}: proof of what stands between the samples")

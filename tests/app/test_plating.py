@@ -18,8 +18,9 @@ from cuspline.kernel import brep
 from cuspline.planning.plating import TYPES, library_within_skin, within_skin
 from cuspline.planning.strategies.auto import Auto
 from cuspline.stock.swept import deviation_mm, stock_height_mm, swept_paths
+from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.values.errors import DesignError, InputError, PlanError
-from cuspline.verification.certificate import certify, part_in_wcs
+from cuspline.verification.certificate import certify, solid_in_wcs
 from cuspline.verification.reach import REACHABLE
 from cuspline.verification.verdict import Judging, Options, SetupProgram, first_look, verify_setups
 
@@ -115,7 +116,7 @@ def test_a_tool_less_its_skin_sweeps_what_the_whole_one_sweeps_less_that_skin(ki
 def test_the_certificate_leaves_the_skin_out():
     block = brep.the_solid(brep.the_solid(_block(), "block"))
     posted = program((0, 5, 20), [feed(0, 5, 10 - SOURCE_MM - 0.002), feed(20, 5, 10 - SOURCE_MM - 0.002)])
-    part = part_in_wcs(block, Setup(name="s", wcs_in_words="", faces=("top",)).frame)
+    part = ExactPart.of_solid(solid_in_wcs(block, Setup(name="s", wcs_in_words="", faces=("top",)).frame))
     bound = lambda **asked: certify(posted, {1: tool("ball", 6.0)}, part, tolerance_mm=5e-4, **asked).proven_mm
     assert bound(skin_mm=SOURCE_MM) == pytest.approx(0.002, abs=5e-4)
     assert bound() == pytest.approx(SOURCE_MM + 0.002, abs=2e-3)

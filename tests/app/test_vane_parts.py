@@ -14,9 +14,9 @@ from cuspline.designs.rfq_vane import RfqVane, table_of
 from cuspline.kernel import brep
 from cuspline.replay.replay import replay
 from cuspline.replay.scene import FoundStock, Surroundings
+from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.values.errors import DesignError, PlanError
-from cuspline.values.frames import Frame
-from cuspline.verification.certificate import certify, gouges_beyond, part_in_wcs
+from cuspline.verification.certificate import certify, gouges_beyond
 from cuspline.verification.verdict import Options
 
 
@@ -166,7 +166,7 @@ def test_a_vane_is_cut_by_a_side_cutter_on_its_head(tmp_path):
     moves = posted_moves(((folder / "setup-1.ngc").read_text(),), setup, job.machine, tools)
     low = {name: getattr(moves, name) - (0.0, 0.0, 0.002) for name in ("start_mm", "end_mm", "center_mm")}
     solid = brep.seen_from(brep.the_solid(brep.read_step(folder / job.step)), setup.frame)
-    here, there = (certify(m, tools, part_in_wcs(solid, Frame.shift((0, 0, 0))), solid=solid, tolerance_mm=4e-4)
+    here, there = (certify(m, tools, ExactPart.of_solid(solid), solid=solid, tolerance_mm=4e-4)
                    for m in (moves, replace(moves, **low)))
     assert gouges_beyond(here, 0.001) == () and 0.002 <= there.proven_mm < 0.0025
     assert {moves.kind[g.row] >= 2 for g in gouges_beyond(there, 0.001)} == {True}

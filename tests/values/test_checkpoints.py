@@ -15,6 +15,7 @@ from cuspline.kernel.solids import stl_of
 from cuspline.replay import replay as replaying
 from cuspline.replay.scene import FoundStock
 from cuspline.stock import swept
+from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.toolpaths.gouge import move_depths
 from cuspline.values import checkpoints
 from cuspline.values.checkpoints import NOTHING, Kept, kept_beside, told
@@ -106,7 +107,7 @@ def test_a_run_that_was_broken_off_goes_on_where_it_stopped(tmp_path, asked, mon
 
 def test_damaged_answers_are_made_anew_and_another_move_or_tool_is_asked_anew(tmp_path, asked):
     """Replay and certificate of one program; then with one file after the other spoilt, another end, another tool."""
-    store, part = Kept(tmp_path / "kept"), certificate.part_in_wcs(BLOCK, SETUPS[0].frame)
+    store, part = Kept(tmp_path / "kept"), ExactPart.of_solid(certificate.solid_in_wcs(BLOCK, SETUPS[0].frame))
 
     def both(kept, end=(26, 3, 9), tools=TOOLS):
         posted = program((-6, 2, 40), [rapid(-6, 2, 9.5), feed(*end), rapid(26, 16, 14)])

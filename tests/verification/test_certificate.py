@@ -17,7 +17,7 @@ from cuspline.program.program import Plane
 from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm
 from cuspline.values.errors import SimulationError
 from cuspline.values.frames import Frame
-from cuspline.verification.certificate import certify, gouges_beyond, part_in_wcs
+from cuspline.verification.certificate import certify, gouges_beyond, solid_in_wcs
 from cuspline.verification.certificate_chords import chords_of
 
 RADIUS_MM = 4.0
@@ -163,7 +163,7 @@ def test_the_part_turned_into_the_wcs_is_proven_alike(hills, hilly_part):
     tips = zigzag(hilly_part, 4, 60)
     tips[40:60, 2] -= 0.02
     here = certify(posted_tips(tips), BALL, hilly_part, tolerance_mm=TOLERANCE_MM)
-    there = certify(posted_tips(frame.into(tips)), BALL, part_in_wcs(hills, frame), tolerance_mm=TOLERANCE_MM)
+    there = certify(posted_tips(frame.into(tips)), BALL, ExactPart.of_solid(solid_in_wcs(hills, frame)), tolerance_mm=TOLERANCE_MM)
     np.testing.assert_allclose(here.bound_mm, there.bound_mm, rtol=0, atol=TOLERANCE_MM)
     deep = [sorted(g.row for g in gouges_beyond(c, 0.01)) for c in (here, there)]
     assert deep[0] == deep[1] and len(deep[0]) >= 19
@@ -175,7 +175,7 @@ def test_a_posted_part_beside_its_upright_wall_is_proven(default_part):
     posted = read_program((default_part / item.program).read_text(),
                           work_offsets={item.setup.wcs: job.machine.wcs_origin_mm},
                           tool_lengths={n: t.length_mm for n, t in tools.items()})
-    part = part_in_wcs(brep.read_step(default_part / job.step), item.setup.frame)
+    part = ExactPart.of_solid(solid_in_wcs(brep.read_step(default_part / job.step), item.setup.frame))
     certificate = certify(posted, tools, part, tolerance_mm=1e-3)
     assert certificate.proven_mm <= job.finish.gouge_mm
     assert all(row < 3 for row, _ in certificate.uncovered)         # the way to the first known place

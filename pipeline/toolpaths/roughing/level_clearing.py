@@ -100,6 +100,8 @@ class _Job:
         for mesh in rules.keep_clear:
             held |= is_held_above(mesh, xy_mm, rules.radius_mm + rules.keep_out_mm, 0.0,
                                   level - rules.keep_out_mm + ROUNDING_MM)
+        if rules.lowest_mm is not None:
+            held |= rules.lowest_mm(xy_mm) > level + ROUNDING_MM
         return ~held
 
     def _is_beside(self, xy_mm, low, high):

@@ -207,7 +207,8 @@ def test_bounds_that_cannot_be_used_are_refused(changes, words):
 def test_a_place_is_free_at_a_level_where_the_lowest_tip_is_no_higher():
     fixture = DropMesh.from_triangles([[30.0, 20.0, 9.0], [40.0, 20.0, 9.0], [30.0, 30.0, 9.0]], [[0, 1, 2]])
     job = _Job(_rules(_mesh(PARTS["pocket with islands"]()), keep_clear=(fixture,), keep_out_mm=1.0,
-                      keep_out=((np.array([0.0, 0.0, 0.0]), np.array([5.0, 9.0, 7.0])),)))
+                      keep_out=((np.array([0.0, 0.0, 0.0]), np.array([5.0, 9.0, 7.0])),),
+                      lowest_mm=lambda at: 12.0 - 0.2 * at[:, 0]))             # a holder that a wall at the left keeps up
     xy = np.random.default_rng(6).uniform((-4, -4), (48, 38), (3000, 2))
     tips = job.tip_mm(xy)
     for level in (4.3, 8.0, 9.5, 10.0, 12.3):
