@@ -92,6 +92,7 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
     stepdown = work.material.stepdown_share * d if asked.stepdown_mm is None else asked.stepdown_mm
     rules = ClearingRules(
         mesh=work.mesh, radius_mm=d / 2, corner_radius_mm=0.0 if is_ball else cutter.corner_radius_mm,
+        ridge_mm=cutter.corner_radius_mm,
         allowance_mm=stage.allowance_mm, stepdown_mm=stepdown, engagement_rad=engagement_of_rad(radial, d / 2),
         stock_mm=stock, stock_min_mm=work.stock_min_mm, stock_max_mm=work.stock_max_mm,
         ramp_rad=math.radians(practice.ramp_deg if asked.ramp_deg is None else asked.ramp_deg),

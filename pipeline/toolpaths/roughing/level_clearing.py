@@ -183,7 +183,8 @@ class _Job:
         """Take a level that has been cut off the stock."""
         self.cleared.append((level, material_mm))
         is_sure = material_mm <= -self.hidden_mm
-        self.sure_stock = np.where(is_sure, np.minimum(self.sure_stock, level), self.sure_stock)
+        ridges = np.minimum(self.sure_stock, level + self.rules.highest_ridge_mm)
+        self.sure_stock = np.where(is_sure, ridges, self.sure_stock)
         self.stock = np.where(material_mm <= self.thin_mm, np.minimum(self.stock, level), self.stock)
         self.done.append(level)
 
