@@ -131,7 +131,8 @@ def test_a_library_without_a_ball_is_refused(grooved):
 
 
 def test_gaps_too_narrow_for_every_ball_are_called_so_and_no_stick_out_is_blamed():
-    slot = the_solid(cq.Workplane("XY").box(30, 20, 8, centered=False).cut(cq.Workplane("XY").box(20, 1.5, 3).translate((15, 10, 8))))
+    block = cq.Workplane("XY").box(30, 20, 8, centered=False)
+    slot = the_solid(block.cut(cq.Workplane("XY").box(20, 1.5, 3).translate((15, 10, 8))))
     faces, mesh = faces_of(slot), planning_mesh(slot, 0.01)
     floor = [k for k, f in enumerate(faces) if abs(f.middle.point_mm[0, 2] - 6.5) < 1e-6]
     assert len(floor) == 1

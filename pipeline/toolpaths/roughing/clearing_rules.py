@@ -55,7 +55,8 @@ class Clearing:
     moves: Moves
     levels_mm: tuple                # in the order in which they are cut; those with nothing to take are left out
     largest_engagement_rad: float   # of the steered steps
-    removed_mm3: float
+    removed_mm3: float              # by a cutter without a corner radius
+    lowered_xy_mm: np.ndarray       # (n, 2) nodes at which it takes something
     left_mm3: float                 # within reach, but given up: no start led into it within the bound
 
 

@@ -192,5 +192,7 @@ class _Job:
         moves = self.writer.moves()
         was = np.isfinite(self.stock_before)
         taken = self.stock_before[was] - self.stock[was]
+        lowered = self.grid.xy_mm[was.ravel()][taken > 0]
         return Clearing(moves=moves, levels_mm=tuple(self.done), largest_engagement_rad=self.most,
-                        removed_mm3=float(taken.sum() * self.grid.pitch_mm ** 2), left_mm3=self.left_mm3)
+                        removed_mm3=float(taken.sum() * self.grid.pitch_mm ** 2), lowered_xy_mm=lowered,
+                        left_mm3=self.left_mm3)
