@@ -8,19 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.planning.cutter_choice import FIT_SHARE, Candidate, ball_reach
+from cuspline.planning.cutter_choice import FIT_SHARE, LEVEL, ROUND, WORTH_SHARE, Candidate, ball_reach
 from cuspline.planning.tool_depth import missing_stick_outs_mm
 from cuspline.scallop.stepover import stepover_for_scallop_mm
 from cuspline.shop.cutters import Tool
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import CutterDoesNotFit
 
-WORTH_SHARE = 1e-3      # of the area wanted: what a further ball must clean to be taken at all
-
 
 @dataclass(frozen=True, kw_only=True)
 class FinishingWork:
-    """What a finish asks of a ball: from it follow its step and its time."""
+    """What a finish asks of a cutter: from it follow its step and its time."""
 
     scallop_mm: float
     feed_of: object             # function Tool -> cutting feed, mm/min
@@ -32,9 +30,19 @@ class FinishingWork:
         return float((samples.area_mm2[rows] / step).sum() / self.feed_of(tool) * 60.0)
 
     def steps_mm(self, tool, samples, rows):
-        """(k,) stepover at sample rows."""
-        r, bend = tool.cutter.radius_mm, samples.across_per_mm[rows]
-        return stepover_for_scallop_mm(r, self.scallop_mm, np.maximum(bend, -FIT_SHARE / r))
+        """(k,) stepover at sample rows: of the corner's circle; under a cutter's flat of all of it.
+
+        A sharp corner leaves stairs: of height h, square to a slope of angle a, they are h / (sin a cos a) apart.
+        """
+        cutter = tool.cutter
+        corner = cutter.radius_mm if cutter.type in ROUND else cutter.corner_radius_mm
+        upward, bend = samples.normal[rows][:, 2], samples.across_per_mm[rows]
+        across = np.sqrt(np.maximum(1.0 - upward * upward, 0.0))
+        if corner > 0.0:
+            steps = stepover_for_scallop_mm(corner, self.scallop_mm, np.maximum(bend, -FIT_SHARE / corner))
+        else:
+            steps = self.scallop_mm / np.maximum(across * np.abs(upward), self.scallop_mm / cutter.radius_mm)
+        return np.where(across < LEVEL, np.maximum(steps, 2 * (cutter.radius_mm - corner)), steps)
 
     def figures(self, tool, samples, rows):
         """Step and time for a Candidate."""

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline.kernel.brep import bounding_box_mm
-from cuspline.planning.context import ROUND, FinishingStage, finite, path_tolerance_mm, ridge_for_step_mm
+from cuspline.planning.context import FinishingStage, finite, path_tolerance_mm, ridge_for_step_mm
+from cuspline.planning.cutter_choice import ROUND
 from cuspline.program.program import Moves
 from cuspline.scallop.stepover import scallop_for_stepover_mm, stepover_for_scallop_mm
 from cuspline.splines.nurbs import local_shape
