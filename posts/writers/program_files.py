@@ -140,9 +140,9 @@ class _Files:
             before = self.writer.state()
 
     def _write(self, moves, first, end):
-        for k in range(first, end):
-            self.writer.move(moves.kind[k], moves.end_mm[k], moves.center_mm[k], moves.plane[k],
-                             moves.feed_mm_per_min[k])
+        columns = (moves.kind, moves.end_mm, moves.center_mm, moves.plane, moves.feed_mm_per_min)
+        for row in zip(*(column[first:end].tolist() for column in columns)):       # plain numbers are written faster
+            self.writer.move(*row)
 
     def add_passes(self, operation, number):
         """An operation as calls; where the store is full, a new file begins at a restart point."""
