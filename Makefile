@@ -108,7 +108,7 @@ endif
 	@echo "set-up 2/4: packages of requirements.lock, every one checked against its hash"
 	@if $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r .venv/uv.txt \
 	    && $(UV) --version >/dev/null; then \
-	    $(UV) pip sync --python $(BIN)/python --require-hashes --compile-bytecode requirements.lock; \
+	    $(UV) pip sync --python $(BIN)/python --require-hashes requirements.lock; \
 	 else \
 	    echo "uv does not run here: installing with pip, which takes some minutes"; \
 	    $(BIN)/python -m pip install --disable-pip-version-check --no-deps --require-hashes -r requirements.lock; \

@@ -18,6 +18,7 @@ from typing import Annotated, Optional
 import typer
 
 import cuspline
+from cuspline.app.terminal import Stages
 from cuspline.values import interruption
 from cuspline.values.amounts import counted
 from cuspline.values.errors import CamError, InputError
@@ -32,6 +33,7 @@ WORDS_OF_AN_INTERRUPTION = "interrupted, nothing half-written is left"
 NO_ROOM, NO_LEAVE = "make room on that disk", "name another folder, or get leave to write there"
 SYSTEM_ADVICE = {errno.ENOSPC: NO_ROOM, errno.EDQUOT: NO_ROOM, errno.EFBIG: NO_ROOM, errno.EACCES: NO_LEAVE,
                  errno.EPERM: NO_LEAVE, errno.EROFS: NO_LEAVE, errno.EMFILE: "close other programs, or raise ulimit -n"}
+REPORT = "report.html"
 WARMING = 4               # processes that compile, of up to 1 GB each
 AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
 
@@ -63,25 +65,27 @@ def build(
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
         accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
     """Build one design: STEP, plan, program, simulation, verdict, report."""
-    from cuspline.app import build as recipe
-    from cuspline.app import catalogue
-    if stage not in recipe.STAGES:
-        raise InputError(f"--stage {stage!r}: it must be one of {', '.join(recipe.STAGES)}")
-    _refuse_unknown_kinds(accept)
-    source = catalogue.find_design(design)
-    if machine is not None:
-        catalogue.find_machine(machine)         # a wrong name is told before the part is built
-    practice, assignments = catalogue.find_shop(shop, [*_words(params), *param])
-    made = catalogue.make_design(source, assignments)
-    if measured is not None:
-        from cuspline.design.setup_alignment import read_measured, refixtured_setups
-        made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
-    chosen = catalogue.find_machine(machine if machine is not None else made.machine)
-    chosen = catalogue.with_post(chosen, post)
-    library = catalogue.find_library(cutters)
-    folder = out if out is not None else Path("outputs") / made.name
-    result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library, shop=practice,
-                                       accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), _say)
+    with Stages() as stages:
+        stages.show(f"{design}: reading")
+        from cuspline.app import build as recipe
+        from cuspline.app import catalogue
+        if stage not in recipe.STAGES:
+            raise InputError(f"--stage {stage!r}: it must be one of {', '.join(recipe.STAGES)}")
+        _refuse_unknown_kinds(accept)
+        source = catalogue.find_design(design)
+        if machine is not None:
+            catalogue.find_machine(machine)         # a wrong name is told before the part is built
+        practice, assignments = catalogue.find_shop(shop, [*_words(params), *param])
+        made = catalogue.make_design(source, assignments)
+        if measured is not None:
+            from cuspline.design.setup_alignment import read_measured, refixtured_setups
+            made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
+        chosen = catalogue.find_machine(machine if machine is not None else made.machine)
+        chosen = catalogue.with_post(chosen, post)
+        library = catalogue.find_library(cutters)
+        folder = out if out is not None else Path("outputs") / made.name
+        result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library, shop=practice,
+                                           accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), stages.say)
     _tell(made.name, stage, result)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
 
@@ -172,8 +176,8 @@ def _verified(folder, measured, post, accept):
         job = job.model_copy(update={"posted": asked})
         published = published.of_programs([name for p in asked for name in p.files], job, tool_table_of(job.machine)[0])
     brep.refuse_unreadable(folder / job.step)
-    with kept_until_done(folder) as kept:
-        judged = judge(folder, job, _say, kept=kept, published=published)
+    with kept_until_done(folder) as kept, Stages() as stages:
+        judged = judge(folder, job, stages.say, kept=kept, published=published)
     passed = {*own_acceptances(folder, job, published), *accept}
     refused = judged.refused(passed)
     _tell(job.design, "verify", Result(folder=folder, is_ok=not refused, findings=tuple(refused),
@@ -394,6 +398,8 @@ def _tell(name, stage, result):
             print(f"  {mark}{_in_a_line(f)}")
         if len(shown) > SHOWN:
             print(f"  {mark}and {len(shown) - SHOWN} more")
+    if stage == "report" and (result.folder / REPORT).exists():
+        print(f"  report: {result.folder / REPORT}")
 
 
 def _in_a_line(f):
@@ -402,12 +408,6 @@ def _in_a_line(f):
     line = (f", line {f.line}" if f.line else "") + (f", called in line {f.call_line}" if f.call_line else "")
     size = f" {f.size_in_words}" if f.size_in_words else ""
     return f"{f.kind}{size}{place}{f' in {f.operation}' if f.operation else ''}{line}: {f.advice}"
-
-
-def _say(text):
-    """What is being done, on standard error."""
-    print(f"  {text}", file=sys.stderr, flush=True)
-    interruption.stop_if_asked()
 
 
 def main():

@@ -1,6 +1,7 @@
-"""Compiles every kernel once, in several processes, so that the first real build does not wait for it.
+"""Compiles the kernels of every build once, in several processes, so that the first one does not wait for it.
 
-The compiled code is kept beside the sources (values/compiled.py): what has not changed is not compiled again.
+What few builds need (tilted cutters, transverse arcs) is compiled by the first of those.  The compiled code is kept
+beside the sources (values/compiled.py): what has not changed is not compiled again.
 """
 
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -26,7 +27,7 @@ def _run(number):
 def _steps():
     """(what, function) pairs, those that take longest first; each function makes its kernels compile."""
     return (("simulation and comparison", _simulation), ("drop-cutter on exact surfaces", _exact_drop),
-            ("simulation of tilted cutters", _posed_simulation), ("planning of a small part", _planning),
+            ("planning of a small part", _planning),
             ("certificate", _certificate), ("closest points", _closest_points), ("clearance", _clearance),
             ("drop-cutter on triangles", _drop_cutter), ("arc fitting", _arcs), ("arithmetic", _arithmetic),
             ("solids that cross themselves", _self_crossing), ("stock of any form", _shapes),
@@ -143,25 +144,6 @@ def _clearance():
     tree.distances_mm(tool, tips, axes, 0.1)
     tree.certified_clearance(tool, ToolMoves(start_tips_mm=tips, end_tips_mm=[[0, 9.0, 5]], start_axes=axes,
                                              end_axes=[[0.6, 0, 0.8]]), 0.1)
-
-
-def _posed_simulation():
-    """One tilted move, asked in every way."""
-    from cuspline.app.catalogue import find_library
-    from cuspline.program.posted import PostedMoves
-    from cuspline.program.program import Kind
-    from cuspline.stock import swept
-    axis, one = [(0.6, 0.0, 0.8)], np.ones(1)
-    moves = PostedMoves(kind=[Kind.FEED], start_mm=[(0, 0, 0)], end_mm=[(5, 0, 0)], center_mm=np.full((1, 3), np.nan),
-                        plane=0 * one, turns=0 * one, feed_mm_per_min=one, spindle_rpm=one, tool=one,
-                        length_offset_on=one, machine_end_mm=[(5, 0, 0)], line=one, operation=0 * one, operations=("",),
-                        ended=True, start_axis=axis, end_axis=axis)
-    paths = swept.swept_paths(moves, {1: find_library(None).tools[0]})
-    point, up, low, high = [(2.0, 0.0, 1.0)], [(0.0, 0.0, 1.0)], (-9, -9, -9), (9, 9, 9)
-    swept.signed_distance_mm(paths, point)
-    swept.deviation_mm(paths, low, high, point, up, 1.0)
-    swept.stock_height_mm(paths, [(2.0, 0.0)], 9.0)
-    swept.stock_intervals(paths, low, high, point, up)
 
 
 def _shapes():

@@ -10,7 +10,7 @@ from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.operations import Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
-from cuspline.planning.cutter_choice import choose_cutter, cutter_reach
+from cuspline.planning.cutter_choice import ROUND, choose_cutter, cutter_reach
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
 from cuspline.planning.tool_depth import ShortToolDropper, clear_tips_mm, is_clear_above, missing_stick_out_mm
@@ -34,7 +34,6 @@ from cuspline.values.errors import PlanError
 MESH_DEFLECTION_MM = 0.01
 FAR_MM = 1000.0             # beyond any stock
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
-ROUND = ("ball", "tapered_ball")        # cutters whose corner is their radius
 LOOK_SHARE, MOST_LOOKS = 0.2, 250       # of the radius between places at which the standing stock is looked up
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
@@ -280,7 +279,7 @@ class PlanningContext:
         return max(float((stock[there] - part[there]).max(initial=0.0)), self.practice.rough_allowance_mm)
 
     def chosen_tool(self, *types):
-        """The largest cutter of some types that fits the operation's faces with its holder clear.
+        """The fastest cutter of some types that fits the operation's faces with its holder clear and leaves least.
 
         Args:
             types: what the operation can use; where it asks for none, the first.
@@ -290,9 +289,9 @@ class PlanningContext:
             PlanError, CutterDoesNotFit: the library has none; lists each with its reason.
         """
         tools = self.tools(*(types if self.operation.wish else types[:1]))
-        standing = self.practice.rough_allowance_mm
-        return choose_cutter(self.operation.title, tools, self.samples, self.hollow.radius_mm, self.mesh, standing,
-                             is_asked=self.operation.wish is not None)
+        tightest_mm = np.inf if self.operation.wish else self.hollow.radius_mm
+        return choose_cutter(self.operation.title, tools, self.samples, tightest_mm, self.mesh,
+                             self.practice.rough_allowance_mm, self.finishing_work())
 
     def speeds(self, tool, is_rough):
         """(rpm, cutting feed) of a tool in this material."""

@@ -3,7 +3,7 @@
 Every candidate is kept with the reason it was taken or left, for plan.json.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import CutterDoesNotFit, PlanError
 
+ROUND = ("ball", "tapered_ball")        # cutters whose corner is their radius
 FIT_SHARE = 0.9             # the ball stays this share below the tightest hollow: a full-contact ball chatters
 LEFTOVER_POINTS, LEFTOVER_RINGS, LEFTOVER_SPOKES = 600, 5, 12
 REST_ROUGHING_SHARE = 0.7   # of the diameter before: a cutter hardly smaller is not worth its change
+WORTH_SHARE = 1e-3          # of the area wanted: what a cutter must clean more than another to be worth anything
 SAME_MM = 1e-6              # diameters that are the same
 LEVEL = 1e-6                # of a unit normal: level ground
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
@@ -83,7 +85,7 @@ def cutter_reach(samples, mesh, cutter):
         samples: surfaces.curvature.FaceSamples.   mesh: DropMesh of the part.   cutter: shop.cutters.Cutter.
     """
     corner, flat = cutter.corner_radius_mm, cutter.radius_mm - cutter.corner_radius_mm
-    if flat <= 0.0 or cutter.type == "tapered_ball":
+    if flat <= 0.0 or cutter.type in ROUND:
         return ball_reach(samples, mesh, cutter.radius_mm)
     level = np.linalg.norm(samples.normal[:, :2], axis=1)
     aside = samples.normal * np.array([1.0, 1.0, 0.0]) / np.maximum(level, LEVEL)[:, None]
@@ -143,40 +145,53 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
     return chosen, tuple(candidates), reach
 
 
-def choose_cutter(title, tools, samples, hollow_radius_mm, mesh, stock_mm, is_asked):
-    """The largest of some tools that fits an operation's faces with its holder clear, and all candidates.
+def choose_cutter(title, tools, samples, hollow_radius_mm, mesh, stock_mm, work):
+    """The cutter that is through an operation's faces first, of those that leave least of them, and all candidates.
 
     Args:
         title: of the operation, for messages.   tools: Tool values, largest first.
-        samples, hollow_radius_mm, mesh, stock_mm: as for `choose_ball`.
-        is_asked: the operation names the tool: a concave place tighter than its corner is left for another one.
+        samples, mesh, stock_mm: as for `choose_ball`.
+        hollow_radius_mm: the tightest concave place that must hold the corner; inf: tighter ones are left to other tools.
+        work: FinishingWork.
     Returns:
         (Tool, tuple of Candidate, (n,) bool: which samples it reaches).
     Raises:
         CutterDoesNotFit: none fits; lists each with its reason.
     """
-    chosen, candidates, reached = None, [], None
+    looked = []
     for tool in tools:
         reach = cutter_reach(samples, mesh, tool.cutter)
         missing = missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], mesh, stock_mm)
-        too_large = None if is_asked else _why_not(tool, hollow_radius_mm)
-        if chosen is not None:
-            reason = f"a larger cutter fits: T{chosen.number}"
-        elif too_large:
-            reason = too_large
-        elif not reach.is_reached.any():
+        too_large = reason = _why_not(tool, hollow_radius_mm)
+        if not reason and not reach.is_reached.any():
             reason = "touches none of the faces without cutting into others"
-        elif missing > 0:
+        elif not reason and missing > 0:
             reason = f"holder or shank would touch the part: stick-out {tool.stick_out_mm:.1f} mm is {missing:.2f} mm short"
-        else:
-            chosen, reached, reason = tool, reach.is_reached, "as requested" if is_asked else "largest that fits"
-        candidates.append(Candidate(tool=tool, is_chosen=chosen is tool, reason=reason, is_fitting=too_large is None,
-                                    missing_stick_out_mm=missing, area_left_mm2=samples.area_mm2[~reach.is_reached].sum()))
-    if chosen is None:
+        looked.append((Candidate(
+            tool=tool, is_chosen=False, reason=reason or "", is_fitting=too_large is None, missing_stick_out_mm=missing,
+            area_left_mm2=samples.area_mm2[~reach.is_reached].sum(), **work.figures(tool, samples, reach.is_reached)),
+            reach.is_reached))
+    fitting = [(c, reached) for c, reached in looked if not c.reason]
+    if not fitting:
         raise CutterDoesNotFit(f"{title}: no tool that it may use fits: " + "; ".join(
-            f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c in candidates)
+            f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c, _ in looked)
             + ". Add a smaller or longer one to the file of --cutters, or request another")
-    return chosen, tuple(candidates), reached
+    enough_mm2 = min(c.area_left_mm2 for c, _ in fitting) + WORTH_SHARE * samples.area_mm2.sum()
+    best, reached = min((f for f in fitting if f[0].area_left_mm2 <= enough_mm2), key=lambda f: f[0].estimated_time_s)
+    return best.tool, tuple(_compared(c, best, enough_mm2, len(looked)) for c, _ in looked), reached
+
+
+def _compared(candidate, best, enough_mm2, count):
+    """The same beside the one that was taken."""
+    if candidate is best:
+        return replace(candidate, is_chosen=True, reason="the only one that it may use" if count == 1 else
+                       "fastest of those that leave least")
+    if candidate.reason:
+        return candidate
+    if candidate.area_left_mm2 > enough_mm2:
+        return replace(candidate, reason=f"leaves {candidate.area_left_mm2 - best.area_left_mm2:.1f} mm² more than "
+                                         f"T{best.tool.number}")
+    return replace(candidate, reason=f"no faster than T{best.tool.number}")
 
 
 def choose_side_cutter(library, hollow_radius_mm, asked_mm=None):

@@ -8,19 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.planning.cutter_choice import FIT_SHARE, Candidate, ball_reach
+from cuspline.planning.cutter_choice import FIT_SHARE, LEVEL, ROUND, WORTH_SHARE, Candidate, ball_reach
 from cuspline.planning.tool_depth import missing_stick_outs_mm
 from cuspline.scallop.stepover import stepover_for_scallop_mm
 from cuspline.shop.cutters import Tool
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import CutterDoesNotFit
 
-WORTH_SHARE = 1e-3      # of the area wanted: what a further ball must clean to be taken at all
-
 
 @dataclass(frozen=True, kw_only=True)
 class FinishingWork:
-    """What a finish asks of a ball: from it follow its step and its time."""
+    """What a finish asks of a cutter: from it follow its step and its time."""
 
     scallop_mm: float
     feed_of: object             # function Tool -> cutting feed, mm/min
@@ -32,9 +30,19 @@ class FinishingWork:
         return float((samples.area_mm2[rows] / step).sum() / self.feed_of(tool) * 60.0)
 
     def steps_mm(self, tool, samples, rows):
-        """(k,) stepover at sample rows."""
-        r, bend = tool.cutter.radius_mm, samples.across_per_mm[rows]
-        return stepover_for_scallop_mm(r, self.scallop_mm, np.maximum(bend, -FIT_SHARE / r))
+        """(k,) stepover at sample rows: of the corner's circle; under a cutter's flat of all of it.
+
+        A sharp corner leaves stairs: of height h, square to a slope of angle a, they are h / (sin a cos a) apart.
+        """
+        cutter = tool.cutter
+        corner = cutter.radius_mm if cutter.type in ROUND else cutter.corner_radius_mm
+        upward, bend = samples.normal[rows][:, 2], samples.across_per_mm[rows]
+        across = np.sqrt(np.maximum(1.0 - upward * upward, 0.0))
+        if corner > 0.0:
+            steps = stepover_for_scallop_mm(corner, self.scallop_mm, np.maximum(bend, -FIT_SHARE / corner))
+        else:
+            steps = self.scallop_mm / np.maximum(across * np.abs(upward), self.scallop_mm / cutter.radius_mm)
+        return np.where(across < LEVEL, np.maximum(steps, 2 * (cutter.radius_mm - corner)), steps)
 
     def figures(self, tool, samples, rows):
         """Step and time for a Candidate."""
@@ -78,9 +86,7 @@ def choose_finishing(library, samples, mesh, stock_mm, work):
     tools = library.of_type("ball")
     reached, missing = zip(*(_clear_reach(t, samples, mesh, stock_mm) for t in tools)) if tools else ((), ())
     if not any(r.any() for r in reached):
-        raise CutterDoesNotFit("no ball of the library reaches any of the faces wanted: " + ("; ".join(
-            f"T{t.number} {t.cutter.name}: {m:.2f} mm of stick-out short" for t, m in zip(tools, missing))
-            or "it has none") + ". Add a smaller or longer ball to the file of --cutters")
+        raise CutterDoesNotFit(f"no ball of the library reaches any of the faces wanted: {_why_none(tools, missing)}")
     chain = _fastest(tools, reached, samples, work)
     links, done = [], np.zeros(len(samples.area_mm2), bool)
     for k in chain:
@@ -90,6 +96,23 @@ def choose_finishing(library, samples, mesh, stock_mm, work):
                                area_left_mm2=float(samples.area_mm2[~done].sum()),
                                estimated_time_s=work.seconds(tools[k], samples, adds)))
     return tuple(links), _table(tools, reached, missing, links, samples, work), done
+
+
+def _why_none(tools, missing):
+    """Why no ball reaches anything, and what its reader can do.
+
+    Args:
+        tools: Tools.   missing: of each the stick-out that it lacks where it would fit, mm; 0: it fits nowhere.
+    """
+    if not tools:
+        return "it has none. Add balls to the file of --cutters"
+    reasons = "; ".join(f"T{t.number} {t.cutter.name}: " + (f"{m:.2f} mm of stick-out short" if m > 0 else "gets in nowhere")
+                        for t, m in zip(tools, missing))
+    if any(missing):
+        return f"{reasons}. Add a smaller or longer ball to the file of --cutters"
+    smallest = min(t.cutter.radius_mm for t in tools)
+    return (f"{reasons}: the gaps beside these faces are narrower than the smallest, radius {smallest:.3f} mm. Add a smaller "
+            "ball to the file of --cutters, or leave these faces out of `faces`")
 
 
 def _clear_reach(tool, samples, mesh, stock_mm):

@@ -20,6 +20,8 @@ from cuspline.toolpaths.roughing.level_clearing import ClearingRules, clear, eng
 from cuspline.toolpaths.roughing.stock_fields import stock_after
 from cuspline.values.errors import NothingToCut
 
+SCRAP_MM = 0.02             # a clearing that nowhere takes off more is left out
+LOOKED_AT = 500             # places of it, before all are
 LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
 
 
@@ -92,6 +94,7 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
     stepdown = work.material.stepdown_share * d if asked.stepdown_mm is None else asked.stepdown_mm
     rules = ClearingRules(
         mesh=work.mesh, radius_mm=d / 2, corner_radius_mm=0.0 if is_ball else cutter.corner_radius_mm,
+        ridge_mm=cutter.corner_radius_mm,
         allowance_mm=stage.allowance_mm, stepdown_mm=stepdown, engagement_rad=engagement_of_rad(radial, d / 2),
         stock_mm=stock, stock_min_mm=work.stock_min_mm, stock_max_mm=work.stock_max_mm,
         ramp_rad=math.radians(practice.ramp_deg if asked.ramp_deg is None else asked.ramp_deg),
@@ -105,6 +108,8 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
     except NothingToCut:                # a casting near to its shape: the finish takes it, or a semi-finish before
         return None, stock, _left_mm(work, stock, rows)
     after = stock_after(clearing.moves, d / 2, cutter.corner_radius_mm, stock)
+    if not _takes(clearing.lowered_xy_mm, stock, after):
+        return None, stock, _left_mm(work, stock, rows)
     left = _left_mm(work, after, rows)
     facts = {"allowance_mm": stage.allowance_mm, "stepdown_mm": rules.stepdown_mm, "stepover_mm": radial,
              "engagement_deg": round(float(np.degrees(rules.engagement_rad)), 1),
@@ -113,6 +118,15 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
              "given_up_mm3": round(clearing.left_mm3, 1), "leaves_mm": round(left, 3),
              "candidates": [c.as_dict() for c in candidates]}
     return work.measured(stage.name, tool, rpm, clearing.moves, facts), after, left
+
+
+def _takes(xy_mm, stock, after):
+    """Whether a height field lies lower than another at one of these places at least.
+
+    Clearing is laid out for a flat cutter; beside a blank that is near to the part a rounded corner may meet nothing.
+    """
+    few = xy_mm[::max(1, len(xy_mm) // LOOKED_AT)]
+    return any((after(places) < stock(places) - SCRAP_MM).any() for places in (few, xy_mm))
 
 
 def _lowest_of(work, tool, allowance_mm):

@@ -8,6 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numba
 
+from cuspline.values import progress
+
 
 class _Threads:
     """How many work at a time, the caller among them (None: as many as numba counts processors), and the others."""
@@ -28,6 +30,7 @@ def in_blocks(kernel, rows, block, *arguments, serial_rows=0):
         kernel(*arguments, 0, rows)
         return
     starts = iter(range(0, rows, block))
+    progress.begin(rows)
     helpers = min(thread_count(), -(-rows // block)) - 1
     others = [_pool().submit(_work, kernel, arguments, starts, rows, block) for _ in range(helpers)]
     try:
@@ -42,6 +45,7 @@ def in_blocks(kernel, rows, block, *arguments, serial_rows=0):
 def _work(kernel, arguments, starts, rows, block):
     for first in starts:
         kernel(*arguments, first, min(rows, first + block))
+        progress.advance(block)
 
 
 def thread_count():

@@ -21,6 +21,7 @@ ARC_RADIUS_MISMATCH_MM = 0.00283
 PLANE_WORD = {Plane.XY: "G17", Plane.ZX: "G18", Plane.YZ: "G19"}
 NEARLY_FULL_RAD = math.radians(350)     # rounding must not turn a full circle into none: two halves
 MOTION_WORD = {Kind.RAPID: "G0", Kind.FEED: "G1", Kind.ARC_CW: "G2", Kind.ARC_CCW: "G3"}
+FIRST_ARC = int(Kind.ARC_CW)
 UNIT_WORD = {"mm": "G21", "inch": "G20"}
 COOLANT_WORD = {"off": "M9", "mist": "M7", "flood": "M8"}
 
@@ -110,7 +111,7 @@ class Writer:
 
     def number(self, value, decimals):
         """A number without useless zeros; never an exponent, never minus zero."""
-        text = f"{value:.{decimals}f}"
+        text = "%.*f" % (decimals, value)
         text = text.rstrip("0").rstrip(".") if "." in text else text
         text = "0" if text in ("-0", "") else text
         return text if "." in text else text + self.point
@@ -155,7 +156,7 @@ class Writer:
     def move(self, kind, end_mm, center_mm, plane, feed):
         self.largest_rounding_mm = max(self.largest_rounding_mm,
                                        math.dist([self.rounded_mm(v) for v in end_mm], end_mm))
-        if kind >= Kind.ARC_CW:
+        if kind >= FIRST_ARC:
             self._curved(kind, end_mm, center_mm, Plane(plane), feed)
         else:
             self._straight(MOTION_WORD[kind], end_mm, feed)
@@ -164,7 +165,7 @@ class Writer:
         words = self.words(end_mm)
         if words:
             self.block(*self._motion(motion), *words, *(self._feed(feed) if motion == "G1" else ()))
-        self.here_mm = np.asarray(end_mm)
+        self.here_mm = end_mm
 
     def _curved(self, kind, end_mm, center_mm, plane, feed):
         """An arc as the control takes it: whole, in two halves, or as chords within the path tolerance."""
@@ -237,7 +238,7 @@ class Writer:
         words = self.words(end_mm, [*sorted((a, b)), *([third] if is_helix else [])])
         centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
         self.block(*self._motion(MOTION_WORD[kind]), *words, *centre, *self._feed(feed))
-        self.here_mm = np.asarray(end_mm)
+        self.here_mm = end_mm
 
 
 class Arc:

@@ -1,6 +1,7 @@
 """Several balls for one part: the fastest chain by brute force, what each adds and leaves, and its numbers."""
 
 from itertools import combinations
+from types import SimpleNamespace
 
 import cadquery as cq
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from known_tools import tool
 
 from cuspline.kernel.brep import faces_of, planning_mesh, the_solid
-from cuspline.planning.cutter_choice import choose_ball
+from cuspline.planning.cutter_choice import choose_ball, choose_cutter
 from cuspline.planning.finishing_chain import WORTH_SHARE, FinishingWork, _clear_reach, choose_finishing
 from cuspline.planning.tool_depth import (
     HOLDER_CLEARANCE_MM,
@@ -130,6 +131,18 @@ def test_a_library_without_a_ball_is_refused(grooved):
         choose_finishing(flat, *grooved, 0.0, work())
 
 
+def test_gaps_too_narrow_for_every_ball_are_called_so_and_no_stick_out_is_blamed():
+    block = cq.Workplane("XY").box(30, 20, 8, centered=False)
+    slot = the_solid(block.cut(cq.Workplane("XY").box(20, 1.5, 3).translate((15, 10, 8))))
+    faces, mesh = faces_of(slot), planning_mesh(slot, 0.01)
+    floor = [k for k, f in enumerate(faces) if abs(f.middle.point_mm[0, 2] - 6.5) < 1e-6]
+    assert len(floor) == 1
+    samples = sample_faces(faces, floor, 0)
+    with pytest.raises(CutterDoesNotFit, match=r"T6 .* gets in nowhere.*narrower than the smallest, radius 1\.000 mm") as error:
+        choose_finishing(SHOP, samples, DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles), 0.0, work())
+    assert "stick-out" not in str(error.value)
+
+
 def test_one_ball_for_all_keeps_its_choice_and_now_says_its_numbers(grooved):
     samples, mesh = grooved
     chosen, candidates, reach = choose_ball(SHOP, samples, 1.5, mesh, 0.0, work())
@@ -152,3 +165,46 @@ def test_the_stick_out_missing_is_what_the_holder_let_down_at_every_tip_shows(gr
     assert 0 < (worst > 0).sum() < len(worst)
     assert np.array_equal(missing_stick_outs_mm(short, tips, mesh, 0.0), worst)
     assert missing_stick_out_mm(short, tips, mesh, 0.0) == worst.max()
+
+
+BULLS = tuple(tool("bull_nose", d, r, number=k) for k, (d, r) in enumerate(((16, 1.0), (12, 3.0), (6, 2.5)), 1))
+
+
+@pytest.mark.parametrize("slope_deg, wanted", [(0.0, 1), (25.0, 2)])
+def test_of_bull_noses_a_wide_flat_is_fastest_on_a_floor_and_a_large_corner_on_a_slope(slope_deg, wanted):
+    low = 30 - 60 * np.tan(np.radians(slope_deg))
+    solid = the_solid(cq.Workplane("XZ").polyline([(0, 0), (60, 0), (60, 30), (0, low)]).close().extrude(-40))
+    faces = faces_of(solid)
+    top = [k for k, f in enumerate(faces) if f.middle.normal[0, 2] > 0.5]
+    samples, mesh = sample_faces(faces, top, 0), planning_mesh(solid, 0.01)
+    drops = DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles)
+    even = FinishingWork(scallop_mm=0.01, feed_of=lambda t: 1000.0, change_s=60.0)
+    chosen, candidates, reached = choose_cutter("parallel", BULLS, samples, np.inf, drops, 0.0, even)
+    assert chosen.number == wanted and reached.all()
+    assert chosen.number == min(candidates, key=lambda c: c.estimated_time_s).tool.number
+    # by hand: on the floor a pass covers the flat, on the slope the chord of the corner's circle
+    steps = [2 * np.sqrt(2 * t.cutter.corner_radius_mm * 0.01 - 1e-4) for t in BULLS]
+    if not slope_deg:
+        steps = [max(s, t.cutter.diameter_mm - 2 * t.cutter.corner_radius_mm) for s, t in zip(steps, BULLS)]
+    assert [c.stepover_mm for c in candidates] == pytest.approx(steps)
+    assert [c.estimated_time_s for c in candidates] == pytest.approx([samples.area_mm2.sum() / s / 1000 * 60 for s in steps])
+    assert [c.is_chosen for c in candidates] == [c.tool.number == wanted for c in candidates]
+
+
+def test_a_cutter_that_leaves_more_is_not_taken_for_its_speed(grooved):
+    """Into the groove of radius 4.6 only the ball of 4 reaches, though others are through with the rest sooner."""
+    samples, mesh = grooved
+    balls = tuple(t for t in SHOP.tools if t.cutter.diameter_mm in (10, 4))
+    chosen, candidates, _ = choose_cutter("rest", balls, samples, np.inf, mesh, 0.0, work())
+    assert chosen.cutter.diameter_mm == 4 and candidates[-1].reason == "fastest of those that leave least"
+    assert candidates[0].reason.startswith("leaves ") and candidates[0].reason.endswith("mm² more than T5")
+
+
+def test_stairs_of_a_flat_cutter_stand_as_high_as_the_cusp_wanted():
+    """Steps of h / (sin a cos a) along a slope: the corner between two of them stands h over the slope, square to it."""
+    angle, mill = np.radians(30.0), tool("flat", 10)
+    normal = np.array([[np.sin(angle), 0.0, np.cos(angle)]])
+    sample = SimpleNamespace(normal=normal, across_per_mm=np.zeros(1), area_mm2=np.ones(1))
+    step = work().steps_mm(mill, sample, np.array([True]))[0]
+    rise, run = step * np.sin(angle), step * np.cos(angle)
+    assert rise * run / step == pytest.approx(0.01)         # the height of a right-angled triangle over its long side

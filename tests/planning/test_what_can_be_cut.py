@@ -10,11 +10,13 @@ import pytest
 from known_tools import tool
 
 import cuspline.posts
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox, StockSolid
+from cuspline.design.operations import Clearing
 from cuspline.planning.clean_up import _touched, why_out_of_reach
 from cuspline.planning.context import PlanningContext
-from cuspline.planning.cutter_choice import choose_roughing
+from cuspline.planning.cutter_choice import choose_roughing, leftover_rows
 from cuspline.planning.plan import plan_setup
+from cuspline.planning.roughing import RoughingStage, cleared
 from cuspline.planning.strategies.auto import Auto
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.planning.strategies.rough import Rough
@@ -171,6 +173,18 @@ def test_level_ground_is_swept():
 def test_a_blank_near_to_the_part_needs_no_roughing():
     plan = near_net(Rough(), Parallel())
     assert [o.name for o in plan.operations] == ["parallel"] and plan.idle == ()
+
+
+@pytest.mark.parametrize("skin, is_rough", [(0.34, False), (0.6, True)])
+def test_clearing_whose_rounded_corner_meets_nothing_is_left_out(skin, is_rough):
+    block = cq.Workplane("XY").box(20, 20, 6).translate((0, 0, -3))
+    hollowed = lambda radius: block.cut(cq.Workplane("XY").sphere(radius).translate((0, 0, 15.5)))
+    dish = FacePredicate(name="dish", count=1, kinds=("sphere",))
+    work = context_of(part(hollowed(18.5), dish, StockSolid(solid=hollowed(18.5 - skin).val().wrapped)))
+    bull = SHOP.number(4)
+    made, _, _ = cleared(work, RoughingStage(name="rough", allowance_mm=0.3), bull, (), work.stock_mm,
+                         leftover_rows(work.samples), Clearing())
+    assert bull.cutter.corner_radius_mm == 1.0 and (made is not None) == is_rough
 
 
 def test_roughing_after_the_finish_is_idle():
