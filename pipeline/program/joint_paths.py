@@ -13,7 +13,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cuspline.shop.kinematics import ALONG, CHI, LINEARS, PHI, POLE_RAD, PSI, bearings_of, cross, dot, place, tip_and_axis, wrapped
+from cuspline.shop.kinematics import (
+    ALONG,
+    CHI,
+    LINEARS,
+    PHI,
+    POLE_RAD,
+    PSI,
+    bearings_of,
+    called,
+    cross,
+    dot,
+    place,
+    tip_and_axis,
+    wrapped,
+)
 from cuspline.shop.rotary_way import ONE, TWO, at_pole, shortest_way
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import for_kernel, frozen
@@ -78,7 +92,7 @@ class Piece(NamedTuple):
     shares: np.ndarray          # (2,) of the whole move, where the piece begins and ends
 
 
-def joint_path(chain, tips_mm, axes, tolerance, *, length_mm=0.0, start=None, pole_rad=POLE_RAD):
+def joint_path(chain, tips_mm, axes, tolerance, *, length_mm=0.0, pole_rad=POLE_RAD, rows=None):
     """Lay moves out in joints.
 
     Args:
@@ -86,8 +100,8 @@ def joint_path(chain, tips_mm, axes, tolerance, *, length_mm=0.0, start=None, po
         tips_mm: (n, 3) poses in the part's frame, the first where it all begins.   axes: (n, 3) unit, tip to holder.
         tolerance: Tolerance.
         length_mm: from the spindle nose to the tip.
-        start: (rotaries,) where the rotaries stand before, rad.
         pole_rad: an axis this close to a pole stands on it.
+        rows: (n,) what the rows are called in messages; left out: counted from 0.
     Returns:
         JointPath; no limit is asked (`Chain.refuse_beyond_limits`), but the ranges of the rotaries.  A row that needs a rewind
         is led to in one block, whose deviation is infinite.
@@ -97,7 +111,7 @@ def joint_path(chain, tips_mm, axes, tolerance, *, length_mm=0.0, start=None, po
     if not (tolerance.tip_mm > 0 and tolerance.axis_rad > 0):
         raise PostError(f"a path within {tolerance.tip_mm:g} mm and {tolerance.axis_rad:g} rad: both must be above 0")
     tips_mm = for_kernel(np.reshape(tips_mm, (-1, 3)))
-    way = shortest_way(chain, axes, start, pole_rad)
+    way = shortest_way(chain, axes, None, pole_rad, rows)
     links, wrist = chain.links, chain.wrist
     axes = np.reshape(np.asarray(axes, float), (-1, 3))
     axes = axes / np.sqrt((axes ** 2).sum(axis=1))[:, None]
@@ -112,22 +126,23 @@ def joint_path(chain, tips_mm, axes, tolerance, *, length_mm=0.0, start=None, po
                            for_kernel(way.is_pole, np.bool_), for_kernel(way.passes_pole, np.bool_),
                            for_kernel(is_rewind, np.bool_)), float(length_mm), tolerance)
     if failed >= 0:
-        raise PostError(f"row {failed}: on the way to it the tool axis passes where the rotaries {' and '.join(chain.rotaries)} "
-                        "cannot hold it; lead it another way by rows between", rows=[failed])
+        name = called(rows, len(tips_mm))[failed]
+        raise PostError(f"row {name}: on the way to it the tool axis passes where the rotaries {' and '.join(chain.rotaries)} "
+                        "cannot hold it; lead it another way by rows between", rows=[name])
     return JointPath(joints=joints, row=beside[:, ROW], share=beside[:, SHARE], is_spot=beside[:, SPOT] > 0,
                      rewinds=way.rewinds, deviation=deviation)
 
 
-def block_deviations(chain, joints, length_mm=0.0):
+def block_deviations(chain, before, after, length_mm=0.0):
     """How far blocks that run joints evenly are off the straight line and the great circle between their ends.
 
     Args:
-        joints: (n, m) one after the other.
+        before, after: (n, m) joints at the two ends of each block.   length_mm: scalar or (n,).
     Returns:
-        (n - 1, 4): tip proven and found, mm, axis proven and found, rad.  Proven: no point of the block is farther off.
+        (n, 4): tip proven and found, mm, axis proven and found, rad.  Proven: no point of the block is farther off.
     """
-    joints = for_kernel(np.reshape(joints, (-1, len(chain.letters))))
-    return _deviations(chain.links, joints, float(length_mm))
+    before, after = (for_kernel(np.reshape(joints, (-1, len(chain.letters)))) for joints in (before, after))
+    return _deviations(chain.links, before, after, for_kernel(np.broadcast_to(np.asarray(length_mm, float), len(before))))
 
 
 # kernels -------------------------------------------------------------------------------------
@@ -259,14 +274,18 @@ def _angle_of_chord(chord):
 
 
 @njit
-def _deviations(links, joints, length):
-    out, ends = np.empty((len(joints) - 1, 4)), np.empty((4, 3))
+def _deviations(links, before, after, lengths):
+    out, ends = np.empty((len(before), 4)), np.empty((4, 3))
     for n in range(len(out)):
-        for side in range(2):
-            put(ends[side], tip_and_axis(links, joints[n + side], length)[:3])
-            put(ends[2 + side], tip_and_axis(links, joints[n + side], length)[3:])
-        _put_deviation(links, joints[n], joints[n + 1], length, ends, out[n])
+        _put_end(links, before[n], lengths[n], ends[0], ends[2])
+        _put_end(links, after[n], lengths[n], ends[1], ends[3])
+        _put_deviation(links, before[n], after[n], lengths[n], ends, out[n])
     return out
+
+
+@njit
+def _put_end(links, joints, length, tip, axis):
+    tip[X], tip[Y], tip[Z], axis[X], axis[Y], axis[Z] = tip_and_axis(links, joints, length)
 
 
 @njit

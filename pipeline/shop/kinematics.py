@@ -131,11 +131,12 @@ class Chain:
         joints = self._joints(joints)
         return _forward(self.links, joints, _lengths(length_mm, len(joints)))
 
-    def branches(self, axes):
+    def branches(self, axes, rows=None):
         """Every way to hold the tool along axes, but for whole turns.
 
         Args:
             axes: (n, 3) from the tip to the holder, in the part's frame.
+            rows: (n,) what the rows are called in messages; left out: counted from 0.
         Returns:
             (n, 2, rotaries) angles in -pi .. pi; both rows are the same where the machine has fewer than two rotaries, and
             at a pole, where rotary 1 is free, they differ in what it does; (n,) bool whether the axis stands on a pole.
@@ -145,7 +146,7 @@ class Chain:
         axes = unit_rows(axes)
         wrist = self.wrist
         bearings, across, miss = _bearings(wrist, self.links, axes)
-        self._refuse_missed(miss)
+        self._refuse_missed(miss, called(rows, len(axes)))
         return _angles(wrist, bearings), (across <= POLE_RAD) & (wrist.count > 0)
 
     def placed(self, tips_mm, angles, length_mm=0.0):
@@ -190,7 +191,7 @@ class Chain:
         bad = np.flatnonzero((low | high).any(axis=1))
         if not len(bad):
             return
-        names = np.arange(len(joints)) if rows is None else np.asarray(rows)
+        names = called(rows, len(joints))
         k = int(np.flatnonzero((low | high)[bad[0]])[0])
         limit = self.low[k] if low[bad[0], k] else self.high[k]
         raise PostError(f"row {names[bad[0]]}: {self.letters[k]} would stand at {self.in_words(k, joints[bad[0], k])}, its limit "
@@ -208,12 +209,18 @@ class Chain:
     def _joints(self, joints):
         return for_kernel(np.reshape(joints, (-1, len(self.letters))))
 
-    def _refuse_missed(self, miss_rad):
+    def _refuse_missed(self, miss_rad, names):
         bad = np.flatnonzero(~(miss_rad <= MISS_RAD))
         if len(bad):
-            raise PostError(f"row {bad[0]}: the rotaries {' and '.join(self.rotaries) or '(there are none)'} cannot hold the tool "
-                            f"along this axis, they miss it by {np.degrees(miss_rad[bad[0]]):.6f} degrees{and_others(bad)}; "
-                            "lean the tool another way, or take a machine that can", rows=bad)
+            rotaries = " and ".join(self.rotaries) or "(there are none)"
+            raise PostError(f"row {names[bad[0]]}: the rotaries {rotaries} cannot hold the tool along this axis, they miss it by "
+                            f"{np.degrees(miss_rad[bad[0]]):.6f} degrees{and_others(bad)}; lean the tool another way, or take "
+                            "another machine", rows=names[bad])
+
+
+def called(rows, count):
+    """(count,) what rows are called: as they are given, or counted from 0."""
+    return np.arange(count) if rows is None else np.asarray(rows)
 
 
 def and_others(rows):

@@ -26,6 +26,7 @@ from cuspline.shop.kinematics import (
     PSI,
     and_others,
     bearings_of,
+    called,
     cross,
     unit_rows,
     wrapped,
@@ -64,7 +65,7 @@ class RotaryWay:
     bearings: np.ndarray        # (n, 5) see kinematics.bearings_of
 
 
-def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD):
+def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD, rows=None):
     """Angles of the rotaries over a list of axes.
 
     Args:
@@ -72,6 +73,7 @@ def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD):
         axes: (n, 3) from the tip to the holder, in the part's frame; between two the axis turns on the great circle.
         start: (rotaries,) where they stand before, rad; left out: at 0.
         pole_rad: an axis, or a passage, this close to a pole goes through it.
+        rows: (n,) what the rows are called in messages; left out: counted from 0.
     Returns:
         RotaryWay.
     Raises:
@@ -79,20 +81,21 @@ def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD):
             axes that point against each other, between which every way is as short.
     """
     axes, count = unit_rows(axes), len(chain.rotaries)
-    angles, _ = chain.branches(axes)
+    names = called(rows, len(axes))
+    angles, _ = chain.branches(axes, names)
     wrist = chain.wrist
     bearings = _all_bearings(wrist, axes)
     is_pole = (bearings[:, ACROSS] <= pole_rad) & (count > 0)
     passes = np.concatenate([[False], _passes(wrist.u1, axes, is_pole, pole_rad)]) if len(axes) and count == 2 else np.zeros(
         len(axes), bool)
-    _refuse_opposite(axes)
+    _refuse_opposite(axes, names)
     low, high, speed = _padded(chain.low, -np.inf), _padded(chain.high, np.inf), _padded(chain.speed, NOT_ROTARY)
-    _refuse_out_of_range(chain, angles, is_pole)
+    _refuse_out_of_range(chain, angles, is_pole, names)
     begin = for_kernel(np.append(() if start is None else start, np.zeros(2))[:2])
     found, sign, is_rewind = _shortest(Ranges(count, wrist.zero, low, high, speed, begin), bearings,
                                        for_kernel(is_pole, np.bool_), for_kernel(passes, np.bool_))
     found = np.where(np.abs(found - np.clip(found, low, high)) <= LIMIT_SLACK, np.clip(found, low, high), found)[:, :count]
-    _refuse_pole_beyond(chain, found, is_pole)
+    _refuse_pole_beyond(chain, found, is_pole, names)
     return RotaryWay(angles=found, sign=sign, is_pole=is_pole, passes_pole=passes, rewinds=np.flatnonzero(is_rewind),
                      bearings=bearings)
 
@@ -102,13 +105,14 @@ def _padded(of_joints, what):
     return for_kernel(np.append(of_joints[LINEARS:], [what, what])[:2])
 
 
-def _refuse_opposite(axes):
+def _refuse_opposite(axes, names):
     bad = np.flatnonzero(((axes[1:] + axes[:-1]) ** 2).sum(axis=1) < SAME_RAD ** 2) + 1
     if len(bad):
-        raise PostError(f"row {bad[0]}: the tool axis turns right round in one move: say by a row between which way", rows=bad)
+        raise PostError(f"row {names[bad[0]]}: the tool axis turns right round in one move: say by a row between which way",
+                        rows=names[bad])
 
 
-def _refuse_out_of_range(chain, angles, is_pole):
+def _refuse_out_of_range(chain, angles, is_pole, names):
     """Every row must have a branch within the ranges, by some whole turns; the free rotary of a pole always has."""
     if not chain.rotaries:
         return
@@ -125,18 +129,18 @@ def _refuse_out_of_range(chain, angles, is_pole):
     column = LINEARS + int(np.argmax(beyond[row, branch]))
     over = above[row, branch, column - LINEARS]
     value = over if over - chain.high[column] <= chain.low[column] - over + FULL else over - FULL
-    raise PostError(f"row {row}: {chain.letters[column]} would stand at {chain.in_words(column, value)}, its range is "
+    raise PostError(f"row {names[row]}: {chain.letters[column]} would stand at {chain.in_words(column, value)}, its range is "
                     f"{chain.in_words(column, chain.low[column])} to {chain.in_words(column, chain.high[column])}"
-                    f"{and_others(bad)}; lean the tool another way, or turn the part", rows=bad)
+                    f"{and_others(bad)}; lean the tool another way, or turn the part", rows=names[bad])
 
 
-def _refuse_pole_beyond(chain, angles, is_pole):
+def _refuse_pole_beyond(chain, angles, is_pole, names):
     """At a pole rotary 2 stands where the pole is."""
     rows = np.flatnonzero(is_pole)
     joints = np.zeros((len(rows), len(chain.letters)))
     joints[:, :LINEARS] = np.clip(0.0, chain.low[:LINEARS], chain.high[:LINEARS])
     joints[:, LINEARS:] = angles[rows]
-    chain.refuse_beyond_limits(joints, rows)
+    chain.refuse_beyond_limits(joints, names[rows])
 
 
 # kernels -------------------------------------------------------------------------------------
