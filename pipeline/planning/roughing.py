@@ -61,12 +61,33 @@ def roughed(work, ball, is_reached, semi_finish):
         if smaller is not None:
             operation, stock, left = cleared(work, rest, smaller.tool, candidates, stock, rows, Clearing())
             operations.append(operation)
-    if _met_mm(work, ball, stock, rows) > ball.cutter.deepest_slot_mm:
+    if _is_too_deep(work, ball, stock, rows):
         operation, stock, left = cleared(work, rest, ball, (), stock, rows, Clearing())
         operations.append(operation)
     if left > limit:
         operations.append(semi_finish())
     return [o for o in operations if o is not None]
+
+
+def before_passes(work, ball, is_reached):
+    """What a ball must clear before its own passes: [], or the one operation that takes what stands deeper than it cuts a slot.
+
+    Args:
+        work: PlanningContext of an operation that lists no clearing for its ball.
+        ball: its Tool.   is_reached: (n,) bool, sample points that it finishes.
+    """
+    rows = leftover_rows(work.samples)
+    rows = rows[is_reached[rows]]
+    if ball.cutter.type != "ball" or not _is_too_deep(work, ball, work.stock_mm, rows):
+        return []
+    practice = work.practice
+    stage = RoughingStage(name="rest rough", allowance_mm=practice.rough_allowance_mm, threshold_mm=practice.rest_threshold_mm)
+    operation, _, _ = cleared(work, stage, ball, (), work.stock_mm, rows, Clearing())
+    return [] if operation is None else [operation]
+
+
+def _is_too_deep(work, ball, stock, rows):
+    return _met_mm(work, ball, stock, rows) > ball.cutter.deepest_slot_mm
 
 
 def _met_mm(work, ball, stock, rows):
