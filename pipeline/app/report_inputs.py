@@ -119,7 +119,7 @@ def _setup_bundle(work, judged, item, posted, verdict, machine):
             origin_mm=(float(origin[0]), float(origin[1])), pitch_mm=replay.zmap.pitch_mm, nx=replay.zmap.nx,
             ny=replay.zmap.ny, bottom_mm=replay.bottom_mm + lift, top_mm=replay.top_mm + lift,
             design_top_mm=replay.design_top_mm + lift, event_move=row_of[replay.event_row],
-            event_cell=replay.event_cell, event_z_mm=replay.event_z_mm + lift))
+            event_cell=replay.event_cell, event_z_mm=replay.event_z_mm + lift if lift else replay.event_z_mm))
 
 
 def _edges(edges_mm):
@@ -134,24 +134,23 @@ def drawn_path(posted, frame, machine):
     """
     known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
     rows = np.flatnonzero(known)
-    seconds = _seconds(posted, rows, machine)
-    points, rapid, feed, operation, time = [posted.start_mm[rows[:1]]], [True], [0.0], [-1], [0.0]
-    row_of, now, count = np.zeros(len(posted), int), 0.0, 1
-    for k, duration in zip(rows, seconds):
-        way = _broken_down(posted, k)
-        points.append(way)
-        n = len(way)
-        rapid += [posted.kind[k] == Kind.RAPID] * n
-        feed += [posted.feed_mm_per_min[k]] * n
-        operation += [posted.operation[k]] * n
-        time += list(now + duration * np.arange(1, n + 1) / n)
-        now += duration
-        count += n
-        row_of[k] = count - 1
-    row_of = np.maximum.accumulate(row_of)
-    return PathPoints(points_mm=frame.out(np.vstack(points)), is_rapid=np.array(rapid, bool),
-                      feed_mm_per_min=np.array(feed), operation=np.array(operation, int),
-                      time_s=np.array(time)), row_of
+    seconds, arcs = _seconds(posted, rows, machine), np.flatnonzero(posted.kind[rows] >= Kind.ARC_CW)
+    ways = [_broken_down(posted, k) for k in rows[arcs]]
+    counts = np.ones(len(rows), int)
+    counts[arcs] = [len(way) for way in ways]
+    ends = np.cumsum(counts)
+    points, each = np.repeat(posted.end_mm[rows], counts, axis=0), lambda values: np.repeat(values[rows], counts)
+    for k, way in zip(arcs, ways):
+        points[ends[k] - counts[k]:ends[k]] = way
+    share = (np.arange(counts.sum()) - np.repeat(ends - counts, counts) + 1) / np.repeat(counts, counts)
+    begin = np.concatenate([[0.0], np.cumsum(seconds)[:-1]])[:len(rows)]
+    row_of = np.zeros(len(posted), np.int32)
+    row_of[rows] = ends
+    return PathPoints(points_mm=frame.out(np.vstack([posted.start_mm[rows[:1]], points])),
+                      is_rapid=np.r_[True, each(posted.kind) == Kind.RAPID],
+                      feed_mm_per_min=np.r_[0.0, each(posted.feed_mm_per_min)], operation=np.r_[-1, each(posted.operation)],
+                      time_s=np.r_[0.0, np.repeat(begin, counts) + np.repeat(seconds, counts) * share],
+                      ), np.maximum.accumulate(row_of)
 
 
 def _seconds(posted, rows, machine):
@@ -163,9 +162,7 @@ def _seconds(posted, rows, machine):
 
 
 def _broken_down(posted, k):
-    """(n, 3) points after the start of a move: one for a line, many for an arc."""
-    if posted.kind[k] < Kind.ARC_CW:
-        return posted.end_mm[k][None]
+    """(n, 3) points after the start of an arc."""
     a, b, c = Plane(posted.plane[k]).axes
     start, end, center = posted.start_mm[k], posted.end_mm[k], posted.center_mm[k]
     x0, y0 = start[a] - center[a], start[b] - center[b]

@@ -371,7 +371,11 @@ def _nurbs_of(face):
     surface = BRep_Tool.Surface_s(face)
     if GeomAdaptor_Surface(surface).GetType() == GeomAbs_SurfaceType.GeomAbs_OffsetSurface:
         return _offset_nurbs(surface, BRepTools.UVBounds_s(face))
-    surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
+    return nurbs_of_surface(GeomConvert.SurfaceToBSplineSurface_s(surface))
+
+
+def nurbs_of_surface(surface):
+    """NurbsSurface of a Geom_BSplineSurface; a periodic one is cut open where its parameters begin."""
     for direction in "UV":
         if getattr(surface, f"Is{direction}Periodic")():
             getattr(surface, f"Set{direction}NotPeriodic")()

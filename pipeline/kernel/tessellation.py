@@ -13,18 +13,20 @@ from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.GeomAbs import GeomAbs_SurfaceType
-from OCP.gp import gp_Pnt, gp_Vec
+from OCP.IMeshTools import IMeshTools_Parameters
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from cuspline.kernel.surface_places import surface_points, surface_tangents
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import DesignError
 
 ANGLE_RAD = 0.35          # largest turn of the normal along a triangle's side
 POINT_MM = 1e-7           # a surface whose derivative is shorter has shrunk to a point there
+INSIDE = 4.0              # times the deflection of edges is asked for inside faces: halving sides is cheaper than meshing
 ROUNDS = 4                # refinements before giving up
 HALVINGS = 14             # of a side inside a face
 
@@ -58,7 +60,7 @@ def tessellate(solid, deviation_mm):
     asked = 0.7 * deviation_mm
     for _ in range(ROUNDS):
         copy = BRepBuilderAPI_Copy(solid, True, False).Shape()
-        faces = [_refined(f, 0.5 * deviation_mm) for f in mesh_faces(copy, asked)]
+        faces = [_refined(f, 0.5 * deviation_mm) for f in mesh_faces(copy, asked, INSIDE * asked)]
         measured = max(_deviation_mm(f) for f in faces)
         if measured <= deviation_mm:
             return _welded(faces, measured)
@@ -67,13 +69,18 @@ def tessellate(solid, deviation_mm):
                       "request a coarser tessellation, or heal the surface")
 
 
-def mesh_faces(shape, deflection_mm, angle_rad=ANGLE_RAD):
+def mesh_faces(shape, deflection_mm, inside_mm=None, angle_rad=ANGLE_RAD):
     """FaceTriangles of every face of a shape, in order; the shape keeps the mesh (give a copy).
 
+    Args:
+        deflection_mm: asked for along edges.   inside_mm: and inside faces; None: the same.
     Raises:
         DesignError: a face without triangles.
     """
-    BRepMesh_IncrementalMesh(shape, deflection_mm, False, angle_rad, False)
+    asked = IMeshTools_Parameters()
+    asked.Deflection, asked.DeflectionInterior = deflection_mm, deflection_mm if inside_mm is None else inside_mm
+    asked.Angle, asked.Relative, asked.InParallel = angle_rad, False, False
+    BRepMesh_IncrementalMesh(shape, asked)
     explorer, found = TopExp_Explorer(shape, TopAbs_FACE), []
     while explorer.More():
         found.append(_triangles_of(TopoDS.Face_s(explorer.Current()), len(found)))
@@ -92,11 +99,13 @@ def _refined(part, side_mm):
     uv, points, triangles, free = part.uv, part.points_mm, part.triangles, free_parameters(part)
     fresh = np.ones(len(triangles), bool)
     for _ in range(HALVINGS):
-        corner = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
-        sides, index, count = np.unique(corner.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True)
-        index = index.reshape(-1, 3)
-        look = np.flatnonzero((count == 2) & np.isin(np.arange(len(sides)), index[fresh]))
-        a, b = sides[look].T
+        corner = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        sides, index, count = np.unique(corner.min(axis=1) * len(uv) + corner.max(axis=1), return_inverse=True,
+                                        return_counts=True)
+        index, is_fresh = index.reshape(-1, 3), np.zeros(len(sides), bool)
+        is_fresh[index[fresh]] = True
+        look = np.flatnonzero((count == 2) & is_fresh)
+        a, b = sides[look] // len(uv), sides[look] % len(uv)
         ua, ub = np.where(free[a], uv[b], uv[a]), np.where(free[b], uv[a], uv[b])
         middle = (ua + ub) / 2
         exact, chord = surface_points(part.face, middle), points[b] - points[a]
@@ -144,37 +153,6 @@ def _triangles_of(face, number):
     return FaceTriangles(face=face, uv=frozen([(p.X(), p.Y()) for p in uv], (None, 2), "uv"),
                          points_mm=frozen([(p.X(), p.Y(), p.Z()) for p in points], (None, 3), "points_mm"),
                          triangles=frozen(triangles, (None, 3), "triangles", np.int64))
-
-
-def surface_points(face, uv):
-    """(n, 3) exact points of a face's surface at parameters (n, 2)."""
-    surface, p = BRepAdaptor_Surface(face, False), gp_Pnt()
-    if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
-        return _plane_points(surface, uv)
-    rows = []
-    for u, v in np.asarray(uv).tolist():
-        surface.D0(u, v, p)
-        rows.append(p.Coord())
-    return np.array(rows).reshape(-1, 3)
-
-
-def _plane_points(surface, uv):
-    axes = surface.Plane().Position()
-    xyz = lambda v: np.array([v.X(), v.Y(), v.Z()])
-    return xyz(axes.Location()) + np.outer(uv[:, 0], xyz(axes.XDirection())) + np.outer(uv[:, 1], xyz(axes.YDirection()))
-
-
-def surface_tangents(face, uv):
-    """Exact points and the derivatives along u and v, (n, 3) each."""
-    surface, p, a, b = BRepAdaptor_Surface(face, False), gp_Pnt(), gp_Vec(), gp_Vec()
-    if surface.GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
-        origin, *ends = _plane_points(surface, np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
-        return _plane_points(surface, uv), *(np.tile(end - origin, (len(uv), 1)) for end in ends)
-    rows = []
-    for u, v in np.asarray(uv).tolist():
-        surface.D1(u, v, p, a, b)
-        rows.append((*p.Coord(), *a.Coord(), *b.Coord()))
-    return tuple(np.array(rows).reshape(-1, 3, 3).transpose(1, 0, 2).copy())
 
 
 def free_parameters(part):

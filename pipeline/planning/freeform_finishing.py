@@ -7,13 +7,17 @@ about the cusp: there the ball goes round at constant height instead.
 import math
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from cuspline.kernel.brep import bounding_box_mm
 from cuspline.planning.context import FinishingStage, finite, path_tolerance_mm, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ROUND
 from cuspline.program.program import Moves
 from cuspline.scallop.stepover import scallop_for_stepover_mm, stepover_for_scallop_mm
+from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.curvature import sample_faces
+from cuspline.surfaces.patches import PatchSet
+from cuspline.surfaces.sampling import samples_of_faces
 from cuspline.toolpaths.freeform.clean_up_passes import region_left
 from cuspline.toolpaths.freeform.iso_scallop_passes import boundary_curves, constant_scallop_curves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
@@ -46,6 +50,8 @@ TOUCH_UP_STEPS = 0.6        # how far the touch-up reaches beyond
 LINK_STEPS = 3.0            # links along the surface are no longer than that
 HOP_RADII = 6.0             # links over what lies between
 FLAT_STEP_SHARE = 0.1       # of its radius: how closely a flat cutter's waterlines are looked for
+MAY_TOUCH_STEPS = 0.5       # steps from place to place by which it is told where the cutter may touch a wall
+TURNS_MORE = 2.0            # times as much as the curvature in its middle says a face turns over a spacing
 TOUCHING_MM = 0.02         # a bull nose or flat cutter nearer to a face than that touches it
 RIM_STEPS = 3               # until the nearest place of a bull nose's corner stands still
 TERRACE_SHARE = 0.8         # of its flutes a flat cutter goes deep beside an upright wall
@@ -272,12 +278,18 @@ def wall_paths_at(work, field, heights, tolerance_mm, step_mm, near=None):
     low, high = field.node_xy_mm[0, 0], field.node_xy_mm[-1, -1]
     offset, limit = corner + dropper.allowance_mm, fixed.cos(max(steep_rad - WALL_OVERLAP_RAD, 0.0))
     beside_mm = ASIDE_MM + tolerance_mm / 2         # a line's chords run so far into the wall
+    may_touch = _may_touch(work, limit, MAY_TOUCH_STEPS * step_mm, dropper.radius_mm + dropper.allowance_mm)
 
     def gap(xy, z):
         """How far the ball reaches into the part: its height over a place jumps at walls, this does not."""
         return offset - work.closest.signed_distances_mm(np.column_stack([xy, z + corner]))
 
     def touches(tips):
+        wanted = may_touch(tips[:, :2], tips[:, 2] + corner, np.zeros(len(tips)))
+        wanted[wanted] = touches_exactly(tips[wanted])
+        return wanted
+
+    def touches_exactly(tips):
         middles = tips + np.array([0.0, 0.0, corner])
         if flat == 0.0:
             foot = work.closest.closest_points(middles)
@@ -297,9 +309,32 @@ def wall_paths_at(work, field, heights, tolerance_mm, step_mm, near=None):
         wanted &= dropper.tips_mm(aside) <= tips[:, 2] + tolerance_mm                     # nothing hangs over it
         return wanted if near is None else wanted & near(foot.point_mm)
 
-    drops = DropHeights(tips_at=dropper.tips_mm, gap_at=gap if flat == 0.0 else None)
+    drops = DropHeights(tips_at=dropper.tips_mm, gap_at=gap if flat == 0.0 else None,
+                        near_at=lambda xy, z, within_mm: may_touch(xy, z + corner, within_mm))
     lines = waterlines(drops, heights, low, high, pitch_mm=WALL_GRID_STEPS * step_mm, chord_mm=tolerance_mm / 2)
     return wall_paths(lines, touches, step_mm)
+
+
+def _may_touch(work, limit, spacing_mm, reach_mm):
+    """Function of plan positions (n, 2), heights of the corner's middle (n,) and mm (n,): whether the cutter may touch faces
+    wanted that are steeper than `limit` (their normal's z) anywhere within so many mm of there: (n,) bool.
+
+    Places of the faces stand for all within the spacing, as far as the normal may turn within it.
+    """
+    wanted = [work.faces[i] for i in work.wanted]
+    samples = samples_of_faces(wanted, spacing_mm)
+    patches = PatchSet.of_faces(wanted)
+    shape = local_shape(patches.derivatives(samples.face, samples.u, samples.v))
+    bend = np.maximum(np.abs(shape.curvature_low_per_mm), np.abs(shape.curvature_high_per_mm))
+    turn = np.minimum(TURNS_MORE * bend * spacing_mm, np.pi)
+    steep = ~(fixed.arccos(np.clip(samples.normal[:, 2], -1.0, 1.0)) + turn < fixed.arccos(limit))
+    tree = cKDTree(samples.point_mm[steep])
+
+    def may_touch(xy, middle_z, within_mm):
+        away, _ = tree.query(np.column_stack([xy, middle_z]))
+        return away <= reach_mm + spacing_mm + TOUCHING_MM + within_mm
+
+    return may_touch
 
 
 def _wall_heights(samples, steep, dropper, ridge_mm):

@@ -5,12 +5,14 @@ import numpy as np
 from cuspline.program.program import Kind, Plane
 from cuspline.replay.replay_kernel import LOW, RAPID
 from cuspline.replay.replay_loads import of_tools
+from cuspline.shop.kinematics import LINEARS
 from cuspline.stock.path_pieces import pieces_of
 from cuspline.values.amounts import counted
 from cuspline.values.findings import Finding
 
 NOISE_MM = 1e-6
 TRAVEL_MM = 1e-6
+RANGE_DEG = 1e-4          # half the last decimal of a rotary word, and a little
 MANY = 12                 # runs of one kind in one operation that are still told apart
 CONTACTS = (
     ("rapid_through_stock", "lift to the clearance height before this rapid, or make it a feed move"),
@@ -190,6 +192,21 @@ class Reporter:
                 "travel_exceeded", amount, self.posted.end_mm, np.ones(len(over), dtype=bool),
                 f"{name} leaves its travel {axis.min_mm:g} .. {axis.max_mm:g} mm: move the part on the table or "
                 "take another tool length")
+        if self.posted.rotary_deg.shape[1]:
+            yield from self._turning(machine)
+
+    def _turning(self, machine):
+        """Rotary axes against their ranges; a range in degrees has no millimetres."""
+        chain, everything = machine.kinematics, np.ones(len(self.posted), dtype=bool)
+        for k, letter in enumerate(machine.rotaries):
+            low, high = np.degrees([chain.low[LINEARS + k], chain.high[LINEARS + k]])
+            turned = self.posted.rotary_deg[:, k]
+            over = np.nan_to_num(np.fmax(low - turned, turned - high), neginf=0.0)
+            for group in self._gathered(self.runs(over > RANGE_DEG, everything)):
+                worst = max(group, key=lambda r: (over[r], -r))
+                yield self.finding("travel_exceeded", worst, 0.0, self.posted.end_mm[worst],
+                                   f"{letter} stands at {turned[worst]:.4f} degrees, its range is {low:g} .. {high:g} degrees: "
+                                   "turn the part, or lean the tool another way")
 
     def table(self, machine, tools, script, hanging_mm):
         """Tips, and what hangs lower, against the machine's table, all along the way; it reaches as far as the axes."""

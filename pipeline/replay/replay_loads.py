@@ -143,15 +143,24 @@ def _turned(x, y, end):
 def _lowered_mm(events, before_mm, columns):
     """(e,) material that each event takes from its node, mm: by how much it lowers it, less the air on the way."""
     _, cells, heights = events
-    order = np.argsort(cells, kind="stable")
-    above, is_first = np.empty(len(cells)), np.diff(cells[order], prepend=-1) != 0
-    above[order] = np.where(is_first, before_mm[cells[order]], np.roll(heights[order], 1))
+    above = _before_each(cells, heights, before_mm.copy())
     if columns is None:
-        return above - heights
+        above -= heights
+        return above
     spans = columns[cells]
     known = np.isfinite(spans[..., 1])
     top, bottom = np.minimum(spans[..., 1], above[:, None]), np.maximum(spans[..., 0], heights[:, None])
     return np.where(known, np.maximum(np.where(known, top, 0.0) - np.where(known, bottom, 0.0), 0.0), 0.0).sum(axis=1)
+
+
+@njit
+def _before_each(cells, heights, now_mm):
+    """(e,) height of each event's node before it; `now_mm` (nodes,) are those before all, lowered in place."""
+    above = np.empty(len(cells))
+    for e in range(len(cells)):
+        above[e] = now_mm[cells[e]]
+        now_mm[cells[e]] = heights[e]
+    return above
 
 
 @njit

@@ -7,6 +7,7 @@ integer type: neighbours differ little, so gzip makes them small.
 
 import base64
 import gzip
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,9 @@ import numpy as np
 from cuspline.report.facts import findings, operation_rows, operations, unreachable
 from cuspline.report.wording import number
 from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import for_kernel
+from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y
 
 PATH_STEP_MM = 1e-4         # posted coordinates carry at most four decimals: nothing is lost
 FEED_STEP = 0.1             # mm/min
@@ -133,7 +137,7 @@ def pack_replay(replay, setup):
     replay, stride = thinned(replay)
     share = event_times(replay, setup)
     for steps in REPLAY_STEPS:
-        instant, cell, z = _last_in_each_instant(np.ceil(share * steps).astype(np.int64), replay)
+        instant, cell, z = _last_in_each_instant(share, steps, replay)
         if len(cell) <= MOST_EVENTS:
             break
     height = replay.top_mm - replay.bottom_mm
@@ -162,30 +166,49 @@ def thinned(replay):
                    event_cell=(j[kept] // stride) * nx + i[kept] // stride), stride
 
 
-def _last_in_each_instant(instant, replay):
+def _last_in_each_instant(share, steps, replay):
     """(instant, cell, height) in order of time, one row per cell and instant."""
-    cell, z = np.asarray(replay.event_cell, dtype=np.int64), np.asarray(replay.event_z_mm, dtype=float)
-    order = np.lexsort((-z, cell, instant))
-    instant, cell, z = instant[order], cell[order], z[order]
-    last = np.ones(len(cell), dtype=bool)
-    last[:-1] = (instant[1:] != instant[:-1]) | (cell[1:] != cell[:-1])
-    return instant[last], cell[last], z[last]
+    last = _is_last(share, steps, for_kernel(replay.event_cell, np.int32), int(replay.nx * replay.ny))
+    cell, z = np.asarray(replay.event_cell[last], dtype=np.int64), np.asarray(replay.event_z_mm[last], dtype=float)
+    instant = np.ceil(share[last] * steps).astype(np.int64)
+    order = np.lexsort((cell, instant))
+    return instant[order], cell[order], z[order]
+
+
+@njit
+def _is_last(share, steps, cells, nodes):
+    """(e,) bool: the last event of its node in its instant; a node's events follow each other in time, each a lower one."""
+    last, before, at = np.zeros(len(cells), np.bool_), np.full(nodes, -1), np.full(nodes, -1)
+    for e in range(len(cells)):
+        instant, cell = int(math.ceil(share[e] * steps)), cells[e]
+        if at[cell] == instant:
+            last[before[cell]] = False
+        last[e], before[cell], at[cell] = True, e, instant
+    return last
 
 
 def event_times(replay, setup):
     """(e,) share 0..1 of the program's time at which the cutter passes each event's node."""
     seconds = np.asarray(setup.path.time_s, dtype=float)
-    reached = np.asarray(replay.event_move, dtype=np.int64)
-    if not len(reached) or seconds[-1] <= 0:
-        return np.zeros(len(reached))
-    before = np.maximum(reached - 1, 0)
+    if not len(replay.event_move) or seconds[-1] <= 0:
+        return np.zeros(len(replay.event_move))
     points = fixed.matmul(_known(np.asarray(setup.path.points_mm, dtype=float)), setup.frame.rotation)   # x_replay = Rᵀ x_part
-    cell = np.asarray(replay.event_cell, dtype=np.int64)
-    node = np.column_stack([cell % replay.nx, cell // replay.nx]) * replay.pitch_mm + np.asarray(replay.origin_mm)
-    start, move = points[before, :2], points[reached, :2] - points[before, :2]
-    along = np.einsum("ij,ij->i", node - start, move) / np.maximum(np.einsum("ij,ij->i", move, move), 1e-12)
-    passed = seconds[before] + along.clip(0, 1) * (seconds[reached] - seconds[before])
-    return (passed / seconds[-1]).clip(0, 1)
+    return _times(for_kernel(replay.event_move, np.int32), for_kernel(replay.event_cell, np.int32), replay.nx,
+                  float(replay.pitch_mm), for_kernel(replay.origin_mm), points, seconds)
+
+
+@njit
+def _times(reached, cells, nx, pitch_mm, origin_mm, points, seconds):
+    share = np.empty(len(cells))
+    for e in range(len(cells)):
+        now = reached[e]
+        before = max(now - 1, 0)
+        x, y = (cells[e] % nx) * pitch_mm + origin_mm[X], (cells[e] // nx) * pitch_mm + origin_mm[Y]
+        dx, dy = points[now, X] - points[before, X], points[now, Y] - points[before, Y]
+        along = ((x - points[before, X]) * dx + (y - points[before, Y]) * dy) / max(dx * dx + dy * dy, 1e-12)
+        passed = seconds[before] + min(max(along, 0.0), 1.0) * (seconds[now] - seconds[before])
+        share[e] = min(max(passed / seconds[-1], 0.0), 1.0)
+    return share
 
 
 def operation_meta(bundle, setup):

@@ -11,7 +11,7 @@ import numpy as np
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.compiled import njit
-from cuspline.values.rows import W
+from cuspline.values.rows import W, X, Y, Z
 from cuspline.values.threads import in_blocks
 
 CHUNK = 256              # points a thread takes at a time
@@ -39,6 +39,15 @@ class NurbsSurface:
         """(u low, u high, v low, v high)."""
         return (self.knots_u[self.degree_u], self.knots_u[-1 - self.degree_u],
                 self.knots_v[self.degree_v], self.knots_v[-1 - self.degree_v])
+
+    def points(self, u, v):
+        """(n, 3) points at parameters (n,), (n,); outside the domain they are taken at its border."""
+        u = np.clip(np.ascontiguousarray(u, float), *self.domain[:2])
+        v = np.clip(np.ascontiguousarray(v, float), *self.domain[2:])
+        out = np.empty((len(u), 3))
+        in_blocks(_point_rows, len(u), CHUNK, self.degree_u, self.degree_v, self.knots_u, self.knots_v, self.poles, u, v,
+                  out, serial_rows=SERIAL_ROWS)
+        return out
 
     def derivatives(self, u, v):
         """Point and derivatives up to second order.
@@ -177,6 +186,40 @@ def _basis(knots, degree, span, t, out):
             factor *= degree - k + 1
             out[k, r] = d * factor
             now, nxt = nxt, now
+
+
+@njit
+def _values(knots, degree, span, t, left, right, out):
+    """Basis functions alone into out (degree + 1,); left, right (degree + 1,): work."""
+    out[0] = 1.0
+    for j in range(1, degree + 1):
+        left[j], right[j] = t - knots[span + 1 - j], knots[span + j] - t
+        saved = 0.0
+        for r in range(j):
+            ratio = out[r] / (right[r + 1] + left[j - r])
+            out[r] = saved + right[r + 1] * ratio
+            saved = left[j - r] * ratio
+        out[j] = saved
+
+
+@njit
+def _point_rows(pu, pv, U, V, poles, u, v, out, first, last):
+    """Rows first..last-1 of the points."""
+    bu, bv, most = np.empty(pu + 1), np.empty(pv + 1), max(pu, pv) + 1
+    left, right = np.empty(most), np.empty(most)
+    for q in range(first, last):
+        iu, iv = _span(U, pu, len(poles), u[q]), _span(V, pv, poles.shape[1], v[q])
+        _values(U, pu, iu, u[q], left, right, bu)
+        _values(V, pv, iv, v[q], left, right, bv)
+        x = y = z = w = 0.0
+        for i in range(pu + 1):
+            for j in range(pv + 1):
+                share = bu[i] * bv[j]
+                x += share * poles[iu - pu + i, iv - pv + j, X]
+                y += share * poles[iu - pu + i, iv - pv + j, Y]
+                z += share * poles[iu - pu + i, iv - pv + j, Z]
+                w += share * poles[iu - pu + i, iv - pv + j, W]
+        out[q, X], out[q, Y], out[q, Z] = x / w, y / w, z / w
 
 
 @njit

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import BaseModel
 
 LARGEST_BYTES = 1 << 30       # of all files together; the oldest go first
+PIECE_BYTES = 1 << 20
 ANSWERING = ("numba", "numpy", "scipy", "manifold3d")
 SEAL_BYTES = 32               # behind the arrays of each file: a SHA-256 over its name and them
 
@@ -43,11 +44,11 @@ class Kept:
         """The answer under a key, or None."""
         path = self._path(key)
         try:
-            content = path.read_bytes()
+            content = memoryview(path.read_bytes())
         except OSError:
             return None
         arrays, seal = content[:-SEAL_BYTES], content[-SEAL_BYTES:]
-        if _seal(key, arrays) != seal:
+        if _seal(key, [arrays]) != seal:
             path.unlink(missing_ok=True)
             return None
         with np.load(io.BytesIO(arrays), allow_pickle=False) as held:
@@ -56,13 +57,14 @@ class Kept:
 
     def _write(self, key, answer):
         """Put an answer under its key, in one step."""
-        held = io.BytesIO()
         arrays = answer if isinstance(answer, tuple) else (answer,)
-        np.savez(held, is_tuple=isinstance(answer, tuple), **{f"array_{k}": a for k, a in enumerate(arrays)})
         part = self.folder / f"{key}.{os.getpid()}.part"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            part.write_bytes(held.getvalue() + _seal(key, held.getvalue()))
+            with part.open("w+b") as file:          # never whole in memory: it may be hundreds of megabytes
+                np.savez(file, is_tuple=isinstance(answer, tuple), **{f"array_{k}": a for k, a in enumerate(arrays)})
+                file.seek(0)
+                file.write(_seal(key, iter(lambda: file.read(PIECE_BYTES), b"")))
             os.replace(part, self._path(key))
             self._make_room()
         except OSError:
@@ -111,8 +113,12 @@ def kept_until_done(out):
     kept.remove()
 
 
-def _seal(key, arrays):
-    return hashlib.sha256(key.encode() + arrays).digest()
+def _seal(key, pieces):
+    """SHA-256 over a key and bytes that come in pieces."""
+    seal = hashlib.sha256(key.encode())
+    for piece in pieces:
+        seal.update(piece)
+    return seal.digest()
 
 
 @cache

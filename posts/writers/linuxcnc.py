@@ -1,4 +1,4 @@
-"""Post for LinuxCNC (RS-274/NGC), three axes; repeated passes as O-word sub-programs.
+"""Post for LinuxCNC (RS-274/NGC), three axes, and two rotaries solved in joints; repeated passes as O-word sub-programs.
 
 Facts of the controller that this post respects: units on a line of their own before anything else; every line
 below the machine's line length; a path tolerance always with G64 (a bare G64 cuts corners by millimetres); arc
@@ -49,7 +49,7 @@ def tool_table(tools, control):
 class _LinuxCNC(Dialect):
     """O-words; #1 to #30 are a call's own."""
 
-    point, end = "", "M2"
+    point, end, knows_rotaries = "", "M2", True
     variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
 
     def head(self, writer, program, file_number):

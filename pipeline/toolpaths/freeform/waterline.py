@@ -24,6 +24,7 @@ NOTHING_MM = 1e6        # how far below z nothing at all is taken to lie
 FEW_HEIGHTS = 5         # up to here asking "above z?" everywhere costs less than all drop heights
 SMOOTH_STEPS = 6        # a root not found by then is a jump: only the side counts, and that is had for less
 ROUNDS = 12             # halvings of a chord: 4096 points a grid cell
+BEYOND_PITCHES = 3.0    # round what is wanted: every chord that is looked at ends in exact crossings
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))      # of a cell, anticlockwise; its edge k runs from corner k to k + 1
 
 
@@ -51,6 +52,8 @@ class DropHeights:
     # places, (n,) z -> (n,) anything continuous that is above zero where tips_at is above z; in place of the height's own
     # difference, which jumps at walls
     gap_at: Callable | None = None
+    # places, (n,) z, (n,) mm -> (n,) whether a line is wanted anywhere within so many mm; elsewhere it stays as rough as the grid
+    near_at: Callable | None = None
 
 
 def mesh_waterlines(mesh, heights_mm, radius_mm, corner_radius_mm, *, pitch_mm, chord_mm, tolerance_mm=1e-5):
@@ -98,11 +101,15 @@ def waterlines(drops, heights_mm, low_mm, high_mm, *, pitch_mm, chord_mm, tolera
     chain = np.repeat(np.arange(len(chains)), [len(c.free) for c in chains])
     free, held = (np.concatenate([getattr(c, end) for c in chains]) for end in ("free", "held"))
     nodes = grid.reshape(-1, 2)
-    xy = _crossings(gap_at, above_at, nodes[free], nodes[held], z, tolerance_mm)
+    near_at = drops.near_at or (lambda xy, z, within_mm: np.ones(len(xy), bool))
+    xy = nodes[free]
+    rows = np.flatnonzero(near_at(xy, z, np.full(len(xy), BEYOND_PITCHES * pitch_mm)))
+    xy[rows] = _crossings(gap_at, above_at, xy[rows], nodes[held[rows]], z[rows], tolerance_mm)
     closed = np.array([c.is_closed for c in chains])
     if np.isfinite(chord_mm):
         begin = np.searchsorted(chain, np.arange(len(chains)))
-        xy, chain = _with_chords_within((gap_at, above_at, look), xy, chain, (closed, z[begin]), chord_mm, tolerance_mm)
+        xy, chain = _with_chords_within((gap_at, above_at, look, near_at), xy, chain, (closed, z[begin]), chord_mm,
+                                        tolerance_mm)
     ends = np.searchsorted(chain, np.arange(len(chains) + 1))
     loops = (_distinct(xy[a:b], c.is_closed, tolerance_mm) for a, b, c in zip(ends[:-1], ends[1:], chains))
     return tuple(Waterline(tip_mm=np.column_stack([p, np.full(len(p), c.height_mm)]), is_closed=c.is_closed)
@@ -262,18 +269,20 @@ def _with_chords_within(asked, xy, chain, of_chains, chord_mm, tolerance_mm):
     """Points added halfway, square to chords, until the loop passes each chord's middle within chord_mm.
 
     Args:
-        asked: (gap_at, above_at, look): `look` as gap_at, its size infinite where only the side is had for less.
+        asked: (gap_at, above_at, look, near_at): `look` as gap_at, its size infinite where only the side is had for less.
         xy, chain: (n, 2) points and (n,) their chain, ascending.
         of_chains: (whether it is closed, its height), arrays over the chains.
     """
     closed, height = of_chains
+    *asked, near_at = asked
     pending = np.ones(len(xy), bool)            # chords, by their first point, that nobody has looked at
     for _ in range(ROUNDS):
         last = np.append(chain[1:] != chain[:-1], True)
         following = np.where(last, np.searchsorted(chain, chain), np.arange(1, len(xy) + 1) % len(xy))
         rows = np.flatnonzero(pending & ~(last & ~closed[chain]))
         length = fixed.hypot(*(xy[following[rows]] - xy[rows]).T)
-        rows = rows[length > 2 * chord_mm]
+        rows, length = rows[length > 2 * chord_mm], length[length > 2 * chord_mm]
+        rows = rows[near_at(0.5 * (xy[rows] + xy[following[rows]]), height[chain[rows]], 0.5 * length)]
         if len(rows) == 0:
             break
         places, new = _strays(asked, xy[rows], xy[following[rows]], height[chain[rows]], chord_mm, tolerance_mm)

@@ -169,3 +169,14 @@ def test_above_the_part_there_is_no_loop():
 def test_sizes_that_make_no_sense_are_refused(change):
     with pytest.raises(ToolpathError, match="waterline"):
         waterlines(DropHeights(tips_at=lambda xy: xy[:, 0]), 0.0, (0, 0), (1, 1), **{"pitch_mm": 0.1, "chord_mm": 0.1, **change})
+
+
+def test_lines_are_fine_where_they_are_wanted_and_left_rough_elsewhere():
+    """A dome's line, wanted beyond x = 2: there the same points as of the whole, elsewhere no chord was looked at."""
+    dome = lambda xy: 20 - np.hypot(*xy.T)
+    line = lambda near_at: waterlines(DropHeights(tips_at=dome, near_at=near_at), 8.0, (-13, -13.2), (13.1, 13), pitch_mm=1.0,
+                                      chord_mm=0.001)[0].tip_mm
+    whole, part = line(None), line(lambda xy, z, within_mm: xy[:, 0] + within_mm >= 2.0)
+    wanted = lambda tips: tips[tips[:, 0] >= 2.0]
+    assert {tuple(p) for p in wanted(whole)} == {tuple(p) for p in wanted(part)}
+    assert (part[:, 0] < -2.0).sum() < 0.3 * (whole[:, 0] < -2.0).sum()
