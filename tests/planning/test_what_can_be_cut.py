@@ -209,6 +209,19 @@ def test_listed_passes_are_led_by_clearing_where_their_ball_would_cut_too_deep_a
     assert {o.tool.number for o in plan.operations} == {10}
 
 
+def test_a_groove_that_no_level_enters_is_semi_finished_in_layers():
+    block = cq.Workplane("XY").box(20, 12, 8).translate((0, 0, -4))
+    groove = FacePredicate(name="groove", at_least=1, kinds=("cylinder",))
+    fine = Finish(scallop_mm=0.08, profile_tolerance_mm=0.03, gouge_mm=0.03)
+    design = part(block.cut(cq.Workplane("YZ").circle(4.5).extrude(10, both=True)), groove,
+                  StockBox(min_mm=(-10, -6, -8), max_mm=(10, 6, 0)), Auto(strategy="parallel"), finish=fine)
+    *_, above, semi, finish = plan_setup(design, design.setups[0], MACHINE, SHOP).operations
+    lift = above.moves.end_mm - semi.moves.end_mm
+    assert (semi.name, finish.name) == ("semi-finish", "finish") and semi.tool.cutter.deepest_slot_mm == 4.0
+    np.testing.assert_allclose(lift, np.tile((0, 0, above.facts["lifted_mm"]), (len(lift), 1)), atol=6e-4)     # rounded there
+    assert 1.5 < above.facts["lifted_mm"] < 3.2
+
+
 def test_a_short_tool_is_the_last_choice():
     at = lambda number, missing, leaves: SimpleNamespace(tool=tool("flat", 10, number=number), missing_stick_out_mm=missing,
                                                          leaves_mm=leaves, candidate=lambda best: best)
