@@ -39,13 +39,15 @@ class SetupPlan:
     def idle(self):
         """Finding of every listed operation for which nothing was left to cut.
 
-        Clearing that comes first and finds the stock near to the part's shape is none: such is the blank.
+        Clearing that comes first and finds the stock near to the part's shape is none: such is the blank.  Nor is a rest
+        operation whose tool nobody has named, where the one before has left nothing.
         """
         first = next((k for k, a in enumerate(self.accounts) if a.programmed), len(self.accounts))
         return tuple(Finding(kind="idle_operation", amount_mm=0.0, place_mm=None, operation=a.operation.title, line=0,
                              setup=self.setup.name, advice=f"{a.why}: leave it out, or choose other faces or a smaller tool")
                      for k, a in enumerate(self.accounts)
-                     if not a.programmed and not (k < first and isinstance(a.operation, Clearing)))
+                     if not a.programmed and not a.operation.may_be_idle
+                     and not (k < first and isinstance(a.operation, Clearing)))
 
     @property
     def is_mended(self):

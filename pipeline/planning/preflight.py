@@ -10,10 +10,10 @@ from cuspline.kernel import brep
 from cuspline.kernel.solids import bodies_of, solid_of
 from cuspline.kernel.tessellation import tessellate
 from cuspline.replay.clearance import ClearanceTree
+from cuspline.stock.workpiece import HELD_MM
 from cuspline.values.errors import DesignError, PlanError, PostError
 
 GAP_SHARE = 0.25            # of what the finish lets stand: so far may two faces be apart along their edge
-HELD_MM = 1e-3              # the part may stand out of its stock by the kernel's own tolerance
 PART_MM = 0.01              # of the part's triangles, where its solid is held against the stock's
 LEAST_MM3 = 1e-6            # smaller bodies are rounding
 EXACT_MM = 1e-5             # of how far it stands out
