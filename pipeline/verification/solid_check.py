@@ -126,8 +126,9 @@ def _region(vertices, triangles, low, high):
     bottom = vertices[triangles, 2].min(axis=1)
     layers = np.linspace(bottom.min(initial=np.inf), bottom.max(initial=-np.inf), LAYERS + 1)[:-1] if len(bottom) else []
     layer = np.searchsorted(layers, bottom, side="right") - 1
-    prisms = [solids.prism_within([vertices[loop, :2] for loop in outlines(triangles[layer == k])], max(bottom[layer == k].min() - BELOW_MM, low[2] - 1.0),
-                                high[2] + 1.0) for k in np.unique(layer)]
+    span = lambda at: (max(bottom[at].min() - BELOW_MM, low[2] - 1.0), high[2] + 1.0)
+    prisms = [solids.prism_within([vertices[loop, :2] for loop in outlines(triangles[layer == k])], *span(layer == k))
+              for k in np.unique(layer)]
     return solids.united(prisms)
 
 
