@@ -24,6 +24,7 @@ from cuspline.values.findings import Finding, located
 from cuspline.values.input_files import refuse_irregular
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
+from cuspline.verification.machine_bodies import bodies_at
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.turning import turning_findings
@@ -185,7 +186,8 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     for program in read:
         setup = program.setup
         wanted = tuple(f for p in job.predicates if p.name in setup.faces for f in brep.select_faces(faces, p))
-        programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted, fixtures=_fixtures(setup)))
+        programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted,
+                                     fixtures=(*_fixtures(setup), *_bodies(program, job.machine))))
         extra += _program_findings(program, job.machine)
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     judging = Judging(tools=tools, stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
@@ -323,6 +325,14 @@ def _in_files(findings, parts):
 def _fixtures(setup):
     """The setup's fixtures in its WCS, as the replay takes them."""
     return tuple(_fixture(f) for f in placed_fixtures(setup, setup.frame))
+
+
+def _bodies(program, machine):
+    """What of the machine stands still beside the part in a position of a five-axis machine."""
+    turned = program.posted.rotary_deg[np.isfinite(program.posted.rotary_deg).all(axis=1)]
+    if not turned.size:
+        return ()
+    return bodies_at(machine, turned[-1], program.setup.frame, program.setup.clamped_frame)
 
 
 def _fixture(placed):

@@ -22,6 +22,7 @@ class Positions:
     moves: tuple[PostedMoves, ...]      # one a position, in its own frame
     turning: PostedMoves                # what leads from one to the next, in the clamping's WCS
     leads_to: np.ndarray                # (n,) position that each move of `turning` leads to
+    turning_from_deg: np.ndarray        # (n, r) where the rotaries stand when it begins; NaN: unknown
 
 
 def by_position(posted, frames, held):
@@ -52,7 +53,8 @@ def by_position(posted, frames, held):
     rows = np.flatnonzero(position < 0)
     leads_to = np.minimum(order[rows] + 1, len(frames) - 1)
     return Positions(moves=tuple(_seen(_taken(posted, position == k), frame, held) for k, frame in enumerate(frames)),
-                     turning=_taken(posted, position < 0), leads_to=leads_to)
+                     turning=_taken(posted, position < 0), leads_to=leads_to, turning_from_deg=np.vstack(
+                         [np.full((1, posted.rotary_deg.shape[1]), np.nan), posted.rotary_deg])[rows])
 
 
 def _refuse_strays(posted, position):
