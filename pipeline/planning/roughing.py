@@ -1,7 +1,7 @@
 """Roughing, rest roughing from the stock that it really leaves, and a semi-finish where both leave too much."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -22,6 +22,8 @@ from cuspline.values.errors import NothingToCut
 
 SCRAP_MM = 0.02             # a clearing that nowhere takes off more is left out
 LOOKED_AT = 500             # places of it, before all are
+SURE_SHARE = 0.95           # of its deepest slot, that a ball takes at once: what stands is known at samples only
+LAYER_SHARE = 0.8           # of it, that one takes in each of several layers
 LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
 
 
@@ -61,12 +63,50 @@ def roughed(work, ball, is_reached, semi_finish):
         if smaller is not None:
             operation, stock, left = cleared(work, rest, smaller.tool, candidates, stock, rows, Clearing())
             operations.append(operation)
-    if _met_mm(work, ball, stock, rows) > ball.cutter.deepest_slot_mm:
+    if _is_too_deep(work, ball, stock, rows):
         operation, stock, left = cleared(work, rest, ball, (), stock, rows, Clearing())
         operations.append(operation)
     if left > limit:
-        operations.append(semi_finish())
+        operations += _in_layers(work, semi_finish(), _met_mm(work, ball, stock, rows))
     return [o for o in operations if o is not None]
+
+
+def _in_layers(work, passes, met_mm):
+    """Operations that end with the given one: where it would cut too deep a slot, the same passes come before, lifted."""
+    slot_mm = passes.tool.cutter.deepest_slot_mm if passes is not None else math.inf
+    if passes is None or passes.passes is not None or met_mm <= SURE_SHARE * slot_mm:
+        return [passes]
+    count = math.ceil(met_mm / (LAYER_SHARE * slot_mm))
+    return [*(_lifted(work, passes, met_mm * k / count) for k in range(count - 1, 0, -1)), passes]
+
+
+def _lifted(work, operation, by_mm):
+    """The same passes so much higher: what is left under them is the next layer's."""
+    moves, up = operation.moves, np.array([0.0, 0.0, by_mm])
+    lifted = replace(moves, start_mm=moves.start_mm + up, end_mm=moves.end_mm + up, center_mm=moves.center_mm + up)
+    return work.measured(f"{operation.name} {by_mm:.1f} mm above", operation.tool, operation.rpm, lifted,
+                         {**operation.facts, "lifted_mm": round(by_mm, 3)})
+
+
+def before_passes(work, ball, is_reached):
+    """What a ball must clear before its own passes: [], or the one operation that takes what stands deeper than it cuts a slot.
+
+    Args:
+        work: PlanningContext of an operation that lists no clearing for its ball.
+        ball: its Tool.   is_reached: (n,) bool, sample points that it finishes.
+    """
+    rows = leftover_rows(work.samples)
+    rows = rows[is_reached[rows]]
+    if ball.cutter.type != "ball" or not _is_too_deep(work, ball, work.stock_mm, rows):
+        return []
+    practice = work.practice
+    stage = RoughingStage(name="rest rough", allowance_mm=practice.rough_allowance_mm, threshold_mm=practice.rest_threshold_mm)
+    operation, _, _ = cleared(work, stage, ball, (), work.stock_mm, rows, Clearing())
+    return [] if operation is None else [operation]
+
+
+def _is_too_deep(work, ball, stock, rows):
+    return _met_mm(work, ball, stock, rows) > ball.cutter.deepest_slot_mm
 
 
 def _met_mm(work, ball, stock, rows):

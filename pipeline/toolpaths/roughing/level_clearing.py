@@ -151,7 +151,7 @@ class _Job:
                 break
         else:
             raise ToolpathError(f"roughing at z = {level:.3f} mm: the path cuts into the allowance; "
-                                "the mesh is too coarse for this cutter")
+                                "rough these faces with another `tool`, or with a larger `allowance_mm`")
         self.left_mm3 += cut.left_mm2 * (above - level)
         if runs:
             self.writer.write_level(runs, level)
