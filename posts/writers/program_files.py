@@ -227,6 +227,8 @@ class _Files:
             writer.block("M5")
             writer.block("M9")
             self.dialect.up(writer)
+            if None in writer.turn_words:       # nobody knows where they stand: they turn while nothing is in the spindle
+                self._turn(laid.turned_deg[first], is_at_top=True)
             writer.block(f"T{tool.number}", "M6")
             self.dialect.length_on(writer, tool)
             writer.tool = tool.number

@@ -99,9 +99,11 @@ def test_an_upright_program_differs_by_the_rotaries_set_to_zero_alone():
     as_small = plain.model_copy(update={"control": mill.control})
     three = blocks(text_of(as_small, operation("rough", upright(), FLAT), operation("finish", upright())))
     five = blocks(text_of(mill, operation("rough", upright(), FLAT), operation("finish", upright())))
-    assert [line for line in five if line != "G53 G0 C0 A0"] == three and five.count("G53 G0 C0 A0") == 2
+    assert [line for line in five if line != "G53 G0 C0 A0"] == three and five.count("G53 G0 C0 A0") == 3
     posted = read(mill, "\n".join(five) + "\n")
-    assert posted.is_upright.all() and (posted.rotary_deg[posted.tool > 0] == 0)[3:].all()
+    loaded = posted.tool > 0
+    assert posted.is_upright.all() and (posted.rotary_deg[loaded] == 0).all()
+    assert np.isfinite(posted.end_mm[loaded, 2]).all() and np.isfinite(posted.start_mm[loaded, 2]).all()
 
 
 def test_the_rotaries_are_stated_after_every_tool_change_and_turn_at_the_top():
@@ -109,7 +111,7 @@ def test_the_rotaries_are_stated_after_every_tool_change_and_turn_at_the_top():
     lines = blocks(text_of(mill, operation("rough", upright(), FLAT), operation("finish", rolling()),
                            operation("again", upright())))
     turns = [k for k, line in enumerate(lines) if line.startswith("G53 G0") and re.search("[AC]", line)]
-    assert len(turns) == 3
+    assert len(turns) == 4 and lines[turns[0] + 1] == "T3 M6"       # at first nobody knows where they stand
     for k in turns:
         after_change = lines[k - 1] == "G43 H3" or lines[k - 1] == "G43 H7"
         assert (after_change and {"A", "C"} <= set(lines[k])) or lines[k - 1] == "G53 G0 Z0"
