@@ -64,11 +64,8 @@ class Cuts:
 
     def takes(self, points):
         """(m,) bool: a cutter goes over these points (m, 3)."""
-        gone = np.zeros(len(points), bool)
-        for k, p in enumerate(points):
-            apart = np.hypot(*(self.tip_mm[:, :2] - p[:2]).T)
-            gone[k] = (self.tip_mm[:, 2] + self.bottom_mm(apart) < p[2]).any()
-        return gone
+        apart = np.hypot(*(points[:, None, k] - self.tip_mm[:, k] for k in (0, 1)))
+        return (self.tip_mm[:, 2] + self.bottom_mm(apart) < points[:, 2:]).any(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +258,14 @@ def found_at(place, amount_mm, clampings, exact, stands_before):
         return away
 
     best = dict.fromkeys(("left", "missing"), (0.0, 0.0))
-    wanted = {"left": lambda p: ~gone(p) & ~exact.holds(p), "missing": lambda p: gone(p) & exact.holds(p)}
+
+    def holds_at(points, is_gone):
+        """Gone and inside the part, or standing and outside."""
+        found = gone(points) == is_gone
+        found[found] = exact.holds(points[found]) == is_gone
+        return found
+
+    wanted = {"left": lambda points: holds_at(points, False), "missing": lambda points: holds_at(points, True)}
     for point, normal in exact_places(exact.faces, place):
         for name, sign in (("left", 1), ("missing", -1)):
             far = along_mm(wanted[name], point, sign * normal, longest)
