@@ -61,8 +61,10 @@ def mesh_of(solid):
     vertices, triangles = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
     same = np.arange(len(vertices))
     same[np.asarray(mesh.merge_from_vert, np.int64)] = np.asarray(mesh.merge_to_vert, np.int64)
-    used, rows = np.unique(same[triangles], return_inverse=True)
-    return vertices[used], rows.reshape(-1, 3)
+    is_used = np.zeros(len(vertices), bool)
+    is_used[same[triangles]] = True
+    row = np.cumsum(is_used) - 1
+    return vertices[is_used], row[same[triangles]]
 
 
 def height_field(xs_mm, ys_mm, z_mm, bottom_mm, name="the stock"):
@@ -169,6 +171,12 @@ def stl_of(solid):
 def prism_over(polygons_mm, low_mm, high_mm):
     """What stands over a union of plane polygons (each (k, 2), counter-clockwise) between two heights."""
     section = _united_sections([np.asarray(p, dtype=np.float64) for p in polygons_mm])
+    return section.extrude(high_mm - low_mm).translate((0.0, 0.0, low_mm))
+
+
+def prism_within(loops_mm, low_mm, high_mm):
+    """What stands between two heights over the places that closed loops (each (k, 2)) run round, counter-clockwise."""
+    section = CrossSection([np.asarray(p, dtype=np.float64) for p in loops_mm], FillRule.NonZero)
     return section.extrude(high_mm - low_mm).translate((0.0, 0.0, low_mm))
 
 

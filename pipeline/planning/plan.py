@@ -65,6 +65,17 @@ class SetupPlan:
         return float(self.clearance_z_mm - zero[2])
 
 
+def clampings_of(plans):
+    """[[SetupPlan]]: of what holds the part, and of the indexed positions in its clamping."""
+    held = []
+    for plan in plans:
+        if plan.setup.indexed:
+            held[-1].append(plan)
+        else:
+            held.append([plan])
+    return held
+
+
 def clamping_program(plans, header, name):
     """The Program of one clamping.
 

@@ -209,7 +209,10 @@ class Reporter:
                                    "turn the part, or lean the tool another way")
 
     def table(self, machine, tools, script, hanging_mm):
-        """Tips, and what hangs lower, against the machine's table, all along the way; it reaches as far as the axes."""
+        """Tips, and what hangs lower, against the machine's table, all along the way; it reaches as far as the axes.
+
+        Where rotary axes are off 0 the table lies elsewhere: there it is a body of the machine (verification/machine_bodies.py).
+        """
         if machine is None:
             return
         geometry, row = script[:2]
@@ -223,6 +226,7 @@ class Reporter:
             above[mine] = lowest[mine] - length[mine] - hangs - machine.table_z_mm
             low[mine] = posted.end_mm[mine, 2] - hangs
         depth = np.nan_to_num(-above, nan=0.0, posinf=0.0, neginf=0.0)
+        depth[(posted.rotary_deg != 0).any(axis=1)] = 0.0
         places = np.column_stack([posted.end_mm[:, :2], low])
         yield from self.merged("fixture_contact", np.where(depth > NOISE_MM, depth, 0.0), places,
                                 np.ones(len(posted), dtype=bool),

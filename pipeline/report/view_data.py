@@ -25,6 +25,7 @@ DEVIATION_STEP_MM = 1e-4    # int16: judged up to ±3.27 mm, beyond that clipped
 NOT_JUDGED = -32768
 REPLAY_STEPS = (8000, 4000, 2000, 1000)     # instants the replay can stop at: the most that keeps MOST_EVENTS
 MOST_EVENTS = 1_500_000     # about 4 MB of html
+LEVEL = 6                   # of gzip: 9 takes three times as long for one part in a hundred
 MOST_NODES = 400_000        # of the z-map; above, every 2nd, 3rd ... node is shown, each as simulated
 OPERATION_COLOURS = ("#e8710a", "#1a73e8", "#12a05c", "#9334e6", "#00897b", "#c5221f", "#8d6e00", "#d01884")
 
@@ -50,7 +51,7 @@ def scene(bundle):
 
 def text_block(raw):
     """bytes → gzip → base64; the same text for the same bytes."""
-    return base64.b64encode(gzip.compress(raw, 9, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(raw, LEVEL, mtime=0)).decode("ascii")
 
 
 def joined(arrays):

@@ -132,6 +132,15 @@ def _largest_of_mean(x, y, share):
 
 
 @njit
+def _least_of_means(x, y):
+    """A number that the largest of no mean of x and y (4,) is below."""
+    most = -math.inf
+    for j in range(4):
+        most = max(most, min(x[j], y[j]))
+    return most
+
+
+@njit
 def _best_share(x, y):
     """Share of y in a mean of x and y (4,) that makes its largest number least: where two of its four lines meet."""
     best, least = 0.0, _largest_of_mean(x, y, 0.0)
@@ -165,17 +174,23 @@ def least_largest(corners, count, enough, mean):
         for k in range(i):
             if least <= enough:
                 return least
+            if _least_of_means(corners[i], corners[k]) >= least:
+                continue
             share, most = _best_share(corners[i], corners[k])
             if most < least:
                 least = most
-                put(mean, corners[i] + share * (corners[k] - corners[i]))
+                for j in range(4):
+                    mean[j] = corners[i, j] + share * (corners[k, j] - corners[i, j])
     for k in range(count):
         if least <= enough:
             return least
+        if _least_of_means(mean, corners[k]) >= least:
+            continue
         share, most = _best_share(mean, corners[k])
         if most < least:
             least = most
-            put(mean, mean + share * (corners[k] - mean))
+            for j in range(4):
+                mean[j] += share * (corners[k, j] - mean[j])
     return least
 
 
@@ -268,12 +283,13 @@ def _prove_root(surface, trims, frame, world, patch, root, height_mm, floor_mm, 
     near[COUNT], near[OLDEST] = 0, 0
     search = scratch()
     todo, deep = np.empty((DEEPEST + 2, 4)), np.zeros(DEEPEST + 2, np.int64)
-    whole, cell = np.zeros(DEEPEST + 2, np.bool_), np.empty(10)
+    whole, cell, box = np.zeros(DEEPEST + 2, np.bool_), np.empty(10), np.empty(4)
     put(todo[0], root)
     top, cells, given = 1, 0, 0
     while top > 0 and given <= ROOM:
         top -= 1
-        box, depth = todo[top].copy(), deep[top]
+        depth = deep[top]
+        put(box, todo[top])
         state = INSIDE if whole[top] else _state(trims, row[OF_FACE], span[patch], box, place)
         if state == OUTSIDE:
             continue

@@ -122,13 +122,36 @@ def _region(vertices, triangles, low, high):
     """What stands above the required faces: prisms from just below their triangles up, in layers of like height."""
     corners = vertices[triangles]
     e, f = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
-    corners = corners[e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0] > 1e-12]
-    bottom = corners[:, :, 2].min(axis=1)
+    triangles = triangles[e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0] > 1e-12]
+    bottom = vertices[triangles, 2].min(axis=1)
     layers = np.linspace(bottom.min(initial=np.inf), bottom.max(initial=-np.inf), LAYERS + 1)[:-1] if len(bottom) else []
     layer = np.searchsorted(layers, bottom, side="right") - 1
-    prisms = [solids.prism_over(list(corners[layer == k][:, :, :2]), max(bottom[layer == k].min() - BELOW_MM, low[2] - 1.0),
-                                high[2] + 1.0) for k in np.unique(layer)]
+    span = lambda at: (max(bottom[at].min() - BELOW_MM, low[2] - 1.0), high[2] + 1.0)
+    prisms = [solids.prism_within([vertices[loop, :2] for loop in outlines(triangles[layer == k])], *span(layer == k))
+              for k in np.unique(layer)]
     return solids.united(prisms)
+
+
+def outlines(triangles):
+    """Closed loops of vertices round triangles (m, 3), the triangles on the left: sides that two of them share cancel."""
+    sides = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    count = int(sides.max(initial=-1)) + 1
+    one_way, times = np.unique(sides[:, 0] * count + sides[:, 1], return_counts=True)
+    back = one_way % count * count + one_way // count
+    at = np.searchsorted(one_way, back).clip(max=max(len(one_way) - 1, 0))
+    left = np.maximum(times - np.where(one_way[at] == back, times[at], 0), 0)
+    begin, end = np.repeat(one_way // count, left), np.repeat(one_way % count, left)
+    follows = np.empty(len(begin), np.int64)
+    follows[np.argsort(end, kind="stable")] = np.argsort(begin, kind="stable")      # as many end at a vertex as begin there
+    loops, is_open = [], np.ones(len(begin), bool)
+    for first in range(len(begin)):
+        side, loop = first, []
+        while is_open[side]:
+            is_open[side] = False
+            loop.append(begin[side])
+            side = follows[side]
+        loops += [np.array(loop)] if loop else []
+    return loops
 
 
 @dataclass(frozen=True, eq=False)

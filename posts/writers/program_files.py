@@ -26,6 +26,7 @@ from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lin
 from cuspline.program.program import TILT_RAD
 from cuspline.values.errors import PostError
 
+HEIGHT_MM = 1e-6         # below the clearance height that is rounding
 LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
 
 
@@ -133,7 +134,7 @@ class _Files:
         laid = SolvedMoves(operation, self.machine) if leans(moves) else PlainMoves(moves, self.machine.rotaries)
         self._begin(operation, number, is_alone=False, laid=laid)
         self._go_to_start(laid.start_mm)
-        high = np.flatnonzero(moves.starts_mm[:, 2] >= self.program.clearance_z_mm - 1e-6)
+        high = np.flatnonzero(self._heights_mm(operation, moves.starts_mm) >= 0)
         bounds = [0, *high[high > 0].tolist(), len(moves)]
         for first, end in zip(bounds[:-1], bounds[1:]):
             laid.write(self.writer, first, end)
@@ -218,7 +219,7 @@ class _Files:
         if not spindle.min_rpm <= operation.spindle_rpm <= spindle.max_rpm:
             raise PostError(f"operation {operation.name}: {operation.spindle_rpm:.0f} rpm, the spindle of "
                             f"{self.machine.name} runs {spindle.min_rpm:.0f} to {spindle.max_rpm:.0f} rpm")
-        self._check_heights(operation.moves)
+        self._check_heights(operation)
         writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
         for line in laid.notes:
             writer.comment(line)
@@ -240,19 +241,27 @@ class _Files:
         writer = self.writer
         before = list(writer.turn_words)
         words = writer.turned(degrees)
-        if words and not is_at_top:
+        if not is_at_top and (words or any(degrees)):       # at an angle, no way across is clear but the top
             self.dialect.up(writer)
             writer.turn_words = before
             words = writer.turned(degrees)
         if words:
             writer.block("G53", "G0", *words)
 
-    def _check_heights(self, moves):
+    def _heights_mm(self, operation, places_mm):
+        """(n,) how far places are above the height from which rapids across run: along Z, or the axis of an indexed position."""
+        if operation.level_mm is None:
+            return places_mm[:, 2] - self.program.clearance_z_mm + HEIGHT_MM
+        return (places_mm * operation.moves.axis[0]).sum(axis=1) - operation.level_mm + HEIGHT_MM
+
+    def _check_heights(self, operation):
         """An operation starts and ends above the work."""
-        clearance = self.program.clearance_z_mm
-        for what, z in (("starts", moves.start_mm[2]), ("ends", moves.end_mm[-1, 2] if len(moves) else np.inf)):
-            if z < clearance - 1e-6:
-                raise PostError(f"an operation {what} at Z{z:.3f}, below the clearance height "
+        moves = operation.moves
+        for what, place in (("starts", moves.start_mm), ("ends", moves.end_mm[-1] if len(moves) else moves.start_mm)):
+            low = -self._heights_mm(operation, place[None])[0]
+            if low > 0:
+                clearance = self.program.clearance_z_mm if operation.level_mm is None else operation.level_mm
+                raise PostError(f"an operation {what} at Z{clearance - low - HEIGHT_MM:.3f}, below the clearance height "
                                 f"Z{clearance:.3f}: begin and end operations above the work")
 
     def _go_to_start(self, start_mm):

@@ -96,6 +96,7 @@ class _Slopes:
     xy_mm: np.ndarray       # (n, 2)
     along_x: sparse.csr_matrix      # (m, n) slope of a triangle along one way of length one in the metric
     along_y: sparse.csr_matrix      # (m, n) along the way square to it
+    back: tuple             # (n, m) both turned over
     weight: np.ndarray      # (m,) area in the metric
     plan: tuple             # (m, 3) inverse metric's root, to come back to plan; (m,) area in plan
     averages: tuple         # (n, m), (m, n) from triangles to the mean at nodes, and back
@@ -127,7 +128,7 @@ class _Slopes:
         touch = sparse.csr_matrix((np.ones(local.size), (np.repeat(np.arange(len(local)), 3), local.ravel())), ex.shape)
         averages = ((sparse.diags(1.0 / np.asarray(touch.sum(axis=0)).ravel()) @ touch.T).tocsr(), touch / 3.0)
         xy_mm = np.column_stack([ground.x_mm[0] + step * (used % nx), ground.y_mm[0] + step * (used // nx)])
-        return cls(every=every, shape=(ny, nx), used=used, xy_mm=xy_mm, along_x=ex, along_y=ey, weight=weight,
+        return cls(every=every, shape=(ny, nx), used=used, xy_mm=xy_mm, along_x=ex, along_y=ey, back=(ex.T, ey.T), weight=weight,
                    plan=(l11, l12, l22, step ** 2 / 4), averages=averages, factors=factors)
 
     def steps(self, phi):
@@ -140,7 +141,7 @@ class _Slopes:
 
     def with_slopes(self, ex, ey):
         """(n,) level function whose slopes come nearest to the given ones."""
-        return self.factors.solve(self.along_x.T @ (self.weight * ex) + self.along_y.T @ (self.weight * ey))
+        return self.factors.solve(self.back[0] @ (self.weight * ex) + self.back[1] @ (self.weight * ey))
 
     def averaged(self, phi):
         """(m,), (m,) slopes averaged over a step or so."""
