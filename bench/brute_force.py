@@ -36,6 +36,7 @@ RAYS = 9                    # along each side of that square, on every face that
 LONGEST_MM = 3.0            # of a ray
 COARSE = 60                 # places on a ray before halving
 HALVINGS = 18
+ON_RAY = np.linspace(0.1, 1.0, 10)      # places whose nearest face is looked for
 SAME_MM, SAME_SHARE = 0.002, 0.1    # a finding's amount and brute force's may differ by the larger of the two
 JUDGED = ("gouge", "excess", "missing_area", "verifiers_disagree")
 
@@ -63,11 +64,8 @@ class Cuts:
 
     def takes(self, points):
         """(m,) bool: a cutter goes over these points (m, 3)."""
-        gone = np.zeros(len(points), bool)
-        for k, p in enumerate(points):
-            apart = np.hypot(*(self.tip_mm[:, :2] - p[:2]).T)
-            gone[k] = (self.tip_mm[:, 2] + self.bottom_mm(apart) < p[2]).any()
-        return gone
+        apart = np.hypot(*(points[:, None, k] - self.tip_mm[:, k] for k in (0, 1)))
+        return (self.tip_mm[:, 2] + self.bottom_mm(apart) < points[:, 2:]).any(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +238,7 @@ def along_mm(holds_at, point, direction, longest_mm):
 
 @dataclass(frozen=True)
 class Found:
-    """What brute force finds round a place, mm: along the normal, and from there to the nearest face."""
+    """What brute force finds round a place, mm: along the normal, and from the same rays to the nearest face."""
 
     left_mm: float
     left_nearest_mm: float
@@ -259,15 +257,22 @@ def found_at(place, amount_mm, clampings, exact, stands_before):
             away |= c.takes(points)
         return away
 
-    best = {}
-    wanted = {"left": lambda p: ~gone(p) & ~exact.holds(p), "missing": lambda p: gone(p) & exact.holds(p)}
+    best = dict.fromkeys(("left", "missing"), (0.0, 0.0))
+
+    def holds_at(points, is_gone):
+        """Gone and inside the part, or standing and outside."""
+        found = gone(points) == is_gone
+        found[found] = exact.holds(points[found]) == is_gone
+        return found
+
+    wanted = {"left": lambda points: holds_at(points, False), "missing": lambda points: holds_at(points, True)}
     for point, normal in exact_places(exact.faces, place):
         for name, sign in (("left", 1), ("missing", -1)):
             far = along_mm(wanted[name], point, sign * normal, longest)
-            if far > best.get(name, (0.0,))[0]:
-                best[name] = far, apart_mm(exact.together, point + sign * far * normal)
-    left, missing = best.get("left", (0.0, 0.0)), best.get("missing", (0.0, 0.0))
-    return Found(left[0], left[1], missing[0], missing[1])
+            if far > best[name][1]:                 # no place on a ray is farther from the faces than from where it begins
+                nearest = max(apart_mm(exact.together, point + share * sign * far * normal) for share in ON_RAY)
+                best[name] = max(far, best[name][0]), max(nearest, best[name][1])
+    return Found(*best["left"], *best["missing"])
 
 
 def stock_of(stock):
@@ -313,7 +318,7 @@ def judged(folder):
 def main(folders):
     for folder in folders:
         for finding, found, word in judged(folder):
-            print(f"{Path(folder).name}: {finding['kind']} {finding['amount_mm']:.4f} at {finding['place_mm']}: "
+            print(f"{folder}: {finding['kind']} {finding['amount_mm']:.4f} at {finding['place_mm']}: "
                   f"left {found.left_mm:.4f} (nearest {found.left_nearest_mm:.4f}), "
                   f"missing {found.missing_mm:.4f} (nearest {found.missing_nearest_mm:.4f}): {word}")
 

@@ -222,6 +222,16 @@ def test_a_groove_that_no_level_enters_is_semi_finished_in_layers():
     assert 1.5 < above.facts["lifted_mm"] < 3.2
 
 
+def test_a_fillet_too_tight_for_every_ball_keeps_no_listed_operation_from_the_rest():
+    hole = cq.Workplane("XY").box(14, 12, 6).edges("|Z").fillet(3).faces("<Z").edges().fillet(1.0).translate((0, 0, 1))
+    floor = FacePredicate(name="inside", at_least=2, normal=(0, 0, 1), normal_within_deg=89, center_max_mm=(9, 9, -1e-3))
+    design = part(cq.Workplane("XY").box(22, 20, 8).translate((0, 0, -4)).cut(hole), floor,
+                  StockBox(min_mm=(-11, -10, -8), max_mm=(11, 10, 0)), Rough(), Parallel())
+    plan = plan_setup(design, design.setups[0], MACHINE, SHOP)
+    assert plan.operations[-1].tool.cutter.diameter_mm == 4.0
+    assert 0.3 * plan.area_required_mm2 < plan.area_reached_mm2 < 0.95 * plan.area_required_mm2
+
+
 def test_a_short_tool_is_the_last_choice():
     at = lambda number, missing, leaves: SimpleNamespace(tool=tool("flat", 10, number=number), missing_stick_out_mm=missing,
                                                          leaves_mm=leaves, candidate=lambda best: best)
