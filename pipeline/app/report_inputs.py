@@ -73,7 +73,7 @@ def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
         curvature_per_mm=np.maximum(-samples.hollow_per_mm, 0.0),
         **{f"cusp_{name}": np.concatenate([getattr(s.cusps, column) for s in judged.verdict.setups])
            for name, column in (("place_mm", "point_mm"), ("height_mm", "height_mm"), ("formula_mm", "formula_mm"))},
-        setups=tuple(_setup_bundle(work, judged, item, posted, verdict, job.machine) for item, posted, verdict in
+        setups=tuple(_setup_bundle(work, judged, item, posted, verdict, job) for item, posted, verdict in
                      zip(job.beside(work).posted, judged.posted, judged.verdict.setups)))
 
 
@@ -92,7 +92,8 @@ def _view_deviation(judged, view, indices):
     return deviation
 
 
-def _setup_bundle(work, judged, item, posted, verdict, machine):
+def _setup_bundle(work, judged, item, posted, verdict, job):
+    machine, solved = job.machine, {p.program for p in job.posted if p.setup.indexed}
     path, row_of = drawn_path(posted, item.setup.frame, machine)
     text, *more = ((work / name).read_bytes() for name in item.files)
     known = np.isfinite(posted.end_mm).all(axis=1)
@@ -106,6 +107,8 @@ def _setup_bundle(work, judged, item, posted, verdict, machine):
     return SetupBundle(
         markers=tuple((m.name, _triple(item.setup.frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
+        turned_in_words=_turned_in_words(posted, item.setup, machine),
+        solved_for=_axes_in_words("XYZ", machine.wcs_origin_mm) if item.program in solved else "",
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
         program_lines=text.count(b"\n"), program_bytes=len(text), continued=tuple(
             (name, hashlib.sha256(t).hexdigest()) for name, t in zip(item.continued, more)), machine=machine.name,
@@ -120,6 +123,23 @@ def _setup_bundle(work, judged, item, posted, verdict, machine):
             ny=replay.zmap.ny, bottom_mm=replay.bottom_mm + lift, top_mm=replay.top_mm + lift,
             design_top_mm=replay.design_top_mm + lift, event_move=row_of[replay.event_row],
             event_cell=replay.event_cell, event_z_mm=replay.event_z_mm + lift if lift else replay.event_z_mm))
+
+
+def _turned_in_words(posted, setup, machine):
+    """Of an indexed position: its rotary axes, and the tool's direction in the WCS."""
+    if not setup.indexed:
+        return ""
+    along = setup.clamped_frame.turn_into(np.array([setup.wcs_z]))[0]
+    return (f"{_axes_in_words(machine.rotaries, posted.rotary_deg[-1])} degrees, tool along {_axes_in_words('XYZ', along)} of "
+            f"{setup.wcs}; held as before")
+
+
+def _axes_in_words(letters, values):
+    """
+    >>> _axes_in_words("XYZ", (0.0, -1.0, -0.0))
+    'X0 Y-1 Z0'
+    """
+    return " ".join(f"{letter}{round(float(v), 4) + 0.0:g}" for letter, v in zip(letters, values))
 
 
 def _edges(edges_mm):

@@ -68,6 +68,8 @@ class SetupBundle:
     frame: Frame                    # WCS seen from the part
     markers: tuple                  # (name, (x, y, z) in WCS) of what is touched to find how the part lies
     lies_in_words: str              # how it was found to lie; "" as designed
+    turned_in_words: str = ""       # where the rotary axes stand in an indexed position; "" they are not turned
+    solved_for: str = ""            # machine coordinates of the zero that a program with turned axes holds for; "" it has none
     continued: tuple[tuple[str, str], ...] = ()     # (file, SHA-256) of a set's further files, run in that order
     operation_first_lines: tuple[int, ...]  # program line where each operation begins; 0 unknown
     stock_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]   # WCS min, max of the box round it

@@ -61,7 +61,8 @@ def zero_rows(bundle, setup):
     spans = lambda box: "   ".join(f"{name} {axis(box, k)}" for k, name in enumerate("XYZ"))
     lies = [("Part sits, as measured", setup.lies_in_words)] if setup.lies_in_words else []
     held = [("Held by", ", ".join(name for name, _ in setup.fixtures))] if setup.fixtures else []
-    return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), ("Stock", stock_size(setup)), *held,
+    turned = [("Rotary axes", setup.turned_in_words)] if setup.turned_in_words else []
+    return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), *turned, ("Stock", stock_size(setup)), *held,
             ("Stock in WCS", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
             ("Finished part", box_size(bundle.part_box_mm)), *lies,
             *((f"Marker {name}", _place(place)) for name, place in setup.markers)]
@@ -118,6 +119,9 @@ def checklist(bundle, setup):
     lines = [f"Stock is {bundle.material}, {stock_size(setup)}, clamped below every cut "
              f"(lowest tip Z {decimal(setup.extents_mm[0][2])})",
              f"{setup.wcs} set: {setup.wcs_in_words}; compared with the picture"]
+    if setup.solved_for:
+        lines.append(f"{setup.wcs} stands at machine {setup.solved_for}, and tools are as long as stated: the program is solved for "
+                     "nothing else")
     if setup.markers:
         lines.append("Markers " + ", ".join(name for name, _ in setup.markers) + " touched, and found where this sheet "
                      "puts them; if not, program posted anew with --measured")

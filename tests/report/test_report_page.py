@@ -128,3 +128,13 @@ def test_two_setups_have_two_sheets_and_two_paths(two_setup_bundle):
 def test_left_out_pictures_are_named(sample_bundle):
     html = page.report_html(sample_bundle, {}, [], "no pictures: install libegl1 libgl1 libgl1-mesa-dri")
     assert "Left out of this build: no pictures: install libegl1" in Page(html).words
+
+
+def test_the_sheet_of_an_indexed_position_says_how_it_is_turned_and_what_zero_it_is_solved_for(sample_bundle):
+    words = "A-90 C0 degrees, tool along X0 Y-1 Z0 of G54; held as before"
+    setup = replace(sample_bundle.setups[0], turned_in_words=words, solved_for="X0 Y0 Z-450")
+    assert ("Rotary axes", words) in sheet.zero_rows(sample_bundle, setup)
+    assert any("stands at machine X0 Y0 Z-450" in line for line in sheet.checklist(replace(sample_bundle, setups=(setup,)), setup))
+    plain = sample_bundle.setups[0]
+    assert "Rotary axes" not in dict(sheet.zero_rows(sample_bundle, plain))
+    assert not any("solved" in line for line in sheet.checklist(sample_bundle, plain))
