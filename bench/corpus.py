@@ -18,6 +18,7 @@ import os
 import re
 import resource
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -34,6 +35,7 @@ LONGEST_CPU_S, LONGEST_S = 900, 3600
 VERIFIED, REFUSED, REJECTED, FAULT, HUNG = "verified", "refused", "rejected", "fault", "hung"
 CLASSES = {0: VERIFIED, 1: REJECTED, 2: REFUSED}
 TOLD = 500                      # characters of what was said
+FALSE = re.compile(r"brute force: (\d+) of (\d+) false; ")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,10 +115,20 @@ def _said(folder):
     if path is None:
         return said.strip() or told.strip()[-TOLD:]
     findings = json.loads(path.read_text())["findings"]
-    kinds = {}
+    kinds, held = {}, _brute_force(path.parent)
     for f in findings:
         kinds.setdefault(f["kind"], []).append(f)
-    return "; ".join(f"{len(rows)} {kind} ({rows[0]['amount_mm']}): {rows[0]['advice']}" for kind, rows in kinds.items())[:TOLD]
+    told = "; ".join(f"{len(rows)} {kind} ({rows[0]['amount_mm']}): {rows[0]['advice']}" for kind, rows in kinds.items())
+    return f"{held}{told}"[:TOLD]
+
+
+def _brute_force(folder):
+    """`brute force: 1 of 3 false; `, of the findings that it can judge; "" where there are none."""
+    done = subprocess.run([sys.executable, HERE / "brute_force.py", folder], capture_output=True, text=True)
+    words = [line.rsplit(": ", 1)[1] for line in done.stdout.splitlines()]
+    if done.returncode:
+        return f"brute force: {done.stderr.strip().splitlines()[-1]}; "
+    return f"brute force: {words.count('false')} of {len(words)} false; " if words else ""
 
 
 def _rounds(folder):
@@ -175,7 +187,7 @@ def table():
     lines = [f"{len(parts)} of {everything} cases, of {len({r.family for r in parts})} families: {count(VERIFIED)} verified at "
              "the first try "
              f"({share:.1f} %), {count(REFUSED)} refused, {count(REJECTED)} rejected, {count(FAULT)} faults, {count(HUNG)} "
-             f"beyond {LONGEST_CPU_S} CPU s.  Of {len(rows) - len(parts)} that hold no single solid "
+             f"beyond {LONGEST_CPU_S} CPU s.  {_false_findings(rows)}Of {len(rows) - len(parts)} that hold no single solid "
              f"{sum(r.verdict == REFUSED for r in rows if r.family in corpus_parts.WITHOUT_A_SOLID)} were refused.  "
              "Rounds: of the planner's own check + of the verdict.", "",
              "| part | strategy | verdict | rounds | CPU s | MB | told |", "|---|---|---|---|---|---|---|"]
@@ -183,6 +195,12 @@ def table():
     lines += [f"| {r.family} {r.number} | {r.strategy} | {r.verdict} | {r.rounds} | {r.cpu_s:.0f} | {r.peak_mb:.0f} | "
               f"{tidy(r.told)} |" for r in sorted(rows, key=lambda r: (r.family, r.number))]
     return lines
+
+
+def _false_findings(rows):
+    counts = [FALSE.match(r.told) for r in rows if r.verdict == REJECTED]
+    false, judged = (sum(int(c[k]) for c in counts if c) for k in (1, 2))
+    return f"Of {judged} findings of gouge or excess {false} are false by brute force (`bench/brute_force.py`).  "
 
 
 def _write_results():

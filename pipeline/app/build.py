@@ -21,7 +21,7 @@ import numpy as np
 import cuspline
 from cuspline.app import mending
 from cuspline.app.catalogue import sources_of_post
-from cuspline.app.judge import begun, figures_in_words, post_module, posted_moves
+from cuspline.app.judge import begun, figures_in_words, post_module, posted_positions
 from cuspline.app.outcome import Result
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
 from cuspline.design.job import Job, PostedFile, digest_of, job_line
@@ -31,7 +31,7 @@ from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.glb import write_glb
 from cuspline.kernel.solids import stl_of
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
-from cuspline.planning.plan import plan_setup
+from cuspline.planning.plan import clamping_program, clampings_of, plan_setup
 from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
 from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
@@ -198,14 +198,15 @@ def _planned(order, say):
         if setup is not design.setups[-1]:
             say(f"{design.name}: stock after {setup.name}")
             tools = {o.tool.number: o.tool for o in plan.operations}
-            piece = piece.after(setup.frame, swept_paths(_as_posted(order, plan, tools), tools))
+            piece = piece.after(setup.frame, swept_paths(_as_posted(order, clampings_of(plans)[-1]), tools))
     return plans
 
 
-def _as_posted(order, plan, tools):
-    """PostedMoves of a plan: posted as text and read back."""
-    texts = post_module(order.machine).post(plan.program((), plan.setup.name), order.machine).texts
-    return posted_moves(texts, plan.setup, order.machine, tools)
+def _as_posted(order, held):
+    """PostedMoves of the last of a clamping's plans: all posted as text and read back."""
+    tools = {o.tool.number: o.tool for plan in held for o in plan.operations}
+    texts = post_module(order.machine).post(clamping_program(held, (), held[0].setup.name), order.machine).texts
+    return posted_positions(texts, [plan.setup for plan in held], order.machine, tools)[-1]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -220,7 +221,7 @@ class _Trial:
 
     def posted(self, plans, instead_of=None):
         """plan.json, programs and tools on disk; Job."""
-        for name in (name for item in (instead_of.posted if instead_of else ()) for name in item.files):
+        for name in instead_of.program_names if instead_of else ():
             (self.work / name).unlink()
         _write_json(self.work / "plan.json", plan_document(self.order, plans))
         self.tell(f"post for {self.order.machine.name}")
@@ -354,14 +355,15 @@ def _posted(order, plans, work, inputs):
         _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
     posted, written = [], {}
-    for plan in plans:
-        program = plan.program(_header(order, plan, inputs), f"{order.design.name} {plan.setup.name}")
+    for held in clampings_of(plans):
+        held_by = held[0].setup.name
+        program = clamping_program(held, _header(order, held, inputs), f"{order.design.name} {held_by}")
         texts = post.post(program, order.machine).texts
-        names = [f"{plan.setup.name}.{post.EXTENSION}"] if len(texts) == 1 else [
-            f"{plan.setup.name}-{k:02d}.{post.EXTENSION}" for k in range(1, len(texts) + 1)]
+        names = [f"{held_by}.{post.EXTENSION}"] if len(texts) == 1 else [
+            f"{held_by}-{k:02d}.{post.EXTENSION}" for k in range(1, len(texts) + 1)]
         written |= zip(names, texts)
-        posted.append(PostedFile(setup=plan.setup.model_copy(update={"operations": ()}), program=names[0],
-                                 continued=tuple(names[1:])))
+        posted += [PostedFile(setup=plan.setup.model_copy(update={"operations": ()}), program=names[0],
+                              continued=tuple(names[1:])) for plan in held]
     balls = [t.cutter.radius_mm for t in order.library.of_type("ball")]
     job = Job(design=order.design.name, step=f"{order.design.name}.step", material=order.design.material,
               predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
@@ -374,11 +376,11 @@ def _posted(order, plans, work, inputs):
     return job
 
 
-def _header(order, plan, inputs):
-    """Comment lines that tell the operator what this is."""
-    design, setup, machine = order.design, plan.setup, order.machine
+def _header(order, held, inputs):
+    """Comment lines that tell the operator what this is; `held`: the plans of one clamping."""
+    design, setup, machine = order.design, held[0].setup, order.machine
     low, high = design.stock.shape.box_in(setup.frame)
-    program = plan.program((), setup.name)
+    program = clamping_program(held, (), setup.name)
     ends = np.vstack([o.moves.end_mm for o in program.operations])
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
     lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
@@ -397,12 +399,14 @@ def _header(order, plan, inputs):
     for name, value in design.parameters.model_dump(mode="json").items():
         lines.append(f"PARAMETER {name} = {value}")
     seen = set()
-    for o in plan.operations:
+    for o in (o for plan in held for o in plan.operations):
         if o.tool.number not in seen:
             seen.add(o.tool.number)
             lines.append(f"T{o.tool.number} {o.tool.cutter.name}, D{o.tool.cutter.diameter_mm:g} "
                          f"R{o.tool.cutter.corner_radius_mm:g}, STICK-OUT {o.tool.stick_out_mm:g}, "
                          f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}{_head_in_words(o.tool.head)}")
+    lines += [f"POSITION {plan.setup.name.upper()}: TOOL ALONG "
+              f"{show(setup.frame.turn_into(np.array([plan.setup.wcs_z]))[0])} OF THE WCS" for plan in held if len(held) > 1]
     lines += [f"MARKER {m.name} {show(setup.frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
     if setup.refixturing is not None:
         lines.append(f"PART SITS AS MEASURED: {refixturing_in_words(setup.refixturing)}")
@@ -440,7 +444,7 @@ def _stamp_verdict(work, job, verify):
     whole = f"{short}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} checked".upper()
     comment = post_module(job.machine).comment
     line = comment(whole if len(comment(whole)) < job.machine.control.line_length else short)
-    for name in (name for item in job.posted for name in item.files):
+    for name in job.program_names:
         path = work / name
         text = path.read_text()
         if text.count(comment(UNVERIFIED)) != 1:

@@ -280,8 +280,16 @@ def reader_of(machine):
     """The function that reads what a machine's post writes: (text, *, work_offsets, tool_lengths) -> PostedMoves.
 
     It is found by the reader that the post names; nothing else of the post is asked.
+    Raises:
+        InputError: the machine has rotary axes, and the reader does not take `chain`.
     """
-    return _reader_module(machine).read_program
+    read = _reader_module(machine).read_program
+    if not machine.rotaries:
+        return read
+    if "chain" not in inspect.signature(read).parameters:
+        raise InputError(f"{machine.name} has the rotary axes {' and '.join(machine.rotaries)}, and the reader "
+                         f"{read.__module__} knows none: choose another post, or give its read_program an argument `chain`")
+    return partial(read, chain=machine.kinematics)
 
 
 def tool_table_of(machine):

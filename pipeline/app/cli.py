@@ -267,8 +267,15 @@ def machines(json: AsJson = False):
     _print(rows, json, lambda m: [f"{m['name']}: {m['description']}"] + [
         f"  {a.upper()} {m[a]['min_mm']:g} .. {m[a]['max_mm']:g} mm, {m[a]['rapid_mm_per_min']:g} mm/min, "
         f"{m[a]['acceleration_mm_per_s2']:g} mm/s2" for a in "xyz"] + [
+        f"  {a.upper()} {_range_in_words(m[a])}, {m[a]['rapid_deg_per_min']:g} degrees/min, "
+        f"{m[a]['acceleration_deg_per_s2']:g} degrees/s2" for a in "abc" if a in m] + [
+        f"  from the part to the tool: {' '.join(m[k])}" for k in ("chain",) if k in m] + [
         f"  spindle {m['spindle']['min_rpm']:g} .. {m['spindle']['max_rpm']:g} rpm, post {m['control']['post']}, "
         f"units {m['control']['units']}"])
+
+
+def _range_in_words(rotary):
+    return "endless" if rotary["min_deg"] is None else f"{rotary['min_deg']:g} .. {rotary['max_deg']:g} degrees"
 
 
 @app.command()

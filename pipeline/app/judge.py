@@ -13,6 +13,7 @@ from cuspline.app.report_inputs import shape_of
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.job import read_tools
 from cuspline.kernel import brep
+from cuspline.program.positions import by_position
 from cuspline.program.posted import PostedMoves
 from cuspline.replay.replay_checks import Reporter
 from cuspline.replay.scene import Fixture, SolidFixture
@@ -23,8 +24,10 @@ from cuspline.values.findings import Finding, located
 from cuspline.values.input_files import refuse_irregular
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
+from cuspline.verification.machine_bodies import bodies_at
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
+from cuspline.verification.turning import turning_findings
 from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProgram, Verdict, first_look, verify_setups
 
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
@@ -86,6 +89,7 @@ class ReadProgram:
     texts: dict                         # file name -> text
     posted: PostedMoves
     findings: tuple[Finding, ...]       # that the text alone shows
+    is_first: bool = True               # of its files; indexed positions follow in the same
 
 
 def read_programs(folder, job, tools):
@@ -99,13 +103,39 @@ def read_programs(folder, job, tools):
         InputError: a file is missing.  ReadError: a program that no machine of this kind would take, or that goes so
             far that it cannot be simulated.
     """
-    for item in job.posted:
-        texts = {name: _text(Path(folder) / name) for name in item.files}
-        parts = [_read(name, text, item.setup, job, tools) for name, text in texts.items()]
+    for held in _clampings(job.posted):
+        texts = {name: _text(Path(folder) / name) for name in held[0].files}
+        parts = [_read(name, text, held[0].setup, job, tools) for name, text in texts.items()]
         moves = _joined(parts, texts.values(), tools)
-        found = text_findings(moves, tools, setup=item.setup, machine=job.machine, finish=job.finish,
+        found = text_findings(moves, tools, setup=held[0].setup, machine=job.machine, finish=job.finish,
                               material=job.cutting_data or known_materials().get(job.material))
-        yield ReadProgram(setup=item.setup, texts=texts, posted=moves, findings=found)
+        if len(held) == 1:
+            yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=found)
+            continue
+        split = _split(moves, held, texts)
+        turning = turning_findings(split, [item.setup for item in held], job, tools)
+        for k, (item, own) in enumerate(zip(held, split.moves)):
+            yield ReadProgram(setup=item.setup, texts=texts, posted=own, is_first=k == 0,
+                              findings=(*(found if k == 0 else ()), *turning[k]))
+
+
+def _split(moves, held, texts):
+    """program.positions.Positions of a clamping's moves; what is refused is named with the files."""
+    try:
+        return by_position(moves, [item.setup.frame for item in held], held[0].setup.clamped_frame)
+    except ReadError as error:
+        raise ReadError(f"{', '.join(texts)}: {error}", rows=error.rows) from None
+
+
+def _clampings(posted):
+    """Lists of PostedFile: a setup, and the indexed positions that its program goes on with."""
+    held = []
+    for item in posted:
+        if item.setup.indexed and held:
+            held[-1].append(item)
+        else:
+            held.append([item])
+    return held
 
 
 def judge_text(folder, job, published=None):
@@ -155,7 +185,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     folder = Path(folder)
     tools, job = read_tools(folder), job.beside(folder)
     extra = _file_findings(folder, job, tools, published)
-    say(f"read {', '.join(name for item in job.posted for name in item.files)}")
+    say(f"read {', '.join(job.program_names)}")
     read = tuple(read_programs(folder, job, tools))
     solid = brep.the_solid(brep.read_step(folder / job.step), job.step)
     if published is not None:
@@ -164,7 +194,8 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     for program in read:
         setup = program.setup
         wanted = tuple(f for p in job.predicates if p.name in setup.faces for f in brep.select_faces(faces, p))
-        programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted, fixtures=_fixtures(setup)))
+        programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted,
+                                     fixtures=(*_fixtures(setup), *_bodies(program, job.machine))))
         extra += _program_findings(program, job.machine)
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     judging = Judging(tools=tools, stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
@@ -207,6 +238,8 @@ def _file_findings(folder, job, tools, published):
 
 def _program_findings(program, machine):
     """Of all files of a program."""
+    if not program.is_first:
+        return []
     return [finding for name, text in program.texts.items()
             for finding in program_findings(name, text, program.setup.name, machine)]
 
@@ -225,6 +258,14 @@ def posted_moves(texts, setup, machine, tools):
     Tools on heads are seen as they hang: their axis turned, their tip where it is while their middle is driven.
     """
     return _joined([_moves_of(text, setup, machine, tools) for text in texts], texts, tools)
+
+
+def posted_positions(texts, setups, machine, tools):
+    """[PostedMoves] of a clamping's program, one a position; `setups`: what holds the part, then indexed positions."""
+    moves = posted_moves(texts, setups[0], machine, tools)
+    if len(setups) == 1:
+        return [moves]
+    return list(by_position(moves, [s.frame for s in setups], setups[0].clamped_frame).moves)
 
 
 def _moves_of(text, setup, machine, tools):
@@ -292,6 +333,14 @@ def _in_files(findings, parts):
 def _fixtures(setup):
     """The setup's fixtures in its WCS, as the replay takes them."""
     return tuple(_fixture(f) for f in placed_fixtures(setup, setup.frame))
+
+
+def _bodies(program, machine):
+    """What of the machine stands still beside the part in a position of a five-axis machine."""
+    turned = program.posted.rotary_deg[np.isfinite(program.posted.rotary_deg).all(axis=1)]
+    if not turned.size:
+        return ()
+    return bodies_at(machine, turned[-1], program.setup.frame, program.setup.clamped_frame)
 
 
 def _fixture(placed):

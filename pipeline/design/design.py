@@ -23,6 +23,7 @@ class Parameters(Model):
     """Base of every design's parameter model: frozen, ranges checked, units in the names."""
 
 
+Direction = tuple[float, float, float]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -117,6 +118,16 @@ class Setup(Model):
     markers: tuple[Marker, ...] = Field(default=(), description="what is measured to find how the part sits")
     marker_limit_mm: float = Field(default=0.02, gt=0, description="how far a measured marker may be from the rigid part")
     refixturing: Refixturing | None = Field(default=None, description="what measured markers came to; None: as designed")
+    indexed: bool = Field(default=False, description="an indexed position (3+2): the rotary axes turn the part to it as "
+                          "the setup before holds it, in the same program; zero, fixtures and markers are that setup's")
+    clamped_x: Direction | None = Field(default=None, description="of an indexed position, filled in: wcs_x of the setup that "
+                                        "holds it")
+    clamped_z: Direction | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_positions_it_has_not(self, dump):
+        row = dump(self)
+        return row if self.indexed else {k: v for k, v in row.items() if k not in ("indexed", "clamped_x", "clamped_z")}
 
     @model_validator(mode="after")
     def _axes_make_a_frame(self):
@@ -134,8 +145,48 @@ class Setup(Model):
     @property
     def turn(self):
         """The WCS's directions alone, its zero left where the part's is."""
-        x, z = np.array(self.wcs_x), np.array(self.wcs_z)
-        return Frame(rotation=np.column_stack([x, np.cross(z, x), z]), origin_mm=np.zeros(3))
+        return Frame.of_axes(np.zeros(3), self.wcs_x, self.wcs_z)
+
+    @property
+    def clamped_frame(self):
+        """WCS of the program, seen from the part: of an indexed position that of the setup that holds it."""
+        if not self.indexed:
+            return self.frame
+        return Frame.of_axes(self.wcs_origin_mm, self.clamped_x, self.clamped_z)
+
+    def held_as(self, base):
+        """An indexed position in the clamping of a setup before it.
+
+        Raises:
+            DesignError: it says what that setup says for it, or points the tool as the position before does.
+        """
+        said = [name for name in ("fixtures", "markers", "wcs", "wcs_origin_mm", "refixturing")
+                if getattr(self, name) not in (type(self).model_fields[name].default, getattr(base, name))]
+        if said:
+            raise DesignError(f"setup {self.name} is an indexed position held as {base.name} is, whose {said[0]} holds for it: "
+                              f"leave {said[0]} out, or indexed")
+        return self.model_copy(update={"wcs": base.wcs, "wcs_origin_mm": base.wcs_origin_mm, "fixtures": base.fixtures,
+                                       "markers": base.markers, "refixturing": base.refixturing,
+                                       "clamped_x": base.wcs_x, "clamped_z": base.wcs_z})
+
+
+def clamped(setups):
+    """Setups, indexed positions held as the setup before them that is none.
+
+    Raises:
+        DesignError: the first is one; two positions after one another point the tool the same way.
+    """
+    held, base = [], None
+    for setup in setups:
+        if setup.indexed and base is None:
+            raise DesignError(f"setup {setup.name} is an indexed position, and no setup before it holds the part: leave "
+                              "indexed out")
+        if setup.indexed and held[-1].wcs_z == setup.wcs_z:
+            raise DesignError(f"setup {setup.name} points the tool as {held[-1].name} does: let one of them have both's "
+                              "operations")
+        base = base if setup.indexed else setup
+        held.append(setup.held_as(base) if setup.indexed else setup)
+    return tuple(held)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,6 +253,7 @@ class Design:
         kinds = [type(g) for g in self.guides]
         if twice := [k.__name__ for k in kinds if kinds.count(k) > 1]:
             raise DesignError(f"design {self.name}: two guides are of type {twice[0]}; a strategy takes up one: leave one out")
+        object.__setattr__(self, "setups", clamped(self.setups))
         known = {p.name for p in self.predicates}
         for setup in self.setups:
             for who, faces in ((setup.name, setup.faces), *((f"{setup.name}, {o.title}", o.faces or ()) for o in setup.operations)):

@@ -106,6 +106,6 @@ def placed_fixtures(setup, frame):
     Args:
         setup: design.Setup.   frame: from which they are seen; it is given from the part.
     """
-    base = {"part": HERE, "table": setup.frame}
+    base = {"part": HERE, "table": setup.clamped_frame}
     return tuple(Placed(name=f.name, shape=f.shape, view=frame.seen_from(base[f.on]).seen_from(f.own_frame))
                  for f in setup.fixtures)

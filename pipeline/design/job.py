@@ -52,6 +52,11 @@ class Job(Model):
     smallest_ball_radius_mm: float = Field(gt=0)
     accepted: tuple[str, ...] = ()
 
+    @property
+    def program_names(self):
+        """File names of all programs, each once, in the order in which they are run."""
+        return tuple(dict.fromkeys(name for item in self.posted for name in item.files))
+
     def beside(self, folder):
         """The same, the files of its stock and fixtures found in a folder."""
         return self.model_copy(update={"stock": self.stock.beside(folder), "posted": tuple(

@@ -59,6 +59,11 @@ class Operation(Model):
         return {"kind": self.kind, **{key: value for key, value in dump(self).items() if value is not None}}
 
     @property
+    def may_be_idle(self):
+        """Whether it is no fault that nothing is left for it to cut."""
+        return False
+
+    @property
     def title(self):
         """What program and report call it."""
         return self.name or self.kind.replace("_", " ")

@@ -101,6 +101,9 @@ def refixtured_setups(setups, measured):
     Raises:
         InputError: as `refixtured`, or a setup that is not there.
     """
+    if any(s.indexed for s in setups) and measured:
+        raise InputError("measured markers with indexed positions are not taken up yet: clamp by the zero, or cut the positions as "
+                         "setups of their own")
     unknown = sorted(set(measured) - {s.name for s in setups})
     if unknown:
         raise InputError(f"markers measured in {unknown[0]!r}, but there is no such setup; there are "

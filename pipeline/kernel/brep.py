@@ -7,10 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
-from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Transform
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepGProp import BRepGProp
@@ -34,6 +32,7 @@ from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cuspline.kernel import closure, step_files
+from cuspline.kernel.extents import extents_mm
 from cuspline.kernel.step_files import FaceMark, MarkedSolid, marks_of
 from cuspline.kernel.topology import explore
 from cuspline.splines.fitting import fitted
@@ -467,11 +466,7 @@ def loosest_tolerance_mm(solid):
 
 def bounding_box_mm(shape):
     """(min (3,), max (3,)), tight to the geometry."""
-    box = Bnd_Box()
-    BRepBndLib.AddOptimal_s(shape, box, False, False)
-    box.SetGap(0.0)
-    low, high = box.CornerMin(), box.CornerMax()
-    return np.array([low.X(), low.Y(), low.Z()]), np.array([high.X(), high.Y(), high.Z()])
+    return extents_mm(shape)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -67,7 +67,7 @@ def tessellate(solid, deviation_mm):
             return _welded(faces, measured)
         asked *= max(0.35, 0.8 * deviation_mm / measured)
     raise DesignError(f"the mesher leaves {measured:.6f} mm where {deviation_mm:.6f} mm are requested: "
-                      "request a coarser tessellation, or heal the surface")
+                      "heal the surface in the CAD program, or allow more in `finish`: the triangles follow its tolerances")
 
 
 def mesh_faces(shape, deflection_mm, inside_mm=None, angle_rad=ANGLE_RAD):

@@ -1,5 +1,6 @@
 """What one setup's planning has at hand: the part's faces and mesh, the machine, the shop's tools and speeds."""
 
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -29,7 +30,7 @@ from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.toolpaths.drop.exact_dropper import EdgeNeighbours, ExactDropper
 from cuspline.toolpaths.roughing.stock_fields import lines_of_moves, swept_by_lines
 from cuspline.values import fixed_math as fixed
-from cuspline.values.errors import PlanError
+from cuspline.values.errors import CutterDoesNotFit, PlanError
 
 MESH_DEFLECTION_MM = 0.01
 FAR_MM = 1000.0             # beyond any stock
@@ -281,6 +282,8 @@ class PlanningContext:
     def chosen_tool(self, *types):
         """The fastest cutter of some types that fits the operation's faces with its holder clear and leaves least.
 
+        Where the tightest hollow is too tight for all of them they go as far as they can; what they leave is listed.
+
         Args:
             types: what the operation can use; where it asks for none, the first.
         Returns:
@@ -289,9 +292,16 @@ class PlanningContext:
             PlanError, CutterDoesNotFit: the library has none; lists each with its reason.
         """
         tools = self.tools(*(types if self.operation.wish else types[:1]))
-        tightest_mm = np.inf if self.operation.wish else self.hollow.radius_mm
-        return choose_cutter(self.operation.title, tools, self.samples, tightest_mm, self.mesh,
-                             self.practice.rough_allowance_mm, self.finishing_work())
+        choose = lambda tightest_mm: choose_cutter(self.operation.title, tools, self.samples, tightest_mm, self.mesh,
+                                                   self.practice.rough_allowance_mm, self.finishing_work())
+        if self.operation.wish:
+            return choose(np.inf)
+        try:
+            return choose(self.hollow.radius_mm)
+        except CutterDoesNotFit as error:
+            with suppress(CutterDoesNotFit):
+                return choose(np.inf)
+            raise error from None
 
     def speeds(self, tool, is_rough):
         """(rpm, cutting feed) of a tool in this material."""

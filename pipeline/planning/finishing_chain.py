@@ -86,9 +86,7 @@ def choose_finishing(library, samples, mesh, stock_mm, work):
     tools = library.of_type("ball")
     reached, missing = zip(*(_clear_reach(t, samples, mesh, stock_mm) for t in tools)) if tools else ((), ())
     if not any(r.any() for r in reached):
-        raise CutterDoesNotFit("no ball of the library reaches any of the faces wanted: " + ("; ".join(
-            f"T{t.number} {t.cutter.name}: {m:.2f} mm of stick-out short" for t, m in zip(tools, missing))
-            or "it has none") + ". Add a smaller or longer ball to the file of --cutters")
+        raise CutterDoesNotFit(f"no ball of the library reaches any of the faces wanted: {_why_none(tools, missing)}")
     chain = _fastest(tools, reached, samples, work)
     links, done = [], np.zeros(len(samples.area_mm2), bool)
     for k in chain:
@@ -98,6 +96,23 @@ def choose_finishing(library, samples, mesh, stock_mm, work):
                                area_left_mm2=float(samples.area_mm2[~done].sum()),
                                estimated_time_s=work.seconds(tools[k], samples, adds)))
     return tuple(links), _table(tools, reached, missing, links, samples, work), done
+
+
+def _why_none(tools, missing):
+    """Why no ball reaches anything, and what its reader can do.
+
+    Args:
+        tools: Tools.   missing: of each the stick-out that it lacks where it would fit, mm; 0: it fits nowhere.
+    """
+    if not tools:
+        return "it has none. Add balls to the file of --cutters"
+    reasons = "; ".join(f"T{t.number} {t.cutter.name}: " + (f"{m:.2f} mm of stick-out short" if m > 0 else "gets in nowhere")
+                        for t, m in zip(tools, missing))
+    if any(missing):
+        return f"{reasons}. Add a smaller or longer ball to the file of --cutters"
+    smallest = min(t.cutter.radius_mm for t in tools)
+    return (f"{reasons}: the gaps beside these faces are narrower than the smallest, radius {smallest:.3f} mm. Add a smaller "
+            "ball to the file of --cutters, or leave these faces out of `faces`")
 
 
 def _clear_reach(tool, samples, mesh, stock_mm):

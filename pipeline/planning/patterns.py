@@ -3,7 +3,7 @@
 from abc import abstractmethod
 
 from cuspline.design.operations import Finishing
-from cuspline.planning import freeform_finishing
+from cuspline.planning import freeform_finishing, roughing
 
 
 class Pattern(Finishing):
@@ -25,4 +25,4 @@ class Pattern(Finishing):
     def plan(self, work):
         tool, candidates, reached = work.chosen_tool("ball", "bull_nose", "tapered_ball", "flat")
         made = freeform_finishing.passes_over(work, tool, candidates)
-        return [made] if made is not None else [], reached
+        return [*roughing.before_passes(work, tool, reached), made] if made is not None else [], reached

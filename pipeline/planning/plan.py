@@ -11,11 +11,13 @@ import numpy as np
 from cuspline.design.operations import Clearing
 from cuspline.planning.context import PlannedOperation, PlanningContext
 from cuspline.planning.strategies.auto import Auto
-from cuspline.program.program import Operation, Program
+from cuspline.program.program import Operation, Program, straightened
 from cuspline.shop.practice import ShopFile
 from cuspline.surfaces.inner_corners import inner_edges
 from cuspline.values.errors import CutterDoesNotFit
 from cuspline.values.findings import Finding
+
+CHORD_SHARE = 0.25          # of the path tolerance: chords in place of arcs, where no plane of the control's holds them
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,13 +39,15 @@ class SetupPlan:
     def idle(self):
         """Finding of every listed operation for which nothing was left to cut.
 
-        Clearing that comes first and finds the stock near to the part's shape is none: such is the blank.
+        Clearing that comes first and finds the stock near to the part's shape is none: such is the blank.  Nor is a rest
+        operation whose tool nobody has named, where the one before has left nothing.
         """
         first = next((k for k, a in enumerate(self.accounts) if a.programmed), len(self.accounts))
         return tuple(Finding(kind="idle_operation", amount_mm=0.0, place_mm=None, operation=a.operation.title, line=0,
                              setup=self.setup.name, advice=f"{a.why}: leave it out, or choose other faces or a smaller tool")
                      for k, a in enumerate(self.accounts)
-                     if not a.programmed and not (k < first and isinstance(a.operation, Clearing)))
+                     if not a.programmed and not a.operation.may_be_idle
+                     and not (k < first and isinstance(a.operation, Clearing)))
 
     @property
     def is_mended(self):
@@ -51,16 +55,50 @@ class SetupPlan:
         return all(o.is_mended for o in self.setup.operations)
 
     def program(self, header, name):
-        """The controller-free Program, in the setup's WCS."""
-        turn, frame = self.setup.turn, self.setup.frame
-        into = lambda points: frame.into(turn.out(points))
-        zero = turn.into(frame.origin_mm[None])[0]
-        return Program(
-            name=name, setup=self.setup.name, wcs=self.setup.wcs, wcs_in_words=self.setup.wcs_in_words,
-            clearance_z_mm=float(self.clearance_z_mm - zero[2]), header=tuple(header),
-            operations=tuple(Operation(name=o.name, tool=o.tool, spindle_rpm=o.rpm, coolant=o.coolant,
-                                       moves=_moved(o.moves, into), passes=_shifted(o.passes, into))
-                             for o in self.operations))
+        """The controller-free Program of a setup that is clamped for itself, in its WCS."""
+        return clamping_program((self,), header, name)
+
+    @property
+    def level_mm(self):
+        """Height above the WCS's zero, along the position's Z, from which rapids across run."""
+        zero = self.setup.turn.into(self.setup.frame.origin_mm[None])[0]
+        return float(self.clearance_z_mm - zero[2])
+
+
+def clampings_of(plans):
+    """[[SetupPlan]]: of what holds the part, and of the indexed positions in its clamping."""
+    held = []
+    for plan in plans:
+        if plan.setup.indexed:
+            held[-1].append(plan)
+        else:
+            held.append([plan])
+    return held
+
+
+def clamping_program(plans, header, name):
+    """The Program of one clamping.
+
+    Args:
+        plans: SetupPlan of the setup that holds the part, then those of the indexed positions in its clamping.
+    """
+    held = plans[0]
+    return Program(
+        name=name, setup=held.setup.name, wcs=held.setup.wcs, wcs_in_words=held.setup.wcs_in_words,
+        clearance_z_mm=held.level_mm, header=tuple(header),
+        operations=tuple(_posted_operation(o, plan) for plan in plans for o in plan.operations))
+
+
+def _posted_operation(planned, plan):
+    """An operation seen from its clamping's WCS; in an indexed position its axis leans, and its arcs are chords."""
+    setup, turn = plan.setup, plan.setup.turn
+    into = lambda points: setup.clamped_frame.into(turn.out(points))
+    same = {"name": planned.name, "tool": planned.tool, "spindle_rpm": planned.rpm, "coolant": planned.coolant}
+    if not setup.indexed:
+        return Operation(**same, moves=_moved(planned.moves, into), passes=_shifted(planned.passes, into))
+    moves = straightened(planned.moves, CHORD_SHARE * plan.context.machine.control.path_tolerance_mm)
+    axis = setup.clamped_frame.turn_into(np.array([setup.wcs_z]))
+    return Operation(**same, moves=replace(_moved(moves, into), axis=np.repeat(axis, len(moves), axis=0)), level_mm=plan.level_mm)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,10 +10,10 @@ from cuspline.kernel import brep
 from cuspline.kernel.solids import bodies_of, solid_of
 from cuspline.kernel.tessellation import tessellate
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.values.errors import DesignError, PlanError
+from cuspline.stock.workpiece import HELD_MM
+from cuspline.values.errors import DesignError, PlanError, PostError
 
 GAP_SHARE = 0.25            # of what the finish lets stand: so far may two faces be apart along their edge
-HELD_MM = 1e-3              # the part may stand out of its stock by the kernel's own tolerance
 PART_MM = 0.01              # of the part's triangles, where its solid is held against the stock's
 LEAST_MM3 = 1e-6            # smaller bodies are rounding
 EXACT_MM = 1e-5             # of how far it stands out
@@ -30,6 +30,9 @@ def refuse_impossible_setups(design, solid, machine, library):
     faults = list(_stock_faults(design.stock, solid))
     faces = brep.faces_of(solid)
     for k, setup in enumerate(design.setups):
+        if setup.indexed:                   # where its axes stand is judged on the posted text
+            faults += _turning_faults(setup, machine)
+            continue
         boxes = [(f"face {f!r}", _box_of_faces(faces, design, f)) for f in setup.faces]
         if k == 0:
             faults += _travel_faults("stock", _within_reach(design.stock.shape.box_in(setup.turn), setup), setup, machine,
@@ -38,6 +41,19 @@ def refuse_impossible_setups(design, solid, machine, library):
             faults += _travel_faults(what, _within_reach(setup.turn.box_into(*box), setup), setup, machine, library)
     if faults:
         raise PlanError(f"design {design.name}: " + "; ".join(faults))
+
+
+def _turning_faults(setup, machine):
+    """An indexed position that the rotary axes cannot take."""
+    axis = setup.clamped_frame.turn_into(np.array([setup.wcs_z]))
+    if not machine.rotaries:
+        yield (f"{setup.name} is an indexed position, and {machine.name} has no rotary axes: take a machine that has (`cuspline "
+               "machines`), or make it a setup of its own, without indexed")
+        return
+    try:
+        machine.kinematics.branches(axis)
+    except PostError as error:
+        yield f"{setup.name}: {str(error).removeprefix('row 0: ')}"
 
 
 def refuse_gaps(design, solid):

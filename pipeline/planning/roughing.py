@@ -1,7 +1,7 @@
 """Roughing, rest roughing from the stock that it really leaves, and a semi-finish where both leave too much."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -20,6 +20,10 @@ from cuspline.toolpaths.roughing.level_clearing import ClearingRules, clear, eng
 from cuspline.toolpaths.roughing.stock_fields import stock_after
 from cuspline.values.errors import NothingToCut
 
+SCRAP_MM = 0.02             # a clearing that nowhere takes off more is left out
+LOOKED_AT = 500             # places of it, before all are
+SURE_SHARE = 0.95           # of its deepest slot, that a ball takes at once: what stands is known at samples only
+LAYER_SHARE = 0.8           # of it, that one takes in each of several layers
 LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
 
 
@@ -59,12 +63,50 @@ def roughed(work, ball, is_reached, semi_finish):
         if smaller is not None:
             operation, stock, left = cleared(work, rest, smaller.tool, candidates, stock, rows, Clearing())
             operations.append(operation)
-    if _met_mm(work, ball, stock, rows) > ball.cutter.deepest_slot_mm:
+    if _is_too_deep(work, ball, stock, rows):
         operation, stock, left = cleared(work, rest, ball, (), stock, rows, Clearing())
         operations.append(operation)
     if left > limit:
-        operations.append(semi_finish())
+        operations += _in_layers(work, semi_finish(), _met_mm(work, ball, stock, rows))
     return [o for o in operations if o is not None]
+
+
+def _in_layers(work, passes, met_mm):
+    """Operations that end with the given one: where it would cut too deep a slot, the same passes come before, lifted."""
+    slot_mm = passes.tool.cutter.deepest_slot_mm if passes is not None else math.inf
+    if passes is None or passes.passes is not None or met_mm <= SURE_SHARE * slot_mm:
+        return [passes]
+    count = math.ceil(met_mm / (LAYER_SHARE * slot_mm))
+    return [*(_lifted(work, passes, met_mm * k / count) for k in range(count - 1, 0, -1)), passes]
+
+
+def _lifted(work, operation, by_mm):
+    """The same passes so much higher: what is left under them is the next layer's."""
+    moves, up = operation.moves, np.array([0.0, 0.0, by_mm])
+    lifted = replace(moves, start_mm=moves.start_mm + up, end_mm=moves.end_mm + up, center_mm=moves.center_mm + up)
+    return work.measured(f"{operation.name} {by_mm:.1f} mm above", operation.tool, operation.rpm, lifted,
+                         {**operation.facts, "lifted_mm": round(by_mm, 3)})
+
+
+def before_passes(work, ball, is_reached):
+    """What a ball must clear before its own passes: [], or the one operation that takes what stands deeper than it cuts a slot.
+
+    Args:
+        work: PlanningContext of an operation that lists no clearing for its ball.
+        ball: its Tool.   is_reached: (n,) bool, sample points that it finishes.
+    """
+    rows = leftover_rows(work.samples)
+    rows = rows[is_reached[rows]]
+    if ball.cutter.type != "ball" or not _is_too_deep(work, ball, work.stock_mm, rows):
+        return []
+    practice = work.practice
+    stage = RoughingStage(name="rest rough", allowance_mm=practice.rough_allowance_mm, threshold_mm=practice.rest_threshold_mm)
+    operation, _, _ = cleared(work, stage, ball, (), work.stock_mm, rows, Clearing())
+    return [] if operation is None else [operation]
+
+
+def _is_too_deep(work, ball, stock, rows):
+    return _met_mm(work, ball, stock, rows) > ball.cutter.deepest_slot_mm
 
 
 def _met_mm(work, ball, stock, rows):
@@ -92,6 +134,7 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
     stepdown = work.material.stepdown_share * d if asked.stepdown_mm is None else asked.stepdown_mm
     rules = ClearingRules(
         mesh=work.mesh, radius_mm=d / 2, corner_radius_mm=0.0 if is_ball else cutter.corner_radius_mm,
+        ridge_mm=cutter.corner_radius_mm,
         allowance_mm=stage.allowance_mm, stepdown_mm=stepdown, engagement_rad=engagement_of_rad(radial, d / 2),
         stock_mm=stock, stock_min_mm=work.stock_min_mm, stock_max_mm=work.stock_max_mm,
         ramp_rad=math.radians(practice.ramp_deg if asked.ramp_deg is None else asked.ramp_deg),
@@ -105,6 +148,8 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
     except NothingToCut:                # a casting near to its shape: the finish takes it, or a semi-finish before
         return None, stock, _left_mm(work, stock, rows)
     after = stock_after(clearing.moves, d / 2, cutter.corner_radius_mm, stock)
+    if not _takes(clearing.lowered_xy_mm, stock, after):
+        return None, stock, _left_mm(work, stock, rows)
     left = _left_mm(work, after, rows)
     facts = {"allowance_mm": stage.allowance_mm, "stepdown_mm": rules.stepdown_mm, "stepover_mm": radial,
              "engagement_deg": round(float(np.degrees(rules.engagement_rad)), 1),
@@ -113,6 +158,15 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
              "given_up_mm3": round(clearing.left_mm3, 1), "leaves_mm": round(left, 3),
              "candidates": [c.as_dict() for c in candidates]}
     return work.measured(stage.name, tool, rpm, clearing.moves, facts), after, left
+
+
+def _takes(xy_mm, stock, after):
+    """Whether a height field lies lower than another at one of these places at least.
+
+    Clearing is laid out for a flat cutter; beside a blank that is near to the part a rounded corner may meet nothing.
+    """
+    few = xy_mm[::max(1, len(xy_mm) // LOOKED_AT)]
+    return any((after(places) < stock(places) - SCRAP_MM).any() for places in (few, xy_mm))
 
 
 def _lowest_of(work, tool, allowance_mm):

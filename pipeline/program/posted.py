@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from cuspline.program.joint_sweeps import sweeps_of
 from cuspline.program.program import UPRIGHT, Kind
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import SimulationError
@@ -76,6 +77,7 @@ class PostedMoves:
     call_line: np.ndarray | None = None     # (n,) line in the main program that called the sub-program; 0 none
     remarks: tuple[Remark, ...] = ()
     stops: tuple[Stop, ...] = ()            # in the order of execution
+    rotary_deg: np.ndarray | None = None    # (n, r) where the rotary axes stand at the end; NaN: unknown; left out: there are none
 
     def __post_init__(self):
         n = len(self.kind)
@@ -89,6 +91,8 @@ class PostedMoves:
         for name, dtype in (("path_tolerance_mm", float), ("speed_line", np.int32), ("call_line", np.int32)):
             given = getattr(self, name)
             object.__setattr__(self, name, frozen(np.zeros(n) if given is None else given, (n,), name, dtype))
+        given = np.zeros((n, 0)) if self.rotary_deg is None else self.rotary_deg
+        object.__setattr__(self, "rotary_deg", frozen(given, (n, None), "rotary_deg"))
         for name in ("start_axis", "end_axis"):
             given = getattr(self, name)
             axis = frozen(np.tile(UPRIGHT, (n, 1)) if given is None else given, (n, 3), name)
@@ -128,6 +132,24 @@ class PostedMoves:
         stops = tuple(replace(s, row=s.row + int(first), line=s.line + int(lines))
                       for p, first, lines in zip(parts, rows, before) for s in p.stops)
         return cls(operations=names, ended=all(p.ended for p in parts), remarks=remarks, stops=stops, **columns)
+
+    def through_joints(self, chain, blocks):
+        """The same blocks as the tip and the axis go while the control runs joints evenly; upright ones stay as they are.
+
+        Args:
+            chain: kinematics.Chain.   blocks: joint_sweeps.JointBlocks, one a move.
+        """
+        sweeps = sweeps_of(chain, blocks)
+        row, stays = sweeps.row, sweeps.is_upright
+        chosen = lambda name: np.where(stays if getattr(self, name).ndim == 1 else stays[:, None], getattr(self, name)[row],
+                                       getattr(sweeps, name))
+        columns = {f.name: getattr(self, f.name)[row] for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)}
+        columns |= {name: chosen(name) for name in (
+            "start_mm", "end_mm", "start_axis", "end_axis", "machine_end_mm", "feed_mm_per_min")}
+        first = np.searchsorted(row, np.arange(len(self) + 1))
+        return replace(self, **columns | {"rotary_deg": sweeps.rotary_deg},
+                       remarks=tuple(replace(r, row=int(first[r.row])) for r in self.remarks),
+                       stops=tuple(replace(s, row=int(first[s.row])) for s in self.stops))
 
     def first(self, count):
         """The first `count` moves."""

@@ -5,12 +5,14 @@ import numpy as np
 from cuspline.program.program import Kind, Plane
 from cuspline.replay.replay_kernel import LOW, RAPID
 from cuspline.replay.replay_loads import of_tools
+from cuspline.shop.kinematics import LINEARS
 from cuspline.stock.path_pieces import pieces_of
 from cuspline.values.amounts import counted
 from cuspline.values.findings import Finding
 
 NOISE_MM = 1e-6
 TRAVEL_MM = 1e-6
+RANGE_DEG = 1e-4          # half the last decimal of a rotary word, and a little
 MANY = 12                 # runs of one kind in one operation that are still told apart
 CONTACTS = (
     ("rapid_through_stock", "lift to the clearance height before this rapid, or make it a feed move"),
@@ -161,16 +163,19 @@ class Reporter:
                                    "it takes nothing off the stock that stands: leave it out, or look why its tool does not "
                                    "come down to the part")
 
-    def unknown_starts(self, highest_mm, hanging_mm):
+    def unknown_starts(self, highest_mm, hanging_mm, machine=None):
         """Moves from or to an unknown place must stay above stock and fixtures all the way.
 
         `hanging_mm`: {number: how far a tool reaches below the place that is called its tip}, of those that do.
+        `machine`: machines.Machine, asked for where its tools are changed.
         """
         posted = self.posted
         known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
         low = np.fmin(posted.start_mm[:, 2], posted.end_mm[:, 2])      # NaN only if both are unknown
         low = low - np.array([hanging_mm.get(n, 0.0) for n in posted.tool.tolist()])
         unsafe = ~known & (posted.tool > 0) & ~(low >= highest_mm)
+        if machine is not None and machine.rotaries:        # they turn first of all, where tools are changed: no tip is known
+            unsafe &= ~(posted.machine_end_mm[:, 2] >= machine.tool_change_height_mm - TRAVEL_MM)
         for group in self._gathered(self.runs(unsafe, ~known)):
             depth = highest_mm - low[group[0]]
             yield self.finding("unknown_start", group[0], depth if np.isfinite(depth) else 0.0,
@@ -190,9 +195,27 @@ class Reporter:
                 "travel_exceeded", amount, self.posted.end_mm, np.ones(len(over), dtype=bool),
                 f"{name} leaves its travel {axis.min_mm:g} .. {axis.max_mm:g} mm: move the part on the table or "
                 "take another tool length")
+        if self.posted.rotary_deg.shape[1]:
+            yield from self._turning(machine)
+
+    def _turning(self, machine):
+        """Rotary axes against their ranges; a range in degrees has no millimetres."""
+        chain, everything = machine.kinematics, np.ones(len(self.posted), dtype=bool)
+        for k, letter in enumerate(machine.rotaries):
+            low, high = np.degrees([chain.low[LINEARS + k], chain.high[LINEARS + k]])
+            turned = self.posted.rotary_deg[:, k]
+            over = np.nan_to_num(np.fmax(low - turned, turned - high), neginf=0.0)
+            for group in self._gathered(self.runs(over > RANGE_DEG, everything)):
+                worst = max(group, key=lambda r: (over[r], -r))
+                yield self.finding("travel_exceeded", worst, 0.0, self.posted.end_mm[worst],
+                                   f"{letter} stands at {turned[worst]:.4f} degrees, its range is {low:g} .. {high:g} degrees: "
+                                   "turn the part, or lean the tool another way")
 
     def table(self, machine, tools, script, hanging_mm):
-        """Tips, and what hangs lower, against the machine's table, all along the way; it reaches as far as the axes."""
+        """Tips, and what hangs lower, against the machine's table, all along the way; it reaches as far as the axes.
+
+        Where rotary axes are off 0 the table lies elsewhere: there it is a body of the machine (verification/machine_bodies.py).
+        """
         if machine is None:
             return
         geometry, row = script[:2]
@@ -206,6 +229,7 @@ class Reporter:
             above[mine] = lowest[mine] - length[mine] - hangs - machine.table_z_mm
             low[mine] = posted.end_mm[mine, 2] - hangs
         depth = np.nan_to_num(-above, nan=0.0, posinf=0.0, neginf=0.0)
+        depth[(posted.rotary_deg != 0).any(axis=1)] = 0.0
         places = np.column_stack([posted.end_mm[:, :2], low])
         yield from self.merged("fixture_contact", np.where(depth > NOISE_MM, depth, 0.0), places,
                                 np.ones(len(posted), dtype=bool),

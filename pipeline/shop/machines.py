@@ -1,22 +1,44 @@
-"""Machines as TOML files: travels, speeds, accelerations, and what the control can take."""
+"""Machines as TOML files: axes and the order in which they carry each other, bodies, and what the control can take."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
+from cuspline.shop.kinematics import Chain
 from cuspline.values.input_files import checked, toml_of
-from cuspline.values.models import Coordinate, Model, Point
+from cuspline.values.models import Coordinate, Model, Point, one_of
 from cuspline.values.units import MM
 
+BED = "bed"                         # stands still, between what moves the part and what moves the tool
+UPRIGHT = (0.0, 0.0, 1.0)
+ALONG = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": UPRIGHT}
+ROTARIES = "ABC"
+MOST_TURNS = 40
+PARALLEL = 1e-3                     # sine of the angle below which two directions count as one
 
-class LinearAxis(Model):
-    """One linear axis in machine coordinates."""
 
+class Sparse(Model):
+    """What a file leaves out is left out where the value is written out again: keys that came later change no older file."""
+
+    LEFT_OUT: ClassVar[tuple[str, ...]] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_usual(self, dump):
+        usual = {name: type(self).model_fields[name].default for name in self.LEFT_OUT}
+        return {k: v for k, v in dump(self).items() if k not in usual or getattr(self, k) != usual[k]}
+
+
+class LinearAxis(Sparse):
+    """One linear axis in machine coordinates: it counts as the tool moves, seen from the part."""
+
+    LEFT_OUT = ("direction",)
     min_mm: Coordinate
     max_mm: Coordinate
     rapid_mm_per_min: float = Field(gt=0, description="largest axis speed")
     acceleration_mm_per_s2: float = Field(gt=0)
+    direction: Point | None = Field(default=None, description="of the tool, seen from the part; left out: along its letter")
 
     @model_validator(mode="after")
     def _travel_is_positive(self):
@@ -25,19 +47,85 @@ class LinearAxis(Model):
         return self
 
 
+class RotaryAxis(Model):
+    """One rotary axis: where it is and which way it turns while every axis stands at 0."""
+
+    direction: Point = Field(description="what it carries, table or head, turns right-handed about this, machine coordinates")
+    pivot_mm: Point = Field(description="a point of its axis, machine coordinates, where the spindle nose is 0 0 0")
+    offset_mm: Point = Field(default=(0.0, 0.0, 0.0), description="measured: how far its axis is from pivot_mm")
+    min_deg: float | None = Field(default=None, description="left out with max_deg: it turns without end")
+    max_deg: float | None = None
+    rapid_deg_per_min: float = Field(gt=0, description="largest axis speed")
+    acceleration_deg_per_s2: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _range_is_positive(self):
+        if (self.min_deg is None) != (self.max_deg is None):
+            raise ValueError("min_deg and max_deg go together; leave both out for an axis that turns without end")
+        if self.min_deg is not None and self.max_deg <= self.min_deg:
+            raise ValueError(f"max_deg {self.max_deg} must exceed min_deg {self.min_deg}")
+        if self.min_deg is not None and self.max_deg - self.min_deg > 360 * MOST_TURNS:
+            raise ValueError(f"a range of more than {MOST_TURNS} turns: leave out min_deg and max_deg")
+        if not sum(v * v for v in self.direction) > 0:
+            raise ValueError("its direction has no length")
+        return self
+
+
+class Box(Model):
+    """A body between two corners, machine coordinates, every axis at 0."""
+
+    TOLD_BY: ClassVar[str] = "low_mm"
+    low_mm: Point
+    high_mm: Point
+
+    @model_validator(mode="after")
+    def _has_size(self):
+        if not all(a < b for a, b in zip(self.low_mm, self.high_mm)):
+            raise ValueError("high_mm must exceed low_mm in X, Y and Z")
+        return self
+
+
+class Cylinder(Model):
+    """A round body from the middle of its foot along its axis."""
+
+    TOLD_BY: ClassVar[str] = "foot_mm"
+    foot_mm: Point
+    axis: Point = UPRIGHT
+    height_mm: float = Field(gt=0)
+    diameter_mm: float = Field(gt=0)
+
+
+class StepBody(Model):
+    """A body out of a STEP file, drawn in machine coordinates with every axis at 0."""
+
+    TOLD_BY: ClassVar[str] = "step"
+    step: str = Field(description="the file, seen from the machine's")
+
+
+class Body(Model):
+    """Something of the machine that moves with one of its axes: table, trunnion, fixture plate, head."""
+
+    name: str
+    link: str = Field(description="axis that it moves with, or \"bed\"")
+    colour: Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")] = "#8a9099"
+    shape: one_of(Box, Cylinder, StepBody)
+
+
 class Spindle(Model):
     min_rpm: float = Field(gt=0)
     max_rpm: float = Field(gt=0)
 
 
-class Control(Model):
+class Control(Sparse):
     """What the controller accepts."""
 
+    LEFT_OUT = ("sub_programs", "decimals_deg")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
     decimals_inch: int = Field(default=5, ge=1, le=7)
     decimals_feed: int = Field(default=1, ge=0, le=3)
+    decimals_deg: int = Field(default=4, ge=2, le=7, description="of rotary words, which are degrees in either unit")
     line_length: int = Field(default=252, ge=40, description="longest block the control takes, characters")
     program_store_bytes: int = Field(gt=0)
     sub_programs: bool = Field(default=True, description="repeated passes as sub-programs and calls; false: move by move")
@@ -46,11 +134,6 @@ class Control(Model):
                                      "Fanuc control for G64 (corners, smoothing)")
     arc_max_radius_mm: float = Field(default=1e4, gt=0, description="flatter arcs go out as lines")
     arc_min_length_mm: float = Field(default=1e-3, gt=0, description="shorter arcs go out as lines")
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_usual(self, dump):
-        """Only a control that is to have no sub-programs says so where a machine is written out."""
-        return {k: v for k, v in dump(self).items() if (k, v) != ("sub_programs", True)}
 
     @property
     def decimals(self):
@@ -63,9 +146,13 @@ class Control(Model):
         return MM[self.units] / 10 ** self.decimals
 
 
-class Machine(Model):
-    """A three-axis mill, spindle along Z."""
+class Machine(Sparse):
+    """A mill with X, Y, Z and up to two rotary axes in any order; the spindle along Z while the rotaries stand at 0.
 
+    Z is the spindle's direction on a horizontal machine too; `upward` says which way up is.
+    """
+
+    LEFT_OUT = ("a", "b", "c", "chain", "spindle_direction", "upward", "bodies")
     name: str
     description: str
     x: LinearAxis
@@ -88,6 +175,52 @@ class Machine(Model):
     spindle_head: tuple[tuple[float, float], ...] = Field(
         default=(), description="(height_mm, diameter_mm) of cylinders above the holder's top, from below, that must not touch")
     control: Control
+    a: RotaryAxis | None = None
+    b: RotaryAxis | None = None
+    c: RotaryAxis | None = None
+    chain: tuple[str, ...] = Field(
+        default=("X", "Y", BED, "Z"),
+        description="axes from the part to the tool; what stands before \"bed\" moves the part, what stands behind it the tool")
+    spindle_direction: Point = Field(default=UPRIGHT, description="from the tip to the holder, every axis at 0")
+    upward: Literal["X", "Y", "Z"] = Field(default="Z", description="the axis along which up is: Y on a horizontal machine")
+    bodies: tuple[Body, ...] = Field(default=(), description="what is drawn and may not be run into")
+
+    @model_validator(mode="after")
+    def _chain_holds_every_axis(self):
+        wanted = sorted(["X", "Y", "Z", BED, *(letter for letter in ROTARIES if getattr(self, letter.lower()))])
+        if sorted(self.chain) != wanted:
+            raise ValueError(f"chain must hold each of {', '.join(wanted)} once, from the part to the tool; it holds "
+                             f"{', '.join(self.chain) or 'nothing'}")
+        if len(self.rotaries) > 2:
+            raise ValueError("three rotary axes: a machine has at most two that move together")
+        unknown = [f"{body.name} moves with {body.link}" for body in self.bodies if body.link not in self.chain]
+        if unknown:
+            raise ValueError(f"body {unknown[0]}, which is not in the chain {', '.join(self.chain)}")
+        return self
+
+    @model_validator(mode="after")
+    def _axes_span_what_they_should(self):
+        directions = {letter: np.array(self.direction_of(letter)) for letter in (*"XYZ", *self.rotaries)}
+        for letter, d in directions.items():
+            if not (d * d).sum() > 0:
+                raise ValueError(f"{letter.lower()}.direction has no length")
+            directions[letter] = d / np.sqrt((d * d).sum())
+        if abs((np.cross(directions["X"], directions["Y"]) * directions["Z"]).sum()) < PARALLEL:
+            raise ValueError("X, Y and Z move in one plane: correct a direction")
+        spindle = np.array(self.spindle_direction)
+        if not (spindle * spindle).sum() > 0:
+            raise ValueError("spindle_direction has no length")
+        if not self.rotaries and self.spindle_direction != UPRIGHT:
+            raise ValueError("without rotary axes the spindle points along Z: leave spindle_direction out")
+        if len(self.rotaries) == 2:
+            first, second = self.rotaries
+            if _sine(directions[first], directions[second]) < PARALLEL:
+                raise ValueError(f"{first} and {second} turn about parallel axes and lean the tool in one plane only: correct a "
+                                 "direction")
+            if _sine(directions[second], spindle) < PARALLEL:
+                raise ValueError(f"{second} turns about the tool's own axis and never leans it: correct its direction, or the "
+                                 "order of the chain")
+        return self
 
     @model_validator(mode="after")
     def _head_has_size(self):
@@ -98,6 +231,35 @@ class Machine(Model):
     @property
     def axes(self):
         return (self.x, self.y, self.z)
+
+    @property
+    def rotaries(self):
+        """Letters of the rotary axes from the part to the tool."""
+        return tuple(letter for letter in self.chain if letter in ROTARIES)
+
+    def direction_of(self, letter):
+        """Of an axis, as its file says it, or along its letter."""
+        return getattr(self, letter.lower()).direction or ALONG[letter]
+
+    @property
+    def kinematics(self):
+        """kinematics.Chain: joints to the tool in the part and back."""
+        letters = (*"XYZ", *self.rotaries)
+        turning = [getattr(self, letter.lower()) for letter in self.rotaries]
+        direction = np.array([self.direction_of(letter) for letter in letters], float)
+        spindle = np.array(self.spindle_direction, float)
+        carried = [letter for letter in self.chain if letter != BED]
+        column = lambda of_linear, of_rotary: np.array([*map(of_linear, self.axes), *map(of_rotary, turning)], float)
+        radians = lambda degrees, beyond: beyond if degrees is None else np.radians(degrees)
+        return Chain(
+            letters=letters, order=[letters.index(letter) for letter in carried], bed=self.chain.index(BED),
+            direction=direction / np.sqrt((direction ** 2).sum(axis=1))[:, None],
+            pivot_mm=np.vstack([np.zeros((3, 3)), *(np.add(r.pivot_mm, r.offset_mm) for r in turning)]),
+            spindle=spindle / np.sqrt((spindle ** 2).sum()),
+            low=column(lambda a: a.min_mm, lambda r: radians(r.min_deg, -np.inf)),
+            high=column(lambda a: a.max_mm, lambda r: radians(r.max_deg, np.inf)),
+            speed=column(lambda a: a.rapid_mm_per_min / 60, lambda r: np.radians(r.rapid_deg_per_min) / 60),
+            acceleration=column(lambda a: a.acceleration_mm_per_s2, lambda r: np.radians(r.acceleration_deg_per_s2)))
 
     @property
     def tool_change_height_mm(self):
@@ -114,7 +276,22 @@ def machine_from_toml(path):
         InputError: missing, broken TOML, or values out of range; names every key that is wrong.
     """
     machine = checked(Machine, toml_of(path, "machine file"), f"machine file {path}")
-    if not machine.control.post.endswith(".py"):
-        return machine
-    post = str(Path(path).parent / machine.control.post)
-    return machine.model_copy(update={"control": machine.control.model_copy(update={"post": post})})
+    beside, changed = Path(path).parent, {}
+    if machine.control.post.endswith(".py"):
+        changed["control"] = machine.control.model_copy(update={"post": str(beside / machine.control.post)})
+    if any(isinstance(body.shape, StepBody) for body in machine.bodies):
+        changed["bodies"] = tuple(_with_file(body, beside) for body in machine.bodies)
+    return machine.model_copy(update=changed) if changed else machine
+
+
+def _with_file(body, folder):
+    """A body whose STEP file is seen from where we are."""
+    if not isinstance(body.shape, StepBody):
+        return body
+    return body.model_copy(update={"shape": StepBody(step=str(folder / body.shape.step))})
+
+
+def _sine(u, v):
+    """Of the angle between two directions."""
+    across = np.cross(u, v)
+    return np.sqrt((across ** 2).sum() / ((u ** 2).sum() * (v ** 2).sum()))

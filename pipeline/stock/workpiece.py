@@ -16,6 +16,7 @@ from cuspline.values.errors import SimulationError
 from cuspline.values.frames import Frame
 
 SAME_MM = 1e-7            # a depth found again deeper by less is the same
+HELD_MM = 1e-3            # the part may stand out of its stock by the kernel's own tolerance
 UNCUT = -1
 ENDLESS_MM = 1e5          # beyond any stock
 
@@ -171,8 +172,15 @@ ENDLESS = BoxShape(min_mm=np.full(3, -ENDLESS_MM), max_mm=np.full(3, ENDLESS_MM)
 
 
 def _in_box(ask, cut, box, points_mm, normals, limit_mm):
-    """Deviations (n,) and rows (n,) that one setup leaves of a box along its WCS."""
-    return ask(cut.paths, *box, cut.frame.into(points_mm), cut.frame.turn_into(normals), limit_mm)
+    """Deviations (n,) and rows (n,) that one setup leaves of a box along its WCS.
+
+    What stands out of the box by no more than HELD_MM is asked for at its side: a line that runs down beside the box would
+    never meet stock, and nobody has cut that away.
+    """
+    points = cut.frame.into(points_mm)
+    held = np.clip(points, *box)
+    is_beside = np.abs(points - held).max(axis=1, initial=0.0) <= HELD_MM
+    return ask(cut.paths, *box, np.where(is_beside[:, None], held, points), cut.frame.turn_into(normals), limit_mm)
 
 
 def _in_stretch(ask, cut, stretch, points_mm, normals, limit_mm):

@@ -1,7 +1,8 @@
 """Edges of faces as rational polynomial pieces in power form, laid out like patches of degree (n, 0).
 
-A cutter that rests on an edge or a corner touches one of these; ends of pieces count, so corners need no kind
-of their own, except where an edge has shrunk to a point (the apex of a cone): there a piece of degree 0 stands.
+A cutter that rests on an edge, on a crease within a face, or on a corner touches one of these; ends of pieces count, so
+corners need no kind of their own, except where an edge has shrunk to a point (the apex of a cone): there a piece of
+degree 0 stands.
 """
 
 from dataclasses import dataclass
@@ -14,13 +15,14 @@ from OCP.GeomConvert import GeomConvert
 from OCP.TopExp import TopExp
 
 from cuspline.kernel.brep import edges_of_faces
+from cuspline.surfaces.creases import proud_curves
 from cuspline.surfaces.patches import span_powers
 from cuspline.values.arrays import frozen
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EdgeCurves:
-    """Polynomial pieces of all edges, millimetres, parameter -1..1 along each piece."""
+    """Polynomial pieces of all edges and proud creases, millimetres, parameter -1..1 along each piece."""
 
     coefficients: np.ndarray    # (c,) as in PatchSet
     piece: np.ndarray           # (p, 5) int: a face it borders, offset, degree, 0, is rational
@@ -29,8 +31,10 @@ class EdgeCurves:
     def of_faces(cls, faces):
         """Pieces of the edges of `brep.Face` values; an edge that several of them share comes once."""
         coefficients, rows, at = [], [], 0
-        for (face, edge), *_ in edges_of_faces(faces, with_points=True):
-            for powers in curve_spans(edge):
+        lines = [(face, curve_spans(edge)) for (face, edge), *_ in edges_of_faces(faces, with_points=True)]
+        lines += [(k, _spans(*crease)) for k, face in enumerate(faces) for crease in proud_curves(face)]
+        for face, spans in lines:
+            for powers in spans:
                 rational = np.abs(powers[1:, 3]).max(initial=0.0) > 1e-14 * powers[0, 3]
                 rows.append((face, at, len(powers) - 1, 0, int(rational)))
                 coefficients.append(powers.ravel() if rational else (powers / powers[0, 3]).ravel())
@@ -48,7 +52,12 @@ def curve_spans(edge):
     if not BRep_Tool.IsGeometric_s(edge) or BRep_Tool.Curve_s(edge, 0.0, 1.0) is None:
         BRepLib.BuildCurve3d_s(edge)
     first, last = BRep_Tool.Range_s(edge)
-    spline = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(BRep_Tool.Curve_s(edge, first, last), first, last))
+    return _spans(BRep_Tool.Curve_s(edge, first, last), first, last)
+
+
+def _spans(curve, first, last):
+    """`curve_spans` of a stretch of the kernel's curve."""
+    spline = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(curve, first, last))
     if spline.IsPeriodic():
         spline.SetNotPeriodic()
     count = spline.NbPoles()

@@ -15,6 +15,7 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_REVERSED
 
 from cuspline.kernel.brep import edges_of_faces
+from cuspline.surfaces.creases import creases_of
 from cuspline.values import fixed_math as fixed
 
 CONCAVE_SINE = 1e-3         # edges flatter than this angle count as smooth
@@ -52,7 +53,7 @@ def inner_edges(faces, indices):
             if edge is not None:
                 found.append(edge)
     for index in sorted(set(indices)):
-        found += _creases(faces[index], index)
+        found += _hollow_creases(faces[index], index)
     return found
 
 
@@ -133,36 +134,14 @@ def _normal_on(face, edge, parameter):
     return n / max(fixed.length(n), 1e-30) * (-1 if face.is_reversed else 1)
 
 
-def _creases(face, index):
+def _hollow_creases(face, index):
     """Hollow creases along knots at which a face's surface is only continuous."""
-    surface, found = face.nurbs, []
-    for axis, (knots, degree) in enumerate(((surface.knots_u, surface.degree_u), (surface.knots_v, surface.degree_v))):
-        values, counts = np.unique(knots, return_counts=True)
-        for knot in values[1:-1][counts[1:-1] >= degree]:
-            crease = _crease(face, index, axis, float(knot), values[-1] - values[0])
-            if crease is not None:
-                found.append(crease)
+    found = []
+    for crease in creases_of(face):
+        is_hollow = crease.is_inside & (crease.turn_rad > 0) & (fixed.sin(crease.turn_rad) >= CONCAVE_SINE)
+        if is_hollow.any():
+            k = int(np.where(is_hollow, crease.turn_rad, -np.inf).argmax())
+            found.append(InnerEdge(faces=(index, index), place_mm=tuple(float(x) for x in crease.point_mm[k]),
+                                   opening_deg=float(180.0 - np.degrees(crease.turn_rad[k])),
+                                   length_mm=float(crease.step_mm[is_hollow].sum())))
     return found
-
-
-def _crease(face, index, axis, knot, span):
-    u0, u1, v0, v1 = BRepTools.UVBounds_s(face.nurbs_face)
-    low, high = (v0, v1) if axis == 0 else (u0, u1)
-    along = low + (np.arange(ALONG_EDGE * 8) + 0.5) / (ALONG_EDGE * 8) * (high - low)
-    across = np.full_like(along, knot)
-    at = lambda shift: (across + shift, along) if axis == 0 else (along, across + shift)
-    hair = 1e-9 * span
-    inside = face.is_inside(*at(0.0))
-    before, after = face.shape_at(*at(-hair)), face.nurbs.derivatives(*at(hair))
-    normal_after = face.shape_at(*at(hair)).normal
-    into = after[:, 1 + axis] / np.maximum(np.linalg.norm(after[:, 1 + axis], axis=1), 1e-300)[:, None]
-    rises = np.einsum("ij,ij->i", before.normal, into)
-    angle = fixed.arctan2(np.linalg.norm(np.cross(before.normal, normal_after), axis=1),
-                       np.einsum("ij,ij->i", before.normal, normal_after))
-    is_hollow = inside & (rises > 0) & (fixed.sin(angle) >= CONCAVE_SINE)
-    if not is_hollow.any():
-        return None
-    k = int(np.where(is_hollow, angle, -np.inf).argmax())
-    steps = np.linalg.norm(after[:, 2 - axis], axis=1) * (high - low) / len(along)
-    return InnerEdge(faces=(index, index), place_mm=tuple(float(x) for x in before.point_mm[k]),
-                     opening_deg=float(180.0 - np.degrees(angle[k])), length_mm=float(steps[is_hollow].sum()))

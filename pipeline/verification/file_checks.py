@@ -109,7 +109,7 @@ def changed_job(folder, job, published):
                            f"{mend}")
         return
     wanted = job_line(digest_of(published.job)).encode()
-    for name in (name for item in job.posted for name in item.files):
+    for name in job.program_names:
         path = Path(folder) / name
         said = JOB_LINE.search(path.read_bytes()) if path.is_file() else None
         if said[1] != wanted if said else path.is_file() and published.job_fields:

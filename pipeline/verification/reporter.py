@@ -14,6 +14,8 @@ EXCESS_ADVICE = ("lower `scallop_mm` of the setup's operation for closer passes,
                  "--cutters")
 MISSING_ADVICE = ("give its face to an operation of the setup (`faces`), or add a ball to the file of --cutters that "
                   "is smaller, or sticks out farther")
+LOOKED_CLOSER = ("and it stayed when both looked twice as closely; do not cut, keep the folder and report this as a fault of "
+                 "cuspline")
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
 MISSED_MM2 = 1.0
 SEEN_PITCHES = 3.0        # a body narrower than this many pitches may slip through the grid
@@ -130,7 +132,7 @@ class Reporter:
                 yield Finding(kind="verifiers_disagree", amount_mm=rounded(body.depth_mm), place_mm=body.place_mm,
                               operation="", line=0, setup=self.setup,
                               advice=f"the solids show a body of {body.kind}, {body.volume_mm3:.6f} mm³, "
-                              f"{length(body.depth_mm)} deep, that no sample point shows: reduce spacing_mm")
+                              f"{length(body.depth_mm)} deep, that no sample point shows: {LOOKED_CLOSER}")
 
     def _seen_in(self, kind):
         """Residuals that a body of that kind must show in."""
@@ -155,7 +157,7 @@ class Reporter:
                     worst = group[np.abs(d[group]).argmax()]
                     yield self._finding("verifiers_disagree", found, worst, abs(d[worst]),
                                         f"sample points show {kind} of {length(d[worst])} that the solids do not "
-                                        "show: reduce solid_pitch_mm")
+                                        f"show: {LOOKED_CLOSER}")
 
 
 def _runs(moves):

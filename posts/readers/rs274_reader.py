@@ -24,6 +24,7 @@ from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, refuse_text_after
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on
 from cuspline.posts.readers.rs274_tools import read_tool_table
+from cuspline.program.joint_sweeps import JointBlocks
 from cuspline.program.posted import PostedMoves, Remark, Stop
 from cuspline.program.program import Kind, Plane
 
@@ -42,7 +43,7 @@ RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local
               path_tolerance_mm=inf)
 
 
-def read_program(text, *, work_offsets, tool_lengths):
+def read_program(text, *, work_offsets, tool_lengths, chain=None):
     """The moves of an RS-274 program.
 
     Args:
@@ -50,6 +51,9 @@ def read_program(text, *, work_offsets, tool_lengths):
         work_offsets: {"G54": (x, y, z)} machine coordinates of each WCS origin, mm; the machine
             coordinates of a WCS that is not listed stay NaN.
         tool_lengths: {number: length offset, or offsets (x, y, z), mm}; a tool that is not listed is refused.
+        chain: kinematics.Chain of a machine with rotary axes: the control runs its joints evenly through every block, and
+            the moves are what the tip and the tool's axis do then, in as many pieces as it takes; rotary words are degrees
+            in either unit, and the work offset turns nothing.
     Returns:
         PostedMoves.  The spindle speed is negative while M4 turns it backwards.  What a move relies on
         before the text has said it, and a length offset that is not that of the tool in the spindle, are remarks.
@@ -61,7 +65,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     ([9.0, 2.0, 3.0], [2, 3])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain)
     end = controller.run(executed(blocks))
     if end is not None:
         refuse_text_after(blocks, end)
@@ -73,11 +77,16 @@ def read_program(text, *, work_offsets, tool_lengths):
 class Controller:
     """The modal state, block after block, and the moves made so far."""
 
-    def __init__(self, work_offsets, tool_lengths, rules):
-        """`rules`: rs274_modes.Rules of the control."""
+    def __init__(self, work_offsets, tool_lengths, rules, chain=None):
+        """`rules`: rs274_modes.Rules of the control.   chain: kinematics.Chain; None: three axes."""
         self.rules, self.code_of = rules, rules.code_of
-        self.taken_by_motion = {"": TAKEN_ALWAYS | MOVING_LETTERS} | {
-            code.name: TAKEN_ALWAYS | set("xyz") | code.takes for code in (self.code_of("g", k) for k in range(4))}
+        self.chain, self.rotaries = chain, () if chain is None else tuple(c.lower() for c in chain.rotaries)
+        self.turned = self.turned_before = (nan,) * len(self.rotaries)      # degrees; where the move under way began
+        self.minutes = 0.0                  # that it takes
+        self.moving = MOVING_LETTERS.union(self.rotaries)
+        self.taken_by_motion = {"": TAKEN_ALWAYS | self.moving} | {
+            code.name: TAKEN_ALWAYS | set("xyz") | set(self.rotaries) | code.takes
+            for code in (self.code_of("g", k) for k in range(4))}
         self.work_offsets = work_offsets
         self.tool_offsets = {n: NO_OFFSET[:2] + (float(v),) if np.ndim(v) == 0 else tuple(map(float, v))
                              for n, v in tool_lengths.items()}
@@ -100,6 +109,7 @@ class Controller:
         self.line, self.call_line, self.is_machine_move = 0, 0, False
         self.ended = False
         self.rows = array("d")              # COLUMNS a move
+        self.joint_rows = array("d")        # of a machine with rotaries: angles before and after, minutes, length, zero
         self.stops = []                     # posted.Stop
 
     # words ------------------------------------------------------------------------------------------
@@ -146,7 +156,7 @@ class Controller:
         """The block's codes in the order of execution, with the move where there is one."""
         motion = next((code.name for code in codes if code.group == "motion"), "")
         of_axes = [code.name for code in codes if not code.takes.isdisjoint("xyz")]
-        is_move = motion or not (of_axes or MOVING_LETTERS.isdisjoint(values))
+        is_move = motion or not (of_axes or self.moving.isdisjoint(values))
         if len(of_axes) + bool(motion) > 1:
             raise Complaint(f"{' and '.join([*of_axes, motion][:2])} share the axis words", "write two blocks")
         taken = self.taken_by_motion[motion or self.motion] if is_move else TAKEN_ALWAYS
@@ -317,13 +327,41 @@ class Controller:
         else:
             end, center, turns, length_mm = self._arc(kind == Kind.ARC_CW, start, end, values)
         feed = self._feed(length_mm, values) if kind != Kind.RAPID else 0.0
+        if self.rotaries:
+            self.turned = self._turned_end(kind, values)
+            self.minutes = self._minutes(kind, length_mm)
         self._add(kind, start, end, center, turns, feed)
+
+    def _turned_end(self, kind, values):
+        """Degrees of the rotaries at the end of the move."""
+        base = [0.0 if self.is_absolute or self.is_machine_move else t for t in self.turned]
+        turned = tuple([b + values[c] if c in values else t for c, b, t in zip(self.rotaries, base, self.turned)])
+        if kind != Kind.RAPID and not isfinite(sum(turned) + sum(self.turned)):
+            unknown = " ".join(c.upper() for c, a, b in zip(self.rotaries, self.turned, turned) if not isfinite(a + b))
+            raise Complaint(f"a cutting move while nobody knows where {unknown} stands", "name every rotary axis by G0 first")
+        if kind > Kind.FEED and (any(turned) or any(self.turned)):
+            raise Complaint("an arc while a rotary axis is off 0", "write chords: the joints, not the tip, would run on the arc")
+        if any(self.tool_offset[:2]) and any(turned):
+            raise Complaint("an angle head while a rotary axis is off 0", "leave the rotary axes at 0")
+        return turned
+
+    def _minutes(self, kind, length_mm):
+        """What a cutting block takes: F is one over it under G93, else along X Y Z, or of the rotaries where these stand."""
+        if kind == Kind.RAPID:
+            return 0.0
+        if self.is_inverse_time:
+            return 1.0 / self.feed
+        return length_mm / self.feed or hypot(*(b - a for a, b in zip(self.turned_before, self.turned))) * self._unit() / self.feed
 
     def _add(self, kind, start, end, center, turns, feed):
         machine = [t + s for t, s in zip(end, self._shift())]
         self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
                           self.turning * self.speed, self.tool, self.is_length_on, *machine, self.line,
                           self.operation, self.path_tolerance_mm, self.speed_line, self.call_line))
+        if self.rotaries:
+            length_mm = self.tool_offsets[self.tool][2] if self.tool else self.tool_offset[2]
+            self.joint_rows.extend((*self.turned_before, *self.turned, self.minutes, length_mm, *self.offset))
+            self.turned_before, self.minutes = self.turned, 0.0
         self.tip = end
 
     def _shift(self):
@@ -450,13 +488,22 @@ class Controller:
         table = np.frombuffer(self.rows).reshape(-1, COLUMNS)
         (kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line, operation, tolerance,
          speed_line, call_line) = np.split(table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23), axis=1)
-        return PostedMoves(
+        read = PostedMoves(
             kind=kind[:, 0], start_mm=start, end_mm=end, center_mm=center, plane=plane[:, 0], turns=turns[:, 0],
             feed_mm_per_min=feed[:, 0], spindle_rpm=speed[:, 0], tool=tool[:, 0],
             length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
             operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
             path_tolerance_mm=tolerance[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
             remarks=tuple(self.remarks), stops=tuple(self.stops))
+        return read.through_joints(self.chain, self._joint_blocks(start, end, machine)) if self.rotaries else read
+
+    def _joint_blocks(self, start, end, machine):
+        """JointBlocks of all moves."""
+        r = len(self.rotaries)
+        before, after, minutes, length, origin = np.split(
+            np.frombuffer(self.joint_rows).reshape(-1, 2 * r + 5), (r, 2 * r, 2 * r + 1, 2 * r + 2), axis=1)
+        return JointBlocks(start_mm=machine - (end - start), end_mm=machine, start_deg=before, end_deg=after,
+                           length_mm=length[:, 0], origin_mm=origin, minutes=minutes[:, 0])
 
 
 def _refuse_unused(letters):

@@ -1,4 +1,4 @@
-"""Post for LinuxCNC (RS-274/NGC), three axes; repeated passes as O-word sub-programs.
+"""Post for LinuxCNC (RS-274/NGC), three axes, and two rotaries solved in joints; repeated passes as O-word sub-programs.
 
 Facts of the controller that this post respects: units on a line of their own before anything else; every line
 below the machine's line length; a path tolerance always with G64 (a bare G64 cuts corners by millimetres); arc
@@ -6,6 +6,7 @@ radii compared after rounding, arcs it would refuse cut into chords; sub-program
 end.
 """
 
+from cuspline.posts.writers.joint_words import LEANING_BLEND_SHARE, leans
 from cuspline.posts.writers.program_files import Dialect, posted
 from cuspline.posts.writers.sub_programs import Variables
 from cuspline.posts.writers.words import INCH_MM, UNIT_WORD, in_brackets
@@ -49,7 +50,7 @@ def tool_table(tools, control):
 class _LinuxCNC(Dialect):
     """O-words; #1 to #30 are a call's own."""
 
-    point, end = "", "M2"
+    point, end, knows_rotaries = "", "M2", True
     variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
 
     def head(self, writer, program, file_number):
@@ -59,7 +60,8 @@ class _LinuxCNC(Dialect):
             writer.comment(line)
         writer.block(UNIT_WORD[control.units])
         writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80", "G92.1")
-        writer.block("G64", "P" + writer.length(BLEND_SHARE * control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
+        share = LEANING_BLEND_SHARE if any(leans(o.moves) for o in program.operations) else BLEND_SHARE
+        writer.block("G64", "P" + writer.length(share * control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
         writer.block(program.wcs)
 
     def up(self, writer):

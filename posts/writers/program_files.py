@@ -3,7 +3,8 @@
 It is split at restart points, and among plain moves where the tool stands at the clearance height.
 
     head        comments, known state                         )
-    operation   tool, spindle, sub-programs, registers, start  ) in every file of a set
+    operation   tool, rotary axes, spindle, sub-programs,      )
+                registers, start                               ) in every file of a set
     passes      restart point, calls, restart point, calls ...   as many as the store takes
     foot        spindle off, up, end
 """
@@ -12,6 +13,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
+from cuspline.posts.writers.joint_words import PlainMoves, SolvedMoves, leans
 from cuspline.posts.writers.sub_programs import (
     SubPrograms,
     Variables,
@@ -24,6 +26,7 @@ from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lin
 from cuspline.program.program import TILT_RAD
 from cuspline.values.errors import PostError
 
+HEIGHT_MM = 1e-6         # below the clearance height that is rounding
 LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
 
 
@@ -34,6 +37,7 @@ class Dialect(ABC):
     end: str                    # the word that ends the program
     variables: Variables
     comment = staticmethod(in_brackets)     # how a text is told to the operator alone
+    knows_rotaries = False                  # whether it writes rotary words
 
     @abstractmethod
     def head(self, writer, program, file_number):
@@ -81,7 +85,7 @@ def posted(program, machine, dialect):
     """
     files = _Files(program, machine, dialect)
     for number, operation in enumerate(program.operations, 1):
-        if operation.passes is not None and machine.control.sub_programs:
+        if operation.passes is not None and machine.control.sub_programs and not leans(operation.moves):
             files.add_passes(operation, number)
         else:
             files.add_moves(operation, number)
@@ -92,6 +96,9 @@ class _Files:
     """Files closed so far and the one being written."""
 
     def __init__(self, program, machine, dialect):
+        if machine.rotaries and not dialect.knows_rotaries:
+            raise PostError(f"{machine.name} has the rotary axes {' and '.join(machine.rotaries)}, and the post "
+                            f"{machine.control.post} writes no rotary words: choose another post, or a machine without them")
         self.program, self.machine, self.dialect = program, machine, dialect
         self.subs = SubPrograms(program, dialect.variables)
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
@@ -101,7 +108,7 @@ class _Files:
         self._open()
 
     def _open(self):
-        self.writer = Writer(self.machine, self.dialect.point, self.dialect.comment)
+        self.writer = Writer(self.machine, self.dialect.point, self.dialect.comment, self.machine.rotaries)
         self.defined, self.under_way = set(), None
         self.counted, self.counted_bytes = (0, 0), 0        # lines and tail; what they take
         self.dialect.head(self.writer, self.program, len(self.texts) + 1)
@@ -123,31 +130,36 @@ class _Files:
     def add_moves(self, operation, number):
         """An operation move by move; where the store is full, a new file begins at the clearance height."""
         moves, before = operation.moves, self.writer.state()
-        self._begin(operation, number, is_alone=False)
-        self._go_to_start(moves.start_mm)
-        high = np.flatnonzero(moves.starts_mm[:, 2] >= self.program.clearance_z_mm - 1e-6)
+        self._refuse_what_cannot_be_held(operation)
+        laid = SolvedMoves(operation, self.machine) if leans(moves) else PlainMoves(moves, self.machine.rotaries)
+        self._begin(operation, number, is_alone=False, laid=laid)
+        self._go_to_start(laid.start_mm)
+        high = np.flatnonzero(self._heights_mm(operation, moves.starts_mm) >= 0)
         bounds = [0, *high[high > 0].tolist(), len(moves)]
         for first, end in zip(bounds[:-1], bounds[1:]):
-            self._write(moves, first, end)
+            laid.write(self.writer, first, end)
             # the first stretch of a program stays where it is: nothing before it could be closed
             if (first or number > 1) and not self._is_within_store():
                 self.writer.go_back_to(before)
                 self._close()
                 self._open()
-                self._begin(operation, number, is_alone=True)
-                self._go_to_start(moves.starts_mm[first])
-                self._write(moves, first, end)
+                self._begin(operation, number, is_alone=True, laid=laid, first=first)
+                self._go_to_start(laid.starts_mm[first])
+                laid.write(self.writer, first, end)
             before = self.writer.state()
 
-    def _write(self, moves, first, end):
-        columns = (moves.kind, moves.end_mm, moves.center_mm, moves.plane, moves.feed_mm_per_min)
-        for row in zip(*(column[first:end].tolist() for column in columns)):       # plain numbers are written faster
-            self.writer.move(*row)
+    def _refuse_what_cannot_be_held(self, operation):
+        """A tilted axis without rotaries; an angle head, which holds its tool its own way, with them."""
+        _refuse_tilted(operation, self.machine)
+        if self.machine.rotaries and operation.tool.head is not None:
+            raise PostError(f"operation {operation.name}: T{operation.tool.number} is in an angle head, which goes with no rotary "
+                            f"axes; {self.machine.name} has {' and '.join(self.machine.rotaries)}")
 
     def add_passes(self, operation, number):
         """An operation as calls; where the store is full, a new file begins at a restart point."""
         passes = operation.passes
         self.under_way = None
+        self._refuse_what_cannot_be_held(operation)
         for span in calls_between(passes):
             if self._try(operation, number, span):
                 continue
@@ -166,7 +178,7 @@ class _Files:
         """Write the passes of one span; False and nothing written where the file would be too long for the store."""
         writer, before = self.writer, self.writer.state()
         if self.under_way is not operation:
-            self._begin(operation, number, is_alone=True)
+            self._begin(operation, number, is_alone=True, laid=PlainMoves(operation.moves, self.machine.rotaries))
             self._prepare(operation, operation.passes)
             self.under_way = operation
             if self.texts:
@@ -198,15 +210,19 @@ class _Files:
             self.writer.block(self.dialect.setting(block, comment.upper()))
         self._go_to_start(np.array(passes.start_mm))
 
-    def _begin(self, operation, number, is_alone):
-        """Tool change at the top of the machine, spindle and length offset before anything moves down."""
+    def _begin(self, operation, number, is_alone, laid, first=0):
+        """Tool change at the top of the machine, rotaries, spindle and length offset before anything moves down.
+
+        laid: PlainMoves or SolvedMoves.   first: move with which it begins here.
+        """
         writer, tool, spindle = self.writer, operation.tool, self.machine.spindle
         if not spindle.min_rpm <= operation.spindle_rpm <= spindle.max_rpm:
             raise PostError(f"operation {operation.name}: {operation.spindle_rpm:.0f} rpm, the spindle of "
                             f"{self.machine.name} runs {spindle.min_rpm:.0f} to {spindle.max_rpm:.0f} rpm")
-        self._check_heights(operation.moves)
-        _refuse_tilted(operation, self.machine)
+        self._check_heights(operation)
         writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
+        for line in laid.notes:
+            writer.comment(line)
         if writer.tool != tool.number or is_alone:      # an operation with restart points brings all that it needs
             writer.block("M5")
             writer.block("M9")
@@ -214,16 +230,38 @@ class _Files:
             writer.block(f"T{tool.number}", "M6")
             self.dialect.length_on(writer, tool)
             writer.tool = tool.number
+            writer.turn_words = [None] * len(writer.rotaries)
+        self._turn(laid.turned_deg[first], is_at_top=None in writer.turn_words)
         writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
         writer.block(COOLANT_WORD[operation.coolant])
         writer.forget_position()
 
-    def _check_heights(self, moves):
+    def _turn(self, degrees, is_at_top):
+        """Rotaries to their angles, at the top of the machine; all of them are named after a tool change."""
+        writer = self.writer
+        before = list(writer.turn_words)
+        words = writer.turned(degrees)
+        if not is_at_top and (words or any(degrees)):       # at an angle, no way across is clear but the top
+            self.dialect.up(writer)
+            writer.turn_words = before
+            words = writer.turned(degrees)
+        if words:
+            writer.block("G53", "G0", *words)
+
+    def _heights_mm(self, operation, places_mm):
+        """(n,) how far places are above the height from which rapids across run: along Z, or the axis of an indexed position."""
+        if operation.level_mm is None:
+            return places_mm[:, 2] - self.program.clearance_z_mm + HEIGHT_MM
+        return (places_mm * operation.moves.axis[0]).sum(axis=1) - operation.level_mm + HEIGHT_MM
+
+    def _check_heights(self, operation):
         """An operation starts and ends above the work."""
-        clearance = self.program.clearance_z_mm
-        for what, z in (("starts", moves.start_mm[2]), ("ends", moves.end_mm[-1, 2] if len(moves) else np.inf)):
-            if z < clearance - 1e-6:
-                raise PostError(f"an operation {what} at Z{z:.3f}, below the clearance height "
+        moves = operation.moves
+        for what, place in (("starts", moves.start_mm), ("ends", moves.end_mm[-1] if len(moves) else moves.start_mm)):
+            low = -self._heights_mm(operation, place[None])[0]
+            if low > 0:
+                clearance = self.program.clearance_z_mm if operation.level_mm is None else operation.level_mm
+                raise PostError(f"an operation {what} at Z{clearance - low - HEIGHT_MM:.3f}, below the clearance height "
                                 f"Z{clearance:.3f}: begin and end operations above the work")
 
     def _go_to_start(self, start_mm):
@@ -238,6 +276,8 @@ class _Files:
 
 def _refuse_tilted(operation, machine):
     """A machine without rotary axes holds every tool upright; written out, a tilted axis would be cut upright."""
+    if machine.rotaries:
+        return
     tilt = operation.moves.tilt_rad
     rows = np.flatnonzero(~(tilt <= TILT_RAD))
     if len(rows):

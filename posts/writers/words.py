@@ -14,6 +14,7 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PostError
 
 INCH_MM = 25.4
+INVERSE_DECIMALS = 4        # of a feed under G93, 1/min
 # LinuxCNC refuses an arc whose radii at start and end differ by more than 0.0283 mm and 0.1 %
 # (0.0014 in); a tenth of that leaves room for what other versions and controls may ask
 ARC_RADIUS_MISMATCH_MM = 0.00283
@@ -58,11 +59,12 @@ def in_brackets(text):
 class Writer:
     """Lines so far and the modal state that the control is in."""
 
-    def __init__(self, machine, point="", comment=in_brackets):
+    def __init__(self, machine, point="", comment=in_brackets, rotaries=()):
         """
         Args:
             point: what a control wants behind a number without decimals: "" nothing, "." a point.
             comment: function text -> the line that a control passes over.
+            rotaries: letters of the rotary axes.
         """
         self.machine, self.point, self.comment_of = machine, point, comment
         control = machine.control
@@ -74,11 +76,14 @@ class Writer:
         self.here_mm = np.zeros(3)
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
         self.plane, self.feed = Plane.XY, None
+        self.rotaries = rotaries
+        self.turn_words = [None] * len(rotaries)       # of the rotary axes; None: nobody knows where they stand
         self.forget_position()
 
     def state(self):
         """What `go_back_to` needs to forget all that is written from here on."""
-        return len(self.lines), len(self.tail), {**self.__dict__, "axis_words": list(self.axis_words)}
+        return len(self.lines), len(self.tail), {**self.__dict__, "axis_words": list(self.axis_words),
+                                                 "turn_words": list(self.turn_words)}
 
     def go_back_to(self, state):
         """Forget what was written since."""
@@ -124,6 +129,29 @@ class Writer:
                 out.append("XYZ"[k] + text)
                 self.axis_words[k] = text
         return out
+
+    def turned(self, degrees):
+        """Rotary words that differ from where the control stands; degrees in either unit."""
+        out = []
+        for k, letter in enumerate(self.rotaries):
+            text = self.number(degrees[k], self.machine.control.decimals_deg)
+            if text != self.turn_words[k]:
+                out.append(letter + text)
+                self.turn_words[k] = text
+        return out
+
+    def joint_move(self, motion, point_mm, degrees, more=()):
+        """A block that runs joints evenly; `more` words stand behind, and alone where a feed goes nowhere."""
+        self.largest_rounding_mm = max(self.largest_rounding_mm, math.dist([self.rounded_mm(v) for v in point_mm], point_mm))
+        words = [*self.words(point_mm), *self.turned(degrees)]
+        if words:
+            self.block(*self._motion(motion), *words, *more)
+        self.here_mm = np.asarray(point_mm)
+
+    def inverse_time(self, seconds):
+        """The F word's number under G93: one over the minutes, rounded to the slower side."""
+        scale = 10 ** INVERSE_DECIMALS
+        return self.number(max(math.floor(60.0 / seconds * scale), 1) / scale, INVERSE_DECIMALS)
 
     def move(self, kind, end_mm, center_mm, plane, feed):
         self.largest_rounding_mm = max(self.largest_rounding_mm,

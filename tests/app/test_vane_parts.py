@@ -207,3 +207,15 @@ def test_a_disc_below_the_machines_table_is_found(tmp_path):
                        around=Surroundings(machine=machine))
         depth.append([f.amount_mm for f in found.findings if "table" in f.advice])
     assert depth[0] == [] and max(depth[1]) == pytest.approx(2.0, abs=0.01)
+
+
+def test_where_a_vane_opens_steeply_sections_take_what_arcs_cannot_reach_with_the_jaws_clear(tmp_path):
+    """The first 30 mm: whole strokes there lead ball and holder into jaws and stock."""
+    design, folder = made(tmp_path / "out", "to_mm=30", "axis_height_mm=100", "grip_mm=25", "strategy=transverse_arcs",
+                          "rest=sections", stage="gcode")
+    operations = json.loads((folder / "plan.json").read_text())["setups"][0]["operations"]
+    assert [o["name"] for o in operations] == ["rough", "rough passes", "finish", "rest semi-finish", "rest finish"]
+    coarse = Options(spacing_mm=0.25, solid_pitch_mm=0.4, replay_pitch_mm=0.5)
+    verify = judge(folder, read_job(folder), options=coarse).as_dict(())
+    assert verify["ok"] and verify["excess_proven_mm"] <= 0.013
+    assert verify["area_reached_mm2"] == pytest.approx(verify["area_required_mm2"])

@@ -4,9 +4,10 @@ import functools
 
 import pytest
 
-from .linuxcnc import controller, interpreter
+from .linuxcnc import controller, interpreter, kinematics
 
-REASONS = {"linuxcnc": functools.cache(interpreter.missing), "controller": functools.cache(controller.missing)}
+REASONS = {"linuxcnc": functools.cache(interpreter.missing), "controller": functools.cache(controller.missing),
+           "kinematics": functools.cache(kinematics.missing)}
 
 
 def pytest_runtest_setup(item):

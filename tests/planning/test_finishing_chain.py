@@ -131,6 +131,18 @@ def test_a_library_without_a_ball_is_refused(grooved):
         choose_finishing(flat, *grooved, 0.0, work())
 
 
+def test_gaps_too_narrow_for_every_ball_are_called_so_and_no_stick_out_is_blamed():
+    block = cq.Workplane("XY").box(30, 20, 8, centered=False)
+    slot = the_solid(block.cut(cq.Workplane("XY").box(20, 1.5, 3).translate((15, 10, 8))))
+    faces, mesh = faces_of(slot), planning_mesh(slot, 0.01)
+    floor = [k for k, f in enumerate(faces) if abs(f.middle.point_mm[0, 2] - 6.5) < 1e-6]
+    assert len(floor) == 1
+    samples = sample_faces(faces, floor, 0)
+    with pytest.raises(CutterDoesNotFit, match=r"T6 .* gets in nowhere.*narrower than the smallest, radius 1\.000 mm") as error:
+        choose_finishing(SHOP, samples, DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles), 0.0, work())
+    assert "stick-out" not in str(error.value)
+
+
 def test_one_ball_for_all_keeps_its_choice_and_now_says_its_numbers(grooved):
     samples, mesh = grooved
     chosen, candidates, reach = choose_ball(SHOP, samples, 1.5, mesh, 0.0, work())

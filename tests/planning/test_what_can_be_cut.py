@@ -10,13 +10,16 @@ import pytest
 from known_tools import tool
 
 import cuspline.posts
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox, StockSolid
+from cuspline.design.operations import Clearing
 from cuspline.planning.clean_up import _touched, why_out_of_reach
 from cuspline.planning.context import PlanningContext
-from cuspline.planning.cutter_choice import choose_roughing
+from cuspline.planning.cutter_choice import choose_roughing, leftover_rows
 from cuspline.planning.plan import plan_setup
+from cuspline.planning.roughing import RoughingStage, cleared
 from cuspline.planning.strategies.auto import Auto
 from cuspline.planning.strategies.parallel import Parallel
+from cuspline.planning.strategies.rest import Rest
 from cuspline.planning.strategies.rough import Rough
 from cuspline.planning.tool_depth import clear_tips_mm
 from cuspline.program.program import Kind
@@ -173,8 +176,60 @@ def test_a_blank_near_to_the_part_needs_no_roughing():
     assert [o.name for o in plan.operations] == ["parallel"] and plan.idle == ()
 
 
+@pytest.mark.parametrize("skin, is_rough", [(0.34, False), (0.6, True)])
+def test_clearing_whose_rounded_corner_meets_nothing_is_left_out(skin, is_rough):
+    block = cq.Workplane("XY").box(20, 20, 6).translate((0, 0, -3))
+    hollowed = lambda radius: block.cut(cq.Workplane("XY").sphere(radius).translate((0, 0, 15.5)))
+    dish = FacePredicate(name="dish", count=1, kinds=("sphere",))
+    work = context_of(part(hollowed(18.5), dish, StockSolid(solid=hollowed(18.5 - skin).val().wrapped)))
+    bull = SHOP.number(4)
+    made, _, _ = cleared(work, RoughingStage(name="rough", allowance_mm=0.3), bull, (), work.stock_mm,
+                         leftover_rows(work.samples), Clearing())
+    assert bull.cutter.corner_radius_mm == 1.0 and (made is not None) == is_rough
+
+
 def test_roughing_after_the_finish_is_idle():
     assert [f.operation for f in near_net(Parallel(), Rough()).idle] == ["rough"]
+
+
+def test_a_rest_operation_whose_tool_nobody_named_may_find_nothing():
+    assert near_net(Parallel(), Rest()).idle == ()
+    assert [f.operation for f in near_net(Parallel(), Rest(tool="ball")).idle] == ["rest"]
+
+
+@pytest.mark.parametrize("deep_mm, names", [(4.0, ["rest rough", "parallel"]), (1.0, ["parallel"])])
+def test_listed_passes_are_led_by_clearing_where_their_ball_would_cut_too_deep_a_slot(deep_mm, names):
+    block = cq.Workplane("XY").box(16, 12, 8).translate((0, 0, -4))
+    groove = cq.Workplane("YZ").center(0, 2.4 - deep_mm).circle(2.4).extrude(8, both=True)
+    open_up = cq.Workplane("XY").box(16, 4.8, 8).translate((0, 0, 6.4 - deep_mm))
+    bottom = FacePredicate(name="bottom", at_least=1, kinds=("cylinder",))
+    design = part(block.cut(groove).cut(open_up), bottom, StockBox(min_mm=(-8, -6, -8), max_mm=(8, 6, 0)), Parallel())
+    plan = plan_setup(design, design.setups[0], MACHINE, SHOP)
+    assert [o.name for o in plan.operations] == names
+    assert {o.tool.number for o in plan.operations} == {10}
+
+
+def test_a_groove_that_no_level_enters_is_semi_finished_in_layers():
+    block = cq.Workplane("XY").box(20, 12, 8).translate((0, 0, -4))
+    groove = FacePredicate(name="groove", at_least=1, kinds=("cylinder",))
+    fine = Finish(scallop_mm=0.08, profile_tolerance_mm=0.03, gouge_mm=0.03)
+    design = part(block.cut(cq.Workplane("YZ").circle(4.5).extrude(10, both=True)), groove,
+                  StockBox(min_mm=(-10, -6, -8), max_mm=(10, 6, 0)), Auto(strategy="parallel"), finish=fine)
+    *_, above, semi, finish = plan_setup(design, design.setups[0], MACHINE, SHOP).operations
+    lift = above.moves.end_mm - semi.moves.end_mm
+    assert (semi.name, finish.name) == ("semi-finish", "finish") and semi.tool.cutter.deepest_slot_mm == 4.0
+    np.testing.assert_allclose(lift, np.tile((0, 0, above.facts["lifted_mm"]), (len(lift), 1)), atol=6e-4)     # rounded there
+    assert 1.5 < above.facts["lifted_mm"] < 3.2
+
+
+def test_a_fillet_too_tight_for_every_ball_keeps_no_listed_operation_from_the_rest():
+    hole = cq.Workplane("XY").box(14, 12, 6).edges("|Z").fillet(3).faces("<Z").edges().fillet(1.0).translate((0, 0, 1))
+    floor = FacePredicate(name="inside", at_least=2, normal=(0, 0, 1), normal_within_deg=89, center_max_mm=(9, 9, -1e-3))
+    design = part(cq.Workplane("XY").box(22, 20, 8).translate((0, 0, -4)).cut(hole), floor,
+                  StockBox(min_mm=(-11, -10, -8), max_mm=(11, 10, 0)), Rough(), Parallel())
+    plan = plan_setup(design, design.setups[0], MACHINE, SHOP)
+    assert plan.operations[-1].tool.cutter.diameter_mm == 4.0
+    assert 0.3 * plan.area_required_mm2 < plan.area_reached_mm2 < 0.95 * plan.area_required_mm2
 
 
 def test_a_short_tool_is_the_last_choice():

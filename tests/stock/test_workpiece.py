@@ -202,6 +202,13 @@ def test_a_point_beside_the_stock_counts_as_cut_as_deep_as_the_stock_is_away():
     np.testing.assert_allclose(piece.deviations(points, up, 1.5)[0], [-1.5] * 3, atol=1e-6)
 
 
+@pytest.mark.parametrize("beside_mm, deviation_mm", [(1.3e-4, 0.0), (9e-4, 0.0), (0.05, -2.0)])
+def test_a_corner_that_stands_out_of_the_stock_by_the_kernels_own_tolerance_is_no_cut(beside_mm, deviation_mm):
+    points, up = np.array([[3.0, LOW[1] - beside_mm, HIGH[2]]]), np.array([[0.0, 0.0, 1.0]])
+    found = piece((ABOVE, slot_from_above())).deviations(points, up, 2.0)[0]
+    np.testing.assert_allclose(found, deviation_mm, atol=1e-9)
+
+
 def test_a_point_in_a_wall_of_the_casting_lies_in_it():
     """Lines along a wall meet its triangles or not, as rounding has it: a hair beside, both ways, is asked too."""
     piece = Workpiece(blank=overhang()).after(ABOVE, slot_from_above(11.0, y=3.0))

@@ -21,6 +21,11 @@ class Rest(Pattern):
     strategy: Literal["parallel", "constant_scallop"] = Field(default="parallel", description="how the passes run")
     angle_deg: float = Field(default=0.0, ge=-180, le=180, description="parallel: direction of the passes from +X")
 
+    @property
+    def may_be_idle(self):
+        """A smaller tool that nobody has named: where the one before leaves nothing there is none to be looked for."""
+        return self.tool is None
+
     def curves(self, field, cutter, ridge_mm):
         return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.angle_deg))
 

@@ -4,7 +4,7 @@ The main program of these passes is data and calls (pipeline/toolpaths/vane/arc_
 what they make of the rest is computed and told (pipeline/toolpaths/vane/cutter_surface.py), and the verdict measures it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -16,19 +16,22 @@ from cuspline.planning import section_finishing
 from cuspline.planning.context import FinishingStage, finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ball_reach, choose_ball, choose_side_cutter
 from cuspline.planning.roughing import roughed
+from cuspline.planning.tool_depth import clear_tips_mm
 from cuspline.replay.scene import Fixture
-from cuspline.toolpaths.vane.arc_templates import BESIDE_MM, RegisterValues, templated_passes
+from cuspline.toolpaths.vane.arc_templates import BESIDE_MM, RegisterValues, stroke_ends, templated_passes
 from cuspline.toolpaths.vane.circular_tip import CircularTip
 from cuspline.toolpaths.vane.cutter_surface import cut_map
 from cuspline.toolpaths.vane.side_cutter import refuse_interference, with_wheel
-from cuspline.toolpaths.vane.transverse_arcs import arc_steps, stretches
-from cuspline.values.errors import PlanError
+from cuspline.toolpaths.vane.transverse_arcs import arc_steps, center_x_of_contact_mm, stretches
+from cuspline.values.errors import CutterDoesNotFit, PlanError
 
 ROUGH_RIDGE_MM = 0.05       # of the rough passes
 RESTART_STEPS = 50          # a restart point every so many; even, so that each begins clockwise
 MAP_PITCH_RADII = 0.05      # along the vane, of the map that extremes are taken from
 MAP_ROWS = 500              # of it that plan.json shows
 BOX_ROUNDING_MM = 1e-6
+LOOKED_AT = 8               # planes apart, of those whose strokes are asked for what is in their way
+PLACES_A_STROKE = 9         # at even shares of each of their three pieces
 
 
 class TransverseArcs(Operation):
@@ -79,8 +82,11 @@ def _operations(work):
         asked = work.operation.ball_mm
         tool, candidates = choose_side_cutter(work.library, work.hollow.radius_mm, asked and asked - 2 * work.plating_mm)
         is_reached = ball_reach(work.samples, work.mesh, tool.cutter.corner_radius_mm).is_reached
-    allowance = work.operation.allowance_mm
+    allowance, has_rest = work.operation.allowance_mm, work.operation.rest == "sections"
     ridge_mm = ridge_for_step_mm("finish", work.finish.scallop_mm, work.finish)
+    left_out = ()
+    if has_rest and not is_side:
+        vane, left_out = _clear_part(work, vane, tool)
     made.append(_passes(work, vane, "rough passes", tool, allowance, ROUGH_RIDGE_MM, {}))
     radius = tool.cutter.corner_radius_mm
     found = cut_map(vane.tip.between(*vane.within_mm), radius, radius, MAP_PITCH_RADII * radius)
@@ -89,19 +95,67 @@ def _operations(work):
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
              "cut_map": map_facts(found, vane.tip.half_arc_rad)}
     made.append(_passes(work, vane, "finish", tool, 0.0, ridge_mm, facts))
-    if work.operation.rest == "sections":
-        made += _rest(work, found, (ball, reach), ridge_mm, made[-1].facts["stepover_mm"])
+    if has_rest:
+        left = found.stretches_beyond_mm(work.finish.scallop_mm - ridge_mm, made[-1].facts["stepover_mm"])
+        made += _rest(work, (ball, reach), left, left_out)
     return made, is_reached
 
 
-def _rest(work, found, ball_and_reach, ridge_mm, margin_mm):
-    """Sections where the arcs' map and their cusps together leave more than the finish: one operation, or none."""
-    within = found.stretches_beyond_mm(work.finish.scallop_mm - ridge_mm, margin_mm)
-    if not within:
-        return []
+def _rest(work, ball_and_reach, left, left_out):
+    """Sections where the arcs' map and their cusps together leave more than the finish, and where no arcs go."""
     ball, reach = ball_and_reach
-    stage = FinishingStage(name="rest finish", allowance_mm=0.0, scallop_mm=work.finish.scallop_mm)
-    return [section_finishing.finish(work, stage, ball, (), reach, within)]
+    semi = FinishingStage(name="rest semi-finish", allowance_mm=work.operation.allowance_mm,
+                          scallop_mm=work.practice.semi_scallop_mm)
+    finish = FinishingStage(name="rest finish", allowance_mm=0.0, scallop_mm=work.finish.scallop_mm)
+    return [section_finishing.finish(work, stage, ball, (), reach, within)
+            for stage, within in ((semi, left_out), (finish, (*left, *left_out))) if within]
+
+
+def _clear_part(work, vane, tool):
+    """The same _Vane as far as arcs go with holder and fixtures clear, and ((first, last), ...) planes beside that.
+
+    An arc's plane is square to the vane, where it opens steeply its strokes go down far beside what they touch.  The
+    longest run of planes that are clear is kept; every LOOKED_AT-th is asked, and the runs between two of them.
+
+    Raises:
+        CutterDoesNotFit: no plane is clear.
+    """
+    radius = tool.cutter.corner_radius_mm
+    along, steps = _planes(work, vane, tool, ridge_for_step_mm("finish", work.finish.scallop_mm, work.finish))
+    planes = np.concatenate([s.planes for s in along])
+    asked = np.unique(np.r_[0:len(planes):LOOKED_AT, len(planes) - 1])
+    y, z = stroke_ends(steps, asked, radius, vane.tip.flank_half_angle_rad, vane.half_mm)
+    share = np.linspace(0.0, 1.0, PLACES_A_STROKE)
+    between = lambda ends: (ends[:, :-1, None] + np.diff(ends, axis=1)[..., None] * share).reshape(len(asked), -1)
+    tips = np.stack([np.broadcast_to(planes[asked, None], between(y).shape), between(y), between(z) - radius], axis=-1)
+    is_clear = _are_clear(work, tool, tips.reshape(-1, 3)).reshape(len(asked), -1).all(axis=1)
+    if is_clear.all():
+        return vane, ()
+    runs = [run for run in np.split(asked, np.flatnonzero(np.diff(is_clear)) + 1) if is_clear[np.searchsorted(asked, run[0])]]
+    if not runs:
+        raise CutterDoesNotFit(f"{work.operation.title}: nowhere along the vane do arcs of T{tool.number} {tool.cutter.name} keep "
+                               "holder and fixtures clear: take a tool with more stick-out, a smaller ball or lower fixtures, or "
+                               "the strategy sections")
+    kept = max(runs, key=lambda run: planes[run[-1]] - planes[run[0]])
+    first, last = float(planes[kept[0]]), float(planes[kept[-1]])
+    x = np.linspace(*vane.within_mm, MAP_ROWS)
+    center = center_x_of_contact_mm(vane.tip, radius, x)
+    inside = x[(center >= first) & (center <= last)]
+    margin = float(np.diff(planes[asked]).max())
+    left_out = [stretch for stretch, is_cut in (((-np.inf, first + margin), kept[0] > 0),
+                                                ((last - margin, np.inf), kept[-1] < len(planes) - 1)) if is_cut]
+    return replace(vane, within_mm=(float(inside.min()), float(inside.max()))), tuple(left_out)
+
+
+def _are_clear(work, tool, tips_mm):
+    """(n,) bool: holder and shank are clear of part and stock, and all of the tool of the fixtures' boxes."""
+    clear = tips_mm[:, 2] >= clear_tips_mm(tool, work.mesh, tips_mm[:, :2], work.practice.rough_allowance_mm)
+    for fixture in work.fixtures:
+        low, high = fixture.box_mm
+        aside = np.maximum(np.maximum(low[:2] - tips_mm[:, :2], tips_mm[:, :2] - high[:2]), 0.0)
+        near = np.linalg.norm(aside, axis=1) < tool.cutter.radius_mm + work.practice.keep_out_mm
+        clear &= ~near | (tips_mm[:, 2] >= high[2] + work.practice.keep_out_mm)
+    return clear
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -141,9 +195,8 @@ def _passes(work, vane, name, tool, over_mm, ridge_mm, facts):
 
     The register is larger than the ball, or the disc's teeth, by `over_mm`.
     """
-    radius, control, tip = tool.cutter.corner_radius_mm, work.machine.control, vane.tip
-    along = stretches(tip, radius, ridge_mm, control.resolution_mm, vane.within_mm)
-    steps = arc_steps(tip, radius, np.concatenate([s.planes for s in along]))
+    radius, tip = tool.cutter.corner_radius_mm, vane.tip
+    along, steps = _planes(work, vane, tool, ridge_mm)
     rpm, feed = work.speeds(tool, is_rough=False)
     registers = RegisterValues(
         flank_rad=tip.flank_half_angle_rad, tool_radius_mm=radius + over_mm, ball_radius_mm=0.0 if tool.head else radius,
@@ -163,6 +216,13 @@ def _passes(work, vane, name, tool, over_mm, ridge_mm, facts):
              "matching_passes": int(steps.is_matching.sum()), "restart_points": len(passes.restarts),
              "strategy": work.operation.kind, "links": "zig-zag" if over_mm > 0 else "one-way", **facts}
     return work.measured_passes(name, tool, rpm, passes, facts)
+
+
+def _planes(work, vane, tool, ridge_mm):
+    """Stretches of arcs over a vane, and their steps."""
+    radius = tool.cutter.corner_radius_mm
+    along = stretches(vane.tip, radius, ridge_mm, work.machine.control.resolution_mm, vane.within_mm)
+    return along, arc_steps(vane.tip, radius, np.concatenate([s.planes for s in along]))
 
 
 def map_facts(found, half_arc_rad):

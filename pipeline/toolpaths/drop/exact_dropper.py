@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.GCPnts import GCPnts_AbscissaPoint
+from OCP.GeomAdaptor import GeomAdaptor_Curve
 from scipy.spatial import cKDTree
 
 from cuspline.kernel import brep
+from cuspline.surfaces.creases import proud_curves
 from cuspline.toolpaths.contact.contacts import NO_FACE, TipContacts, cutter_normals
 from cuspline.toolpaths.drop import exact_drop
 from cuspline.toolpaths.drop.droppers import Dropper, checked_cutter
@@ -34,6 +36,13 @@ class EdgeNeighbours:
             length = GCPnts_AbscissaPoint.Length_s(BRepAdaptor_Curve(edge))
             points.append(brep.edge_points(edge, min(int(length / SPACING_MM) + 3, MOST_POINTS))[0])
             sides.append(np.tile((first, others[-1][0] if others else first), (len(points[-1]), 1)))
+        for k, face in enumerate(faces):
+            for curve, low, high in proud_curves(face):
+                line = GeomAdaptor_Curve(curve, low, high)
+                count = min(int(GCPnts_AbscissaPoint.Length_s(line) / SPACING_MM) + 3, MOST_POINTS)
+                along = [line.Value(low + (high - low) * n / (count - 1)) for n in range(count)]
+                points.append(np.array([(p.X(), p.Y(), p.Z()) for p in along]))
+                sides.append(np.full((count, 2), k))
         return cls(tree=cKDTree(np.vstack(points)), sides=frozen(np.vstack(sides), (None, 2), "sides", int))
 
     def beside(self, points_mm, face):

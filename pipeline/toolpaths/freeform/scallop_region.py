@@ -50,7 +50,7 @@ class Ground:
         known = np.isfinite(metric).all(axis=-1)
         if not (known & is_inside).any():
             raise ToolpathError("the region is empty: no grid node on it where the cutter touches; "
-                                "make the grid finer or choose other faces")
+                                "choose other faces, a smaller `tool`, or another `strategy`")
         # the border runs somewhere within one node of the last one inside: all of that is to be cut
         inside = ndimage.binary_dilation(is_inside, np.ones((3, 3), bool)) & known
         wide = ndimage.binary_dilation(inside, np.ones((3, 3), bool), iterations=WIDENED) & known

@@ -59,7 +59,7 @@ class LevelGround:
 
     def accept(self, path):
         """Take over what a pass along (n, 2) places has cleared."""
-        window = self._round(path, self.radius + STROKE_NODES)
+        window = self.window(path, self.radius + STROKE_NODES)
         new, old = self.material[window], self._kept[window]
         changed = (new < old) & (old > -self._hidden - 2)   # farther out no line passes
         j, i = np.nonzero(changed)
@@ -68,9 +68,9 @@ class LevelGround:
 
     def refuse(self, path, place, tabu_nodes):
         """Put back what a pass has cleared and begin no other one so near to a place."""
-        window = self._round(path, self.radius + STROKE_NODES)
+        window = self.window(path, self.radius + STROKE_NODES)
         self.material[window] = self._kept[window]
-        rows, columns = self._round(place[None], tabu_nodes)
+        rows, columns = self.window(place[None], tabu_nodes)
         j, i = np.ogrid[rows, columns]
         self.is_tabu[rows, columns] |= (i - place[0]) ** 2 + (j - place[1]) ** 2 <= tabu_nodes ** 2
 
@@ -92,7 +92,7 @@ class LevelGround:
         x, y = self.near[int(round(node[1])), int(round(node[0]))] - node
         return fixed.arctan2(y, x)
 
-    def _round(self, path, by):
+    def window(self, path, by):
         """Slices (rows, columns) round (n, 2) places."""
         low = np.maximum(np.floor(path.min(axis=0) - by), 0).astype(int)
         high = np.minimum(np.ceil(path.max(axis=0) + by) + 1, self.material.shape[::-1]).astype(int)

@@ -39,9 +39,9 @@ class ClearingWriter:
             if run.entry == "stay":
                 self._plane_line(run.way_mm[1:], level)
             elif run.entry == "helix":
-                self._helix(run.helix_mm, level)
+                self._helix(run.helix_mm, run.top_mm, level)
             else:
-                self._over(np.r_[run.way_mm[-1], level])
+                self._over(np.r_[run.way_mm[-1], level], run.top_mm)
             self._plane_path(run.path_mm, level)
 
     def is_far(self, way_mm, level):
@@ -64,18 +64,16 @@ class ClearingWriter:
     def _lift(self):
         self._writer.rapid(np.r_[self._writer.here_mm[:2], self.rules.clearance_z_mm])
 
-    def _over(self, place):
+    def _over(self, place, top):
         """Across at the clearance plane and down to a place over free ground."""
         self._lift()
         self._writer.rapid(np.r_[place[:2], self.rules.clearance_z_mm])
-        # a rounded corner leaves ridges up to its radius on cleared ground
-        above = place[2] + self.rules.corner_radius_mm + APPROACH_MM
-        self._writer.rapid(np.r_[place[:2], min(above, self.rules.clearance_z_mm)])
+        self._writer.rapid(np.r_[place[:2], min(top + APPROACH_MM, self.rules.clearance_z_mm)])
         self._writer.feed(place, self.rules.ramp_feed_mm_per_min)
 
-    def _helix(self, helix, level):
+    def _helix(self, helix, top, level):
         """Whole turns down from above the stock, no steeper than the ramp, then one level turn."""
-        x, y, radius, top = helix
+        x, y, radius = helix
         feed = self.rules.ramp_feed_mm_per_min
         start = np.array([x + radius, y, top + APPROACH_MM / 2])
         self._lift()
@@ -131,7 +129,7 @@ class ClearingWriter:
                 curves.append(_arc(here, end, center, turn > 0))
             here = end
         if run.helix_mm is not None:
-            x, y, radius, _ = run.helix_mm
+            x, y, radius = run.helix_mm
             start = np.array([x + radius, y])
             curves.append(_arc(start, start, np.array([x, y]), True))
         lines += [pair for curve in curves for pair in zip(curve, curve[1:])]

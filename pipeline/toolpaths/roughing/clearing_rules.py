@@ -29,6 +29,7 @@ class ClearingRules:
     ramp_feed_mm_per_min: float
     rapid_mm_per_min: float         # decides between a way on the level and a retract
     fine_step_mm: float = np.inf    # levels in between, cut from below upward
+    ridge_mm: float | None = None   # that cleared ground may keep standing; None: the corner radius
     least_turn_mm: float | None = None      # tightest turn of the tip; None: a sixteenth of the diameter
     threshold_mm: float = 0.0       # remains thinner than this are left (rest roughing)
     lead_mm: float = 2.0            # room beside the stock
@@ -37,6 +38,10 @@ class ClearingRules:
     keep_clear: tuple = ()          # DropMesh values of other things that it stays clear of
     keep_out_mm: float = 0.0        # how far
     lowest_mm: object = None        # function (n, 2) -> (n,) tips that the holder allows; None: all
+
+    @property
+    def highest_ridge_mm(self):
+        return self.corner_radius_mm if self.ridge_mm is None else self.ridge_mm
 
     @property
     def turn_mm(self):
@@ -50,7 +55,8 @@ class Clearing:
     moves: Moves
     levels_mm: tuple                # in the order in which they are cut; those with nothing to take are left out
     largest_engagement_rad: float   # of the steered steps
-    removed_mm3: float
+    removed_mm3: float              # by a cutter without a corner radius
+    lowered_xy_mm: np.ndarray       # (n, 2) nodes at which it takes something
     left_mm3: float                 # within reach, but given up: no start led into it within the bound
 
 

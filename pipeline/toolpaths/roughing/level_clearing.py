@@ -151,7 +151,7 @@ class _Job:
                 break
         else:
             raise ToolpathError(f"roughing at z = {level:.3f} mm: the path cuts into the allowance; "
-                                "the mesh is too coarse for this cutter")
+                                "rough these faces with another `tool`, or with a larger `allowance_mm`")
         self.left_mm3 += cut.left_mm2 * (above - level)
         if runs:
             self.writer.write_level(runs, level)
@@ -183,7 +183,8 @@ class _Job:
         """Take a level that has been cut off the stock."""
         self.cleared.append((level, material_mm))
         is_sure = material_mm <= -self.hidden_mm
-        self.sure_stock = np.where(is_sure, np.minimum(self.sure_stock, level), self.sure_stock)
+        ridges = np.minimum(self.sure_stock, level + self.rules.highest_ridge_mm)
+        self.sure_stock = np.where(is_sure, ridges, self.sure_stock)
         self.stock = np.where(material_mm <= self.thin_mm, np.minimum(self.stock, level), self.stock)
         self.done.append(level)
 
@@ -191,5 +192,7 @@ class _Job:
         moves = self.writer.moves()
         was = np.isfinite(self.stock_before)
         taken = self.stock_before[was] - self.stock[was]
+        lowered = self.grid.xy_mm[was.ravel()][taken > 0]
         return Clearing(moves=moves, levels_mm=tuple(self.done), largest_engagement_rad=self.most,
-                        removed_mm3=float(taken.sum() * self.grid.pitch_mm ** 2), left_mm3=self.left_mm3)
+                        removed_mm3=float(taken.sum() * self.grid.pitch_mm ** 2), lowered_xy_mm=lowered,
+                        left_mm3=self.left_mm3)

@@ -31,7 +31,8 @@ class Run:
     entry: str                  # "down": over free ground; "helix"; "stay": along `way` from where it stands
     way_mm: np.ndarray          # (k, 2) free way to the start of the pass; one point unless "stay"
     path_mm: np.ndarray         # (n, 2) the pass
-    helix_mm: tuple | None      # (centre x, centre y, radius, height of the stock there)
+    helix_mm: tuple | None      # (centre x, centre y, radius)
+    top_mm: float               # nothing stands higher where the cutter comes down; the level itself for "stay"
 
 
 class LevelRuns:
@@ -124,7 +125,17 @@ class LevelRuns:
             return None
         ground.accept(covered)
         self.most = max(self.most, most)
-        return Run(entry=entry, way_mm=self._mm(way), path_mm=self._mm(path), helix_mm=helix)
+        top = self.level if entry == "stay" else self._top_mm(entry, place, 0.0 if helix is None else helix[2])
+        return Run(entry=entry, way_mm=self._mm(way), path_mm=self._mm(path), helix_mm=helix, top_mm=top)
+
+    def _top_mm(self, entry, place, radius_mm):
+        """The highest that may stand under a cutter that comes down at a place, or on a circle round it."""
+        reach = self.ground.radius + radius_mm / self.grid.pitch_mm + 2
+        rows, columns = self.ground.window(place[None], reach)
+        j, i = np.ogrid[rows, columns]
+        under = (i - place[0]) ** 2 + (j - place[1]) ** 2 <= reach ** 2
+        top = float(max(self.stock_mm[rows, columns][under].max(), self.level))
+        return top if entry == "helix" else min(top, self.level + self.rules.highest_ridge_mm)
 
     def _steered(self, place, heading):
         """Path (n, 2), number of nodes cleared and largest engagement of a pass."""
@@ -135,15 +146,12 @@ class LevelRuns:
                         STEP_NODES / turn, IDLE_SHARE * ground.radius, LONGEST_STEPS)
 
     def _helix(self, center):
-        """(x, y, radius, height of the stock) in mm of a helix, and its circle (n, 2) in nodes."""
+        """(x, y, radius) in mm of a helix, and its circle (n, 2) in nodes."""
         ground, (x, y) = self.ground, center
         radius = min(HELIX_SHARE * ground.radius, ground.permitted[int(y), int(x)])
         angle = np.linspace(0.0, 2 * np.pi, 65)
         ring = center + radius * np.column_stack([fixed.cos(angle), fixed.sin(angle)])
-        j, i = np.ogrid[:self.grid.ny, :self.grid.nx]
-        under = (i - x) ** 2 + (j - y) ** 2 <= (radius + ground.radius + 2) ** 2
-        top = float(max(self.stock_mm[under].max(), self.level))
-        return (*map(float, self._mm(center)), float(radius * self.grid.pitch_mm), top), ring
+        return (*map(float, self._mm(center)), float(radius * self.grid.pitch_mm)), ring
 
     def _nodes(self, xy_mm):
         return (np.asarray(xy_mm, float) - self.grid.low_mm) / self.grid.pitch_mm

@@ -9,6 +9,8 @@ uncut side toward +x a spindle that turns right cuts climb; then up, rapid back,
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from cuspline.program.pass_templates import (
     Call,
     Go,
@@ -51,6 +53,23 @@ def _stroke(side, feed_to_foot):
     return (Go(Kind.FEED, x=x, y=here(fy), z=fz, feed=feed_to_foot), Go(Kind.FEED, y=here(ty), z=tz, feed=feed),
             Go(arc, y=there(ty), z=tz, center=(mid, h), plane=Plane.YZ, feed=feed),
             Go(Kind.FEED, y=there(fy), z=fz, feed=feed), Let("x", x + step))
+
+
+def stroke_ends(steps, rows, radius_mm, flank_rad, half_width_mm):
+    """(k, 4) Y and (k, 4) Z of the ball's centre at foot, tangency, tangency, foot of some strokes.
+
+    Args:
+        steps: ArcSteps.   rows: (k,) of them.
+        radius_mm: tool radius register.   flank_rad: of the flanks from the vertical.   half_width_mm: of the body.
+    """
+    ny, nz = fixed.cos(flank_rad), fixed.sin(flank_rad)
+    radius = np.sqrt(steps.y_mm[rows] ** 2 + (steps.z_mm[rows] - steps.c_mm[rows]) ** 2)
+    path_radius = radius + radius_mm * steps.swell[rows]
+    center_z = steps.c_mm[rows] + radius_mm * steps.lift[rows]
+    at_y, at_z = path_radius * ny, center_z + path_radius * nz
+    foot_y = np.full(len(at_y), half_width_mm + OVERRUN_MM + radius_mm * ny)
+    foot_z = at_z - (foot_y - at_y) * ny / nz
+    return np.stack([-foot_y, -at_y, at_y, foot_y], axis=1), np.stack([foot_z, at_z, at_z, foot_z], axis=1)
 
 
 UP = Go(Kind.RAPID, z=clear)

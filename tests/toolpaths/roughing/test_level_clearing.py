@@ -15,7 +15,7 @@ from cuspline.program.program import Kind
 from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
 from cuspline.toolpaths.roughing.level_clearing import ClearingRules, _Job, clear, engagement_of_rad
 from cuspline.toolpaths.roughing.level_fields import PlaneGrid
-from cuspline.toolpaths.roughing.stock_fields import box_stock, points_of_move, stock_after
+from cuspline.toolpaths.roughing.stock_fields import box_stock, lines_of_moves, points_of_move, stock_after, swept_by_lines
 from cuspline.values.errors import ToolpathError
 
 METER_RAD = math.radians(15)    # of the meter: one bin at each end, three nodes' step, one node, on a 50-node radius
@@ -176,6 +176,21 @@ def test_rest_roughing_cuts_only_where_the_large_cutter_left_material():
     far = np.linalg.norm(cutting[:, None] - corners, axis=2).min(axis=1)
     assert far.max() < 12.0
     assert _measured(rest.moves, small).deepest_rapid_mm == 0.0
+
+
+def test_a_ball_led_as_a_flat_cutter_comes_down_by_rapid_no_lower_than_over_the_ridges_that_it_leaves():
+    rules = _rules(_mesh(PARTS["pocket"]()), radius_mm=6.0, stepdown_mm=3.0, ridge_mm=6.0, engagement_rad=math.pi / 2)
+    moves = clear(rules).moves
+    lines = lines_of_moves(moves)
+    down = [k for k in range(1, len(moves)) if moves.kind[k] == Kind.RAPID and moves.end_mm[k, 2] < moves.end_mm[k - 1, 2]]
+    assert len(down) > 3
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    disc = np.vstack([r * np.column_stack([np.cos(turn), np.sin(turn)]) for r in np.linspace(0.1, 6.0, 30)])
+    for k in down:
+        under = moves.end_mm[k, :2] + disc
+        stands = swept_by_lines(lines[:k], 6.0, 6.0)(under, rules.stock_mm(under))
+        bottom = moves.end_mm[k, 2] + 6.0 - np.sqrt(np.maximum(36.0 - (disc ** 2).sum(axis=1), 0.0))
+        assert (bottom - stands).min() >= 0.95      # the approach of 1 mm, less what stands between the planner's nodes
 
 
 def test_the_cutter_keeps_out_of_boxes():

@@ -6,7 +6,7 @@ from known_vanes import BALL_MM, HALF_MM, RESOLUTION_MM, RIDGE_MM, passes, plane
 
 from cuspline.program.pass_templates import Call, Restart
 from cuspline.program.program import Kind
-from cuspline.toolpaths.vane.arc_templates import OVERRUN_MM
+from cuspline.toolpaths.vane.arc_templates import OVERRUN_MM, stroke_ends
 from cuspline.toolpaths.vane.cutter_surface import cut_map, flank_deviation_mm, tip_deviation_mm
 from cuspline.toolpaths.vane.transverse_arcs import (
     STEEP_SLOPE,
@@ -229,3 +229,15 @@ def test_a_short_vane_across_the_border_of_the_sections_has_both_in_its_map(stee
     found = cut_map(steep.between(border - 2.0, border + 2.0), BALL_MM, BALL_MM, 0.6)
     assert found.is_matching.any() and not found.is_matching.all()
     assert np.nanmax(np.abs(found.deviation_mm[:, 0])) < 2e-5
+
+
+@pytest.mark.parametrize("tip", [wavy_tip, steep_tip])
+def test_a_stroke_goes_where_its_program_goes(tip):
+    made, steps = passes(tip())
+    moves = made.moves()
+    rows = np.array([0, 7, len(steps) - 1])
+    y, z = stroke_ends(steps, rows, BALL_MM, tip().flank_half_angle_rad, HALF_MM)
+    for k, row in enumerate(rows):
+        mine = np.abs(moves.end_mm[:, 0] - steps.center_x_mm[row]) < 1e-6
+        there = moves.end_mm[mine & (moves.kind != Kind.RAPID)]
+        assert np.abs(there[:, 1:] - np.column_stack([y[k], z[k] - BALL_MM])).max() < 1e-9

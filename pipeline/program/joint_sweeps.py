@@ -1,0 +1,111 @@
+"""What a tool really sweeps while a control runs joints evenly from block to block: short straight moves with turning axes.
+
+The simulation knows moves whose tip runs straight and whose axis turns on a great circle.  A block of joints is cut into as many of
+them as it takes to stay within SWEEP_MM and SWEEP_RAD of what the machine does, by the bound of joint_paths.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.program.joint_paths import AXIS_BOUND, TIP_BOUND, block_deviations
+from cuspline.program.program import UPRIGHT
+from cuspline.values.arrays import frozen
+
+SWEEP_MM = 1e-4         # a tenth of what the finest paths are posted within
+SWEEP_RAD = 1e-6        # the same 100 mm above the tip
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class JointBlocks:
+    """Blocks as a reader finds them, one row each; rotaries in degrees, in the order of Chain.rotaries."""
+
+    start_mm: np.ndarray        # (n, 3) spindle nose in machine coordinates; NaN: unknown
+    end_mm: np.ndarray          # (n, 3)
+    start_deg: np.ndarray       # (n, r) NaN: unknown
+    end_deg: np.ndarray         # (n, r)
+    length_mm: np.ndarray       # (n,) of the tool in the spindle
+    origin_mm: np.ndarray       # (n, 3) of the WCS, machine coordinates
+    minutes: np.ndarray         # (n,) that a cutting block takes
+
+    def __post_init__(self):
+        for name, shape in (("start_mm", (None, 3)), ("end_mm", (None, 3)), ("start_deg", (None, None)),
+                            ("end_deg", (None, None)), ("length_mm", (None,)), ("origin_mm", (None, 3)), ("minutes", (None,))):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sweeps:
+    """Moves in the WCS, in order; the rows that replace a block follow each other."""
+
+    row: np.ndarray             # (k,) block
+    start_mm: np.ndarray        # (k, 3) tip; NaN: unknown
+    end_mm: np.ndarray          # (k, 3)
+    start_axis: np.ndarray      # (k, 3)
+    end_axis: np.ndarray        # (k, 3)
+    machine_end_mm: np.ndarray  # (k, 3)
+    rotary_deg: np.ndarray      # (k, r) at the end
+    is_upright: np.ndarray      # (k,) rotaries at 0 from end to end: the reader's own columns hold
+    feed_mm_per_min: np.ndarray     # (k,) of the tip
+
+
+def sweeps_of(chain, blocks):
+    """Moves of the tip that blocks of joints come to.
+
+    Args:
+        chain: kinematics.Chain.   blocks: JointBlocks.
+    Returns:
+        Sweeps.  Where a place is unknown its tip is too; where a rotary is, the axis is put upright, and the tip is unknown.
+    """
+    before = np.hstack([blocks.start_mm, np.radians(blocks.start_deg)])
+    after = np.hstack([blocks.end_mm, np.radians(blocks.end_deg)])
+    known = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
+    upright = (blocks.start_deg == 0).all(axis=1) & (blocks.end_deg == 0).all(axis=1)
+    count = np.ones(len(before), np.int64)
+    bent = np.flatnonzero(known & ~upright)
+    count[bent] = _counts(chain, before[bent], after[bent], blocks.length_mm[bent])
+    row = np.repeat(np.arange(len(before)), count)
+    step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    joints = [_shared(before[row], after[row], (step + k) / count[row]) for k in range(2)]
+    tips, axes = zip(*(_poses(chain, q, blocks.length_mm[row], blocks.origin_mm[row]) for q in joints))
+    run = np.sqrt(((tips[1] - tips[0]) ** 2).sum(axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        feed = run * count[row] / blocks.minutes[row]
+    return Sweeps(row=row, start_mm=tips[0], end_mm=tips[1], start_axis=axes[0], end_axis=axes[1],
+                  machine_end_mm=joints[1][:, :3], rotary_deg=np.degrees(joints[1][:, 3:]), is_upright=upright[row],
+                  feed_mm_per_min=np.where(np.isfinite(feed), feed, 0.0))
+
+
+def _shared(a, b, share):
+    """(n, m) joints after shares (n,) of blocks; the ends exactly."""
+    share = share[:, None]
+    return np.where(share == 1.0, b, a + share * (b - a))
+
+
+def _counts(chain, before, after, length_mm):
+    """(n,) moves that each block takes."""
+    count = np.ones(len(before), np.int64)
+    open_ = np.arange(len(before))
+    while len(open_):
+        # the first part of a block is not its worst: every part is looked at
+        row = np.repeat(open_, count[open_])
+        step = np.arange(len(row)) - np.repeat(np.cumsum(count[open_]) - count[open_], count[open_])
+        parts = [_shared(before[row], after[row], (step + k) / count[row]) for k in range(2)]
+        off = block_deviations(chain, *parts, length_mm[row])
+        worst = np.zeros(len(before))
+        np.maximum.at(worst, row, np.maximum(off[:, TIP_BOUND] / SWEEP_MM, off[:, AXIS_BOUND] / SWEEP_RAD))
+        open_ = open_[worst[open_] > 1.0]
+        count[open_] = np.ceil(count[open_] * np.maximum(np.sqrt(worst[open_]), 1.0) * 1.01).astype(np.int64)
+    return count
+
+
+def _poses(chain, joints, length_mm, origin_mm):
+    """Tips in the WCS and axes; NaN and upright where the rotaries are not known."""
+    turned = np.isfinite(joints[:, 3:]).all(axis=1)
+    axes = np.tile(UPRIGHT, (len(joints), 1))
+    tips = np.full((len(joints), 3), np.nan)
+    found, leaning = chain.forward(np.nan_to_num(joints[turned]), length_mm[turned])
+    axes[turned] = leaning
+    known = np.isfinite(joints[turned]).all(axis=1)
+    tips[turned] = np.where(known[:, None], found - origin_mm[turned], np.nan)
+    return tips, axes

@@ -1,0 +1,86 @@
+"""What of a machine turns with the part or carries it, seen from the part: tables, trunnions, pallets.
+
+Only what rotary axes alone lie between: a body that X, Y or Z carry past the part stands elsewhere in every block.
+"""
+
+import numpy as np
+
+from cuspline.kernel import brep
+from cuspline.kernel.tessellation import tessellate
+from cuspline.replay.scene import SolidFixture
+from cuspline.shop.kinematics import LINEARS
+from cuspline.shop.machines import BED, ROTARIES, Box, Cylinder
+from cuspline.stock.shapes import BoxShape, CylinderShape
+from cuspline.values import fixed_math as fixed
+
+STEP_MM = 0.1           # of the triangles of a body out of a STEP file
+
+
+def rotary_links(machine):
+    """Links that only rotary axes lie between the part and, from the part: letters, and perhaps "bed"."""
+    found = []
+    for link in machine.chain:
+        if link not in ROTARIES and link != BED:
+            break
+        found.append(link)
+        if link == BED:
+            break
+    return tuple(found)
+
+
+def bodies_at(machine, rotary_deg, frame, held):
+    """SolidFixture of every such body at rest in an indexed position.
+
+    Args:
+        machine: Machine.   rotary_deg: (r,) where its rotaries stand.
+        frame: values.frames.Frame of the position.   held: of the clamping's WCS; both seen from the part.
+    """
+    found = []
+    for body in machine.bodies:
+        if body.link in rotary_links(machine):
+            vertices, triangles = mesh_of(body)
+            turned = from_link(machine, body.link, np.radians(np.tile(rotary_deg, (len(vertices), 1))), vertices)
+            wcs = turned - np.array(machine.wcs_origin_mm)
+            found.append(SolidFixture(body.name, frame.into(held.out(wcs)), triangles))
+    return tuple(found)
+
+
+def mesh_of(body):
+    """(v, 3) vertices, machine coordinates at the zero pose, and (t, 3) triangles of a closed mesh."""
+    shape = body.shape
+    if isinstance(shape, Box):
+        return BoxShape(min_mm=shape.low_mm, max_mm=shape.high_mm).mesh
+    if isinstance(shape, Cylinder):
+        foot, axis = np.array(shape.foot_mm), np.array(shape.axis)
+        top = foot + shape.height_mm * axis / fixed.length(axis)
+        return CylinderShape(from_mm=foot, to_mm=top, radius_mm=shape.diameter_mm / 2).mesh
+    mesh = tessellate(brep.the_solid(brep.read_step(shape.step), shape.step), STEP_MM)
+    return mesh.vertices_mm, mesh.triangles
+
+
+def from_link(machine, link, angles_rad, points_mm):
+    """(n, 3) points of a link, at the zero pose, as the part sees them while the rotaries stand at angles (n, r)."""
+    return _through(machine, link, angles_rad, points_mm, is_inward=False)
+
+
+def into_link(machine, link, angles_rad, points_mm, is_direction=False):
+    """The other way round: (n, 3) points, or directions, seen from the part, as the link sees them."""
+    return _through(machine, link, angles_rad, points_mm, is_inward=True, is_direction=is_direction)
+
+
+def _through(machine, link, angles_rad, points_mm, is_inward, is_direction=False):
+    chain, points = machine.kinematics, np.array(points_mm, float)
+    links, between = chain.links, machine.chain[:machine.chain.index(link)]     # its own axis moves it and the part alike
+    columns = [chain.letters.index(letter) for letter in between]
+    for c in columns if is_inward else columns[::-1]:
+        pivot = 0.0 if is_direction else links.pivot[c]
+        angle = angles_rad[:, c - LINEARS] * (-1.0 if is_inward else 1.0)
+        points = _turned(points - pivot, links.direction[c], angle) + pivot
+    return points
+
+
+def _turned(points, u, angle):
+    """(n, 3) turned about the unit vector u by angles (n,)."""
+    sine, cosine = fixed.sin(angle)[:, None], fixed.cos(angle)[:, None]
+    along = (points * u).sum(axis=1)[:, None] * u
+    return points * cosine + np.cross(u, points) * sine + along * (1.0 - cosine)

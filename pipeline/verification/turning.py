@@ -1,0 +1,98 @@
+"""The way from one indexed position to the next: the whole tool against stock, fixtures and what turns with them.
+
+Seen from the part the tool swings round it, seen from a trunnion it moves past that.  The blank as it comes stands for the
+stock: what has been cut is inside it.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from cuspline.design.fixtures import placed_fixtures
+from cuspline.program.program import Kind
+from cuspline.replay.clearance import ClearanceTree, ToolMoves, tool_segments
+from cuspline.replay.replay_checks import TRAVEL_MM, Reporter
+from cuspline.verification.machine_bodies import into_link, mesh_of, rotary_links
+
+UNKNOWN = "rotary axes turn while nobody knows where X, Y and Z stand: retract by G53 before"
+MEETS = "the tool meets the machine while the rotary axes turn: retract farther before them, or move the part on its table"
+NEAR = "the tool comes too near while the rotary axes turn: retract farther before them, or go round"
+
+
+def turning_findings(positions, setups, job, tools):
+    """Findings of what leads from one indexed position to the next.
+
+    Args:
+        positions: program.positions.Positions.   setups: design.Setup of each, the first holds the part.
+        job: Job.   tools: {number: Tool}.
+    Returns:
+        [tuple of Finding] a position: of the moves that lead to it, one a kind, where they come nearest.
+    """
+    moves, held, machine = positions.turning, setups[0], job.machine
+    report, found = Reporter(moves, held.name, held.frame), [[] for _ in setups]
+    known = np.isfinite(moves.start_mm).all(axis=1) & np.isfinite(moves.end_mm).all(axis=1)
+    at_top = moves.machine_end_mm[:, 2] >= machine.tool_change_height_mm - TRAVEL_MM       # where it all begins
+    for row in np.flatnonzero(~known & ~at_top & (moves.tool > 0)):
+        found[positions.leads_to[row]].append(report.finding("unknown_start", row, 0.0, moves.end_mm[row], UNKNOWN))
+    rows = np.flatnonzero(known & (moves.kind == Kind.RAPID) & np.isin(moves.tool, list(tools)))
+    if not len(rows):
+        return [tuple(f) for f in found]
+    way = _Way(moves, positions.turning_from_deg, rows, machine)
+    fixed_to_part = _together([_blank(held, job), *(f.mesh for f in placed_fixtures(held, held.frame))])
+    judge = partial(_near, report=report, tools=tools, machine=machine)
+    near = [*judge(way.seen_from(None), fixed_to_part, told=("rapid_through_stock", NEAR))]
+    for link in rotary_links(machine):
+        bodies = [mesh_of(b) for b in machine.bodies if b.link == link]
+        if bodies:
+            near += judge(way.seen_from(link), _together(bodies), told=("fixture_contact", MEETS))
+    worst = {}
+    for row, finding in near:
+        key = positions.leads_to[row], finding.kind
+        if key not in worst or finding.amount_mm > worst[key].amount_mm:
+            worst[key] = finding
+    for (position, _), finding in worst.items():
+        found[position].append(finding)
+    return [tuple(f) for f in found]
+
+
+class _Way:
+    """Rapids that turn the part or the head."""
+
+    def __init__(self, moves, from_deg, rows, machine):
+        self.moves, self.rows, self.machine = moves, rows, machine
+        self.angles = np.radians(from_deg[rows]), np.radians(moves.rotary_deg[rows])
+
+    def seen_from(self, link):
+        """(rows, ToolMoves): from the clamping's WCS, or from a link of the machine; its blocks are short."""
+        m, rows = self.moves, self.rows
+        tips, axes = (m.start_mm[rows], m.end_mm[rows]), (m.start_axis[rows], m.end_axis[rows])
+        if link is not None:
+            zero = np.array(self.machine.wcs_origin_mm)
+            tips = [into_link(self.machine, link, q, p + zero) for p, q in zip(tips, self.angles)]
+            axes = [into_link(self.machine, link, q, a, is_direction=True) for a, q in zip(axes, self.angles)]
+        return rows, ToolMoves(start_tips_mm=tips[0], end_tips_mm=tips[1], start_axes=axes[0], end_axes=axes[1])
+
+
+def _near(way, obstacle, *, told, report, tools, machine):
+    """(row, Finding) of every move that comes too near; told: the finding's kind and advice."""
+    (rows, moves), (kind, advice) = way, told
+    tree, margin = ClearanceTree.of_triangles(*obstacle), machine.rapid_clearance_mm
+    numbers = report.posted.tool[rows]
+    for number in np.unique(numbers).tolist():
+        mine = np.flatnonzero(numbers == number)
+        own = ToolMoves(**{name: value[mine] for name, value in vars(moves).items()})
+        clear = tree.certified_clearance(tool_segments(tools[number], machine.spindle_head), own, margin)
+        for k in np.flatnonzero(~clear.is_clear):
+            row = rows[mine[k]]
+            yield row, report.finding(kind, row, margin - clear.clearance_mm[k], report.posted.end_mm[row], advice)
+
+
+def _blank(held, job):
+    vertices, triangles = job.stock.shape.mesh
+    return held.frame.into(vertices), triangles
+
+
+def _together(meshes):
+    """(v, 3) vertices and (t, 3) triangles of several meshes as one."""
+    first = np.cumsum([0, *(len(v) for v, _ in meshes)])
+    return np.vstack([v for v, _ in meshes]), np.vstack([t + n for (_, t), n in zip(meshes, first)])

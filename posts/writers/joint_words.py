@@ -1,0 +1,142 @@
+"""Operations whose tool leans, solved for a machine: what its X, Y, Z and rotary words must be, block by block.
+
+The control runs joints evenly from block to block (no tool-centre-point control): X Y Z are where the spindle nose is to
+stand, less zero and tool length, so that with the rotaries at 0 they are the tip's own.  Such a program holds for one zero, one
+place on the table and one tool length; all three stand in it as a comment.  Feeds are inverse times.
+"""
+
+import math
+
+import numpy as np
+
+from cuspline.posts.writers.words import Arc
+from cuspline.program.joint_paths import Tolerance, joint_path
+from cuspline.program.joint_times import block_seconds, driven_seconds, rounded_seconds
+from cuspline.program.program import TILT_RAD, Kind, Plane
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import PostError
+
+JOINT_SHARE = 0.5           # of the path tolerance: how far tip and cutting edge may leave the plan between two blocks
+CHORD_SHARE = 0.25          # of it: chords instead of arcs
+CORNER_SHARE = 0.9          # of it: how far the tip may leave a corner between two blocks, where the plan is and no chord is off
+LEANING_BLEND_SHARE = 0.25  # of it, for G64 P, which counts corners of X Y Z alone
+
+
+def leans(moves):
+    """Whether the tool leaves the spindle's direction anywhere."""
+    return bool((~(moves.tilt_rad <= TILT_RAD)).any())
+
+
+class PlainMoves:
+    """An operation with the spindle upright: words are the tip's places."""
+
+    notes = ()
+
+    def __init__(self, moves, rotaries):
+        self.moves, self.start_mm, self.starts_mm = moves, moves.start_mm, moves.starts_mm
+        self.turned_deg = np.zeros((len(moves) + 1, len(rotaries)))
+
+    def write(self, writer, first, end):
+        m = self.moves
+        columns = (m.kind, m.end_mm, m.center_mm, m.plane, m.feed_mm_per_min)
+        for row in zip(*(column[first:end].tolist() for column in columns)):        # plain numbers are written faster
+            writer.move(*row)
+
+
+class SolvedMoves:
+    """An operation solved in joints."""
+
+    def __init__(self, operation, machine):
+        """
+        Raises:
+            PostError: a rewind, a limit, an axis that cannot be held: by the move, the axis and the value.
+        """
+        moves, self.length_mm = operation.moves, operation.tool.length_mm
+        self.name, self.chain = operation.name, machine.kinematics
+        control = machine.control
+        tips, axes, self.move = _straight(moves, CHORD_SHARE * control.path_tolerance_mm)
+        cutter = operation.tool.cutter
+        off_mm = JOINT_SHARE * control.path_tolerance_mm
+        within = Tolerance(off_mm, off_mm / math.hypot(cutter.radius_mm, cutter.flute_length_mm))
+        path = self._laid(tips + np.array(machine.wcs_origin_mm), axes, within)
+        self.joints, self.move = path.joints, self.move[path.row]
+        self.words_mm = path.joints[:, :3] - machine.wcs_origin_mm - np.array([0.0, 0.0, self.length_mm])
+        self.degrees = np.degrees(path.joints[:, 3:])
+        self.kind = moves.kind[self.move]
+        self.seconds = self._seconds(path, tips, moves.feed_mm_per_min[self.move], control.path_tolerance_mm)
+        self.first = np.searchsorted(self.move[1:], np.arange(len(moves) + 1)) + 1      # block with which each move begins
+        self.start_mm, self.starts_mm = self.words_mm[0], self.words_mm[self.first - 1]
+        self.turned_deg = self.degrees[self.first - 1]
+        self.notes = ("SOLVED FOR THE ZERO AT MACHINE " + " ".join(
+            f"{letter}{value:.4f}" for letter, value in zip("XYZ", machine.wcs_origin_mm))
+            + f" AND A TOOL OF {self.length_mm:.4f} MM; WITH ANY OTHER IT CUTS ELSEWHERE",
+            f"ABOUT {self.driven_s(LEANING_BLEND_SHARE * control.path_tolerance_mm):.0f} S FROM BLOCK TO BLOCK")
+
+    def driven_s(self, blend_mm):
+        """How long the control takes, with this P of G64."""
+        return float(driven_seconds(self.chain, self.joints, self.seconds[1:], blend_mm).sum())
+
+    def _laid(self, tips, axes, within):
+        try:
+            path = joint_path(self.chain, tips, axes, within, length_mm=self.length_mm, rows=self.move)
+            if len(path.rewinds):
+                raise PostError(f"row {self.move[path.rewinds[0]]}: the rotaries come to the end of their range in the cut: let "
+                                "the tool leave it before, and begin again", rows=self.move[path.rewinds])
+            self.chain.refuse_beyond_limits(path.joints, self.move[path.row])
+        except PostError as error:
+            raise PostError(f"operation {self.name}: {error}", rows=error.rows) from None
+        return path
+
+    def _seconds(self, path, tips, feed, path_tolerance_mm):
+        """(n,) of every block, 0 of rapids: the tip at its feed, or slower where a joint cannot."""
+        whole = np.zeros(len(tips))
+        whole[1:] = np.sqrt((np.diff(tips, axis=0) ** 2).sum(axis=1))
+        begin = np.concatenate([[0.0], np.where(np.diff(path.row) > 0, 0.0, path.share[:-1])])
+        is_feed = self.kind != Kind.RAPID
+        wanted = 60.0 * whole[path.row] * (path.share - begin) / np.where(is_feed, feed, 1.0)
+        is_linked = is_feed[1:] & np.concatenate([[False], is_feed[1:-1]])
+        seconds = block_seconds(self.chain, path.joints, np.where(is_feed, wanted, 0.0)[1:], is_linked)
+        seconds = rounded_seconds(self.chain, path.joints, np.where(is_feed[1:], seconds, 0.0), self.length_mm,
+                                  LEANING_BLEND_SHARE * path_tolerance_mm, CORNER_SHARE * path_tolerance_mm)
+        seconds = np.where(is_feed[1:], block_seconds(self.chain, path.joints, seconds, is_linked), 0.0)
+        return np.concatenate([[0.0], seconds])
+
+    def write(self, writer, first, end):
+        """Blocks of moves `first` to `end`, under G93, back to G94."""
+        is_inverse = False
+        for k in range(self.first[first], self.first[end]):
+            is_feed = self.kind[k] != Kind.RAPID
+            if is_feed and not is_inverse:
+                writer.block("G93")
+                is_inverse = True
+            writer.joint_move("G1" if is_feed else "G0", self.words_mm[k], self.degrees[k],
+                              ("F" + writer.inverse_time(self.seconds[k]),) if is_feed else ())
+        if is_inverse:
+            writer.block("G94")
+            writer.feed = None
+
+
+def _straight(moves, tolerance_mm):
+    """Poses of straight moves: (n, 3) tips, (n, 3) axes, (n,) the move each ends or lies on; arcs are chords."""
+    axes = moves.axis / np.sqrt((moves.axis ** 2).sum(axis=1))[:, None]
+    tips, leaning, move = [moves.start_mm], [axes[0]], [0]
+    for k in range(len(moves)):
+        points = [moves.end_mm[k]]
+        if moves.kind[k] >= Kind.ARC_CW:
+            points = Arc(tips[-1], moves.end_mm[k], moves.center_mm[k], Plane(moves.plane[k]), moves.kind[k]).chords(tolerance_mm)
+        before = leaning[-1]
+        for n, point in enumerate(points, 1):
+            tips.append(point)
+            leaning.append(axes[k] if n == len(points) else _between(before, axes[k], n / len(points)))
+            move.append(k)
+    return np.array(tips), np.array(leaning), np.array(move)
+
+
+def _between(a, b, share):
+    """On the great circle from a to b."""
+    across = np.cross(a, b)
+    sine = np.sqrt((across * across).sum())
+    whole = fixed.arctan2(sine, (a * b).sum())
+    if sine < TILT_RAD:
+        return a
+    return (fixed.sin((1 - share) * whole) * a + fixed.sin(share * whole) * b) / sine
