@@ -26,6 +26,7 @@ from cuspline.values.errors import DesignError
 
 ANGLE_RAD = 0.35          # largest turn of the normal along a triangle's side
 POINT_MM = 1e-7           # a surface whose derivative is shorter has shrunk to a point there
+SIDES = 0.49             # of the deviation, that sides inside a face may stray: no more than the mesher leaves
 INSIDE = 4.0              # times the deflection of edges is asked for inside faces: halving sides is cheaper than meshing
 ROUNDS = 4                # refinements before giving up
 HALVINGS = 14             # of a side inside a face
@@ -60,7 +61,7 @@ def tessellate(solid, deviation_mm):
     asked = 0.7 * deviation_mm
     for _ in range(ROUNDS):
         copy = BRepBuilderAPI_Copy(solid, True, False).Shape()
-        faces = [_refined(f, 0.5 * deviation_mm) for f in mesh_faces(copy, asked, INSIDE * asked)]
+        faces = [_refined(f, SIDES * deviation_mm) for f in mesh_faces(copy, asked, INSIDE * asked)]
         measured = max(_deviation_mm(f) for f in faces)
         if measured <= deviation_mm:
             return _welded(faces, measured)

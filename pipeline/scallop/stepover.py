@@ -40,7 +40,7 @@ def stepover_for_scallop_mm(radius_mm, scallop_mm, curvature_per_mm):
 
 
 def scallop_for_stepover_mm(radius_mm, stepover_mm, curvature_per_mm):
-    """Scallop height that a ball leaves at a given stepover: the inverse of `stepover_for_scallop_mm`.
+    """(n,) scallop heights that a ball leaves at a given stepover, one or (n,): the inverse of `stepover_for_scallop_mm`.
 
     >>> scallop_for_stepover_mm(12.7, 1.27, 0.0).round(6)       # r = 0.5 in, s = 0.05 in: 0.000625 in
     array([0.015885])

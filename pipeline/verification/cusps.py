@@ -122,7 +122,7 @@ def measured_cusps(sampled, cut, posted, height_of, exact_of, face_numbers):
     for r in np.unique(radius[good]):
         same = radius[good] == r
         fits = np.maximum(bend[same], -0.999 / r)
-        formula[same] = [scallop_for_stepover_mm(r, s, k)[0] for s, k in zip(step[good][same], fits)]
+        formula[same] = scallop_for_stepover_mm(r, step[good][same], fits)
     return Cusps(point_mm=place.point_mm[good], height_mm=exact_of(place.point_mm[good], place.normal[good]),
                  formula_mm=formula, step_mm=step[good], face=np.asarray(face_numbers, np.int64)[tops.face[good]],
                  operation=posted.operation[moves[0][good]], names=posted.operations)

@@ -15,7 +15,7 @@ from cuspline.values.clusters import clusters_of
 from cuspline.values.errors import DesignError, SimulationError
 from cuspline.values.frames import Frame
 from cuspline.verification.samples import INSIDE_MM, sample_faces
-from cuspline.verification.solid_check import _Seen
+from cuspline.verification.solid_check import _Seen, outlines
 
 BLOCK = brep.the_solid(cq.Workplane().box(30, 20, 10, centered=False).faces(">Z").workplane(centerOption="CenterOfMass").hole(6, 4)
                        .edges("|Z").edges("not %CIRCLE").fillet(2))
@@ -121,6 +121,19 @@ def test_a_union_in_the_plane_is_the_same_in_any_portions(monkeypatch):
         monkeypatch.setattr(solids, "POLYGONS_AT_ONCE", size)
         volumes.append(solids.prism_over(list(corners), 0.0, 2.0).volume())
     assert volumes[0] == pytest.approx(volumes[1], abs=1e-5) and volumes[0] > 100
+
+
+def test_outlines_bound_the_same_place_as_all_their_triangles():
+    """Two plates that touch in a corner, one of them with a hole; the outer loops run round one way, the hole's the other."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(9.0), np.arange(9.0)))
+    cells = [(i, j) for i in range(8) for j in range(8) if (i < 4) == (j < 4) and (i, j) != (1, 2)]
+    triangles = np.array([t for i, j in cells for a in [9 * j + i] for t in ((a, a + 1, a + 10), (a, a + 10, a + 9))])
+    points = np.column_stack([x, y])
+    loops = [points[loop] for loop in outlines(triangles)]
+    whole, outline = solids.prism_over(list(points[triangles]), 0.0, 2.0), solids.prism_within(loops, 0.0, 2.0)
+    assert outline.volume() == pytest.approx(2.0 * len(cells), abs=1e-9)
+    assert (whole - outline).volume() == pytest.approx(0.0, abs=1e-9)
+    assert sum(len(loop) for loop in loops) == 16 + 16 + 4 and outlines(triangles[:0]) == []
 
 
 def test_a_place_on_the_top_beside_a_hole_is_not_deep():
