@@ -120,8 +120,8 @@ def checklist(bundle, setup):
              f"(lowest tip Z {decimal(setup.extents_mm[0][2])})",
              f"{setup.wcs} set: {setup.wcs_in_words}; compared with the picture"]
     if setup.solved_for:
-        lines.append(f"{setup.wcs} stands at machine {setup.solved_for}, and tools are as long as stated: the program is solved for "
-                     "nothing else")
+        lines.append(f"{setup.wcs} stands at machine {setup.solved_for}, and tools are as long as stated: the program is solved "
+                     "for nothing else")
     if setup.markers:
         lines.append("Markers " + ", ".join(name for name, _ in setup.markers) + " touched, and found where this sheet "
                      "puts them; if not, program posted anew with --measured")
