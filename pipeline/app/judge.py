@@ -112,11 +112,19 @@ def read_programs(folder, job, tools):
         if len(held) == 1:
             yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=found)
             continue
-        split = by_position(moves, [item.setup.frame for item in held], held[0].setup.clamped_frame)
+        split = _split(moves, held, texts)
         turning = turning_findings(split, [item.setup for item in held], job, tools)
         for k, (item, own) in enumerate(zip(held, split.moves)):
             yield ReadProgram(setup=item.setup, texts=texts, posted=own, is_first=k == 0,
                               findings=(*(found if k == 0 else ()), *turning[k]))
+
+
+def _split(moves, held, texts):
+    """program.positions.Positions of a clamping's moves; what is refused is named with the files."""
+    try:
+        return by_position(moves, [item.setup.frame for item in held], held[0].setup.clamped_frame)
+    except ReadError as error:
+        raise ReadError(f"{', '.join(texts)}: {error}", rows=error.rows) from None
 
 
 def _clampings(posted):

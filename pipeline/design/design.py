@@ -118,8 +118,8 @@ class Setup(Model):
     markers: tuple[Marker, ...] = Field(default=(), description="what is measured to find how the part sits")
     marker_limit_mm: float = Field(default=0.02, gt=0, description="how far a measured marker may be from the rigid part")
     refixturing: Refixturing | None = Field(default=None, description="what measured markers came to; None: as designed")
-    indexed: bool = Field(default=False, description="an indexed position (3+2): the rotary axes turn the part to it in the "
-                          "clamping of the setup before, in the same program; zero, fixtures and markers are that setup's")
+    indexed: bool = Field(default=False, description="an indexed position (3+2): the rotary axes turn the part to it as "
+                          "the setup before holds it, in the same program; zero, fixtures and markers are that setup's")
     clamped_x: Direction | None = Field(default=None, description="of an indexed position, filled in: wcs_x of the setup that "
                                         "holds it")
     clamped_z: Direction | None = None
@@ -163,7 +163,7 @@ class Setup(Model):
         said = [name for name in ("fixtures", "markers", "wcs", "wcs_origin_mm", "refixturing")
                 if getattr(self, name) not in (type(self).model_fields[name].default, getattr(base, name))]
         if said:
-            raise DesignError(f"setup {self.name} is an indexed position of {base.name}'s clamping, whose {said[0]} holds for it: "
+            raise DesignError(f"setup {self.name} is an indexed position held as {base.name} is, whose {said[0]} holds for it: "
                               f"leave {said[0]} out, or indexed")
         return self.model_copy(update={"wcs": base.wcs, "wcs_origin_mm": base.wcs_origin_mm, "fixtures": base.fixtures,
                                        "markers": base.markers, "refixturing": base.refixturing,

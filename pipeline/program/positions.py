@@ -48,7 +48,7 @@ def by_position(posted, frames, held):
     missing = sorted(set(range(len(frames))) - set(position.tolist()))
     if missing:
         raise ReadError(f"the program never points the tool along {' '.join(f'{x:.4f}' for x in axes[missing[0]])} in the WCS, as "
-                        f"position {missing[0] + 1} of its clamping asks: correct its rotary words, or the machine's file")
+                        f"position {missing[0] + 1} requires: correct its rotary words, or the machine's file")
     order = np.maximum.accumulate(position)
     rows = np.flatnonzero(position < 0)
     leads_to = np.minimum(order[rows] + 1, len(frames) - 1)

@@ -93,7 +93,7 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
     report = replay_checks.Reporter(posted, around.setup, around.frame)
     hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
-             *report.unknown_starts(highest, hanging), *report.travel(machine),
+             *report.unknown_starts(highest, hanging, machine), *report.travel(machine),
              *report.table(machine, tools, script, hanging), *report.end(),
              *report.loads(taken, tools),
              *stop_findings(report, Standing(tools=tools, machine=machine, highest_mm=highest, hanging_mm=hanging,

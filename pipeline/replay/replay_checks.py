@@ -163,16 +163,19 @@ class Reporter:
                                    "it takes nothing off the stock that stands: leave it out, or look why its tool does not "
                                    "come down to the part")
 
-    def unknown_starts(self, highest_mm, hanging_mm):
+    def unknown_starts(self, highest_mm, hanging_mm, machine=None):
         """Moves from or to an unknown place must stay above stock and fixtures all the way.
 
         `hanging_mm`: {number: how far a tool reaches below the place that is called its tip}, of those that do.
+        `machine`: machines.Machine, asked for where its tools are changed.
         """
         posted = self.posted
         known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
         low = np.fmin(posted.start_mm[:, 2], posted.end_mm[:, 2])      # NaN only if both are unknown
         low = low - np.array([hanging_mm.get(n, 0.0) for n in posted.tool.tolist()])
         unsafe = ~known & (posted.tool > 0) & ~(low >= highest_mm)
+        if machine is not None and machine.rotaries:        # they turn first of all, where tools are changed: no tip is known
+            unsafe &= ~(posted.machine_end_mm[:, 2] >= machine.tool_change_height_mm - TRAVEL_MM)
         for group in self._gathered(self.runs(unsafe, ~known)):
             depth = highest_mm - low[group[0]]
             yield self.finding("unknown_start", group[0], depth if np.isfinite(depth) else 0.0,

@@ -213,10 +213,21 @@ def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
         return events, count
     for tj in range(j0 // TILE, (j1 - 1) // TILE + 1):
         for ti in range(i0 // TILE, (i1 - 1) // TILE + 1):
-            if tiles[tj, ti] > low:
+            if tiles[tj, ti] > low and tiles[tj, ti] > low + _rise(g, a, rc, tj, ti, bounds.shape, xs, ys) - NOISE_MM:
                 events, count, tiles[tj, ti] = _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids,
                                                          events, count)
     return events, count
+
+
+@njit
+def _rise(g, a, rc, tj, ti, cells, xs, ys):
+    """How far above its tip a piece's cutter is at least, over all of a tile; inf: it does not come there."""
+    dx = max(xs[ti * TILE] - max(g[X0], g[X1]), min(g[X0], g[X1]) - xs[min((ti + 1) * TILE, cells[1])], 0.0)
+    dy = max(ys[tj * TILE] - max(g[Y0], g[Y1]), min(g[Y0], g[Y1]) - ys[min((tj + 1) * TILE, cells[0])], 0.0)
+    beside = math.sqrt(dx * dx + dy * dy) - a
+    if beside <= 0.0:
+        return 0.0
+    return rc - math.sqrt(rc * rc - beside * beside) if beside < rc else math.inf
 
 
 @njit

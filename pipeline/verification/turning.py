@@ -11,7 +11,7 @@ import numpy as np
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.program.program import Kind
 from cuspline.replay.clearance import ClearanceTree, ToolMoves, tool_segments
-from cuspline.replay.replay_checks import Reporter
+from cuspline.replay.replay_checks import TRAVEL_MM, Reporter
 from cuspline.verification.machine_bodies import into_link, mesh_of, rotary_links
 
 UNKNOWN = "rotary axes turn while nobody knows where X, Y and Z stand: retract by G53 before"
@@ -31,7 +31,8 @@ def turning_findings(positions, setups, job, tools):
     moves, held, machine = positions.turning, setups[0], job.machine
     report, found = Reporter(moves, held.name, held.frame), [[] for _ in setups]
     known = np.isfinite(moves.start_mm).all(axis=1) & np.isfinite(moves.end_mm).all(axis=1)
-    for row in np.flatnonzero(~known & (moves.tool > 0)):
+    at_top = moves.machine_end_mm[:, 2] >= machine.tool_change_height_mm - TRAVEL_MM       # where it all begins
+    for row in np.flatnonzero(~known & ~at_top & (moves.tool > 0)):
         found[positions.leads_to[row]].append(report.finding("unknown_start", row, 0.0, moves.end_mm[row], UNKNOWN))
     rows = np.flatnonzero(known & (moves.kind == Kind.RAPID) & np.isin(moves.tool, list(tools)))
     if not len(rows):

@@ -11,13 +11,15 @@ import numpy as np
 
 from cuspline.posts.writers.words import Arc
 from cuspline.program.joint_paths import Tolerance, joint_path
-from cuspline.program.joint_times import block_seconds
+from cuspline.program.joint_times import block_seconds, driven_seconds, rounded_seconds
 from cuspline.program.program import TILT_RAD, Kind, Plane
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PostError
 
 JOINT_SHARE = 0.5           # of the path tolerance: how far tip and cutting edge may leave the plan between two blocks
 CHORD_SHARE = 0.25          # of it: chords instead of arcs
+CORNER_SHARE = 0.9          # of it: how far the tip may leave a corner between two blocks, where the plan is and no chord is off
+LEANING_BLEND_SHARE = 0.25  # of it, for G64 P, which counts corners of X Y Z alone
 
 
 def leans(moves):
@@ -61,13 +63,18 @@ class SolvedMoves:
         self.words_mm = path.joints[:, :3] - machine.wcs_origin_mm - np.array([0.0, 0.0, self.length_mm])
         self.degrees = np.degrees(path.joints[:, 3:])
         self.kind = moves.kind[self.move]
-        self.seconds = self._seconds(path, tips, moves.feed_mm_per_min[self.move])
+        self.seconds = self._seconds(path, tips, moves.feed_mm_per_min[self.move], control.path_tolerance_mm)
         self.first = np.searchsorted(self.move[1:], np.arange(len(moves) + 1)) + 1      # block with which each move begins
         self.start_mm, self.starts_mm = self.words_mm[0], self.words_mm[self.first - 1]
         self.turned_deg = self.degrees[self.first - 1]
         self.notes = ("SOLVED FOR THE ZERO AT MACHINE " + " ".join(
             f"{letter}{value:.4f}" for letter, value in zip("XYZ", machine.wcs_origin_mm))
-            + f" AND A TOOL OF {self.length_mm:.4f} MM; WITH ANY OTHER IT CUTS ELSEWHERE",)
+            + f" AND A TOOL OF {self.length_mm:.4f} MM; WITH ANY OTHER IT CUTS ELSEWHERE",
+            f"ABOUT {self.driven_s(LEANING_BLEND_SHARE * control.path_tolerance_mm):.0f} S FROM BLOCK TO BLOCK")
+
+    def driven_s(self, blend_mm):
+        """How long the control takes, with this P of G64."""
+        return float(driven_seconds(self.chain, self.joints, self.seconds[1:], blend_mm).sum())
 
     def _laid(self, tips, axes, within):
         try:
@@ -80,7 +87,7 @@ class SolvedMoves:
             raise PostError(f"operation {self.name}: {error}", rows=error.rows) from None
         return path
 
-    def _seconds(self, path, tips, feed):
+    def _seconds(self, path, tips, feed, path_tolerance_mm):
         """(n,) of every block, 0 of rapids: the tip at its feed, or slower where a joint cannot."""
         whole = np.zeros(len(tips))
         whole[1:] = np.sqrt((np.diff(tips, axis=0) ** 2).sum(axis=1))
@@ -89,7 +96,10 @@ class SolvedMoves:
         wanted = 60.0 * whole[path.row] * (path.share - begin) / np.where(is_feed, feed, 1.0)
         is_linked = is_feed[1:] & np.concatenate([[False], is_feed[1:-1]])
         seconds = block_seconds(self.chain, path.joints, np.where(is_feed, wanted, 0.0)[1:], is_linked)
-        return np.concatenate([[0.0], np.where(is_feed[1:], seconds, 0.0)])
+        seconds = rounded_seconds(self.chain, path.joints, np.where(is_feed[1:], seconds, 0.0), self.length_mm,
+                                  LEANING_BLEND_SHARE * path_tolerance_mm, CORNER_SHARE * path_tolerance_mm)
+        seconds = np.where(is_feed[1:], block_seconds(self.chain, path.joints, seconds, is_linked), 0.0)
+        return np.concatenate([[0.0], seconds])
 
     def write(self, writer, first, end):
         """Blocks of moves `first` to `end`, under G93, back to G94."""

@@ -6,6 +6,7 @@ radii compared after rounding, arcs it would refuse cut into chords; sub-program
 end.
 """
 
+from cuspline.posts.writers.joint_words import LEANING_BLEND_SHARE, leans
 from cuspline.posts.writers.program_files import Dialect, posted
 from cuspline.posts.writers.sub_programs import Variables
 from cuspline.posts.writers.words import INCH_MM, UNIT_WORD, in_brackets
@@ -59,7 +60,8 @@ class _LinuxCNC(Dialect):
             writer.comment(line)
         writer.block(UNIT_WORD[control.units])
         writer.block("G17", "G90", "G91.1", "G94", "G40", "G49", "G80", "G92.1")
-        writer.block("G64", "P" + writer.length(BLEND_SHARE * control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
+        share = LEANING_BLEND_SHARE if any(leans(o.moves) for o in program.operations) else BLEND_SHARE
+        writer.block("G64", "P" + writer.length(share * control.path_tolerance_mm, TOLERANCE_DECIMALS), "Q0")
         writer.block(program.wcs)
 
     def up(self, writer):

@@ -89,7 +89,7 @@ def test_the_ends_of_the_moves_are_where_they_were_planned(name):
 
 
 def test_a_quarter_of_the_tolerance_takes_twice_the_blocks_and_no_more():
-    """A chord's sagitta falls with the square of its length; the bound adds less than a hundredth to it."""
+    """A chord's sagitta falls with the square of its length, and so does what the bound adds to it."""
     chain, (tips, axes) = chain_of("mill_trunnion_ac"), poses("mill_trunnion_ac", 20.0, np.linspace(0, 360, 5))
     fine, finer = (len(joint_path(chain, tips, axes, Tolerance(t, 1.0))) for t in (4e-5, 1e-5))
     assert finer / fine == pytest.approx(2.0, rel=0.02)

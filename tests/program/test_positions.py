@@ -91,7 +91,7 @@ def test_a_position_that_the_program_leaves_out_is_told():
     mill = find_machine("mill_trunnion_ac")
     text = text_of(mill)
     cut = text[:text.index("(OPERATION 2")] + "G53 G0 Z0\nM5\nM9\nM2\n"
-    with pytest.raises(ReadError, match="never points the tool along .* as position 2 of its clamping asks"):
+    with pytest.raises(ReadError, match="never points the tool along .* as position 2 requires"):
         read(mill, cut)
 
 

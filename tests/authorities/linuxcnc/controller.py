@@ -1,4 +1,4 @@
-"""The whole LinuxCNC controller without display: how a three-axis machine really drives a program.
+"""The whole LinuxCNC controller without display: how a machine really drives a program, each joint on its own.
 
 A run has its own process, IPC, network and mount namespaces and an unprivileged user, so runs go side
 by side and nothing outlives them.  Under the virtual clock (virtual_clock.c) it takes seconds.
@@ -26,6 +26,7 @@ SERVO_PERIOD_S = 0.001
 NOBODY = "65534"
 LONGEST_RUN_S = 6 * 3600.0      # of the controller's time
 LONGEST_WAIT_S = 600.0          # of real time
+ENDLESS_DEG = 1e6
 SAMPLER_ROWS = 32768            # 32 s of servo cycles
 NEEDED = ("/usr/bin/milltask", "/usr/bin/io", "/usr/bin/linuxcncsvr", "/usr/bin/halcmd", "/usr/bin/rtapi_app")
 
@@ -35,6 +36,7 @@ class ControllerRun:
     """What the controller did with a program; one row a servo cycle."""
 
     position_mm: np.ndarray     # (n, 3) spindle nose, machine coordinates
+    turned_deg: np.ndarray      # (n, r) rotaries, from the part to the tool
     line: np.ndarray            # (n,) program line the motion belonged to
     is_finished: bool           # the program came to its end without an error
     errors: tuple[str, ...]
@@ -107,15 +109,16 @@ def drive(program_path, *, tool_lengths, work_offsets, machine):
         _run_session(folder)
         verdict = json.loads((folder / "verdict").read_text())
         samples = folder / "samples"
-        table = np.fromfile(samples).reshape(-1, 4) if samples.exists() else np.empty((0, 4))
+        columns = 4 + len(machine.rotaries)
+        table = np.fromfile(samples).reshape(-1, columns) if samples.exists() else np.empty((0, columns))
     return _run_from(table, verdict, time.monotonic() - begin)
 
 
 def _run_from(table, verdict, wall_s):
-    moving = np.flatnonzero(np.any(np.diff(table[:, :3], axis=0), axis=1))
+    moving = np.flatnonzero(np.any(np.diff(table[:, :-1], axis=0), axis=1))
     span = int(moving[-1] + 1 - moving[0]) if len(moving) else 0
     return ControllerRun(
-        position_mm=table[:, :3], line=table[:, 3].astype(int), is_finished=verdict["finished"],
+        position_mm=table[:, :3], turned_deg=table[:, 3:-1], line=table[:, -1].astype(int), is_finished=verdict["finished"],
         errors=tuple(verdict["errors"]), moving_s=len(moving) * SERVO_PERIOD_S, program_s=span * SERVO_PERIOD_S,
         wall_s=wall_s)
 
@@ -126,11 +129,12 @@ def _write_job(folder, program_path, tool_lengths, work_offsets, machine):
     shutil.copy(program_path, folder / "program.ngc")
     shutil.copy(HERE / "controller_session.py", folder)
     (folder / "sim.ini").write_text(_ini(folder, machine))
-    (folder / "sim.hal").write_text(_hal())
+    (folder / "sim.hal").write_text(_hal(3 + len(machine.rotaries)))
     write_tool_table(folder / "tool.tbl", tool_lengths)
     write_parameters(folder / "sim.var", work_offsets)
     job = {"folder": str(folder), "ini": str(folder / "sim.ini"), "hal": str(folder / "sim.hal"),
-           "program": str(folder / "program.ngc"), "sample_types": "fffs", "longest_s": LONGEST_RUN_S,
+           "program": str(folder / "program.ngc"), "sample_types": "f" * (3 + len(machine.rotaries)) + "s",
+           "longest_s": LONGEST_RUN_S,
            "clock": str(_virtual_clock(folder))}
     (folder / "job").write_text(json.dumps(job))
 
@@ -167,28 +171,39 @@ EMCIO = io
 CYCLE_TIME = 0.02
 TOOL_TABLE = {folder}/tool.tbl
 [KINS]
-KINEMATICS = trivkins coordinates=XYZ
-JOINTS = 3
+KINEMATICS = trivkins coordinates={"".join(("X", "Y", "Z", *machine.rotaries))}
+JOINTS = {3 + len(machine.rotaries)}
 [TRAJ]
-COORDINATES = X Y Z
+COORDINATES = {" ".join(("X", "Y", "Z", *machine.rotaries))}
 LINEAR_UNITS = mm
 ANGULAR_UNITS = degree
 DEFAULT_LINEAR_VELOCITY = {diagonal_mm_per_s}
 MAX_LINEAR_VELOCITY = {diagonal_mm_per_s}
 DEFAULT_LINEAR_ACCELERATION = {diagonal_mm_per_s2}
 MAX_LINEAR_ACCELERATION = {diagonal_mm_per_s2}
-""" + "".join(_axis_ini(*row) for row in zip("XYZ", range(3), machine.axes, home_mm(machine)))
+""" + "".join(_axis_ini(*row) for row in zip("XYZ", range(3), machine.axes, home_mm(machine))) + "".join(
+        _rotary_ini(letter, 3 + k, getattr(machine, letter.lower())) for k, letter in enumerate(machine.rotaries))
 
 
 def _axis_ini(letter, joint, axis, home):
-    limits = f"""MIN_LIMIT = {axis.min_mm}
-MAX_LIMIT = {axis.max_mm}
-MAX_VELOCITY = {axis.rapid_mm_per_min / 60}
-MAX_ACCELERATION = {axis.acceleration_mm_per_s2}
+    return _joint_ini(letter, joint, "LINEAR", home, (axis.min_mm, axis.max_mm), axis.rapid_mm_per_min / 60,
+                      axis.acceleration_mm_per_s2)
+
+
+def _rotary_ini(letter, joint, axis):
+    limits = (-ENDLESS_DEG, ENDLESS_DEG) if axis.min_deg is None else (axis.min_deg, axis.max_deg)
+    return _joint_ini(letter, joint, "ANGULAR", 0.0, limits, axis.rapid_deg_per_min / 60, axis.acceleration_deg_per_s2)
+
+
+def _joint_ini(letter, joint, type_, home, span, speed, acceleration):
+    limits = f"""MIN_LIMIT = {span[0]}
+MAX_LIMIT = {span[1]}
+MAX_VELOCITY = {speed}
+MAX_ACCELERATION = {acceleration}
 """
     return f"""[AXIS_{letter}]
 {limits}[JOINT_{joint}]
-TYPE = LINEAR
+TYPE = {type_}
 {limits}HOME = {home}
 HOME_OFFSET = {home}
 HOME_SEARCH_VEL = 0
@@ -199,17 +214,17 @@ MIN_FERROR = 10
 """
 
 
-def _hal():
+def _hal(joints):
     """Ideal motors and tool changer; the sampler reads joints and line every servo cycle."""
     lines = ["loadrt [KINS]KINEMATICS",
              "loadrt [EMCMOT]EMCMOT servo_period_nsec=[EMCMOT]SERVO_PERIOD num_joints=[KINS]JOINTS",
-             f"loadrt sampler depth={SAMPLER_ROWS} cfg=fffs",
+             f"loadrt sampler depth={SAMPLER_ROWS} cfg={'f' * joints}s",
              "addf motion-command-handler servo-thread", "addf motion-controller servo-thread",
              "addf sampler.0 servo-thread",
-             *(f"net motor-{k} joint.{k}.motor-pos-cmd => joint.{k}.motor-pos-fb" for k in range(3)),
+             *(f"net motor-{k} joint.{k}.motor-pos-cmd => joint.{k}.motor-pos-fb" for k in range(joints)),
              # not the motor's position, which counts from where homing found it
-             *(f"net joint-{k} joint.{k}.pos-cmd => sampler.0.pin.{k}" for k in range(3)),
-             "net line motion.program-line => sampler.0.pin.3",
+             *(f"net joint-{k} joint.{k}.pos-cmd => sampler.0.pin.{k}" for k in range(joints)),
+             f"net line motion.program-line => sampler.0.pin.{joints}",
              "net enabled iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in",
              "net prepare iocontrol.0.tool-prepare => iocontrol.0.tool-prepared",
              "net change iocontrol.0.tool-change => iocontrol.0.tool-changed"]

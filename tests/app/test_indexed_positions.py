@@ -1,0 +1,88 @@
+"""Indexed positions from the design to the verdict: one program, several faces, one clamping."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cuspline.app import catalogue
+from cuspline.app.build import Order, build
+from cuspline.app.judge import judge
+from cuspline.design.job import read_job
+from cuspline.values.errors import DesignError, PlanError, ReadError
+from cuspline.verification.verdict import Options
+
+PART = Path(__file__).parents[1] / "parts" / "indexed_block.py"
+COARSE = Options(spacing_mm=0.5, solid_pitch_mm=0.5, replay_pitch_mm=0.5, tessellation_mm=0.01)
+
+
+def order(folder, machine="mill_trunnion_ac"):
+    source = catalogue.find_design(str(PART))
+    return Order(source=source, design=catalogue.make_design(source, []), accepted=(), out=folder,
+                 machine=catalogue.find_machine(machine), library=catalogue.find_library(None), last_stage="gcode")
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory):
+    """Output folder of the part with two positions, posted; not to be edited."""
+    return build(order(tmp_path_factory.mktemp("indexed") / "block")).folder
+
+
+def test_one_program_cuts_both_faces(block):
+    assert [p.name for p in block.glob("*.ngc")] == ["top.ngc"]
+    text = (block / "top.ngc").read_text()
+    assert "(POSITION FRONT: TOOL ALONG X0.000 Y-1.000 Z0.000 OF THE WCS)" in text and "G53 G0 A-90\n" in text
+    verify = judge(block, read_job(block), options=COARSE).as_dict(())
+    assert verify["ok"], verify["findings"]
+    assert [s["setup"] for s in verify["setups"]] == ["top", "front"]
+    for setup in verify["setups"]:
+        assert setup["gouge_max_mm"] <= 0.01 and 0.02 < setup["cusp_max_mm"] <= 0.06
+        assert setup["area_reached_mm2"] == pytest.approx(setup["area_required_mm2"], rel=1e-3)
+
+
+def spoilt(block, folder, change):
+    """A copy of the outputs with the program changed, judged."""
+    folder.mkdir()
+    for path in block.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    text = (block / "top.ngc").read_text()
+    assert change(text) != text
+    (folder / "top.ngc").write_text(change(text))
+    return judge(folder, read_job(folder), options=COARSE)
+
+
+def test_the_wrong_sign_of_a_is_refused(block, tmp_path):
+    with pytest.raises(ReadError, match="top.ngc.*cutting move with its tool axis along"):
+        spoilt(block, tmp_path / "out", lambda text: text.replace("A-90", "A90"))
+
+
+def test_a_cut_too_deep_in_a_turned_position_is_a_gouge_there(block, tmp_path):
+    """The last operation a tenth of a millimetre deeper: in a table that turns, Z is along the tool in every position."""
+    def deeper(text):
+        lines = text.splitlines()
+        begin = max(k for k, line in enumerate(lines) if line.startswith("(OPERATION"))
+        lower = lambda word: f"Z{float(word[1]) - 0.1:.4f}"
+        return "\n".join(line if k < begin or line.startswith(("(", "G53")) else re.sub(r"Z(-?[\d.]+)", lower, line)
+                         for k, line in enumerate(lines)) + "\n"
+    judged = spoilt(block, tmp_path / "out", deeper)
+    gouges = [f for f in judged.findings if f.kind == "gouge"]
+    assert {f.setup for f in gouges} == {"front"} and max(f.amount_mm for f in gouges) == pytest.approx(0.1, abs=0.012)
+    assert all(f.place_mm[1] < -4 for f in gouges)              # on the front, part coordinates
+
+
+def test_the_machine_of_the_part_must_turn_it(tmp_path):
+    with pytest.raises(PlanError, match="front is an indexed position, and mill_3axis has no rotary axes: take a machine that has"):
+        build(order(tmp_path / "out", "mill_3axis"))
+
+
+def test_a_design_whose_first_setup_is_a_position_is_refused():
+    design = order(Path("out")).design
+    with pytest.raises(DesignError, match="front is an indexed position, and no setup before it holds the part"):
+        replace(design, setups=design.setups[1:])
+    top = design.setups[0]
+    again = top.model_copy(update={"name": "again", "indexed": True})
+    with pytest.raises(DesignError, match="again points the tool as top does"):
+        replace(design, setups=(top, again))
+    assert json.loads(top.model_dump_json()).get("indexed") is None
