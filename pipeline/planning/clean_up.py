@@ -31,7 +31,7 @@ from cuspline.values.errors import ToolpathError
 
 BEYOND_STEPS = 0.75         # of the finish's own step: passes run that far beyond a place
 GROUP_STEPS = 6.0           # places nearer to each other than that are cut together
-TOUCH_SHARE = 0.1           # of the cusp: a ball that is held off its place by less than this touches it
+TOUCH_SHARE = 0.5           # of the cusp: a ball held off its place by less than this and a ridge of CLOSER leave less than it
 CLOSER = 0.25               # of the finish's ridge in the first round, the square of it in the second
 
 

@@ -45,10 +45,9 @@ def folder(tmp_path_factory):
         {"setup": setup, "program": "setup-1.ngc", "continued": []}],
         "stock": {"min_mm": [-10, -10, 0], "max_mm": [10, 10, 7]}}})
     write("verify.json", {"findings": [
-        {"kind": "gouge", "amount_mm": 0.05, "place_mm": [1.0, 0.5, 5.0]},
-        {"kind": "gouge", "amount_mm": 0.05, "place_mm": [0, -5, 5]},
-        {"kind": "excess", "amount_mm": 2.0, "place_mm": [3, 6, 5]}, {"kind": "excess", "amount_mm": 1.2, "place_mm": [3, 7, 5]},
-        {"kind": "plunge", "amount_mm": 1.0, "place_mm": [3, 7, 5]}]})
+        {"kind": kind, "amount_mm": amount, "place_mm": place} for kind, amount, place in (
+            ("gouge", 0.05, [1.0, 0.5, 5.0]), ("gouge", 0.05, [0, -5, 5]), ("excess", 2.0, [3, 6, 5]),
+            ("excess", 1.2, [3, 7, 5]), ("plunge", 1.0, [3, 7, 5]))]})
     return path
 
 

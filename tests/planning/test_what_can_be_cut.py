@@ -122,6 +122,19 @@ def test_a_ball_touches_an_upright_wall_down_to_its_own_radius(stepped):
     assert _touched(work, small, foot, 0.1).tolist() == [False, True, True]
 
 
+def test_a_ball_is_of_use_where_it_is_held_off_by_less_than_half_the_cusp():
+    """Beside the line of a valley of two planes 0.1 rad steep a ball of 2 mm is held off by sin 0.2 of the way that is missing."""
+    rise = 8 * np.tan(0.1)
+    valley = cq.Workplane("XZ").polyline([(-8, -6), (8, -6), (8, rise), (0, 0), (-8, rise)]).close().extrude(10)
+    planes = FacePredicate(name="planes", count=2, normal=(0, 0, 1), normal_within_deg=30)
+    fine = Finish(scallop_mm=0.01, profile_tolerance_mm=0.0024, gouge_mm=0.003)
+    work = context_of(part(valley, planes, StockBox(min_mm=(-8, -10, -6), max_mm=(8, 0, 1)), finish=fine))
+    short = np.array([0.015, 0.04])         # held off by 3 and by 8 um
+    along = 2.0 * np.tan(0.1) - short
+    places = np.column_stack([along * np.cos(0.1), np.full(2, -5.0), along * np.sin(0.1)])
+    assert _touched(work, SHOP.number(10), work.closest.closest_points(places), 0.1).tolist() == [True, False]
+
+
 def test_a_pass_runs_along_the_foot_of_a_wall(stepped):
     plan = plan_setup(stepped, stepped.setups[0], MACHINE, FEW)
     finish = plan.operations[-1]
