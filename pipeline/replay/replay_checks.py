@@ -174,7 +174,7 @@ class Reporter:
         low = np.fmin(posted.start_mm[:, 2], posted.end_mm[:, 2])      # NaN only if both are unknown
         low = low - np.array([hanging_mm.get(n, 0.0) for n in posted.tool.tolist()])
         unsafe = ~known & (posted.tool > 0) & ~(low >= highest_mm)
-        if machine is not None and machine.rotaries:        # they turn first of all, where tools are changed: no tip is known
+        if machine is not None and posted.rotary_deg.shape[1]:      # they turn first of all, at the tool change: no tip is known
             unsafe &= ~(posted.machine_end_mm[:, 2] >= machine.tool_change_height_mm - TRAVEL_MM)
         for group in self._gathered(self.runs(unsafe, ~known)):
             depth = highest_mm - low[group[0]]
