@@ -17,6 +17,7 @@ from cuspline.verification.volumes import Amount, Volumes, amount, volumes
 LAYERS = 12               # of the faces' height: what lies under a face by more than a layer is not theirs
 BELOW_MM = 0.2
 LEAST_MM3 = 1e-6          # smaller bodies are rounding
+FEW = 64                   # places whose distance to the faces is asked at a time
 SURE_MM = 1e-4            # a body counts when the exact height confirms it by more than this
 EXACT_MM = 1e-9
 
@@ -162,18 +163,35 @@ class _Seen:
     frame: object             # the WCS seen from the part
     part: object              # see `compare`
 
-    def depths(self, places):
-        """Nearest sample (n,), and how far places (n, 3) lie off the design (n,): along that sample's normal, but no farther
-        than the faces are; beside a wall the normal is another face's."""
+    def at_most(self, places):
+        """Nearest sample (n,), and how far places (n, 3) lie off the design (n,) along that sample's normal; they lie no
+        farther off it, but nearer beside a wall, where the normal is another face's."""
         samples = self.found.samples
         points, normals = self.frame.into(samples.points_mm), self.frame.turn_into(samples.normals)
         near = cKDTree(points).query(places)[1]
-        depth = np.abs(np.einsum("nc,nc->n", places - points[near], normals[near]))
-        deep = depth > SURE_MM
-        if deep.any():
-            away = self.part.surface.closest_points(self.frame.out(places[deep])).distance_mm
-            depth[deep] = np.minimum(depth[deep], away)
-        return near, depth
+        return near, np.abs(np.einsum("nc,nc->n", places - points[near], normals[near]))
+
+    def deepest(self, places, at_most):
+        """(largest depth, its row) of places that lie off the design by at most so much, and no farther than its faces are.
+
+        Faces are asked from the deepest place on, a few at a time, until no other can be deeper: on a hole's axis, where
+        all its wall is as near, an answer takes long.
+        """
+        order = np.argsort(-at_most, kind="stable")
+        best, row = -1.0, 0
+        for first in range(0, len(order), FEW):
+            rows = order[first:first + FEW]
+            if at_most[rows[0]] <= best:
+                break
+            depth = at_most[rows].copy()
+            deep = depth > SURE_MM
+            if deep.any():
+                away = self.part.surface.closest_points(self.frame.out(places[rows[deep]])).distance_mm
+                depth[deep] = np.minimum(depth[deep], away)
+            k = int(depth.argmax())
+            if depth[k] > best:
+                best, row = float(depth[k]), int(rows[k])
+        return best, row
 
 
 def _bodies(kind, solid, beyond_mm, tolerance, seen, tessellation_mm):
@@ -182,15 +200,15 @@ def _bodies(kind, solid, beyond_mm, tolerance, seen, tessellation_mm):
     if not pieces:
         return [], 0
     vertices = np.concatenate([p.vertices_mm for p in pieces])
-    near, depth = seen.depths(vertices)
+    near, at_most = seen.at_most(vertices)
     beyond = beyond_mm(vertices)
     ends = np.cumsum([0] + [len(p.vertices_mm) for p in pieces])
     real = []
     for piece, i, j in zip(pieces, ends, ends[1:]):
-        if _is_real(beyond[i:j], depth[i:j], max(2 * tessellation_mm, SURE_MM)) and not _is_hair(piece, tessellation_mm):
-            worst = i + int(depth[i:j].argmax())
-            real.append(_described(kind, piece, tolerance + float(depth[worst]), vertices[worst],
-                                   np.unique(near[i:j]), seen.frame))
+        depth_of = lambda rows: seen.deepest(vertices[i:j][rows], at_most[i:j][rows])
+        if _is_real(beyond[i:j], depth_of, max(2 * tessellation_mm, SURE_MM)) and not _is_hair(piece, tessellation_mm):
+            depth, worst = depth_of(slice(None))
+            real.append(_described(kind, piece, tolerance + depth, vertices[i + worst], np.unique(near[i:j]), seen.frame))
     return real, len(pieces) - len(real)
 
 
@@ -202,13 +220,13 @@ def _described(kind, piece, depth, place, samples, frame):
                      min_mm=tuple(low.tolist()), max_mm=tuple(high.tolist()), samples=samples)
 
 
-def _is_real(beyond, depth, sure):
+def _is_real(beyond, depth_of, sure):
     """Whether the exact stock reaches beyond the design at one of a body's vertices.
 
     Either the exact height passes a vertex of the design, or a vertex of the grid, where its
-    height is exact, lies off the design.
+    height is exact, lies off the design: `depth_of` gives the largest depth of some vertices.
     """
-    return bool((beyond > sure).any() or ((np.abs(beyond) < EXACT_MM) & (depth > sure)).any())
+    return bool((beyond > sure).any() or depth_of(np.abs(beyond) < EXACT_MM)[0] > sure)
 
 
 def _is_hair(piece, tessellation_mm):

@@ -144,8 +144,26 @@ def test_a_place_on_the_top_beside_a_hole_is_not_deep():
                  SimpleNamespace(surface=ClosestTree.of_faces(faces)))
     turn = np.linspace(0.1, 6.2, 9)
     beside = lambda r, z: np.column_stack([15 + r * np.cos(turn), 10 + r * np.sin(turn), np.full(9, z)])
-    assert seen.depths(beside(3.03, 10.0))[1].max() < 1e-9
-    assert seen.depths(beside(3.03, 8.0))[1] == pytest.approx(0.03, rel=0.1)    # in the metal of the wall; normals 10 degrees off
+    deepest = lambda places: seen.deepest(places, seen.at_most(places)[1])[0]
+    assert deepest(beside(3.03, 10.0)) < 1e-9
+    assert deepest(beside(3.03, 8.0)) == pytest.approx(0.03, rel=0.1)    # in the metal of the wall; normals 10 degrees off
+
+
+def test_the_deepest_of_many_places_is_that_of_all_but_few_are_asked():
+    """A plug in a blind hole: deepest where its wall and its floor are as far; the faces are asked for some of its places."""
+    faces, asked = brep.faces_of(BLOCK), []
+    surface = ClosestTree.of_faces(faces)
+    counted = SimpleNamespace(closest_points=lambda p: (asked.append(len(p)), surface.closest_points(p))[1])
+    wall = [f.shape for f in faces if f.kind == "cylinder"]
+    seen = _Seen(SimpleNamespace(samples=sample_faces(wall, 0.5)), Frame.shift((0.0, 0.0, 0.0)), SimpleNamespace(surface=counted))
+    rng = np.random.default_rng(2)
+    radius, turn = 2.9 * np.sqrt(rng.uniform(0.001, 1.0, 3000)), rng.uniform(0, 6.28, 3000)
+    places = np.column_stack([15 + radius * np.cos(turn), 10 + radius * np.sin(turn), rng.uniform(6.2, 9.8, 3000)])
+    at_most = seen.at_most(places)[1]
+    depth, row = seen.deepest(places, at_most)
+    everywhere = np.minimum(at_most, surface.closest_points(places).distance_mm)
+    assert depth == everywhere.max() and row == everywhere.argmax() and depth > 1.5
+    assert sum(asked) < 1000
 
 
 def test_an_open_mesh_is_refused():
