@@ -24,6 +24,7 @@ from cuspline.app.catalogue import sources_of_post
 from cuspline.app.judge import begun, figures_in_words, post_module, posted_positions
 from cuspline.app.outcome import Result
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
+from cuspline.design.design import by_clamping
 from cuspline.design.job import Job, PostedFile, digest_of, job_line
 from cuspline.design.setup_alignment import refixturing_in_words
 from cuspline.design.stock import FromFile, settled, stock_in_words
@@ -31,7 +32,7 @@ from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.glb import write_glb
 from cuspline.kernel.solids import stl_of
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
-from cuspline.planning.plan import clamping_program, clampings_of, plan_setup
+from cuspline.planning.plan import clamping_program, plan_setup
 from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
 from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
@@ -198,7 +199,7 @@ def _planned(order, say):
         if setup is not design.setups[-1]:
             say(f"{design.name}: stock after {setup.name}")
             tools = {o.tool.number: o.tool for o in plan.operations}
-            piece = piece.after(setup.frame, swept_paths(_as_posted(order, clampings_of(plans)[-1]), tools))
+            piece = piece.after(setup.frame, swept_paths(_as_posted(order, by_clamping(plans)[-1]), tools))
     return plans
 
 
@@ -355,7 +356,7 @@ def _posted(order, plans, work, inputs):
         _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
     posted, written = [], {}
-    for held in clampings_of(plans):
+    for held in by_clamping(plans):
         held_by = held[0].setup.name
         program = clamping_program(held, _header(order, held, inputs), f"{order.design.name} {held_by}")
         texts = post.post(program, order.machine).texts

@@ -10,6 +10,7 @@ import numpy as np
 
 from cuspline.app.catalogue import find_post, reader_of, tool_table_of
 from cuspline.app.report_inputs import shape_of
+from cuspline.design.design import by_clamping
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.job import read_tools
 from cuspline.kernel import brep
@@ -103,7 +104,7 @@ def read_programs(folder, job, tools):
         InputError: a file is missing.  ReadError: a program that no machine of this kind would take, or that goes so
             far that it cannot be simulated.
     """
-    for held in _clampings(job.posted):
+    for held in by_clamping(job.posted):
         texts = {name: _text(Path(folder) / name) for name in held[0].files}
         parts = [_read(name, text, held[0].setup, job, tools) for name, text in texts.items()]
         moves = _joined(parts, texts.values(), tools)
@@ -112,30 +113,15 @@ def read_programs(folder, job, tools):
         if len(held) == 1:
             yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=found)
             continue
-        split = _split(moves, held, texts)
-        turning = turning_findings(split, [item.setup for item in held], job, tools)
+        setups = [item.setup for item in held]
+        try:
+            split = _by_position(moves, setups)
+        except ReadError as error:
+            raise ReadError(f"{', '.join(texts)}: {error}", rows=error.rows) from None
+        turning = turning_findings(split, setups, job, tools)
         for k, (item, own) in enumerate(zip(held, split.moves)):
             yield ReadProgram(setup=item.setup, texts=texts, posted=own, is_first=k == 0,
                               findings=(*(found if k == 0 else ()), *turning[k]))
-
-
-def _split(moves, held, texts):
-    """program.positions.Positions of a clamping's moves; what is refused is named with the files."""
-    try:
-        return by_position(moves, [item.setup.frame for item in held], held[0].setup.clamped_frame)
-    except ReadError as error:
-        raise ReadError(f"{', '.join(texts)}: {error}", rows=error.rows) from None
-
-
-def _clampings(posted):
-    """Lists of PostedFile: a setup, and the indexed positions that its program goes on with."""
-    held = []
-    for item in posted:
-        if item.setup.indexed and held:
-            held[-1].append(item)
-        else:
-            held.append([item])
-    return held
 
 
 def judge_text(folder, job, published=None):
@@ -265,7 +251,12 @@ def posted_positions(texts, setups, machine, tools):
     moves = posted_moves(texts, setups[0], machine, tools)
     if len(setups) == 1:
         return [moves]
-    return list(by_position(moves, [s.frame for s in setups], setups[0].clamped_frame).moves)
+    return list(_by_position(moves, setups).moves)
+
+
+def _by_position(moves, setups):
+    """program.positions.Positions of a clamping's moves."""
+    return by_position(moves, [s.frame for s in setups], setups[0].clamped_frame)
 
 
 def _moves_of(text, setup, machine, tools):

@@ -135,7 +135,8 @@ def _turned_in_words(posted, setup, machine):
 
 
 def _axes_in_words(letters, values):
-    """
+    """Letters with their values.
+
     >>> _axes_in_words("XYZ", (0.0, -1.0, -0.0))
     'X0 Y-1 Z0'
     """

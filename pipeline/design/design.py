@@ -158,7 +158,7 @@ class Setup(Model):
         """An indexed position in the clamping of a setup before it.
 
         Raises:
-            DesignError: it says what that setup says for it, or points the tool as the position before does.
+            DesignError: it says what that setup says for it.
         """
         said = [name for name in ("fixtures", "markers", "wcs", "wcs_origin_mm", "refixturing")
                 if getattr(self, name) not in (type(self).model_fields[name].default, getattr(base, name))]
@@ -187,6 +187,17 @@ def clamped(setups):
         base = base if setup.indexed else setup
         held.append(setup.held_as(base) if setup.indexed else setup)
     return tuple(held)
+
+
+def by_clamping(items):
+    """[[item]]: values with a `setup`, that of what holds the part first, then of the indexed positions in its clamping."""
+    held = []
+    for item in items:
+        if item.setup.indexed and held:
+            held[-1].append(item)
+        else:
+            held.append([item])
+    return held
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,8 @@ import numpy as np
 from cuspline.design.operations import Clearing
 from cuspline.planning.context import PlannedOperation, PlanningContext
 from cuspline.planning.strategies.auto import Auto
-from cuspline.program.program import Operation, Program, straightened
+from cuspline.program.arcs import straightened
+from cuspline.program.program import Operation, Program
 from cuspline.shop.practice import ShopFile
 from cuspline.surfaces.inner_corners import inner_edges
 from cuspline.values.errors import CutterDoesNotFit
@@ -63,17 +64,6 @@ class SetupPlan:
         """Height above the WCS's zero, along the position's Z, from which rapids across run."""
         zero = self.setup.turn.into(self.setup.frame.origin_mm[None])[0]
         return float(self.clearance_z_mm - zero[2])
-
-
-def clampings_of(plans):
-    """[[SetupPlan]]: of what holds the part, and of the indexed positions in its clamping."""
-    held = []
-    for plan in plans:
-        if plan.setup.indexed:
-            held[-1].append(plan)
-        else:
-            held.append([plan])
-    return held
 
 
 def clamping_program(plans, header, name):

@@ -39,11 +39,12 @@ def by_position(posted, frames, held):
     """
     axes = held.turn_into(np.vstack([frame.turn_out(np.array([UPRIGHT])) for frame in frames]))
     fits = np.array([(tilt_rad(posted.start_axis, a) < SAME_RAD) & (tilt_rad(posted.end_axis, a) < SAME_RAD) for a in axes])
-    position, now = np.full(len(posted), -1), 0
-    for row in range(len(posted)):
-        if not fits[now, row] and now + 1 < len(frames) and fits[now + 1, row]:
-            now += 1
-        position[row] = now if fits[now, row] else -1
+    position, begin = np.full(len(posted), -1), 0
+    for k, own in enumerate(fits):
+        leaves = np.flatnonzero(~own[begin:] & fits[k + 1, begin:]) if k + 1 < len(fits) else ()
+        end = begin + int(leaves[0]) if len(leaves) else len(posted)
+        position[begin:end] = np.where(own[begin:end], k, -1)
+        begin = end
     _refuse_strays(posted, position)
     missing = sorted(set(range(len(frames))) - set(position.tolist()))
     if missing:

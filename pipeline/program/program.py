@@ -125,47 +125,6 @@ def tilt_rad(axes, upright=UPRIGHT):
     return fixed.arctan2(np.sqrt((across * across).sum(axis=1)), (axes * upright).sum(axis=1))
 
 
-def straightened(moves, tolerance_mm):
-    """The same with chords in place of arcs, none farther than the tolerance from its arc.
-
-    >>> half = MoveWriter((1, 0, 0)); half.arc((-1, 0, 0), (0, 0, 0), Plane.XY, False, 100)
-    >>> chords = straightened(half.moves(), 0.01)
-    >>> len(chords), float(np.abs(np.hypot(*chords.end_mm[:, :2].T) - 1).max()) < 1e-12
-    (12, True)
-    """
-    columns = {name: [] for name in ("kind", "end_mm", "axis", "feed_mm_per_min")}
-    for k, start in enumerate(moves.starts_mm):
-        is_arc = moves.kind[k] >= Kind.ARC_CW
-        ends = _chords(moves, k, start, tolerance_mm) if is_arc else moves.end_mm[k:k + 1]
-        for name, value in (("kind", Kind.FEED if is_arc else moves.kind[k]), ("axis", moves.axis[k]),
-                            ("feed_mm_per_min", moves.feed_mm_per_min[k])):
-            columns[name] += [value] * len(ends)
-        columns["end_mm"].append(ends)
-    n = len(columns["kind"])
-    return Moves(start_mm=moves.start_mm, kind=columns["kind"], end_mm=np.concatenate([np.zeros((0, 3)), *columns["end_mm"]]),
-                 center_mm=np.full((n, 3), np.nan), plane=np.full(n, Plane.XY), axis=np.reshape(columns["axis"], (n, 3)),
-                 feed_mm_per_min=columns["feed_mm_per_min"])
-
-
-def _chords(moves, k, start, tolerance_mm):
-    """(n, 3) ends of the chords of one arc or helix, the last its own."""
-    a, b, third = Plane(moves.plane[k]).axes
-    end, center = moves.end_mm[k], moves.center_mm[k]
-    x, y, u, v = start[a] - center[a], start[b] - center[b], end[a] - center[a], end[b] - center[b]
-    radius, begin = fixed.hypot(x, y), fixed.arctan2(y, x)
-    side = 1.0 if moves.kind[k] == Kind.ARC_CCW else -1.0
-    sweep = side * (fixed.arctan2(v, u) - begin) % (2 * np.pi)
-    sweep = sweep if sweep > TILT_RAD else 2 * np.pi
-    largest = 2 * fixed.arccos(max(1.0 - tolerance_mm / max(radius, tolerance_mm), 0.0))
-    share = np.arange(1, int(np.ceil(sweep / largest)) + 1) / np.ceil(sweep / largest)
-    ends = np.empty((len(share), 3))
-    ends[:, a] = center[a] + radius * fixed.cos(begin + side * share * sweep)
-    ends[:, b] = center[b] + radius * fixed.sin(begin + side * share * sweep)
-    ends[:, third] = start[third] + share * (end[third] - start[third])
-    ends[-1] = end
-    return ends
-
-
 class MoveWriter:
     """Collects moves while a pass is laid out; `moves()` freezes them.
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from cuspline.posts.writers.words import Arc
+from cuspline.program.arcs import Arc
 from cuspline.program.joint_paths import Tolerance, joint_path
 from cuspline.program.joint_times import block_seconds, driven_seconds, rounded_seconds
 from cuspline.program.program import TILT_RAD, Kind, Plane

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline.program.arcs import Arc
 from cuspline.program.program import Kind, Plane
-from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PostError
 
 INCH_MM = 25.4
@@ -239,36 +239,6 @@ class Writer:
         centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
         self.block(*self._motion(MOTION_WORD[kind]), *words, *centre, *self._feed(feed))
         self.here_mm = end_mm
-
-
-class Arc:
-    """Points along an arc or helix of the Program."""
-
-    def __init__(self, start_mm, end_mm, center_mm, plane, kind):
-        self.start_mm, self.end_mm, self.center_mm, self.plane = start_mm, np.asarray(end_mm), center_mm, plane
-        a, b, _ = plane.axes
-        x, y = start_mm[a] - center_mm[a], start_mm[b] - center_mm[b]
-        u, v = end_mm[a] - center_mm[a], end_mm[b] - center_mm[b]
-        self.radius_mm, self.from_rad = math.hypot(x, y), fixed.arctan2(y, x)
-        self.side = -1.0 if kind == Kind.ARC_CW else 1.0
-        sweep = self.side * (fixed.arctan2(v, u) - self.from_rad) % (2 * math.pi)
-        self.sweep_rad = sweep if sweep > 1e-9 else 2 * math.pi
-
-    def at(self, share):
-        """Point after a share of the sweep."""
-        a, b, third = self.plane.axes
-        angle = self.from_rad + self.side * share * self.sweep_rad
-        point = np.empty(3)
-        point[a] = self.center_mm[a] + self.radius_mm * fixed.cos(angle)
-        point[b] = self.center_mm[b] + self.radius_mm * fixed.sin(angle)
-        point[third] = self.start_mm[third] + share * (self.end_mm[third] - self.start_mm[third])
-        return point
-
-    def chords(self, tolerance_mm):
-        """End points of the chords that stay within the tolerance, the arc's own end last."""
-        largest = 2 * fixed.arccos(max(1 - tolerance_mm / max(self.radius_mm, tolerance_mm), 0.0))
-        count = math.ceil(self.sweep_rad / largest)
-        return [self.at(k / count) for k in range(1, count)] + [self.end_mm]
 
 
 def check_lines(lines, machine):

@@ -9,8 +9,9 @@ from known_tools import tool
 
 from cuspline.app.catalogue import find_machine, reader_of
 from cuspline.posts.writers import linuxcnc
+from cuspline.program.arcs import straightened
 from cuspline.program.positions import by_position
-from cuspline.program.program import Kind, MoveWriter, Operation, Plane, Program, straightened
+from cuspline.program.program import Kind, MoveWriter, Operation, Plane, Program
 from cuspline.values.errors import PostError, ReadError
 from cuspline.values.frames import Frame
 

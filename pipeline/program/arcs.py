@@ -1,0 +1,61 @@
+"""Arcs and helices of the Program: points along them, chords in their place."""
+
+import math
+
+import numpy as np
+
+from cuspline.program.program import Kind, Moves, Plane
+from cuspline.values import fixed_math as fixed
+
+
+class Arc:
+    """Points along an arc or helix of the Program."""
+
+    def __init__(self, start_mm, end_mm, center_mm, plane, kind):
+        self.start_mm, self.end_mm, self.center_mm, self.plane = start_mm, np.asarray(end_mm), center_mm, plane
+        a, b, _ = plane.axes
+        x, y = start_mm[a] - center_mm[a], start_mm[b] - center_mm[b]
+        u, v = end_mm[a] - center_mm[a], end_mm[b] - center_mm[b]
+        self.radius_mm, self.from_rad = math.hypot(x, y), fixed.arctan2(y, x)
+        self.side = -1.0 if kind == Kind.ARC_CW else 1.0
+        sweep = self.side * (fixed.arctan2(v, u) - self.from_rad) % (2 * math.pi)
+        self.sweep_rad = sweep if sweep > 1e-9 else 2 * math.pi
+
+    def at(self, share):
+        """Point after a share of the sweep."""
+        a, b, third = self.plane.axes
+        angle = self.from_rad + self.side * share * self.sweep_rad
+        point = np.empty(3)
+        point[a] = self.center_mm[a] + self.radius_mm * fixed.cos(angle)
+        point[b] = self.center_mm[b] + self.radius_mm * fixed.sin(angle)
+        point[third] = self.start_mm[third] + share * (self.end_mm[third] - self.start_mm[third])
+        return point
+
+    def chords(self, tolerance_mm):
+        """End points of the chords that stay within the tolerance, the arc's own end last."""
+        largest = 2 * fixed.arccos(max(1 - tolerance_mm / max(self.radius_mm, tolerance_mm), 0.0))
+        count = math.ceil(self.sweep_rad / largest)
+        return [self.at(k / count) for k in range(1, count)] + [self.end_mm]
+
+
+def straightened(moves, tolerance_mm):
+    """The same moves with chords in place of arcs, none farther than the tolerance (mm) from its arc.
+
+    >>> from cuspline.program.program import MoveWriter
+    >>> half = MoveWriter((1, 0, 0)); half.arc((-1, 0, 0), (0, 0, 0), Plane.XY, False, 100)
+    >>> chords = straightened(half.moves(), 0.01)
+    >>> len(chords), float(np.abs(np.hypot(*chords.end_mm[:, :2].T) - 1).max()) < 1e-12
+    (12, True)
+    """
+    is_arc, starts = moves.kind >= Kind.ARC_CW, moves.starts_mm
+    ways = {k: Arc(starts[k], moves.end_mm[k], moves.center_mm[k], Plane(moves.plane[k]), moves.kind[k]).chords(tolerance_mm)
+            for k in np.flatnonzero(is_arc).tolist()}
+    counts = np.ones(len(moves), int)
+    counts[is_arc] = [len(way) for way in ways.values()]
+    row, first = np.repeat(np.arange(len(moves)), counts), np.cumsum(counts) - counts
+    end_mm = moves.end_mm[row]
+    for k, way in ways.items():
+        end_mm[first[k]:first[k] + len(way)] = way
+    return Moves(start_mm=moves.start_mm, kind=np.where(is_arc, Kind.FEED, moves.kind)[row], end_mm=end_mm,
+                 center_mm=np.full((len(row), 3), np.nan), plane=np.full(len(row), Plane.XY), axis=moves.axis[row],
+                 feed_mm_per_min=moves.feed_mm_per_min[row])
