@@ -11,14 +11,12 @@ import numpy as np
 from cuspline.design.operations import Clearing
 from cuspline.planning.context import PlannedOperation, PlanningContext
 from cuspline.planning.strategies.auto import Auto
-from cuspline.program.arcs import straightened
+from cuspline.program.arcs import CHORD_SHARE, straightened
 from cuspline.program.program import Operation, Program
 from cuspline.shop.practice import ShopFile
 from cuspline.surfaces.inner_corners import inner_edges
 from cuspline.values.errors import CutterDoesNotFit
 from cuspline.values.findings import Finding
-
-CHORD_SHARE = 0.25          # of the path tolerance: chords in place of arcs, where no plane of the control's holds them
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

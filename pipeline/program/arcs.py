@@ -7,6 +7,8 @@ import numpy as np
 from cuspline.program.program import Kind, Moves, Plane
 from cuspline.values import fixed_math as fixed
 
+CHORD_SHARE = 0.25      # of the path tolerance, that chords may take where no plane of the control's holds an arc
+
 
 class Arc:
     """Points along an arc or helix of the Program."""

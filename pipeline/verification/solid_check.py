@@ -164,15 +164,16 @@ class _Seen:
     part: object              # see `compare`
 
     def at_most(self, places):
-        """Nearest sample (n,), and how far places (n, 3) lie off the design (n,) along that sample's normal; they lie no
-        farther off it, but nearer beside a wall, where the normal is another face's."""
+        """Nearest sample (n,), and how far places (n, 3) lie off the design (n,), mm, along that sample's normal: the most that
+        counts.  Beside a wall, where the normal is another face's, the design is nearer."""
         samples = self.found.samples
         points, normals = self.frame.into(samples.points_mm), self.frame.turn_into(samples.normals)
         near = cKDTree(points).query(places)[1]
         return near, np.abs(np.einsum("nc,nc->n", places - points[near], normals[near]))
 
     def deepest(self, places, at_most):
-        """(largest depth, its row) of places that lie off the design by at most so much, and no farther than its faces are.
+        """(largest depth in mm, its row) of places (n, 3) in the WCS; the depth of one is `at_most` (n,) or its distance to
+        the nearest face, whichever is less.  Without places: -1 and row 0.
 
         Faces are asked from the deepest place on, a few at a time, until no other can be deeper: on a hole's axis, where
         all its wall is as near, an answer takes long.

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from cuspline.program.arcs import Arc
+from cuspline.program.arcs import CHORD_SHARE, Arc
 from cuspline.program.joint_paths import Tolerance, joint_path
 from cuspline.program.joint_times import block_seconds, driven_seconds, rounded_seconds
 from cuspline.program.program import TILT_RAD, Kind, Plane
@@ -17,7 +17,6 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PostError
 
 JOINT_SHARE = 0.5           # of the path tolerance: how far tip and cutting edge may leave the plan between two blocks
-CHORD_SHARE = 0.25          # of it: chords instead of arcs
 CORNER_SHARE = 0.9          # of it: how far the tip may leave a corner between two blocks, where the plan is and no chord is off
 LEANING_BLEND_SHARE = 0.25  # of it, for G64 P, which counts corners of X Y Z alone
 
