@@ -80,6 +80,11 @@ class SetupBundle:
     path: PathPoints
     replay: StockReplay
 
+    @property
+    def axes_name(self):
+        """Whose X, Y and Z the drawing, the stock and the read-out are given in."""
+        return f"{self.wcs} turned" if self.turned_in_words else self.wcs
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReportBundle:

@@ -63,7 +63,7 @@ def zero_rows(bundle, setup):
     held = [("Held by", ", ".join(name for name, _ in setup.fixtures))] if setup.fixtures else []
     turned = [("Rotary axes", setup.turned_in_words)] if setup.turned_in_words else []
     return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), *turned, ("Stock", stock_size(setup)), *held,
-            ("Stock in WCS", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
+            (f"Stock in {setup.axes_name if turned else 'WCS'}", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
             ("Finished part", box_size(bundle.part_box_mm)), *lies,
             *((f"Marker {name}", _place(place)) for name, place in setup.markers)]
 
@@ -203,4 +203,4 @@ def _triad(look, setup, diagonal):
                      f'<polygon points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in barbs)}" fill="{colour}"/>')
         parts.append(_text(tip + 9 * along + (-4, 4), name, f'style="fill:{colour};font-weight:bold"'))
     parts.append(f'<circle cx="{zero[0]:.1f}" cy="{zero[1]:.1f}" r="4" fill="#fff" stroke="#1b2330" stroke-width="1.5"/>')
-    return parts + [_text(zero + (8, 17), setup.wcs, 'style="font-weight:bold"')]
+    return parts + [_text(zero + (8, 17), setup.axes_name, 'style="font-weight:bold"')]

@@ -41,7 +41,7 @@ def scene(bundle):
         blocks |= {f"path-{k}": text_block(path_bytes), f"replay-{k}": text_block(replay_bytes),
                    f"standing-{k}": text_block(joined([standing.ravel().astype(np.float32)]))}
         setups.append({
-            "name": setup.name, "program": setup.program_file, "wcs": setup.wcs,
+            "name": setup.name, "program": setup.program_file, "wcs": setup.axes_name,
             "origin": list(map(float, setup.frame.origin_mm)), "rotation": setup.frame.rotation.ravel().tolist(),
             "stockEdges": len(setup.stock_edges_mm), "fixtureEdges": sum(len(edges) for _, edges in setup.fixtures),
             "operations": operation_meta(bundle, setup), "path": path_meta, "replay": replay_meta})

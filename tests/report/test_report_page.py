@@ -133,7 +133,9 @@ def test_left_out_pictures_are_named(sample_bundle):
 def test_the_sheet_of_an_indexed_position_says_how_it_is_turned_and_what_zero_it_is_solved_for(sample_bundle):
     words = "A-90 C0 degrees, tool along X0 Y-1 Z0 of G54; held as before"
     setup = replace(sample_bundle.setups[0], turned_in_words=words, solved_for="X0 Y0 Z-450")
-    assert ("Rotary axes", words) in sheet.zero_rows(sample_bundle, setup)
+    rows = sheet.zero_rows(sample_bundle, setup)
+    assert ("Rotary axes", words) in rows and "Stock in G54 turned" in dict(rows)       # not what the control shows
+    assert "G54 turned</text>" in sheet.wcs_drawing(sample_bundle, setup)
     assert any("stands at machine X0 Y0 Z-450" in line for line in sheet.checklist(replace(sample_bundle, setups=(setup,)), setup))
     plain = sample_bundle.setups[0]
     assert "Rotary axes" not in dict(sheet.zero_rows(sample_bundle, plain))
