@@ -44,6 +44,7 @@ class Judged:
     tools: dict                             # number -> Tool
     extra: tuple[Finding, ...]              # about the programs as files
     stock: object                           # a value of design.stock, its file found
+    read: tuple["ReadProgram", ...]         # one a setup
 
     @property
     def posted(self):
@@ -90,6 +91,8 @@ class ReadProgram:
     texts: dict                         # file name -> text
     posted: PostedMoves
     findings: tuple[Finding, ...]       # that the text alone shows
+    whole: PostedMoves                  # the clamping's from beginning to end, in its WCS; indexed positions share it
+    position: np.ndarray                # (n,) indexed position that each move of the whole is made in; -1: in none
     is_first: bool = True               # of its files; indexed positions follow in the same
 
 
@@ -111,7 +114,8 @@ def read_programs(folder, job, tools):
         found = text_findings(moves, tools, setup=held[0].setup, machine=job.machine, finish=job.finish,
                               material=job.cutting_data or known_materials().get(job.material))
         if len(held) == 1:
-            yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=found)
+            yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=found, whole=moves,
+                              position=np.zeros(len(moves), np.int64))
             continue
         setups = [item.setup for item in held]
         try:
@@ -120,7 +124,7 @@ def read_programs(folder, job, tools):
             raise ReadError(f"{', '.join(texts)}: {error}", rows=error.rows) from None
         turning = turning_findings(split, setups, job, tools)
         for k, (item, own) in enumerate(zip(held, split.moves)):
-            yield ReadProgram(setup=item.setup, texts=texts, posted=own, is_first=k == 0,
+            yield ReadProgram(setup=item.setup, texts=texts, posted=own, is_first=k == 0, whole=moves, position=split.position,
                               findings=(*(found if k == 0 else ()), *turning[k]))
 
 
@@ -213,7 +217,7 @@ class Begun:
         setups = tuple(replace(v, findings=_placed((*p.findings, *v.findings), p, self.job.machine, judging.tools))
                        for v, p in zip(setups, self.read))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
-                      extra=self.extra, stock=self.job.stock)
+                      extra=self.extra, stock=self.job.stock, read=self.read)
 
 
 def _file_findings(folder, job, tools, published):

@@ -61,6 +61,7 @@ class FindingRow:
     advice: str
     is_accepted: bool
     reason: str             # why it was accepted, "" otherwise
+    spot: dict              # setup, line, file (of a set) and place, for the viewer
 
 
 def findings(verify):
@@ -83,10 +84,13 @@ def _finding_row(finding, accepted):
     where += [f"line {line:.0f}"] if line else []
     where += [f"called in line {finding['call_line']}"] if finding.get("call_line") else []
     point = finding.get("place_mm", finding.get("place"))
+    place_mm = None if place(point) == DASH else tuple(map(float, point))
+    block = str(finding.get("block") or "")
+    spot = {"setup": str(finding.get("setup") or ""), "line": int(line or 0), "file": block.split(": ")[0], "place": place_mm}
     return FindingRow(
-        kind=kind.replace("_", " "), amount=_amount_in_words(finding), place=place(point),
-        place_mm=None if place(point) == DASH else tuple(map(float, point)), where=", ".join(where) or DASH,
-        machine=place(finding.get("machine_mm")), block=str(finding.get("block") or ""),
+        spot=spot, kind=kind.replace("_", " "), amount=_amount_in_words(finding), place=place(point),
+        place_mm=place_mm, where=", ".join(where) or DASH,
+        machine=place(finding.get("machine_mm")), block=block,
         advice=str(finding.get("advice") or DASH), is_accepted=bool(own) or kind in accepted, reason=str(reason))
 
 

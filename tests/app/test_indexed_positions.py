@@ -5,11 +5,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cuspline.app import catalogue
 from cuspline.app.build import Order, build
 from cuspline.app.judge import judge
+from cuspline.app.machine_report import machine_view
+from cuspline.app.report_inputs import drawn_setup
 from cuspline.design.job import read_job
 from cuspline.values.errors import DesignError, PlanError, ReadError
 from cuspline.verification.verdict import Options
@@ -30,11 +33,37 @@ def block(tmp_path_factory):
     return build(order(tmp_path_factory.mktemp("indexed") / "block")).folder
 
 
-def test_one_program_cuts_both_faces(block):
+@pytest.fixture(scope="module")
+def judged(block):
+    """The same, judged coarsely."""
+    return judge(block, read_job(block), options=COARSE)
+
+
+def test_the_machine_that_the_report_shows_moves_the_tip_along_the_path(block, judged):
+    """Joints of the program at each point's time, through the machine's kinematics, against the path drawn in the part."""
+    job = read_job(block)
+    plan = json.loads((block / "plan.json").read_text())
+    drawn = [drawn_setup(moves, item.setup, plan, job.machine) for item, moves in zip(job.posted, judged.posted)]
+    view = machine_view(job, judged, drawn, plan, None)
+    assert [(b.name, b.link) for b in view.bodies] == [("trunnion", "A"), ("table", "C"), ("head", "Z")]
+    motion, = view.motions
+    assert motion.setups == (0, 1) and (np.diff(motion.time_s) >= 0).all()
+    for k, seen in enumerate(drawn):
+        mine = np.flatnonzero((motion.setup == k) & (motion.operation >= 0) & (motion.own_s > 0))
+        joints = np.hstack([motion.joints[mine, :3], np.radians(motion.joints[mine, 3:])])
+        tips = motion.place.into(view.chain.forward(joints, -view.tools[motion.tool[mine[0]]].tip_mm[2])[0])
+        path = np.column_stack([np.interp(motion.own_s[mine], seen.path.time_s, seen.path.points_mm[:, a]) for a in range(3)])
+        assert len(mine) > 100 and np.abs(tips - path).max() < 2e-4         # rounded words of both
+        assert (motion.operation[mine] == 0).all() and set(motion.line[mine]) <= set(seen.path.line)
+    swing = motion.joints[(motion.setup == 1) & (motion.operation < 0)]
+    assert np.abs(np.diff(swing[:, 4])).max() < 1.0 and swing[-1, 4] == pytest.approx(-90)
+
+
+def test_one_program_cuts_both_faces(block, judged):
     assert [p.name for p in block.glob("*.ngc")] == ["top.ngc"]
     text = (block / "top.ngc").read_text()
     assert "(POSITION FRONT: TOOL ALONG X0.000 Y-1.000 Z0.000 OF THE WCS)" in text and "G53 G0 A-90\n" in text
-    verify = judge(block, read_job(block), options=COARSE).as_dict(())
+    verify = judged.as_dict(())
     assert verify["ok"], verify["findings"]
     assert [s["setup"] for s in verify["setups"]] == ["top", "front"]
     for setup in verify["setups"]:
