@@ -23,6 +23,7 @@ from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, located
 from cuspline.values.input_files import refuse_irregular
+from cuspline.verification.body_clearance import body_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.machine_bodies import bodies_at
@@ -113,19 +114,22 @@ def read_programs(folder, job, tools):
         moves = _joined(parts, texts.values(), tools)
         found = text_findings(moves, tools, setup=held[0].setup, machine=job.machine, finish=job.finish,
                               material=job.cutting_data or known_materials().get(job.material))
-        if len(held) == 1:
-            yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=found, whole=moves,
-                              position=np.zeros(len(moves), np.int64))
-            continue
         setups = [item.setup for item in held]
+        if len(held) == 1:
+            position = np.zeros(len(moves), np.int64)
+            near, = body_findings(moves, position, setups, job, tools)
+            yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=(*found, *near), whole=moves,
+                              position=position)
+            continue
         try:
             split = _by_position(moves, setups)
         except ReadError as error:
             raise ReadError(f"{', '.join(texts)}: {error}", rows=error.rows) from None
         turning = turning_findings(split, setups, job, tools)
+        near = body_findings(moves, split.position, setups, job, tools)
         for k, (item, own) in enumerate(zip(held, split.moves)):
             yield ReadProgram(setup=item.setup, texts=texts, posted=own, is_first=k == 0, whole=moves, position=split.position,
-                              findings=(*(found if k == 0 else ()), *turning[k]))
+                              findings=(*(found if k == 0 else ()), *turning[k], *near[k]))
 
 
 def judge_text(folder, job, published=None):

@@ -50,7 +50,8 @@ def pack_path(path):
     feed = np.nan_to_num(np.asarray(path.feed_mm_per_min, dtype=float))
     raw = joined([*(delta(np.round(points[:, k] / PATH_STEP_MM), np.int32) for k in range(3)),
                   delta(np.round(feed / FEED_STEP), np.int32), delta(np.round(seconds * 1000), np.int32),
-                  np.asarray(path.operation, dtype=np.int16), np.asarray(path.is_rapid, dtype=np.uint8), delta(path.line, np.int32)])
+                  np.asarray(path.operation, dtype=np.int16), np.asarray(path.is_rapid, dtype=np.uint8),
+                  delta(path.line, np.int32)])
     cutting = feed[~np.asarray(path.is_rapid, dtype=bool)]
     return {"points": len(points), "stepMm": PATH_STEP_MM, "feedStep": FEED_STEP,
             "feedMax": float(cutting.max()) if len(cutting) else 0.0}, raw

@@ -4,6 +4,7 @@ Seen from the part the tool swings round it, seen from a trunnion it moves past 
 stock: what has been cut is inside it.
 """
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -36,7 +37,7 @@ def turning_findings(positions, setups, job, tools):
         found[positions.leads_to[row]].append(report.finding("unknown_start", row, 0.0, moves.end_mm[row], UNKNOWN))
     rows = np.flatnonzero(known & (moves.kind == Kind.RAPID) & np.isin(moves.tool, list(tools)))
     if not len(rows):
-        return [tuple(f) for f in found]
+        return _without_rows(found)
     way = _Way(moves, positions.turning_from_deg, rows, machine)
     fixed_to_part = _together([_blank(held, job), *(f.mesh for f in placed_fixtures(held, held.frame))])
     judge = partial(_near, report=report, tools=tools, machine=machine)
@@ -52,7 +53,12 @@ def turning_findings(positions, setups, job, tools):
             worst[key] = finding
     for (position, _), finding in worst.items():
         found[position].append(finding)
-    return [tuple(f) for f in found]
+    return _without_rows(found)
+
+
+def _without_rows(found):
+    """[tuple of Finding] a position: rows of what lies between positions are none of a position's own."""
+    return [tuple(replace(f, row=-1) for f in of_position) for of_position in found]
 
 
 class _Way:
