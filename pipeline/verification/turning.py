@@ -31,6 +31,8 @@ def turning_findings(positions, setups, job, tools):
     """
     moves, held, machine = positions.turning, setups[0], job.machine
     report, found = Reporter(moves, held.name, held.frame), [[] for _ in setups]
+    for finding in report.travel(machine):
+        found[positions.leads_to[finding.row]].append(finding)
     known = np.isfinite(moves.start_mm).all(axis=1) & np.isfinite(moves.end_mm).all(axis=1)
     at_top = moves.machine_end_mm[:, 2] >= machine.tool_change_height_mm - TRAVEL_MM       # where it all begins
     for row in np.flatnonzero(~known & ~at_top & (moves.tool > 0)):

@@ -10,7 +10,7 @@ import pytest
 
 from cuspline.app import catalogue
 from cuspline.app.build import Order, build
-from cuspline.app.judge import judge
+from cuspline.app.judge import judge, judge_text
 from cuspline.app.machine_report import machine_view
 from cuspline.app.report_inputs import drawn_setup
 from cuspline.design.job import read_job
@@ -99,6 +99,62 @@ def test_a_cut_too_deep_in_a_turned_position_is_a_gouge_there(block, tmp_path):
     gouges = [f for f in judged.findings if f.kind == "gouge"]
     assert {f.setup for f in gouges} == {"front"} and max(f.amount_mm for f in gouges) == pytest.approx(0.1, abs=0.012)
     assert all(f.place_mm[1] < -4 for f in gouges)              # on the front, part coordinates
+
+
+SWING = "G53 G0 A-90\n"
+
+
+def text_findings(block, folder, change):
+    """What the text alone shows of a copy of the outputs with the program changed."""
+    folder.mkdir()
+    for name in ("top.ngc", "manifest.json", "tools.json", "tools.tbl", "indexed_block.step"):
+        (folder / name).write_bytes((block / name).read_bytes())
+    text = (block / "top.ngc").read_text()
+    (folder / "top.ngc").write_text(change(text))
+    line = text[:text.index(SWING)].count("\n") + 1
+    return judge_text(folder, read_job(folder)), line
+
+
+def test_the_text_alone_shows_nothing_of_a_good_program(block, tmp_path):
+    assert text_findings(block, tmp_path / "out", lambda text: text)[0] == ()
+
+
+@pytest.mark.parametrize("way, said", [
+    ("G53 G0 A30.1\n", "A stands at 30.1000 degrees, its range is -120 .. 30 degrees"),
+    ("G53 G0 A-120.1\n", "A stands at -120.1000 degrees, its range is -120 .. 30 degrees"),
+    ("G53 G0 X310 A-45\n", "X leaves its travel -300 .. 300 mm")])
+def test_between_two_positions_an_axis_beyond_its_range_is_found_by_its_line(block, tmp_path, way, said):
+    found, line = text_findings(block, tmp_path / "out", lambda text: text.replace(SWING, way + SWING))
+    assert [(f.kind, f.line, f.setup, f.block) for f in found] == [("travel_exceeded", line, "top", way.strip())]
+    assert said in found[0].advice
+
+
+@pytest.mark.parametrize("change", [
+    pytest.param(lambda text: text.replace("A-90", f"A{-90 / 25.4:.5f}"), id="rotary words divided as inches are"),
+    pytest.param(lambda text: text.replace("A-90", f"A{-90 * 25.4:.5f}"), id="rotary words multiplied as inches are"),
+    pytest.param(lambda text: text.replace("A-90", "A-90.1"), id="a tenth of a degree too far"),
+    pytest.param(lambda text: re.sub(r"^(X\S+ Z\S+)( F\S+)?$", r"\1 C5\2", text, count=1, flags=re.MULTILINE),
+                 id="the table turned on its pole in the cut"),
+    pytest.param(lambda text: text.replace(SWING, ""), id="not turned at all")])
+def test_a_position_that_is_not_the_one_planned_is_refused_by_its_line(block, tmp_path, change):
+    with pytest.raises(ReadError, match=r"top.ngc: .*(none of the positions that follow|never points the tool along)"):
+        text_findings(block, tmp_path / "out", change)
+
+
+def test_a_pivot_off_by_a_tenth_of_a_millimetre_is_a_gouge_of_as_much(block):
+    """The machine's table turns about an axis 0.1 mm beside the one that the program was solved for.
+
+    Turned by 90 degrees the part lies 0.1 mm too high and as much aside: along the normal of the hollow, 20 degrees steep at its
+    border, 0.1 (cos + sin).
+    """
+    job = read_job(block)
+    a = job.machine.a.model_copy(update={"offset_mm": (0.0, 0.1, 0.0)})
+    off = job.model_copy(update={"machine": job.machine.model_copy(update={"a": a})})
+    judged = judge(block, off, options=COARSE)
+    gouges = [f for f in judged.findings if f.kind == "gouge"]
+    steep = np.arcsin(np.sqrt(2 * 16 - 1) / 16)
+    assert {f.setup for f in gouges} == {"front"}
+    assert max(f.amount_mm for f in gouges) == pytest.approx(0.1 * (np.cos(steep) + np.sin(steep)), abs=0.01)   # its own gouge_mm
 
 
 def test_the_machine_of_the_part_must_turn_it(tmp_path):
