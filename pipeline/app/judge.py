@@ -21,7 +21,7 @@ from cuspline.replay.scene import Fixture, SolidFixture
 from cuspline.shop.materials import known_materials
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
-from cuspline.values.findings import Finding, located
+from cuspline.values.findings import Finding, axes_upright, located
 from cuspline.values.input_files import refuse_irregular
 from cuspline.verification.body_clearance import body_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
@@ -241,9 +241,22 @@ def _program_findings(program, machine):
 def _placed(findings, program, machine, tools):
     """Findings with the axes at their places and their lines as they stand in their files."""
     lines = [line for text in program.texts.values() for line in lines_of(text)]
-    offsets = {n: t.offset_mm for n, t in tools.items()}
-    found = located(findings, program.posted, lines, program.setup.frame, machine.wcs_origin_mm, offsets)
-    return _in_files(found, program.texts)
+    return _in_files(located(findings, program.posted, lines, _axes_at(program, machine, tools)), program.texts)
+
+
+def _axes_at(program, machine, tools):
+    """For `located`: the axes of a machine, turned as its rotaries stand on the line; before they were named, at 0."""
+    posted, setup, chain = program.posted, program.setup, machine.kinematics
+    if not machine.rotaries:
+        offsets = {n: t.offset_mm for n, t in tools.items()}
+        return axes_upright(posted, setup.frame, machine.wcs_origin_mm, offsets)
+
+    def at(row, place_mm):
+        tip = setup.clamped_frame.into(place_mm[None]) + np.array(machine.wcs_origin_mm)
+        tool = tools.get(int(posted.tool[row])) if posted.length_offset_on[row] else None
+        turned = np.radians(np.nan_to_num(posted.rotary_deg[row]))
+        return chain.placed(tip, turned, 0.0 if tool is None else tool.length_mm)[0, :3]
+    return at
 
 
 def posted_moves(texts, setup, machine, tools):

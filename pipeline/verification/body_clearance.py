@@ -5,7 +5,7 @@ obstacle over whole blocks of joints, between their ends too; where it is not, t
 The blank as it comes stands for the stock: what has been cut is inside it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import for_kernel
 from cuspline.verification import body_kernels as kernels
 from cuspline.verification.machine_bodies import STEP_MM, mesh_of, rotary_links
+from cuspline.verification.turning import at_end_of_move
 
 PART = "part"                   # link of what is clamped
 TOOL = "tool"
@@ -141,7 +142,7 @@ def _finding(body, obstacle, gap_mm, report, row):
     advice = (f"the machine's {body.name} and {obstacle.name} {how}: retract farther, raise the part on the table, take a longer "
               "tool, or turn the other way round")
     found = report.finding(kind, row, max(HOLDER_CLEARANCE_MM - gap_mm, UNDECIDED_MM), report.posted.end_mm[row], advice)
-    return replace(found, row=-1)               # rows count in a position's own moves
+    return at_end_of_move(found, report.posted)
 
 
 def _least_gap(body, obstacle, between, blocks, k, margin):

@@ -39,7 +39,7 @@ def turning_findings(positions, setups, job, tools):
         found[positions.leads_to[row]].append(report.finding("unknown_start", row, 0.0, moves.end_mm[row], UNKNOWN))
     rows = np.flatnonzero(known & (moves.kind == Kind.RAPID) & np.isin(moves.tool, list(tools)))
     if not len(rows):
-        return _without_rows(found)
+        return _without_rows(found, moves)
     way = _Way(moves, positions.turning_from_deg, rows, machine)
     fixed_to_part = _together([_blank(held, job), *(f.mesh for f in placed_fixtures(held, held.frame))])
     judge = partial(_near, report=report, tools=tools, machine=machine)
@@ -55,12 +55,18 @@ def turning_findings(positions, setups, job, tools):
             worst[key] = finding
     for (position, _), finding in worst.items():
         found[position].append(finding)
-    return _without_rows(found)
+    return _without_rows(found, moves)
 
 
-def _without_rows(found):
-    """[tuple of Finding] a position: rows of what lies between positions are none of a position's own."""
-    return [tuple(replace(f, row=-1) for f in of_position) for of_position in found]
+def _without_rows(found, moves):
+    """[tuple of Finding] a position, with the axes at the ends of their moves, whose rows are none of a position's own."""
+    return [tuple(at_end_of_move(f, moves) for f in of_position) for of_position in found]
+
+
+def at_end_of_move(finding, moves):
+    """A finding with the axes as they stand at the end of its move; what it is handed to counts other rows."""
+    axes = moves.machine_end_mm[finding.row]
+    return replace(finding, row=-1, machine_mm=tuple(axes.round(6).tolist()) if np.isfinite(axes).all() else None)
 
 
 class _Way:

@@ -99,6 +99,10 @@ def test_a_cut_too_deep_in_a_turned_position_is_a_gouge_there(block, tmp_path):
     gouges = [f for f in judged.findings if f.kind == "gouge"]
     assert {f.setup for f in gouges} == {"front"} and max(f.amount_mm for f in gouges) == pytest.approx(0.1, abs=0.012)
     assert all(f.place_mm[1] < -4 for f in gouges)              # on the front, part coordinates
+    machine, tool = read_job(block).machine, next(iter(judged.tools.values()))
+    for f in gouges:                        # with the axes as they are told, and A at -90, the tip stands at the place
+        tip, _ = machine.kinematics.forward([[*f.machine_mm, 0.0, np.radians(-90)]], tool.length_mm)
+        assert np.abs(tip[0] - machine.wcs_origin_mm - f.place_mm).max() < 1e-5
 
 
 SWING = "G53 G0 A-90\n"
