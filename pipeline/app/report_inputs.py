@@ -78,8 +78,7 @@ def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
         curvature_per_mm=np.maximum(-samples.hollow_per_mm, 0.0),
         **{f"cusp_{name}": np.concatenate([getattr(s.cusps, column) for s in judged.verdict.setups])
            for name, column in (("place_mm", "point_mm"), ("height_mm", "height_mm"), ("formula_mm", "formula_mm"))},
-        setups=tuple(_setup_bundle(work, judged, item, seen, verdict, job) for item, seen, verdict in
-                     zip(posted, drawn, judged.verdict.setups)))
+        setups=tuple(_setup_bundle(work, judged, k, item, seen, job) for k, (item, seen) in enumerate(zip(posted, drawn))))
 
 
 def drawn_setup(moves, setup, plan, machine):
@@ -107,7 +106,7 @@ def _view_deviation(judged, view, indices):
     return deviation
 
 
-def _setup_bundle(work, judged, item, drawn, verdict, job):
+def _setup_bundle(work, judged, k, item, drawn, job):
     machine, solved = job.machine, {p.program for p in job.posted if p.setup.indexed}
     posted, row_of = drawn.posted, drawn.last_point
     text, *more = ((work / name).read_bytes() for name in item.files)
@@ -115,7 +114,7 @@ def _setup_bundle(work, judged, item, drawn, verdict, job):
     ends = posted.end_mm[known]
     stock = judged.stock.shape
     low, high = stock.box_in(item.setup.frame)
-    replay = verdict.replay
+    replay = judged.verdict.setups[k].replay
     zero = item.setup.turn.into(item.setup.frame.origin_mm[None])[0]      # the replay stands in the setup's directions
     origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
     lies = item.setup.refixturing
@@ -123,6 +122,7 @@ def _setup_bundle(work, judged, item, drawn, verdict, job):
         markers=tuple((m.name, _triple(item.setup.frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
         turned_in_words=_turned_in_words(posted, item.setup, machine),
+        swings_in_words=_swings_in_words(judged.read[k].whole, machine),
         solved_for=_axes_in_words("XYZ", machine.wcs_origin_mm) if item.program in solved else "",
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
         program_lines=text.count(b"\n"), program_bytes=len(text), continued=tuple(
@@ -150,13 +150,23 @@ def _turned_in_words(posted, setup, machine):
             f"{setup.wcs}; held as before")
 
 
-def _axes_in_words(letters, values):
-    """Letters with their values.
+def _swings_in_words(whole, machine):
+    """How far rotary axes go in a program, by letter: A -90 ... 0; "" where none leaves 0."""
+    known = whole.rotary_deg[np.isfinite(whole.rotary_deg).all(axis=1)]
+    if not known.any():
+        return ""
+    ends = zip(machine.rotaries, known.min(axis=0), known.max(axis=0))
+    return ", ".join(f"{letter} {low:g} … {high:g}" if low < high else f"{letter} {low:g}" for letter, low, high in sorted(
+        (letter, round(float(a), 4) + 0.0, round(float(b), 4) + 0.0) for letter, a, b in ends)) + " degrees"
 
-    >>> _axes_in_words("XYZ", (0.0, -1.0, -0.0))
-    'X0 Y-1 Z0'
+
+def _axes_in_words(letters, values):
+    """Letters with their values, as a control lists them.
+
+    >>> _axes_in_words("XYZ", (0.0, -1.0, -0.0)), _axes_in_words("CA", (30.0, -90.0))
+    ('X0 Y-1 Z0', 'A-90 C30')
     """
-    return " ".join(f"{letter}{round(float(v), 4) + 0.0:g}" for letter, v in zip(letters, values))
+    return " ".join(f"{letter}{round(float(v), 4) + 0.0:g}" for letter, v in sorted(zip(letters, values)))
 
 
 def _edges(edges_mm):

@@ -70,6 +70,7 @@ class SetupBundle:
     markers: tuple                  # (name, (x, y, z) in WCS) of what is touched to find how the part lies
     lies_in_words: str              # how it was found to lie; "" as designed
     turned_in_words: str = ""       # where the rotary axes stand in an indexed position; "" they are not turned
+    swings_in_words: str = ""       # how far rotary axes turn over the whole program; "" they do not
     solved_for: str = ""            # machine coordinates of the zero that a program with turned axes holds for; "" it has none
     continued: tuple[tuple[str, str], ...] = ()     # (file, SHA-256) of a set's further files, run in that order
     lines_before: tuple[int, ...] = ()              # lines of the files before each of these

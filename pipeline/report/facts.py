@@ -273,9 +273,10 @@ def _machine_fact(bundle):
 
 
 def _program_fact(bundle):
+    programs = {s.program_file: s for s in bundle.setups}               # indexed positions share one
     lines = tuple(f"{s.program_file}: {grouped(s.program_lines)} lines, {file_size(s.program_bytes)}, "
-                  f"SHA-256 {s.program_sha256[:12]}…" for s in bundle.setups)
-    value = bundle.setups[0].program_file if len(bundle.setups) == 1 else f"{len(bundle.setups)} programs"
+                  f"SHA-256 {s.program_sha256[:12]}…" for s in programs.values())
+    value = bundle.setups[0].program_file if len(programs) == 1 else f"{len(programs)} programs"
     return Fact(label="Program", value=value, details=lines, state="")
 
 
@@ -455,6 +456,6 @@ def mesh_rows(verify):
 
 def file_rows(bundle):
     """[(file, full SHA-256)] that tie this paper to the files."""
-    programs = [row for s in bundle.setups for row in ((s.program_file, s.program_sha256), *s.continued)]
+    programs = dict(row for s in bundle.setups for row in ((s.program_file, s.program_sha256), *s.continued)).items()
     return [(bundle.step_file, bundle.step_sha256), *programs,
             ("inputs (parameters, machine, cutters)", bundle.inputs_sha256)]
