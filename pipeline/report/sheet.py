@@ -72,7 +72,7 @@ def _which_of(bundle, setup):
     k, positions = next((k, names) for k, names in enumerate([s.name for s in c] for c in held) if setup.name in names)
     if len(positions) == 1:
         return f"{k + 1} of {len(held)}"
-    whole = "one clamping" if len(held) == 1 else f"clamping {k + 1} of {len(held)}"
+    whole = "one setup" if len(held) == 1 else f"setup {k + 1} of {len(held)}"
     return f"position {positions.index(setup.name) + 1} of {len(positions)} in {whole}"
 
 
@@ -178,7 +178,7 @@ def _position_checklist(bundle, setup):
     before = held[held.index(setup) - 1].name
     first = next((line for line in setup.operation_first_lines if line), 0)
     line, turned = f"Before line {first} the" if first else "The", setup.turned_in_words.split(" degrees")[0]
-    return [f"Nothing is set up anew: {setup.program_file} goes on from {before} in the same clamping",
+    return [f"Nothing is set up anew: {setup.program_file} goes on from {before}, the part held as it is",
             f"{line} program turns to {turned}: hand on feed hold, reduced rapid, until the tool stands above the work again"]
 
 

@@ -695,8 +695,16 @@ function cutterNow() {
   const span = path.seconds[after] - path.seconds[before];
   const share = span > 0 ? clamp((seconds - path.seconds[before]) / span, 0, 1) : 1;
   const point = i => [path.positions[3 * i], path.positions[3 * i + 1], path.positions[3 * i + 2]];
-  return { tip: mix(point(before), point(after), share), operation: path.operation[after],
+  return { tip: tipOfJoints(moment) || mix(point(before), point(after), share), operation: path.operation[after],
            feed: path.feed[after], isRapid: Boolean(path.isRapid[after]), line: path.line[after], ...moment };
+}
+
+// Tip in the part by the joints: while the machine turns to another position no path says it.  null: no tool, or no machine.
+function tipOfJoints({ joints, tool }) {
+  const held = joints && machineParts.tools.get(tool);
+  if (!held) return null;
+  const seen = MachineChain.stand(machine, joints), part = times(seen.part, current.motion.place);
+  return apply(times(inverse(part), seen.nose), machine.tools[tool].tip);
 }
 
 // Shows a moment of the program, 0 its start, 1 its end.

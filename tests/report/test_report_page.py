@@ -149,9 +149,9 @@ def test_the_sheet_of_an_indexed_position_says_how_it_is_turned_and_what_zero_it
 def test_positions_of_one_clamping_are_set_up_once_and_cut_by_one_program(machine_bundle):
     """The second sheet asks for nothing that was done for the first, and says from which line on the machine turns."""
     first, second = sheet.setup_sheets(machine_bundle)
-    assert dict(first.job)["Setup"] == "setup-1, position 1 of 2 in one clamping"
-    assert dict(second.job)["Setup"] == "leaning, position 2 of 2 in one clamping"
-    assert second.checklist[0] == "Nothing is set up anew: setup-1.ngc goes on from setup-1 in the same clamping"
+    assert dict(first.job)["Setup"] == "setup-1, position 1 of 2 in one setup"
+    assert dict(second.job)["Setup"] == "leaning, position 2 of 2 in one setup"
+    assert second.checklist[0] == "Nothing is set up anew: setup-1.ngc goes on from setup-1, the part held as it is"
     assert second.checklist[1].startswith("Before line 24 the program turns to A-90: hand on feed hold")
     assert any("measured, length in the tool table" in line for line in first.checklist)
     html = page.report_html(machine_bundle, {}, [], "")
