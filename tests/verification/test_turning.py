@@ -95,7 +95,10 @@ def test_a_swing_at_the_top_is_clear():
 
 
 def test_a_table_that_is_wound_up_turn_after_turn_is_found_where_its_range_ends():
-    """Its hoses allow a turn and a half.  While the tool stays upright the turns are the first position's; the swing goes on from them."""
+    """Its hoses allow a turn and a half.
+
+    While the tool stays upright the turns are the first position's; the swing goes on from them.
+    """
     c = TRUNNION.c.model_copy(update={"min_deg": -540.0, "max_deg": 540.0})
     hoses = TRUNNION.model_copy(update={"c": c})
     wound = lambda turns: lambda text: text.replace("G53 G0 A-90", "".join(
