@@ -35,7 +35,7 @@ class PlainMoves:
         self.moves, self.start_mm, self.starts_mm = moves, moves.start_mm, moves.starts_mm
         self.turned_deg = np.zeros((len(moves) + 1, len(rotaries)))
 
-    def write(self, writer, first, end):
+    def write(self, writer, first, end, dialect):
         m = self.moves
         columns = (m.kind, m.end_mm, m.center_mm, m.plane, m.feed_mm_per_min)
         for row in zip(*(column[first:end].tolist() for column in columns)):        # plain numbers are written faster
@@ -57,7 +57,8 @@ class SolvedMoves:
         cutter = operation.tool.cutter
         off_mm = JOINT_SHARE * control.path_tolerance_mm
         within = Tolerance(off_mm, off_mm / math.hypot(cutter.radius_mm, cutter.flute_length_mm))
-        path = self._laid(tips + np.array(machine.wcs_origin_mm), axes, within)
+        path = self._laid(tips + np.array(machine.wcs_origin_mm), axes, within, moves.kind[self.move] == Kind.RAPID)
+        self.rewinds = set(np.flatnonzero(np.isin(path.row, path.rewinds)).tolist())       # blocks, all of them rapids
         self.joints, self.move = path.joints, self.move[path.row]
         self.words_mm = path.joints[:, :3] - machine.wcs_origin_mm - np.array([0.0, 0.0, self.length_mm])
         self.degrees = np.degrees(path.joints[:, 3:])
@@ -75,12 +76,13 @@ class SolvedMoves:
         """How long the control takes, with this P of G64."""
         return float(driven_seconds(self.chain, self.joints, self.seconds[1:], blend_mm).sum())
 
-    def _laid(self, tips, axes, within):
+    def _laid(self, tips, axes, within, off_cut):
         try:
-            path = joint_path(self.chain, tips, axes, within, length_mm=self.length_mm, rows=self.move)
-            if len(path.rewinds):
-                raise PostError(f"row {self.move[path.rewinds[0]]}: the rotaries come to the end of their range in the cut: let "
-                                "the tool leave it before, and begin again", rows=self.move[path.rewinds])
+            path = joint_path(self.chain, tips, axes, within, length_mm=self.length_mm, rows=self.move, off_cut=off_cut)
+            in_cut = path.rewinds[~off_cut[path.rewinds]]
+            if len(in_cut):
+                raise PostError(f"row {self.move[in_cut[0]]}: the rotaries come to the end of their range in the cut: let "
+                                "the tool leave it before, and begin again", rows=self.move[in_cut])
             self.chain.refuse_beyond_limits(path.joints, self.move[path.row])
         except PostError as error:
             raise PostError(f"operation {self.name}: {error}", rows=error.rows) from None
@@ -100,10 +102,13 @@ class SolvedMoves:
         seconds = np.where(is_feed[1:], block_seconds(self.chain, path.joints, seconds, is_linked), 0.0)
         return np.concatenate([[0.0], seconds])
 
-    def write(self, writer, first, end):
+    def write(self, writer, first, end, dialect):
         """Blocks of moves `first` to `end`, under G93, back to G94."""
         is_inverse = False
         for k in range(self.first[first], self.first[end]):
+            if k in self.rewinds:
+                self._rewind(writer, k, dialect)
+                continue
             is_feed = self.kind[k] != Kind.RAPID
             if is_feed and not is_inverse:
                 writer.block("G93")
@@ -113,6 +118,16 @@ class SolvedMoves:
         if is_inverse:
             writer.block("G94")
             writer.feed = None
+
+
+    def _rewind(self, writer, k, dialect):
+        """A rapid that the rotaries cannot follow: to the top of the machine, round, and down to where it leads."""
+        dialect.up(writer)
+        writer.forget_position()
+        writer.block("G53", "G0", *writer.turned(self.degrees[k]))
+        writer.block("G0", *writer.words(self.words_mm[k], (0, 1)))
+        writer.block("G0", *writer.words(self.words_mm[k], (2,)))
+        writer.motion, writer.here_mm = "G0", self.words_mm[k]
 
 
 def _straight(moves, tolerance_mm):

@@ -137,7 +137,7 @@ class _Files:
         high = np.flatnonzero(self._heights_mm(operation, moves.starts_mm) >= 0)
         bounds = [0, *high[high > 0].tolist(), len(moves)]
         for first, end in zip(bounds[:-1], bounds[1:]):
-            laid.write(self.writer, first, end)
+            laid.write(self.writer, first, end, self.dialect)
             # the first stretch of a program stays where it is: nothing before it could be closed
             if (first or number > 1) and not self._is_within_store():
                 self.writer.go_back_to(before)
@@ -145,7 +145,7 @@ class _Files:
                 self._open()
                 self._begin(operation, number, is_alone=True, laid=laid, first=first)
                 self._go_to_start(laid.starts_mm[first])
-                laid.write(self.writer, first, end)
+                laid.write(self.writer, first, end, self.dialect)
             before = self.writer.state()
 
     def _refuse_what_cannot_be_held(self, operation):
