@@ -59,7 +59,8 @@ def _rewinds_in_cut(work, moves):
     try:
         way = shortest_way(work.machine.kinematics, clamped, off_cut=off_cut)
     except PostError as error:
-        raise PlanError(f"{work.operation.title} on {work.machine.name}: {error}, or give it a limit_deg", rows=error.rows) from None
+        raise PlanError(f"{work.operation.title} on {work.machine.name}: {error}, or give it a limit_deg",
+                        rows=error.rows) from None
     return bool((~off_cut[way.rewinds]).any())
 
 
