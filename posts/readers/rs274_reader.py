@@ -83,6 +83,8 @@ class Controller:
         self.chain, self.rotaries = chain, () if chain is None else tuple(c.lower() for c in chain.rotaries)
         self.turned = self.turned_before = (nan,) * len(self.rotaries)      # degrees; where the move under way began
         self.minutes = 0.0                  # that it takes
+        self.is_tip = False                 # tool-centre-point control: X Y Z are the tip in the part, whatever the rotaries do
+        self.asked_tip = None               # M68 has asked for it, M66 has not come yet
         self.moving = MOVING_LETTERS.union(self.rotaries)
         self.taken_by_motion = {"": TAKEN_ALWAYS | self.moving} | {
             code.name: TAKEN_ALWAYS | set("xyz") | set(self.rotaries) | code.takes
@@ -196,6 +198,7 @@ class Controller:
 
     def change_tool(self, name, values):
         """The tool selected last comes into the spindle, which stops; the length offset stays."""
+        self._refuse_under_tip(name)
         if self.selected is not None:
             self.tool = self.selected
         self.turning = 0
@@ -211,6 +214,8 @@ class Controller:
         if name == "G53" and not self.is_absolute:
             raise Complaint("G53 while G91 is active", "write G90 first")
         self.is_machine_move = name == "G53"
+        if self.is_machine_move:
+            self._refuse_under_tip(name)
         if name == "G4" and values.get("p", -1.0) < 0:
             raise Complaint("a dwell without its time", "write G4 P seconds")
         if name == "G52":
@@ -239,6 +244,7 @@ class Controller:
 
     def set_length(self, name, values):
         """G43, G43.1, G49: the machine stands still, the tip's coordinate changes."""
+        self._refuse_under_tip(name)
         old = self.tool_offset
         self.length_of, self.tool_offset = {"G43": self._tool_offset, "G43.1": self._given_length,
                                             "G49": lambda values: (0, NO_OFFSET)}[name](values)
@@ -249,11 +255,48 @@ class Controller:
 
     def set_wcs(self, name, values):
         """The machine stands still, the tip's coordinates change."""
+        self._refuse_under_tip(name)
         if name != self.wcs:
             new = tuple(self.work_offsets.get(name, UNKNOWN))
             self.tip = tuple(t + (o - n) for t, o, n in zip(self.tip, self.offset, new))
             self.wcs, self.offset = name, new
             self.is_foreign_wcs = bool(self.work_offsets) and name not in self.work_offsets
+
+    def _refuse_under_tip(self, name):
+        if self.is_tip:
+            raise Complaint(f"{name} under tool-centre-point control: controls differ in what they do then", "switch it off before")
+
+    def switch_kinematics(self, name, values):
+        """M428, M429; or M68 E3 Q1 (Q0) and M66 E0 L0, which waits until that is done.  The machine stands still."""
+        if name == "M68":
+            if values.get("e") != 3 or values.get("q") not in (0, 1):
+                raise Complaint("M68 for anything but the kinematics", "write M68 E3 Q1 or M68 E3 Q0")
+            self.asked_tip = values["q"] == 1
+        elif name == "M66":
+            if self.asked_tip is None or values.get("e") != 0 or values.get("l") != 0:
+                raise Complaint("M66 that waits for no change of kinematics", "write M66 E0 L0 behind M68 E3")
+            self._switch(self.asked_tip)
+            self.asked_tip = None
+        else:
+            self._switch(name == "M428")
+
+    def _switch(self, to_tip):
+        """The tip's coordinates as they are counted from here on."""
+        if not self.rotaries:
+            raise Complaint("tool-centre-point control without rotary axes", "take it out, or read with the machine's rotary axes")
+        if to_tip == self.is_tip:
+            return
+        if to_tip and not self.is_length_on:
+            raise Complaint("tool-centre-point control without a tool length", "write G43 H with the tool's number before")
+        place, length = np.add(self.tip, self.offset if self.is_tip else self._shift()), self.tool_offset[2]
+        known = isfinite(sum(place) + sum(self.turned))
+        if known and to_tip:
+            place = self.chain.forward([[*place, *np.radians(self.turned)]], length)[0][0]
+        elif known:
+            place = self.chain.placed([place], [np.radians(self.turned)], length)[0, :3]
+        self.is_tip = to_tip
+        shift = self.offset if to_tip else self._shift()
+        self.tip = tuple(float(p - s) for p, s in zip(place, shift)) if known else UNKNOWN
 
     def set_path_control(self, name, values):
         """G61, G61.1, G64: blocks are joined within Q, which is P where it is left out, then blended.
@@ -310,6 +353,8 @@ class Controller:
         if not self.motion:
             raise Complaint("axis words, but no G0 G1 G2 G3 is active", "write the motion code in this block")
         kind, start = KINDS[self.motion], self.tip
+        if self.asked_tip is not None:
+            raise Complaint("a move while M68 E3 changes the kinematics", "write M66 E0 L0 before, which waits for it")
         if self.unsaid:
             self._rely_on(relied_on(kind, values, self.is_machine_move))
         if self.is_foreign_wcs and not self.is_machine_move:
@@ -339,6 +384,9 @@ class Controller:
         if kind != Kind.RAPID and not isfinite(sum(turned) + sum(self.turned)):
             unknown = " ".join(c.upper() for c, a, b in zip(self.rotaries, self.turned, turned) if not isfinite(a + b))
             raise Complaint(f"a cutting move while nobody knows where {unknown} stands", "name every rotary axis by G0 first")
+        if kind != Kind.RAPID and turned != self.turned and not (self.is_tip or self.is_inverse_time):
+            raise Complaint("a cutting move that turns rotary axes under G94 without tool-centre-point control",
+                            "switch it on before (M428, G43.4 H), or state times by G93: F would be of X Y Z alone")
         if kind > Kind.FEED and (any(turned) or any(self.turned)):
             raise Complaint("an arc while a rotary axis is off 0", "write chords: the joints, not the tip, would run on the arc")
         if any(self.tool_offset[:2]) and any(turned):
@@ -360,7 +408,8 @@ class Controller:
                           self.operation, self.path_tolerance_mm, self.speed_line, self.call_line))
         if self.rotaries:
             length_mm = self.tool_offsets[self.tool][2] if self.tool else self.tool_offset[2]
-            self.joint_rows.extend((*self.turned_before, *self.turned, self.minutes, length_mm, *self.offset))
+            self.joint_rows.extend((*self.turned_before, *self.turned, self.minutes, length_mm, *self.offset,
+                                    self.tool_offset[2] if self.is_tip else nan))
             self.turned_before, self.minutes = self.turned, 0.0
         self.tip = end
 
@@ -500,10 +549,12 @@ class Controller:
     def _joint_blocks(self, start, end, machine):
         """JointBlocks of all moves."""
         r = len(self.rotaries)
-        before, after, minutes, length, origin = np.split(
-            np.frombuffer(self.joint_rows).reshape(-1, 2 * r + 5), (r, 2 * r, 2 * r + 1, 2 * r + 2), axis=1)
-        return JointBlocks(start_mm=machine - (end - start), end_mm=machine, start_deg=before, end_deg=after,
-                           length_mm=length[:, 0], origin_mm=origin, minutes=minutes[:, 0])
+        before, after, minutes, length, origin, tip_length = np.split(
+            np.frombuffer(self.joint_rows).reshape(-1, 2 * r + 6), (r, 2 * r, 2 * r + 1, 2 * r + 2, 2 * r + 5), axis=1)
+        is_tip = np.isfinite(tip_length)
+        return JointBlocks(start_mm=np.where(is_tip, start + origin, machine - (end - start)),
+                           end_mm=np.where(is_tip, end + origin, machine), start_deg=before, end_deg=after,
+                           length_mm=length[:, 0], origin_mm=origin, minutes=minutes[:, 0], tip_length_mm=tip_length[:, 0])
 
 
 def _refuse_unused(letters):
@@ -513,6 +564,7 @@ def _refuse_unused(letters):
 
 
 ACTIONS = {
+    "kinematics": Controller.switch_kinematics,
     "feed mode": Controller.set_feed_mode, "feed": Controller.set_feed, "speed": Controller.set_speed,
     "select tool": Controller.select_tool, "tool change": Controller.change_tool,
     "spindle": Controller.turn_spindle, "coolant": Controller.pass_over,

@@ -77,6 +77,7 @@ class Writer:
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
         self.plane, self.feed = Plane.XY, None
         self.rotaries = rotaries
+        self.is_tip = False                             # under tool-centre-point control
         self.turn_words = [None] * len(rotaries)       # of the rotary axes; None: nobody knows where they stand
         self.forget_position()
 
@@ -147,6 +148,11 @@ class Writer:
         if words:
             self.block(*self._motion(motion), *words, *more)
         self.here_mm = np.asarray(point_mm)
+
+    def tip_feed(self, way_mm, seconds):
+        """The F word's number under G94 for a way in a time, rounded to the slower side."""
+        scale = 10 ** self.machine.control.decimals_feed
+        return self.number(math.floor(60.0 * way_mm * self.scale / seconds * scale) / scale, self.machine.control.decimals_feed)
 
     def inverse_time(self, seconds):
         """The F word's number under G93: one over the minutes, rounded to the slower side."""
