@@ -300,15 +300,18 @@ class PlanningContext:
             height = operation.swept_mm(xy_mm, height)
         return np.minimum(height, at_most_mm)
 
-    def standing_mm(self, tool):
-        """The most that stands over the faces of the operation, straight up: what its links go over."""
+    def standing_mm(self, tool, stock=None):
+        """The most that stands over the faces of the operation, straight up: what its links go over.
+
+        `stock` is a function of places (n, 2) to heights (n,); None: what stands before the operation.
+        """
         boxes = [brep.bounding_box_mm(self.faces[i].shape) for i in self.wanted]
         radius = tool.cutter.largest_radius_mm
         low = np.min([b[0] for b in boxes], axis=0)[:2] - radius
         high = np.max([b[1] for b in boxes], axis=0)[:2] + radius
         lines = [np.linspace(low[k], high[k], min(int((high[k] - low[k]) / (LOOK_SHARE * radius)) + 2, MOST_LOOKS)) for k in (0, 1)]
         xy = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
-        stock, part = self.stock_mm(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)
+        stock, part = (stock or self.stock_mm)(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)
         there = np.isfinite(part) & np.isfinite(stock)
         return max(float((stock[there] - part[there]).max(initial=0.0)), self.practice.rough_allowance_mm)
 

@@ -135,7 +135,7 @@ def walls_alone(work, tool, candidates):
     if not walls:
         return None
     rpm, feed = work.speeds(tool, is_rough=False)
-    link = link_rules(work, field, tolerance, step, feed, work.standing_mm(tool))
+    link = link_rules(work, tool, field, tolerance, step, feed, work.standing_mm(tool))
     moves, axis = leaned(work, partial(moves_of_tip_paths, walls), link, tool)
     facts = {"allowance_mm": operation.allowance_mm, "scallop_mm": finish.scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "strategy": operation.kind, "wall_passes": len(walls),
@@ -169,7 +169,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
         raise PlanError(f"{name}: T{tool.number} {tool.cutter.name} touches none of the faces {work.face_names}: "
                         "choose other faces or a smaller ball")
     rpm, feed = work.speeds(tool, is_rough=False)
-    link = link_rules(work, field, tolerance, step, feed, left_mm)
+    link = link_rules(work, tool, field, tolerance, step, feed, left_mm)
     lay = lambda link: Moves.joined([moves_of_tip_paths(some, link) for some in (walls, paths) if some])
     moves, axis = leaned(work, lay, link, tool)
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
@@ -372,11 +372,12 @@ def _terraces(samples, steep, tool, ridge_mm, tolerance_mm):
     return np.append(planes_across(low, float(z.max()), step_at), low)
 
 
-def link_rules(work, field, tolerance_mm, step_mm, feed, left_mm):
+def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
     """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part."""
     radius = field.dropper.radius_mm
     return TipLinkRules(
         field=field, stock=work.dropper(radius, field.dropper.corner_radius_mm, left_mm), clearance_z_mm=work.clearance_z_mm,
         approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
         plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm, surface_link_mm=LINK_STEPS * step_mm,
-        hop_mm=HOP_RADII * radius, lead_radius_mm=work.lead_radius_mm(radius), is_one_way=work.operation.passes == "one-way")
+        hop_mm=HOP_RADII * radius, lead_radius_mm=work.lead_radius_mm(radius), is_one_way=work.operation.passes == "one-way",
+        steepest_rad=tool.cutter.steepest_rad)
