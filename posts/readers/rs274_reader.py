@@ -84,6 +84,7 @@ class Controller:
         self.turned = self.turned_before = (nan,) * len(self.rotaries)      # degrees; where the move under way began
         self.minutes = 0.0                  # that it takes
         self.is_tip = False                 # tool-centre-point control: X Y Z are the tip in the part, whatever the rotaries do
+        self.ends_tip = ""                  # word that ends it, beside the code that began it
         self.asked_tip = None               # M68 has asked for it, M66 has not come yet
         self.moving = MOVING_LETTERS.union(self.rotaries)
         self.taken_by_motion = {"": TAKEN_ALWAYS | self.moving} | {
@@ -243,15 +244,21 @@ class Controller:
         self.unit_mm, self.bounds = (MM_PER_INCH, INCH_BOUNDS) if name == "G20" else (1.0, MM_BOUNDS)
 
     def set_length(self, name, values):
-        """G43, G43.1, G49: the machine stands still, the tip's coordinate changes."""
+        """G43, G43.1, G43.4, G49: the machine stands still, the tip's coordinate changes; G43.4 takes it under control."""
+        if name == "G49" and self.ends_tip == "G49":
+            self._switch(False)
+            self.ends_tip = ""
         self._refuse_under_tip(name)
         old = self.tool_offset
-        self.length_of, self.tool_offset = {"G43": self._tool_offset, "G43.1": self._given_length,
+        self.length_of, self.tool_offset = {"G43": self._tool_offset, "G43.1": self._given_length, "G43.4": self._tool_offset,
                                             "G49": lambda values: (0, NO_OFFSET)}[name](values)
         self.is_length_on = self.length_of > 0 or name == "G43.1"
         self.tip = tuple(t + (a - b) for t, a, b in zip(self.tip, old, self.tool_offset))
         self._correct_programmed()
         self._compare_length()
+        if name == "G43.4":
+            self._switch(True)
+            self.ends_tip = "G49"
 
     def set_wcs(self, name, values):
         """The machine stands still, the tip's coordinates change."""
@@ -317,6 +324,7 @@ class Controller:
 
     def go_home(self, name, values):
         """G28: rapid to the machine's reference, its zero, in the axes named; only from where they stand."""
+        self._refuse_under_tip(name)
         axes = [c for c in "xyz" if c in values]
         if not axes or self.is_absolute or any(values[c] for c in axes):
             raise Complaint("G28 by way of another place", "write G91 G28 Z0. (and X0. Y0.), then G90")

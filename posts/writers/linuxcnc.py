@@ -74,6 +74,7 @@ class _LinuxCNC(Dialect):
 
     def tip_on(self, writer, tool):
         self._switch(writer, True)
+        return (), ()
 
     def tip_off(self, writer):
         self._switch(writer, False)

@@ -55,7 +55,11 @@ class Dialect(ABC):
         writer.block("G43", f"H{tool.number}")
 
     def tip_on(self, writer, tool):
-        """Tool-centre-point control on, the rotaries turned, at the top of the machine."""
+        """Tool-centre-point control on, the rotaries turned, at the top of the machine.
+
+        Returns:
+            words that stand before the first move under it, and behind.
+        """
         raise PostError(f"{type(self).__name__} writes no tool-centre-point control: leave tip_control out of the machine's file")
 
     def tip_off(self, writer):

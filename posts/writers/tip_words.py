@@ -53,9 +53,9 @@ class TipMoves:
         x, y, z = self.run.chain.placed(high, self.run.joints[k, 3:], self.run.length_mm)[0, :3]
         writer.block("G53", "G0", "X" + writer.length(x), "Y" + writer.length(y))
         writer.block("G53", "G0", "Z" + writer.length(z))
-        dialect.tip_on(writer, self.tool)
+        first, behind = dialect.tip_on(writer, self.tool)
         feed = () if dialect.tip_rapid == "G0" else ("F" + writer.feed_text(self.entry_mm_per_min),)
-        writer.joint_move(dialect.tip_rapid, self.words_mm[k], self.run.degrees[k], feed)
+        writer.joint_move(dialect.tip_rapid, self.words_mm[k], self.run.degrees[k], (*feed, *behind), first)
 
     def _room_mm(self, k):
         """How far the tool may go up along its axis from the pose of block k, up to BELOW_MM below the ends of the travels."""

@@ -141,12 +141,12 @@ class Writer:
                 self.turn_words[k] = text
         return out
 
-    def joint_move(self, motion, point_mm, degrees, more=()):
-        """A block that runs joints evenly; `more` words stand behind, and alone where a feed goes nowhere."""
+    def joint_move(self, motion, point_mm, degrees, more=(), first=()):
+        """A block that runs joints evenly; `first` words stand before it, `more` behind; without a place none is written."""
         self.largest_rounding_mm = max(self.largest_rounding_mm, math.dist([self.rounded_mm(v) for v in point_mm], point_mm))
         words = [*self.words(point_mm), *self.turned(degrees)]
         if words:
-            self.block(*self._motion(motion), *words, *more)
+            self.block(*first, *self._motion(motion), *words, *more)
         self.here_mm = np.asarray(point_mm)
 
     def tip_feed(self, way_mm, seconds):
