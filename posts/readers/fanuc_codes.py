@@ -10,6 +10,8 @@ BY_NAME = {
     **named_codes("plane", "G17", "G18", "G19"),
     **named_codes("units", "G20", "G21"),
     **named_codes("reference", "G28", takes="xyz"),
+    **named_codes("tilted plane", "G68.2", takes="xyzijk"),
+    **named_codes("tilted plane", "G53.1", "G69"),
     **named_codes("cutter compensation", "G40"),
     **named_codes("tool length", "G43", "G43.4", takes="h"),
     **named_codes("tool length", "G49"),

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cuspline.posts.readers.rs274_expressions import Complaint
 
-ORDER = ("kinematics", "feed mode", "feed", "speed", "select tool", "tool change", "spindle", "coolant", "plane",
+ORDER = ("kinematics", "tilted plane", "feed mode", "feed", "speed", "select tool", "tool change", "spindle", "coolant", "plane",
          "units", "cutter compensation", "tool length", "work offset", "path control", "corner mode", "distance",
          "reference", "arc distance", "canned cycle", "non-modal", "motion", "move", "stopping")
 

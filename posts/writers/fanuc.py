@@ -8,7 +8,8 @@ reference return instead of machine coordinates.  Path tolerance is the control'
 in the text, the machine's file states it as path_tolerance_mm and the verdict counts it.  A zero shifted by G52 is
 taken back; a G92 is not, for G92.1 is an option that stops a control without it: the header says what to do.  Rotaries are
 solved in joints under G93, or go with the tip under G43.4, which begins with its first move and which nothing but moves of
-the tip stands under; G49 ends it, and the tool is called anew for what follows.
+the tip stands under; indexed positions then stand in tilted planes (G68.2), G53.1 finding the rotary axes where they
+belong.  G49 (and G69) ends either, and the tool is called anew for what follows.
 """
 
 import re
@@ -72,6 +73,7 @@ class _Fanuc(Dialect):
     """Macro B."""
 
     point, end, knows_rotaries, tip_controls = ".", "M30", True, ("G43.4",)
+    has_planes = True
     variables = Variables(arguments=tuple(LETTERS), locals=(*range(27, 34), 10, 12, 14, 15, 16), deepest_brackets=5)
 
     def head(self, writer, program, file_number):
@@ -116,10 +118,22 @@ class _Fanuc(Dialect):
         writer.is_tip = True
         return ("G43.4",), (f"H{tool.number}",)
 
+    def plane_on(self, writer, tool, plane_deg):
+        writer.pending_z = (), ()
+        writer.block("G49")             # of an operation before
+        angles = (letter + writer.number(v, writer.machine.control.decimals_deg) for letter, v in zip("IJK", plane_deg))
+        writer.block("G68.2", *(letter + writer.length(0.0) for letter in "XYZ"), *angles)
+        writer.block("G53.1")
+        writer.forget_position()
+        writer.is_tip = writer.is_tilted = True
+        return ("G43",), (f"H{tool.number}",)
+
     def tip_off(self, writer):
         writer.block("G49")
+        if writer.is_tilted:
+            writer.block("G69")
         writer.forget_position()
-        writer.is_tip, writer.tool = False, None
+        writer.is_tip, writer.is_tilted, writer.tool = False, False, None
 
     def foot(self, writer):
         if writer.beside_mm:

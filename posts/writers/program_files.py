@@ -22,6 +22,7 @@ from cuspline.posts.writers.sub_programs import (
     main_lines,
     restart_number,
 )
+from cuspline.posts.writers.tilted_words import TiltedMoves
 from cuspline.posts.writers.tip_words import TipMoves
 from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines, in_brackets
 from cuspline.program.program import TILT_RAD
@@ -40,6 +41,7 @@ class Dialect(ABC):
     comment = staticmethod(in_brackets)     # how a text is told to the operator alone
     knows_rotaries = False                  # whether it writes rotary words
     tip_controls: tuple[str, ...] = ()      # words of Control.tip_control that it writes
+    has_planes = False                      # indexed positions go out in tilted planes, where there is tip control
     tip_rapid = "G0"                        # under tool-centre-point control; G1 where rapids do not heed the joints' speeds
 
     @abstractmethod
@@ -61,6 +63,10 @@ class Dialect(ABC):
             words that stand before the first move under it, and behind.
         """
         raise PostError(f"{type(self).__name__} writes no tool-centre-point control: leave tip_control out of the machine's file")
+
+    def plane_on(self, writer, tool, plane_deg):
+        """A tilted plane by its angles about Z, the new X and the new Z; words before and behind the first move, as `tip_on`."""
+        raise PostError(f"{type(self).__name__} writes no tilted planes")
 
     def tip_off(self, writer):
         """Back to joints, wherever the tool stands."""
@@ -169,10 +175,13 @@ class _Files:
             before = self.writer.state()
 
     def _laid(self, operation):
-        """PlainMoves, SolvedMoves or TipMoves of an operation."""
+        """PlainMoves, SolvedMoves, TipMoves or TiltedMoves of an operation."""
         if not leans(operation.moves):
             return PlainMoves(operation.moves, self.machine.rotaries)
-        return (SolvedMoves if self.machine.control.tip_control is None else TipMoves)(operation, self.machine)
+        if self.machine.control.tip_control is None:
+            return SolvedMoves(operation, self.machine)
+        stands = operation.level_mm is not None and self.dialect.has_planes
+        return (TiltedMoves if stands else TipMoves)(operation, self.machine)
 
     def _enter(self, laid, first):
         """To where move `first` begins."""

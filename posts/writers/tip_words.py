@@ -17,6 +17,7 @@ UNEVEN = 1.05               # within a block joints do not run evenly: so much s
 ANY_MM = 1e6                # how far the joints' own way may leave the tip's line: the control does not go it
 STANDS_MM = 0.02            # a block shorter than this states its time: the digits of its ends do not tell its length,
 LEAST_DIGITS = 100          # nor those of its feed how fast it is
+STILL = 1e-9                # of a joint beside the tip's way
 BELOW_MM = 10.0             # the top of the travels, where the way down begins: zero and tool may differ by so much
 
 
@@ -49,24 +50,14 @@ class TipMoves:
 
     def _enter(self, writer, k, dialect):
         """At the top in machine coordinates over where the tool's axis leads up from block k, then down along it."""
-        high = self.words_mm[k] + self.origin_mm + self._room_mm(k) * self.axes[k]
+        tip = self.words_mm[k] + self.origin_mm
+        high = tip + room_mm(self.run, k, tip, self.axes[k]) * self.axes[k]
         x, y, z = self.run.chain.placed(high, self.run.joints[k, 3:], self.run.length_mm)[0, :3]
         writer.block("G53", "G0", "X" + writer.length(x), "Y" + writer.length(y))
         writer.block("G53", "G0", "Z" + writer.length(z))
         first, behind = dialect.tip_on(writer, self.tool)
         feed = () if dialect.tip_rapid == "G0" else ("F" + writer.feed_text(self.entry_mm_per_min),)
         writer.joint_move(dialect.tip_rapid, self.words_mm[k], self.run.degrees[k], (*feed, *behind), first)
-
-    def _room_mm(self, k):
-        """How far the tool may go up along its axis from the pose of block k, up to BELOW_MM below the ends of the travels."""
-        chain, angles = self.run.chain, self.run.joints[k, 3:]
-        tips = self.words_mm[k] + self.origin_mm + np.array([[0.0], [1.0]]) * self.axes[k]
-        here, above = chain.placed(tips, np.array([angles, angles]), self.run.length_mm)[:, :3]
-        step = above - here
-        top = np.array([*chain.high[:2], min(chain.high[2], 0.0)]) - BELOW_MM
-        with np.errstate(divide="ignore", invalid="ignore"):
-            room = np.where(step > 0, (top - here) / step, np.where(step < 0, (chain.low[:3] + BELOW_MM - here) / step, np.inf))
-        return max(float(room[np.abs(step) > 1e-9].min()), 0.0)
 
     def write(self, writer, first, end, dialect):
         """Blocks of moves `first` to `end`."""
@@ -95,3 +86,19 @@ class TipMoves:
         if is_inverse != was:
             writer.block("G93" if is_inverse else "G94")
         return is_inverse
+
+
+def room_mm(run, k, tip_mm, axis):
+    """How far a tool may go up along its axis from a tip, the rotaries as in block k, up to BELOW_MM from the travels' ends.
+
+    Args:
+        run: JointRun.   tip_mm: (3,) in the part's frame.   axis: (3,) unit.
+    """
+    chain, angles = run.chain, run.joints[k, 3:]
+    tips = tip_mm + np.array([[0.0], [1.0]]) * axis
+    here, above = chain.placed(tips, np.array([angles, angles]), run.length_mm)[:, :3]
+    step = above - here
+    high, low = np.array([*chain.high[:2], min(chain.high[2], 0.0)]) - BELOW_MM, chain.low[:3] + BELOW_MM
+    goes = np.abs(step) > STILL
+    room = np.where(step > 0, high - here, low - here)[goes] / step[goes]
+    return max(float(room.min()), 0.0)

@@ -77,7 +77,8 @@ class Writer:
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
         self.plane, self.feed = Plane.XY, None
         self.rotaries = rotaries
-        self.is_tip = False                             # under tool-centre-point control
+        self.is_tip = False                             # under tool-centre-point control, or
+        self.is_tilted = False                          # in a tilted plane
         self.turn_words = [None] * len(rotaries)       # of the rotary axes; None: nobody knows where they stand
         self.forget_position()
 

@@ -1,15 +1,16 @@
 """Fanuc with rotary axes: solved in joints under G93, and under G43.4; written, read back, and spoilt."""
 
+import dataclasses
 import re
 
 import numpy as np
 import pytest
-from known_machines import FIVE_AXIS
+from known_machines import FIVE_AXIS, leaning
 from known_tilted import BALL, FLAT, machine, off_lines, operation, program, rolling, upright
 
 from cuspline.app.catalogue import reader_of
 from cuspline.posts.writers import fanuc
-from cuspline.program.program import Kind
+from cuspline.program.program import Kind, MoveWriter
 from cuspline.values.errors import PostError, ReadError
 
 ROUNDING_MM = 2e-4          # four decimals of a length, five of a degree 300 mm from a rotary
@@ -123,3 +124,68 @@ def test_a_rotary_word_without_a_point_is_refused():
 def test_the_control_must_be_its_own():
     with pytest.raises(PostError, match="tip_control M428 is no word of the post fanuc, which knows G43.4"):
         text_of(mill(tip="M428"), operation("rough", upright(), FLAT))
+
+
+# tilted planes ------------------------------------------------------------------------------
+
+
+def position(tilt_deg, azimuth_deg, level_mm=20.0):
+    """An operation in an indexed position: a triangle at height 0 along its axis, from and to its level."""
+    axis = leaning(tilt_deg, azimuth_deg)[0]
+    across = np.cross(axis, (0.3, 0.2, 0.1))
+    across /= np.linalg.norm(across)
+    ahead = np.cross(axis, across)
+    w = MoveWriter(5 * across + level_mm * axis)
+    w.feed(5 * across, 200)
+    for a, b in ((5, 8), (-4, 6), (5, 0)):
+        w.feed(a * across + b * ahead, 700)
+    w.rapid(5 * across + level_mm * axis)
+    moves = dataclasses.replace(w.moves(), axis=np.tile(axis, (len(w), 1)))
+    return dataclasses.replace(operation("side", moves), level_mm=level_mm)
+
+
+@pytest.mark.parametrize("name", FIVE_AXIS)
+@pytest.mark.parametrize("tilt_deg, azimuth_deg", [(25.0, 70.0), (60.0, -110.0)])
+def test_an_indexed_position_stands_in_a_tilted_plane(name, tilt_deg, azimuth_deg):
+    m, side = mill(name, "G43.4"), position(tilt_deg, azimuth_deg)
+    x, y, z = m.wcs_origin_mm
+    m = m.model_copy(update={"wcs_origin_mm": (x, y, z + 80.0)})       # within reach of heads that lean
+    text = text_of(m, operation("finish", upright()), side)
+    lines = text.splitlines()
+    on = next(k for k, line in enumerate(lines) if line.startswith("G68.2 X0. Y0. Z0. I"))
+    assert lines[on + 1] == "G53.1" and re.fullmatch(r"G43 G0( [XYZ]\S+){3} H7", lines[on + 2])
+    off = lines.index("G49", on)
+    assert lines[off:off + 2] == ["G49", "G69"] and not any(re.search("[ABC]", line) for line in lines[on:off])
+    posted = read(m, text)
+    assert posted.remarks == () and posted.ended
+    for end, axis in zip(side.moves.end_mm, side.moves.axis):
+        near = np.linalg.norm(posted.end_mm - end, axis=1)
+        hit = np.nanargmin(np.where(np.linalg.norm(posted.end_axis - axis, axis=1) < 1e-4, near, np.inf))
+        assert near[hit] < ROUNDING_MM
+    cut = (posted.kind == Kind.FEED) & (posted.operation == 1)
+    assert cut.sum() == 4 and posted.feed_mm_per_min[cut] == pytest.approx([200, 700, 700, 700])
+
+
+def tilted():
+    m = mill(tip="G43.4")
+    return m, text_of(m, position(40.0, 30.0))
+
+
+@pytest.mark.parametrize("old, new, message", [
+    ("\nG49\nG69\n", "\nG49\n", "G28 in a tilted plane"), ("\nG49\nG69\n", "\nG69\n", "G69 while a tool length is in force"),
+    ("\nG53.1\n", "\n", "a move between G68.2 and G53.1"), ("J40.", "J30.", "G53.1 would turn the rotary axes"),
+    ("K0.", "", "G68.2 without all of X Y Z I J K"), ("\nG49\nG69\n", "\nG53 G0 A0.\nG49\nG69\n", "G53 in a tilted plane")])
+def test_what_a_tilted_plane_lacks_is_refused(old, new, message):
+    m, text = tilted()
+    assert old in text
+    with pytest.raises(ReadError, match=message):
+        read(m, text.replace(old, new))
+
+
+def test_a_plane_turned_about_its_own_axis_is_read_as_it_says():
+    """K turns what is programmed about the tool."""
+    m, text = tilted()
+    posted, meant = read(m, text.replace("K0.", "K90.")), read(m, text)
+    axis = meant.end_axis[-6]
+    off = posted.end_mm[-6] - meant.end_mm[-6]
+    assert abs(off @ axis) < 1e-9 and np.linalg.norm(off) > 1.0
