@@ -72,8 +72,8 @@ def test_linuxcncs_kinematics_put_the_tool_where_the_plan_meant_it(tmp_path):
             at |= {c: float(v) for c, v in re.findall(r"([XYZAC])([-\d.]+)", line)}
             words.append([at[c] for c in "XYZAC"])
     solved, words = SolvedMoves(finish, mill), np.array(words)
-    ends = np.append(solved.first[1:-1], len(solved.joints)) - 1         # last block of each move
-    nearest = words[[np.argmin(np.abs(words - np.r_[solved.words_mm[k], solved.degrees[k][::-1]]).max(axis=1)) for k in ends]]
+    ends = np.append(solved.run.first[1:-1], len(solved.run.joints)) - 1         # last block of each move
+    nearest = words[[np.argmin(np.abs(words - np.r_[solved.words_mm[k], solved.run.degrees[k][::-1]]).max(axis=1)) for k in ends]]
     joints = np.zeros((len(ends), 9))
     joints[:, :3] = nearest[:, :3] + mill.wcs_origin_mm + [0, 0, BALL.length_mm]
     joints[:, 3:5] = nearest[:, 3:]
