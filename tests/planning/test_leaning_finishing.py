@@ -10,7 +10,7 @@ from leaning_surface import FORMS, Surface, design
 
 from cuspline.app.catalogue import find_library, find_machine, reader_of
 from cuspline.planning.plan import plan_setup
-from cuspline.posts.writers import linuxcnc
+from cuspline.posts.writers import fanuc, linuxcnc
 from cuspline.program.program import Kind
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
@@ -55,10 +55,15 @@ def cut(form, name):
     """(deviations at places of the surface, PostedMoves) of what the text cuts."""
     part, plan = planned(form)
     posted = read(name, text_of(form, name))
+    return deviations(part, plan, posted), posted
+
+
+def deviations(part, plan, posted):
+    """(n,) at places of the surface, of what moves leave."""
     left = Workpiece(blank=part.stock.shape).after(part.setups[0].frame, swept_paths(posted, TOOLS))
     s = plan.context.samples
     rows = np.unique(np.round(s.point_mm[:, :2] / EVERY_MM).astype(int), axis=0, return_index=True)[1]
-    return left.deviations(s.point_mm[rows], s.normal[rows], 1.0)[0], posted
+    return left.deviations(s.point_mm[rows], s.normal[rows], 1.0)[0]
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -148,3 +153,16 @@ def test_what_cannot_turn_is_refused_by_name():
         plan_setup(part, with_axis(part, LeadTilt(tilt_deg=85.0)), mill("mill_trunnion_ac"), LIBRARY)
     with pytest.raises(PlanError, match="has no bull_nose 10 r1|has no bull nose 10 r1"):
         plan_setup(part, setup.model_copy(update={"operations": (setup.operations[0], bull)}), mill("mill_trunnion_ac"), LIBRARY)
+
+
+@pytest.mark.parametrize("post, word", [("linuxcnc", "M428"), ("fanuc", "G43.4"), ("fanuc", None)])
+def test_however_it_is_posted_it_cuts_the_same_surface(post, word):
+    """Tip control and the other controller, on the trunnion."""
+    part, plan = planned("blade")
+    machine = mill("mill_trunnion_ac")
+    other = machine.model_copy(update={"control": machine.control.model_copy(update={"post": post, "tip_control": word})})
+    writer = {"linuxcnc": linuxcnc, "fanuc": fanuc}[post]
+    posted = reader_of(other)(writer.post(plan.program(("LEANING",), "leaning"), other).text,
+                              work_offsets={"G54": other.wcs_origin_mm}, tool_lengths={n: t.length_mm for n, t in TOOLS.items()})
+    assert posted.remarks == ()
+    assert np.abs(deviations(part, plan, posted) - cut("blade", NARROW)[0]).max() < ALIKE_MM
