@@ -140,7 +140,7 @@ class ThroughPoint(ToolAxis):
         return _unit(_side(self.holder) * (places - np.array(self.point_mm)), 1.0)
 
     def pole(self):
-        return "they lie in its point; move the point away from the cut"
+        return "these are its point; move the point away from the cut"
 
     def seen_from(self, frame):
         return self.model_copy(update={"point_mm": _moved(frame, self.point_mm)})
@@ -168,7 +168,7 @@ class AlongLine(ToolAxis):
         return _unit(_side(self.holder) * (arm - _dot(arm, along) * along), 1.0)
 
     def pole(self):
-        return "they lie on its line; move the line away from the cut"
+        return "these are on its line; move the line away from the cut"
 
     def seen_from(self, frame):
         return self.model_copy(update={"point_mm": _moved(frame, self.point_mm), "direction": _turned(frame, self.direction)})

@@ -111,8 +111,8 @@ def test_the_limit_holds_and_touches_nothing_within_it(strategy):
 
 @pytest.mark.parametrize("strategy, given_, said", [
     (LeadTilt(lead_deg=5), {"feed": Z}, "lead_tilt: 1 of 1 places have none.* the feed runs along the normal"),
-    (ThroughPoint(point_mm=(1, 2, 3)), {"place": (1, 2, 3)}, "they lie in its point"),
-    (AlongLine(point_mm=(0, 0, 0), direction=(0, 0, 1)), {"place": (0, 0, 7)}, "they lie on its line"),
+    (ThroughPoint(point_mm=(1, 2, 3)), {"place": (1, 2, 3)}, "these are its point"),
+    (AlongLine(point_mm=(0, 0, 0), direction=(0, 0, 1)), {"place": (0, 0, 7)}, "these are on its line"),
     (FixedAxis(direction=(0, 0, -1), limit_deg=30), {}, "the setup's Z turned over"),
     (BetweenGuides(guides=(Guide(place_mm=(1, 0, 0), direction=X), Guide(place_mm=(-1, 0, 0), direction=-X))), {}, "cancel out")])
 def test_at_a_pole_it_refuses_by_row(strategy, given_, said):
