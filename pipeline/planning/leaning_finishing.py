@@ -48,8 +48,8 @@ def leaned(work, lay, link, tool):
     if is_lifted:
         found = leaning(lay(replace(link, surface_link_mm=0.0, hop_mm=0.0)), rules)
     _refuse_contact(work, found, tool)
-    lifted = {"links": "lifted: the rotaries go back between passes"} if is_lifted else {}
-    return _lifted(work, found, tool), {**_facts(work, found), **lifted}
+    links = {"links": "lifted: the rotaries go back between passes"} if is_lifted else {}
+    return lifted(work, found, tool), {**_facts(work, found), **links}
 
 
 def _rewinds_in_cut(work, moves):
@@ -121,7 +121,7 @@ def _refuse_contact(work, found, tool):
                 "moves: lean it less, or the other way, leave these faces out, or take a slimmer or longer tool", rows=rows[bad])
 
 
-def _lifted(work, found, tool):
+def lifted(work, found, tool):
     """Moves at the approach height and above, higher by what a leaning holder reaches below the ball."""
     m, r = found.moves, tool.cutter.radius_mm
     frusta = tool_segments(tool, work.machine.spindle_head, with_flutes=False)

@@ -1,20 +1,25 @@
 """A ball that finishes leaning: planned over a dome, a saddle and a twisted surface, posted for every machine, read back, cut."""
 
+import dataclasses
 import re
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from known_machines import FIVE_AXIS
+from known_machines import FIVE_AXIS, leaning
+from known_tools import tool
 from leaning_surface import FORMS, Surface, design
 
 from cuspline.app.catalogue import find_library, find_machine, reader_of
+from cuspline.planning.leaning_finishing import lifted
 from cuspline.planning.plan import plan_setup
+from cuspline.planning.plating import in_metal
 from cuspline.posts.writers import fanuc, linuxcnc
-from cuspline.program.program import Kind
+from cuspline.program.program import Kind, MoveWriter
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
-from cuspline.toolpaths.five_axis.leaning_moves import upright_again
+from cuspline.toolpaths.five_axis.leaning_moves import Leaning, upright_again
 from cuspline.toolpaths.five_axis.tool_axes import LeadTilt
 from cuspline.values.errors import PlanError
 
@@ -166,3 +171,30 @@ def test_however_it_is_posted_it_cuts_the_same_surface(post, word):
                               work_offsets={"G54": other.wcs_origin_mm}, tool_lengths={n: t.length_mm for n, t in TOOLS.items()})
     assert posted.remarks == ()
     assert np.abs(deviations(part, plan, posted) - cut("blade", NARROW)[0]).max() < ALIKE_MM
+
+
+def test_a_leaning_ball_below_the_plating_keeps_its_middle():
+    """The whole cutter's tip is deeper along its axis, not straight down."""
+    planned_ = planned("dome")[1].operations[-1]
+    whole = in_metal(planned_, LIBRARY, 0.05)
+    radius = planned_.tool.cutter.radius_mm
+    middle = planned_.moves.end_mm + (radius - 0.05) * planned_.moves.axis
+    assert np.abs(whole.moves.end_mm + radius * whole.moves.axis - middle).max() < 1e-12
+
+
+def test_above_the_work_a_leaning_holder_stays_as_high_as_the_ball():
+    """A ball 40 mm out of a wide holder, on its side: what hangs below the ball lifts the rapids, the cut stays where it is."""
+    wide = tool("ball", 8, number=1)
+    w = MoveWriter((0, 0, 20))
+    for z in (12, 5, 5.5):
+        w.feed((z, 0, z), 100)
+    w.rapid((5.5, 0, 20))
+    axes = leaning(np.full(len(w), 80.0), 0.0)
+    about = 4.0 * (np.array([0, 0, 1.0]) - axes)        # from the upright tip to the leaning one
+    flat = dataclasses.replace(w.moves(), axis=axes, start_mm=(0, 0, 20) + about[0], end_mm=w.moves().end_mm + about)
+    work = SimpleNamespace(machine=mill(NARROW), clearance_z_mm=20.0, clearance_mm=10.0, practice=SimpleNamespace(approach_mm=2.0))
+    high = lifted(work, Leaning(moves=flat, is_cut=np.zeros(4, bool), is_held=np.zeros(4, bool)), wide)
+    rise = high.end_mm[:, 2] - flat.end_mm[:, 2]
+    s, c = np.sin(np.radians(80)), np.cos(np.radians(80))
+    below = 20 * s - (45 - 4) * c - 4                   # of the holder's edge, the ball's own lowest place taken off
+    assert rise == pytest.approx([below, 0, 0, below]) and below > 5
