@@ -47,9 +47,10 @@ def leaned(work, lay, link, tool):
     is_lifted = _rewinds_in_cut(work, found.moves)
     if is_lifted:
         found = leaning(lay(replace(link, surface_link_mm=0.0, hop_mm=0.0)), rules)
-    _refuse_contact(work, found, tool)
+    moves = lifted(work, found, tool)
+    _refuse_contact(work, moves, tool)
     links = {"links": "lifted: the rotaries go back between passes"} if is_lifted else {}
-    return lifted(work, found, tool), {**_facts(work, found), **links}
+    return moves, {**_facts(work, found), **links}
 
 
 def _rewinds_in_cut(work, moves):
@@ -100,11 +101,10 @@ class _Faces(Ground):
         return np.where(at_edge[:, None], foot.normal, rolling)
 
 
-def _refuse_contact(work, found, tool):
+def _refuse_contact(work, moves, tool):
     """The ball is on the part by design; its flutes may touch no more than it does, shank, holder and spindle head nothing."""
-    m, rows = found.moves, np.flatnonzero(found.is_cut)
-    axes = np.vstack([m.axis[:1], m.axis])
-    way = ToolMoves(start_tips_mm=m.starts_mm[rows], end_tips_mm=m.end_mm[rows], start_axes=axes[rows], end_axes=axes[rows + 1])
+    axes = np.vstack([moves.axis[:1], moves.axis])
+    way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
     into = MESH_DEFLECTION_MM + path_tolerance_mm(work.finish) + SAGITTA_MM + ROUNDED_MM
     keep = work.practice.rough_allowance_mm + MESH_DEFLECTION_MM
     for what, segments, margin in (
@@ -118,7 +118,7 @@ def _refuse_contact(work, found, tool):
             raise PlanError(
                 f"{work.operation.title}: with its axis so the {what} of T{tool.number} {tool.cutter.name} come to "
                 f"{clear.clearance_mm[worst]:.3f} mm of the part ({margin:.3f} wanted) at {place}, and in {len(bad) - 1} other "
-                "moves: lean it less, or the other way, leave these faces out, or take a slimmer or longer tool", rows=rows[bad])
+                "moves: lean it less, or the other way, leave these faces out, or take a slimmer or longer tool", rows=bad)
 
 
 def lifted(work, found, tool):

@@ -10,7 +10,8 @@ the tip runs straight and the axis on the great circle: the middle then leaves i
 r turn^2 / 8.  Rows are put in until that is within a share of the tolerance, and no turn above MOST_TURN_RAD.
 
 Where the ball touches nothing (entries, links, rapids) the axis stands as at the pass before, and turns in the highest move
-to what the next pass begins with: in the rapid across, where there is one.
+to what the next pass begins with: in the rapid across, where there is one.  Where it has to turn at feed, or the contact jumps
+within a pass, it turns in steps of as many rows as in the cut.
 """
 
 import math
@@ -28,6 +29,7 @@ from cuspline.values.errors import ToolpathError
 MOST_TURN_RAD = math.radians(2.0)       # of the axis, from row to row in the cut
 FEED_REACH = 0.25           # of the radius: the feed at a place is the way from so far before to so far behind
 SHORTEST_MM = 0.01          # rows nearer to each other are put in only where the axis jumps: it turns there on the spot
+ROUNDED = 1e-9              # of a count of steps
 SAME_RAD = 1e-9             # of what counts as brought back to the limit
 ALONG = 0.02                # sine of the angle to the normal below which a feed says nothing: the one before holds
 LEAST_FEED_SHARE = 0.01     # where the tip stands while the middle runs
@@ -100,9 +102,8 @@ def leaning(moves, rules):
     cuts = (moves.kind == Kind.FEED) & on_part[1:] & on_part[:-1]
     if not cuts.any():
         raise ToolpathError("no move touches the part: the axis has nothing to turn by")
-    rows = _with_axes(middles, cuts, rules)
-    axes = _held_off_the_part(rows, moves)
-    return _assembled(moves, rows, axes, cuts, rules)
+    rows = _held_off_the_part(_with_axes(middles, cuts, rules))
+    return _assembled(moves, _turned_evenly(rows, moves.kind == Kind.FEED, rules.most_turn_rad), cuts, rules)
 
 
 def _with_axes(middles, cuts, rules):
@@ -151,7 +152,7 @@ def _refined(passes, rules):
         extra = _axes(more, passes, rules)
         merged = [s.with_more(m, a, e) for s, m, a, e in zip(stations, more, axes, extra)]
         stations, axes = [s for s, _ in merged], [a for _, a in merged]
-    return [s.turned_on_the_spot(*a, rules.most_turn_rad) for s, a in zip(stations, axes)]
+    return [s.rows(*a) for s, a in zip(stations, axes)]
 
 
 class _Stations:
@@ -162,7 +163,7 @@ class _Stations:
 
     def between(self, axes, most_rad):
         """Lengths to put in: none where rows are SHORTEST_MM apart."""
-        parts = np.ceil(_turns(axes) / most_rad - 1e-9).astype(int)
+        parts = np.ceil(_turns(axes) / most_rad - ROUNDED).astype(int)
         room = np.maximum((np.diff(self.along) / SHORTEST_MM).astype(int), 1)
         parts = np.minimum(np.maximum(parts, 1), room)
         row = np.repeat(np.arange(len(parts)), parts - 1)
@@ -176,18 +177,9 @@ class _Stations:
         both = tuple(np.concatenate([a, e])[order] for a, e in zip(axes, extra))
         return _Stations(self.pass_, np.concatenate([self.along, more])[order], led), both
 
-    def turned_on_the_spot(self, axes, is_held, most_rad):
-        """_Rows; where the axis still jumps it turns in steps between two rows that are next to each other."""
-        parts = np.maximum(np.ceil(_turns(axes) / most_rad - 1e-9).astype(int), 1)
-        row = np.repeat(np.arange(len(parts)), parts)
-        share = (np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts) + 1) / parts[row]
-        at = self.along[row] + share * (self.along[row + 1] - self.along[row])
-        whole = share == 1.0
-        turned = np.where(whole[:, None], axes[row + 1], on_great_circle(axes[row], axes[row + 1], share))
-        first = lambda column, rest: np.concatenate([column[:1], rest])
-        middles = self.pass_.places(at)
-        return _Rows(middle=first(self.pass_.middles, middles), move=first(self.move, self.move[row + 1]),
-                     axis=first(axes, turned), is_held=first(is_held, is_held[row + 1]))
+    def rows(self, axes, is_held):
+        """_Rows of them."""
+        return _Rows(middle=self.pass_.places(self.along), move=self.move, axis=axes, is_held=is_held)
 
 
 def _axes(along, passes, rules):
@@ -236,8 +228,8 @@ def on_great_circle(a, b, share):
     return np.where((whole > 1e-9)[:, None], found, a)
 
 
-def _held_off_the_part(rows, moves):
-    """(n, 3) axes of all rows: off the part as at the pass before, from the highest move on as at the next."""
+def _held_off_the_part(rows):
+    """_Rows with all their axes: off the part as at the pass before, from the highest move on as at the next."""
     axes = rows.axis.copy()
     known = np.isfinite(axes[:, 0])
     at = np.flatnonzero(known)
@@ -250,12 +242,26 @@ def _held_off_the_part(rows, moves):
         across = np.sqrt(((rows.middle[gap, :2] - rows.middle[gap - 1, :2]) ** 2).sum(axis=1))
         turning = gap[np.lexsort((-across, -low))[0]]
         axes[before + 1:turning], axes[turning:after] = axes[before], axes[after]
-    return axes
+    return replace(rows, axis=axes)
 
 
-def _assembled(moves, rows, axes, cuts, rules):
-    """Leaning of rows and their axes."""
-    tips = rows.middle - rules.radius_mm * axes
+def _turned_evenly(rows, is_feed, most_rad):
+    """_Rows, those put in that a link at feed needs to turn its axis in steps.   is_feed: (m,) of the upright moves."""
+    parts = np.where(is_feed[rows.move[1:]], np.ceil(_turns(rows.axis) / most_rad - ROUNDED), 1.0).astype(int)
+    parts = np.maximum(parts, 1)
+    row = np.repeat(np.arange(len(parts)), parts)
+    share = (np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts) + 1) / parts[row]
+    whole = (share == 1.0)[:, None]
+    middle = np.where(whole, rows.middle[row + 1], rows.middle[row] + share[:, None] * (rows.middle[row + 1] - rows.middle[row]))
+    axis = np.where(whole, rows.axis[row + 1], on_great_circle(rows.axis[row], rows.axis[row + 1], share))
+    first = lambda column, rest: np.concatenate([column[:1], rest])
+    return _Rows(middle=first(rows.middle, middle), move=first(rows.move, rows.move[row + 1]), axis=first(rows.axis, axis),
+                 is_held=first(rows.is_held, rows.is_held[row + 1]))
+
+
+def _assembled(moves, rows, cuts, rules):
+    """Leaning of rows with all their axes."""
+    axes, tips = rows.axis, rows.middle - rules.radius_mm * rows.axis
     move, n = rows.move[1:], len(rows.move) - 1
     run = np.sqrt((np.diff(tips, axis=0) ** 2).sum(axis=1))
     of_middle = np.sqrt((np.diff(rows.middle, axis=0) ** 2).sum(axis=1))

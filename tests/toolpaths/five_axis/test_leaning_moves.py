@@ -161,3 +161,19 @@ def test_nothing_given_is_changed():
     before = {f.name: np.array(getattr(upright, f.name)) for f in dataclasses.fields(upright)}
     leaning(upright, rules())
     assert all(np.array_equal(before[name], getattr(upright, name), equal_nan=True) for name in before)
+
+
+def test_a_hop_at_feed_turns_in_steps_in_its_highest_move():
+    """Over the hump and back on the next line, lifted at feed between: the lead turns over by 2 x 10 degrees and the hump's own."""
+    there, back = (over_the_hump(y).moves().end_mm[:-1] for y in (0.0, 2.0))
+    w = MoveWriter((*there[0, :2], TOP))
+    for tip in (*there, there[-1] + (0, 0, 5), back[-1] + (0, 0, 5), *back[::-1]):
+        w.feed(tip, 1000)
+    w.rapid((*w.here_mm[:2], TOP))
+    found = leaning(w.moves(), rules(LeadTilt(lead_deg=10)))
+    m = found.moves
+    turn = angles_between(np.vstack([m.axis[:1], m.axis[:-1]]), m.axis)
+    assert turn.max() <= rules().most_turn_rad * 1.001
+    hop = ~found.is_cut & (turn > 1e-9)
+    assert np.degrees(turn[hop].sum()) == pytest.approx(20.0, abs=1.0) and hop.sum() >= 8
+    assert upright_again(m, RADIUS).end_mm[hop, 2] == pytest.approx(np.full(hop.sum(), there[-1, 2] + 5))
