@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from cuspline.shop.cutters import Tool
-from cuspline.stock import tilted_tree, tree
+from cuspline.stock import tilted_pieces, tilted_tree, tree
 from cuspline.stock.outlines import outline_distance, outline_pieces
 from cuspline.stock.tilted_pieces import TURN_ERROR_MM, posed_pieces
 from cuspline.values import fixed_math as fixed
@@ -55,6 +55,26 @@ class PosedPath:
         nodes, leaves = tilted_tree.build_nodes(geometry, outline, 0.0, max(height, HIGHEST_RADII * radius))
         return PosedPath(**{**self.__dict__, "outline": outline, "grown_mm": 0.0, "geometry": geometry, "nodes": nodes,
                             "leaves": leaves, "row": self.row[chosen], "step": self.step[chosen], "is_height_field": False})
+
+    def of_its_ball(self):
+        """What the ball of a ball cutter sweeps, its centre moving straight, less what turning adds; None: no whole ball cuts.
+
+        A ball is the same however the tool leans, so that its sub-steps sweep what is convex though the axis turns.
+        """
+        cutter, g = self.tool.cutter, self.geometry.copy()
+        radius = cutter.radius_mm
+        if cutter.type != "ball" or cutter.flute_length_mm < 2 * radius:
+            return None
+        bend = radius * float(g[:, tilted_pieces.TURN].max(initial=0.0)) ** 2 / 8
+        tips, ways, axes, turns = (g[:, first:first + 3] for first in (0, 3, 6, 9))
+        tips += radius * axes
+        ways += radius * turns
+        axes[:], turns[:], g[:, tilted_pieces.TURN] = (0.0, 0.0, 1.0), 0.0, 0.0
+        g[:, tilted_pieces.LENGTH] = np.sqrt((ways ** 2).sum(axis=1))
+        outline = np.array([[1.0, 0.0, -radius, 0.0, 0.0, radius, 0.0, -1.0, 0.0, 1.0]])
+        nodes, leaves = tilted_tree.build_nodes(g, outline, -radius, radius)
+        return PosedPath(**{**self.__dict__, "outline": outline, "geometry": g, "nodes": nodes, "leaves": leaves,
+                            "grown_mm": self.grown_mm - bend, "is_height_field": False})
 
     def grown(self, by_mm):
         """The same path of a cutter whose surface lies `by_mm` farther out (negative: in).
