@@ -29,7 +29,7 @@ from cuspline.verification.in_process import stock_states
 from cuspline.verification.machine_bodies import bodies_at
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
-from cuspline.verification.turning import turning_findings
+from cuspline.verification.turning import swinging_findings, turning_findings
 from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProgram, Verdict, first_look, verify_setups
 
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
@@ -118,7 +118,8 @@ def read_programs(folder, job, tools):
         if len(held) == 1:
             position = np.zeros(len(moves), np.int64)
             near, = body_findings(moves, position, setups, job, tools)
-            yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=(*found, *near), whole=moves,
+            swinging = swinging_findings(moves, held[0].setup, job, tools) if moves.rotary_deg.shape[1] else ()
+            yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=(*found, *near, *swinging), whole=moves,
                               position=position)
             continue
         try:
@@ -348,11 +349,13 @@ def _fixtures(setup):
 
 
 def _bodies(program, machine):
-    """What of the machine stands still beside the part in a position of a five-axis machine."""
+    """What of the machine stands still beside the part: in an indexed position all that turns, else what turns with it."""
     turned = program.posted.rotary_deg[np.isfinite(program.posted.rotary_deg).all(axis=1)]
     if not turned.size:
         return ()
-    return bodies_at(machine, turned[-1], program.setup.frame, program.setup.clamped_frame)
+    found = bodies_at(machine, turned[-1], program.setup.frame, program.setup.clamped_frame)
+    with_it = {b.name for b in machine.bodies if b.link == machine.chain[0]}
+    return tuple(f for f in found if f.name in with_it) if np.ptp(turned, axis=0).any() else found
 
 
 def _fixture(placed):

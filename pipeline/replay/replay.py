@@ -4,13 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.program.program import TILT_RAD, UPRIGHT, Kind, tilt_rad
+from cuspline.program.program import Kind
 from cuspline.replay import head_clearance, replay_checks, replay_design, replay_doubts, replay_kernel
 from cuspline.replay.clearance import ClearanceTree, flute_segments, head_frusta
+from cuspline.replay.leaning_replay import known_rows, leans, replay_leaning
 from cuspline.replay.replay_loads import loads
+from cuspline.replay.replay_result import Replay
 from cuspline.replay.replay_stock import LEAF
 from cuspline.replay.replay_stops import Standing, stop_findings
-from cuspline.replay.scene import FinishedDesign, Fixture, SolidFixture, Surroundings, ZMap
+from cuspline.replay.scene import FinishedDesign, Fixture, SolidFixture, Surroundings
 from cuspline.stock.path_pieces import pieces_of
 from cuspline.stock.swept import CLOSED_UPWARD, cutting_rows
 from cuspline.stock.tree import morton_order
@@ -18,45 +20,14 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import SimulationError
-from cuspline.values.findings import Finding
 
 TOUCH_MM = 1e-4           # what may be missing of a distance: rounding of the post, pieces of arcs
 PARTS = 4                 # of a cell's side, for the bound of the stock that earlier clampings have left in it
 ENDLESS_MM = 1e4          # a part that nothing above makes wider goes on upward by this
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Replay:
-    """The stock's history and what was found on the way.
-
-    Events are tens of a move: their arrays are handed over, not copied.
-    """
-
-    zmap: ZMap
-    bottom_mm: float
-    top_mm: float                   # before the first cut
-    design_top_mm: np.ndarray       # (ny, nx) as given; NaN where there is no design
-    event_row: np.ndarray           # (e,) row of PostedMoves
-    event_cell: np.ndarray          # (e,)
-    event_z_mm: np.ndarray          # (e,) new height, below the one before
-    final_z_mm: np.ndarray          # (ny, nx) stock after all moves
-    findings: tuple[Finding, ...]
-    idle: tuple[Finding, ...]       # operations that take nothing off
-    holder_clearance_mm: float      # no holder comes nearer to stock or design, proven; inf: beyond 50 mm
-    holder_place_mm: tuple[float, float, float] | None      # where it comes nearest; part coordinates
-    undecided_lines: tuple[int, ...]    # lines of moves where a contact with a fin of stock is not excluded
-    is_table_checked: bool
-
-    def __post_init__(self):
-        shape, e = (self.zmap.ny, self.zmap.nx), len(self.event_row)
-        for name, form, dtype in (("design_top_mm", shape, float), ("event_row", (e,), np.int32),
-                                  ("event_cell", (e,), np.int32), ("event_z_mm", (e,), float),
-                                  ("final_z_mm", shape, float)):
-            object.__setattr__(self, name, frozen(getattr(self, name), form, name, dtype, name.startswith("event_")))
-
-
 def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings(), kept=NOTHING):
-    """Replays a posted program move by move on a z-map of the stock.
+    """Replays a posted program move by move on a z-map of the stock; one with a tool that leans as leaning_replay.py says.
 
     Contacts are judged over the whole of every move, not at its ends, nor at the nodes alone.  What is left of the
     stock between the nodes is bounded cell by cell; where a bound does not clear a move the cell is quartered down
@@ -68,10 +39,11 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
         stock: scene.FoundStock.   design: scene.FinishedDesign.   around: scene.Surroundings.
         kept: kept.Kept, asked first; NOTHING keeps nothing.
     Raises:
-        SimulationError: a feed move with a tool that is not given; a tool axis that neither stands upright nor lies
-            as the tool's head holds it; `.rows`.
+        SimulationError: a feed move with a tool that is not given; a tool on a head whose axis does not lie as that
+            holds it; `.rows`.
     """
-    _refuse_tilted(posted, tools)
+    if leans(posted, tools):
+        return replay_leaning(posted, tools, stock, design, around)
     zmap, top, machine, wanted = stock.zmap, stock.highest_mm, around.machine, around.clearances_mm
     heights = np.full(zmap.shape, np.nan) if design.top_mm is None else frozen(design.top_mm, zmap.shape, "design.top_mm")
     z = np.full(zmap.shape, top) if stock.top_mm is None else np.array(stock.top_mm)
@@ -105,21 +77,6 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
                   holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
                   holder_place_mm=place, undecided_lines=tuple(posted.line[unsure].tolist()),
                   is_table_checked=machine is not None)
-
-
-def _refuse_tilted(posted, tools):
-    """Contacts are asked of upright tools and of tools as their heads hold them; any other would be judged as those."""
-    tilt = np.empty(len(posted))
-    for number in np.unique(posted.tool).tolist():
-        tool, rows = tools.get(number), posted.tool == number
-        held = UPRIGHT if tool is None or tool.head is None else tool.head.axis
-        tilt[rows] = np.maximum(tilt_rad(posted.start_axis[rows], held), tilt_rad(posted.end_axis[rows], held))
-    rows = np.flatnonzero(~(tilt <= TILT_RAD))
-    if len(rows):
-        k = rows[0]
-        raise SimulationError(f"line {posted.line[k]}: the axis of T{posted.tool[k]} leans {np.degrees(tilt[k]):.3f} "
-                              f"degrees from where the spindle holds it, and in {len(rows) - 1} more moves; the replay "
-                              "knows no rotary axes: program it upright", rows=rows)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -313,13 +270,7 @@ def _cells_for_heads(posted, on_heads, stock):
 
 def _script(posted, tools, spindle_head):
     """Pieces of all known moves of upright tools in order, with their cutters and the parts above these."""
-    known = cutting_rows(posted) & np.isin(posted.tool, list(tools))
-    lost = (posted.kind != Kind.RAPID) & ~known
-    if lost.any():
-        k = int(np.flatnonzero(lost)[0])
-        raise SimulationError(f"line {posted.line[k]}: feed move with T{posted.tool[k]} from "
-                              f"{posted.start_mm[k]}; the tool is not in the library or the start is unknown",
-                              rows=np.flatnonzero(lost))
+    known = known_rows(posted, tools)
     numbers = sorted(n for n in {int(n) for n in posted.tool[known]} if tools[n].head is None)
     pieces = [_pieces(posted, np.flatnonzero(known & (posted.tool == n)), tools[n]) for n in numbers]
     stack = lambda arrays, empty: np.concatenate([empty, *arrays])

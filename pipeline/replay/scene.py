@@ -68,6 +68,10 @@ class FoundStock:
     left_by_heads: Callable | None = None
     # (ny * nx, k, 2) of a stock that is no box: heights between which it stands over the nodes as delivered
     columns: np.ndarray | None = None
+    # functions of places (n, 3), and of places and a radius, to (n,) bool: stock before the first move; surely none so near.
+    # Asked where a tool leans, which has no use for heights; None: the whole billet
+    is_stock: Callable | None = None
+    is_free_within: Callable | None = None
 
     def __post_init__(self):
         if self.top_mm is not None:

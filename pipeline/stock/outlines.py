@@ -53,6 +53,12 @@ def outline_pieces(profile, name):
     return rows
 
 
+def frustum_outline(z0, r0, z1, r1):
+    """(k, 10) pieces of a frustum from height z0 with radius r0 to z1 > z0 with r1; one of the radii is above 0."""
+    corners = np.array([(0.0, z0), (r0, z0), (r1, z1), (0.0, z1)])
+    return np.array([_line(p, q) for p, q in zip(corners[:-1], corners[1:]) if (p != q).any()])
+
+
 def _line(start, end):
     length = fixed.hypot(*(end - start))
     return [0.0, *start, *((end - start) / length), length, 0.0, 0.0, 0.0, 0.0]

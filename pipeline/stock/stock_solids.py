@@ -1,17 +1,19 @@
 """The stock as closed solids: one height field a clamping over its own grid, intersected where there are several."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from cuspline.kernel import solids
 from cuspline.stock.shapes import HERE
-from cuspline.stock.swept import distance_to, is_height_field, stock_height_mm
+from cuspline.stock.swept import distance_to, is_height_field, signed_distance_mm, stock_height_mm
 from cuspline.values import fixed_math as fixed
 from cuspline.values.frames import Frame
 
 LATTICE = 400_000         # cells of the lattice on which stock with undercuts is met
 MET_MM = 1e-5             # how well
+NODE_EDGES, FAR_EDGES = 2.5, 1.5        # of the lattice
 WALL_MM = 1e-4            # grid lines hug vertical walls at this distance
 
 
@@ -76,8 +78,8 @@ class StockSolids:
     def _hollow(self, cut, low, high, pitch_mm, grown_mm):
         """Stock with undercuts: the surface is found along the edges of a lattice, in seven directions."""
         edge = max(pitch_mm, float(fixed.cbrt(np.prod(high - low) / LATTICE)))
-        left_mm = distance_to(tuple(p.grown(grown_mm) for p in cut.paths))
         around = edge * np.ones(3)
+        left_mm = _asked_near(tuple(p.grown(grown_mm) for p in cut.paths), low - around, high + around, edge)
         stock = solids.level_set(left_mm, low - around, high + around, edge, MET_MM)
         return stock ^ solids.box(low, high)
 
@@ -88,6 +90,28 @@ class StockSolids:
         if not all(blank.fills_box_in(f) for f in ([c.frame for c in cuts] or [frame])):
             left.append(solids.moved(blank.solid, HERE.seen_from(frame)))
         return solids.common(left) if left else solids.box(*self.piece.box_in(frame))
+
+
+def _asked_near(paths, low, high, edge_mm):
+    """Distance (x, y, z) -> float to what paths have swept for `solids.level_set`: near the surface as it is, else a bound.
+
+    A distance is 1-Lipschitz: nodes of a grid, NODE_EDGES edges apart, say of places round them that no surface is within
+    FAR_EDGES, so that no edge of the lattice from there meets one, and on which side they lie.
+    """
+    step, far = NODE_EDGES * edge_mm, FAR_EDGES * edge_mm
+    count = (np.ceil((high - low) / step).astype(int) + 1).tolist()
+    nodes = [first + step * np.arange(n) for first, n in zip(low, count)]
+    known = signed_distance_mm(paths, np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 3)).tolist()
+    exact_mm, (x0, y0, z0), (_, ny, nz) = distance_to(paths), low.tolist(), count
+
+    def distance_mm(x, y, z):
+        u, v, w = (x - x0) / step, (y - y0) / step, (z - z0) / step
+        i, j, k = (min(max(round(c), 0), n - 1) for c, n in zip((u, v, w), count))
+        rough = known[(i * ny + j) * nz + k]
+        off = step * math.sqrt((u - i) ** 2 + (v - j) ** 2 + (w - k) ** 2)
+        return rough - math.copysign(off, rough) if abs(rough) - off > far else exact_mm(x, y, z)
+
+    return distance_mm
 
 
 def grid_lines(low, high, pitch_mm, walls):

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from cuspline.shop.cutters import Tool
-from cuspline.stock import tilted_tree, tree
+from cuspline.stock import tilted_pieces, tilted_tree, tree
 from cuspline.stock.outlines import outline_distance, outline_pieces
 from cuspline.stock.tilted_pieces import TURN_ERROR_MM, posed_pieces
 from cuspline.values import fixed_math as fixed
@@ -32,6 +32,7 @@ class PosedPath:
     grown_mm: float               # the cutter's surface lies this much farther out
     geometry: np.ndarray          # (m, 14) sub-steps in the tree's order, see tilted_pieces.py
     row: np.ndarray               # (m,) row of PostedMoves
+    step: np.ndarray              # (m,) place of each sub-step in the order of cutting, from 0
     nodes: np.ndarray             # (k, 41), see tilted_tree.py
     leaves: int
     error_mm: float               # bound on what chords of arcs and sub-steps of turns may be off
@@ -40,12 +41,40 @@ class PosedPath:
     def __post_init__(self):
         for name, width, dtype in (("outline", 10, float), ("geometry", 14, float), ("nodes", 41, float)):
             object.__setattr__(self, name, frozen(getattr(self, name), (None, width), name, dtype))
-        object.__setattr__(self, "row", frozen(self.row, (len(self.geometry),), "row", np.int64))
+        for name in ("row", "step"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (len(self.geometry),), name, np.int64))
 
     @property
     def is_steady(self):
         """The axis keeps its direction in every move: what a sub-step sweeps is convex."""
         return not self.geometry[:, 9:12].any()
+
+    def of_body(self, outline, chosen=slice(None)):
+        """What another body of revolution (`outline`, (o, 10)) sweeps while this tool moves; `chosen`: some of the sub-steps."""
+        geometry, height, radius = self.geometry[chosen], outline[:, 2].max(), outline[:, 1].max()
+        nodes, leaves = tilted_tree.build_nodes(geometry, outline, 0.0, max(height, HIGHEST_RADII * radius))
+        return PosedPath(**{**self.__dict__, "outline": outline, "grown_mm": 0.0, "geometry": geometry, "nodes": nodes,
+                            "leaves": leaves, "row": self.row[chosen], "step": self.step[chosen], "is_height_field": False})
+
+    def of_its_ball(self):
+        """What the ball of a ball cutter sweeps, its centre moving straight, less what turning adds; None: no whole ball cuts.
+
+        A ball is the same however the tool leans, so that its sub-steps sweep what is convex though the axis turns.
+        """
+        cutter, g = self.tool.cutter, self.geometry.copy()
+        radius = cutter.radius_mm
+        if cutter.type != "ball" or cutter.flute_length_mm < 2 * radius:
+            return None
+        bend = radius * float(g[:, tilted_pieces.TURN].max(initial=0.0)) ** 2 / 8
+        tips, ways, axes, turns = (g[:, first:first + 3] for first in (0, 3, 6, 9))
+        tips += radius * axes
+        ways += radius * turns
+        axes[:], turns[:], g[:, tilted_pieces.TURN] = (0.0, 0.0, 1.0), 0.0, 0.0
+        g[:, tilted_pieces.LENGTH] = np.sqrt((ways ** 2).sum(axis=1))
+        outline = np.array([[1.0, 0.0, -radius, 0.0, 0.0, radius, 0.0, -1.0, 0.0, 1.0]])
+        nodes, leaves = tilted_tree.build_nodes(g, outline, -radius, radius)
+        return PosedPath(**{**self.__dict__, "outline": outline, "geometry": g, "nodes": nodes, "leaves": leaves,
+                            "grown_mm": self.grown_mm - bend, "is_height_field": False})
 
     def grown(self, by_mm):
         """The same path of a cutter whose surface lies `by_mm` farther out (negative: in).
@@ -70,7 +99,7 @@ def inradius_mm(outline):
     return -float(depth.fun)
 
 
-def posed_path(posted, rows, tool, turn_error_mm=TURN_ERROR_MM):
+def posed_path(posted, rows, tool, turn_error_mm=TURN_ERROR_MM, longest_mm=np.inf):
     """PosedPath of the given moves.
 
     Args:
@@ -78,19 +107,21 @@ def posed_path(posted, rows, tool, turn_error_mm=TURN_ERROR_MM):
         rows: (k,) rows with known start and end, growing, made with `tool`.
         tool: cutters.Tool.
         turn_error_mm: how far the cutter's farthest point may be off where the axis turns.
+        longest_mm: no sub-step's tip runs farther, nor than LONGEST_RADII.
     Raises:
         SimulationError: a cutter whose body is not convex; an axis that turns half round in a move; a bad arc.
     """
     profile = tool.cutter.profile
     outline = outline_pieces(profile, f"T{tool.number} {tool.cutter.name}")
     radius, height = profile.largest_radius_mm, profile.height_mm
-    pieces = posed_pieces(posted, rows, LONGEST_RADII * radius, float(fixed.hypot(radius, height)), turn_error_mm)
+    longest = min(LONGEST_RADII * radius, longest_mm)
+    pieces = posed_pieces(posted, rows, longest, float(fixed.hypot(radius, height)), turn_error_mm)
     lowest = outline[0, 4] if outline[0, 0] else outline[1, 4] if outline[1, 0] else 0.0
     g = pieces.geometry
     order = tree.halved_order(g[:, :3] + 0.5 * g[:, 3:6] + lowest * (g[:, 6:9] + 0.5 * g[:, 9:12]), tilted_tree.LEAF)
     nodes, leaves = tilted_tree.build_nodes(g[order], outline, lowest, max(height, lowest + HIGHEST_RADII * radius))
     return PosedPath(tool=tool, outline=outline, grown_mm=0.0, geometry=g[order],
-                     row=pieces.row[order], nodes=nodes, leaves=leaves, error_mm=pieces.error_mm,
+                     row=pieces.row[order], step=order, nodes=nodes, leaves=leaves, error_mm=pieces.error_mm,
                      is_height_field=bool(posted.is_upright[rows].all()) and not profile.is_undercutting)
 
 

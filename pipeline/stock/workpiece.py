@@ -57,6 +57,15 @@ class Workpiece:
         """(n,) bool: within the blank, and not cut away."""
         return self.blank.holds(points_mm) & (self.cut_distance_mm(points_mm) > 0)
 
+    def is_free_within(self, points_mm, radius_mm, frame):
+        """(n,) bool: surely no stock within a radius of points; `frame`: any in which the blank's box is tight."""
+        own = frame.into(points_mm)
+        low, high = self.box_in(frame)
+        free = ((own < low - radius_mm) | (own > high + radius_mm)).any(axis=1)
+        if not self.blank.fills_box_in(frame):
+            free |= own[:, 2] - radius_mm > self.blank.tops_within_mm(frame, own[:, :2], radius_mm)
+        return free | (self.cut_distance_mm(points_mm) <= -radius_mm)
+
     def deviations_of_cuts(self, points_mm, normals, limit_mm, ask=deviations_and_moves):
         """Deviations (cuts, n) and rows of PostedMoves (cuts, n) that each setup alone would leave.
 

@@ -3,7 +3,8 @@
 No sampling: the moving cutter is compared with the exact faces and edges of the part (see `toolpaths.move_depths`).
 The gouge of a move is the depth of the part's point that comes to lie deepest inside the cutter, its distance
 from the cutter's surface in whatever direction is nearest; the cutter counts as closed upward.  Only upper faces
-and edges need to be asked: of the points over one another in a solid the topmost lies deepest.
+and edges need to be asked: of the points over one another in a solid the topmost lies deepest.  What leans or lies is seen as
+certificate_leaning.py and certificate_side.py say.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from cuspline.toolpaths.gouge.move_depths import move_depths
 from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 from cuspline.verification.certificate_chords import chords_of
+from cuspline.verification.certificate_leaning import LeaningViews
 from cuspline.verification.certificate_side import SideViews
 
 PROVABLE = ("ball", "bull_nose", "flat")
@@ -114,8 +116,8 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=
         tolerance_mm: of the bounds, >= 1.2e-4; a tenth of it goes to chords of arcs.
         rows: (k,) rows of interest; all if None.
         skin_mm: of the cutters, that is left out: what is plated on later.
-        solid: the part as a TopoDS_Solid, WCS: asked where side-and-face cutters move, of which nothing is proven
-            without it.
+        solid: the part as a TopoDS_Solid, WCS: asked where side-and-face cutters move and where a tool leans, of which
+            nothing is proven without it.
         kept: kept.Kept, asked first for each tool's moves; NOTHING keeps nothing.
     Returns:
         Certificate.
@@ -126,16 +128,21 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=
     rows = np.arange(len(posted)) if rows is None else np.unique(np.asarray(rows, dtype=np.int64))
     reasons = _reasons(posted, tools, rows, PROVABLE if solid is None else (*PROVABLE, SIDE))
     known = rows[np.array([r is None for r in reasons], bool)]
+    leaning = np.array([tools[n].cutter.type != SIDE for n in posted.tool[known].tolist()], bool) & ~_stands_upright(posted)[known]
     sagitta_mm = SAGITTA_SHARE * tolerance_mm
     bound, share, place = np.zeros(len(posted)), np.full(len(posted), 0.5), np.full((len(posted), 3), np.nan)
     views = _Views(part, solid, THICKNESS_SHARE * tolerance_mm)
     for number in np.unique(posted.tool[known]).tolist():
-        own, cutter = known[posted.tool[known] == number], tools[number].cutter
+        own, cutter = known[(posted.tool[known] == number) & ~leaning], tools[number].cutter
         for axis in np.unique(posted.start_axis[own], axis=0) if cutter.type == SIDE else (None,):
             some = own if axis is None else own[(posted.start_axis[own] == axis).all(axis=1)]
             row, *proven = _proven(views.depths_of(cutter, axis, skin_mm, tolerance_mm - sagitta_mm, kept.of(move_depths)),
                                    chords_of(posted, some, sagitta_mm))
             bound[row], share[row], place[row] = proven
+        some = known[(posted.tool[known] == number) & leaning]
+        if len(some):
+            bound[some], share[some], place[some] = views.leaning(tolerance_mm).depths(posted, some, tools[number], skin_mm,
+                                                                                       kept.of(move_depths))
     return Certificate(row=known, kind=posted.kind[known], bound_mm=bound[known], share=share[known],
                        place_mm=place[known], tolerance_mm=float(tolerance_mm), sagitta_mm=sagitta_mm,
                        uncovered=tuple((int(row), reason) for row, reason in zip(rows, reasons) if reason is not None))
@@ -144,7 +151,7 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=
 def _reasons(posted, tools, rows, types):
     """Why nothing can be proven of each row; None where it can."""
     known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
-    upright = np.abs(np.hstack([posted.start_axis, posted.end_axis]) - (0, 0, 1, 0, 0, 1)).max(axis=1) < UPRIGHT
+    upright = _stands_upright(posted)
     steady = (posted.start_axis == posted.end_axis).all(axis=1)
 
     def reason(row):
@@ -154,13 +161,20 @@ def _reasons(posted, tools, rows, types):
         if number not in tools:
             return f"T{number} is not in the tool table" if number > 0 else "no tool is in the spindle"
         kind = tools[number].cutter.type
+        if kind != SIDE and not upright[row]:
+            return None if SIDE in types else "the tool axis is tilted"
         if kind not in types:
             return f"T{number} is a {kind} cutter, only {', '.join(types)} can be proven"
         if kind == SIDE:
             return None if steady[row] else "the tool axis turns"
-        return None if upright[row] else "the tool axis is tilted"
+        return None
 
     return [reason(row) for row in rows.tolist()]
+
+
+def _stands_upright(posted):
+    """(n,) bool: moves whose axis does not lean."""
+    return np.abs(np.hstack([posted.start_axis, posted.end_axis]) - (0, 0, 1, 0, 0, 1)).max(axis=1, initial=0.0) < UPRIGHT
 
 
 class _Views:
@@ -180,6 +194,11 @@ class _Views:
         R, lift = cutter.radius_mm, np.array([0.0, 0.0, skin_mm])
         rc = {"ball": R, "flat": 0.0}.get(cutter.type, cutter.corner_radius_mm)
         return lambda start, end: ask(tree, start + lift, end + lift, R - skin_mm, max(rc - skin_mm, 0.0), tolerance_mm)
+
+    def leaning(self, tolerance_mm):
+        """LeaningViews of the part."""
+        return self._once(LeaningViews, lambda: LeaningViews(solid=self.solid, thickness_mm=self.thickness_mm,
+                                                             tolerance_mm=tolerance_mm))
 
     def _once(self, name, make):
         if name not in self.made:

@@ -52,23 +52,32 @@ class SideViews:
             cutter: cutters.Cutter of type "side".   skin_mm: of it, that is left out.
         """
         rc, height = max(cutter.corner_radius_mm - skin_mm, 0.0), cutter.flute_length_mm - 2 * skin_mm
-        radius, axis = cutter.radius_mm - skin_mm, np.asarray(self.axis)
+        middle = 0.5 * cutter.flute_length_mm * np.asarray(self.axis)
+        return self._of_body(start_mm + middle, end_mm + middle, (cutter.radius_mm - skin_mm, rc, height), tolerance_mm, ask)
+
+    def of_ball(self, start_mm, end_mm, radius_mm, tolerance_mm, ask):
+        """The same of a ball whose centre moves from `start_mm` to `end_mm` (n, 3)."""
+        return self._of_body(start_mm, end_mm, (radius_mm, radius_mm, 2 * radius_mm), tolerance_mm, ask)
+
+    def _of_body(self, start_mm, end_mm, body, tolerance_mm, ask):
+        """Of a body (radius, corner radius, height) whose middle moves."""
+        radius, rc, height = body
         found = []
-        for (frame, tree), lift in zip(self._views, (skin_mm, cutter.flute_length_mm - skin_mm)):
-            start, end = (frame.into(tip + lift * axis) for tip in (start_mm, end_mm))
+        for sign, (frame, tree) in zip((1.0, -1.0), self._views):
+            start, end = (frame.into(middle - sign * 0.5 * height * np.asarray(self.axis)) for middle in (start_mm, end_mm))
             depth, share, place = ask(tree, start, end, radius, rc, tolerance_mm, height)
             found.append((depth, share, frame.out(place)))
         (depth, share, place), (other, other_share, other_place) = found
         nearer = other > depth
         depth, share = np.where(nearer, other, depth), np.where(nearer, other_share, share)
-        self._raise_swallowed(depth, start_mm, end_mm, 0.5 * cutter.flute_length_mm * axis, min(radius, 0.5 * height))
+        self._raise_swallowed(depth, start_mm, end_mm, min(radius, 0.5 * height))
         return depth, share, np.where(nearer[:, None], other_place, place)
 
-    def _raise_swallowed(self, depth, start_mm, end_mm, to_middle, most_mm):
+    def _raise_swallowed(self, depth, start_mm, end_mm, most_mm):
         """Give moves whose cutter begins with its middle inside the part the most that a depth can be."""
         begins = np.r_[True, (start_mm[1:] != end_mm[:-1]).any(axis=1)][:len(depth)]
         rows = np.flatnonzero(begins | np.logical_or.accumulate(depth >= most_mm))
-        inside = self._closest.signed_distances_mm(start_mm[rows] + to_middle) < 0
+        inside = self._closest.signed_distances_mm(start_mm[rows]) < 0
         depth[rows[inside]] = np.maximum(depth[rows[inside]], most_mm)
 
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from cuspline.program.program import Kind, Plane
 from cuspline.scallop.stepover import scallop_for_stepover_mm
-from cuspline.stock.swept import nearest_moves, upright_paths
+from cuspline.stock.swept import nearest_moves
+from cuspline.stock.tilted import PosedPath
 from cuspline.surfaces.projection import refined
 from cuspline.values.arrays import frozen
 from cuspline.verification.climbing import CELL, CLOSE_MM, FIRST, Ground, Tops, hill_rows, unit, walked
@@ -105,7 +106,7 @@ def measured_cusps(sampled, cut, posted, height_of, exact_of, face_numbers):
     place = ground.places(tops.face, tops.u, tops.v)
     sides = [cut.frame.into(place.point_mm + s * BESIDE_MM * across) for s in (-1, 1)]
     moves = [nearest_moves(cut.paths, p)[1] for p in sides]
-    balls = {p.tool.number: p.corner_radius_mm for p in upright_paths(cut.paths) if p.flat_radius_mm == 0}
+    balls = {p.tool.number: p.tool.cutter.radius_mm + _grown_mm(p) for p in cut.paths if p.tool.cutter.type == "ball"}
     tool = posted.tool[moves[0]]
     radius = np.array([balls.get(int(n), 0.0) for n in tool], float)
     centers = [cut.frame.out(centers_mm(posted, m, p, radius)) for m, p in zip(moves, sides)]
@@ -128,15 +129,21 @@ def measured_cusps(sampled, cut, posted, height_of, exact_of, face_numbers):
                  operation=posted.operation[moves[0][good]], names=posted.operations)
 
 
+def _grown_mm(path):
+    """How far the surface of a ball's path lies outside the cutter's."""
+    return path.grown_mm if isinstance(path, PosedPath) else path.corner_radius_mm - path.tool.cutter.radius_mm
+
+
 def centers_mm(posted, rows, points_mm, radius_mm):
-    """(n, 3) centre of a ball, on its move, where it is nearest to a point; WCS.
+    """(n, 3) centre of a ball, on its move, where it is nearest to a point; WCS.  While the axis turns it runs as good as straight.
 
     Args:
         posted: PostedMoves.   rows: (n,) lines, or arcs whose middle part the point lies beside.
         points_mm: (n, 3).   radius_mm: (n,) of the balls.
     """
-    lift = np.column_stack([np.zeros((len(rows), 2)), radius_mm])
-    start, way = posted.start_mm[rows] + lift, posted.end_mm[rows] - posted.start_mm[rows]
+    lift = radius_mm[:, None] * posted.start_axis[rows]
+    start = posted.start_mm[rows] + lift
+    way = posted.end_mm[rows] + radius_mm[:, None] * posted.end_axis[rows] - start
     share = np.einsum("nc,nc->n", points_mm - start, way) / np.maximum(np.einsum("nc,nc->n", way, way), 1e-300)
     out = start + np.clip(share, 0, 1)[:, None] * way
     arc = np.flatnonzero(posted.kind[rows] >= Kind.ARC_CW)

@@ -8,8 +8,8 @@ its parts are.  A middle that is not cut away is a place that stands higher: it 
 
 What is left without a proof, and counted: cells whose middle is excess, or cannot be reached; cells as small as
 FLOOR_MM, which lie at rims where passes end with the face, round excess, at poles, and where what two clampings have
-cut meets (each is asked alone).  A proof knows upright ball, bull nose and flat cutters, and any cutter while its axis
-keeps its direction, not what others cut.  Pieces of path lie off the posted path by its `error_mm`.
+cut meets (each is asked alone).  A proof knows upright ball, bull nose and flat cutters, any cutter while its axis keeps its
+direction, and the ball of a ball cutter however it turns, not what others cut.  Pieces of path lie off the posted path by its `error_mm`.
 """
 
 from dataclasses import dataclass, replace
@@ -97,11 +97,12 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
     Returns:
         ExcessProof.
     """
-    turning = {p.tool.number: p.tool.cutter.type for c in cuts for p in c.paths if not _is_known(p)}
+    seen = [replace(c, paths=tuple(p if _is_known(p) else p.of_its_ball() or p for p in c.paths)) for c in cuts]
+    turning = {p.tool.number: p.tool.cutter.type for c in seen for p in c.paths if not _is_known(p)}
     uncovered = tuple(f"T{n}, {kind}: its axis turns as it moves, which the proof does not know"
                       for n, kind in sorted(turning.items()))
     search = _Search(ground, allowed_mm, deviation_of, is_reachable)
-    known = [replace(c, paths=tuple(p for p in c.paths if _is_known(p))) for c in cuts if any(map(_is_known, c.paths))]
+    known = [replace(c, paths=tuple(p for p in c.paths if _is_known(p))) for c in seen if any(map(_is_known, c.paths))]
     if not known:
         return ExcessProof(height_mm=np.nan, cells=0, higher_mm=np.zeros((0, 3)), amount_mm=np.zeros(0),
                            unproven_mm2={**dict.fromkeys(REASONS, 0.0), "inside": area_mm2}, uncovered=uncovered)

@@ -1,7 +1,7 @@
-"""The way from one indexed position to the next: the whole tool against stock, fixtures and what turns with them.
+"""What turns past the tool: on the way from one indexed position to the next, and all along a program whose tool leans.
 
-Seen from the part the tool swings round it, seen from a trunnion it moves past that.  The blank as it comes stands for the
-stock: what has been cut is inside it.
+Seen from the part the tool swings round it, seen from a trunnion it moves past that.  On the way between positions the blank as
+it comes stands for the stock: what has been cut is inside it; the stock of a program whose tool leans is the replay's.
 """
 
 from dataclasses import replace
@@ -44,16 +44,8 @@ def turning_findings(positions, setups, job, tools):
     fixed_to_part = _together([_blank(held, job), *(f.mesh for f in placed_fixtures(held, held.frame))])
     judge = partial(_near, report=report, tools=tools, machine=machine)
     near = [*judge(way.seen_from(None), fixed_to_part, told=("rapid_through_stock", NEAR))]
-    for link in rotary_links(machine):
-        bodies = [mesh_of(b) for b in machine.bodies if b.link == link]
-        if bodies:
-            near += judge(way.seen_from(link), _together(bodies), told=("fixture_contact", MEETS))
-    worst = {}
-    for row, finding in near:
-        key = positions.leads_to[row], finding.kind
-        if key not in worst or finding.amount_mm > worst[key].amount_mm:
-            worst[key] = finding
-    for (position, _), finding in worst.items():
+    near += _past_bodies(way, rotary_links(machine), judge)
+    for (position, _), finding in _worst(near, lambda row, f: (positions.leads_to[row], f.kind)).items():
         found[position].append(finding)
     return _without_rows(found, moves)
 
@@ -69,8 +61,48 @@ def at_end_of_move(finding, moves):
     return replace(finding, row=-1, machine_mm=tuple(axes.round(6).tolist()) if np.isfinite(axes).all() else None)
 
 
+def swinging_findings(moves, setup, job, tools):
+    """Findings of all moves of a program whose tool leans, past what of the machine does not turn with the part.
+
+    Args:
+        moves: PostedMoves of the clamping.   setup: design.Setup.   job: Job.   tools: {number: Tool}.
+    Returns:
+        tuple of Finding, one an operation, where it comes nearest.
+    """
+    machine, turned = job.machine, moves.rotary_deg
+    known = np.isfinite(moves.start_mm).all(axis=1) & np.isfinite(moves.end_mm).all(axis=1)
+    from_deg = np.vstack([np.full((1, turned.shape[1]), np.nan), turned])[:-1]
+    sure = np.isfinite(from_deg).all(axis=1) & np.isfinite(turned).all(axis=1)
+    rows = np.flatnonzero(known & sure & np.isin(moves.tool, list(tools)))
+    if not len(rows) or not np.ptp(turned[rows], axis=0).any():
+        return ()
+    judge = partial(_near, report=Reporter(moves, setup.name, setup.frame), tools=tools, machine=machine)
+    near = _past_bodies(_Way(moves, from_deg, rows, machine), rotary_links(machine)[1:], judge)
+    return tuple(_worst(near, lambda row, f: int(moves.operation[row])).values())
+
+
+def _past_bodies(way, links, judge):
+    """(row, Finding) of every move that comes too near to a body on one of some links."""
+    near = []
+    for link in links:
+        bodies = [mesh_of(b) for b in way.machine.bodies if b.link == link]
+        if bodies:
+            near += judge(way.seen_from(link), _together(bodies), told=("fixture_contact", MEETS))
+    return near
+
+
+def _worst(near, key_of):
+    """{key: the Finding with the largest amount}."""
+    worst = {}
+    for row, finding in near:
+        key = key_of(row, finding)
+        if key not in worst or finding.amount_mm > worst[key].amount_mm:
+            worst[key] = finding
+    return worst
+
+
 class _Way:
-    """Rapids that turn the part or the head."""
+    """Moves that turn the part or the head."""
 
     def __init__(self, moves, from_deg, rows, machine):
         self.moves, self.rows, self.machine = moves, rows, machine

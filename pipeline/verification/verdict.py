@@ -11,7 +11,8 @@ from OCP.TopExp import TopExp_Explorer
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.tessellation import Tessellation, tessellate
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.replay.replay import Replay, replay
+from cuspline.replay.replay import replay
+from cuspline.replay.replay_result import Replay
 from cuspline.replay.scene import FinishedDesign, FoundStock, Surroundings, ZMap
 from cuspline.stock.stock_solids import StockSolids
 from cuspline.stock.swept import is_height_field, lowest_moves, stock_height_mm, swept_paths
@@ -461,6 +462,8 @@ def _found_stock(part, c, tools):
                       within_mm=partial(before.highest_within_mm, frame),
                       within_before=lambda row: _within_before(c, tools, row),
                       standing_before=lambda row: partial(_stock_before(c, tools, row).standing_mm, frame),
+                      is_stock=lambda points: before.is_stock(frame.out(points)),
+                      is_free_within=lambda points, radius: before.is_free_within(frame.out(points), radius, frame),
                       left_by_heads=lambda xy: _left_by_heads(part, c, high, low, xy),
                       columns=None if before.blank.fills_box_in(frame) else before.blank.columns(frame, zmap.xy_mm))
 

@@ -138,14 +138,15 @@ def test_neighbouring_moves_make_one_finding():
 # tilted axes ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("side", ["start_axis", "end_axis"])
-def test_a_tilted_axis_is_refused_by_row_and_angle(side):
+@pytest.mark.parametrize("side, toward", [("start_axis", 0.8), ("end_axis", -0.8)])
+def test_a_tilted_axis_is_judged_as_it_leans(side, toward):
     """Judged as upright, a leaning tool would show no contact where its holder meets the stock."""
     axis = np.tile((0.0, 0.0, 1.0), (4, 1))
-    axis[2] = (0.6, 0.0, 0.8)
-    with pytest.raises(SimulationError, match="line 12: the axis of T1 leans 36.870 degrees") as e:
-        run(SLOT, changes={side: axis})
-    assert list(e.value.rows) == [2]
+    axis[2] = (toward, 0.0, 0.6)
+    short = {1: tool("ball", 6, stick_out=21.0)}
+    assert kinds(run(SLOT, tools=short)) == []
+    leaning = run(SLOT, tools=short, changes={side: axis})
+    assert kinds(leaning) == ["holder_contact"] and leaning.findings[0].line == 12
 
 
 def test_a_tool_on_a_head_is_refused_as_soon_as_it_leaves_its_heads_axis():

@@ -1,0 +1,132 @@
+r"""Depths of a leaning, turning cutter's moves for the certificate, sub-step by sub-step.
+
+        ║ ║          The ball of a ball cutter is the same however the tool leans.  From sub-step to sub-step its centre
+        ║ ║          runs straight within R w² / 8, w the turn, so it is held against the exact faces as a ball that
+        ║_║          moves without leaning, from above and from below (certificate_side.py).
+       (   )
+        ‾‾‾          All else, flanks and corners that are no ball, is swept straight with the axis of its middle, what turning
+                     adds to that is taken off, and stretches are halved until that is little (replay/clearance.py).
+
+Flanks are held against triangles of the faces.  How far the faces lie off those is measured, not proven, and counts in full.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cuspline.kernel.tessellation import tessellate
+from cuspline.replay.clearance import ClearanceTree, ToolMoves, flute_segments
+from cuspline.stock.tilted_pieces import AXIS, AXIS_WAY, TIP, TURN, WAY, posed_pieces
+from cuspline.values import fixed_math as fixed
+from cuspline.verification.certificate_side import SideViews
+
+LONGEST_RADII = 2.0         # of a sub-step
+MESH_SHARE = 0.25           # of the tolerance: the triangles' deviation
+CLOSE_SHARE = 0.1           # of the tolerance: how closely flanks are looked at
+DEEPER = 4.0                # times as deep a bound is looked for where one does not hold
+MOST_TRIANGLES = 500_000    # of the faces; coarser ones are used where there would be more
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeaningViews:
+    """A part as leaning cutters meet it."""
+
+    solid: object               # TopoDS_Solid, WCS
+    thickness_mm: float         # of the trees' pieces
+    tolerance_mm: float
+
+    @cached_property
+    def _ball(self):
+        return SideViews(solid=self.solid, axis=(0.0, 0.0, 1.0), thickness_mm=self.thickness_mm)
+
+    @cached_property
+    def _mesh(self):
+        """(ClearanceTree, deviation) of the part."""
+        off = MESH_SHARE * self.tolerance_mm
+        expected = len(tessellate(self.solid, 10 * off).triangles) * 10.0
+        mesh = tessellate(self.solid, off * max(1.0, expected / MOST_TRIANGLES))
+        return ClearanceTree.of_triangles(mesh.vertices_mm, mesh.triangles), mesh.deviation_mm
+
+    def depths(self, posted, rows, tool, skin_mm, ask):
+        """Depths of moves, each by its deepest sub-step.
+
+        Args:
+            posted: PostedMoves.   rows: (k,) of the tool, growing.   skin_mm: of the cutter, that is left out.
+            ask: move_depths, or answers as it does.
+        Returns:
+            (k,) bounds, (k,) shares of the way, (k, 3) places: the tip where none is known.
+        """
+        cutter, profile = tool.cutter, tool.cutter.profile
+        reach = float(fixed.hypot(profile.largest_radius_mm, profile.height_mm))
+        pieces = posed_pieces(posted, rows, LONGEST_RADII * profile.largest_radius_mm, reach)
+        g = pieces.geometry
+        moves = ToolMoves(start_tips_mm=g[:, TIP:WAY], end_tips_mm=g[:, TIP:WAY] + g[:, WAY:AXIS], start_axes=_unit(
+            g[:, AXIS:AXIS_WAY]), end_axes=_unit(g[:, AXIS:AXIS_WAY] + g[:, AXIS_WAY:AXIS_WAY + 3]))
+        share, place = np.full(len(g), 0.5), np.full((len(g), 3), np.nan)
+        segments = flute_segments(cutter)
+        corner = {"ball": cutter.radius_mm, "bull_nose": cutter.corner_radius_mm}.get(cutter.type, 0.0)
+        if cutter.type == "ball":
+            centers = [t + corner * a for t, a in ((moves.start_tips_mm, moves.start_axes), (moves.end_tips_mm, moves.end_axes))]
+            depth, share, place = self._ball.of_ball(*centers, corner - skin_mm, self.tolerance_mm, ask)
+            depth = depth + corner * g[:, TURN] ** 2 / 8
+            segments = segments[segments[:, 4] != corner]
+        else:
+            depth = np.zeros(len(g))
+        flank, flank_place = self._flanks(segments, moves, skin_mm)
+        is_flank = flank > depth
+        depth = _of_whole_cutter(np.where(is_flank, flank, depth), corner, cutter.largest_radius_mm)
+        place, share = np.where(is_flank[:, None], flank_place, place), np.where(is_flank, 0.5, share)
+        depth = np.where(depth > 0, depth + pieces.error_mm, 0.0)
+        tip = g[:, TIP:WAY] + share[:, None] * g[:, WAY:AXIS]
+        return _deepest(pieces.row, depth, _share_of_move(pieces.row, share), np.where(np.isfinite(place), place, tip))
+
+    def _flanks(self, segments, moves, skin_mm):
+        """(m,) how deep faces come to lie in segments at most, (m, 3) where."""
+        n = len(moves.start_tips_mm)
+        depth, place = np.zeros(n), np.full((n, 3), np.nan)
+        if not len(segments):
+            return depth, place
+        tree, off = self._mesh
+        left, allowed, most = np.arange(n), 0.0, float(segments.max())
+        while len(left) and allowed < most:
+            some = ToolMoves(**{name: value[left] for name, value in vars(moves).items()})
+            found = tree.certified_clearance(segments, some, off - skin_mm - allowed, tolerance_mm=max(
+                CLOSE_SHARE * self.tolerance_mm, CLOSE_SHARE * allowed))
+            clear = found.is_clear
+            depth[left] = np.where(clear, np.maximum(off - skin_mm - found.clearance_mm, 0.0), most)
+            place[left] = found.place_mm
+            left, allowed = left[~clear], DEEPER * allowed if allowed else self.tolerance_mm / 2
+        return depth, place
+
+
+def _unit(vectors):
+    return vectors / np.sqrt((vectors * vectors).sum(axis=1))[:, None]
+
+
+def _of_whole_cutter(depth, corner_mm, largest_mm):
+    r"""Depths in a whole cutter, of depths in its parts: a corner that is whole round, and a flank from its middle up.
+
+        │ c↕ │   c above the corner's middle and r from the axis a point lies c deep in the flank, and as deep in the corner as
+        (  · )   R - sqrt(r² + c²) says; in both together R - r deep: if m is the larger, R - sqrt(R² - 2 R m) at most
+         ‾‾‾‾
+    """
+    if corner_mm == 0.0:
+        return depth
+    is_shallow = 2 * depth < corner_mm
+    inner = np.sqrt(np.where(is_shallow, corner_mm ** 2 - 2 * corner_mm * depth, 0.0))
+    return np.where(is_shallow, corner_mm - inner, np.maximum(depth, largest_mm))
+
+
+def _share_of_move(row, share):
+    """(m,) shares of their moves, of shares of sub-steps."""
+    first = np.searchsorted(row, row)
+    count = np.searchsorted(row, row, side="right") - first
+    return (np.arange(len(row)) - first + share) / count
+
+
+def _deepest(row, depth, share, place):
+    """The same of each move, as its deepest sub-step says."""
+    order = np.lexsort((depth, row))
+    last = order[np.diff(row[order], append=-1) != 0]
+    return depth[last], share[last], place[last]
