@@ -9,7 +9,8 @@ its parts are.  A middle that is not cut away is a place that stands higher: it 
 What is left without a proof, and counted: cells whose middle is excess, or cannot be reached; cells as small as
 FLOOR_MM, which lie at rims where passes end with the face, round excess, at poles, and where what two clampings have
 cut meets (each is asked alone).  A proof knows upright ball, bull nose and flat cutters, any cutter while its axis keeps its
-direction, and the ball of a ball cutter however it turns, not what others cut.  Pieces of path lie off the posted path by its `error_mm`.
+direction, and the ball of a ball cutter however it turns, not what others cut.
+Pieces of path lie off the posted path by its `error_mm`.
 """
 
 from dataclasses import dataclass, replace
