@@ -11,6 +11,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepTools import BRepTools
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+from OCP.Geom import Geom_UndefinedValue
 from OCP.GeomAbs import GeomAbs_SurfaceType
 from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_OUT
@@ -56,7 +57,10 @@ def _sides(kernels, least, faces, sign):
 def _box(shapes):
     box = Bnd_Box()
     for shape in shapes:
-        BRepBndLib.AddOptimal_s(shape, box, False, False)
+        try:
+            BRepBndLib.AddOptimal_s(shape, box, False, False)
+        except Geom_UndefinedValue:             # an offset surface has no normal at its pole
+            BRepBndLib.Add_s(shape, box, False)
     box.SetGap(0.0)
     return tuple(np.array([p.X(), p.Y(), p.Z()]) for p in (box.CornerMin(), box.CornerMax()))
 

@@ -13,11 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Interface import Interface_Static
 from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
+from OCP.ShapeFix import ShapeFix_Solid
 from OCP.STEPCAFControl import STEPCAFControl_Reader, STEPCAFControl_Writer
 from OCP.STEPConstruct import STEPConstruct
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
@@ -25,14 +27,14 @@ from OCP.StepShape import StepShape_AdvancedFace
 from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
 from OCP.TDF import TDF_LabelSequence
 from OCP.TDocStd import TDocStd_Document
-from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
+from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS_Solid
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Solid
 from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
-from cuspline.kernel.topology import indexed
+from cuspline.kernel.topology import explore, indexed
 from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import refuse_irregular
@@ -186,10 +188,24 @@ def read_step(path):
     if shape is None or shape.IsNull():
         raise InputError(f"{path} is not a readable STEP file")
     if not TopExp_Explorer(shape, TopAbs_SOLID).More():
+        filled = _filled(shape)
+        marks = marks_of(MarkedShape(shape, marks), explore(filled, TopAbs_FACE))
+        shape = filled
+    if not TopExp_Explorer(shape, TopAbs_SOLID).More():
         faces = face_map(shape).Extent()
         raise InputError(f"{path} holds no solid, its surfaces ({counted(faces, 'face')}) enclose none: sew them to a closed "
                          "solid in the CAD program, and export that")
     return MarkedShape(shape, marks) if any(mark != FaceMark() for mark in marks) else shape
+
+
+def _filled(shape):
+    """The solids that a shape's closed shells enclose, as a compound: some programs write a solid's shell without the solid."""
+    made = TopoDS_Compound()
+    BRep_Builder().MakeCompound(made)
+    for shell in map(TopoDS.Shell_s, explore(shape, TopAbs_SHELL)):
+        if BRep_Tool.IsClosed_s(shell):
+            BRep_Builder().Add(made, ShapeFix_Solid().SolidFromShell(shell))
+    return made if made.NbChildren() else shape
 
 
 def _read_marked(path):

@@ -9,7 +9,7 @@ import cadquery as cq
 import numpy as np
 import pytest
 from OCP.BRep import BRep_Builder, BRep_Tool
-from OCP.TopAbs import TopAbs_FACE
+from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
 from OCP.TopoDS import TopoDS_Shell, TopoDS_Solid
 
 from cuspline.design import FacePredicate
@@ -212,3 +212,13 @@ def test_an_arc_turned_round_an_axis_that_it_crosses_survives_a_step_file(tmp_pa
     again = brep.the_solid(brep.read_step(tmp_path / "dome.step"))
     assert sorted(f.kind for f in brep.faces_of(again)) == ["bspline", "cylinder", "plane"]
     assert brep.volume_mm3(again) == pytest.approx(brep.volume_mm3(solid), rel=1e-5)      # as it is integrated
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_closed_shell_written_without_its_solid_is_one(tmp_path, count):
+    shells = [s.Shells()[0] for s in (cq.Workplane().box(9, 7, 5).val(), cq.Workplane().sphere(3).translate((30, 0, 0)).val())]
+    cq.exporters.export(cq.Workplane(obj=cq.Compound.makeCompound(shells[:count])), str(tmp_path / "shell.step"))
+    shape = brep.read_step(tmp_path / "shell.step")
+    assert len(brep.explore(shape, TopAbs_SOLID)) == count
+    if count == 1:
+        assert brep.volume_mm3(brep.the_solid(shape)) == pytest.approx(9 * 7 * 5)

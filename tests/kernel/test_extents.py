@@ -27,3 +27,10 @@ def test_faces_written_as_splines_reach_no_farther_than_they_do(body, low, high)
         found = extents_mm(shape)
         np.testing.assert_allclose(found, (low, high), atol=5e-6)      # the kernel boxes edges written as splines 1e-6 mm wide
         assert (found[0] <= np.array(low) + 1e-7).all() and (found[1] >= np.array(high) - 1e-7).all()
+
+
+def test_an_offset_surface_without_a_normal_at_its_pole_has_an_extent():
+    """Inside a shelled box whose foot is as round as its corners."""
+    box = cq.Workplane().box(27, 20, 7).edges("|Z").fillet(5.5).faces("<Z").edges().fillet(3.5)
+    shell = box.faces(">Z").shell(-3.0).val().wrapped
+    np.testing.assert_allclose(extents_mm(shell), ((-13.5, -10, -3.5), (13.5, 10, 3.5)), atol=1e-6)
