@@ -15,7 +15,7 @@ from cuspline.values import fixed_math as fixed
 from cuspline.verification.volumes import Amount, Volumes, amount, volumes
 
 LAYERS = 12               # of the faces' height: what lies under a face by more than a layer is not theirs
-BELOW_MM = 0.2
+BELOW_MM = 0.01           # what is looked at begins so far below a face: deeper, under an overhang, no cutter comes
 LEAST_MM3 = 1e-6          # smaller bodies are rounding
 FEW = 64                   # places whose distance to the faces is asked at a time
 SURE_MM = 1e-4            # a body counts when the exact height confirms it by more than this
