@@ -21,8 +21,9 @@ from cuspline.replay.scene import Fixture, SolidFixture
 from cuspline.shop.materials import known_materials
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
-from cuspline.values.findings import Finding, located
+from cuspline.values.findings import Finding, axes_upright, located
 from cuspline.values.input_files import refuse_irregular
+from cuspline.verification.body_clearance import body_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.machine_bodies import bodies_at
@@ -44,6 +45,7 @@ class Judged:
     tools: dict                             # number -> Tool
     extra: tuple[Finding, ...]              # about the programs as files
     stock: object                           # a value of design.stock, its file found
+    read: tuple["ReadProgram", ...]         # one a setup
 
     @property
     def posted(self):
@@ -90,6 +92,8 @@ class ReadProgram:
     texts: dict                         # file name -> text
     posted: PostedMoves
     findings: tuple[Finding, ...]       # that the text alone shows
+    whole: PostedMoves                  # the clamping's from beginning to end, in its WCS; indexed positions share it
+    position: np.ndarray                # (n,) indexed position that each move of the whole is made in; -1: in none
     is_first: bool = True               # of its files; indexed positions follow in the same
 
 
@@ -110,19 +114,23 @@ def read_programs(folder, job, tools):
         moves = _joined(parts, texts.values(), tools)
         found = text_findings(moves, tools, setup=held[0].setup, machine=job.machine, finish=job.finish,
                               material=job.cutting_data or known_materials().get(job.material))
-        if len(held) == 1:
-            swinging = swinging_findings(moves, held[0].setup, job, tools) if moves.rotary_deg.shape[1] else ()
-            yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=(*found, *swinging))
-            continue
         setups = [item.setup for item in held]
+        if len(held) == 1:
+            position = np.zeros(len(moves), np.int64)
+            near, = body_findings(moves, position, setups, job, tools)
+            swinging = swinging_findings(moves, held[0].setup, job, tools) if moves.rotary_deg.shape[1] else ()
+            yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=(*found, *near, *swinging), whole=moves,
+                              position=position)
+            continue
         try:
             split = _by_position(moves, setups)
         except ReadError as error:
             raise ReadError(f"{', '.join(texts)}: {error}", rows=error.rows) from None
         turning = turning_findings(split, setups, job, tools)
+        near = body_findings(moves, split.position, setups, job, tools)
         for k, (item, own) in enumerate(zip(held, split.moves)):
-            yield ReadProgram(setup=item.setup, texts=texts, posted=own, is_first=k == 0,
-                              findings=(*(found if k == 0 else ()), *turning[k]))
+            yield ReadProgram(setup=item.setup, texts=texts, posted=own, is_first=k == 0, whole=moves, position=split.position,
+                              findings=(*(found if k == 0 else ()), *turning[k], *near[k]))
 
 
 def judge_text(folder, job, published=None):
@@ -214,7 +222,7 @@ class Begun:
         setups = tuple(replace(v, findings=_placed((*p.findings, *v.findings), p, self.job.machine, judging.tools))
                        for v, p in zip(setups, self.read))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
-                      extra=self.extra, stock=self.job.stock)
+                      extra=self.extra, stock=self.job.stock, read=self.read)
 
 
 def _file_findings(folder, job, tools, published):
@@ -234,9 +242,22 @@ def _program_findings(program, machine):
 def _placed(findings, program, machine, tools):
     """Findings with the axes at their places and their lines as they stand in their files."""
     lines = [line for text in program.texts.values() for line in lines_of(text)]
-    offsets = {n: t.offset_mm for n, t in tools.items()}
-    found = located(findings, program.posted, lines, program.setup.frame, machine.wcs_origin_mm, offsets)
-    return _in_files(found, program.texts)
+    return _in_files(located(findings, program.posted, lines, _axes_at(program, machine, tools)), program.texts)
+
+
+def _axes_at(program, machine, tools):
+    """For `located`: the axes of a machine, turned as its rotaries stand on the line; before they were named, at 0."""
+    posted, setup, chain = program.posted, program.setup, machine.kinematics
+    if not machine.rotaries:
+        offsets = {n: t.offset_mm for n, t in tools.items()}
+        return axes_upright(posted, setup.frame, machine.wcs_origin_mm, offsets)
+
+    def at(row, place_mm):
+        tip = setup.clamped_frame.into(place_mm[None]) + np.array(machine.wcs_origin_mm)
+        tool = tools.get(int(posted.tool[row])) if posted.length_offset_on[row] else None
+        turned = np.radians(np.nan_to_num(posted.rotary_deg[row]))
+        return chain.placed(tip, turned, 0.0 if tool is None else tool.length_mm)[0, :3]
+    return at
 
 
 def posted_moves(texts, setup, machine, tools):

@@ -2,11 +2,13 @@
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from cuspline.app.machine_report import Drawn, machine_view
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.setup_alignment import refixturing_in_words
 from cuspline.kernel import brep
@@ -62,19 +64,31 @@ def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
     step = work / job.step
     low, high = brep.bounding_box_mm(judged.solid)
     residuals = [s.residuals for s in judged.verdict.setups]
+    plan = json.loads((work / "plan.json").read_text())
+    posted = job.beside(work).posted
+    drawn = [drawn_setup(moves, item.setup, plan, job.machine) for item, moves in zip(posted, judged.posted)]
     return ReportBundle(
         design=design.name, description=design.description, parameters=design.parameters.model_dump(mode="json"),
         material=design.material, finish=design.finish, inputs_sha256=inputs_sha256, step_file=job.step,
         step_sha256=_sha256(step), part_box_mm=(_triple(low), _triple(high)), verify=verify,
-        plan=json.loads((work / "plan.json").read_text()),
+        plan=plan, machine=machine_view(job, judged, drawn, plan, _broken_down),
         mesh=FaceMesh(vertices_mm=view.vertices_mm, normals=view.normals, triangles=view.triangles,
                       deviation_mm=_view_deviation(judged, view, indices), edges_mm=tuple(view.edges_mm)),
         deviation_samples_mm=np.concatenate([r.deviation_mm[r.is_reachable & (r.samples.weight_mm2 > 0)] for r in residuals]),
         curvature_per_mm=np.maximum(-samples.hollow_per_mm, 0.0),
         **{f"cusp_{name}": np.concatenate([getattr(s.cusps, column) for s in judged.verdict.setups])
            for name, column in (("place_mm", "point_mm"), ("height_mm", "height_mm"), ("formula_mm", "formula_mm"))},
-        setups=tuple(_setup_bundle(work, judged, item, posted, verdict, job) for item, posted, verdict in
-                     zip(job.beside(work).posted, judged.posted, judged.verdict.setups)))
+        setups=tuple(_setup_bundle(work, judged, k, item, seen, job) for k, (item, seen) in enumerate(zip(posted, drawn))))
+
+
+def drawn_setup(moves, setup, plan, machine):
+    """Drawn of a setup: operations counted as in its own plan, while positions of one program share their names."""
+    names = [op["name"].split(",")[0].strip().lower() for s in plan["setups"] if s["name"] == setup.name
+             for op in s["operations"]]
+    number = np.array([names.index(name) if name in names else k for k, name in enumerate(moves.operations)] + [-1])
+    moves = replace(moves, operation=number[moves.operation])
+    path, last = drawn_path(moves, setup.frame, machine)
+    return Drawn(posted=moves, path=path, last_point=last)
 
 
 def _view_deviation(judged, view, indices):
@@ -92,15 +106,15 @@ def _view_deviation(judged, view, indices):
     return deviation
 
 
-def _setup_bundle(work, judged, item, posted, verdict, job):
+def _setup_bundle(work, judged, k, item, drawn, job):
     machine, solved = job.machine, {p.program for p in job.posted if p.setup.indexed}
-    path, row_of = drawn_path(posted, item.setup.frame, machine)
+    posted, row_of = drawn.posted, drawn.last_point
     text, *more = ((work / name).read_bytes() for name in item.files)
     known = np.isfinite(posted.end_mm).all(axis=1)
     ends = posted.end_mm[known]
     stock = judged.stock.shape
     low, high = stock.box_in(item.setup.frame)
-    replay = verdict.replay
+    replay = judged.verdict.setups[k].replay
     zero = item.setup.turn.into(item.setup.frame.origin_mm[None])[0]      # the replay stands in the setup's directions
     origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
     lies = item.setup.refixturing
@@ -108,16 +122,18 @@ def _setup_bundle(work, judged, item, posted, verdict, job):
         markers=tuple((m.name, _triple(item.setup.frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
         turned_in_words=_turned_in_words(posted, item.setup, machine),
+        swings_in_words=_swings_in_words(judged.read[k].whole, machine),
         solved_for=_axes_in_words("XYZ", machine.wcs_origin_mm) if item.program in solved else "",
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
         program_lines=text.count(b"\n"), program_bytes=len(text), continued=tuple(
             (name, hashlib.sha256(t).hexdigest()) for name, t in zip(item.continued, more)), machine=machine.name,
+        lines_before=tuple(np.cumsum([t.count(b"\n") for t in (text, *more)])[:-1].tolist()),
         control=Path(machine.control.post).stem, units=machine.control.units, wcs=item.setup.wcs,
         wcs_in_words=item.setup.wcs_in_words, frame=item.setup.frame, operation_first_lines=_first_lines(posted),
         stock_box_mm=(_triple(low), _triple(high)), stock_edges_mm=_edges(stock.edges_mm),
         stock_in_words="" if stock.fills_box_in(item.setup.frame) else stock.in_words().lower(),
         fixtures=tuple((f.name, _edges(f.edges_mm)) for f in placed_fixtures(item.setup, PART)),
-        extents_mm=(_triple(ends.min(axis=0)), _triple(ends.max(axis=0))), path=path,
+        extents_mm=(_triple(ends.min(axis=0)), _triple(ends.max(axis=0))), path=drawn.path,
         replay=StockReplay(
             origin_mm=(float(origin[0]), float(origin[1])), pitch_mm=replay.zmap.pitch_mm, nx=replay.zmap.nx,
             ny=replay.zmap.ny, bottom_mm=replay.bottom_mm + lift, top_mm=replay.top_mm + lift,
@@ -134,13 +150,23 @@ def _turned_in_words(posted, setup, machine):
             f"{setup.wcs}; held as before")
 
 
-def _axes_in_words(letters, values):
-    """Letters with their values.
+def _swings_in_words(whole, machine):
+    """How far rotary axes go in a program, by letter: A -90 ... 0; "" where none leaves 0."""
+    known = whole.rotary_deg[np.isfinite(whole.rotary_deg).all(axis=1)]
+    if not known.any():
+        return ""
+    ends = zip(machine.rotaries, known.min(axis=0), known.max(axis=0))
+    return ", ".join(f"{letter} {low:g} … {high:g}" if low < high else f"{letter} {low:g}" for letter, low, high in sorted(
+        (letter, round(float(a), 4) + 0.0, round(float(b), 4) + 0.0) for letter, a, b in ends)) + " degrees"
 
-    >>> _axes_in_words("XYZ", (0.0, -1.0, -0.0))
-    'X0 Y-1 Z0'
+
+def _axes_in_words(letters, values):
+    """Letters with their values, as a control lists them.
+
+    >>> _axes_in_words("XYZ", (0.0, -1.0, -0.0)), _axes_in_words("CA", (30.0, -90.0))
+    ('X0 Y-1 Z0', 'A-90 C30')
     """
-    return " ".join(f"{letter}{round(float(v), 4) + 0.0:g}" for letter, v in zip(letters, values))
+    return " ".join(f"{letter}{round(float(v), 4) + 0.0:g}" for letter, v in sorted(zip(letters, values)))
 
 
 def _edges(edges_mm):
@@ -171,6 +197,7 @@ def drawn_path(posted, frame, machine):
                       is_rapid=np.r_[True, each(posted.kind) == Kind.RAPID],
                       feed_mm_per_min=np.r_[0.0, each(posted.feed_mm_per_min)], operation=np.r_[-1, each(posted.operation)],
                       time_s=np.r_[0.0, np.repeat(begin, counts) + np.repeat(seconds, counts) * share],
+                      line=np.r_[0, each(posted.line)],
                       ), np.maximum.accumulate(row_of)
 
 

@@ -33,6 +33,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cuspline.kernel import closure, step_files
 from cuspline.kernel.extents import extents_mm
+from cuspline.kernel.poles import with_poles
 from cuspline.kernel.step_files import FaceMark, MarkedSolid, marks_of
 from cuspline.kernel.topology import explore
 from cuspline.splines.fitting import fitted
@@ -79,6 +80,7 @@ def the_solid(shape, name="the part"):
     solid, marks = _one_solid(shape, name), None
     if getattr(shape, "face_marks", None) is not None:
         marks = marks_of(shape, explore(solid, TopAbs_FACE))
+    solid = _valid(solid, name)
     if loosest_tolerance_mm(solid) > LARGEST_TOLERANCE_MM:
         solid = _closed(solid, name)
     return solid if marks is None else MarkedSolid(solid, marks)
@@ -101,13 +103,19 @@ def widest_gap(solid):
 
 
 def _one_solid(shape, name):
-    """The one valid solid of a shape, as it is."""
+    """The one solid of a shape, as it is."""
     solids = explore(wrapped(shape), TopAbs_SOLID)
     if len(solids) != 1:
         raise DesignError(f"{name} holds {counted(len(solids), 'solid')}, it must be exactly one: "
                           + ("close its shell" if not solids else "fuse them, or build them one by one; a job file names one of "
                              f"them with `solid`: {solids_in_words(solids)}"))
-    solid = TopoDS.Solid_s(solids[0])
+    return TopoDS.Solid_s(solids[0])
+
+
+def _valid(solid, name):
+    """The solid, faces that lost their pole made whole."""
+    if not BRepCheck_Analyzer(solid).IsValid():
+        solid = with_poles(solid)
     if not BRepCheck_Analyzer(solid).IsValid():
         raise DesignError(f"{name} is not a valid solid (BRepCheck): check for self-intersections and open edges")
     rough = GProp_GProps()
@@ -166,7 +174,7 @@ def marked(shape, names=(), colors=()):
     Raises:
         DesignError: a face that the shape does not have.
     """
-    solid = _one_solid(shape, "the part")
+    solid = _valid(_one_solid(shape, "the part"), "the part")
     faces = explore(solid, TopAbs_FACE)
     marks = list(marks_of(shape, faces) or [FaceMark() for _ in faces])
     for what, pairs in (("name", names), ("color", colors)):

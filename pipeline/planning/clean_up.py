@@ -140,7 +140,7 @@ def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):
         paths = _from_above(field, near, ridge_mm, rules, step)
         paths += _round_walls(work, field, tips[:, 2] - radius, normals[group], near, step, tolerance)
         if paths:
-            moves.append(moves_of_tip_paths(paths, link_rules(work, field, tolerance, step, feed,
+            moves.append(moves_of_tip_paths(paths, link_rules(work, tool, field, tolerance, step, feed,
                                                               work.practice.rough_allowance_mm + left_mm)))
     return Moves.joined(moves) if moves else None
 

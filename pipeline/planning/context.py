@@ -15,7 +15,8 @@ from cuspline.planning.cutter_choice import ROUND, choose_cutter, cutter_reach
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
 from cuspline.planning.tool_depth import ShortToolDropper, clear_tips_mm, is_clear_above, missing_stick_out_mm
-from cuspline.program.program import Kind, Moves
+from cuspline.program.program import UPRIGHT, Kind, Moves
+from cuspline.replay.clearance import ClearanceTree
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
@@ -28,6 +29,8 @@ from cuspline.surfaces.trims import TrimSet
 from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
 from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.toolpaths.drop.exact_dropper import EdgeNeighbours, ExactDropper
+from cuspline.toolpaths.five_axis.leaning_moves import upright_again
+from cuspline.toolpaths.five_axis.tool_axes import ToolAxis
 from cuspline.toolpaths.roughing.stock_fields import lines_of_moves, swept_by_lines
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PlanError
@@ -59,7 +62,9 @@ class PlannedOperation:
         cutter = self.tool.cutter
         if self.tool.head is not None:      # a disc beside the spindle: nothing is counted on
             return lambda xy_mm, at_most_mm=np.inf: np.broadcast_to(at_most_mm, len(xy_mm))
-        return swept_by_lines(lines_of_moves(self.moves), cutter.radius_mm, cutter.corner_radius_mm)
+        leans = (self.moves.axis != UPRIGHT).any()      # then a ball, whose lowest places are those of the upright one
+        moves = upright_again(self.moves, cutter.radius_mm) if leans else self.moves
+        return swept_by_lines(lines_of_moves(moves), cutter.radius_mm, cutter.corner_radius_mm)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,8 +104,8 @@ class PlanningContext:
         self.stock_min_mm, self.stock_max_mm = self.piece.box_in(setup.turn)
         self.fixtures = placed_fixtures(setup, setup.turn)
         self.material = material_named(design.material, shop.materials)
-        mesh = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
-        self.mesh = DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles)
+        self.triangles = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
+        self.mesh = DropMesh.from_triangles(self.triangles.vertices_mm, self.triangles.triangles)
         self.box = brep.bounding_box_mm(self.solid)
         asked = [o.clearance_mm for o in setup.operations if o.clearance_mm is not None]
         self.clearance_mm = max([self.practice.clearance_mm, *asked])
@@ -116,7 +121,9 @@ class PlanningContext:
         mine = copy(self)
         mine.operation, mine.planned = operation, tuple(planned)
         axis = operation.tool_axis
-        if axis is not None and fixed.length(np.array(axis) - self.setup.wcs_z) > AXIS:
+        if isinstance(axis, ToolAxis):
+            self._refuse_turning(operation)
+        elif axis is not None and fixed.length(np.array(axis) - self.setup.wcs_z) > AXIS:
             raise PlanError(f"{self.setup.name}, {operation.title}: tool_axis {axis} is not the setup's Z "
                             f"{self.setup.wcs_z}: on three axes give the operation to a setup that is turned so")
         if isinstance(operation, Finishing):
@@ -124,6 +131,22 @@ class PlanningContext:
         if operation.faces is not None or mine.plane is not self.plane:
             mine._look_at(mine.face_names)
         return mine
+
+    def _refuse_turning(self, operation):
+        """A turning axis where the machine cannot hold it, or the verdict could not follow it."""
+        where = f"{self.setup.name}, {operation.title}: its tool axis turns"
+        if not self.machine.rotaries:
+            raise PlanError(f"{where}, and {self.machine.name} has no rotary axes: take a machine that has (`cuspline machines`), "
+                            "or leave tool_axis out")
+        if self.setup.indexed:
+            raise PlanError(f"{where} in an indexed position, which holds it still: give the operation to the setup that "
+                            "holds the part")
+
+    @property
+    def tool_axis(self):
+        """The operation's ToolAxis as seen from the part as it lies in the setup; None: it stands along Z."""
+        axis = self.operation.tool_axis
+        return axis.seen_from(self.setup.turn) if isinstance(axis, ToolAxis) else None
 
     def _look_at(self, names):
         """The faces of some predicates: their indices, samples and tightest concave place."""
@@ -233,10 +256,20 @@ class PlanningContext:
 
         return self._once(("short", tool.number, tuple(self.wanted)), is_in_the_way)
 
+    @property
+    def edge_neighbours(self):
+        """Which faces meet on the part's edges."""
+        return self._once("edges", lambda: EdgeNeighbours.of_faces(self.faces))
+
     def dropper(self, radius_mm, corner_radius_mm, allowance_mm):
         """The same, the cutter by its measures."""
-        part = self._once("exact", lambda: (ExactPart.of_faces(self.faces, self.geometry), EdgeNeighbours.of_faces(self.faces)))
-        return ExactDropper(*part, radius_mm, corner_radius_mm, allowance_mm)
+        part = self._once("exact", lambda: ExactPart.of_faces(self.faces, self.geometry))
+        return ExactDropper(part, self.edge_neighbours, radius_mm, corner_radius_mm, allowance_mm)
+
+    @property
+    def clearance_tree(self):
+        """The part's triangles, MESH_DEFLECTION_MM from its faces, for whole tools at any angle."""
+        return self._once("clearance", lambda: ClearanceTree.of_triangles(self.triangles.vertices_mm, self.triangles.triangles))
 
     def lead_radius_mm(self, radius_mm):
         """Of the arcs into and out of passes of a cutter."""
@@ -267,15 +300,18 @@ class PlanningContext:
             height = operation.swept_mm(xy_mm, height)
         return np.minimum(height, at_most_mm)
 
-    def standing_mm(self, tool):
-        """The most that stands over the faces of the operation, straight up: what its links go over."""
+    def standing_mm(self, tool, stock=None):
+        """The most that stands over the faces of the operation, straight up: what its links go over.
+
+        `stock` is a function of places (n, 2) to heights (n,); None: what stands before the operation.
+        """
         boxes = [brep.bounding_box_mm(self.faces[i].shape) for i in self.wanted]
         radius = tool.cutter.largest_radius_mm
         low = np.min([b[0] for b in boxes], axis=0)[:2] - radius
         high = np.max([b[1] for b in boxes], axis=0)[:2] + radius
         lines = [np.linspace(low[k], high[k], min(int((high[k] - low[k]) / (LOOK_SHARE * radius)) + 2, MOST_LOOKS)) for k in (0, 1)]
         xy = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
-        stock, part = self.stock_mm(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)
+        stock, part = (stock or self.stock_mm)(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)
         there = np.isfinite(part) & np.isfinite(stock)
         return max(float((stock[there] - part[there]).max(initial=0.0)), self.practice.rough_allowance_mm)
 

@@ -5,13 +5,15 @@ about the cusp: there the ball goes round at constant height instead.
 """
 
 import math
+from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline.kernel.brep import bounding_box_mm
-from cuspline.planning.context import FinishingStage, finite, path_tolerance_mm, ridge_for_step_mm
+from cuspline.planning.context import FinishingStage, finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ROUND
+from cuspline.planning.leaning_finishing import leaned, middle_tolerance_mm
 from cuspline.program.program import Moves
 from cuspline.scallop.stepover import scallop_for_stepover_mm, stepover_for_scallop_mm
 from cuspline.splines.nurbs import local_shape
@@ -123,7 +125,7 @@ def walls_alone(work, tool, candidates):
         PlannedOperation, or None where no face is so steep.
     """
     operation, finish = work.operation, work.finish
-    tolerance, ridge_mm = path_tolerance_mm(finish), ridge_for_step_mm(operation.title, finish.scallop_mm, finish)
+    tolerance, ridge_mm = middle_tolerance_mm(work), ridge_for_step_mm(operation.title, finish.scallop_mm, finish)
     if operation.allowance_mm > 0.0:
         tolerance, ridge_mm = SEMI_TOLERANCE_MM, max(finish.scallop_mm, 2 * SEMI_TOLERANCE_MM) - SEMI_TOLERANCE_MM
     is_flat = tool.cutter.corner_radius_mm == 0.0
@@ -133,18 +135,19 @@ def walls_alone(work, tool, candidates):
     if not walls:
         return None
     rpm, feed = work.speeds(tool, is_rough=False)
-    moves = moves_of_tip_paths(walls, link_rules(work, field, tolerance, step, feed, work.standing_mm(tool)))
+    link = link_rules(work, tool, field, tolerance, step, feed, work.standing_mm(tool))
+    moves, axis = leaned(work, partial(moves_of_tip_paths, walls), link, tool)
     facts = {"allowance_mm": operation.allowance_mm, "scallop_mm": finish.scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "strategy": operation.kind, "wall_passes": len(walls),
              "levels": len({p.tips_mm[0, 2] for p in walls}), "links": operation.passes,
-             "candidates": [c.as_dict() for c in candidates]}
+             "candidates": [c.as_dict() for c in candidates], **axis}
     return work.measured(operation.title, tool, rpm, moves, facts)
 
 
 def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
     """One operation over the region that `cut` makes of the whole one; None where nothing of it is left."""
     name, allowance_mm, scallop_mm = stage.name, stage.allowance_mm, stage.scallop_mm
-    tolerance, ridge_mm = path_tolerance_mm(work.finish), ridge_for_step_mm(name, scallop_mm, work.finish)
+    tolerance, ridge_mm = middle_tolerance_mm(work), ridge_for_step_mm(name, scallop_mm, work.finish)
     if allowance_mm > 0.0:
         tolerance, ridge_mm = SEMI_TOLERANCE_MM, scallop_mm - SEMI_TOLERANCE_MM
     if (widest := work.operation.stepover_mm) is not None:
@@ -166,8 +169,9 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
         raise PlanError(f"{name}: T{tool.number} {tool.cutter.name} touches none of the faces {work.face_names}: "
                         "choose other faces or a smaller ball")
     rpm, feed = work.speeds(tool, is_rough=False)
-    link = link_rules(work, field, tolerance, step, feed, left_mm)
-    moves = Moves.joined([moves_of_tip_paths(some, link) for some in (walls, paths) if some])
+    link = link_rules(work, tool, field, tolerance, step, feed, left_mm)
+    lay = lambda link: Moves.joined([moves_of_tip_paths(some, link) for some in (walls, paths) if some])
+    moves, axis = leaned(work, lay, link, tool)
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), **pattern,
              "passes": len(paths), "wall_passes": len(walls), "touch_ups": len(touched),
@@ -175,7 +179,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
              "region_mm2": round(float(field.is_inside.sum()) * field.pitch_mm ** 2, 1), "links": work.operation.passes,
              "min_concave_radius_mm": finite(work.hollow.radius_mm),
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
-             "candidates": [c.as_dict() for c in candidates]}
+             "candidates": [c.as_dict() for c in candidates], **axis}
     return work.measured(name, tool, rpm, moves, facts)
 
 
@@ -213,7 +217,7 @@ def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False):
     boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
-    dropper = work.dropper_with(tool, allowance_mm)
+    dropper = work.dropper_with(tool, allowance_mm) if work.tool_axis is None else work.dropper_of(tool.cutter, allowance_mm)
     return tip_field(dropper, work.wanted, (low[:2], high[:2]), pitch_mm, run_over, may_be_empty)
 
 
@@ -368,11 +372,12 @@ def _terraces(samples, steep, tool, ridge_mm, tolerance_mm):
     return np.append(planes_across(low, float(z.max()), step_at), low)
 
 
-def link_rules(work, field, tolerance_mm, step_mm, feed, left_mm):
+def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
     """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part."""
     radius = field.dropper.radius_mm
     return TipLinkRules(
         field=field, stock=work.dropper(radius, field.dropper.corner_radius_mm, left_mm), clearance_z_mm=work.clearance_z_mm,
         approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
         plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm, surface_link_mm=LINK_STEPS * step_mm,
-        hop_mm=HOP_RADII * radius, lead_radius_mm=work.lead_radius_mm(radius), is_one_way=work.operation.passes == "one-way")
+        hop_mm=HOP_RADII * radius, lead_radius_mm=work.lead_radius_mm(radius), is_one_way=work.operation.passes == "one-way",
+        steepest_rad=tool.cutter.steepest_rad)

@@ -99,11 +99,12 @@ def _strokes(work, tool, step_mm):
                float(along.max() + beside) * bearing.along + c * bearing.across)
 
 
-def floors(work, tool, candidates):
+def floors(work, tool, candidates, stock):
     """Level faces finished, height by height from the top.
 
     Args:
         work: PlanningContext of a floor operation.   tool: flat or bull nose.   candidates: for plan.json.
+        stock: function of places (n, 2) to the heights (n,) that stand there.
     Raises:
         PlanError: none of its faces is level, or the cutter comes to none of them.
     """
@@ -111,14 +112,14 @@ def floors(work, tool, candidates):
     tolerance, operation = path_tolerance_mm(work.finish), work.operation
     step = _step_mm(work, tool, operation.stepover_mm)
     rpm, feed = work.speeds(tool, is_rough=False)
-    left, made = work.standing_mm(tool), []
+    left, made = work.standing_mm(tool, stock), []
     for height, faces in heights:
         field = _region(work, tool, faces)
         if field is None:
             continue
         paths = _side_by_side(field, step, tolerance) + _along_walls(field, height + operation.allowance_mm, tolerance)
         if paths:
-            made.append(moves_of_tip_paths(paths, link_rules(work, field, tolerance, step, feed, left)))
+            made.append(moves_of_tip_paths(paths, link_rules(work, tool, field, tolerance, step, feed, left)))
     if not made:
         raise PlanError(f"{operation.title}: T{tool.number} {tool.cutter.name} comes to none of the level faces "
                         f"{work.face_names}: choose a smaller one")

@@ -2,17 +2,35 @@
 
 from abc import abstractmethod
 
+from pydantic import Field
+
 from cuspline.design.operations import Finishing
 from cuspline.planning import freeform_finishing, roughing
+from cuspline.toolpaths.five_axis.tool_axes import AnyAxis, ToolAxis
 
 
 class Pattern(Finishing):
     """Passes over the region where a ball, bull nose or tapered ball touches the faces."""
 
+    tool_axis: AnyAxis | None = Field(
+        default=None, description="left out: the setup's Z, which a unit vector towards the spindle may state too, part "
+        "coordinates; a table: how a ball's axis turns along the passes, on a machine with rotary axes: "
+        "lead_tilt, fixed, through_point, along_line, between_guides")
+
     @property
     def pattern(self):
         """What plan.json calls the passes."""
         return self.kind
+
+    @property
+    def turns(self):
+        """Whether its tool axis is anything but the setup's Z."""
+        return isinstance(self.tool_axis, ToolAxis)
+
+    @property
+    def types(self):
+        """Cutter types that it can use, the first of them unless others are asked for."""
+        return ("ball",) if self.turns else ("ball", "bull_nose", "tapered_ball", "flat")
 
     @abstractmethod
     def curves(self, field, cutter, ridge_mm):
@@ -23,6 +41,6 @@ class Pattern(Finishing):
         """
 
     def plan(self, work):
-        tool, candidates, reached = work.chosen_tool("ball", "bull_nose", "tapered_ball", "flat")
+        tool, candidates, reached = work.chosen_tool(*self.types)
         made = freeform_finishing.passes_over(work, tool, candidates)
         return [*roughing.before_passes(work, tool, reached), made] if made is not None else [], reached

@@ -58,8 +58,9 @@ def in_metal(operation, library, skin_mm):
     facts = {**operation.facts, "plating_mm": skin_mm, "candidates": [
         {**c, "diameter_mm": whole[c["tool"]].cutter.diameter_mm} for c in operation.facts.get("candidates", ())]}
     tool = whole[operation.tool.number]
-    lower = np.array([0.0, 0.0, 0.0 if tool.head else -skin_mm])     # a head is driven by its disc's middle
+    lower = 0.0 if tool.head else -skin_mm      # a head is driven by its disc's middle
     moves = operation.moves
-    moves = replace(moves, start_mm=moves.start_mm + lower, end_mm=moves.end_mm + lower, center_mm=moves.center_mm + lower)
-    passes = operation.passes and operation.passes.shifted(lower)
+    moves = replace(moves, start_mm=moves.start_mm + lower * moves.axis[0], end_mm=moves.end_mm + lower * moves.axis,
+                    center_mm=moves.center_mm + lower * moves.axis)
+    passes = operation.passes and operation.passes.shifted(np.array([0.0, 0.0, lower]))
     return replace(operation, tool=tool, moves=moves, passes=passes, facts=facts)

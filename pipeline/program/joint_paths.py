@@ -18,7 +18,6 @@ from cuspline.shop.kinematics import (
     CHI,
     LINEARS,
     PHI,
-    POLE_RAD,
     PSI,
     bearings_of,
     called,
@@ -92,7 +91,7 @@ class Piece(NamedTuple):
     shares: np.ndarray          # (2,) of the whole move, where the piece begins and ends
 
 
-def joint_path(chain, tips_mm, axes, tolerance, *, length_mm=0.0, pole_rad=POLE_RAD, rows=None):
+def joint_path(chain, tips_mm, axes, tolerance, *, length_mm=0.0, rows=None, off_cut=None):
     """Lay moves out in joints.
 
     Args:
@@ -100,8 +99,8 @@ def joint_path(chain, tips_mm, axes, tolerance, *, length_mm=0.0, pole_rad=POLE_
         tips_mm: (n, 3) poses in the part's frame, the first where it all begins.   axes: (n, 3) unit, tip to holder.
         tolerance: Tolerance.
         length_mm: from the spindle nose to the tip.
-        pole_rad: an axis this close to a pole stands on it.
         rows: (n,) what the rows are called in messages; left out: counted from 0.
+        off_cut: (n,) bool, see rotary_way.shortest_way.
     Returns:
         JointPath; no limit is asked (`Chain.refuse_beyond_limits`), but the ranges of the rotaries.  A row that needs a rewind
         is led to in one block, whose deviation is infinite.
@@ -111,7 +110,7 @@ def joint_path(chain, tips_mm, axes, tolerance, *, length_mm=0.0, pole_rad=POLE_
     if not (tolerance.tip_mm > 0 and tolerance.axis_rad > 0):
         raise PostError(f"a path within {tolerance.tip_mm:g} mm and {tolerance.axis_rad:g} rad: both must be above 0")
     tips_mm = for_kernel(np.reshape(tips_mm, (-1, 3)))
-    way = shortest_way(chain, axes, None, pole_rad, rows)
+    way = shortest_way(chain, axes, rows=rows, off_cut=off_cut)
     links, wrist = chain.links, chain.wrist
     axes = np.reshape(np.asarray(axes, float), (-1, 3))
     axes = axes / np.sqrt((axes ** 2).sum(axis=1))[:, None]

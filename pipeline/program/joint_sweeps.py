@@ -1,7 +1,8 @@
-"""What a tool really sweeps while a control runs joints evenly from block to block: short straight moves with turning axes.
+"""What a tool really sweeps while a control runs from block to block: short straight moves with turning axes.
 
-The simulation knows moves whose tip runs straight and whose axis turns on a great circle.  A block of joints is cut into as many of
-them as it takes to stay within SWEEP_MM and SWEEP_RAD of what the machine does, by the bound of joint_paths.
+The simulation knows moves whose tip runs straight and whose axis turns on a great circle.  A block of joints that run evenly is cut
+into as many of them as it takes to stay within SWEEP_MM and SWEEP_RAD of what the machine does, by the bound of joint_paths.
+Under tool-centre-point control the tip runs straight by itself and the rotaries evenly: only the axis asks for pieces.
 """
 
 from dataclasses import dataclass
@@ -27,10 +28,13 @@ class JointBlocks:
     length_mm: np.ndarray       # (n,) of the tool in the spindle
     origin_mm: np.ndarray       # (n, 3) of the WCS, machine coordinates
     minutes: np.ndarray         # (n,) that a cutting block takes
+    tip_length_mm: np.ndarray   # (n,) under tool-centre-point control the tool length that the control counts with, and start_mm,
+                                # end_mm are the tip of such a tool, seen from the part; NaN: it runs joints
 
     def __post_init__(self):
         for name, shape in (("start_mm", (None, 3)), ("end_mm", (None, 3)), ("start_deg", (None, None)),
-                            ("end_deg", (None, None)), ("length_mm", (None,)), ("origin_mm", (None, 3)), ("minutes", (None,))):
+                            ("end_deg", (None, None)), ("length_mm", (None,)), ("origin_mm", (None, 3)), ("minutes", (None,)),
+                            ("tip_length_mm", (None,))):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
 
 
@@ -57,16 +61,16 @@ def sweeps_of(chain, blocks):
     Returns:
         Sweeps.  Where a place is unknown its tip is too; where a rotary is, the axis is put upright, and the tip is unknown.
     """
-    before = np.hstack([blocks.start_mm, np.radians(blocks.start_deg)])
-    after = np.hstack([blocks.end_mm, np.radians(blocks.end_deg)])
-    known = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
+    ends = [np.hstack([p, np.radians(q)]) for p, q in ((blocks.start_mm, blocks.start_deg), (blocks.end_mm, blocks.end_deg))]
+    known = np.isfinite(ends[0]).all(axis=1) & np.isfinite(ends[1]).all(axis=1)
     upright = (blocks.start_deg == 0).all(axis=1) & (blocks.end_deg == 0).all(axis=1)
-    count = np.ones(len(before), np.int64)
+    way = _Way(chain, *ends, blocks.tip_length_mm)
+    count = np.ones(len(known), np.int64)
     bent = np.flatnonzero(known & ~upright)
-    count[bent] = _counts(chain, before[bent], after[bent], blocks.length_mm[bent])
-    row = np.repeat(np.arange(len(before)), count)
+    count[bent] = _counts(way.of(bent), blocks.length_mm[bent])
+    row = np.repeat(np.arange(len(known)), count)
     step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    joints = [_shared(before[row], after[row], (step + k) / count[row]) for k in range(2)]
+    joints = [way.of(row).joints((step + k) / count[row]) for k in range(2)]
     tips, axes = zip(*(_poses(chain, q, blocks.length_mm[row], blocks.origin_mm[row]) for q in joints))
     run = np.sqrt(((tips[1] - tips[0]) ** 2).sum(axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -76,24 +80,41 @@ def sweeps_of(chain, blocks):
                   feed_mm_per_min=np.where(np.isfinite(feed), feed, 0.0))
 
 
-def _shared(a, b, share):
-    """(n, m) joints after shares (n,) of blocks; the ends exactly."""
-    share = share[:, None]
-    return np.where(share == 1.0, b, a + share * (b - a))
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """What the control interpolates evenly: joints, or tips and rotaries."""
+
+    chain: object
+    before: np.ndarray          # (n, m)
+    after: np.ndarray           # (n, m)
+    tip_length: np.ndarray      # (n,) NaN: joints
+
+    def of(self, rows):
+        """Some of the rows, as often as they are named."""
+        return _Way(self.chain, self.before[rows], self.after[rows], self.tip_length[rows])
+
+    def joints(self, share):
+        """(n, m) after shares (n,) of the blocks; the ends exactly."""
+        share = share[:, None]
+        found = np.where(share == 1.0, self.after, self.before + share * (self.after - self.before))
+        tip = np.isfinite(self.tip_length) & np.isfinite(found).all(axis=1)
+        found[tip] = self.chain.placed(found[tip, :3], found[tip, 3:], self.tip_length[tip])
+        return found
 
 
-def _counts(chain, before, after, length_mm):
+def _counts(way, length_mm):
     """(n,) moves that each block takes."""
-    count = np.ones(len(before), np.int64)
-    open_ = np.arange(len(before))
+    n = len(length_mm)
+    count, open_, is_tip = np.ones(n, np.int64), np.arange(n), np.isfinite(way.tip_length)
     while len(open_):
         # the first part of a block is not its worst: every part is looked at
         row = np.repeat(open_, count[open_])
         step = np.arange(len(row)) - np.repeat(np.cumsum(count[open_]) - count[open_], count[open_])
-        parts = [_shared(before[row], after[row], (step + k) / count[row]) for k in range(2)]
-        off = block_deviations(chain, *parts, length_mm[row])
-        worst = np.zeros(len(before))
-        np.maximum.at(worst, row, np.maximum(off[:, TIP_BOUND] / SWEEP_MM, off[:, AXIS_BOUND] / SWEEP_RAD))
+        parts = [way.of(row).joints((step + k) / count[row]) for k in range(2)]
+        off = block_deviations(way.chain, *parts, length_mm[row])
+        of_tip = np.where(is_tip[row], 0.0, off[:, TIP_BOUND] / SWEEP_MM)
+        worst = np.zeros(n)
+        np.maximum.at(worst, row, np.maximum(of_tip, off[:, AXIS_BOUND] / SWEEP_RAD))
         open_ = open_[worst[open_] > 1.0]
         count[open_] = np.ceil(count[open_] * np.maximum(np.sqrt(worst[open_]), 1.0) * 1.01).astype(np.int64)
     return count

@@ -23,6 +23,7 @@ class Positions:
     turning: PostedMoves                # what leads from one to the next, in the clamping's WCS
     leads_to: np.ndarray                # (n,) position that each move of `turning` leads to
     turning_from_deg: np.ndarray        # (n, r) where the rotaries stand when it begins; NaN: unknown
+    position: np.ndarray                # (m,) that each move of the whole program is made in; -1: in none
 
 
 def by_position(posted, frames, held):
@@ -53,8 +54,9 @@ def by_position(posted, frames, held):
     order = np.maximum.accumulate(position)
     rows = np.flatnonzero(position < 0)
     leads_to = np.minimum(order[rows] + 1, len(frames) - 1)
-    return Positions(moves=tuple(_seen(_taken(posted, position == k), frame, held) for k, frame in enumerate(frames)),
-                     turning=_taken(posted, position < 0), leads_to=leads_to, turning_from_deg=np.vstack(
+    return Positions(position=position, turning=_taken(posted, position < 0), leads_to=leads_to,
+                     moves=tuple(_seen(_taken(posted, position == k), frame, held) for k, frame in enumerate(frames)),
+                     turning_from_deg=np.vstack(
                          [np.full((1, posted.rotary_deg.shape[1]), np.nan), posted.rotary_deg])[rows])
 
 

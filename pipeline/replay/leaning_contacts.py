@@ -104,7 +104,7 @@ def _roots(history):
 
 
 def _at_middles(cells, part, reach, wanted_mm, history, found, cuts):
-    """(n,) bool: a contact at a cell's middle; its amount, and the row of the move where it is deepest; what is found is appended."""
+    """(n,) bool: a contact at a cell's middle; its amount, and the row of the move where it is deepest."""
     none = np.full(len(cells), NEVER)
     first = first_within(cells, np.full(len(cells), reach), part, none)
     meets, amount, row = first != NEVER, np.zeros(len(cells)), np.zeros(len(cells), np.int64)

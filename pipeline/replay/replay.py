@@ -14,12 +14,11 @@ from cuspline.replay.replay_stock import LEAF
 from cuspline.replay.replay_stops import Standing, stop_findings
 from cuspline.replay.scene import FinishedDesign, Fixture, SolidFixture, Surroundings
 from cuspline.stock.path_pieces import pieces_of
-from cuspline.stock.swept import CLOSED_UPWARD, cutting_rows
+from cuspline.stock.swept import CLOSED_UPWARD
 from cuspline.stock.tree import morton_order
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
-from cuspline.values.errors import SimulationError
 
 TOUCH_MM = 1e-4           # what may be missing of a distance: rounding of the post, pieces of arcs
 PARTS = 4                 # of a cell's side, for the bound of the stock that earlier clampings have left in it

@@ -28,6 +28,7 @@ class PathPoints:
     feed_mm_per_min: np.ndarray     # (n,)
     operation: np.ndarray           # (n,) index into operations, -1: none
     time_s: np.ndarray              # (n,) since program start, from the feed model
+    line: np.ndarray                # (n,) of the posted text, from 1, the files of a set counted on; 0 unknown
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -69,8 +70,10 @@ class SetupBundle:
     markers: tuple                  # (name, (x, y, z) in WCS) of what is touched to find how the part lies
     lies_in_words: str              # how it was found to lie; "" as designed
     turned_in_words: str = ""       # where the rotary axes stand in an indexed position; "" they are not turned
+    swings_in_words: str = ""       # how far rotary axes turn over the whole program; "" they do not
     solved_for: str = ""            # machine coordinates of the zero that a program with turned axes holds for; "" it has none
     continued: tuple[tuple[str, str], ...] = ()     # (file, SHA-256) of a set's further files, run in that order
+    lines_before: tuple[int, ...] = ()              # lines of the files before each of these
     operation_first_lines: tuple[int, ...]  # program line where each operation begins; 0 unknown
     stock_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]   # WCS min, max of the box round it
     stock_edges_mm: np.ndarray      # (k, 2, 3) to draw it by, part coordinates
@@ -108,3 +111,4 @@ class ReportBundle:
     cusp_height_mm: np.ndarray          # (m,) measured
     cusp_formula_mm: np.ndarray         # (m,) by the formula for the cutter, the local step and curvature
     setups: tuple[SetupBundle, ...]
+    machine: object = None              # machine_view.MachineView; None: three axes and no bodies, only the tool is shown moving

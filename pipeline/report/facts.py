@@ -61,6 +61,7 @@ class FindingRow:
     advice: str
     is_accepted: bool
     reason: str             # why it was accepted, "" otherwise
+    spot: dict              # setup, line, file (of a set) and place, for the viewer
 
 
 def findings(verify):
@@ -83,10 +84,13 @@ def _finding_row(finding, accepted):
     where += [f"line {line:.0f}"] if line else []
     where += [f"called in line {finding['call_line']}"] if finding.get("call_line") else []
     point = finding.get("place_mm", finding.get("place"))
+    place_mm = None if place(point) == DASH else tuple(map(float, point))
+    block = str(finding.get("block") or "")
+    spot = {"setup": str(finding.get("setup") or ""), "line": int(line or 0), "file": block.split(": ")[0], "place": place_mm}
     return FindingRow(
-        kind=kind.replace("_", " "), amount=_amount_in_words(finding), place=place(point),
-        place_mm=None if place(point) == DASH else tuple(map(float, point)), where=", ".join(where) or DASH,
-        machine=place(finding.get("machine_mm")), block=str(finding.get("block") or ""),
+        spot=spot, kind=kind.replace("_", " "), amount=_amount_in_words(finding), place=place(point),
+        place_mm=place_mm, where=", ".join(where) or DASH,
+        machine=place(finding.get("machine_mm")), block=block,
         advice=str(finding.get("advice") or DASH), is_accepted=bool(own) or kind in accepted, reason=str(reason))
 
 
@@ -269,9 +273,10 @@ def _machine_fact(bundle):
 
 
 def _program_fact(bundle):
+    programs = {s.program_file: s for s in bundle.setups}               # indexed positions share one
     lines = tuple(f"{s.program_file}: {grouped(s.program_lines)} lines, {file_size(s.program_bytes)}, "
-                  f"SHA-256 {s.program_sha256[:12]}…" for s in bundle.setups)
-    value = bundle.setups[0].program_file if len(bundle.setups) == 1 else f"{len(bundle.setups)} programs"
+                  f"SHA-256 {s.program_sha256[:12]}…" for s in programs.values())
+    value = bundle.setups[0].program_file if len(programs) == 1 else f"{len(programs)} programs"
     return Fact(label="Program", value=value, details=lines, state="")
 
 
@@ -451,6 +456,6 @@ def mesh_rows(verify):
 
 def file_rows(bundle):
     """[(file, full SHA-256)] that tie this paper to the files."""
-    programs = [row for s in bundle.setups for row in ((s.program_file, s.program_sha256), *s.continued)]
+    programs = dict(row for s in bundle.setups for row in ((s.program_file, s.program_sha256), *s.continued)).items()
     return [(bundle.step_file, bundle.step_sha256), *programs,
             ("inputs (parameters, machine, cutters)", bundle.inputs_sha256)]

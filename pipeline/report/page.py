@@ -57,7 +57,7 @@ def report_html(bundle, images, plots, left_out):
         captions=[(name, text) for name, text in CAPTIONS.items() if name in images],
         plots=[(caption, image_url("image/svg+xml", svg.encode())) for _, caption, svg in plots],
         parameters=[(str(k), wording.short(v) if isinstance(v, float) else str(v)) for k, v in bundle.parameters.items()],
-        scene=script_safe_json(meta), blocks=blocks, viewer=script_safe(_resource("viewer.js")))
+        scene=script_safe_json(meta), blocks=blocks, viewer=script_safe(_resource("machine.js") + _resource("viewer.js")))
 
 
 def sheet_html(bundle, images):

@@ -27,6 +27,7 @@ class SetupSheet:
     tools: list             # [dict of texts]
     operations: list        # [dict of texts]
     checklist: list         # [text]
+    is_solved: bool         # for tools of stated lengths
     files: list             # [(file, SHA-256)]
 
 
@@ -39,7 +40,7 @@ def _sheet(bundle, setup):
     rows = [row for row, (s, _, _) in zip(operation_rows(bundle), operations(bundle)) if s is setup]
     return SetupSheet(
         name=setup.name, job=job_rows(bundle, setup), zero=zero_rows(bundle, setup), drawing=wcs_drawing(bundle, setup),
-        tools=tool_rows(bundle, setup), operations=rows, checklist=checklist(bundle, setup),
+        tools=tool_rows(bundle, setup), operations=rows, checklist=checklist(bundle, setup), is_solved=bool(setup.solved_for),
         files=[(setup.program_file, setup.program_sha256), *setup.continued, (bundle.step_file, bundle.step_sha256),
                ("inputs", bundle.inputs_sha256)])
 
@@ -47,12 +48,32 @@ def _sheet(bundle, setup):
 def job_rows(bundle, setup):
     """Part, machine, program, time."""
     plan = next((p for p in bundle.plan.get("setups") or () if p.get("name") == setup.name), {})
-    position = [s.name for s in bundle.setups].index(setup.name) + 1
-    return [("Part", bundle.design), ("Setup", f"{setup.name}, {position} of {len(bundle.setups)}"),
+    return [("Part", bundle.design), ("Setup", f"{setup.name}, {_which_of(bundle, setup)}"),
             ("Material", bundle.material), ("Machine", setup.machine), ("Control", setup.control),
             ("Program", f"{setup.program_file}, {grouped(setup.program_lines)} lines, {file_size(setup.program_bytes)}"
                         + (f", then {', '.join(name for name, _ in setup.continued)}" if setup.continued else "")),
             ("Units", setup.units), ("Time", duration(plan.get("time_s")))]
+
+
+def clampings(bundle):
+    """[[SetupBundle]]: what is set up once, the positions that its program turns the machine to among it."""
+    held = []
+    for setup in bundle.setups:
+        if setup.turned_in_words and held:
+            held[-1].append(setup)
+        else:
+            held.append([setup])
+    return held
+
+
+def _which_of(bundle, setup):
+    """1 of 2, and which position of it where it has several."""
+    held = clampings(bundle)
+    k, positions = next((k, names) for k, names in enumerate([s.name for s in c] for c in held) if setup.name in names)
+    if len(positions) == 1:
+        return f"{k + 1} of {len(held)}"
+    whole = "one setup" if len(held) == 1 else f"setup {k + 1} of {len(held)}"
+    return f"position {positions.index(setup.name) + 1} of {len(positions)} in {whole}"
 
 
 def zero_rows(bundle, setup):
@@ -62,7 +83,8 @@ def zero_rows(bundle, setup):
     lies = [("Part sits, as measured", setup.lies_in_words)] if setup.lies_in_words else []
     held = [("Held by", ", ".join(name for name, _ in setup.fixtures))] if setup.fixtures else []
     turned = [("Rotary axes", setup.turned_in_words)] if setup.turned_in_words else []
-    return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), *turned, ("Stock", stock_size(setup)), *held,
+    swings = [("Program turns", setup.swings_in_words)] if setup.swings_in_words and not turned else []
+    return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), *turned, *swings, ("Stock", stock_size(setup)), *held,
             (f"Stock in {setup.axes_name if turned else 'WCS'}", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
             ("Finished part", box_size(bundle.part_box_mm)), *lies,
             *((f"Marker {name}", _place(place)) for name, place in setup.markers)]
@@ -96,11 +118,21 @@ def _tool_row(setup, uses):
     return {"number": f"T{tool['number']}" if "number" in tool else DASH, "name": str(tool.get("name", DASH)),
             "type": str(tool.get("type", DASH)).replace("_", " "), "diameter": short(tool.get("diameter_mm")),
             "corner": short(tool.get("corner_radius_mm")), "flute": short(tool.get("flute_length_mm")),
-            "stick_out": short(tool.get("stick_out_mm")),
+            "stick_out": short(tool.get("stick_out_mm")), "length": short(_length_mm(tool)),
             "holder": _holder_in_words(holder) + _head_in_words(tool),
             "minimum_z": decimal(min(depths) if depths else None),
             "operations": ", ".join(str(op.get("name", DASH)) for _, op in uses),
             "time": duration(sum(seconds) if None not in seconds else None)}
+
+
+def _length_mm(tool):
+    """From the gauge line to the tip, or to the middle of a disc on a head; None: not known."""
+    head, holder, stick_out = tool.get("head"), tool.get("holder"), number(tool.get("stick_out_mm"))
+    if head:
+        return number(head.get("length_mm"))
+    if stick_out is None or not isinstance(holder, dict):
+        return None
+    return stick_out + sum(segment["height_mm"] for segment in holder.get("segments") or ())
 
 
 def _holder_in_words(holder):
@@ -116,12 +148,18 @@ def _head_in_words(tool):
 
 def checklist(bundle, setup):
     """What to tick off before cycle start, with this job's own numbers."""
-    lines = [f"Stock is {bundle.material}, {stock_size(setup)}, clamped below every cut "
-             f"(lowest tip Z {decimal(setup.extents_mm[0][2])})",
+    if setup.turned_in_words:
+        return _position_checklist(bundle, setup)
+    where = "clear of every cut in all positions" if setup.swings_in_words else "below every cut"
+    lines = [f"Stock is {bundle.material}, {stock_size(setup)}, clamped {where} "
+             f"(lowest tip {'here ' if setup.swings_in_words else ''}Z {decimal(setup.extents_mm[0][2])})",
              f"{setup.wcs} set: {setup.wcs_in_words}; compared with the picture"]
     if setup.solved_for:
-        lines.append(f"{setup.wcs} stands at machine {setup.solved_for}, and tools are as long as stated: the program is solved "
-                     "for nothing else")
+        lines.append(f"{setup.wcs} stands at machine {setup.solved_for}, and tools are as long as stated under Length: the "
+                     "program is solved for nothing else")
+    if setup.swings_in_words:
+        lines.append(f"Turned by hand over {setup.swings_in_words} with the longest tool at the top: nothing meets hoses, cables, "
+                     "clamps or doors")
     if setup.markers:
         lines.append("Markers " + ", ".join(name for name, _ in setup.markers) + " touched, and found where this sheet "
                      "puts them; if not, program posted anew with --measured")
@@ -132,6 +170,16 @@ def checklist(bundle, setup):
         f"SHA-256 begins {setup.program_sha256[:16]}",
         f"Nothing stands in the way up to Z {decimal(setup.extents_mm[1][2])}",
         "First run: single block, rapids reduced, air cut above the stock"]
+
+
+def _position_checklist(bundle, setup):
+    """Of a position that the program turns to by itself."""
+    held = next(c for c in clampings(bundle) if setup in c)
+    before = held[held.index(setup) - 1].name
+    first = next((line for line in setup.operation_first_lines if line), 0)
+    line, turned = f"Before line {first} the" if first else "The", setup.turned_in_words.split(" degrees")[0]
+    return [f"Nothing is set up anew: {setup.program_file} goes on from {before}, the part held as it is",
+            f"{line} program turns to {turned}: hand on feed hold, reduced rapid, until the tool stands above the work again"]
 
 
 def sheet_verdict(bundle):
@@ -150,7 +198,8 @@ def wcs_drawing(bundle, setup):
     away = fixed.matmul(setup.stock_edges_mm, EYE)
     lines += [_polyline(look(edge), "hidden" if far else "stock")
               for edge, far in zip(setup.stock_edges_mm, (away <= away.min(initial=np.inf) + SAME_MM).any(axis=1))]
-    lines += _dimensions(look, setup, low, high) + _triad(look, setup, float(fixed.length(high - low)))
+    lines += [] if setup.turned_in_words else _dimensions(look, setup, low, high)       # they stand on the first sheet
+    lines += _triad(look, setup, float(fixed.length(high - low)))
     style = (".part{stroke:#6b7785;stroke-width:.7}.fixture{stroke:#33669e;stroke-width:.7}.stock{stroke:#a8620c;stroke-width:1.3}"
              ".hidden{stroke:#a8620c;stroke-width:.8;stroke-dasharray:4 3}polyline{fill:none}"
              "text{font:12px sans-serif;fill:#1b2330;paint-order:stroke;stroke:#fff;stroke-width:3px}")

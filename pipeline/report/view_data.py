@@ -1,18 +1,13 @@
-"""What viewer.js draws, packed: integers of a stated step, gzip with no date, base64.
+"""What viewer.js draws of part, paths and stock, packed (packing.py)."""
 
-A block is a row of little-endian arrays, each padded to four bytes; the viewer takes them off in
-the same order.  "delta" arrays hold differences to the entry before, wrapping round in their own
-integer type: neighbours differ little, so gzip makes them small.
-"""
-
-import base64
-import gzip
 import math
 from dataclasses import replace
 
 import numpy as np
 
 from cuspline.report.facts import findings, operation_rows, operations, unreachable
+from cuspline.report.machine_view import machine_scene
+from cuspline.report.packing import delta, joined, known, pack_mesh, quantised, text_block
 from cuspline.report.wording import number
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import for_kernel
@@ -21,11 +16,8 @@ from cuspline.values.rows import X, Y
 
 PATH_STEP_MM = 1e-4         # posted coordinates carry at most four decimals: nothing is lost
 FEED_STEP = 0.1             # mm/min
-DEVIATION_STEP_MM = 1e-4    # int16: judged up to ±3.27 mm, beyond that clipped
-NOT_JUDGED = -32768
 REPLAY_STEPS = (8000, 4000, 2000, 1000)     # instants the replay can stop at: the most that keeps MOST_EVENTS
 MOST_EVENTS = 1_500_000     # about 4 MB of html
-LEVEL = 6                   # of gzip: 9 takes three times as long for one part in a hundred
 MOST_NODES = 400_000        # of the z-map; above, every 2nd, 3rd ... node is shown, each as simulated
 OPERATION_COLOURS = ("#e8710a", "#1a73e8", "#12a05c", "#9334e6", "#00897b", "#c5221f", "#8d6e00", "#d01884")
 
@@ -42,91 +34,27 @@ def scene(bundle):
                    f"standing-{k}": text_block(joined([standing.ravel().astype(np.float32)]))}
         setups.append({
             "name": setup.name, "program": setup.program_file, "wcs": setup.axes_name,
+            "linesBefore": {name: n for (name, _), n in zip(setup.continued, setup.lines_before)},
             "origin": list(map(float, setup.frame.origin_mm)), "rotation": setup.frame.rotation.ravel().tolist(),
             "stockEdges": len(setup.stock_edges_mm), "fixtureEdges": sum(len(edges) for _, edges in setup.fixtures),
             "operations": operation_meta(bundle, setup), "path": path_meta, "replay": replay_meta})
-    return {"mesh": mesh_meta, "box": overall_box(bundle), "setups": setups, "pins": pins(bundle),
-            "limitsUm": {"gouge": bundle.finish.gouge_mm * 1000, "scallop": bundle.finish.scallop_mm * 1000}}, blocks
-
-
-def text_block(raw):
-    """bytes → gzip → base64; the same text for the same bytes."""
-    return base64.b64encode(gzip.compress(raw, LEVEL, mtime=0)).decode("ascii")
-
-
-def joined(arrays):
-    """Arrays one after the other, each padded to four bytes."""
-    parts = [np.ascontiguousarray(a, dtype=a.dtype.newbyteorder("<")).tobytes() for a in arrays]
-    return b"".join(part + bytes(-len(part) % 4) for part in parts)
-
-
-def delta(values, dtype):
-    """Differences to the entry before, in dtype's own wrap-around; the first is kept."""
-    whole = np.asarray(values, dtype=np.int64)
-    return np.diff(whole, prepend=0).astype(dtype)
-
-
-def quantised(values, low, size):
-    """(n,) values in [low, low + size] as 0..65535."""
-    return np.round((values - low) / (size or 1.0) * 65535).clip(0, 65535)
-
-
-def octahedral(normals):
-    """(n, 3) unit vectors folded onto a square, (n, 2) int16."""
-    n = np.asarray(normals, dtype=float)
-    n = n / np.maximum(np.abs(n).sum(axis=1, keepdims=True), 1e-12)
-    sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
-    folded = np.where(n[:, 2:] < 0, (1 - np.abs(n[:, 1::-1])) * sign, n[:, :2])
-    return np.round(folded * 32767).astype(np.int16)
-
-
-def pack_mesh(mesh):
-    """(meta, bytes) of the design: vertices, normals, deviation, triangles, then its edges.
-
-    Edges come as one list of points and the number of points of each.
-    """
-    edge_points = np.vstack(mesh.edges_mm) if mesh.edges_mm else np.zeros((0, 3))
-    low, size = _range(np.vstack([mesh.vertices_mm, edge_points]))
-    columns = lambda points: [delta(quantised(points[:, k], low[k], size[k]), np.uint16) for k in range(3)]
-    normal = octahedral(mesh.normals)
-    deviation = np.asarray(mesh.deviation_mm, dtype=float)
-    steps = np.where(np.isnan(deviation), NOT_JUDGED,
-                     np.round(np.nan_to_num(deviation) / DEVIATION_STEP_MM).clip(-32767, 32767))
-    raw = joined([*columns(mesh.vertices_mm), delta(normal[:, 0], np.int16), delta(normal[:, 1], np.int16),
-                  steps.astype(np.int16), delta(np.ravel(mesh.triangles), np.int32), *columns(edge_points),
-                  np.array([len(edge) for edge in mesh.edges_mm], dtype=np.int32)])
-    return {"vertices": len(mesh.vertices_mm), "triangles": len(mesh.triangles), "edgePoints": len(edge_points),
-            "edges": len(mesh.edges_mm), "low": low.tolist(), "size": size.tolist(),
-            "deviationStepUm": DEVIATION_STEP_MM * 1000, "notJudged": NOT_JUDGED}, raw
-
-
-def _range(points):
-    low = points.min(axis=0)
-    return low, points.max(axis=0) - low
+    machine, moving = (None, {}) if bundle.machine is None else machine_scene(bundle.machine, tool_silhouette)
+    return {"mesh": mesh_meta, "machine": machine, "box": overall_box(bundle), "setups": setups, "pins": pins(bundle),
+            "limitsUm": {"gouge": bundle.finish.gouge_mm * 1000, "scallop": bundle.finish.scallop_mm * 1000}}, blocks | moving
 
 
 def pack_path(path):
-    """(meta, bytes) of a posted path: x, y, z, feed, time as deltas, then operation and rapid flag."""
-    points = _known(np.asarray(path.points_mm, dtype=float))
+    """(meta, bytes) of a posted path: x, y, z, feed, time as deltas, then operation, rapid flag, line."""
+    points = known(np.asarray(path.points_mm, dtype=float))
     seconds = np.asarray(path.time_s, dtype=float)
     feed = np.nan_to_num(np.asarray(path.feed_mm_per_min, dtype=float))
     raw = joined([*(delta(np.round(points[:, k] / PATH_STEP_MM), np.int32) for k in range(3)),
                   delta(np.round(feed / FEED_STEP), np.int32), delta(np.round(seconds * 1000), np.int32),
-                  np.asarray(path.operation, dtype=np.int16), np.asarray(path.is_rapid, dtype=np.uint8)])
+                  np.asarray(path.operation, dtype=np.int16), np.asarray(path.is_rapid, dtype=np.uint8),
+                  delta(path.line, np.int32)])
     cutting = feed[~np.asarray(path.is_rapid, dtype=bool)]
     return {"points": len(points), "stepMm": PATH_STEP_MM, "feedStep": FEED_STEP,
             "feedMax": float(cutting.max()) if len(cutting) else 0.0}, raw
-
-
-def _known(points_mm):
-    """Unknown (NaN) coordinates filled with the next known one, at the end with the last, else 0."""
-    filled = points_mm.copy()
-    for column in filled.T:
-        known = np.flatnonzero(~np.isnan(column))
-        if len(known) < len(column):
-            after = np.searchsorted(known, np.arange(len(column))).clip(max=max(len(known) - 1, 0))
-            column[:] = column[known[after]] if len(known) else 0.0
-    return filled
 
 
 def pack_replay(replay, setup):
@@ -193,7 +121,7 @@ def event_times(replay, setup):
     seconds = np.asarray(setup.path.time_s, dtype=float)
     if not len(replay.event_move) or seconds[-1] <= 0:
         return np.zeros(len(replay.event_move))
-    points = fixed.matmul(_known(np.asarray(setup.path.points_mm, dtype=float)), setup.frame.rotation)   # x_replay = Rᵀ x_part
+    points = fixed.matmul(known(np.asarray(setup.path.points_mm, dtype=float)), setup.frame.rotation)   # x_replay = Rᵀ x_part
     return _times(for_kernel(replay.event_move, np.int32), for_kernel(replay.event_cell, np.int32), replay.nx,
                   float(replay.pitch_mm), for_kernel(replay.origin_mm), points, seconds)
 
@@ -273,7 +201,7 @@ def _tip_outline(radius, corner):
 
 def pins(bundle):
     """Numbered places: findings, then what is unreachable."""
-    found = [{"label": str(k + 1), "kind": "accepted" if row.is_accepted else "finding", "place": list(row.place_mm),
+    found = [{"label": str(k + 1), "kind": "accepted" if row.is_accepted else "finding", **row.spot,
               "title": f"{row.kind} {row.amount}"}
              for k, row in enumerate(findings(bundle.verify)) if row.place_mm]
     left = [{"label": f"U{k + 1}", "kind": "unreachable", "place": list(spot), "title": f"{what}, {area}"}

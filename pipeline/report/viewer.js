@@ -3,7 +3,7 @@
 // Reads the JSON in #scene and the packed blocks beside it (made by view_data.py, which says how
 // they are packed), draws design, stock, paths and cutter, and replays the simulated stock.
 // Lengths are millimetres in part coordinates; deviation is positive where material is left.
-"use strict";
+// Where the report knows the machine (machine.js), its links move, and the world is either the part's or the machine's bed.
 
 (() => {
 
@@ -14,8 +14,6 @@ const addScaled = (a, b, s) => [a[0] + b[0] * s, a[1] + b[1] * s, a[2] + b[2] * 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const mix = (a, b, s) => [0, 1, 2].map(k => a[k] + (b[k] - a[k]) * s);
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
-
-const IDENTITY = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
 
 // Column-major 4x4 of a row-major rotation (nine numbers) and an origin.
 function placement(rotation, origin) {
@@ -37,7 +35,9 @@ const byId = id => document.getElementById(id);
 const scene = JSON.parse(byId("scene").textContent);
 const canvas = byId("canvas");
 
-const LOADED_SETUPS = new Map();      // setup number -> {path, replay, tools}, decoded when first shown
+const machine = scene.machine;        // null: three axes without bodies
+const LOADED = new Map();             // setup number -> promise of its program, decoded when first shown
+const READY = new Map();              // setup number -> {path, replay, tools, motion}
 
 const state = {
   setup: 0,
@@ -48,11 +48,14 @@ const state = {
   paths: "none",        // "all", "done", "none"
   pathColour: "operation",
   rapids: true, edges: true, stockEdges: false, fixtures: false, cutter: true, pins: true,
+  stands: "part",       // what stands still: "part", "machine"
+  bodies: false, seeThrough: false,     // of the machine
+  region: "work",       // looked at: "work", "machine"
   scaleUm: 10,
   yaw: 0, pitch: 0, target: [0, 0, 0], halfHeight: 50,
 };
 
-let gl, programs, design, current, isDirty = true;
+let gl, programs, design, current, machineParts = { bodies: [], tools: new Map() }, isDirty = true;
 
 // ---------------------------------------------------------------- packed blocks
 
@@ -144,12 +147,12 @@ const SHADERS = {
       gl_Position = clip * place * vec4(position, 1.0);
     }`, SHADER_COLOURS + `
     in vec3 seenNormal; in float deviationUm, isJudged;
-    uniform vec3 colour; uniform float scaleUm; uniform bool byDeviation;
+    uniform vec3 colour; uniform float scaleUm, opacity; uniform bool byDeviation;
     out vec4 pixel;
     void main() {
       vec3 base = colour;
       if (byDeviation) base = isJudged < 0.999 ? vec3(0.62) : deviationColour(deviationUm / scaleUm);
-      pixel = vec4(lit(normalize(seenNormal), base), 1.0);
+      pixel = vec4(lit(normalize(seenNormal), base), opacity);
     }`],
 
   // Stock: no vertex data at all, every vertex finds its node of the z-map from its number.
@@ -196,13 +199,13 @@ const SHADERS = {
   // Path: hairlines; a segment has the colour of the point it ends at (the last vertex provokes).
   path: [`
     in vec3 position; in vec4 colour; in float seconds;
-    uniform mat4 clip; uniform float now, futureOpacity;
+    uniform mat4 clip; uniform float now, futureOpacity, lift;
     flat out vec4 lineColour;
     void main() {
       lineColour = colour;
       if (seconds > now) lineColour.a *= futureOpacity;
       gl_Position = clip * vec4(position, 1.0);
-      gl_Position.z -= 0.0004;
+      gl_Position.z -= 0.0004 * lift;
     }`, `
     flat in vec4 lineColour; out vec4 pixel;
     void main() { if (lineColour.a <= 0.0) discard; pixel = lineColour; }`],
@@ -210,7 +213,7 @@ const SHADERS = {
   // Wide lines: each an instanced quad of a given width in pixels.
   line: [`
     in vec3 start; in vec3 end;
-    uniform mat4 clip; uniform vec2 halfViewport; uniform float widthPixels;
+    uniform mat4 clip; uniform vec2 halfViewport; uniform float widthPixels, lift;
     void main() {
       vec4 a = clip * vec4(start, 1.0), b = clip * vec4(end, 1.0);
       vec2 along = (b.xy - a.xy) * halfViewport;
@@ -219,7 +222,7 @@ const SHADERS = {
       vec2 across = vec2(-along.y, along.x) * ((gl_VertexID & 2) == 0 ? -0.5 : 0.5);
       gl_Position = isStart ? a : b;
       gl_Position.xy += (across + along * (isStart ? -0.5 : 0.5)) * widthPixels / halfViewport;
-      gl_Position.z -= 0.0006;
+      gl_Position.z -= 0.0006 * lift;
     }`, `
     uniform vec4 colour; out vec4 pixel;
     void main() { pixel = colour; }`],
@@ -294,7 +297,12 @@ function makeTexture(format, components, width, height, data) {
 // ---------------------------------------------------------------- the design
 
 async function loadDesign() {
-  const meta = scene.mesh, reader = await unpackBlock("mesh");
+  const reader = await unpackBlock("mesh");
+  return { ...makeMesh(reader, scene.mesh), edges: makeLines(edgePairs(reader, scene.mesh)) };
+}
+
+// Shaded triangles, each vertex with its deviation.
+function makeMesh(reader, meta) {
   const positions = takePoints(reader, meta.vertices, meta.low, meta.size);
   const normals = takeNormals(reader, meta.vertices);
   const steps = reader.take(Int16Array, meta.vertices);
@@ -314,7 +322,7 @@ async function loadDesign() {
     bindInput(programs.surface, "judged", buffer, 1, { stride: 8, offset: 4 });
     makeBuffer(triangles, gl.ELEMENT_ARRAY_BUFFER);
   });
-  return { layout, count: triangles.length, edges: makeLines(edgePairs(reader, meta)) };
+  return { layout, count: triangles.length };
 }
 
 // Polylines -> pairs of neighbouring points.
@@ -330,6 +338,24 @@ function edgePairs(reader, meta) {
 }
 
 // ---------------------------------------------------------------- one setup: path, stock, cutters
+
+// Setups that one program cuts are shown as one: its time runs through all of them.
+async function loadProgram(number) {
+  const k = machine ? machine.motions.findIndex(meta => meta.setups.includes(number)) : -1;
+  const numbers = k < 0 ? [number] : machine.motions[k].setups;
+  const motion = k < 0 ? null : new MachineChain.Motion(await unpackBlock("motion-" + k), machine.motions[k], machine.letters);
+  const setups = await Promise.all(numbers.map(loadSetup));
+  setups.forEach((setup, i) => READY.set(numbers[i], { ...setup, number: numbers[i], motion }));
+}
+
+function loaded(number) {
+  if (!LOADED.has(number)) {
+    const program = machine && machine.motions.find(meta => meta.setups.includes(number));
+    const promise = loadProgram(number);
+    (program ? program.setups : [number]).forEach(n => LOADED.set(n, promise));
+  }
+  return LOADED.get(number);
+}
 
 async function loadSetup(number) {
   const meta = scene.setups[number];
@@ -352,16 +378,17 @@ function makePath(reader, meta) {
     for (let i = 0; i < meta.points; i++) positions[3 * i + k] = column[i] * meta.stepMm;
   }
   const feed = Float32Array.from(reader.takeDelta(Int32Array, meta.points), steps => steps * meta.feedStep);
-  const seconds = Float32Array.from(reader.takeDelta(Int32Array, meta.points), ms => ms / 1000);
+  const seconds = Float64Array.from(reader.takeDelta(Int32Array, meta.points), ms => ms / 1000);
   const operation = reader.take(Int16Array, meta.points), isRapid = reader.take(Uint8Array, meta.points);
+  const line = reader.takeDelta(Int32Array, meta.points);
   const colours = makeBuffer(new Uint8Array(4 * meta.points), gl.ARRAY_BUFFER, gl.DYNAMIC_DRAW);
   const layout = makeLayout(() => {
     bindInput(programs.path, "position", makeBuffer(positions), 3);
     bindInput(programs.path, "colour", colours, 4, { type: gl.UNSIGNED_BYTE, normalized: true });
-    bindInput(programs.path, "seconds", makeBuffer(seconds), 1);
+    bindInput(programs.path, "seconds", makeBuffer(new Float32Array(seconds)), 1);
   });
   const duration = meta.points ? seconds[meta.points - 1] : 0;
-  return { count: meta.points, positions, feed, seconds, operation, isRapid, colours, layout, duration };
+  return { count: meta.points, positions, feed, seconds, operation, isRapid, line, colours, layout, duration };
 }
 
 // The verifier's z-map. Every event keeps the height before it, so that time runs both ways and
@@ -406,15 +433,20 @@ class StockReplay {
   }
 }
 
+const TOOL_SECTORS = 40, BODY_SECTORS = 96;
 const PART_COLOURS = { flutes: [0.98, 0.80, 0.30], shank: [0.72, 0.73, 0.76], holder: [0.36, 0.39, 0.45] };
 
 // A part of a tool: an outline [[radius, height], ...] turned about the axis, shaded facet by facet along the height; on
 // a head that axis lies along X, `toward` its plus or minus, and the head itself is a box.
-function makeToolPart({ part, outline, toward, box }) {
-  const positions = [], normals = [], SECTORS = 40;
+function makeToolPart(part) {
+  return { ...makeTurned(part, TOOL_SECTORS), colour: PART_COLOURS[part.part] };
+}
+
+function makeTurned({ outline, toward, box }, sectors) {
+  const positions = [], normals = [];
   const laid = ([x, y, z]) => toward ? [toward * z, y, -toward * x] : [x, y, z];
   const corner = ([radius, height], sector) => {
-    const angle = sector / SECTORS * 2 * Math.PI;
+    const angle = sector / sectors * 2 * Math.PI;
     return [radius * Math.cos(angle), radius * Math.sin(angle), height];
   };
   if (box) pushBox(box, positions, normals);
@@ -423,7 +455,7 @@ function makeToolPart({ part, outline, toward, box }) {
     const [lower, upper] = [outline[i], outline[i + 1]];
     const rise = upper[1] - lower[1], widening = upper[0] - lower[0], length = Math.hypot(rise, widening) || 1;
     const normalAt = sector => [...corner([rise / length, 0], sector).slice(0, 2), -widening / length];
-    for (let k = 0; k < SECTORS; k++) {
+    for (let k = 0; k < sectors; k++) {
       for (const [end, sector] of [[lower, k], [lower, k + 1], [upper, k + 1], [lower, k], [upper, k + 1], [upper, k]]) {
         positions.push(...laid(corner(end, sector)));
         normals.push(...laid(normalAt(sector)));
@@ -434,7 +466,7 @@ function makeToolPart({ part, outline, toward, box }) {
     bindInput(programs.surface, "position", makeBuffer(new Float32Array(positions)), 3);
     bindInput(programs.surface, "normal", makeBuffer(new Float32Array(normals)), 3);
   });
-  return { layout, count: positions.length / 3, colour: PART_COLOURS[part] };
+  return { layout, count: positions.length / 3 };
 }
 
 // The six sides of a box, two triangles each.
@@ -462,6 +494,98 @@ function makeTriad(setup) {
     const points = [[[0, 0, 0], axis], [axis, barb(1)], [axis, barb(-1)]].flat().map(p => fromWcs(setup, p));
     return { letter, colour, lines: makeLines(points.flat()), tip: fromWcs(setup, axis.map(v => v * 1.08)) };
   });
+}
+
+// ---------------------------------------------------------------- the machine
+
+const { times, inverse, apply, rigid, shift, UNMOVED } = MachineChain;
+
+// Machine coordinates with what is up on the machine turned up on the screen.
+const UPWARD = { X: rigid([0, 0, -1, 0, 1, 0, 1, 0, 0], [0, 0, 0]), Y: rigid([1, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 0]), Z: UNMOVED };
+
+async function loadMachine() {
+  const bodies = await Promise.all(machine.bodies.map(async (body, k) => {
+    const solid = body.mesh ? makeMesh(await unpackBlock("body-" + k), body.mesh) : makeTurned(body, BODY_SECTORS);
+    return { ...body, ...solid, colour: hexColour(body.colour).map(v => v / 255), isIndexed: Boolean(body.mesh),
+             place: body.foot ? rigid(body.turn, body.foot) : UNMOVED, corners: cornersOf(body) };
+  }));
+  const tools = new Map(Object.entries(machine.tools).map(([number, tool]) => [Number(number), {
+    parts: tool.silhouette.map(makeToolPart), place: times(shift(tool.tip), rigid(machine.toolTurn, [0, 0, 0])),
+    length: Math.hypot(...tool.tip) }]));
+  return { bodies, tools };
+}
+
+// The eight corners of the box round a body, before it is placed.
+function cornersOf({ box, mesh, outline }) {
+  let [low, high] = box || [[0, 0, 0], [0, 0, 0]];
+  if (mesh) [low, high] = [mesh.low, mesh.low.map((v, k) => v + mesh.size[k])];
+  if (outline) {
+    const radius = Math.max(...outline.map(p => p[0])), heights = outline.map(p => p[1]);
+    [low, high] = [[-radius, -radius, Math.min(...heights)], [radius, radius, Math.max(...heights)]];
+  }
+  return [...Array(8).keys()].map(n => [0, 1, 2].map(k => (n >> k & 1 ? high : low)[k]));
+}
+
+// Where everything stands in the world at the shown time: the part's coordinates, the nose, the links of the machine.
+function framesNow() {
+  if (!current.motion) return { design: UNMOVED };
+  const at = momentNow(), seen = MachineChain.stand(machine, at.joints), part = times(seen.part, current.motion.place);
+  const world = state.stands === "machine" ? UPWARD[machine.upward] : inverse(part);
+  const links = Object.fromEntries(Object.entries(seen.links).map(([link, m]) => [link, times(world, m)]));
+  return { at, links, nose: times(world, seen.nose), design: state.stands === "machine" ? times(world, part) : UNMOVED };
+}
+
+// How far the part has gone from where the design has it: what looks at the work goes along.
+function anchorOf(frames) {
+  if (state.stands === "part" || state.region === "machine") return [0, 0, 0];
+  const center = mix(scene.box[0], scene.box[1], 0.5);
+  return subtract(apply(frames.design, center), center);
+}
+
+const hasBodies = () => Boolean(current.motion && state.bodies && machineParts.bodies.length);
+
+// Corners of part and, where it is shown, machine, in the world.
+function cornersNow(frames, withMachine) {
+  const part = cornersOf({ box: scene.box }).map(p => apply(frames.design, p));
+  if (!withMachine || !current.motion) return part;
+  const bodies = machineParts.bodies.flatMap(body => {
+    const place = times(frames.links[body.link], body.place);
+    return body.corners.map(p => apply(place, p));
+  });
+  return [...part, ...bodies, apply(frames.nose, [0, 0, 0])];
+}
+
+function boxOf(points) {
+  return [Math.min, Math.max].map(pick => [0, 1, 2].map(k => pick(...points.map(p => p[k]))));
+}
+
+// What the views fit into the window: part and stock; with the machine standing the tool above them too; or all of it.
+function fitBox() {
+  const frames = framesNow(), center = mix(scene.box[0], scene.box[1], 0.5);
+  if (hasBodies() && state.region === "machine") return boxOf(cornersNow(frames, true));
+  if (state.stands === "part") return scene.box;
+  const diagonal = Math.hypot(...subtract(scene.box[1], scene.box[0]));
+  const tool = machineParts.tools.get(frames.at.tool), half = 0.5 * diagonal + 0.4 * (tool ? tool.length : 0);
+  return [center.map(v => v - half), center.map(v => v + half)];
+}
+
+function setStands(name) {
+  state.stands = name;
+  setBodies(name === "machine" || state.bodies);
+  document.querySelectorAll("input[name=stands]").forEach(radio => { radio.checked = radio.value === name; });
+  showView("iso");
+}
+
+function setBodies(areShown) {
+  state.bodies = areShown;
+  byId("bodies").checked = areShown;
+  isDirty = true;
+}
+
+function setRegion(name) {
+  state.region = name;
+  byId("region").value = name;
+  if (name === "machine") setBodies(true);
 }
 
 // ---------------------------------------------------------------- colours of the path
@@ -506,38 +630,51 @@ function eyeAxes() {
   return { right: [-sy, cy, 0], up: [-cy * sp, -sy * sp, cp], back: [cy * cp, sy * cp, sp] };
 }
 
-function camera() {
+function camera(frames) {
   const { right, up, back } = eyeAxes(), aspect = canvas.width / canvas.height;
-  const diagonal = Math.hypot(...subtract(scene.box[1], scene.box[0]));
-  const center = mix(scene.box[0], scene.box[1], 0.5);
-  const depth = 2 * diagonal + Math.hypot(...subtract(state.target, center));
+  const alone = 2 * Math.hypot(...subtract(scene.box[1], scene.box[0])), target = addScaled(state.target, anchorOf(frames), 1);
+  const [low, high] = current.motion ? boxOf(cornersNow(frames, hasBodies())) : scene.box;
+  const reach = current.motion ? 2 * machineReach(frames) : 0;
+  const depth = 2 * Math.hypot(...subtract(high, low)) + Math.hypot(...subtract(target, mix(low, high, 0.5))) + reach;
   const rows = [[right, 1 / (state.halfHeight * aspect)], [up, 1 / state.halfHeight], [back, -1 / depth]];
   const clip = new Float32Array(16);
   rows.forEach(([axis, scale], row) => {
     for (let k = 0; k < 3; k++) clip[4 * k + row] = axis[k] * scale;
-    clip[12 + row] = -dot(axis, state.target) * scale;
+    clip[12 + row] = -dot(axis, target) * scale;
   });
   clip[15] = 1;
   const eye = new Float32Array([0, 1, 2].flatMap(k => [right[k], up[k], back[k]]));
-  return { clip, eye };
+  return { clip, eye, onPart: times(clip, frames.design), lift: alone / depth, frames };
+}
+
+// How far the tool reaches from the nose; a tool on its own is drawn whole.
+function machineReach(frames) {
+  const tool = machineParts.tools.get(frames.at.tool);
+  return tool ? tool.length : 0;
 }
 
 // Turns to a named view and fits part and stock into the window.
 function showView(name) {
   [state.yaw, state.pitch] = VIEWS[name];
-  const { right, up } = eyeAxes(), half = subtract(scene.box[1], scene.box[0]).map(v => v / 2);
+  const box = fitBox(), { right, up } = eyeAxes(), half = subtract(box[1], box[0]).map(v => v / 2);
   const reach = axis => half.reduce((sum, h, k) => sum + Math.abs(h * axis[k]), 0);
   const width = canvas.clientWidth || 1, height = canvas.clientHeight || 1;
   const bar = byId("time").offsetHeight + 10, free = Math.max(0.4 * height, height - bar);
   state.halfHeight = 1.15 * Math.max(reach(up) * height / free, reach(right) * height / width);
   // the time bar covers the lower edge: the part moves up by half of it
-  state.target = addScaled(mix(scene.box[0], scene.box[1], 0.5), up, -state.halfHeight * Math.min(bar, height - free) / height);
+  state.target = addScaled(mix(box[0], box[1], 0.5), up, -state.halfHeight * Math.min(bar, height - free) / height);
   isDirty = true;
 }
 
 // ---------------------------------------------------------------- time
 
-function duration() { return current.path.duration; }
+const duration = () => (current.motion || current.path).duration;
+
+// What the machine does at the shown time; without one, how long the setup's own path has run.
+function momentNow() {
+  const seconds = state.fraction * duration();
+  return current.motion ? current.motion.at(seconds) : { setup: current.number, ownSeconds: seconds };
+}
 
 // Number of the last point reached at a time.
 function pointBefore(seconds) {
@@ -552,37 +689,49 @@ function pointBefore(seconds) {
 
 // Where the cutter stands at the shown time, and what it is doing.
 function cutterNow() {
-  const path = current.path, seconds = state.fraction * duration();
-  if (!path.count) return { tip: [0, 0, 0], operation: -1, feed: 0, isRapid: false, seconds };
+  const path = current.path, moment = momentNow(), seconds = moment.ownSeconds;
+  if (!path.count) return { tip: [0, 0, 0], operation: -1, feed: 0, isRapid: false, line: 0 };
   const before = pointBefore(seconds), after = Math.min(before + 1, path.count - 1);
   const span = path.seconds[after] - path.seconds[before];
   const share = span > 0 ? clamp((seconds - path.seconds[before]) / span, 0, 1) : 1;
   const point = i => [path.positions[3 * i], path.positions[3 * i + 1], path.positions[3 * i + 2]];
-  return { tip: mix(point(before), point(after), share), operation: path.operation[after],
-           feed: path.feed[after], isRapid: Boolean(path.isRapid[after]), seconds };
+  return { tip: tipOfJoints(moment) || mix(point(before), point(after), share), operation: path.operation[after],
+           feed: path.feed[after], isRapid: Boolean(path.isRapid[after]), line: path.line[after], ...moment };
+}
+
+// Tip in the part by the joints: while the machine turns to another position no path says it.  null: no tool, or no machine.
+function tipOfJoints({ joints, tool }) {
+  const held = joints && machineParts.tools.get(tool);
+  if (!held) return null;
+  const seen = MachineChain.stand(machine, joints), part = times(seen.part, current.motion.place);
+  return apply(times(inverse(part), seen.nose), machine.tools[tool].tip);
 }
 
 // Shows a moment of the program, 0 its start, 1 its end.
 function seek(fraction) {
   state.fraction = clamp(fraction, 0, 1);
-  const { replay } = current;
-  if (replay.goTo(Math.floor(state.fraction * replay.meta.instants))) replay.upload();
+  const moment = momentNow();
+  if (moment.setup !== current.number) showSetup(moment.setup);
+  const { replay, path } = current, share = path.duration > 0 ? moment.ownSeconds / path.duration : 1;
+  if (replay.goTo(Math.floor((share > 1 - 1e-6 ? 1 : share) * replay.meta.instants))) replay.upload();
   showReadout();
   isDirty = true;
 }
 
 // ---------------------------------------------------------------- drawing
 
-function useProgram(program, view) {
+function useProgram(program, view, clip = view.clip) {
   gl.useProgram(program.handle);
-  gl.uniformMatrix4fv(program.uniforms.clip, false, view.clip);
+  gl.uniformMatrix4fv(program.uniforms.clip, false, clip);
+  if (program.uniforms.lift) gl.uniform1f(program.uniforms.lift, view.lift);
   if (program.uniforms.eye) gl.uniformMatrix3fv(program.uniforms.eye, false, view.eye);
   return program.uniforms;
 }
 
 function drawDesign(view) {
   const uniforms = useProgram(programs.surface, view);
-  gl.uniformMatrix4fv(uniforms.place, false, IDENTITY);
+  gl.uniformMatrix4fv(uniforms.place, false, view.frames.design);
+  gl.uniform1f(uniforms.opacity, 1);
   gl.uniform3f(uniforms.colour, 0.70, 0.75, 0.82);
   gl.uniform1f(uniforms.scaleUm, state.scaleUm);
   gl.uniform1i(uniforms.byDeviation, state.surface === "deviation");
@@ -598,7 +747,7 @@ function drawStock(view) {
   gl.bindTexture(gl.TEXTURE_2D, replay.heightTexture);
   gl.uniform1i(uniforms.heights, 0);
   gl.uniform1i(uniforms.designTop, 1);
-  gl.uniformMatrix4fv(uniforms.place, false, place);
+  gl.uniformMatrix4fv(uniforms.place, false, times(view.frames.design, place));
   gl.uniform2i(uniforms.count, meta.nx, meta.ny);
   gl.uniform2f(uniforms.origin, ...meta.originMm);
   gl.uniform1f(uniforms.pitch, meta.pitchMm);
@@ -615,28 +764,46 @@ function drawStock(view) {
 }
 
 function drawCutter(view) {
-  const now = cutterNow(), parts = current.tools[now.operation];
-  if (!parts || state.fraction >= 1) return;
+  const { frames } = view, isMoving = Boolean(current.motion);
+  if (state.fraction >= 1 && state.stands === "part") return;
+  const now = cutterNow(), tool = isMoving ? machineParts.tools.get(frames.at.tool) : null;
+  const parts = isMoving ? tool && tool.parts : current.tools[now.operation];
+  if (parts) drawParts(view, parts, isMoving ? times(frames.nose, tool.place) : placement(current.meta.rotation, now.tip));
+}
+
+function drawBodies(view) {
+  gl.depthMask(!state.seeThrough);
+  for (const body of machineParts.bodies)
+    drawParts(view, [body], times(view.frames.links[body.link], body.place), state.seeThrough ? SEEN_THROUGH : 1);
+  gl.depthMask(true);
+}
+
+const SEEN_THROUGH = 0.28;        // of a body's colour stays
+
+// Shaded solids, each in its colour.
+function drawParts(view, parts, place, opacity = 1) {
   const uniforms = useProgram(programs.surface, view);
-  gl.uniformMatrix4fv(uniforms.place, false, placement(current.meta.rotation, now.tip));
+  gl.uniform1f(uniforms.opacity, opacity);
+  gl.uniformMatrix4fv(uniforms.place, false, place);
   gl.uniform1i(uniforms.byDeviation, 0);
   for (const part of parts) {
     gl.uniform3f(uniforms.colour, ...part.colour);
     gl.bindVertexArray(part.layout);
-    gl.drawArrays(gl.TRIANGLES, 0, part.count);
+    if (part.isIndexed) gl.drawElements(gl.TRIANGLES, part.count, gl.UNSIGNED_INT, 0);
+    else gl.drawArrays(gl.TRIANGLES, 0, part.count);
   }
 }
 
 function drawPath(view) {
-  const uniforms = useProgram(programs.path, view), { path } = current;
-  gl.uniform1f(uniforms.now, state.paths === "all" && state.fraction >= 1 ? Infinity : state.fraction * path.duration);
+  const uniforms = useProgram(programs.path, view, view.onPart), { path } = current;
+  gl.uniform1f(uniforms.now, state.paths === "all" && state.fraction >= 1 ? Infinity : momentNow().ownSeconds);
   gl.uniform1f(uniforms.futureOpacity, state.paths === "all" ? 0.15 : 0);
   gl.bindVertexArray(path.layout);
   gl.drawArrays(gl.LINE_STRIP, 0, path.count);
 }
 
 function drawLines(view, lines, colour, width) {
-  const uniforms = useProgram(programs.line, view);
+  const uniforms = useProgram(programs.line, view, view.onPart);
   gl.uniform2f(uniforms.halfViewport, canvas.width / 2, canvas.height / 2);
   gl.uniform1f(uniforms.widthPixels, width * pixelRatio());
   gl.uniform4f(uniforms.colour, ...colour);
@@ -661,7 +828,7 @@ function backgroundColour() {
 
 function draw() {
   isDirty = false;
-  const view = camera();
+  const view = camera(framesNow());
   gl.viewport(0, 0, canvas.width, canvas.height);
   gl.clearColor(...backgroundColour(), 1);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -671,6 +838,7 @@ function draw() {
   gl.polygonOffset(1, 1);
   if (state.surface === "stock" || state.surface === "rest") drawStock(view); else drawDesign(view);
   if (state.cutter) drawCutter(view);
+  if (hasBodies() && !state.seeThrough) drawBodies(view);
   gl.disable(gl.POLYGON_OFFSET_FILL);
 
   gl.enable(gl.BLEND);
@@ -680,9 +848,10 @@ function draw() {
   if (state.fixtures) drawLines(view, current.fixtureEdges, [0.20, 0.40, 0.62, 0.9], 1);
   if (state.paths !== "none") drawPath(view);
   for (const axis of current.triad) drawLines(view, axis.lines, axis.colour, 2.2);
+  if (hasBodies() && state.seeThrough) drawBodies(view);
   gl.disable(gl.BLEND);
   gl.bindVertexArray(null);
-  placePins(view.clip);
+  placePins(view.onPart);
 }
 
 // ---------------------------------------------------------------- pins: HTML over the picture
@@ -691,7 +860,11 @@ const pinElements = [];
 
 function makePins() {
   const layer = byId("pins");
-  for (const pin of scene.pins) pinElements.push({ element: addPin(layer, pin.label, pin.kind, pin.title), place: () => pin.place, isPin: true });
+  for (const pin of scene.pins) {
+    const element = addPin(layer, pin.label, pin.kind, pin.title);
+    element.onclick = () => goToFinding(pin);
+    pinElements.push({ element, place: () => pin.place, isPin: true });
+  }
   AXES.forEach(([letter], k) => pinElements.push({ element: addPin(layer, letter, "axis", ""), place: () => current.triad[k].tip, isPin: false }));
 }
 
@@ -725,12 +898,22 @@ function clockText(seconds) {
 function showReadout() {
   const now = cutterNow(), { meta } = current, operation = meta.operations[now.operation];
   const [x, y, z] = toWcs(meta, now.tip).map(v => v.toFixed(3).padStart(9));
-  byId("read-time").textContent = `${clockText(now.seconds)} / ${clockText(duration())}`;
+  byId("read-time").textContent = `${clockText(state.fraction * duration())} / ${clockText(duration())}`;
   byId("read-tip").textContent = `${meta.wcs}  X${x}  Y${y}  Z${z}`;
+  byId("read-joints").textContent = now.joints ? `machine  ${jointsText(now.joints)}` : "";
   byId("read-feed").textContent = now.isRapid ? "rapid" : `F ${now.feed.toFixed(0)}`;
-  byId("read-operation").textContent = operation ? `${operation.name}  ${operation.tool}` : "";
+  byId("read-line").textContent = now.line ? `line ${now.line}` : "";
+  const position = current.motion && current.motion.meta.setups.length > 1 ? `${meta.name}: ` : "";
+  byId("read-operation").textContent = operation ? `${position}${operation.name}  ${operation.tool}` : position && `to ${meta.name}`;
   byId("seek").value = state.fraction;
-  byId("chapters").querySelectorAll("button").forEach((button, k) => button.classList.toggle("current", k === now.operation));
+  markChapter(now.operation);
+}
+
+// Joints as the control shows them in machine coordinates, by their letters.
+function jointsText(joints) {
+  const rows = machine.letters.map((letter, k) => [letter, joints[k]]), isLength = letter => "XYZ".includes(letter);
+  rows.sort((a, b) => isLength(b[0]) - isLength(a[0]) || (a[0] < b[0] ? -1 : 1));
+  return rows.map(([letter, value]) => letter + (Math.abs(value) < 5e-4 ? 0 : value).toFixed(3).padStart(isLength(letter) ? 9 : 8, "\u00a0")).join("  ");
 }
 
 // Ticks on a scale from its quarter points, in micrometres.
@@ -746,39 +929,56 @@ function showScale() {
   byId("feed-high").textContent = `${current.meta.path.feedMax.toFixed(0)} mm/min`;
 }
 
-// One button an operation, with its colour: the chapters of the program.
+// One button an operation of the program, with its colour: its chapters.
 function showChapters() {
-  const list = byId("chapters"), marks = byId("marks");
+  const list = byId("chapters"), marks = byId("marks"), { motion } = current;
+  const numbers = motion ? motion.meta.setups : [current.number];
   list.replaceChildren();
   marks.replaceChildren();
-  current.meta.operations.forEach(operation => {
-    const start = duration() ? operation.startSeconds / duration() : 0;
-    const button = document.createElement("button"), swatch = document.createElement("i");
-    const name = document.createElement("b"), note = document.createElement("span");
-    swatch.style.background = operation.colour;
-    name.textContent = operation.name;
-    note.textContent = `${operation.tool}, ${operation.time}`;
-    button.append(swatch, name, note);
-    button.disabled = operation.startSeconds < 0;
-    button.onclick = () => { watchStock(); seek(start); };
-    list.append(button);
-    const mark = document.createElement("i");
-    mark.style.left = `${start * 100}%`;
-    mark.style.background = operation.colour;
-    if (!button.disabled) marks.append(mark);
-  });
+  for (const number of numbers)
+    for (const operation of scene.setups[number].operations) {
+      const seconds = motion ? motion.whenOwn(number, operation.startSeconds) : operation.startSeconds;
+      const start = duration() && seconds !== null ? seconds / duration() : 0;
+      const button = document.createElement("button"), swatch = document.createElement("i");
+      const name = document.createElement("b"), note = document.createElement("span");
+      swatch.style.background = operation.colour;
+      name.textContent = numbers.length > 1 ? `${scene.setups[number].name}: ${operation.name}` : operation.name;
+      note.textContent = `${operation.tool}, ${operation.time}`;
+      button.append(swatch, name, note);
+      button.disabled = operation.startSeconds < 0;
+      button.onclick = () => { watchStock(); seek(start); };
+      list.append(button);
+      const mark = document.createElement("i");
+      mark.style.left = `${start * 100}%`;
+      mark.style.background = operation.colour;
+      if (!button.disabled) marks.append(mark);
+    }
+}
+
+// The button of what is being done.
+function markChapter(operation) {
+  const numbers = current.motion ? current.motion.meta.setups : [current.number];
+  const before = numbers.slice(0, numbers.indexOf(current.number)).reduce((n, k) => n + scene.setups[k].operations.length, 0);
+  byId("chapters").querySelectorAll("button").forEach((button, k) => button.classList.toggle("current", operation >= 0 && k === before + operation));
 }
 
 // ---------------------------------------------------------------- controls
 
+// Another setup: of the program that is shown its end, of another one the same share of its time.
 async function chooseSetup(number) {
-  if (!LOADED_SETUPS.has(number)) LOADED_SETUPS.set(number, loadSetup(number));
-  current = await LOADED_SETUPS.get(number);
+  await loaded(number);
+  const isSameProgram = current && current.motion && current.motion === READY.get(number).motion;
+  showSetup(number);
+  seek(isSameProgram ? current.motion.endOf(number) / duration() : state.fraction);
+}
+
+function showSetup(number) {
+  current = READY.get(number);
   state.setup = number;
+  byId("setup").value = number;
   colourPath();
   showChapters();
   showScale();
-  seek(state.fraction);
 }
 
 function setPlaying(isPlaying) {
@@ -847,19 +1047,54 @@ function bindControls() {
   byId("play").onclick = togglePlay;
   byId("speed").onchange = event => { state.speed = Number(event.target.value); };
   document.querySelectorAll("[data-view]").forEach(button => { button.onclick = () => showView(button.dataset.view); });
-  document.querySelectorAll("[data-place]").forEach(button => { button.onclick = () => lookAt(JSON.parse(button.dataset.place)); });
+  document.querySelectorAll("[data-finding]").forEach(button => { button.onclick = () => goToFinding(JSON.parse(button.dataset.finding)); });
+  bindMachine();
   bindKeys();
   bindPointer();
   new ResizeObserver(() => { isDirty = true; }).observe(canvas);
   matchMedia("(prefers-color-scheme: dark)").onchange = () => { isDirty = true; };
 }
 
+function bindMachine() {
+  byId("machine-box").hidden = !machine;
+  if (!machine) return;
+  document.querySelectorAll("input[name=stands]").forEach(radio => { radio.onchange = () => setStands(radio.value); });
+  byId("bodies").onchange = event => setBodies(event.target.checked);
+  byId("see-through").onchange = event => { state.seeThrough = event.target.checked; isDirty = true; };
+  byId("region").onchange = event => { setRegion(event.target.value); showView("iso"); };
+}
+
+// Time of a line in the shown program, where several moves have it of the one nearest to a place; null: it moves nothing.
+function secondsOfLine(line, place) {
+  const { path, motion } = current, far = row => Math.hypot(...subtract(path.positions.subarray(3 * row, 3 * row + 3), place));
+  let best = -1;
+  for (let row = 0; row < path.count; row++)
+    if (path.line[row] === line && (best < 0 || !place || far(row) < far(best))) best = row;
+  if (best < 0) return motion ? motion.whenLine(line) : null;
+  return motion ? motion.whenOwn(current.number, path.seconds[best]) : path.seconds[best];
+}
+
+const BEFORE_S = 4e-4;        // times are whole milliseconds: the block that ends there is still the one shown
+
+// To the block of a finding, and its place into the middle.
+async function goToFinding({ setup, line, file, place }) {
+  const number = scene.setups.findIndex(s => s.name === setup);
+  if (number >= 0) {
+    await chooseSetup(number);
+    const seconds = line ? secondsOfLine(line + (current.meta.linesBefore[file] || 0), place) : null;
+    if (seconds !== null && duration()) seek((seconds - BEFORE_S) / duration());
+  }
+  if (place) lookAt(place);
+  byId("view").scrollIntoView({ block: "nearest" });
+}
+
 // Brings a place of a finding into the middle, close.
 function lookAt(place) {
-  state.target = place;
+  if (machine) setRegion("work");
+  const frames = framesNow();
+  state.target = subtract(apply(frames.design, place), anchorOf(frames));
   state.halfHeight = 0.12 * Math.hypot(...subtract(scene.box[1], scene.box[0]));
   isDirty = true;
-  byId("view").scrollIntoView({ block: "nearest" });
 }
 
 const KEYS = {
@@ -871,6 +1106,7 @@ const KEYS = {
   1: () => showView("iso"), 2: () => showView("top"), 3: () => showView("front"), 4: () => showView("right"),
   5: () => showView("back"), 6: () => showView("left"), 7: () => showView("bottom"),
   s: () => setSurface("stock"), r: () => setSurface("rest"), d: () => setSurface("deviation"), b: () => setSurface("design"),
+  m: () => { if (machine) setStands(state.stands === "part" ? "machine" : "part"); },
   p: () => setPaths({ none: "all", all: "done", done: "none" }[state.paths]),
 };
 
@@ -950,7 +1186,7 @@ window.__view = {
   state, showView,
   seek: fraction => { seek(fraction); fitCanvas(); draw(); },
   set: changes => { Object.assign(state, changes); setSurface(state.surface); setPaths(state.paths); colourPath(); fitCanvas(); draw(); },
-  chooseSetup,
+  chooseSetup, setStands, setRegion, goToFinding, framesNow,
 };
 
 async function start() {
@@ -959,6 +1195,7 @@ async function start() {
   programs = Object.fromEntries(Object.entries(SHADERS).map(([name, texts]) => [name, compileProgram(texts)]));
   document.body.classList.remove("no-view");
   design = await loadDesign();
+  if (machine) machineParts = await loadMachine();
   makePins();
   bindControls();
   await chooseSetup(0);

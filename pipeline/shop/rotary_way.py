@@ -37,6 +37,7 @@ from cuspline.values.errors import PostError
 from cuspline.values.rows import X, Y, Z
 
 SAME_RAD = 1e-7             # two ways to compute one angle, near a pole
+OFF_CUT = 1e-6              # of a rewind in the cut counts one beside it
 NOT_ROTARY = 1.0            # speed of a rotary that is not there
 QUARTER = np.pi / 2
 ONE, TWO, SIGN = range(3)   # columns of states: angles of rotaries 1 and 2, branch
@@ -65,7 +66,7 @@ class RotaryWay:
     bearings: np.ndarray        # (n, 5) see kinematics.bearings_of
 
 
-def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD, rows=None):
+def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD, rows=None, off_cut=None):
     """Angles of the rotaries over a list of axes.
 
     Args:
@@ -74,8 +75,9 @@ def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD, rows=None):
         start: (rotaries,) where they stand before, rad; left out: at 0.
         pole_rad: an axis, or a passage, this close to a pole goes through it.
         rows: (n,) what the rows are called in messages; left out: counted from 0.
+        off_cut: (n,) bool, the tool is out of the cut on the way to the row: a rewind there is no harm; left out: nowhere.
     Returns:
-        RotaryWay.
+        RotaryWay, with the fewest rewinds in the cut, then beside it.
     Raises:
         PostError: an axis that the rotaries cannot take, or that is beyond their ranges, by row, axis and value; two
             axes that point against each other, between which every way is as short.
@@ -92,8 +94,9 @@ def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD, rows=None):
     low, high, speed = _padded(chain.low, -np.inf), _padded(chain.high, np.inf), _padded(chain.speed, NOT_ROTARY)
     _refuse_out_of_range(chain, angles, is_pole, names)
     begin = for_kernel(np.append(() if start is None else start, np.zeros(2))[:2])
+    weight = for_kernel(np.where(off_cut, OFF_CUT, 1.0) if off_cut is not None else np.ones(len(axes)))
     found, sign, is_rewind = _shortest(Ranges(count, wrist.zero, low, high, speed, begin), bearings,
-                                       for_kernel(is_pole, np.bool_), for_kernel(passes, np.bool_))
+                                       for_kernel(is_pole, np.bool_), for_kernel(passes, np.bool_), weight)
     found = np.where(np.abs(found - np.clip(found, low, high)) <= LIMIT_SLACK, np.clip(found, low, high), found)[:, :count]
     _refuse_pole_beyond(chain, found, is_pole, names)
     return RotaryWay(angles=found, sign=sign, is_pole=is_pole, passes_pole=passes, rewinds=np.flatnonzero(is_rewind),
@@ -245,13 +248,13 @@ def _pole_between(before, row, bearings, passes):
 
 
 @njit
-def _shortest(r, bearings, is_pole, passes):
-    """Angles (n, 2), signs (n,), rewinds (n,); rows on poles are filled in after the others."""
+def _shortest(r, bearings, is_pole, passes, weight):
+    """Angles (n, 2), signs (n,), rewinds (n,); rows on poles are filled in after the others.   weight: (n,) of a rewind."""
     n = len(bearings)
     angles, signs, is_rewind = np.zeros((n, 2)), np.ones(n), np.zeros(n, np.bool_)
     anchors = np.flatnonzero(~is_pole)
     if r.count and len(anchors):
-        last, came = _best_way(r, anchors, bearings, passes)
+        last, came = _best_way(r, anchors, bearings, passes, weight)
         _follow(r, anchors, came, last, bearings, passes, angles, signs, is_rewind)
     if r.count:
         _fill_poles(r, anchors, bearings, is_pole, angles, signs)
@@ -259,7 +262,7 @@ def _shortest(r, bearings, is_pole, passes):
 
 
 @njit
-def _best_way(r, anchors, bearings, passes):
+def _best_way(r, anchors, bearings, passes, weight):
     """The best state of the last row beside poles, and (n, states) the best state before each."""
     states = r.count * _turns(r.low[ONE], r.high[ONE]) * _turns(r.low[TWO], r.high[TWO])
     came = np.zeros((len(anchors), states), np.int32)
@@ -279,7 +282,7 @@ def _best_way(r, anchors, bearings, passes):
                 if np.isnan(now[s, ONE]) or travel[t] == np.inf:
                     continue
                 is_rewind = _step(was[t], now[s], bearings[before], bearings[row], pole, r.low, step)
-                count, seconds = rewinds[t] + is_rewind, travel[t] + _seconds(step[ONE], step[TWO], r.speed)
+                count, seconds = rewinds[t] + is_rewind * weight[row], travel[t] + _seconds(step[ONE], step[TWO], r.speed)
                 if _is_better(count, seconds, next_rewinds[s], next_travel[s]):
                     next_rewinds[s], next_travel[s], came[i, s] = count, seconds, t
         rewinds, travel = next_rewinds, next_travel

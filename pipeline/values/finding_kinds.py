@@ -53,7 +53,7 @@ KINDS = {
             "Lift the rapid by the amount that is named, or go there at feed. A machine's file may state another "
             "`rapid_clearance_mm`."),
         "holder_contact": (
-            "holder or spindle housing come too near to stock or part",
+            "holder, spindle housing or head come too near to stock or part",
             "A ball of 6 mm with 20 mm stick-out works at the foot of a wall 30 mm high.",
             "More stick-out by at least the amount that is named, a slimmer holder, or a longer cutter."),
         "shank_contact": (
@@ -61,9 +61,10 @@ KINDS = {
             "A slot deeper than the flutes are long, cut by a cutter whose shank is as wide as its flutes.",
             "A cutter with longer flutes, more reach or a thinner neck; or rough the region before."),
         "fixture_contact": (
-            "the tool touches a fixture or the machine's table",
-            "A link between two passes runs through a clamp that the setup names under `fixtures`.",
-            "Move the clamp, raise the part on the table, or lift the path over it."),
+            "the tool or the machine's head touch a fixture, the table or what carries it",
+            "A link between two passes runs through a clamp that the setup names under `fixtures`; a head that leans comes "
+            "down on the table beside the part.",
+            "Move the clamp, raise the part on the table, lift the path over it, or take a longer tool."),
         "clearance_not_proven": (
             "a contact is neither shown nor excluded",
             "A shank passes so close to a fin of stock thinner than 0.0005 mm that no bound decides it.",

@@ -41,23 +41,21 @@ class Finding:
         return length(self.amount_mm) if self.amount_mm else ""
 
 
-def located(findings, posted, blocks, frame, wcs_origin_mm, tool_offsets_mm):
+def located(findings, posted, blocks, axes_at):
     """Findings of one program with the machine's axes at their places, the text and the calls of their lines.
 
     The axes are given as the control shows them in machine coordinates while the tip of the tool that the line cuts
-    with stands at the place: part, through the setup's frame into the WCS, through the offset that is in force on that line.
+    with stands at the place.
 
     Args:
         findings: Finding values.
         posted: PostedMoves.   blocks: the program's lines.
-        frame: the WCS seen from the part.
-        wcs_origin_mm: (3,) of the machine, for lines that leave an axis unknown.
-        tool_offsets_mm: {tool number: offset (x, y, z)}.
+        axes_at: function (row, place in part coordinates) to X, Y and Z (3,), as `axes_upright` makes one.
     """
-    return tuple(_located(f, posted, blocks, frame, wcs_origin_mm, tool_offsets_mm) for f in findings)
+    return tuple(_located(f, posted, blocks, axes_at) for f in findings)
 
 
-def _located(finding, posted, blocks, frame, wcs_origin_mm, tool_offsets_mm):
+def _located(finding, posted, blocks, axes_at):
     block = blocks[finding.line - 1].strip() if 0 < finding.line <= len(blocks) else ""
     rows = np.flatnonzero(posted.line == finding.line) if finding.line and finding.row < 0 else [finding.row]
     if not len(rows) or rows[-1] < 0:
@@ -66,8 +64,19 @@ def _located(finding, posted, blocks, frame, wcs_origin_mm, tool_offsets_mm):
     finding = replace(finding, block=block, call_line=int(posted.call_line[row]))
     if finding.place_mm is None:
         return finding
-    axes = frame.into(np.array([finding.place_mm]))[0] + _offset_mm(posted, row, wcs_origin_mm, tool_offsets_mm)
+    axes = axes_at(row, np.array(finding.place_mm))
     return replace(finding, machine_mm=tuple(float(x) for x in axes.round(6)))
+
+
+def axes_upright(posted, frame, wcs_origin_mm, tool_offsets_mm):
+    """For `located`, where no rotary axis turns: part, through the setup's frame into the WCS, through the offsets in force.
+
+    Args:
+        posted: PostedMoves.   frame: the WCS seen from the part.
+        wcs_origin_mm: (3,) of the machine, for lines that leave an axis unknown.
+        tool_offsets_mm: {tool number: offset (x, y, z)}.
+    """
+    return lambda row, place_mm: frame.into(place_mm[None])[0] + _offset_mm(posted, row, wcs_origin_mm, tool_offsets_mm)
 
 
 def _offset_mm(posted, row, wcs_origin_mm, tool_offsets_mm):

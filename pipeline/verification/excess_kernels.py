@@ -22,7 +22,7 @@ from cuspline.stock.tilted_tree import one_distance
 from cuspline.stock.tree import CORNER_RADIUS, FIRST_PIECE, FLAT_RADIUS, PIECES
 from cuspline.surfaces.enclosures import S_HIGH, S_LOW, T_HIGH, T_LOW
 from cuspline.surfaces.face_pieces import ACROSS, INSIDE, OUTSIDE, trim_state
-from cuspline.surfaces.offset_pieces import MIDDLE, OFF_BY, SIDE_S, SIDE_T, offset_of_piece
+from cuspline.surfaces.offset_pieces import MIDDLE, OFF_BY, SHIFT, SIDE_S, SIDE_T, offset_of_piece
 from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, OF_FACE, U_HIGH, U_LOW, V_HIGH, V_LOW, U, V
 from cuspline.surfaces.trims import is_inside
 from cuspline.values.compiled import njit
@@ -39,6 +39,7 @@ ROOM = 160                # cells given up in one root
 ROOTS = 16                # a thread proves at a time
 BEYOND = 1.5              # pieces are looked for this far out at corners
 LIFT_MM = 1.0
+THIN = 16.0               # sides of a cell: beyond this ratio the longer one is halved
 DEEPEST = 48              # halvings
 STEEP = 0.05              # an arc whose tangent is steeper than 1 in this is taken for the one place that is nearest
 
@@ -97,27 +98,34 @@ def _convex_distance(x, y, z, piece, line, tool, world, search):
 
 
 @njit
+def _made_convex(piece, x, y, z, world, line):
+    """Radii of the tool of an upright piece, and what stands for it near a place into line; zeros for others."""
+    geometry, tools = world[0], world[3]
+    if piece >= len(geometry):
+        return np.zeros(2)
+    tool = tools[_tool_of(piece, world)]
+    _straightened(geometry[piece], tool[CORNER_RADIUS], x, y, z, line)
+    return tool
+
+
+@njit
 def _corner_distances(cell, near, world, search, line, corners):
     """Distances of a cell's four corners to the pieces remembered that reach into it: (NEAR, 4) filled, how many."""
-    geometry, tools = world[0], world[3]
     reach, count = 0.0, 0
-    none = np.zeros(2)
+    x, y, z = cell[MIDDLE + X] + cell[SHIFT + X], cell[MIDDLE + Y] + cell[SHIFT + Y], cell[MIDDLE + Z] + cell[SHIFT + Z]
     for i in range(2):
         a = cell[3 + 3 * i:6 + 3 * i]
         reach += math.sqrt(a[X] * a[X] + a[Y] * a[Y] + a[Z] * a[Z])
     for i in range(near[COUNT]):
         piece = near[REMEMBERED + i]
-        tool = none
-        if piece < len(geometry):
-            tool = tools[_tool_of(piece, world)]
-            _straightened(geometry[piece], tool[CORNER_RADIUS], cell[MIDDLE + X], cell[MIDDLE + Y], cell[MIDDLE + Z], line)
-        if _convex_distance(cell[MIDDLE + X], cell[MIDDLE + Y], cell[MIDDLE + Z], piece, line, tool, world, search) > reach:
+        tool = _made_convex(piece, x, y, z, world, line)
+        if _convex_distance(x, y, z, piece, line, tool, world, search) > reach:
             continue
         for j in range(4):
             s, t = (1.0 if j & 1 else -1.0), (1.0 if j & 2 else -1.0)
-            corners[count, j] = _convex_distance(cell[MIDDLE + X] + s * cell[SIDE_S + X] + t * cell[SIDE_T + X],
-                                                 cell[MIDDLE + Y] + s * cell[SIDE_S + Y] + t * cell[SIDE_T + Y],
-                                                 cell[MIDDLE + Z] + s * cell[SIDE_S + Z] + t * cell[SIDE_T + Z], piece,
+            corners[count, j] = _convex_distance(x + s * cell[SIDE_S + X] + t * cell[SIDE_T + X],
+                                                 y + s * cell[SIDE_S + Y] + t * cell[SIDE_T + Y],
+                                                 z + s * cell[SIDE_S + Z] + t * cell[SIDE_T + Z], piece,
                                                  line, tool, world, search)
         count += 1
     return count
@@ -196,13 +204,13 @@ def least_largest(corners, count, enough, mean):
 
 @njit
 def _into(frame, cell):
-    """Middle and half sides of a cell (9,) seen from a frame: rotation (3, 3) over origin (3,)."""
+    """Middle, half sides and shift of a cell (12,) seen from a frame: rotation (3, 3) over origin (3,)."""
     x, y, z = (cell[MIDDLE + X] - frame[ORIGIN, X], cell[MIDDLE + Y] - frame[ORIGIN, Y],
                cell[MIDDLE + Z] - frame[ORIGIN, Z])
-    for i in range(3):
+    for i in range(4):
         for k in range(3):
             cell[3 * i + k] = x * frame[X, k] + y * frame[Y, k] + z * frame[Z, k]
-        if i < 2:
+        if i < 3:
             x, y, z = cell[3 * i + 3], cell[3 * i + 4], cell[3 * i + 5]
 
 
@@ -264,11 +272,48 @@ def _state(trims, face, span, box, place):
 
 
 @njit
-def _cuts_second(cell, box):
-    """Whether the second of a cell's sides is to be halved: the longer one, in parameters where none has a length."""
-    a = cell[SIDE_S + X] * cell[SIDE_S + X] + cell[SIDE_S + Y] * cell[SIDE_S + Y] + cell[SIDE_S + Z] * cell[SIDE_S + Z]
-    b = cell[SIDE_T + X] * cell[SIDE_T + X] + cell[SIDE_T + Y] * cell[SIDE_T + Y] + cell[SIDE_T + Z] * cell[SIDE_T + Z]
-    return b > a if a + b > 0.0 else box[T_HIGH] - box[T_LOW] > box[S_HIGH] - box[S_LOW]
+def _half_side(cell, side):
+    return math.sqrt(cell[side + X] * cell[side + X] + cell[side + Y] * cell[side + Y] + cell[side + Z] * cell[side + Z])
+
+
+@njit
+def _sags(cell, near, world, search, line):
+    """How far the distance to the nearest piece remembered sags below a straight line along each side of a cell."""
+    x, y, z = cell[MIDDLE + X] + cell[SHIFT + X], cell[MIDDLE + Y] + cell[SHIFT + Y], cell[MIDDLE + Z] + cell[SHIFT + Z]
+    best, least = -1, math.inf
+    for i in range(near[COUNT]):
+        piece = near[REMEMBERED + i]
+        tool = _made_convex(piece, x, y, z, world, line)
+        d = _convex_distance(x, y, z, piece, line, tool, world, search)
+        if d < least:
+            best, least = piece, d
+    if best < 0:
+        return 0.0, 0.0
+    tool = _made_convex(best, x, y, z, world, line)
+    s = t = -least
+    for end in (-1.0, 1.0):
+        s += 0.5 * _convex_distance(x + end * cell[SIDE_S + X], y + end * cell[SIDE_S + Y],
+                                    z + end * cell[SIDE_S + Z], best, line, tool, world, search)
+        t += 0.5 * _convex_distance(x + end * cell[SIDE_T + X], y + end * cell[SIDE_T + Y],
+                                    z + end * cell[SIDE_T + Z], best, line, tool, world, search)
+    return s, t
+
+
+@njit
+def _cuts_second(cell, box, near, world, search, line):
+    """Whether the second of a cell's sides is to be halved.
+
+    The one along which the distance to the nearest piece sags more, across a pass; the longer one where the face itself is
+    farther from flat, or that is thin already; in parameters where none has a length.
+    """
+    a, b = _half_side(cell, SIDE_S), _half_side(cell, SIDE_T)
+    if a + b == 0.0:
+        return box[T_HIGH] - box[T_LOW] > box[S_HIGH] - box[S_LOW]
+    if cell[OFF_BY] < math.inf and max(a, b) < THIN * min(a, b):
+        s, t = _sags(cell, near, world, search, line)
+        if max(s, t) > cell[OFF_BY]:
+            return t > s
+    return b > a
 
 
 @njit
@@ -283,7 +328,7 @@ def _prove_root(surface, trims, frame, world, patch, root, height_mm, floor_mm, 
     near[COUNT], near[OLDEST] = 0, 0
     search = scratch()
     todo, deep = np.empty((DEEPEST + 2, 4)), np.zeros(DEEPEST + 2, np.int64)
-    whole, cell, box = np.zeros(DEEPEST + 2, np.bool_), np.empty(10), np.empty(4)
+    whole, cell, box = np.zeros(DEEPEST + 2, np.bool_), np.empty(13), np.empty(4)
     put(todo[0], root)
     top, cells, given = 1, 0, 0
     while top > 0 and given <= ROOM:
@@ -295,7 +340,6 @@ def _prove_root(surface, trims, frame, world, patch, root, height_mm, floor_mm, 
             continue
         cells += 1
         offset_of_piece(coefficients, row, sign[row[OF_FACE]], height_mm, box, room_of_cell, cell)
-        second = _cuts_second(cell, box)
         _into(frame, cell)
         proven, above = False, 0.0
         if cell[OFF_BY] < math.inf:
@@ -305,10 +349,7 @@ def _prove_root(surface, trims, frame, world, patch, root, height_mm, floor_mm, 
         on_face = state == INSIDE
         if not on_face and above > 0.0:
             on_face = is_inside(trims, row[OF_FACE], place[U], place[V])
-        a = math.sqrt(cell[SIDE_S + X] * cell[SIDE_S + X] + cell[SIDE_S + Y] * cell[SIDE_S + Y]
-                      + cell[SIDE_S + Z] * cell[SIDE_S + Z])
-        b = math.sqrt(cell[SIDE_T + X] * cell[SIDE_T + X] + cell[SIDE_T + Y] * cell[SIDE_T + Y]
-                      + cell[SIDE_T + Z] * cell[SIDE_T + Z])
+        a, b = _half_side(cell, SIDE_S), _half_side(cell, SIDE_T)
         small = 2.0 * max(a, b) <= floor_mm or depth >= DEEPEST
         if small and above == 0.0 and _is_deep_in_one(cell, near, world, search, line, corners, mean):
             continue
@@ -319,7 +360,7 @@ def _prove_root(surface, trims, frame, world, patch, root, height_mm, floor_mm, 
                 out[given, ON_BORDER], out[given, AREA] = state == ACROSS, 4.0 * a * b
             given += 1
             continue
-        low = 2 if second else 0
+        low = 2 if _cuts_second(cell, box, near, world, search, line) else 0
         middle = (box[low] + box[low + 1]) / 2
         for half in range(2):
             put(todo[top], box)

@@ -9,7 +9,8 @@ its parts are.  A middle that is not cut away is a place that stands higher: it 
 What is left without a proof, and counted: cells whose middle is excess, or cannot be reached; cells as small as
 FLOOR_MM, which lie at rims where passes end with the face, round excess, at poles, and where what two clampings have
 cut meets (each is asked alone).  A proof knows upright ball, bull nose and flat cutters, any cutter while its axis keeps its
-direction, and the ball of a ball cutter however it turns, not what others cut.  Pieces of path lie off the posted path by its `error_mm`.
+direction, and the ball of a ball cutter however it turns, not what others cut.
+Pieces of path lie off the posted path by its `error_mm`.
 """
 
 from dataclasses import dataclass, replace
@@ -25,6 +26,7 @@ SHARE = 0.01              # the height proven is higher than the highest place k
 SLACK_MM = 1e-4           # and by this
 ROOT_MM = 0.4             # reach of the first cells
 BORDER_MM = 0.1           # cells whose middle cannot be reached are not halved below this
+SPLIT_MM = 0.02           # cells of which one clamping has cut a part and another the rest are not halved below this
 NOISE_MM = 1e-6           # a height is exceeded only by more than this
 ROUNDS = 60               # of raising the height, and of halving what cannot be reached
 BATCH = 4000              # roots that there is room for at a time
@@ -123,9 +125,17 @@ class _Search:
 
     def run(self, cuts, known_mm):
         self.height = self._raised(known_mm)
-        todo = self._roots()
-        for k, cut in enumerate(cuts):
-            todo = self._proven_by(cut, todo, k == len(cuts) - 1)
+        todo, failed_at, kept = self._roots(), self.height, []
+        for _ in range(ROUNDS if len(todo) else 0):
+            for cut in cuts:
+                todo = self._proven_by(cut, todo)
+            todo, failed_at, rose = _Cells.joined([*kept, todo]), self.height, self.height > failed_at
+            wide = (todo.reason == ABOVE) & (todo.area_mm2 > SPLIT_MM ** 2) & (len(cuts) > 1)
+            kept = [] if rose else [todo.only(~wide)]
+            todo = _Cells.joined([todo.only(wide).halved(), *([todo.only(~wide)] if rose else [])])
+            if not len(todo):
+                break
+        self._count(_Cells.joined([*kept, todo]))
         places, amounts = (np.concatenate(column) for column in zip((np.zeros((0, 3)), np.zeros(0)), *self.higher))
         return ExcessProof(height_mm=self.height, cells=self.cells, higher_mm=places, amount_mm=amounts,
                            unproven_mm2={name: round(area, 6) for name, area in self.areas.items()})
@@ -142,8 +152,8 @@ class _Search:
         none = np.zeros(len(patch))
         return _Cells(patch=patch, box=box, reason=none, is_rim=none.astype(bool), area_mm2=none)
 
-    def _proven_by(self, cut, todo, is_last):
-        """Cells that this cut proves nothing of; of the last one: none, they are counted."""
+    def _proven_by(self, cut, todo):
+        """Cells that this cut does not prove."""
         world, failed, failed_at = world_of(cut.paths), [], self.height
         frame = np.vstack([cut.frame.rotation, cut.frame.origin_mm])
         for _ in range(ROUNDS if len(todo) else 0):
@@ -155,10 +165,7 @@ class _Search:
                 todo, failed, failed_at = _Cells.joined(failed), [], self.height
             if not len(todo):
                 break
-        left = _Cells.joined([*failed, todo])
-        if is_last:
-            self._count(left)
-        return left
+        return _Cells.joined([*failed, todo])
 
     def _given_up(self, frame, world, todo):
         """Cells that could not be proven, and roots of too many of them."""
@@ -176,20 +183,23 @@ class _Search:
                       area_mm2=found[:, 6]), todo.only(crowded)
 
     def _judged(self, given):
-        """Cells to be tried again, and cells to be left."""
-        above = np.flatnonzero(given.reason == ABOVE)
-        high, rest = given.only(above), given.only(given.reason != ABOVE)
-        points, normals = self._middles(high)
-        d, fair = self.deviation_of(points, normals), self.is_reachable(points, normals)
-        excess = fair & (d > self.allowed + NOISE_MM)
+        """Cells to be tried again, and cells to be left.
+
+        The height rises with every middle: a peak narrower than the smallest cells may have no other within it.
+        """
+        points, normals = self._middles(given)
+        above, d, fair = given.reason == ABOVE, np.full(len(given), -np.inf), np.zeros(len(given), bool)
+        known = np.flatnonzero(np.isfinite(normals).all(axis=1))
+        d[known], fair[known] = self.deviation_of(points[known], normals[known]), self.is_reachable(points[known], normals[known])
+        excess = above & fair & (d > self.allowed + NOISE_MM)
         self.higher.append((points[excess], d[excess]))
-        self.areas["excess"] += float(high.area_mm2[excess].sum())
-        raises = fair & ~excess & (d > self.height - NOISE_MM)
-        self.height = max(self.height, self._raised(d[raises].max(initial=0.0)))
-        again = raises | (~fair & (high.area_mm2 > BORDER_MM ** 2))
-        self.areas["unreachable"] += float(high.area_mm2[~fair & ~again].sum())
-        beyond = high.only(~fair & again).halved()
-        return _Cells.joined([high.only(raises), beyond]), _Cells.joined([rest, high.only(fair & ~excess & ~raises)])
+        self.areas["excess"] += float(given.area_mm2[excess].sum())
+        raises = above & fair & ~excess & (d > self.height - NOISE_MM)
+        self.height = max(self.height, self._raised(d[fair & ~excess].max(initial=0.0)))
+        again = above & ~fair & (given.area_mm2 > BORDER_MM ** 2)
+        self.areas["unreachable"] += float(given.area_mm2[above & ~fair & ~again].sum())
+        return (_Cells.joined([given.only(raises), given.only(again).halved()]),
+                given.only(~raises & ~excess & (fair | ~above)))
 
     def _middles(self, cells):
         """Points and outward normals (n, 3) in the middles of cells."""

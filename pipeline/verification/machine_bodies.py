@@ -1,6 +1,7 @@
 """What of a machine turns with the part or carries it, seen from the part: tables, trunnions, pallets.
 
-Only what rotary axes alone lie between: a body that X, Y or Z carry past the part stands elsewhere in every block.
+Only what rotary axes alone lie between: a body that X, Y or Z carry past the part stands elsewhere in every block, and is
+held against tool and part in body_clearance.py.
 """
 
 import numpy as np

@@ -4,6 +4,7 @@ Seen from the part the tool swings round it, seen from a trunnion it moves past 
 it comes stands for the stock: what has been cut is inside it; the stock of a program whose tool leans is the replay's.
 """
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -30,13 +31,15 @@ def turning_findings(positions, setups, job, tools):
     """
     moves, held, machine = positions.turning, setups[0], job.machine
     report, found = Reporter(moves, held.name, held.frame), [[] for _ in setups]
+    for finding in report.travel(machine):
+        found[positions.leads_to[finding.row]].append(finding)
     known = np.isfinite(moves.start_mm).all(axis=1) & np.isfinite(moves.end_mm).all(axis=1)
     at_top = moves.machine_end_mm[:, 2] >= machine.tool_change_height_mm - TRAVEL_MM       # where it all begins
     for row in np.flatnonzero(~known & ~at_top & (moves.tool > 0)):
         found[positions.leads_to[row]].append(report.finding("unknown_start", row, 0.0, moves.end_mm[row], UNKNOWN))
     rows = np.flatnonzero(known & (moves.kind == Kind.RAPID) & np.isin(moves.tool, list(tools)))
     if not len(rows):
-        return [tuple(f) for f in found]
+        return _without_rows(found, moves)
     way = _Way(moves, positions.turning_from_deg, rows, machine)
     fixed_to_part = _together([_blank(held, job), *(f.mesh for f in placed_fixtures(held, held.frame))])
     judge = partial(_near, report=report, tools=tools, machine=machine)
@@ -44,7 +47,18 @@ def turning_findings(positions, setups, job, tools):
     near += _past_bodies(way, rotary_links(machine), judge)
     for (position, _), finding in _worst(near, lambda row, f: (positions.leads_to[row], f.kind)).items():
         found[position].append(finding)
-    return [tuple(f) for f in found]
+    return _without_rows(found, moves)
+
+
+def _without_rows(found, moves):
+    """[tuple of Finding] a position, with the axes at the ends of their moves, whose rows are none of a position's own."""
+    return [tuple(at_end_of_move(f, moves) for f in of_position) for of_position in found]
+
+
+def at_end_of_move(finding, moves):
+    """A finding with the axes as they stand at the end of its move; what it is handed to counts other rows."""
+    axes = moves.machine_end_mm[finding.row]
+    return replace(finding, row=-1, machine_mm=tuple(axes.round(6).tolist()) if np.isfinite(axes).all() else None)
 
 
 def swinging_findings(moves, setup, job, tools):

@@ -23,13 +23,15 @@ RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"arc distance", "path 
               takes_own_length=False, moves_z_alone=True, path_tolerance_mm=nan)
 
 
-def read_program(text, *, work_offsets, tool_lengths):
+def read_program(text, *, work_offsets, tool_lengths, chain=None):
     """The moves of a Fanuc program.
 
     Args:
         text: the whole file: %, the main program, its sub-programs, %.
         work_offsets: {"G54": (x, y, z)} machine coordinates of each WCS origin, mm.
         tool_lengths: {number: length offset, mm}; the control's offset number is the tool's.
+        chain: kinematics.Chain of a machine with rotary axes, see rs274_reader; under G43.4 X Y Z are the tip, in axes that
+            go with the table from where it stands with the rotaries at 0.
     Returns:
         PostedMoves.
     Raises:
@@ -41,7 +43,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     ([9.0, 2.0, 3.0], [4, 8])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain)
     if controller.run(executed(blocks)) is None:
         raise refusal(Complaint("the text stops without a program end", "end the main program with M30"), blocks[-1])
     return controller.posted_moves()

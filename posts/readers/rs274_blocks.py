@@ -12,7 +12,7 @@ WORD = re.compile(r"([a-mp-z])([+-]?(?:\d+\.?\d*|\.\d+))")
 PLAIN = re.compile(rf"(?:n[\d.]+)?((?:{WORD.pattern})*)")
 COMMENT = re.compile(r"\(([^()]*)\)|;(.*)")
 O_WORD = re.compile(r"(?:n[\d.]+)?o(\d+|<[^<>]+>)(sub|endsub|call|return|)(.*)")
-LETTERS = frozenset("xyzabcijkrpqhfstgm")
+LETTERS = frozenset("xyzabcijkrpqelhfstgm")
 MOST_CALLED = 2_000_000     # blocks out of sub-programs: ten hours of them, at fifty a second
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cuspline.posts.readers.rs274_expressions import Complaint
 
-ORDER = ("feed mode", "feed", "speed", "select tool", "tool change", "spindle", "coolant", "plane",
+ORDER = ("kinematics", "tilted plane", "feed mode", "feed", "speed", "select tool", "tool change", "spindle", "coolant", "plane",
          "units", "cutter compensation", "tool length", "work offset", "path control", "corner mode", "distance",
          "reference", "arc distance", "canned cycle", "non-modal", "motion", "move", "stopping")
 
@@ -53,6 +53,10 @@ BY_NAME = {
     **named_codes("spindle", "M3", "M4", "M5"),
     **named_codes("tool change", "M6"),
     **named_codes("coolant", "M7", "M8", "M9"),
+    # LinuxCNC's switched kinematics: remapped, or by the output and the wait that these stand for
+    **named_codes("kinematics", "M428", "M429"),
+    **named_codes("kinematics", "M68", takes="eq"),
+    **named_codes("kinematics", "M66", takes="el"),
 }
 BY_LETTER = {"f": Code("F", "feed"), "s": Code("S", "speed"), "t": Code("T", "select tool")}
 MOVE = Code("move", "move")

@@ -5,7 +5,7 @@ It knows nothing of any post.  What it does not know it refuses, with the line a
 
 import re
 from array import array
-from math import hypot, inf, isfinite, nan, tau
+from math import hypot, inf, isfinite, nan, radians, tau
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from cuspline.posts.readers.rs274_tools import read_tool_table
 from cuspline.program.joint_sweeps import JointBlocks
 from cuspline.program.posted import PostedMoves, Remark, Stop
 from cuspline.program.program import Kind, Plane
+from cuspline.values import fixed_math as fixed
+from cuspline.values.frames import Frame
 
 __all__ = ["read_program", "read_tool_table"]
 
@@ -38,6 +40,7 @@ SAME_SHIFT_MM = 6e-4        # half the last of three decimals, and a little
 SAME_LENGTH_MM = 2e-5       # half the last of six decimals of an inch: a length written out is no nearer
 NO_OFFSET = (0.0, 0.0, 0.0)
 CYCLE_MM = 5e-4             # what one servo cycle adds to a blend at least; 0.33 um measured at 2500 mm/s^2
+PLANE_RAD = 1e-5            # between the tool and the normal of a tilted plane: rounded angles
 COLUMNS = 24                # numbers kept of a move
 RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True, moves_z_alone=False,
               path_tolerance_mm=inf)
@@ -83,6 +86,11 @@ class Controller:
         self.chain, self.rotaries = chain, () if chain is None else tuple(c.lower() for c in chain.rotaries)
         self.turned = self.turned_before = (nan,) * len(self.rotaries)      # degrees; where the move under way began
         self.minutes = 0.0                  # that it takes
+        self.is_tip = False                 # tool-centre-point control: X Y Z are the tip in the part, whatever the rotaries do
+        self.ends_tip = ""                  # word that ends it, beside the code that began it
+        self.asked_plane = None             # of G68.2, that G53.1 has not taken up
+        self.tilted = None                  # values.frames.Frame of a tilted plane in the WCS, between G68.2 and G69
+        self.asked_tip = None               # M68 has asked for it, M66 has not come yet
         self.moving = MOVING_LETTERS.union(self.rotaries)
         self.taken_by_motion = {"": TAKEN_ALWAYS | self.moving} | {
             code.name: TAKEN_ALWAYS | set("xyz") | set(self.rotaries) | code.takes
@@ -196,6 +204,7 @@ class Controller:
 
     def change_tool(self, name, values):
         """The tool selected last comes into the spindle, which stops; the length offset stays."""
+        self._refuse_under_tip(name)
         if self.selected is not None:
             self.tool = self.selected
         self.turning = 0
@@ -211,6 +220,8 @@ class Controller:
         if name == "G53" and not self.is_absolute:
             raise Complaint("G53 while G91 is active", "write G90 first")
         self.is_machine_move = name == "G53"
+        if self.is_machine_move:
+            self._refuse_under_tip(name)
         if name == "G4" and values.get("p", -1.0) < 0:
             raise Complaint("a dwell without its time", "write G4 P seconds")
         if name == "G52":
@@ -238,22 +249,103 @@ class Controller:
         self.unit_mm, self.bounds = (MM_PER_INCH, INCH_BOUNDS) if name == "G20" else (1.0, MM_BOUNDS)
 
     def set_length(self, name, values):
-        """G43, G43.1, G49: the machine stands still, the tip's coordinate changes."""
+        """G43, G43.1, G43.4, G49: the machine stands still, the tip's coordinate changes; G43.4 takes it under control."""
+        if name == "G49" and self.ends_tip == "G49":
+            self._switch(False)
+            self.ends_tip = ""
+        if self.tilted is None or name == "G43.4":
+            self._refuse_under_tip(name)
         old = self.tool_offset
-        self.length_of, self.tool_offset = {"G43": self._tool_offset, "G43.1": self._given_length,
+        self.length_of, self.tool_offset = {"G43": self._tool_offset, "G43.1": self._given_length, "G43.4": self._tool_offset,
                                             "G49": lambda values: (0, NO_OFFSET)}[name](values)
         self.is_length_on = self.length_of > 0 or name == "G43.1"
         self.tip = tuple(t + (a - b) for t, a, b in zip(self.tip, old, self.tool_offset))
         self._correct_programmed()
         self._compare_length()
+        if name == "G43.4":
+            self._switch(True)
+            self.ends_tip = "G49"
 
     def set_wcs(self, name, values):
         """The machine stands still, the tip's coordinates change."""
+        self._refuse_under_tip(name)
         if name != self.wcs:
             new = tuple(self.work_offsets.get(name, UNKNOWN))
             self.tip = tuple(t + (o - n) for t, o, n in zip(self.tip, self.offset, new))
             self.wcs, self.offset = name, new
             self.is_foreign_wcs = bool(self.work_offsets) and name not in self.work_offsets
+
+    def _refuse_under_tip(self, name):
+        if self.tilted is not None:
+            raise Complaint(f"{name} in a tilted plane: controls differ in what they do then", "write G69 before")
+        if self.is_tip:
+            raise Complaint(f"{name} under tool-centre-point control: controls differ in what they do then", "switch it off before")
+
+    def tilt_plane(self, name, values):
+        """G68.2 says where a tilted plane lies, G53.1 takes the tool to stand on it, G69 ends it.  Nothing moves.
+
+        X Y Z its zero, I J K its angles about Z, the new X and the new Z.  Which way G53.1 would turn the rotary axes is the
+        control's choice: they must stand so already.
+        """
+        if name == "G69":
+            if self.tilted is not None:
+                if self.is_length_on:
+                    raise Complaint("G69 while a tool length is in force", "write G49 before")
+                self.tip = tuple(self.tilted.out(np.array([self.tip]))[0].tolist())
+                self.tilted = None
+                self._switch(False)
+            return
+        if name == "G68.2":
+            if self.tilted is not None or self.is_tip or self.is_length_on or not self.rotaries:
+                raise Complaint("G68.2 in another tilted plane, under a tool length, or without rotary axes",
+                                "write G49 and G69 before; read with the machine's rotary axes")
+            if not set("xyzijk") <= values.keys():
+                raise Complaint("G68.2 without all of X Y Z I J K", "write its zero and its three angles")
+            self.asked_plane = _plane_of([values[c] * self._unit() for c in "xyz"], *(values[c] for c in "ijk"))
+            return
+        if self.asked_plane is None:
+            raise Complaint("G53.1 without a tilted plane", "write G68.2 before")
+        if not isfinite(sum(self.turned)):
+            raise Complaint("G53.1 while nobody knows where the rotary axes stand", "name every rotary axis by G53 G0 before")
+        axis = self.chain.forward([[0.0, 0.0, 0.0, *np.radians(self.turned)]])[1][0]
+        if np.abs(axis - self.asked_plane.rotation[:, 2]).max() > PLANE_RAD:
+            raise Complaint("G53.1 would turn the rotary axes, and which way is the control's choice",
+                            "name the angles that hold the tool square to the plane by G53 G0 before")
+        self._switch(True)
+        self.tilted, self.asked_plane = self.asked_plane, None
+        self.tip = tuple(self.tilted.into(np.array([self.tip]))[0].tolist())
+
+    def switch_kinematics(self, name, values):
+        """M428, M429; or M68 E3 Q1 (Q0) and M66 E0 L0, which waits until that is done.  The machine stands still."""
+        if name == "M68":
+            if values.get("e") != 3 or values.get("q") not in (0, 1):
+                raise Complaint("M68 for anything but the kinematics", "write M68 E3 Q1 or M68 E3 Q0")
+            self.asked_tip = values["q"] == 1
+        elif name == "M66":
+            if self.asked_tip is None or values.get("e") != 0 or values.get("l") != 0:
+                raise Complaint("M66 that waits for no change of kinematics", "write M66 E0 L0 behind M68 E3")
+            self._switch(self.asked_tip)
+            self.asked_tip = None
+        else:
+            self._switch(name == "M428")
+
+    def _switch(self, to_tip):
+        """The tip's coordinates as they are counted from here on."""
+        if not self.rotaries:
+            raise Complaint("tool-centre-point control without rotary axes", "take it out, or read with the machine's rotary axes")
+        if to_tip == self.is_tip:
+            return
+        if to_tip and not (self.is_length_on or self.asked_plane):
+            raise Complaint("tool-centre-point control without a tool length", "write G43 H with the tool's number before")
+        place, length = np.add(self.tip, self.offset if self.is_tip else self._shift()), self.tool_offset[2]
+        known = isfinite(sum(place) + sum(self.turned))
+        if known and to_tip:
+            place = self.chain.forward([[*place, *np.radians(self.turned)]], length)[0][0]
+        elif known:
+            place = self.chain.placed([place], [np.radians(self.turned)], length)[0, :3]
+        self.is_tip = to_tip
+        shift = self.offset if to_tip else self._shift()
+        self.tip = tuple(float(p - s) for p, s in zip(place, shift)) if known else UNKNOWN
 
     def set_path_control(self, name, values):
         """G61, G61.1, G64: blocks are joined within Q, which is P where it is left out, then blended.
@@ -274,6 +366,7 @@ class Controller:
 
     def go_home(self, name, values):
         """G28: rapid to the machine's reference, its zero, in the axes named; only from where they stand."""
+        self._refuse_under_tip(name)
         axes = [c for c in "xyz" if c in values]
         if not axes or self.is_absolute or any(values[c] for c in axes):
             raise Complaint("G28 by way of another place", "write G91 G28 Z0. (and X0. Y0.), then G90")
@@ -310,6 +403,12 @@ class Controller:
         if not self.motion:
             raise Complaint("axis words, but no G0 G1 G2 G3 is active", "write the motion code in this block")
         kind, start = KINDS[self.motion], self.tip
+        if self.asked_plane is not None:
+            raise Complaint("a move between G68.2 and G53.1", "write G53.1 before, so that the tool stands square to the plane")
+        if self.tilted is not None and (kind > Kind.FEED or not set(self.rotaries).isdisjoint(values)):
+            raise Complaint("an arc or a rotary word in a tilted plane", "write chords, and G69 before rotary axes turn")
+        if self.asked_tip is not None:
+            raise Complaint("a move while M68 E3 changes the kinematics", "write M66 E0 L0 before, which waits for it")
         if self.unsaid:
             self._rely_on(relied_on(kind, values, self.is_machine_move))
         if self.is_foreign_wcs and not self.is_machine_move:
@@ -339,6 +438,9 @@ class Controller:
         if kind != Kind.RAPID and not isfinite(sum(turned) + sum(self.turned)):
             unknown = " ".join(c.upper() for c, a, b in zip(self.rotaries, self.turned, turned) if not isfinite(a + b))
             raise Complaint(f"a cutting move while nobody knows where {unknown} stands", "name every rotary axis by G0 first")
+        if kind != Kind.RAPID and turned != self.turned and not (self.is_tip or self.is_inverse_time):
+            raise Complaint("a cutting move that turns rotary axes under G94 without tool-centre-point control",
+                            "switch it on before (M428, G43.4 H), or state times by G93: F would be of X Y Z alone")
         if kind > Kind.FEED and (any(turned) or any(self.turned)):
             raise Complaint("an arc while a rotary axis is off 0", "write chords: the joints, not the tip, would run on the arc")
         if any(self.tool_offset[:2]) and any(turned):
@@ -355,14 +457,17 @@ class Controller:
 
     def _add(self, kind, start, end, center, turns, feed):
         machine = [t + s for t, s in zip(end, self._shift())]
+        self.tip = end
+        if self.tilted is not None:
+            start, end = self.tilted.out(np.array([start, end])).tolist()
         self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
                           self.turning * self.speed, self.tool, self.is_length_on, *machine, self.line,
                           self.operation, self.path_tolerance_mm, self.speed_line, self.call_line))
         if self.rotaries:
             length_mm = self.tool_offsets[self.tool][2] if self.tool else self.tool_offset[2]
-            self.joint_rows.extend((*self.turned_before, *self.turned, self.minutes, length_mm, *self.offset))
+            self.joint_rows.extend((*self.turned_before, *self.turned, self.minutes, length_mm, *self.offset,
+                                    self.tool_offset[2] if self.is_tip else nan))
             self.turned_before, self.minutes = self.turned, 0.0
-        self.tip = end
 
     def _shift(self):
         """Machine less WCS coordinates."""
@@ -500,10 +605,12 @@ class Controller:
     def _joint_blocks(self, start, end, machine):
         """JointBlocks of all moves."""
         r = len(self.rotaries)
-        before, after, minutes, length, origin = np.split(
-            np.frombuffer(self.joint_rows).reshape(-1, 2 * r + 5), (r, 2 * r, 2 * r + 1, 2 * r + 2), axis=1)
-        return JointBlocks(start_mm=machine - (end - start), end_mm=machine, start_deg=before, end_deg=after,
-                           length_mm=length[:, 0], origin_mm=origin, minutes=minutes[:, 0])
+        before, after, minutes, length, origin, tip_length = np.split(
+            np.frombuffer(self.joint_rows).reshape(-1, 2 * r + 6), (r, 2 * r, 2 * r + 1, 2 * r + 2, 2 * r + 5), axis=1)
+        is_tip = np.isfinite(tip_length)
+        return JointBlocks(start_mm=np.where(is_tip, start + origin, machine - (end - start)),
+                           end_mm=np.where(is_tip, end + origin, machine), start_deg=before, end_deg=after,
+                           length_mm=length[:, 0], origin_mm=origin, minutes=minutes[:, 0], tip_length_mm=tip_length[:, 0])
 
 
 def _refuse_unused(letters):
@@ -512,7 +619,20 @@ def _refuse_unused(letters):
                         "remove it, or add the code it belongs to")
 
 
+def _plane_of(zero_mm, i_deg, j_deg, k_deg):
+    """Frame of a plane by its zero and its angles about Z, the new X and the new Z."""
+    def about(axis, degrees):
+        s, c = fixed.sin(radians(degrees)), fixed.cos(radians(degrees))
+        about_z = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
+        return np.array(about_z if axis == "z" else [[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+    turned = fixed.matmul(fixed.matmul(about("z", i_deg), about("x", j_deg)), about("z", k_deg))
+    return Frame(rotation=turned, origin_mm=zero_mm)
+
+
 ACTIONS = {
+    "tilted plane": Controller.tilt_plane,
+    "kinematics": Controller.switch_kinematics,
     "feed mode": Controller.set_feed_mode, "feed": Controller.set_feed, "speed": Controller.set_speed,
     "select tool": Controller.select_tool, "tool change": Controller.change_tool,
     "spindle": Controller.turn_spindle, "coolant": Controller.pass_over,

@@ -6,7 +6,10 @@ together with the first Z, for G43 alone would move the axis; a macro call hands
 macro programs stand behind M30 with M99 at their ends; brackets nest five deep, calls four on the oldest models; the
 reference return instead of machine coordinates.  Path tolerance is the control's own (G64 or its smoothing): it is not
 in the text, the machine's file states it as path_tolerance_mm and the verdict counts it.  A zero shifted by G52 is
-taken back; a G92 is not, for G92.1 is an option that stops a control without it: the header says what to do.
+taken back; a G92 is not, for G92.1 is an option that stops a control without it: the header says what to do.  Rotaries are
+solved in joints under G93, or go with the tip under G43.4, which begins with its first move and which nothing but moves of
+the tip stands under; indexed positions then stand in tilted planes (G68.2), G53.1 finding the rotary axes where they
+belong.  G49 (and G69) ends either, and the tool is called anew for what follows.
 """
 
 import re
@@ -69,7 +72,8 @@ def tool_table(tools, control):
 class _Fanuc(Dialect):
     """Macro B."""
 
-    point, end = ".", "M30"
+    point, end, knows_rotaries, tip_controls = ".", "M30", True, ("G43.4",)
+    has_planes = True
     variables = Variables(arguments=tuple(LETTERS), locals=(*range(27, 34), 10, 12, 14, 15, 16), deepest_brackets=5)
 
     def head(self, writer, program, file_number):
@@ -84,6 +88,9 @@ class _Fanuc(Dialect):
         for line in program.header:
             writer.comment(line)
         writer.comment("RAPIDS MUST BE STRAIGHT: PARAMETER 1401 BIT 1 LRP = 1")
+        if writer.machine.control.tip_control:
+            writer.comment("G43.4 AND G49 MUST SHIFT THE ZERO, NOT MOVE THE AXES")
+            writer.comment("UNDER G43.4 X Y Z GO WITH THE TABLE AS IT STANDS WITH THE ROTARY AXES AT 0")
         writer.comment("A G92 OF ANOTHER PROGRAM STAYS IN FORCE: AFTER ONE GO HOME BY HAND")
         writer.block(UNIT_WORD[writer.machine.control.units])
         writer.block("G17", "G90", "G94", "G40", "G49", "G80", "G64")
@@ -104,6 +111,29 @@ class _Fanuc(Dialect):
         if tool.offset_mm[0] != writer.beside_mm:
             self.shift_zero(writer, tool.offset_mm[0])
         writer.pending_z = ("G43",), (f"H{tool.number}",)
+
+    def tip_on(self, writer, tool):
+        writer.pending_z = (), ()
+        writer.forget_position()
+        writer.is_tip = True
+        return ("G43.4",), (f"H{tool.number}",)
+
+    def plane_on(self, writer, tool, plane_deg):
+        writer.pending_z = (), ()
+        writer.block("G49")             # of an operation before
+        angles = (letter + writer.number(v, writer.machine.control.decimals_deg) for letter, v in zip("IJK", plane_deg))
+        writer.block("G68.2", *(letter + writer.length(0.0) for letter in "XYZ"), *angles)
+        writer.block("G53.1")
+        writer.forget_position()
+        writer.is_tip = writer.is_tilted = True
+        return ("G43",), (f"H{tool.number}",)
+
+    def tip_off(self, writer):
+        writer.block("G49")
+        if writer.is_tilted:
+            writer.block("G69")
+        writer.forget_position()
+        writer.is_tip, writer.is_tilted, writer.tool = False, False, None
 
     def foot(self, writer):
         if writer.beside_mm:

@@ -29,90 +29,133 @@ def leans(moves):
 class PlainMoves:
     """An operation with the spindle upright: words are the tip's places."""
 
-    notes = ()
+    notes, is_tip = (), False
 
     def __init__(self, moves, rotaries):
         self.moves, self.start_mm, self.starts_mm = moves, moves.start_mm, moves.starts_mm
         self.turned_deg = np.zeros((len(moves) + 1, len(rotaries)))
 
-    def write(self, writer, first, end):
+    def write(self, writer, first, end, dialect):
         m = self.moves
         columns = (m.kind, m.end_mm, m.center_mm, m.plane, m.feed_mm_per_min)
         for row in zip(*(column[first:end].tolist() for column in columns)):        # plain numbers are written faster
             writer.move(*row)
 
 
-class SolvedMoves:
-    """An operation solved in joints."""
+class JointRun:
+    """An operation laid out in joints, block by block; block 0 is where it begins."""
 
-    def __init__(self, operation, machine):
+    def __init__(self, operation, machine, tip_mm=None):
         """
+        Args:
+            tip_mm: how far the tip may leave its line between blocks; left out: as far as cutting edges may, anywhere.
         Raises:
-            PostError: a rewind, a limit, an axis that cannot be held: by the move, the axis and the value.
+            PostError: a rewind in the cut, a limit, an axis that cannot be held: by the move, the axis and the value.
         """
-        moves, self.length_mm = operation.moves, operation.tool.length_mm
-        self.name, self.chain = operation.name, machine.kinematics
-        control = machine.control
-        tips, axes, self.move = _straight(moves, CHORD_SHARE * control.path_tolerance_mm)
-        cutter = operation.tool.cutter
+        moves, cutter, control = operation.moves, operation.tool.cutter, machine.control
+        self.name, self.length_mm, self.chain = operation.name, operation.tool.length_mm, machine.kinematics
+        self.tips, axes, move = _straight(moves, CHORD_SHARE * control.path_tolerance_mm)
         off_mm = JOINT_SHARE * control.path_tolerance_mm
-        within = Tolerance(off_mm, off_mm / math.hypot(cutter.radius_mm, cutter.flute_length_mm))
-        path = self._laid(tips + np.array(machine.wcs_origin_mm), axes, within)
-        self.joints, self.move = path.joints, self.move[path.row]
-        self.words_mm = path.joints[:, :3] - machine.wcs_origin_mm - np.array([0.0, 0.0, self.length_mm])
-        self.degrees = np.degrees(path.joints[:, 3:])
-        self.kind = moves.kind[self.move]
-        self.seconds = self._seconds(path, tips, moves.feed_mm_per_min[self.move], control.path_tolerance_mm)
+        within = Tolerance(off_mm if tip_mm is None else tip_mm, off_mm / math.hypot(cutter.radius_mm, cutter.flute_length_mm))
+        self.path = self._laid(self.tips + np.array(machine.wcs_origin_mm), axes, within, move, moves.kind[move] == Kind.RAPID)
+        self.rewinds = set(np.flatnonzero(np.isin(self.path.row, self.path.rewinds)).tolist())     # blocks, all of them rapids
+        self.joints, self.move = self.path.joints, move[self.path.row]
+        self.degrees = np.degrees(self.joints[:, 3:])
+        self.is_feed = moves.kind[self.move] != Kind.RAPID
+        self.feed = moves.feed_mm_per_min[self.move]
         self.first = np.searchsorted(self.move[1:], np.arange(len(moves) + 1)) + 1      # block with which each move begins
-        self.start_mm, self.starts_mm = self.words_mm[0], self.words_mm[self.first - 1]
-        self.turned_deg = self.degrees[self.first - 1]
-        self.notes = ("SOLVED FOR THE ZERO AT MACHINE " + " ".join(
-            f"{letter}{value:.4f}" for letter, value in zip("XYZ", machine.wcs_origin_mm))
-            + f" AND A TOOL OF {self.length_mm:.4f} MM; WITH ANY OTHER IT CUTS ELSEWHERE",
-            f"ABOUT {self.driven_s(LEANING_BLEND_SHARE * control.path_tolerance_mm):.0f} S FROM BLOCK TO BLOCK")
 
-    def driven_s(self, blend_mm):
-        """How long the control takes, with this P of G64."""
-        return float(driven_seconds(self.chain, self.joints, self.seconds[1:], blend_mm).sum())
-
-    def _laid(self, tips, axes, within):
+    def _laid(self, tips, axes, within, move, off_cut):
         try:
-            path = joint_path(self.chain, tips, axes, within, length_mm=self.length_mm, rows=self.move)
-            if len(path.rewinds):
-                raise PostError(f"row {self.move[path.rewinds[0]]}: the rotaries come to the end of their range in the cut: let "
-                                "the tool leave it before, and begin again", rows=self.move[path.rewinds])
-            self.chain.refuse_beyond_limits(path.joints, self.move[path.row])
+            path = joint_path(self.chain, tips, axes, within, length_mm=self.length_mm, rows=move, off_cut=off_cut)
+            in_cut = path.rewinds[~off_cut[path.rewinds]]
+            if len(in_cut):
+                raise PostError(f"row {move[in_cut[0]]}: the rotaries come to the end of their range in the cut: let "
+                                "the tool leave it before, and begin again", rows=move[in_cut])
+            self.chain.refuse_beyond_limits(path.joints, move[path.row])
         except PostError as error:
             raise PostError(f"operation {self.name}: {error}", rows=error.rows) from None
         return path
 
-    def _seconds(self, path, tips, feed, path_tolerance_mm):
-        """(n,) of every block, 0 of rapids: the tip at its feed, or slower where a joint cannot."""
-        whole = np.zeros(len(tips))
-        whole[1:] = np.sqrt((np.diff(tips, axis=0) ** 2).sum(axis=1))
+    @property
+    def is_linked(self):
+        """(n - 1,) bool: a cutting block that goes on from another."""
+        return self.is_feed[1:] & np.concatenate([[False], self.is_feed[1:-1]])
+
+    @property
+    def wanted_s(self):
+        """(n - 1,) seconds of every block after the first, the tip at its feed; 0 of rapids."""
+        path, whole = self.path, np.zeros(len(self.tips))
+        whole[1:] = np.sqrt((np.diff(self.tips, axis=0) ** 2).sum(axis=1))
         begin = np.concatenate([[0.0], np.where(np.diff(path.row) > 0, 0.0, path.share[:-1])])
-        is_feed = self.kind != Kind.RAPID
-        wanted = 60.0 * whole[path.row] * (path.share - begin) / np.where(is_feed, feed, 1.0)
-        is_linked = is_feed[1:] & np.concatenate([[False], is_feed[1:-1]])
-        seconds = block_seconds(self.chain, path.joints, np.where(is_feed, wanted, 0.0)[1:], is_linked)
-        seconds = rounded_seconds(self.chain, path.joints, np.where(is_feed[1:], seconds, 0.0), self.length_mm,
+        wanted = 60.0 * whole[path.row] * (path.share - begin) / np.where(self.is_feed, self.feed, 1.0)
+        return np.where(self.is_feed, wanted, 0.0)[1:]
+
+
+class SolvedMoves:
+    """An operation solved in joints."""
+
+    is_tip = False
+
+    def __init__(self, operation, machine):
+        """
+        Raises:
+            PostError: see JointRun.
+        """
+        self.run = run = JointRun(operation, machine)
+        path_tolerance_mm = machine.control.path_tolerance_mm
+        self.words_mm = run.joints[:, :3] - machine.wcs_origin_mm - np.array([0.0, 0.0, run.length_mm])
+        self.seconds = self._seconds(path_tolerance_mm)
+        self.start_mm, self.starts_mm = self.words_mm[0], self.words_mm[run.first - 1]
+        self.turned_deg = run.degrees[run.first - 1]
+        self.notes = ("SOLVED FOR THE ZERO AT MACHINE " + " ".join(
+            f"{letter}{value:.4f}" for letter, value in zip("XYZ", machine.wcs_origin_mm))
+            + f" AND A TOOL OF {run.length_mm:.4f} MM; WITH ANY OTHER IT CUTS ELSEWHERE",
+            f"ABOUT {self.driven_s(LEANING_BLEND_SHARE * path_tolerance_mm):.0f} S FROM BLOCK TO BLOCK")
+
+    def driven_s(self, blend_mm):
+        """How long the control takes, with this P of G64."""
+        return float(driven_seconds(self.run.chain, self.run.joints, self.seconds[1:], blend_mm).sum())
+
+    def _seconds(self, path_tolerance_mm):
+        """(n,) of every block, 0 of rapids: the tip at its feed, or slower where a joint cannot."""
+        run, cuts = self.run, self.run.is_feed[1:]
+        seconds = block_seconds(run.chain, run.joints, run.wanted_s, run.is_linked)
+        seconds = rounded_seconds(run.chain, run.joints, np.where(cuts, seconds, 0.0), run.length_mm,
                                   LEANING_BLEND_SHARE * path_tolerance_mm, CORNER_SHARE * path_tolerance_mm)
-        seconds = np.where(is_feed[1:], block_seconds(self.chain, path.joints, seconds, is_linked), 0.0)
+        seconds = np.where(cuts, block_seconds(run.chain, run.joints, seconds, run.is_linked), 0.0)
         return np.concatenate([[0.0], seconds])
 
-    def write(self, writer, first, end):
+    def write(self, writer, first, end, dialect):
         """Blocks of moves `first` to `end`, under G93, back to G94."""
-        is_inverse = False
-        for k in range(self.first[first], self.first[end]):
-            is_feed = self.kind[k] != Kind.RAPID
+        run, is_inverse = self.run, False
+        for k in range(run.first[first], run.first[end]):
+            if k in run.rewinds:
+                self._rewind(writer, k, dialect)
+                continue
+            is_feed = run.is_feed[k]
             if is_feed and not is_inverse:
                 writer.block("G93")
                 is_inverse = True
-            writer.joint_move("G1" if is_feed else "G0", self.words_mm[k], self.degrees[k],
+            writer.joint_move("G1" if is_feed else "G0", self.words_mm[k], run.degrees[k],
                               ("F" + writer.inverse_time(self.seconds[k]),) if is_feed else ())
         if is_inverse:
             writer.block("G94")
             writer.feed = None
+
+    def _rewind(self, writer, k, dialect):
+        """A rapid that the rotaries cannot follow: to the top of the machine, round, and down to where it leads."""
+        turn_at_top(writer, self.run.degrees[k], dialect)
+        writer.block("G0", *writer.words(self.words_mm[k], (0, 1)))
+        writer.block("G0", *writer.words(self.words_mm[k], (2,)))
+        writer.motion, writer.here_mm = "G0", self.words_mm[k]
+
+
+def turn_at_top(writer, degrees, dialect):
+    """The spindle up, then the rotaries round."""
+    dialect.up(writer)
+    writer.forget_position()
+    writer.block("G53", "G0", *writer.turned(degrees))
 
 
 def _straight(moves, tolerance_mm):

@@ -1,9 +1,11 @@
-"""Post for LinuxCNC (RS-274/NGC), three axes, and two rotaries solved in joints; repeated passes as O-word sub-programs.
+"""Post for LinuxCNC (RS-274/NGC), three axes and two rotaries; repeated passes as O-word sub-programs.
 
 Facts of the controller that this post respects: units on a line of their own before anything else; every line
 below the machine's line length; a path tolerance always with G64 (a bare G64 cuts corners by millimetres); arc
 radii compared after rounding, arcs it would refuse cut into chords; sub-programs before their first call; M2 at the
-end.
+end.  Rotaries are solved in joints, or its kinematics are switched to the tip's (`tip_control`): after a dwell, for joints lag
+behind by some servo cycles; nothing but moves of the tip stands under it, and no rapid, whose joints nobody would hold to
+their speeds.
 """
 
 from cuspline.posts.writers.joint_words import LEANING_BLEND_SHARE, leans
@@ -16,6 +18,8 @@ READER = "rs274_reader"
 TOOL_TABLE = "tools.tbl"
 TOLERANCE_DECIMALS = 7
 BLEND_SHARE = 0.5         # of the path tolerance, for P: blends begin on a servo cycle, and leave the path by up to twice P
+SETTLE = "P0.05"          # seconds until the joints stand where the program is
+TIP = {"M428": (("M428",), ("M429",)), "M68": (("M68 E3 Q1", "M66 E0 L0"), ("M68 E3 Q0", "M66 E0 L0"))}
 comment = in_brackets
 
 
@@ -52,6 +56,7 @@ class _LinuxCNC(Dialect):
 
     point, end, knows_rotaries = "", "M2", True
     variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
+    tip_controls, tip_rapid = tuple(TIP), "G1"
 
     def head(self, writer, program, file_number):
         """Comments, then a known state: units, plane, absolute, no compensation, no shift, path tolerance."""
@@ -66,6 +71,21 @@ class _LinuxCNC(Dialect):
 
     def up(self, writer):
         writer.block("G53", "G0", "Z0")
+
+    def tip_on(self, writer, tool):
+        self._switch(writer, True)
+        return (), ()
+
+    def tip_off(self, writer):
+        self._switch(writer, False)
+
+    @staticmethod
+    def _switch(writer, is_tip):
+        writer.block("G4", SETTLE)
+        for block in TIP[writer.machine.control.tip_control][0 if is_tip else 1]:
+            writer.block(block)
+        writer.forget_position()
+        writer.is_tip = is_tip
 
     def sub_program(self, writer, label, comment, blocks):
         writer.comment(comment.upper())

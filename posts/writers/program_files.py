@@ -22,6 +22,8 @@ from cuspline.posts.writers.sub_programs import (
     main_lines,
     restart_number,
 )
+from cuspline.posts.writers.tilted_words import TiltedMoves
+from cuspline.posts.writers.tip_words import TipMoves
 from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines, in_brackets
 from cuspline.program.program import TILT_RAD
 from cuspline.values.errors import PostError
@@ -38,6 +40,9 @@ class Dialect(ABC):
     variables: Variables
     comment = staticmethod(in_brackets)     # how a text is told to the operator alone
     knows_rotaries = False                  # whether it writes rotary words
+    tip_controls: tuple[str, ...] = ()      # words of Control.tip_control that it writes
+    has_planes = False                      # indexed positions go out in tilted planes, where there is tip control
+    tip_rapid = "G0"                        # under tool-centre-point control; G1 where rapids do not heed the joints' speeds
 
     @abstractmethod
     def head(self, writer, program, file_number):
@@ -50,6 +55,22 @@ class Dialect(ABC):
     def length_on(self, writer, tool):
         """The tool's length offset goes on, at the top of the machine."""
         writer.block("G43", f"H{tool.number}")
+
+    def tip_on(self, writer, tool):
+        """Tool-centre-point control on, the rotaries turned, at the top of the machine.
+
+        Returns:
+            words that stand before the first move under it, and behind.
+        """
+        raise PostError(f"{type(self).__name__} writes no tool-centre-point control: leave tip_control out of the machine's file")
+
+    def plane_on(self, writer, tool, plane_deg):
+        """A tilted plane by its angles about Z, the new X and the new Z; words before and behind the first move, as `tip_on`."""
+        raise PostError(f"{type(self).__name__} writes no tilted planes")
+
+    def tip_off(self, writer):
+        """Back to joints, wherever the tool stands."""
+        raise PostError(f"{type(self).__name__} writes no tool-centre-point control: leave tip_control out of the machine's file")
 
     def foot(self, writer):
         """The end of the program; what must stand behind it is in `writer.tail`."""
@@ -99,6 +120,10 @@ class _Files:
         if machine.rotaries and not dialect.knows_rotaries:
             raise PostError(f"{machine.name} has the rotary axes {' and '.join(machine.rotaries)}, and the post "
                             f"{machine.control.post} writes no rotary words: choose another post, or a machine without them")
+        tip = machine.control.tip_control
+        if tip is not None and tip not in dialect.tip_controls:
+            raise PostError(f"{machine.name}: tip_control {tip} is no word of the post {machine.control.post}, which knows "
+                            f"{' and '.join(dialect.tip_controls) or 'none'}: correct the machine's file")
         self.program, self.machine, self.dialect = program, machine, dialect
         self.subs = SubPrograms(program, dialect.variables)
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
@@ -114,6 +139,7 @@ class _Files:
         self.dialect.head(self.writer, self.program, len(self.texts) + 1)
 
     def _close(self):
+        self._leave_tip()
         self.dialect.foot(self.writer)
         lines = self.writer.lines + self.writer.tail
         check_lines(lines, self.machine)
@@ -131,22 +157,42 @@ class _Files:
         """An operation move by move; where the store is full, a new file begins at the clearance height."""
         moves, before = operation.moves, self.writer.state()
         self._refuse_what_cannot_be_held(operation)
-        laid = SolvedMoves(operation, self.machine) if leans(moves) else PlainMoves(moves, self.machine.rotaries)
+        laid = self._laid(operation)
         self._begin(operation, number, is_alone=False, laid=laid)
-        self._go_to_start(laid.start_mm)
+        self._enter(laid, 0)
         high = np.flatnonzero(self._heights_mm(operation, moves.starts_mm) >= 0)
         bounds = [0, *high[high > 0].tolist(), len(moves)]
         for first, end in zip(bounds[:-1], bounds[1:]):
-            laid.write(self.writer, first, end)
+            laid.write(self.writer, first, end, self.dialect)
             # the first stretch of a program stays where it is: nothing before it could be closed
             if (first or number > 1) and not self._is_within_store():
                 self.writer.go_back_to(before)
                 self._close()
                 self._open()
                 self._begin(operation, number, is_alone=True, laid=laid, first=first)
-                self._go_to_start(laid.starts_mm[first])
-                laid.write(self.writer, first, end)
+                self._enter(laid, first)
+                laid.write(self.writer, first, end, self.dialect)
             before = self.writer.state()
+
+    def _laid(self, operation):
+        """PlainMoves, SolvedMoves, TipMoves or TiltedMoves of an operation."""
+        if not leans(operation.moves):
+            return PlainMoves(operation.moves, self.machine.rotaries)
+        if self.machine.control.tip_control is None:
+            return SolvedMoves(operation, self.machine)
+        stands = operation.level_mm is not None and self.dialect.has_planes
+        return (TiltedMoves if stands else TipMoves)(operation, self.machine)
+
+    def _enter(self, laid, first):
+        """To where move `first` begins."""
+        if laid.is_tip:
+            laid.begin(self.writer, first, self.dialect)
+        else:
+            self._go_to_start(laid.starts_mm[first] if first else laid.start_mm)
+
+    def _leave_tip(self):
+        if self.writer.is_tip:
+            self.dialect.tip_off(self.writer)
 
     def _refuse_what_cannot_be_held(self, operation):
         """A tilted axis without rotaries; an angle head, which holds its tool its own way, with them."""
@@ -220,6 +266,7 @@ class _Files:
             raise PostError(f"operation {operation.name}: {operation.spindle_rpm:.0f} rpm, the spindle of "
                             f"{self.machine.name} runs {spindle.min_rpm:.0f} to {spindle.max_rpm:.0f} rpm")
         self._check_heights(operation)
+        self._leave_tip()
         writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
         for line in laid.notes:
             writer.comment(line)

@@ -77,6 +77,8 @@ class Writer:
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
         self.plane, self.feed = Plane.XY, None
         self.rotaries = rotaries
+        self.is_tip = False                             # under tool-centre-point control, or
+        self.is_tilted = False                          # in a tilted plane
         self.turn_words = [None] * len(rotaries)       # of the rotary axes; None: nobody knows where they stand
         self.forget_position()
 
@@ -140,13 +142,18 @@ class Writer:
                 self.turn_words[k] = text
         return out
 
-    def joint_move(self, motion, point_mm, degrees, more=()):
-        """A block that runs joints evenly; `more` words stand behind, and alone where a feed goes nowhere."""
+    def joint_move(self, motion, point_mm, degrees, more=(), first=()):
+        """A block that runs joints evenly; `first` words stand before it, `more` behind; without a place none is written."""
         self.largest_rounding_mm = max(self.largest_rounding_mm, math.dist([self.rounded_mm(v) for v in point_mm], point_mm))
         words = [*self.words(point_mm), *self.turned(degrees)]
         if words:
-            self.block(*self._motion(motion), *words, *more)
+            self.block(*first, *self._motion(motion), *words, *more)
         self.here_mm = np.asarray(point_mm)
+
+    def tip_feed(self, way_mm, seconds):
+        """The F word's number under G94 for a way in a time, rounded to the slower side."""
+        scale = 10 ** self.machine.control.decimals_feed
+        return self.number(math.floor(60.0 * way_mm * self.scale / seconds * scale) / scale, self.machine.control.decimals_feed)
 
     def inverse_time(self, seconds):
         """The F word's number under G93: one over the minutes, rounded to the slower side."""

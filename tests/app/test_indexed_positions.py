@@ -5,11 +5,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cuspline.app import catalogue
 from cuspline.app.build import Order, build
-from cuspline.app.judge import judge
+from cuspline.app.judge import judge, judge_text
+from cuspline.app.machine_report import machine_view
+from cuspline.app.report_inputs import drawn_setup
 from cuspline.design.job import read_job
 from cuspline.values.errors import DesignError, PlanError, ReadError
 from cuspline.verification.verdict import Options
@@ -30,11 +33,37 @@ def block(tmp_path_factory):
     return build(order(tmp_path_factory.mktemp("indexed") / "block")).folder
 
 
-def test_one_program_cuts_both_faces(block):
+@pytest.fixture(scope="module")
+def judged(block):
+    """The same, judged coarsely."""
+    return judge(block, read_job(block), options=COARSE)
+
+
+def test_the_machine_that_the_report_shows_moves_the_tip_along_the_path(block, judged):
+    """Joints of the program at each point's time, through the machine's kinematics, against the path drawn in the part."""
+    job = read_job(block)
+    plan = json.loads((block / "plan.json").read_text())
+    drawn = [drawn_setup(moves, item.setup, plan, job.machine) for item, moves in zip(job.posted, judged.posted)]
+    view = machine_view(job, judged, drawn, plan, None)
+    assert [(b.name, b.link) for b in view.bodies] == [("trunnion", "A"), ("table", "C"), ("head", "Z")]
+    motion, = view.motions
+    assert motion.setups == (0, 1) and (np.diff(motion.time_s) >= 0).all()
+    for k, seen in enumerate(drawn):
+        mine = np.flatnonzero((motion.setup == k) & (motion.operation >= 0) & (motion.own_s > 0))
+        joints = np.hstack([motion.joints[mine, :3], np.radians(motion.joints[mine, 3:])])
+        tips = motion.place.into(view.chain.forward(joints, -view.tools[motion.tool[mine[0]]].tip_mm[2])[0])
+        path = np.column_stack([np.interp(motion.own_s[mine], seen.path.time_s, seen.path.points_mm[:, a]) for a in range(3)])
+        assert len(mine) > 100 and np.abs(tips - path).max() < 2e-4         # rounded words of both
+        assert (motion.operation[mine] == 0).all() and set(motion.line[mine]) <= set(seen.path.line)
+    swing = motion.joints[(motion.setup == 1) & (motion.operation < 0)]
+    assert np.abs(np.diff(swing[:, 4])).max() < 1.0 and swing[-1, 4] == pytest.approx(-90)
+
+
+def test_one_program_cuts_both_faces(block, judged):
     assert [p.name for p in block.glob("*.ngc")] == ["top.ngc"]
     text = (block / "top.ngc").read_text()
     assert "(POSITION FRONT: TOOL ALONG X0.000 Y-1.000 Z0.000 OF THE WCS)" in text and "G53 G0 A-90\n" in text
-    verify = judge(block, read_job(block), options=COARSE).as_dict(())
+    verify = judged.as_dict(())
     assert verify["ok"], verify["findings"]
     assert [s["setup"] for s in verify["setups"]] == ["top", "front"]
     for setup in verify["setups"]:
@@ -70,6 +99,66 @@ def test_a_cut_too_deep_in_a_turned_position_is_a_gouge_there(block, tmp_path):
     gouges = [f for f in judged.findings if f.kind == "gouge"]
     assert {f.setup for f in gouges} == {"front"} and max(f.amount_mm for f in gouges) == pytest.approx(0.1, abs=0.012)
     assert all(f.place_mm[1] < -4 for f in gouges)              # on the front, part coordinates
+    machine, tool = read_job(block).machine, next(iter(judged.tools.values()))
+    for f in gouges:                        # with the axes as they are told, and A at -90, the tip stands at the place
+        tip, _ = machine.kinematics.forward([[*f.machine_mm, 0.0, np.radians(-90)]], tool.length_mm)
+        assert np.abs(tip[0] - machine.wcs_origin_mm - f.place_mm).max() < 1e-5
+
+
+SWING = "G53 G0 A-90\n"
+
+
+def text_findings(block, folder, change):
+    """What the text alone shows of a copy of the outputs with the program changed."""
+    folder.mkdir()
+    for name in ("top.ngc", "manifest.json", "tools.json", "tools.tbl", "indexed_block.step"):
+        (folder / name).write_bytes((block / name).read_bytes())
+    text = (block / "top.ngc").read_text()
+    (folder / "top.ngc").write_text(change(text))
+    line = text[:text.index(SWING)].count("\n") + 1
+    return judge_text(folder, read_job(folder)), line
+
+
+def test_the_text_alone_shows_nothing_of_a_good_program(block, tmp_path):
+    assert text_findings(block, tmp_path / "out", lambda text: text)[0] == ()
+
+
+@pytest.mark.parametrize("way, said", [
+    ("G53 G0 A30.1\n", "A stands at 30.1000 degrees, its range is -120 .. 30 degrees"),
+    ("G53 G0 A-120.1\n", "A stands at -120.1000 degrees, its range is -120 .. 30 degrees"),
+    ("G53 G0 X310 A-45\n", "X leaves its travel -300 .. 300 mm")])
+def test_between_two_positions_an_axis_beyond_its_range_is_found_by_its_line(block, tmp_path, way, said):
+    found, line = text_findings(block, tmp_path / "out", lambda text: text.replace(SWING, way + SWING))
+    assert [(f.kind, f.line, f.setup, f.block) for f in found] == [("travel_exceeded", line, "top", way.strip())]
+    assert said in found[0].advice
+
+
+@pytest.mark.parametrize("change", [
+    pytest.param(lambda text: text.replace("A-90", f"A{-90 / 25.4:.5f}"), id="rotary words divided as inches are"),
+    pytest.param(lambda text: text.replace("A-90", f"A{-90 * 25.4:.5f}"), id="rotary words multiplied as inches are"),
+    pytest.param(lambda text: text.replace("A-90", "A-90.1"), id="a tenth of a degree too far"),
+    pytest.param(lambda text: re.sub(r"^(X\S+ Z\S+)( F\S+)?$", r"\1 C5\2", text, count=1, flags=re.MULTILINE),
+                 id="the table turned on its pole in the cut"),
+    pytest.param(lambda text: text.replace(SWING, ""), id="not turned at all")])
+def test_a_position_that_is_not_the_one_planned_is_refused_by_its_line(block, tmp_path, change):
+    with pytest.raises(ReadError, match=r"top.ngc: .*(none of the positions that follow|never points the tool along)"):
+        text_findings(block, tmp_path / "out", change)
+
+
+def test_a_pivot_off_by_a_tenth_of_a_millimetre_is_a_gouge_of_as_much(block):
+    """The machine's table turns about an axis 0.1 mm beside the one that the program was solved for.
+
+    Turned by 90 degrees the part lies 0.1 mm too high and as much aside: along the normal of the hollow, 20 degrees steep at its
+    border, 0.1 (cos + sin).
+    """
+    job = read_job(block)
+    a = job.machine.a.model_copy(update={"offset_mm": (0.0, 0.1, 0.0)})
+    off = job.model_copy(update={"machine": job.machine.model_copy(update={"a": a})})
+    judged = judge(block, off, options=COARSE)
+    gouges = [f for f in judged.findings if f.kind == "gouge"]
+    steep = np.arcsin(np.sqrt(2 * 16 - 1) / 16)
+    assert {f.setup for f in gouges} == {"front"}
+    assert max(f.amount_mm for f in gouges) == pytest.approx(0.1 * (np.cos(steep) + np.sin(steep)), abs=0.01)   # its own gouge_mm
 
 
 def test_the_machine_of_the_part_must_turn_it(tmp_path):

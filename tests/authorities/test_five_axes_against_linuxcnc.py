@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from known_machines import FIVE_AXIS
-from known_tilted import BALL, machine, off_lines, operation, rolling, text_of
+from known_tilted import BALL, machine, off_lines, operation, read, rolling, text_of
 
 from cuspline.posts.writers.joint_words import LEANING_BLEND_SHARE, SolvedMoves
 from cuspline.program.program import Kind
@@ -14,6 +14,7 @@ from .linuxcnc import controller, kinematics
 from .linuxcnc.kinematics import A, C
 
 MM, DEGREES = 1e-3, 1e-3
+EXACT_MM = 1e-9         # two computations of one pose
 TIME = 0.05             # share by which the estimate may be off
 
 
@@ -72,8 +73,8 @@ def test_linuxcncs_kinematics_put_the_tool_where_the_plan_meant_it(tmp_path):
             at |= {c: float(v) for c, v in re.findall(r"([XYZAC])([-\d.]+)", line)}
             words.append([at[c] for c in "XYZAC"])
     solved, words = SolvedMoves(finish, mill), np.array(words)
-    ends = np.append(solved.first[1:-1], len(solved.joints)) - 1         # last block of each move
-    nearest = words[[np.argmin(np.abs(words - np.r_[solved.words_mm[k], solved.degrees[k][::-1]]).max(axis=1)) for k in ends]]
+    ends = np.append(solved.run.first[1:-1], len(solved.run.joints)) - 1         # last block of each move
+    nearest = words[[np.argmin(np.abs(words - np.r_[solved.words_mm[k], solved.run.degrees[k][::-1]]).max(axis=1)) for k in ends]]
     joints = np.zeros((len(ends), 9))
     joints[:, :3] = nearest[:, :3] + mill.wcs_origin_mm + [0, 0, BALL.length_mm]
     joints[:, 3:5] = nearest[:, 3:]
@@ -85,3 +86,18 @@ def test_linuxcncs_kinematics_put_the_tool_where_the_plan_meant_it(tmp_path):
     tilt, turn = np.radians(poses[:, A]), np.radians(poses[:, C])
     axes = np.column_stack([np.sin(turn) * np.sin(tilt), np.cos(turn) * np.sin(tilt), np.cos(tilt)])
     assert np.degrees(np.linalg.norm(axes - moves.axis, axis=1).max()) < DEGREES
+
+
+@pytest.mark.kinematics
+def test_under_tip_control_the_reader_moves_the_joints_as_linuxcnc_does(tmp_path):
+    """Its module for this trunnion, asked where the tool is while the joints stand as the reader says: at the tip of the text."""
+    mill = machine("mill_trunnion_ac", tip_control="M428")
+    posted = read(mill, text_of(mill, operation("finish", rolling())))
+    cut = np.flatnonzero(posted.kind == Kind.FEED)
+    joints = np.zeros((len(cut), 9))
+    joints[:, :3], joints[:, 3:5] = posted.machine_end_mm[cut], posted.rotary_deg[cut][:, ::-1]
+    pivot = mill.c.pivot_mm
+    pins = {"x-rot-point": pivot[0], "y-rot-point": pivot[1], "z-rot-point": pivot[2], "tool-offset": BALL.length_mm}
+    poses = kinematics.poses_of(kinematics.built_host(tmp_path), "xyzac-trt-kins", pins, joints)
+    tips = poses[:, :3] - [0, 0, BALL.length_mm] - mill.wcs_origin_mm
+    assert len(cut) > 100 and np.abs(tips - posted.end_mm[cut]).max() < EXACT_MM

@@ -18,6 +18,7 @@ from cuspline.planning.cutter_choice import choose_roughing, leftover_rows
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.roughing import RoughingStage, cleared
 from cuspline.planning.strategies.auto import Auto
+from cuspline.planning.strategies.floor import Floor
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.planning.strategies.rest import Rest
 from cuspline.planning.strategies.rough import Rough
@@ -220,6 +221,21 @@ def test_listed_passes_are_led_by_clearing_where_their_ball_would_cut_too_deep_a
     plan = plan_setup(design, design.setups[0], MACHINE, SHOP)
     assert [o.name for o in plan.operations] == names
     assert {o.tool.number for o in plan.operations} == {10}
+
+
+@pytest.mark.parametrize("deep_mm, names", [(4.0, ["rest rough", "floor"]), (0.5, ["floor"])])
+def test_a_floor_that_nobody_cleared_is_cleared_and_entered_on_ramps(deep_mm, names):
+    pocket = cq.Workplane("XY").box(24, 16, deep_mm, centered=(True, True, False)).edges("|Z").fillet(6).translate((0, 0, -deep_mm))
+    design = part(cq.Workplane("XY").box(30, 22, 8).translate((0, 0, -4)).cut(pocket),
+                  FacePredicate(name="floor", count=1, kinds=("plane",), normal=(0, 0, 1), center_max_mm=(1, 1, -0.1),
+                                center_min_mm=(-1, -1, -7)),
+                  StockBox(min_mm=(-15, -11, -8), max_mm=(15, 11, 0)), Floor(tool="bull 10 r1"))
+    *_, floor = plan = plan_setup(design, design.setups[0], MACHINE, SHOP).operations
+    assert [o.name for o in plan] == names
+    down = floor.moves.starts_mm[:, 2] - floor.moves.end_mm[:, 2]
+    way = np.linalg.norm((floor.moves.end_mm - floor.moves.starts_mm)[:, :2], axis=1)
+    entering = (down > 1e-9) & (floor.moves.end_mm[:, 2] < -deep_mm + 0.3)
+    assert entering.any() and (np.arctan2(down[entering], way[entering]) < floor.tool.cutter.steepest_rad).all()
 
 
 def test_a_groove_that_no_level_enters_is_semi_finished_in_layers():

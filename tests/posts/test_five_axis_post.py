@@ -8,7 +8,8 @@ import pytest
 from known_machines import FIVE_AXIS, leaning
 from known_tilted import BALL, CLEARANCE_MM, FLAT, blocks, machine, off_lines, operation, program, read, rolling, text_of, upright
 
-from cuspline.posts.writers import fanuc
+from cuspline.posts.writers import linuxcnc
+from cuspline.posts.writers.program_files import posted
 from cuspline.program.program import Kind, MoveWriter
 from cuspline.values.errors import PostError, ReadError
 
@@ -160,8 +161,11 @@ def test_a_joint_beyond_its_limit_is_refused_by_the_move_the_axis_and_the_value(
 
 
 def test_a_post_that_knows_no_rotaries_refuses_a_machine_that_has_them():
+    class Three(linuxcnc._LinuxCNC):
+        knows_rotaries = False
+
     with pytest.raises(PostError, match="mill_trunnion_ac has the rotary axes C and A, and the post .* writes no rotary words"):
-        fanuc.post(program(operation("rough", upright(), FLAT)), machine("mill_trunnion_ac"))
+        posted(program(operation("rough", upright(), FLAT)), machine("mill_trunnion_ac"), Three())
 
 
 HEAD = "G21\nG17 G90 G91.1 G94 G40 G49 G80 G92.1\nG64 P0.01\nG54\nT7 M6\nG43 H7\nG53 G0 Z0\n"

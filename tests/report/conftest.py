@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cuspline.app.catalogue import find_machine
 from cuspline.design import Finish
 from cuspline.report.bundle import FaceMesh, PathPoints, ReportBundle, SetupBundle, StockReplay
+from cuspline.report.machine_view import MachineBody, MachineTool, MachineView, Motion
 from cuspline.stock.shapes import BoxShape
 from cuspline.values.frames import Frame
 
@@ -126,7 +128,7 @@ def sample_setup(zmap):
         fixtures=(("jaw", np.array(BoxShape(min_mm=(0, -5, 0), max_mm=(LENGTH, 0, 3)).edges_mm)),),
         extents_mm=(tuple(low - lift), tuple(high - lift)),
         path=PathPoints(points_mm=points, is_rapid=is_rapid.astype(bool), feed_mm_per_min=feed, operation=operation,
-                        time_s=minutes * 60),
+                        time_s=minutes * 60, line=24 + np.arange(len(points))),
         replay=StockReplay(origin_mm=(0.0, 0.0), pitch_mm=PITCH, nx=len(zmap.x), ny=len(zmap.y), bottom_mm=0.0,
                            top_mm=STOCK_TOP, design_top_mm=np.tile(design_height_mm(zmap.x), (len(zmap.y), 1)),
                            event_move=move, event_cell=cell, event_z_mm=z))
@@ -233,3 +235,44 @@ def refused_bundle(sample_bundle):
 def two_setup_bundle(sample_bundle):
     """The same part in two setups."""
     return with_two_setups(sample_bundle)
+
+
+TRUNNION_TOOL_MM = 75.0     # from the nose to the tip of each tool on the machine below
+
+
+def with_machine(bundle, name="mill_trunnion_ac"):
+    """The same cut in two indexed positions of one clamping on a five-axis machine; the table leans at once between them."""
+    machine = find_machine(name)
+    first, chain = bundle.setups[0], machine.kinematics
+    second = replace(first, name="leaning", turned_in_words="A-90")
+    nose = first.frame.into(first.path.points_mm) + machine.wcs_origin_mm + TRUNNION_TOOL_MM * chain.spindle
+    n, seconds = len(nose), first.path.time_s
+    at_top = np.tile((0.0, 0.0, 50.0), (5, 1))
+    leaning = np.column_stack([np.zeros(5), np.linspace(0, -90, 5)])
+    joints = np.vstack([np.column_stack([nose, np.zeros((n, 2))]), np.column_stack([at_top, leaning]),
+                        np.column_stack([nose, np.tile((0.0, -90.0), (n, 1))])])
+    each = lambda a, between, b: np.concatenate([a, np.full(5, between), b])
+    path = first.path
+    motion = Motion(
+        setups=(0, 1), place=Frame.shift(np.array(machine.wcs_origin_mm) - first.frame.origin_mm), joints=joints,
+        time_s=np.concatenate([seconds, seconds[-1] + np.arange(1, 6) / 5, seconds[-1] + 1 + seconds]),
+        own_s=np.concatenate([seconds, np.zeros(5), seconds]), setup=each(np.zeros(n), 1, np.ones(n)),
+        line=each(path.line, 9000, path.line + 10_000), tool=each(path.operation + 1, 2, path.operation + 1),
+        operation=each(path.operation, -1, path.operation), is_rapid=each(path.is_rapid, True, path.is_rapid),
+        feed_mm_per_min=each(path.feed_mm_per_min, 0, path.feed_mm_per_min))
+    second = replace(second, path=replace(path, line=path.line + 10_000))
+    step = FaceMesh(vertices_mm=bundle.mesh.vertices_mm, normals=bundle.mesh.normals, triangles=bundle.mesh.triangles,
+                    deviation_mm=np.full(len(bundle.mesh.vertices_mm), np.nan), edges_mm=())
+    bodies = [MachineBody(name=b.name, link=b.link, colour=b.colour, shape=b.shape) for b in machine.bodies]
+    view = MachineView(name=machine.name, chain=chain, order=machine.chain, upward=machine.upward, motions=(motion,),
+                       bodies=(*bodies, MachineBody(name="rock", link="bed", colour="#336633", shape=step)),
+                       tools={k + 1: MachineTool(tip_mm=tuple(-TRUNNION_TOOL_MM * chain.spindle), tool=tool)
+                              for k, tool in enumerate((FLAT, BALL))})
+    plan = {**bundle.plan, "setups": [bundle.plan["setups"][0], {**bundle.plan["setups"][0], "name": "leaning"}]}
+    return replace(bundle, setups=(first, second), plan=plan, machine=view)
+
+
+@pytest.fixture(scope="session")
+def machine_bundle(refused_bundle):
+    """The same part, refused, on a machine whose table turns."""
+    return with_machine(refused_bundle)

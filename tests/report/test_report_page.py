@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from cuspline.report import page, plots, sheet
+from cuspline.report import facts, page, plots, sheet
 
 
 class Page(HTMLParser):
@@ -136,7 +136,30 @@ def test_the_sheet_of_an_indexed_position_says_how_it_is_turned_and_what_zero_it
     rows = sheet.zero_rows(sample_bundle, setup)
     assert ("Rotary axes", words) in rows and "Stock in G54 turned" in dict(rows)       # not what the control shows
     assert "G54 turned</text>" in sheet.wcs_drawing(sample_bundle, setup)
-    assert any("stands at machine X0 Y0 Z-450" in line for line in sheet.checklist(replace(sample_bundle, setups=(setup,)), setup))
+    held = replace(sample_bundle.setups[0], solved_for="X0 Y0 Z-450", swings_in_words="A -90 … 0, C 0 degrees")
+    lines = sheet.checklist(replace(sample_bundle, setups=(held,)), held)
+    assert any("stands at machine X0 Y0 Z-450" in line for line in lines)
+    assert any(line.startswith("Turned by hand over A -90 … 0, C 0 degrees") for line in lines)
+    assert "clear of every cut in all positions" in lines[0]
     plain = sample_bundle.setups[0]
     assert "Rotary axes" not in dict(sheet.zero_rows(sample_bundle, plain))
     assert not any("solved" in line for line in sheet.checklist(sample_bundle, plain))
+
+
+def test_positions_of_one_clamping_are_set_up_once_and_cut_by_one_program(machine_bundle):
+    """The second sheet asks for nothing that was done for the first, and says from which line on the machine turns."""
+    first, second = sheet.setup_sheets(machine_bundle)
+    assert dict(first.job)["Setup"] == "setup-1, position 1 of 2 in one setup"
+    assert dict(second.job)["Setup"] == "leaning, position 2 of 2 in one setup"
+    assert second.checklist[0] == "Nothing is set up anew: setup-1.ngc goes on from setup-1, the part held as it is"
+    assert second.checklist[1].startswith("Before line 24 the program turns to A-90: hand on feed hold")
+    assert any("measured, length in the tool table" in line for line in first.checklist)
+    html = page.report_html(machine_bundle, {}, [], "")
+    assert "While it runs" in html and "2 programs" not in html
+    assert [name for name, _ in facts.file_rows(machine_bundle)].count("setup-1.ngc") == 1
+
+
+def test_the_length_of_a_tool_is_stated_where_the_program_hangs_on_it(sample_bundle):
+    solved = replace(sample_bundle, setups=(replace(sample_bundle.setups[0], solved_for="X0 Y0 Z-450"),))
+    assert [row["length"] for row in sheet.setup_sheets(solved)[0].tools] == ["70", "65"]       # 40 + 30; 35 + 6 + 24
+    assert "Length" in Page(page.sheet_html(solved, {})).words and "Length" not in Page(page.sheet_html(sample_bundle, {})).words

@@ -6,25 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packed_blocks import Reader
 
-from cuspline.report import view_data
+from cuspline.report import packing, view_data
 from cuspline.report.bundle import PathPoints, StockReplay
 from cuspline.values.frames import Frame
-
-
-class Reader:
-    """The viewer's BlockReader in Python."""
-
-    def __init__(self, raw):
-        self.raw, self.offset = raw, 0
-
-    def take(self, dtype, count):
-        found = np.frombuffer(self.raw, dtype, count, self.offset)
-        self.offset += -(-found.nbytes // 4) * 4
-        return found
-
-    def take_delta(self, dtype, count):
-        return np.cumsum(self.take(dtype, count), dtype=dtype)
 
 
 def replayed(meta, raw, until):
@@ -40,8 +26,8 @@ def replayed(meta, raw, until):
 
 
 def test_blocks_carry_no_date():
-    text = view_data.text_block(b"abc" * 99)
-    assert text == view_data.text_block(b"abc" * 99)
+    text = packing.text_block(b"abc" * 99)
+    assert text == packing.text_block(b"abc" * 99)
     raw = base64.b64decode(text)
     assert raw[4:8] == bytes(4) and gzip.decompress(raw) == b"abc" * 99
 
@@ -59,7 +45,7 @@ def test_path_comes_back_as_posted(sample_bundle):
 
 def test_unknown_coordinates_take_the_next_known_ones():
     points = np.array([[np.nan, 1, np.nan], [2, np.nan, np.nan], [3, 4, np.nan]])
-    assert view_data._known(points).tolist() == [[2, 1, 0], [2, 4, 0], [3, 4, 0]]
+    assert packing.known(points).tolist() == [[2, 1, 0], [2, 4, 0], [3, 4, 0]]
     assert np.isnan(points).any()           # the input stays as it was
 
 
@@ -106,7 +92,7 @@ def test_many_events_make_fewer_instants(sample_bundle, monkeypatch):
 
 def test_a_long_move_cuts_as_the_cutter_passes(sample_bundle):
     path = PathPoints(points_mm=[[0, 0, 0], [100, 0, 0]], is_rapid=[False, False], feed_mm_per_min=[600, 600],
-                      operation=[0, 0], time_s=[0, 10.0])
+                      operation=[0, 0], time_s=[0, 10.0], line=[0, 1])
     replay = StockReplay(origin_mm=(0.0, 0.0), pitch_mm=10.0, nx=11, ny=1, bottom_mm=-5.0, top_mm=1.0,
                          design_top_mm=np.full((1, 11), -1.0), event_move=np.ones(11, int), event_cell=np.arange(11),
                          event_z_mm=np.zeros(11))
@@ -125,7 +111,7 @@ def test_a_setup_that_is_turned_replays_in_its_own_axes(sample_bundle):
 
 def test_mesh_keeps_what_was_not_judged(sample_bundle):
     mesh = sample_bundle.mesh
-    meta, raw = view_data.pack_mesh(mesh)
+    meta, raw = packing.pack_mesh(mesh)
     reader, n = Reader(raw), meta["vertices"]
     back = np.column_stack([reader.take_delta(np.uint16, n) for _ in range(3)]) / 65535 * meta["size"] + meta["low"]
     assert np.abs(back - mesh.vertices_mm).max() < 0.001
@@ -158,8 +144,8 @@ def test_a_disc_on_a_head_lies_along_x_with_the_head_behind_it():
 
 
 def test_octahedral_holds_the_poles():
-    assert view_data.octahedral([[0, 0, 1], [1, 0, 0]]).tolist() == [[0, 0], [32767, 0]]
-    assert np.abs(view_data.octahedral([[0, 0, -1]])).tolist() == [[32767, 32767]]
+    assert packing.octahedral([[0, 0, 1], [1, 0, 0]]).tolist() == [[0, 0], [32767, 0]]
+    assert np.abs(packing.octahedral([[0, 0, -1]])).tolist() == [[32767, 32767]]
 
 
 @pytest.mark.parametrize("field", ["points_mm", "time_s"])

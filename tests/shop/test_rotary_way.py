@@ -121,3 +121,13 @@ def test_a_rotary_over_its_range_by_a_tenth_of_a_degree_is_refused_by_row_axis_a
 def test_an_axis_that_turns_right_round_in_one_move_is_refused():
     with pytest.raises(PostError, match="row 1: the tool axis turns right round in one move"):
         shortest_way(chain_of("mill_head_head"), [[1, 0, 0], [-1, 0, 0]])
+
+
+def test_where_it_may_choose_it_rewinds_beside_the_cut():
+    """The same three turns with two rapids among them: at the later the range is not yet at its end, at the earlier too full."""
+    limited, axes = chain_of("mill_head_table_bc"), leaning(20.0, np.linspace(0, 1080, 109))
+    off_cut = np.isin(np.arange(109), [30, 70])
+    way = shortest_way(limited, axes, off_cut=off_cut)
+    assert way.rewinds.tolist() == [70] and np.degrees(np.abs(way.angles[:, 0])).max() <= 540 + 1e-6
+    nowhere_else = shortest_way(limited, axes, off_cut=np.arange(109) == 5)
+    assert len(nowhere_else.rewinds) == 1 and nowhere_else.rewinds[0] != 5

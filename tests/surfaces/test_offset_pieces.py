@@ -20,7 +20,7 @@ def wavy(is_rational):
 
 
 def offset(patches, patch, box):
-    out = np.empty(10)
+    out = np.empty(13)
     offset_of_piece(patches.coefficients, patches.patch[patch], patches.sign[0], BY_MM, box, np.empty((4, 4, 4)), out)
     return out
 
@@ -41,13 +41,13 @@ def test_every_point_is_within_the_rest(is_rational, is_reversed):
         d = patches.derivatives(0, u, v)
         n = np.cross(d[:, 1], d[:, 2]) * (-1 if is_reversed else 1)
         true = d[:, 0] + BY_MM * n / np.linalg.norm(n, axis=1)[:, None]
-        off = np.linalg.norm(true - (out[:3] + s[:, None] * out[3:6] + t[:, None] * out[6:9]), axis=1).max()
-        assert off <= out[9] < 20 * off + 1e-6
+        off = np.linalg.norm(true - (out[:3] + out[9:12] + s[:, None] * out[3:6] + t[:, None] * out[6:9]), axis=1).max()
+        assert off <= out[12] < 20 * off + 1e-6
 
 
 def test_half_the_piece_has_a_quarter_of_the_rest():
     patches = PatchSet.of_surfaces([wavy(True)])
-    rests = [offset(patches, 4, np.array([-h, h, -h, h]))[9] for h in (0.04, 0.02, 0.01)]
+    rests = [offset(patches, 4, np.array([-h, h, -h, h]))[12] for h in (0.04, 0.02, 0.01)]
     assert rests[1] / rests[0] == pytest.approx(0.25, abs=0.02) and rests[2] / rests[1] == pytest.approx(0.25, abs=0.01)
 
 
@@ -57,5 +57,5 @@ def test_nothing_bounds_a_piece_with_a_pole():
     poles[0] = poles[0, 0]
     fan = NurbsSurface(degree_u=3, degree_v=2, knots_u=surface.knots_u, knots_v=surface.knots_v, poles=poles)
     patches = PatchSet.of_surfaces([fan])
-    assert offset(patches, 0, np.array([-1, -0.9, -1, 1.0]))[9] == np.inf
-    assert offset(patches, 0, np.array([-0.6, -0.59, -0.1, 0.1]))[9] < 1
+    assert offset(patches, 0, np.array([-1, -0.9, -1, 1.0]))[12] == np.inf
+    assert offset(patches, 0, np.array([-0.6, -0.59, -0.1, 0.1]))[12] < 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from known_programs import feed, program
 
-from cuspline.values.findings import Finding, located
+from cuspline.values.findings import Finding, axes_upright, located
 from cuspline.values.frames import Frame
 
 TURNED = Frame(rotation=np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]]), origin_mm=(10.0, 20.0, 30.0))
@@ -24,7 +24,7 @@ def finding(line, place=(11.0, 18.0, 33.0)):
 
 @pytest.mark.parametrize("known", [True, False])
 def test_axes_are_frame_offset_and_length_one_after_the_other(known):
-    (found,) = located([finding(11)], posted(known), LINES, TURNED, WCS, {1: (0.0, 0.0, LENGTH)})
+    (found,) = located([finding(11)], posted(known), LINES, axes_upright(posted(known), TURNED, WCS, {1: (0.0, 0.0, LENGTH)}))
     assert found.machine_mm == pytest.approx((-300 + 1, -200 + 2, -400 - 3 + LENGTH))
     assert found.block == "N11 G1 X11" and found.place_mm == (11.0, 18.0, 33.0)
     assert {"kind", "amount_mm", "place_mm", "machine_mm", "operation", "line", "block", "setup", "advice",
@@ -33,5 +33,5 @@ def test_axes_are_frame_offset_and_length_one_after_the_other(known):
 
 @pytest.mark.parametrize("line,place,block", [(0, (1.0, 2.0, 3.0), ""), (11, None, "N11 G1 X11"), (400, (1.0, 2.0, 3.0), "")])
 def test_what_is_not_known_is_left_open(line, place, block):
-    (found,) = located([finding(line, place)], posted(), LINES, TURNED, WCS, {1: (0.0, 0.0, LENGTH)})
+    (found,) = located([finding(line, place)], posted(), LINES, axes_upright(posted(), TURNED, WCS, {1: (0.0, 0.0, LENGTH)}))
     assert found.machine_mm is None and found.block == block

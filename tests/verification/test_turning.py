@@ -60,7 +60,7 @@ def positions(**changes):
             Setup(name="front", wcs_in_words="", faces=("a",), wcs_z=(0.0, -1.0, 0.0), indexed=True))
 
 
-def found(change=lambda text: text, fixtures=()):
+def found(change=lambda text: text, fixtures=(), machine=TRUNNION):
     """Findings of the swing of a small program of two positions on a block of 60 x 60 x 40."""
     setups = clamped(positions(fixtures=fixtures))
     text = change("""G21
@@ -85,13 +85,30 @@ G0 Z60
 G53 G0 Z0
 M2
 """)
-    moves = reader_of(TRUNNION)(text, work_offsets={"G54": TRUNNION.wcs_origin_mm}, tool_lengths={7: BALL.length_mm})
-    job = SimpleNamespace(machine=TRUNNION, stock=StockBox(min_mm=(-30, -30, 0), max_mm=(30, 30, 40)))
+    moves = reader_of(machine)(text, work_offsets={"G54": TRUNNION.wcs_origin_mm}, tool_lengths={7: BALL.length_mm})
+    job = SimpleNamespace(machine=machine, stock=StockBox(min_mm=(-30, -30, 0), max_mm=(30, 30, 40)))
     return turning_findings(by_position(moves, [s.frame for s in setups], setups[0].clamped_frame), setups, job, {7: BALL})
 
 
 def test_a_swing_at_the_top_is_clear():
     assert found() == [(), ()]
+
+
+def test_a_table_that_is_wound_up_turn_after_turn_is_found_where_its_range_ends():
+    """Its hoses allow a turn and a half.
+
+    While the tool stays upright the turns are the first position's; the swing goes on from them.
+    """
+    c = TRUNNION.c.model_copy(update={"min_deg": -540.0, "max_deg": 540.0})
+    hoses = TRUNNION.model_copy(update={"c": c})
+    wound = lambda turns: lambda text: text.replace("G53 G0 A-90", "".join(
+        f"G53 G0 C{360 * k}\n" for k in range(1, turns + 1)) + "G53 G0 A-90")
+    assert found(wound(1), machine=hoses) == [(), ()]
+    (), (finding,) = found(wound(2), machine=hoses)
+    assert (finding.kind, finding.line, finding.row) == ("travel_exceeded", 17, -1)
+    assert "C stands at 720.0000 degrees, its range is -540 .. 540 degrees" in finding.advice
+    assert finding.machine_mm == (0.0, 0.0, 0.0)
+    assert found(wound(2)) == [(), ()]              # the preset's own table turns without end
 
 
 def test_a_swing_beside_the_part_is_found_and_told_of_the_position_that_it_leads_to():

@@ -1,7 +1,9 @@
 """Floor: level faces with the flat of a bull nose or flat cutter."""
 
+import numpy as np
+
 from cuspline.design.operations import Finishing
-from cuspline.planning import level_finishing
+from cuspline.planning import level_finishing, roughing
 
 
 class Floor(Finishing):
@@ -14,5 +16,6 @@ class Floor(Finishing):
 
     def plan(self, work):
         tool, candidates, reached = work.chosen_tool("bull_nose", "flat")
-        made = level_finishing.floors(work, tool, candidates)
-        return [made], reached & (work.samples.normal[:, 2] > level_finishing.LEVEL)
+        level = reached & (work.samples.normal[:, 2] > level_finishing.LEVEL)
+        before, stock = roughing.before_floors(work, tool, np.flatnonzero(level))
+        return [*before, level_finishing.floors(work, tool, candidates, stock)], level

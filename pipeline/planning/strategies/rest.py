@@ -30,7 +30,7 @@ class Rest(Pattern):
         return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.angle_deg))
 
     def plan(self, work):
-        tool, candidates, reached = work.chosen_tool("ball", "bull_nose", "tapered_ball", "flat")
+        tool, candidates, reached = work.chosen_tool(*self.types)
         before = [o.swept_mm for o in work.planned]
         made = freeform_finishing.passes_over(work, tool, candidates, before or [work.stock_mm])
         return [made] if made is not None else [], reached

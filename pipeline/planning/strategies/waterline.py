@@ -18,10 +18,15 @@ class Waterline(Pattern):
 
     steep_deg: float = Field(default=30.0, ge=1, le=90, description="places less steep than this are left to other operations")
 
+    @property
+    def types(self):
+        """A flat cutter too, on upright walls."""
+        return super().types if self.turns else ("ball", "bull_nose", "flat")
+
     def curves(self, field, cutter, ridge_mm):
         return []
 
     def plan(self, work):
-        tool, candidates, reached = work.chosen_tool("ball", "bull_nose", "flat")
+        tool, candidates, reached = work.chosen_tool(*self.types)
         made = freeform_finishing.walls_alone(work, tool, candidates)
         return [made] if made is not None else [], reached

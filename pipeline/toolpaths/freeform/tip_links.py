@@ -25,6 +25,8 @@ LEAD_MOVES = 6
 LONGEST_DETOUR = 2.0        # a way along the surface may be this much longer than straight in plan
 OUTSIDE_RADII = 1.0         # ways this short may leave the region: round a hole, along a ragged border
 MARGIN_MM = 0.1             # above what earlier operations left
+MOST_FOLDS = 40             # of a ramp to and fro
+RAMP_SHARE = 0.9            # of the steepest way into stock that the cutter stands
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,6 +44,7 @@ class TipLinkRules:
     hop_mm: float                   # longest link over what lies between, in plan
     lead_radius_mm: float           # of entry and exit arcs, vertical and tangent
     is_one_way: bool
+    steepest_rad: float = math.pi / 2       # that the cutter goes down through stock: not all cut at their centre
 
     def __post_init__(self):
         if self.approach_z_mm > self.clearance_z_mm:
@@ -175,13 +178,39 @@ def _is_short(a, b, rules):
 
 
 def _leads(order, rules):
-    """Tangent arcs into and out of each path as tips in the order they are run; None where one would cut."""
+    """Tangent arcs into and out of each path as tips in the order they are run; None where one would cut.
+
+    A cutter that may not sink so steeply comes down on a ramp along the path instead, where something stands.
+    """
     into = [_arc(p.tips_mm[0], p.tips_mm[0] - p.tips_mm[1], rules.lead_radius_mm) for p in order]
     out = [_arc(p.tips_mm[-1], p.tips_mm[-1] - p.tips_mm[-2], rules.lead_radius_mm) for p in order]
     clear = _are_clear(into + out, rules)
     n = len(order)
-    return ([into[k][::-1] if clear[k] else None for k in range(n)],
-            [out[k] if clear[n + k] else None for k in range(n)])
+    entries = [into[k][::-1] if clear[k] else None for k in range(n)]
+    if rules.steepest_rad < LEAD_ANGLE_RAD:
+        starts = np.array([p.tips_mm[0] for p in order])
+        standing = rules.stock.tips_mm(starts[:, :2]) - starts[:, 2]
+        slope = float(fixed.tan(RAMP_SHARE * rules.steepest_rad))
+        entries = [ramp(p.tips_mm, high + MARGIN_MM, slope, lead) if high > MARGIN_MM else lead
+                   for p, high, lead in zip(order, standing, entries)]
+    return entries, [out[k] if clear[n + k] else None for k in range(n)]
+
+
+def ramp(tips_mm, height_mm, slope, otherwise=None):
+    """(m, 3) tips that come down from a height above a path (n, 3) to its first tip, to and fro along the path.
+
+    `slope` is rise over way in plan.  Where the path is too short for it: `otherwise`.
+    """
+    run = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(tips_mm[:, :2], axis=0) ** 2).sum(axis=1)))])
+    whole, way = run[-1], height_mm / slope
+    if way > MOST_FOLDS * whole:
+        return otherwise
+    folds = np.arange(math.ceil(way / whole)) * whole
+    back = np.unique(np.concatenate([(f + (run if k % 2 == 0 else whole - run)) for k, f in enumerate(folds)]))
+    back = np.append(back[back < way], way)
+    at = np.abs((back + whole) % (2 * whole) - whole)
+    along = np.column_stack([np.interp(at, run, tips_mm[:, k]) for k in range(3)])
+    return (along + np.column_stack([0 * back, 0 * back, slope * back]))[::-1]
 
 
 def _arc(tip, heading, radius_mm):

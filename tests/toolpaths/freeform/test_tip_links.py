@@ -11,7 +11,7 @@ from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
 from cuspline.toolpaths.freeform.path_order import ordered_paths
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
 from cuspline.toolpaths.freeform.tip_field import tip_field
-from cuspline.toolpaths.freeform.tip_links import TipLinkRules, moves_of_tip_paths
+from cuspline.toolpaths.freeform.tip_links import TipLinkRules, moves_of_tip_paths, ramp
 from cuspline.toolpaths.freeform.tip_paths import PathRules, TipPath, tip_paths
 from cuspline.values.errors import ToolpathError
 
@@ -168,3 +168,23 @@ def test_a_clearance_below_the_part_is_refused(plain):
 def test_an_empty_operation_is_refused(plain):
     with pytest.raises(ToolpathError, match="no path"):
         moves_of_tip_paths([], rules_of(plain, field_of(plain)))
+
+
+def test_a_cutter_that_does_not_cut_at_its_centre_comes_down_on_a_ramp(plain):
+    """3 degrees through what stands, however short the passes; above it as steeply as the others."""
+    field, steepest = field_of(plain), np.radians(3.0)
+    moves = moves_of_tip_paths(lines_on(field), rules_of(plain, field, steepest_rad=steepest, surface_link_mm=0.0, hop_mm=0.0))
+    starts, down = moves.starts_mm, moves.starts_mm[:, 2] - moves.end_mm[:, 2]
+    in_stock = (moves.end_mm[:, 2] < 5.0 + STOCK_MM - 1e-9) & (down > 1e-9)
+    way = np.linalg.norm((moves.end_mm - starts)[in_stock, :2], axis=1)
+    assert in_stock.sum() > 20 and (np.arctan2(down[in_stock], way) <= steepest).all()
+
+
+def test_a_ramp_runs_to_and_fro_over_its_path():
+    path = np.array([(0.0, 0, 1), (3, 0, 1), (3, 4, 2)])                  # 7 long in plan
+    tips = ramp(path, 1.0, 0.04)                                           # 25 long: three whole folds and 4 more
+    assert tips[-1] == pytest.approx(path[0]) and tips[0] == pytest.approx((3, 0, 2.0))
+    way = np.linalg.norm(np.diff(tips[:, :2], axis=0), axis=1)
+    assert way.sum() == pytest.approx(25.0) and ramp(path, 1.0, 0.001) is None
+    on_path = np.where(tips[:, 0] < 3 - 1e-9, 1.0, 1.0 + tips[:, 1] / 4)
+    assert tips[:, 2] - on_path == pytest.approx(0.04 * (25.0 - np.concatenate([[0], np.cumsum(way)])))

@@ -1,0 +1,279 @@
+r"""A ball's upright moves with the axis turned about the ball's middle: it touches what it touched before, and no more.
+
+        upright          leaning             middle = upright tip + r ez
+          | |             / /                tip = middle - r axis
+          |o|            /o/
+           v             v
+
+The middle runs where it ran, so no lean makes the ball gouge; shank and holder are the caller's to look at.  Between two rows
+the tip runs straight and the axis on the great circle: the middle then leaves its line, away from the material, by at most
+r turn^2 / 8.  Rows are put in until that is within a share of the tolerance, and no turn above MOST_TURN_RAD.
+
+Where the ball touches nothing (entries, links, rapids) the axis stands as at the pass before, and turns in the highest move
+to what the next pass begins with: in the rapid across, where there is one.  Where it has to turn at feed, or the contact jumps
+within a pass, it turns in steps of as many rows as in the cut.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cuspline.program.program import Kind, Moves, Plane
+from cuspline.toolpaths.five_axis.tool_axes import ToolAxis, limited
+from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import frozen
+from cuspline.values.errors import ToolpathError
+
+MOST_TURN_RAD = math.radians(2.0)       # of the axis, from row to row in the cut
+FEED_REACH = 0.25           # of the radius: the feed at a place is the way from so far before to so far behind
+SHORTEST_MM = 0.01          # rows nearer to each other are put in only where the axis jumps: it turns there on the spot
+ROUNDED = 1e-9              # of a count of steps
+SAME_RAD = 1e-9             # of what counts as brought back to the limit
+ALONG = 0.02                # sine of the angle to the normal below which a feed says nothing: the one before holds
+LEAST_FEED_SHARE = 0.01     # where the tip stands while the middle runs
+
+
+class Ground(ABC):
+    """What a ball runs on, asked by its middle (n, 3)."""
+
+    @abstractmethod
+    def is_touched(self, middles_mm):
+        """(n,) bool: the ball is in the cut there."""
+
+    @abstractmethod
+    def normals(self, middles_mm):
+        """(n, 3) unit, out of the material, by which the axis leans."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeaningRules:
+    """What turns the axis of a ball."""
+
+    tool_axis: ToolAxis         # in the frame of the moves
+    ground: Ground
+    radius_mm: float
+    bulge_mm: float             # how far the ball's middle may leave its line between two rows
+
+    @property
+    def most_turn_rad(self):
+        """From row to row."""
+        return min(math.sqrt(8.0 * self.bulge_mm / self.radius_mm), MOST_TURN_RAD)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Leaning:
+    """Moves whose axis turns, and what is said of them."""
+
+    moves: Moves
+    is_cut: np.ndarray          # (n,) bool: the ball is on the part from end to end
+    is_held: np.ndarray         # (n,) bool: the axis would lean beyond its limit
+
+    def __post_init__(self):
+        for name in ("is_cut", "is_held"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (len(self.moves),), name, bool))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Rows:
+    """Places of a ball's middle one after the other; row 0 is where it all begins."""
+
+    middle: np.ndarray          # (n, 3)
+    move: np.ndarray            # (n,) upright move that leads to it; row 0: -1
+    axis: np.ndarray            # (n, 3) NaN off the part
+    is_held: np.ndarray         # (n,)
+
+
+def leaning(moves, rules):
+    """Turn the axis along upright moves of a ball.
+
+    Args:
+        moves: program.Moves, straight ones, upright.   rules: LeaningRules.
+    Returns:
+        Leaning; tips that run at the feeds given, slower where the ball's middle runs faster than the tip.
+    Raises:
+        ToolpathError: an arc, no move on the part, a place where the strategy gives no direction.
+    """
+    if (moves.kind >= Kind.ARC_CW).any():
+        raise ToolpathError("an arc with a turning axis: chords first")
+    middles = np.vstack([moves.start_mm, moves.end_mm]) + (0.0, 0.0, rules.radius_mm)
+    on_part = rules.ground.is_touched(middles)
+    cuts = (moves.kind == Kind.FEED) & on_part[1:] & on_part[:-1]
+    if not cuts.any():
+        raise ToolpathError("no move touches the part: the axis has nothing to turn by")
+    rows = _held_off_the_part(_with_axes(middles, cuts, rules))
+    return _assembled(moves, _turned_evenly(rows, moves.kind == Kind.FEED, rules.most_turn_rad), cuts, rules)
+
+
+def _with_axes(middles, cuts, rules):
+    """_Rows of all moves, those of every pass close enough together."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], cuts, [False]]).astype(int))).reshape(-1, 2)
+    passes = [_Pass(middles[first:end + 1], rules) for first, end in edges]
+    pieces, done = [], 0
+    for (first, end), found in zip(edges, _refined(passes, rules)):
+        pieces += [_without_axes(middles, done, first), replace(found, move=first + found.move)]
+        done = end + 1
+    pieces.append(_without_axes(middles, done, len(middles)))
+    return _Rows(**{name: np.concatenate([getattr(p, name) for p in pieces]) for name in ("middle", "move", "axis", "is_held")})
+
+
+def _without_axes(middles, first, end):
+    """_Rows of places off the part."""
+    n = end - first
+    return _Rows(middle=middles[first:end], move=np.arange(first, end) - 1, axis=np.full((n, 3), np.nan), is_held=np.zeros(n, bool))
+
+
+class _Pass:
+    """A ball's middle along one pass, by its length."""
+
+    def __init__(self, middles, rules):
+        self.middles = middles
+        self.at = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(middles, axis=0) ** 2).sum(axis=1)))])
+        self.reach = FEED_REACH * rules.radius_mm
+
+    def places(self, at):
+        """(n, 3) after lengths (n,)."""
+        return np.column_stack([np.interp(at, self.at, self.middles[:, k]) for k in range(3)])
+
+    def feeds(self, at):
+        """(n, 3) from so far before to so far behind, no farther than the pass reaches."""
+        return self.places(np.minimum(at + self.reach, self.at[-1])) - self.places(np.maximum(at - self.reach, 0.0))
+
+
+def _refined(passes, rules):
+    """[_Rows] of passes, `move` counted within each, rows put in where the axis turns too far."""
+    stations = [_Stations(p, p.at, np.arange(len(p.at)) - 1) for p in passes]
+    axes = _axes([s.along for s in stations], passes, rules)
+    while True:
+        more = [s.between(a, rules.most_turn_rad) for s, (a, _) in zip(stations, axes)]
+        if not any(len(m) for m in more):
+            break
+        extra = _axes(more, passes, rules)
+        merged = [s.with_more(m, a, e) for s, m, a, e in zip(stations, more, axes, extra)]
+        stations, axes = [s for s, _ in merged], [a for _, a in merged]
+    return [s.rows(*a) for s, a in zip(stations, axes)]
+
+
+class _Stations:
+    """Rows of one pass: lengths along it and the move that leads to each."""
+
+    def __init__(self, pass_, along, move):
+        self.pass_, self.along, self.move = pass_, along, move
+
+    def between(self, axes, most_rad):
+        """Lengths to put in: none where rows are SHORTEST_MM apart."""
+        parts = np.ceil(_turns(axes) / most_rad - ROUNDED).astype(int)
+        room = np.maximum((np.diff(self.along) / SHORTEST_MM).astype(int), 1)
+        parts = np.minimum(np.maximum(parts, 1), room)
+        row = np.repeat(np.arange(len(parts)), parts - 1)
+        step = np.arange(len(row)) - np.repeat(np.cumsum(parts - 1) - (parts - 1), parts - 1) + 1
+        return self.along[row] + step / parts[row] * np.diff(self.along)[row]
+
+    def with_more(self, more, axes, extra):
+        """(_Stations, (axes, is_held)) with rows put in."""
+        order = np.argsort(np.concatenate([self.along, more]), kind="stable")
+        led = np.concatenate([self.move, self.move[np.searchsorted(self.along, more)]])[order]
+        both = tuple(np.concatenate([a, e])[order] for a, e in zip(axes, extra))
+        return _Stations(self.pass_, np.concatenate([self.along, more])[order], led), both
+
+    def rows(self, axes, is_held):
+        """_Rows of them."""
+        return _Rows(middle=self.pass_.places(self.along), move=self.move, axis=axes, is_held=is_held)
+
+
+def _axes(along, passes, rules):
+    """[(axes, is_held)] at lengths along passes, all asked at once."""
+    counts = [len(a) for a in along]
+    places = np.vstack([p.places(a) for p, a in zip(passes, along)])
+    feeds = np.vstack([p.feeds(a) for p, a in zip(passes, along)])
+    normals = rules.ground.normals(places)
+    free = rules.tool_axis.model_copy(update={"limit_deg": None}).axes(places, normals, _off_normals(feeds, normals))
+    axes, limit = free, rules.tool_axis.limit_deg
+    is_held = np.zeros(len(free), bool)
+    if limit is not None:
+        axes = limited(free, math.radians(limit))
+        is_held = np.sqrt(((axes - free) ** 2).sum(axis=1)) > SAME_RAD
+    ends = np.cumsum(counts)
+    return [(axes[e - n:e], is_held[e - n:e]) for e, n in zip(ends, counts)]
+
+
+def _off_normals(feeds, normals):
+    """Feeds; one along its normal is replaced by the last that was not, or the next."""
+    across = np.cross(feeds, normals)
+    size = np.sqrt((feeds * feeds).sum(axis=1))
+    good = np.sqrt((across * across).sum(axis=1)) > ALONG * np.maximum(size, 1e-12)
+    if good.all() or not good.any():
+        return feeds
+    last = np.maximum.accumulate(np.where(good, np.arange(len(good)), -1))
+    return feeds[np.where(last < 0, np.flatnonzero(good)[0], last)]
+
+
+def _turns(axes):
+    """(n - 1,) angle from row to row."""
+    return angles_between(axes[:-1], axes[1:])
+
+
+def angles_between(a, b):
+    """(n,) of unit vectors, exact for small ones."""
+    across = np.cross(a, b)
+    return fixed.arctan2(np.sqrt((across * across).sum(axis=1)), (a * b).sum(axis=1))
+
+
+def on_great_circle(a, b, share):
+    """(n, 3) unit vectors after shares (n,) of the way from a to b; a where they are the same."""
+    whole = angles_between(a, b)
+    sine = np.maximum(fixed.sin(whole), 1e-12)
+    found = (fixed.sin((1.0 - share) * whole) / sine)[:, None] * a + (fixed.sin(share * whole) / sine)[:, None] * b
+    return np.where((whole > 1e-9)[:, None], found, a)
+
+
+def _held_off_the_part(rows):
+    """_Rows with all their axes: off the part as at the pass before, from the highest move on as at the next."""
+    axes = rows.axis.copy()
+    known = np.isfinite(axes[:, 0])
+    at = np.flatnonzero(known)
+    axes[:at[0]], axes[at[-1] + 1:] = axes[at[0]], axes[at[-1]]
+    for before, after in zip(at[:-1], at[1:]):
+        if after == before + 1:
+            continue
+        gap = np.arange(before + 1, after + 1)          # rows whose move is off the part
+        low = np.minimum(rows.middle[gap, 2], rows.middle[gap - 1, 2])
+        across = np.sqrt(((rows.middle[gap, :2] - rows.middle[gap - 1, :2]) ** 2).sum(axis=1))
+        turning = gap[np.lexsort((-across, -low))[0]]
+        axes[before + 1:turning], axes[turning:after] = axes[before], axes[after]
+    return replace(rows, axis=axes)
+
+
+def _turned_evenly(rows, is_feed, most_rad):
+    """_Rows, those put in that a link at feed needs to turn its axis in steps.   is_feed: (m,) of the upright moves."""
+    parts = np.where(is_feed[rows.move[1:]], np.ceil(_turns(rows.axis) / most_rad - ROUNDED), 1.0).astype(int)
+    parts = np.maximum(parts, 1)
+    row = np.repeat(np.arange(len(parts)), parts)
+    share = (np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts) + 1) / parts[row]
+    whole = (share == 1.0)[:, None]
+    middle = np.where(whole, rows.middle[row + 1], rows.middle[row] + share[:, None] * (rows.middle[row + 1] - rows.middle[row]))
+    axis = np.where(whole, rows.axis[row + 1], on_great_circle(rows.axis[row], rows.axis[row + 1], share))
+    first = lambda column, rest: np.concatenate([column[:1], rest])
+    return _Rows(middle=first(rows.middle, middle), move=first(rows.move, rows.move[row + 1]), axis=first(rows.axis, axis),
+                 is_held=first(rows.is_held, rows.is_held[row + 1]))
+
+
+def _assembled(moves, rows, cuts, rules):
+    """Leaning of rows with all their axes."""
+    axes, tips = rows.axis, rows.middle - rules.radius_mm * rows.axis
+    move, n = rows.move[1:], len(rows.move) - 1
+    run = np.sqrt((np.diff(tips, axis=0) ** 2).sum(axis=1))
+    of_middle = np.sqrt((np.diff(rows.middle, axis=0) ** 2).sum(axis=1))
+    share = np.clip(run / np.maximum(of_middle, 1e-12), LEAST_FEED_SHARE, 1.0)
+    turned = Moves(start_mm=tips[0], kind=moves.kind[move], end_mm=tips[1:], center_mm=np.full((n, 3), np.nan),
+                   plane=np.full(n, Plane.XY), axis=axes[1:], feed_mm_per_min=moves.feed_mm_per_min[move] * share)
+    return Leaning(moves=turned, is_cut=cuts[move], is_held=rows.is_held[1:])
+
+
+def upright_again(moves, radius_mm):
+    """Moves of a ball as they would run with the axis along Z: the same for all that asks for its lowest places."""
+    axes = np.vstack([moves.axis[:1], moves.axis])
+    ends = np.vstack([moves.start_mm, moves.end_mm]) + radius_mm * (axes - (0.0, 0.0, 1.0))
+    return Moves(start_mm=ends[0], kind=moves.kind, end_mm=ends[1:], center_mm=moves.center_mm, plane=moves.plane,
+                 axis=np.tile((0.0, 0.0, 1.0), (len(moves), 1)), feed_mm_per_min=moves.feed_mm_per_min)

@@ -1,0 +1,71 @@
+"""Indexed positions in a tilted plane of the control (G68.2): words are the tip's in a frame whose Z is the tool.
+
+The rotary axes are named at the top of the machine before; G53.1 then finds them where they belong, and has no choice.
+"""
+
+import numpy as np
+
+from cuspline.posts.writers.joint_words import JointRun
+from cuspline.posts.writers.tip_words import ANY_MM, room_mm
+from cuspline.values import fixed_math as fixed
+from cuspline.values.frames import Frame
+
+
+class TiltedMoves:
+    """An operation whose axis leans and stands."""
+
+    is_tip = True
+
+    def __init__(self, operation, machine):
+        """
+        Raises:
+            PostError: see joint_words.JointRun.
+        """
+        self.run = run = JointRun(operation, machine, ANY_MM)
+        self.tool, self.moves, self.origin_mm = operation.tool, operation.moves, np.array(machine.wcs_origin_mm)
+        self.axis = operation.moves.axis[0]
+        self.plane_deg = plane_angles_deg(self.axis, machine.control.decimals_deg)
+        self.frame = frame_of(self.plane_deg)
+        self.start_mm, self.starts_mm = operation.moves.start_mm, operation.moves.starts_mm
+        self.ends_mm = self.frame.into(operation.moves.end_mm)
+        self.turned_deg = run.degrees[run.first - 1]
+        self.notes = ("A TILTED PLANE: ANY ZERO AND TOOL LENGTH WITHIN THE TRAVELS",)
+
+    def begin(self, writer, first, dialect):
+        """From the top of the machine, rotaries turned, to where move `first` begins."""
+        k = self.run.first[first] - 1
+        tip = self.starts_mm[first]
+        high = tip + self.origin_mm + room_mm(self.run, k, tip + self.origin_mm, self.axis) * self.axis
+        x, y, z = self.run.chain.placed(high, self.run.joints[k, 3:], self.run.length_mm)[0, :3]
+        writer.block("G53", "G0", "X" + writer.length(x), "Y" + writer.length(y))
+        writer.block("G53", "G0", "Z" + writer.length(z))
+        before, behind = dialect.plane_on(writer, self.tool, self.plane_deg)
+        place = self.frame.into(tip[None])[0]
+        writer.block(*before, "G0", *writer.words(place), *behind)
+        writer.here_mm = place
+
+    def write(self, writer, first, end, dialect):
+        """Blocks of moves `first` to `end`, all of them straight."""
+        m = self.moves
+        for row in zip(m.kind[first:end].tolist(), self.ends_mm[first:end].tolist(), m.center_mm[first:end].tolist(),
+                       m.plane[first:end].tolist(), m.feed_mm_per_min[first:end].tolist()):
+            writer.move(*row)
+
+
+def plane_angles_deg(axis, decimals):
+    """(I, J, K) about Z, the new X and the new Z, that bring Z to an axis, rounded as they are written.
+
+    >>> plane_angles_deg(np.array([0.0, -1.0, 0.0]), 4)
+    (0.0, 90.0, 0.0)
+    """
+    across = float(fixed.hypot(axis[0], axis[1]))
+    about_z = float(np.degrees(fixed.arctan2(axis[0], -axis[1]))) if across > 0.0 else 0.0
+    return (round(about_z, decimals) + 0.0, round(float(np.degrees(fixed.arctan2(across, axis[2]))), decimals) + 0.0, 0.0)
+
+
+def frame_of(plane_deg):
+    """Frame in the WCS, its zero the WCS's, of angles about Z and the new X."""
+    i, j, _ = np.radians(plane_deg)
+    s, c = float(fixed.sin(i)), float(fixed.cos(i))
+    sj, cj = float(fixed.sin(j)), float(fixed.cos(j))
+    return Frame(rotation=np.array([[c, -s * cj, s * sj], [s, c * cj, -c * sj], [0.0, sj, cj]]), origin_mm=np.zeros(3))

@@ -1,0 +1,58 @@
+"""A block with a dome, a saddle or a twisted blade-like surface on top, roughed upright, finished with a leaning ball."""
+
+from typing import Literal
+
+import cadquery as cq
+import numpy as np
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.Geom import Geom_BezierSurface
+from OCP.gp import gp_Pnt
+from OCP.TColgp import TColgp_Array2OfPnt
+from pydantic import Field
+
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.planning.strategies.parallel import Parallel
+from cuspline.planning.strategies.rough import Rough
+from cuspline.toolpaths.five_axis.tool_axes import LeadTilt
+
+HALF_MM = np.array([16.0, 12.0])
+MIDDLE_MM, TOP_MM = 10.0, 16.0
+POLES = {"1": (1, 1, 1), "s": (-1, 0, 1), "ss": (1, -1, 1)}      # Bézier poles of 1, s and s^2 over -1 .. 1
+# heights in mm as {power of s along x, of t along y: factor}
+FORMS = {"dome": {("ss", "1"): -4, ("1", "ss"): -3}, "saddle": {("ss", "1"): 3, ("1", "ss"): -3},
+         "blade": {("s", "s"): 4, ("1", "ss"): -3, ("ss", "s"): 1}}
+
+
+class Surface(Parameters):
+    form: Literal["dome", "saddle", "blade"] = "dome"
+    lead_deg: float = Field(default=12.0, ge=-60, le=60, description="of the finishing ball")
+    tilt_deg: float = Field(default=-15.0, ge=-60, le=60, description="of the finishing ball")
+    machine: str = "mill_trunnion_ac"
+
+
+def poles_mm(form):
+    """(3, 3, 3) of the patch."""
+    s, t = np.meshgrid(POLES["s"], POLES["s"], indexing="ij")
+    z = MIDDLE_MM + sum(f * np.outer(POLES[a], POLES[b]) for (a, b), f in FORMS[form].items())
+    return np.stack([HALF_MM[0] * s, HALF_MM[1] * t, z], axis=2)
+
+
+def solid(form):
+    poles = TColgp_Array2OfPnt(1, 3, 1, 3)
+    for (i, j), _ in np.ndenumerate(poles_mm(form)[..., 0]):
+        poles.SetValue(i + 1, j + 1, gp_Pnt(*map(float, poles_mm(form)[i, j])))
+    top = cq.Face(BRepBuilderAPI_MakeFace(Geom_BezierSurface(poles), 1e-7).Face())
+    below = cq.Solid.extrudeLinear(top, cq.Vector(0, 0, -40))
+    return below.intersect(cq.Workplane().box(80, 80, 40, centered=(True, True, False)).val())
+
+
+def design(p: Surface) -> Design:
+    x, y = HALF_MM.tolist()
+    return Design(
+        name="leaning_surface", description="free form finished by a leaning ball", parameters=p, solid=solid(p.form),
+        predicates=(FacePredicate(name="top", count=1, normal=(0, 0, 1), normal_within_deg=50),),
+        material="aluminium_6061", machine=p.machine, stock=StockBox(min_mm=(-x, -y, 0), max_mm=(x, y, TOP_MM)),
+        finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.02, gouge_mm=0.02),
+        setups=(Setup(name="setup-1", faces=("top",), wcs_in_words="middle of the base", operations=(
+            Rough(tool="flat 10"), Parallel(tool="ball 8", name="finish", tool_axis=LeadTilt(
+                lead_deg=p.lead_deg, tilt_deg=p.tilt_deg)))),))
