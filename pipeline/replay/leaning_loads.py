@@ -1,10 +1,9 @@
-r"""What leaning cutters take off on their way, measured in the plane of the axis across the feed.
+r"""What leaning cutters take off on their way, measured in planes across the feed.
 
-                 |axis
-           ______|______
-          |      |   ░░░|   ░ places of the plane inside the cutter that were stock when its front came there
-          |      |  ░░░░|
-           \_____|_░░░░/    slot depth = their area over the diameter
+             ______ ______
+            |      |   ░░░|   ░ places inside the cutter, in the plane across the feed through its middle, that were stock
+            |      |  ░░░░|     when its front came there
+             \_____|_░░░░/      slot depth = their area over the diameter
 
 The plane is looked at every half diameter of way.  It is a grid: a figure is sure only as far as one row of places round it
 does not count.  Between the planes, and where a cutter takes less than a place of the grid, nothing is said.
@@ -14,9 +13,10 @@ import numpy as np
 
 from cuspline.program.program import Kind
 from cuspline.replay.replay_loads import Loads
-from cuspline.stock.outlines import outline_distance
+from cuspline.stock.outlines import START_R, START_Z, outline_distance
 from cuspline.stock.tilted_pieces import AXIS, AXIS_WAY, LENGTH, TIP, WAY
 from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
 
 ACROSS = 12               # places across a diameter
 BEHIND = 1.5              # radii of way behind a plane in which the cutter's front has passed through it
@@ -58,11 +58,12 @@ class _Way:
         at = np.flatnonzero(np.r_[True, (np.diff(mark) > 0) | (np.diff(cut) > 0)])
         back = np.maximum(np.searchsorted(way, way[at] - BEHIND * diameter / 2), np.searchsorted(cut, cut[at]))
         k, before = feeds[at], self.number[feeds[back]]
-        inside, edge, step = self._places()
-        u, axis, tip = self._planes(k)
-        for places, is_grid in ((inside, True), (edge, False)):
-            points = (tip[:, None] + places[:, 0, None] * u[:, None] + places[:, 1, None] * axis[:, None]).reshape(-1, 3)
-            found = history.stands(points, np.repeat(before, len(places))).reshape(len(k), -1)
+        planes = self._planes(k)
+        step = 2 * self.cutter.largest_radius_mm / ACROSS
+        for is_grid, places in ((True, _grid(self.path.outline, step)), (False, None)):
+            points, inside = self._in_cutter(planes, places) if is_grid else self._on_edge(planes)
+            found = inside.copy()
+            found[inside] = history.stands(points[inside], np.broadcast_to(before[:, None], inside.shape)[inside])
             np.logical_or.at(takes, self.row[k], found.any(axis=1))
             if is_grid:
                 area, round_ = found.sum(axis=1) * step * step, _round(found, places, step)
@@ -71,34 +72,52 @@ class _Way:
         np.add.at(nodes, self.row[k], NODES_PER_STATION)
 
     def _planes(self, k):
-        """(k, 3) directions across the feed and along the axis, (k, 3) tips, where sub-steps end."""
+        """(k, 3) each, where sub-steps end: the middle, two directions across the feed, the axis.  The second leads upward."""
         axis = self.g[k, AXIS:AXIS_WAY] + self.g[k, AXIS_WAY:AXIS_WAY + 3]
-        axis = axis / np.sqrt((axis * axis).sum(axis=1))[:, None]
-        u = np.cross(axis, self.g[k, WAY:AXIS])
-        size = np.sqrt((u * u).sum(axis=1))
+        axis = axis / _size(axis)
+        way = self.g[k, WAY:AXIS] + self._middle * self.g[k, AXIS_WAY:AXIS_WAY + 3]
+        way = np.where(_size(way) > 1e-9, way / np.maximum(_size(way), 1e-300), axis)
+        u = np.cross(axis, way)
         other = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.9, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
-        u = np.where((size > 1e-6)[:, None], u / np.maximum(size, 1e-300)[:, None], other)
-        return u / np.sqrt((u * u).sum(axis=1))[:, None], axis, self.g[k, TIP:WAY] + self.g[k, WAY:AXIS]
+        u = np.where(_size(u) > 1e-6, u, other)
+        u = u / _size(u)
+        v = np.cross(way, u)
+        v = v * np.where((v * axis).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+        return self.g[k, TIP:WAY] + self.g[k, WAY:AXIS] + self._middle * axis, u, v, axis
 
-    def _places(self):
-        """(p, 2) places inside the cutter, in a grid; (q, 2) on its edge; (across, along); the grid's step."""
-        outline, radius = self.path.outline, self.cutter.largest_radius_mm
-        height, step = outline[:, 2].max(), 2 * radius / ACROSS
-        grid = np.stack(np.meshgrid((np.arange(ACROSS) + 0.5) * step - radius, np.arange(0.5 * step, height, step),
-                                    indexing="ij"), axis=-1).reshape(-1, 2)
-        depth = lambda r, z: outline_distance(abs(r), z, outline, 0, len(outline))[0]
-        inside = grid[np.array([depth(r, z) < 0 for r, z in grid])]
-        angle = np.pi * (np.arange(EDGES) + 0.5) / EDGES
-        middle = min(radius, height / 2)
-        edge = []
-        for a in angle:                     # from a place on the axis outward and down, to where the outline is met
-            way, low, high = np.array([fixed.cos(a), -fixed.sin(a)]), 0.0, 2 * (radius + height)
-            while high - low > EDGE_MM / 4:
-                half = (low + high) / 2
-                r, z = half * way[0], middle + half * way[1]
-                low, high = (half, high) if depth(r, z) < -EDGE_MM else (low, half)
-            edge.append((low * way[0], middle + low * way[1]))
-        return inside, np.array(edge), step
+    @property
+    def _middle(self):
+        """Height over the tip that the planes go through: of a ball, its centre."""
+        return min(self.cutter.largest_radius_mm, self.path.outline[:, START_Z].max() / 2)
+
+    def _in_cutter(self, planes, places):
+        """(k, p, 3) points at places (p, 2) of planes, and (k, p) whether the cutter holds them."""
+        middle, u, v, axis = planes
+        points = middle[:, None] + places[:, :1] * u[:, None] + places[:, 1:] * v[:, None]
+        return points, self._depths(points, planes) < 0
+
+    def _on_edge(self, planes):
+        """(k, EDGES, 3) points all round the cutter in planes, EDGE_MM below its surface, and (k, EDGES) True."""
+        middle, u, v, _ = planes
+        turn = 2 * np.pi * (np.arange(EDGES) + 0.5) / EDGES
+        out = fixed.cos(turn)[:, None] * u[:, None] + fixed.sin(turn)[:, None] * v[:, None]
+        low = np.zeros(out.shape[:2])
+        high = low + 2 * float(self.path.outline[:, START_R:START_Z + 1].max())
+        while (high - low).max() > EDGE_MM / 4:
+            half = (low + high) / 2
+            inside = self._depths(middle[:, None] + half[..., None] * out, planes) < -EDGE_MM
+            low, high = np.where(inside, half, low), np.where(inside, high, half)
+        return middle[:, None] + low[..., None] * out, np.ones(low.shape, bool)
+
+    def _depths(self, points, planes):
+        """(k, p) signed distance of points to the cutter."""
+        middle, _, _, axis = planes
+        off = points - middle[:, None]
+        up = (off * axis[:, None]).sum(axis=2)
+        across = off - up[..., None] * axis[:, None]
+        depths = np.empty(up.size)
+        _put_depths(np.sqrt((across * across).sum(axis=2)).ravel(), up.ravel() + self._middle, self.path.outline, depths)
+        return depths.reshape(up.shape)
 
     def put_plunges(self, history, plunge, slope, fall):
         """How steeply feeds lead down along their own axis, and how deep the tip goes into stock on the way."""
@@ -115,6 +134,25 @@ class _Way:
         np.add.at(plunge, self.row[k], found * down[k])
         np.maximum.at(fall, self.row[k], np.minimum(share[k], 1.0))
         slope[self.row[k]] = np.maximum(slope[self.row[k]], fixed.arcsin(np.minimum(share[k], 1.0)))
+
+
+@njit(error_model="numpy")
+def _put_depths(r, z, outline, out):
+    """Signed distances of (r, z) to the body of an outline."""
+    for i in range(len(r)):
+        out[i] = outline_distance(r[i], z[i], outline, 0, len(outline))[0]
+
+
+def _size(vectors):
+    """(n, 1) lengths."""
+    return np.sqrt((vectors * vectors).sum(axis=1))[:, None]
+
+
+def _grid(outline, step):
+    """(p, 2) places round the middle of the plane, as far as a cutter can reach."""
+    far = outline[:, START_R:START_Z + 1].max(axis=0)
+    side = [step * (np.arange(2 * int(np.ceil(size / step))) + 0.5) - step * np.ceil(size / step) for size in far]
+    return np.stack(np.meshgrid(*side, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def _round(found, places, step):

@@ -54,7 +54,7 @@ def leans(posted, tools):
         found |= bool(len(bad))
     heads = [n for n in np.unique(posted.tool).tolist() if n in tools and tools[n].head is not None]
     if found and heads:
-        raise SimulationError(f"T{heads[0]} hangs on a right-angle head in a program with a tool that leans: the replay knows "
+        raise SimulationError(f"T{heads[0]} is on an angle head in a program with a tool that leans: the replay knows "
                               "either, not both: give them programs of their own", rows=np.flatnonzero(posted.tool == heads[0]))
     return found
 

@@ -123,5 +123,7 @@ def _told(posted, start, end, tools):
     """Bytes of the rows that decide what is cut, and of their tools."""
     part = slice(start, end)
     columns = [posted.kind, posted.start_mm, posted.end_mm, posted.center_mm, posted.plane, posted.turns, posted.tool]
+    if not posted.is_upright[part].all():
+        columns += [posted.start_axis, posted.end_axis]
     used = "".join(tools[int(n)].model_dump_json() for n in np.unique(posted.tool[part]) if int(n) in tools)
     return b"".join(np.ascontiguousarray(c[part]).tobytes() for c in columns) + used.encode()

@@ -1,7 +1,5 @@
 """A small dome, roughed upright and finished by a ball that leans along its passes; posted for a five-axis machine, read back."""
 
-import dataclasses
-
 import cadquery as cq
 import numpy as np
 from known_tilted import machine
@@ -13,7 +11,7 @@ from cuspline.kernel import brep
 from cuspline.posts.writers import linuxcnc
 from cuspline.program.program import Kind, Moves, Operation, Program
 
-HALF_MM, TOP_MM, RADIUS_MM = 6.0, 8.0, 25.0         # of the block's side; of the dome
+HALF_MM, TOP_MM, RADIUS_MM = 4.0, 8.0, 25.0         # of the block's side; of the dome
 CENTER = np.array([0.0, 0.0, TOP_MM - RADIUS_MM])
 SAFE_MM = 30.0
 BALL, FLAT = tool("ball", 6, number=7), tool("flat", 10, number=3)
@@ -49,19 +47,27 @@ def leaning_along(normals, lead_rad=LEAD_RAD):
     return np.cos(lead_rad) * normals + np.sin(lead_rad) * feed
 
 
-def finishing(stepover_mm=0.6, change=lambda number, tips, axes: (tips, axes), rapid_mm=SAFE_MM):
-    """Moves of all passes; `change` answers with tips and axes of one pass instead of the planned ones."""
+def finishing(stepover_mm=0.6, lead_rad=LEAD_RAD, change=lambda number, tips, axes: (tips, axes), low_return=None):
+    """Moves of all passes.
+
+    Args:
+        change: answers with tips and axes of a pass, by its number, instead of the planned ones.
+        low_return: number of a pass after which the ball goes back by a rapid below the dome's top.
+    """
     rows, r = [], BALL.cutter.radius_mm
     ys = np.linspace(-HALF_MM, HALF_MM, int(np.ceil(2 * HALF_MM / stepover_mm)) + 1)
     for number, y in enumerate(ys):
         points, normals = contacts(y)
-        axes = leaning_along(normals)
+        axes = leaning_along(normals, lead_rad)
         tips, axes = change(number, points + r * (normals - axes), axes)
         above = lambda tip: (*tip[:2], SAFE_MM)
         rows += [(Kind.RAPID, above(tips[0]), axes[0]), (Kind.RAPID, (*tips[0][:2], TOP_MM + 2.0), axes[0])]
         rows += [(Kind.FEED, tip, axis) for tip, axis in zip(tips, axes)]
-        rows.append((Kind.RAPID, (*tips[-1][:2], rapid_mm), axes[-1]))
-    rows.append((Kind.RAPID, (*rows[-1][1][:2], SAFE_MM), rows[-1][2]))
+        if number == low_return:
+            rows += [(Kind.RAPID, (*tip[:2], TOP_MM - 0.6), axes[-1]) for tip in (tips[-1], tips[0])]
+            rows.append((Kind.RAPID, above(tips[0]), axes[-1]))
+        else:
+            rows.append((Kind.RAPID, above(tips[-1]), axes[-1]))
     return _moves((0.0, 0.0, SAFE_MM), rows)
 
 
@@ -87,12 +93,12 @@ def _moves(start, rows):
                  feed_mm_per_min=np.where(np.array(kind) == Kind.RAPID, 0.0, FEED))
 
 
-def text_of(mill, moves, rough=None):
+def text_of(mill, moves, ball=BALL):
     """The whole program as text."""
     operation = lambda name, tool_, m: Operation(name=name, tool=tool_, spindle_rpm=9000.0, coolant="off", moves=m)
     return linuxcnc.post(Program(name="dome", setup="setup-1", wcs="G54", wcs_in_words="middle of the base", header=("DOME",),
-                                 clearance_z_mm=SAFE_MM, operations=(operation("rough", FLAT, rough or roughing()),
-                                                                     operation("finish", BALL, moves))), mill).text
+                                 clearance_z_mm=SAFE_MM, operations=(operation("rough", FLAT, roughing()),
+                                                                     operation("finish", ball, moves))), mill).text
 
 
 def read(mill, text, tools=TOOLS):
@@ -106,11 +112,3 @@ def trunnion(**pivots):
     mill = machine("mill_trunnion_ac")
     changed = {name: mill.model_dump()[name] | {"pivot_mm": at} for name, at in pivots.items()}
     return type(mill).model_validate({**mill.model_dump(), **changed}) if changed else mill
-
-
-def with_holder(tool_, **changes):
-    return tool_.model_copy(update=changes)
-
-
-def with_columns(posted, **columns):
-    return dataclasses.replace(posted, **columns)
