@@ -37,6 +37,11 @@ KINDS = {
             "A pass was deleted, or the part has a face that no setup names: at least 1 mm² stands more than five times "
             "as high as is allowed.",
             "Add the face to a setup, or the operation that finishes it."),
+        "surface_not_proven": (
+            "a tool that leans or turns in the cut, whose moves or whose leavings nothing proves",
+            "A bull nose finishes with its axis turning: what stands between the sample points has no proven bound.",
+            "Finish with a ball whose flutes are at least as long as it is thick, or let the tool keep its direction. Before "
+            "accepting it, look at the spacing of the samples in the report."),
         "idle_operation": (
             "an operation takes nothing off the stock",
             "A rest operation names a ball that leaves no less than the one before, or roughing is listed twice.",

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cuspline.program.program import Kind
 from cuspline.stock.swept import nearest_moves
 from cuspline.values import fixed_math as fixed
 from cuspline.values.amounts import counted, length, over_area
@@ -77,6 +78,21 @@ class Reporter:
                           advice=f"between the sample points this move may go {length(worst.depth_mm)} into the part, "
                           f"{self.finish.gouge_mm:g} mm are allowed; {counted(len(moves), 'move')} from line "
                           f"{self.posted.line[moves[0].row]}: lower `profile_tolerance_mm` of the finish")
+
+    def unproven(self, proven, proof):
+        """What nothing proves of tools that lean or turn in the cut: samples alone speak for it."""
+        posted = self.posted
+        leaning = np.flatnonzero(~posted.is_upright & (posted.kind != Kind.RAPID))
+        rows = [row for row, _ in proven.uncovered if row in set(leaning.tolist())]
+        told = [(rows[0], f"that {counted(len(rows), 'move')} from here on keep out of the part")] if rows else []
+        if proof.uncovered and len(leaning):
+            told.append((int(leaning[0]), f"how much is left between the sample points ({'; '.join(proof.uncovered)})"))
+        for row, what in told:
+            place = self.frame.out(posted.end_mm[[row]])[0].round(6)
+            yield Finding(kind="surface_not_proven", amount_mm=0.0, place_mm=tuple(place.tolist()),
+                          operation=posted.operation_name(row), line=int(posted.line[row]), setup=self.setup, row=row,
+                          advice=f"not proven, only looked at in samples: {what}; finish with a ball whose flutes are as long as "
+                          "it is thick, or let the tool keep its direction")
 
     def excess(self):
         """One finding a connected area that a ball could finish and that was left proud."""

@@ -1,6 +1,7 @@
 """Verdicts on a dome finished by a ball that leans: the good program has no finding, each fault is found by name and line."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.replay import replay
 from cuspline.replay.scene import FinishedDesign, FoundStock, Surroundings
 from cuspline.shop.cutters import Holder, HolderSegment
+from cuspline.verification.reporter import Reporter
 from cuspline.verification.verdict import Judging, Options, SetupProgram, first_look, verify_setup
 
 OPTIONS = Options(spacing_mm=0.6, solid_pitch_mm=0.4, replay_pitch_mm=0.5, tessellation_mm=0.005)
@@ -96,3 +98,17 @@ def test_a_pivot_a_tenth_of_a_millimetre_off_is_a_gouge():
     deepest = int(own.deviation_mm.argmin())
     assert 0.02 < -own.deviation_mm[deepest] < 0.05
     assert posted.operation_name(own.row[deepest]) == "finish" and posted.line[own.row[deepest]] > 100
+
+
+def test_what_nothing_proves_of_a_leaning_tool_is_a_finding():
+    """Its moves, its leavings; an upright move that nothing proves is told in verify.json alone."""
+    posted = dome.read(dome.trunnion(), good_text())
+    program = SimpleNamespace(posted=posted, setup=dome.SETUP)
+    report = Reporter(program, dome.FINISH, None, None, None)
+    leans = np.flatnonzero(~posted.is_upright & (posted.kind != Kind.RAPID))
+    upright = np.flatnonzero(posted.is_upright & (posted.kind != Kind.RAPID))
+    certificate = SimpleNamespace(uncovered=((int(upright[0]), "T3"), (int(leans[5]), "T7"), (int(leans[9]), "T7")))
+    of_moves, of_leavings = report.unproven(certificate, SimpleNamespace(uncovered=("T7, bull_nose: its axis turns",)))
+    assert {of_moves.kind, of_leavings.kind} == {"surface_not_proven"}
+    assert of_moves.line == posted.line[leans[5]] and "2 moves" in of_moves.advice and "T7, bull_nose" in of_leavings.advice
+    assert list(report.unproven(SimpleNamespace(uncovered=certificate.uncovered[:1]), SimpleNamespace(uncovered=()))) == []
