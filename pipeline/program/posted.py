@@ -110,6 +110,11 @@ class PostedMoves:
         """(n,) bool: the tool axis is +Z all along the move."""
         return (self.start_axis == UPRIGHT).all(axis=1) & (self.end_axis == UPRIGHT).all(axis=1)
 
+    def between(self, first, end):
+        """Some rows, as a program that has not ended."""
+        cut = {f.name: getattr(self, f.name)[first:end] for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)}
+        return replace(self, ended=False, **cut)
+
     @classmethod
     def joined(cls, parts, line_counts):
         """The programs of a set as one, run one after the other; lines count on from file to file.

@@ -1,7 +1,8 @@
 """A program with a tool that leans, or turns as it moves, replayed in its clamping's frame.
 
 There are no heights in it: the stock is what no cutter has swept yet (stock/timed.py), and contacts are looked for from the
-side of the stock (leaning_contacts.py).  Upright moves of such a program are replayed in the same way.
+side of the stock (leaning_contacts.py).  What comes before the first move that leans, most often the roughing, is replayed as
+any upright program is; upright moves after it as those that lean.
 """
 
 from dataclasses import dataclass
@@ -75,20 +76,24 @@ def known_rows(posted, tools):
     return known
 
 
-def replay_leaning(posted, tools, stock, design, around):
+def replay_leaning(posted, tools, stock, design, around, before):
     """As `replay.replay`, of a program of which some tool leans.
 
+    Args:
+        before: (worst (5, m, 4), least (5,), undecided (m,)) of the m moves before the first that leans, see `replay_kernel.run`.
     Raises:
         SimulationError: see `known_rows`; a cutter whose body is not convex, an axis that turns half round in a move.
     """
     known, zmap, machine, top = known_rows(posted, tools), stock.zmap, around.machine, stock.highest_mm
-    script = _Script.of(posted, tools, known)
+    upright = len(before[2])
+    script = _Script.of(posted, tools, known, upright)
     history = _history(script, stock)
     worst = np.full((5, len(posted), 4), -np.inf)
     unsure = np.zeros(len(posted), bool)
     nearest = _against_stock(worst, unsure, script, history, around)
     least, place = _against_design(worst, script, design, around)
     _against_fixtures(worst, script, around)
+    worst[:, :upright], of_upright, unsure[:upright] = before
     if nearest < least:
         least, place = nearest, None
     heights = np.full(zmap.shape, np.nan) if design.top_mm is None else frozen(design.top_mm, zmap.shape, "design.top_mm")
@@ -96,8 +101,9 @@ def replay_leaning(posted, tools, stock, design, around):
     taken = leaning_loads.loads(posted, script, history)
     highest = max([top, *(f.max_mm[2] for f in around.fixtures)])
     report = replay_checks.Reporter(posted, around.setup, around.frame)
-    upright = np.flatnonzero(known & posted.is_upright)
-    geometry = pieces_of(posted, upright, False)
+    if not np.isnan(of_upright[2]) and of_upright[:2].min() < least:
+        least, place = float(of_upright[:2].min()), report.place(of_upright[2:])
+    geometry = pieces_of(posted, np.flatnonzero(known & posted.is_upright), False)
     found = (*report.contacts(worst), *report.not_proven(unsure & ~(worst[:LOW, :, 0] > 0).any(axis=0)), *report.states(top),
              *report.unknown_starts(highest, {}, machine), *report.travel(machine),
              *report.table(machine, tools, (geometry.geometry, geometry.row), {}), *report.end(), *report.loads(taken, tools),
@@ -117,9 +123,10 @@ class _Script:
     numbers: tuple              # (m,) of each path's sub-steps in the order of the program
     rows: np.ndarray            # (k,) row of PostedMoves of each number
     is_rapid: np.ndarray        # (n,) of PostedMoves
+    first: int                  # row from which on parts are held against the stock
 
     @classmethod
-    def of(cls, posted, tools, known):
+    def of(cls, posted, tools, known, first):
         """A tool goes down by short steps: the neck enters what the flutes have cut before."""
         names = sorted({int(n) for n in posted.tool[known]})
         paths = tuple(posed_path(posted, np.flatnonzero(known & (posted.tool == n)), tools[n],
@@ -130,22 +137,23 @@ class _Script:
         number[order] = np.arange(len(row))
         ends = np.cumsum([len(p.row) for p in paths])[:-1]
         return cls(paths=paths, numbers=tuple(np.split(number, ends)) if paths else (), rows=row[order],
-                   is_rapid=posted.kind == Kind.RAPID)
+                   is_rapid=posted.kind == Kind.RAPID, first=first)
 
     def flutes(self):
         """Timed forest of all that cuts."""
         return timed_forest(self.paths, self.numbers)
 
     def part(self, frusta_of):
-        """Timed forest of the frusta (k, 4) that `frusta_of(tool)` names."""
-        made = [(p.of_body(frustum_outline(*row)), n) for p, n in zip(self.paths, self.numbers) for row in frusta_of(p.tool)]
+        """Timed forest of the frusta (k, 4) that `frusta_of(tool)` names, from the first row on."""
+        asked = [(p, n, np.flatnonzero(p.row >= self.first)) for p, n in zip(self.paths, self.numbers)]
+        made = [(p.of_body(frustum_outline(*row), some), n[some]) for p, n, some in asked if len(some) for row in frusta_of(p.tool)]
         return timed_forest([p for p, _ in made], [n for _, n in made])
 
     def rapids(self, change=lambda geometry: geometry):
         """Timed forest of the flutes on rapids, along changed sub-steps (m, 14)."""
         made = []
         for p, n in zip(self.paths, self.numbers):
-            chosen = np.flatnonzero(self.is_rapid[p.row])
+            chosen = np.flatnonzero(self.is_rapid[p.row] & (p.row >= self.first))
             if len(chosen):
                 moved = type(p)(**{**p.__dict__, "geometry": change(p.geometry)})
                 made.append((moved.of_body(p.outline, chosen), n[chosen]))

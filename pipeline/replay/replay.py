@@ -42,7 +42,9 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
             holds it; `.rows`.
     """
     if leans(posted, tools):
-        return replay_leaning(posted, tools, stock, design, around)
+        first = int(np.argmin(posted.is_upright))
+        before = _upright_before(posted.between(0, first), tools, stock, design, around, kept)
+        return replay_leaning(posted, tools, stock, design, around, before)
     zmap, top, machine, wanted = stock.zmap, stock.highest_mm, around.machine, around.clearances_mm
     heights = np.full(zmap.shape, np.nan) if design.top_mm is None else frozen(design.top_mm, zmap.shape, "design.top_mm")
     z = np.full(zmap.shape, top) if stock.top_mm is None else np.array(stock.top_mm)
@@ -76,6 +78,18 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
                   holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
                   holder_place_mm=place, undecided_lines=tuple(posted.line[unsure].tolist()),
                   is_table_checked=machine is not None)
+
+
+def _upright_before(posted, tools, stock, design, around, kept):
+    """(worst, least, undecided) of the moves before the first that leans, as `_history` gives them."""
+    heights = np.full(stock.zmap.shape, np.nan) if design.top_mm is None else design.top_mm
+    z = np.full(stock.zmap.shape, stock.highest_mm) if stock.top_mm is None else np.array(stock.top_mm)
+    script = _script(posted, tools, around.spindle_head)
+    *_, worst, least, unsure = kept.of(_history)(script, len(posted), around.clearances_mm, around.rapid_clearance_mm,
+                                                 _cells(z, stock), _solids(design, heights, stock, around.fixtures))
+    if stock.within_before is not None and unsure.any():
+        unsure[replay_doubts.cleared(np.flatnonzero(unsure), posted, script, around.clearances_mm, stock)] = False
+    return worst, least, unsure
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

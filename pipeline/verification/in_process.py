@@ -5,7 +5,7 @@ clamping's plan and replay, asks the exact workpiece; the file is that workpiece
 """
 
 import hashlib
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -64,8 +64,8 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
         ends = operation_ends(program.posted)
         for number, end in enumerate(ends, start=1):
             made.update(_told(program.posted, start, end, tools))
-            piece = before.after(frame, swept_paths(_rows(program.posted, 0, end), tools))
-            heights.own = swept_paths(_rows(program.posted, start, end), tools)
+            piece = before.after(frame, swept_paths(program.posted.between(0, end), tools))
+            heights.own = swept_paths(program.posted.between(start, end), tools)
             pitch_mm = pitches_mm[k] * (1.0 if number == len(ends) else COARSER)
             if number == len(ends):
                 heights.look_anew()
@@ -111,12 +111,6 @@ class _Heights:
         z = self.height_mm(self.own if goes_on else paths, *grid)
         self.paths, self.z = paths, np.minimum(z, self.z) if goes_on else z
         return self.z
-
-
-def _rows(posted, first, end):
-    """Some rows of a program as a program that has not ended."""
-    cut = {f.name: getattr(posted, f.name)[first:end] for f in fields(posted) if isinstance(getattr(posted, f.name), np.ndarray)}
-    return replace(posted, ended=False, **cut)
 
 
 def _told(posted, start, end, tools):
