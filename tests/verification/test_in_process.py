@@ -8,7 +8,7 @@ from known_programs import feed, program, rapid, tool
 
 from cuspline.design import Setup, StockBox
 from cuspline.kernel import solids
-from cuspline.verification.in_process import _rows, operation_ends, stock_states
+from cuspline.verification.in_process import operation_ends, stock_states
 from cuspline.verification.verdict import SetupProgram
 
 STOCK = StockBox(min_mm=(0, 0, 0), max_mm=(20, 16, 12))
@@ -67,4 +67,4 @@ def test_moves_before_the_first_operation_are_kept_with_it():
     posted = slots(3, 10).posted
     early = dataclasses.replace(posted, operation=np.array([-1, 0, 0, 1, 1, 1]))
     assert operation_ends(early) == [3, 6] and operation_ends(posted) == [3, 6]
-    assert len(_rows(posted, 0, 3)) == 3 and not _rows(posted, 0, 3).ended
+    assert len(posted.between(0, 3)) == 3 and not posted.between(0, 3).ended
