@@ -21,8 +21,8 @@ from peers import HERE, peer_python
 
 RESULTS = HERE / "RESULTS.md"
 # each with measure() -> (what, number, unit) rows, or table() -> lines
-OTHERS = ("exact_drop", "certificate", "simulation", "five_axis", "kinematics", "machine_bodies", "clearance", "surface_queries",
-          "scallop", "memory", "propeller", "propeller_truth", "sabotage", "fuzz")
+OTHERS = ("exact_drop", "certificate", "simulation", "five_axis", "kinematics", "machine_bodies", "leaning", "clearance",
+          "surface_queries", "scallop", "memory", "propeller", "propeller_truth", "sabotage", "fuzz")
 PACKAGES = ("numpy", "numba", "llvmlite", "cadquery-ocp", "cadquery")
 
 

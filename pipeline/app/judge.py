@@ -118,7 +118,7 @@ def read_programs(folder, job, tools):
         if len(held) == 1:
             position = np.zeros(len(moves), np.int64)
             near, = body_findings(moves, position, setups, job, tools)
-            swinging = swinging_findings(moves, held[0].setup, job, tools) if moves.rotary_deg.shape[1] else ()
+            swinging = swinging_findings(moves, held[0].setup, job, tools)
             yield ReadProgram(setup=held[0].setup, texts=texts, posted=moves, findings=(*found, *near, *swinging), whole=moves,
                               position=position)
             continue

@@ -6,6 +6,7 @@ import numpy as np
 
 from cuspline.design.design import by_clamping
 from cuspline.kernel import brep
+from cuspline.program.positions import led_to
 from cuspline.program.program import Kind
 from cuspline.report.bundle import FaceMesh
 from cuspline.report.machine_view import MachineBody, MachineTool, MachineView, Motion
@@ -82,7 +83,7 @@ def _motion(held, rows, drawn, machine, broken_down):
     """
     whole, position = held[0].whole, held[0].position
     counts, nose = _broken(whole, broken_down)
-    setup = _led_to(position)
+    setup = led_to(position)
     own, takes = _own_times(whole, position, setup, drawn, machine.kinematics)
     operation = np.full(len(whole), -1)
     for k, seen in enumerate(drawn):
@@ -109,17 +110,6 @@ def _broken(whole, broken_down):
     for k, way in ways.items():
         nose[ends[k] - counts[k]:ends[k]] = way
     return counts, nose
-
-
-def _led_to(position):
-    """(n,) position that each move is in, or leads to.
-
-    >>> _led_to(np.array([-1, 0, -1, 0, -1, 1, -1]))
-    array([0, 0, 0, 0, 1, 1, 1])
-    """
-    inside = np.flatnonzero(position >= 0)
-    after = inside[np.minimum(np.searchsorted(inside, np.arange(len(position))), len(inside) - 1)]
-    return position[after]
 
 
 def _own_times(whole, position, setup, drawn, chain):

@@ -189,11 +189,15 @@ def clamped(setups):
     return tuple(held)
 
 
-def by_clamping(items):
-    """[[item]]: values with a `setup`, that of what holds the part first, then of the indexed positions in its clamping."""
+def by_clamping(items, goes_on=lambda item: item.setup.indexed):
+    """[[item]]: that of what holds the part first, then of the indexed positions in its clamping.
+
+    Args:
+        items: values with a `setup`, or others.   goes_on: function of one, whether it is an indexed position.
+    """
     held = []
     for item in items:
-        if item.setup.indexed and held:
+        if goes_on(item) and held:
             held[-1].append(item)
         else:
             held.append([item])

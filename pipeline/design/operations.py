@@ -7,9 +7,9 @@ a value is silent the design's speaks, then the shop's, then the material's.
 import re
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, field_validator, model_serializer
+from pydantic import BeforeValidator, Field, SerializeAsAny, field_validator, model_serializer
 
-from cuspline.values.models import Model, Point, complaints
+from cuspline.values.models import Model, Point, by_kind
 
 TYPES = {"ball": "ball", "flat": "flat", "bull": "bull_nose", "bull nose": "bull_nose", "bull_nose": "bull_nose",
          "tapered ball": "tapered_ball", "tapered_ball": "tapered_ball"}
@@ -172,16 +172,7 @@ def operation_of(value):
     Raises:
         ValueError: there is no such kind, or something in it is wrong.
     """
-    if not isinstance(value, dict):
-        return value
-    kind = value.get("kind")
-    if kind not in REGISTERED:
-        raise ValueError(f"there is no operation of kind {kind!r}; there are {', '.join(sorted(REGISTERED))}")
-    known = REGISTERED[kind]
-    try:
-        return known(**{key: v for key, v in value.items() if key != "kind"})
-    except ValidationError as error:
-        raise ValueError(f"{kind}: {complaints(error, known)}") from None
+    return by_kind(value, REGISTERED, "operation")
 
 
 AnyOperation = Annotated[SerializeAsAny[Operation], BeforeValidator(operation_of)]

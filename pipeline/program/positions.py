@@ -26,6 +26,16 @@ class Positions:
     position: np.ndarray                # (m,) that each move of the whole program is made in; -1: in none
 
 
+def led_to(position):
+    """(n,) position that each move is made in, or leads to; of `Positions.position`.
+
+    >>> led_to(np.array([-1, 0, -1, 0, -1, 1, -1]))
+    array([0, 0, 0, 0, 1, 1, 1])
+    """
+    inside = np.flatnonzero(position >= 0)
+    return position[inside[np.minimum(np.searchsorted(inside, np.arange(len(position))), len(inside) - 1)]]
+
+
 def by_position(posted, frames, held):
     """The moves of a program by the position that they are made in.
 

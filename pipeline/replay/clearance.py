@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.replay import clearance_kernels as kernels
+from cuspline.stock.tilted_pieces import AXIS, AXIS_WAY, LENGTH, TIP, WAY
 from cuspline.stock.tree import morton_order
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import for_kernel, frozen
@@ -29,6 +30,14 @@ class ToolMoves:
     end_tips_mm: np.ndarray
     start_axes: np.ndarray        # (n, 3) unit, tip to holder
     end_axes: np.ndarray
+
+    @classmethod
+    def of_substeps(cls, geometry):
+        """Of sub-steps (n, 14) of stock/tilted_pieces.py."""
+        unit = lambda a: a / np.sqrt((a * a).sum(axis=1))[:, None]
+        tips, axes = geometry[:, TIP:WAY], geometry[:, AXIS:AXIS_WAY]
+        return cls(start_tips_mm=tips, end_tips_mm=tips + geometry[:, WAY:AXIS], start_axes=unit(axes),
+                   end_axes=unit(axes + geometry[:, AXIS_WAY:LENGTH]))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -5,7 +5,7 @@ side of the stock (leaning_contacts.py).  What comes before the first move that 
 any upright program is; upright moves after it as those that lean.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,14 +18,15 @@ from cuspline.replay.replay_result import Replay
 from cuspline.replay.replay_stops import Standing, stop_findings
 from cuspline.replay.scene import Fixture
 from cuspline.stock.outlines import frustum_outline
-from cuspline.stock.path_pieces import pieces_of
+from cuspline.stock.path_pieces import X0, X1, pieces_of
 from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import cutting_rows, lowest_moves, swept_paths
 from cuspline.stock.tilted import posed_path
-from cuspline.stock.tilted_pieces import AXIS, AXIS_WAY, TIP, WAY
+from cuspline.stock.tilted_pieces import AXIS, LENGTH, TIP, WAY
 from cuspline.stock.timed import NEVER, first_within, timed_forest
-from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
 from cuspline.values.errors import SimulationError
+from cuspline.values.rows import put
 
 LEAVING_MM = 0.02         # of flutes on a rapid, into the stock, that does not count: it may begin in the cut
 RUBBING_MM = 0.01         # of neck and shank: they may follow the flutes into what these have just cut
@@ -80,12 +81,12 @@ def replay_leaning(posted, tools, stock, design, around, before):
     """As `replay.replay`, of a program of which some tool leans.
 
     Args:
-        before: (worst (5, m, 4), least (5,), undecided (m,)) of the m moves before the first that leans, see `replay_kernel.run`.
+        before: replay.UprightRun of the moves before the first that leans.
     Raises:
         SimulationError: see `known_rows`; a cutter whose body is not convex, an axis that turns half round in a move.
     """
     known, zmap, machine, top = known_rows(posted, tools), stock.zmap, around.machine, stock.highest_mm
-    upright = len(before[2])
+    upright = len(before.unsure)
     script = _Script.of(posted, tools, known, upright)
     history = _history(script, stock)
     worst = np.full((5, len(posted), 4), -np.inf)
@@ -93,24 +94,24 @@ def replay_leaning(posted, tools, stock, design, around, before):
     nearest = _against_stock(worst, unsure, script, history, around)
     least, place = _against_design(worst, script, design, around)
     _against_fixtures(worst, script, around)
-    worst[:, :upright], of_upright, unsure[:upright] = before
+    worst[:, :upright], unsure[:upright] = before.worst, before.unsure
     if nearest < least:
         least, place = nearest, None
-    heights = np.full(zmap.shape, np.nan) if design.top_mm is None else frozen(design.top_mm, zmap.shape, "design.top_mm")
     events, z = _final(posted, tools, stock)
     taken = leaning_loads.loads(posted, script, history)
     highest = max([top, *(f.max_mm[2] for f in around.fixtures)])
     report = replay_checks.Reporter(posted, around.setup, around.frame)
-    if not np.isnan(of_upright[2]) and of_upright[:2].min() < least:
-        least, place = float(of_upright[:2].min()), report.place(of_upright[2:])
+    if not np.isnan(before.least[2]) and before.least[:2].min() < least:
+        least, place = float(before.least[:2].min()), report.place(before.least[2:])
     geometry = pieces_of(posted, np.flatnonzero(known & posted.is_upright), False)
     found = (*report.contacts(worst), *report.not_proven(unsure & ~(worst[:LOW, :, 0] > 0).any(axis=0)), *report.states(top),
              *report.unknown_starts(highest, {}, machine), *report.travel(machine),
              *report.table(machine, tools, (geometry.geometry, geometry.row), {}), *report.end(), *report.loads(taken, tools),
              *stop_findings(report, Standing(tools=tools, machine=machine, highest_mm=highest, hanging_mm={},
                                              stock_before=stock.standing_before)))
-    return Replay(zmap=zmap, bottom_mm=float(stock.min_mm[2]), top_mm=top, design_top_mm=heights, event_row=events[0],
-                  event_cell=events[1], event_z_mm=events[2], final_z_mm=z, findings=found, idle=tuple(report.idle(taken, [])),
+    return Replay(zmap=zmap, bottom_mm=float(stock.min_mm[2]), top_mm=top, design_top_mm=design.heights_mm(zmap),
+                  event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z, findings=found,
+                  idle=tuple(report.idle(taken, [])),
                   holder_clearance_mm=least, holder_place_mm=place,
                   undecided_lines=tuple(posted.line[unsure].tolist()), is_table_checked=machine is not None)
 
@@ -155,19 +156,16 @@ class _Script:
         for p, n in zip(self.paths, self.numbers):
             chosen = np.flatnonzero(self.is_rapid[p.row] & (p.row >= self.first))
             if len(chosen):
-                moved = type(p)(**{**p.__dict__, "geometry": change(p.geometry)})
-                made.append((moved.of_body(p.outline, chosen), n[chosen]))
+                changed = p.geometry.copy()
+                changed[chosen] = change(p.geometry[chosen])
+                made.append((replace(p, geometry=changed).of_body(p.outline, chosen), n[chosen]))
         return timed_forest([p for p, _ in made], [n for _, n in made])
 
     def moves_of(self, k, chosen=slice(None)):
         """(rows, ToolMoves) of the k-th tool in the order of cutting."""
         p = self.paths[k]
         order = np.argsort(p.step, kind="stable")[chosen]
-        g = p.geometry[order]
-        unit = lambda a: a / np.sqrt((a * a).sum(axis=1))[:, None]
-        return p.row[order], ToolMoves(
-            start_tips_mm=g[:, TIP:WAY], end_tips_mm=g[:, TIP:WAY] + g[:, WAY:AXIS],
-            start_axes=unit(g[:, AXIS:AXIS_WAY]), end_axes=unit(g[:, AXIS:AXIS_WAY] + g[:, AXIS_WAY:AXIS_WAY + 3]))
+        return p.row[order], ToolMoves.of_substeps(p.geometry[order])
 
 
 def _shank(tool):
@@ -221,13 +219,23 @@ def _is_far(part, history):
 
 def _lowered(geometry, by_mm):
     """Sub-steps of rapids lowered by the height that they are to keep; where one leads up, it may begin in the cut."""
-    out, line, low = geometry.copy(), np.empty(12), np.empty(12)
-    for k, g in enumerate(geometry):
-        line[:3], line[3:6] = g[TIP:WAY], g[TIP:WAY] + g[WAY:AXIS]
-        lowered(line, by_mm, low)
-        out[k, TIP:WAY], out[k, WAY:AXIS] = low[:3], low[3:6] - low[:3]
-    out[:, 12] = np.sqrt((out[:, WAY:AXIS] ** 2).sum(axis=1))
+    out = geometry.copy()
+    _lower(out, by_mm)
+    out[:, LENGTH] = np.sqrt((out[:, WAY:AXIS] ** 2).sum(axis=1))
     return out
+
+
+@njit
+def _lower(geometry, by_mm):
+    """The same in place, but for LENGTH."""
+    line, low = np.empty(12), np.empty(12)
+    for g in geometry:
+        put(line, g[TIP:WAY])
+        for k in range(3):
+            line[X1 + k] = g[TIP + k] + g[WAY + k]
+        lowered(line, by_mm, low)
+        for k in range(3):
+            g[TIP + k], g[WAY + k] = low[X0 + k], low[X1 + k] - low[X0 + k]
 
 
 def _put(table, row, amount, place):
@@ -292,7 +300,7 @@ def _kept_clear(table, tree, segments, way, margin, allowed):
 
 def _final(posted, tools, stock):
     """Events of the z-map, one a node that is lowered, and the heights in the end."""
-    zmap, before = stock.zmap, np.full(stock.zmap.shape, stock.highest_mm) if stock.top_mm is None else np.array(stock.top_mm)
+    zmap, before = stock.zmap, stock.heights_mm
     z, row = lowest_moves(swept_paths(posted, tools), zmap.xy_mm, stock.highest_mm, bottom_mm=float(stock.min_mm[2]))
     cells = np.flatnonzero((z < before.ravel()) & (row >= 0))
     first = np.flatnonzero(before.ravel() < stock.highest_mm)

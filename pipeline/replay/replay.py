@@ -15,9 +15,8 @@ from cuspline.replay.replay_stops import Standing, stop_findings
 from cuspline.replay.scene import FinishedDesign, Fixture, SolidFixture, Surroundings
 from cuspline.stock.path_pieces import pieces_of
 from cuspline.stock.swept import CLOSED_UPWARD
-from cuspline.stock.tree import morton_order
+from cuspline.stock.tree import least_under, morton_order
 from cuspline.values import fixed_math as fixed
-from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 
 TOUCH_MM = 1e-4           # what may be missing of a distance: rounding of the post, pieces of arcs
@@ -43,19 +42,14 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
     """
     if leans(posted, tools):
         first = int(np.argmin(posted.is_upright))
-        before = _upright_before(posted.between(0, first), tools, stock, design, around, kept)
+        before = UprightRun.of(posted.between(0, first), tools, stock, design, around, kept)
         return replay_leaning(posted, tools, stock, design, around, before)
     zmap, top, machine, wanted = stock.zmap, stock.highest_mm, around.machine, around.clearances_mm
-    heights = np.full(zmap.shape, np.nan) if design.top_mm is None else frozen(design.top_mm, zmap.shape, "design.top_mm")
-    z = np.full(zmap.shape, top) if stock.top_mm is None else np.array(stock.top_mm)
     highest = max([top, *(f.max_mm[2] for f in around.fixtures)])
     on_heads = _on_heads(posted, tools)
-    script = _script(posted, tools, around.spindle_head)
-    cells, solids = _cells(z, stock), _solids(design, heights, stock, around.fixtures)
-    *events, z, worst, least, unsure = kept.of(_history)(script, len(posted), wanted, around.rapid_clearance_mm, cells, solids)
-    taken = loads(posted, tools, zmap, events, len(cells.lowered[0]), cells.z_mm, stock.columns)
-    if stock.within_before is not None and unsure.any():
-        unsure[replay_doubts.cleared(np.flatnonzero(unsure), posted, script, wanted, stock)] = False
+    run = UprightRun.of(posted, tools, stock, design, around, kept)
+    events, z, worst, least, unsure = run.events, run.z_mm, run.worst, run.least, run.unsure
+    taken = loads(posted, tools, zmap, events, len(run.cells.lowered[0]), run.cells.z_mm, stock.columns)
     if on_heads and stock.left_by_heads is not None:
         events, z = _lowered(events, z, *stock.left_by_heads(zmap.xy_mm))
     standing = _cells_for_heads(posted, on_heads, stock) if on_heads else None
@@ -67,12 +61,12 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
     hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
              *report.unknown_starts(highest, hanging, machine), *report.travel(machine),
-             *report.table(machine, tools, script, hanging), *report.end(),
+             *report.table(machine, tools, run.script, hanging), *report.end(),
              *report.loads(taken, tools),
              *stop_findings(report, Standing(tools=tools, machine=machine, highest_mm=highest, hanging_mm=hanging,
                                              stock_before=stock.standing_before)))
     place = None if np.isnan(least[2]) else report.place(least[2:])
-    return Replay(zmap=zmap, bottom_mm=float(stock.min_mm[2]), top_mm=top, design_top_mm=heights,
+    return Replay(zmap=zmap, bottom_mm=float(stock.min_mm[2]), top_mm=top, design_top_mm=design.heights_mm(zmap),
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,
                   findings=found, idle=tuple(report.idle(taken, [t.number for t in on_heads])),
                   holder_clearance_mm=np.inf if place is None else float(min(least[:2])),
@@ -80,16 +74,29 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
                   is_table_checked=machine is not None)
 
 
-def _upright_before(posted, tools, stock, design, around, kept):
-    """(worst, least, undecided) of the moves before the first that leans, as `_history` gives them."""
-    heights = np.full(stock.zmap.shape, np.nan) if design.top_mm is None else design.top_mm
-    z = np.full(stock.zmap.shape, stock.highest_mm) if stock.top_mm is None else np.array(stock.top_mm)
-    script = _script(posted, tools, around.spindle_head)
-    *_, worst, least, unsure = kept.of(_history)(script, len(posted), around.clearances_mm, around.rapid_clearance_mm,
-                                                 _cells(z, stock), _solids(design, heights, stock, around.fixtures))
-    if stock.within_before is not None and unsure.any():
-        unsure[replay_doubts.cleared(np.flatnonzero(unsure), posted, script, around.clearances_mm, stock)] = False
-    return worst, least, unsure
+@dataclass(frozen=True, eq=False, kw_only=True)
+class UprightRun:
+    """What the kernel found of upright moves, and what it was asked."""
+
+    script: tuple           # see `_script`
+    cells: "_Cells"
+    events: list            # arrays of row, cell and height
+    z_mm: np.ndarray        # (ny, nx) in the end
+    worst: np.ndarray       # (5, rows, 4), see `replay_kernel.run`
+    least: np.ndarray       # (5,)
+    unsure: np.ndarray      # (rows,) bool: a contact is neither shown nor excluded
+
+    @classmethod
+    def of(cls, posted, tools, stock, design, around, kept):
+        """Arguments as of `replay`."""
+        script, cells = _script(posted, tools, around.spindle_head), _cells(stock.heights_mm, stock)
+        solids = _solids(design, design.heights_mm(stock.zmap), stock, around.fixtures)
+        *events, z, worst, least, unsure = kept.of(_history)(script, len(posted), around.clearances_mm, around.rapid_clearance_mm,
+                                                             cells, solids)
+        if stock.within_before is not None and unsure.any():
+            rows = np.flatnonzero(unsure)
+            unsure[replay_doubts.cleared(rows, posted, script, around.clearances_mm, stock)] = False
+        return cls(script=script, cells=cells, events=events, z_mm=z, worst=worst, least=least, unsure=unsure)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -195,7 +202,7 @@ def _past(geometry, cutter, cutters):
         rows = rows[morton_order(middle)]
         nodes, leaves = _boxes(geometry[rows])
         trees.append((*first, len(rows), leaves))
-        parts.append((geometry[rows], nodes, rows, _least_under(rows, leaves)))
+        parts.append((geometry[rows], nodes, rows, least_under(rows, leaves, LEAF)))
         first = [first[0] + len(nodes), first[1] + len(rows)]
     empty = (np.zeros((0, 12)), np.zeros((0, 5)), np.zeros(0, np.int64), np.zeros(0, np.int64))
     pieces, nodes, orders, firsts = (np.concatenate(column) for column in zip(empty, *parts))
@@ -206,21 +213,8 @@ def _boxes(geometry):
     """(2 leaves - 1, 5) rectangle and lowest tip of each node of a binary tree, and the number of leaves."""
     leaves = 1 << max(0, (-(-len(geometry) // LEAF) - 1).bit_length())
     xs, ys, low = geometry[:, [0, 3]], geometry[:, [1, 4]], replay_checks.lowest_tips(geometry)
-    least = [_least_under(c, leaves) for c in (xs.min(axis=1), -xs.max(axis=1), ys.min(axis=1), -ys.max(axis=1), low)]
+    least = [least_under(c, leaves, LEAF) for c in (xs.min(axis=1), -xs.max(axis=1), ys.min(axis=1), -ys.max(axis=1), low)]
     return np.column_stack(least) * [1, -1, 1, -1, 1], leaves
-
-
-def _least_under(values, leaves):
-    """(2 leaves - 1,) least value under each node of a binary tree; the largest there is behind the last one."""
-    level = np.full(leaves * LEAF, np.iinfo(np.int64).max if values.dtype == np.int64 else 1e300, values.dtype)
-    level[:len(values)] = values
-    level = level.reshape(leaves, LEAF).min(axis=1)
-    out = np.empty(2 * leaves - 1, values.dtype)
-    while len(level) > 1:
-        out[len(level) - 1:2 * len(level) - 1] = level
-        level = level.reshape(-1, 2).min(axis=1)
-    out[0] = level[0]
-    return out
 
 
 def _pins(zmap, heights, bottom):

@@ -85,6 +85,11 @@ class FoundStock:
     def highest_mm(self):
         return float(self.max_mm[2])
 
+    @property
+    def heights_mm(self):
+        """(ny, nx) at the nodes before the first move, the caller's own."""
+        return np.full(self.zmap.shape, self.highest_mm) if self.top_mm is None else np.array(self.top_mm)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FinishedDesign:
@@ -93,6 +98,10 @@ class FinishedDesign:
     top_mm: np.ndarray | None = None        # (ny, nx) height at the stock's nodes, NaN beside it
     tree: ClearanceTree | None = None       # None: pins of the heights
     error_mm: float = 0.0       # how deep neck, shank and holder may seem to touch it: of its triangles and the finish's gouge
+
+    def heights_mm(self, zmap):
+        """(ny, nx) at the nodes of a ZMap; NaN where it is not known."""
+        return np.full(zmap.shape, np.nan) if self.top_mm is None else frozen(self.top_mm, zmap.shape, "design.top_mm")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -80,7 +80,7 @@ def machine_scene(view, silhouette):
         motions.append(meta)
     return {"name": view.name, "letters": list(view.chain.letters), "order": list(view.order), "upward": view.upward,
             "direction": links.direction.tolist(), "pivot": links.pivot.tolist(), "isRotary": links.is_rotary.tolist(),
-            "toolTurn": _onto(view.chain.spindle).ravel().tolist(), "bodies": bodies, "motions": motions,
+            "toolTurn": Frame.along(view.chain.spindle).rotation.ravel().tolist(), "bodies": bodies, "motions": motions,
             "tools": {str(number): {"tip": list(map(float, t.tip_mm)), "silhouette": silhouette(t.tool)}
                       for number, t in sorted(view.tools.items())}}, blocks
 
@@ -92,16 +92,10 @@ def _body(shape):
     if isinstance(shape, Cylinder):
         axis = np.array(shape.axis) / fixed.length(np.array(shape.axis))
         return {"outline": [[0.0, 0.0], [shape.diameter_mm / 2, 0.0], [shape.diameter_mm / 2, shape.height_mm],
-                            [0.0, shape.height_mm]], "foot": list(shape.foot_mm), "turn": _onto(axis).ravel().tolist()}, None
+                            [0.0, shape.height_mm]], "foot": list(shape.foot_mm),
+                "turn": Frame.along(axis).rotation.ravel().tolist()}, None
     meta, raw = pack_mesh(shape)
     return {"mesh": meta}, raw
-
-
-def _onto(axis):
-    """(3, 3) rotation whose last column is a unit vector."""
-    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    across = across / fixed.length(across)
-    return np.column_stack([across, np.cross(axis, across), axis])
 
 
 def pack_motion(motion):

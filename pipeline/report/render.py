@@ -232,6 +232,7 @@ def aim(renderer, towards_eye, up, aspect):
 
 
 def _length(vector):
+    """As fixed_math has it; that would bring the compiler along, which takes as long as a picture."""
     return np.sqrt((vector * vector).sum())
 
 

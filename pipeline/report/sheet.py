@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline.design.design import by_clamping
 from cuspline.report.facts import findings, measure_rows, minimum_z_mm, operation_rows, operations, verdict
 from cuspline.report.wording import DASH, box_size, decimal, duration, file_size, grouped, number, short, tool_name
 from cuspline.values import fixed_math as fixed
@@ -57,13 +58,7 @@ def job_rows(bundle, setup):
 
 def clampings(bundle):
     """[[SetupBundle]]: what is set up once, the positions that its program turns the machine to among it."""
-    held = []
-    for setup in bundle.setups:
-        if setup.turned_in_words and held:
-            held[-1].append(setup)
-        else:
-            held.append([setup])
-    return held
+    return by_clamping(bundle.setups, lambda setup: bool(setup.turned_in_words))
 
 
 def _which_of(bundle, setup):

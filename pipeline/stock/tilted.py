@@ -66,7 +66,8 @@ class PosedPath:
         if cutter.type != "ball" or cutter.flute_length_mm < 2 * radius:
             return None
         bend = radius * float(g[:, tilted_pieces.TURN].max(initial=0.0)) ** 2 / 8
-        tips, ways, axes, turns = (g[:, first:first + 3] for first in (0, 3, 6, 9))
+        tips, ways, axes, turns = (g[:, first:first + 3] for first in (
+            tilted_pieces.TIP, tilted_pieces.WAY, tilted_pieces.AXIS, tilted_pieces.AXIS_WAY))
         tips += radius * axes
         ways += radius * turns
         axes[:], turns[:], g[:, tilted_pieces.TURN] = (0.0, 0.0, 1.0), 0.0, 0.0

@@ -14,7 +14,7 @@ import numpy as np
 from cuspline.stock.tilted import posed_forest
 from cuspline.stock.tilted_kernels import WAITING, poses_distance, substep_distance
 from cuspline.stock.tilted_tree import BEHIND_LAST, FIRST_LINE, FIRST_NODE, FIRST_SUBSTEP, IS_FILLED, LEAF, LEAVES, SUBSTEPS
-from cuspline.stock.tree import CHUNK, SLACK_MM, work
+from cuspline.stock.tree import CHUNK, SLACK_MM, least_under, work
 from cuspline.values.arrays import for_kernel
 from cuspline.values.compiled import njit
 from cuspline.values.rows import X, Y, Z
@@ -30,21 +30,9 @@ def timed_forest(paths, numbers):
     Args:
         paths: PosedPath values.   numbers: of each path's sub-steps, (m,) in the path's own order.
     """
-    least = [_least_under(n, p.leaves) for p, n in zip(paths, numbers)]
+    least = [least_under(n, p.leaves, LEAF) for p, n in zip(paths, numbers)]
     stack = lambda arrays: np.concatenate([np.zeros(0, np.int64), *arrays]).astype(np.int64)
     return (*posed_forest(paths), stack(numbers), stack(least))
-
-
-def _least_under(numbers, leaves):
-    """(2 leaves - 1,) least number under each node."""
-    level = np.full(leaves * LEAF, NEVER)
-    level[:len(numbers)] = numbers
-    level, out = level.reshape(leaves, LEAF).min(axis=1), np.empty(2 * leaves - 1, np.int64)
-    while len(level) > 1:
-        out[len(level) - 1:2 * len(level) - 1] = level
-        level = level.reshape(-1, 2).min(axis=1)
-    out[0] = level[0]
-    return out
 
 
 def first_within(points_mm, reach_mm, timed, before):

@@ -54,6 +54,23 @@ def morton_order(points):
     return np.argsort(key, kind="stable")
 
 
+def least_under(values, leaves, leaf):
+    """(2 leaves - 1,) least value under each node of a binary tree over values (n,); behind the last one nothing is less.
+
+    Args:
+        values: int64 or float, `leaf` of them a leaf, in its order.   leaves: a power of two.
+    """
+    level = np.full(leaves * leaf, np.iinfo(np.int64).max if values.dtype == np.int64 else 1e300, values.dtype)
+    level[:len(values)] = values
+    level = level.reshape(leaves, leaf).min(axis=1)
+    out = np.empty(2 * leaves - 1, values.dtype)
+    while len(level) > 1:
+        out[len(level) - 1:2 * len(level) - 1] = level
+        level = level.reshape(-1, 2).min(axis=1)
+    out[0] = level[0]
+    return out
+
+
 def _spread(bits):
     """Two zero bits between every two of 21 bits."""
     for shift, mask in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),

@@ -34,6 +34,13 @@ class Frame:
         x, z = np.asarray(x, float), np.asarray(z, float)
         return cls(rotation=np.column_stack([x, np.cross(z, x), z]), origin_mm=origin_mm)
 
+    @classmethod
+    def along(cls, axis):
+        """About the origin, the inner Z along a direction (3,) of length 1, the inner X square to a main axis."""
+        axis = np.asarray(axis, float)
+        x = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        return cls.of_axes(np.zeros(3), x / fixed.length(x), axis)
+
     def seen_from(self, other):
         """The same motion as seen from another frame, both given from one outside."""
         return Frame(rotation=fixed.matmul(other.rotation.T, self.rotation), origin_mm=other.into(self.origin_mm[None])[0])

@@ -50,6 +50,25 @@ def one_of(*models):
     return Annotated[typing.Union[tuple(Annotated[m, Tag(KIND + m.__name__)] for m in models)], Discriminator(kind)]
 
 
+def by_kind(value, registered, what):
+    """A value out of a job file's table, by its `kind`; anything but a table stays what it is.
+
+    Args:
+        registered: {kind: Model}.   what: that they are, for messages.
+    Raises:
+        ValueError: there is no such kind, or something in it is wrong.
+    """
+    if not isinstance(value, dict):
+        return value
+    kind = value.get("kind")
+    if kind not in registered:
+        raise ValueError(f"there is no {what} of kind {kind!r}; there are {', '.join(sorted(registered))}")
+    try:
+        return registered[kind](**{key: v for key, v in value.items() if key != "kind"})
+    except ValidationError as error:
+        raise ValueError(f"{kind}: {complaints(error, registered[kind])}") from None
+
+
 def name_fault(name):
     """Why a name cannot be a file's, "" where it can.
 

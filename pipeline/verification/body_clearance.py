@@ -11,6 +11,7 @@ import numpy as np
 
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.program.arcs import Arc
+from cuspline.program.positions import led_to
 from cuspline.program.program import Kind, Plane
 from cuspline.replay.clearance import tool_segments
 from cuspline.replay.replay_checks import Reporter
@@ -21,6 +22,7 @@ from cuspline.stock.shapes import BoxShape, CylinderShape
 from cuspline.stock.tree import morton_order
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import for_kernel
+from cuspline.values.frames import Frame
 from cuspline.verification import body_kernels as kernels
 from cuspline.verification.machine_bodies import STEP_MM, mesh_of, rotary_links
 from cuspline.verification.turning import at_end_of_move
@@ -34,7 +36,8 @@ POSES = 33                      # looked at in a block that is too near, for how
 SECTORS = 24                    # of what turns with the tool, round it
 CONVEX_MM = 1e-6
 MOST_CORNERS = 20_000           # of a mesh that is asked whether it is convex
-SIDES = np.array([v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)], float) - 1.0     # to a cube's faces, edges and corners
+SIDES = np.array([v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)], float) - 1.0
+OUTWARD = SIDES / np.sqrt((SIDES ** 2).sum(axis=1))[:, None]        # to a cube's faces, edges and corners
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,9 +101,7 @@ class Blocks:
             first = np.searchsorted(row, k)
             ends[first:first + len(way)] = way
             starts[first + 1:first + len(way)] = way[:-1]
-        inside = np.flatnonzero(position >= 0)
-        after = inside[np.minimum(np.searchsorted(inside, np.arange(len(position))), len(inside) - 1)]
-        return cls(row=row, starts=for_kernel(starts), ends=for_kernel(ends), position=position[after][row], tool=moves.tool[row])
+        return cls(row=row, starts=for_kernel(starts), ends=for_kernel(ends), position=led_to(position)[row], tool=moves.tool[row])
 
     def with_tool(self, number):
         """Those with one tool in the spindle; None: all."""
@@ -127,7 +128,9 @@ def _near(body, obstacle, blocks, report, machine):
     kernels.over_blocks(body.pieces, obstacle.pieces, between, blocks.starts, blocks.ends, margin, margin + CAP_MM, UNDECIDED_MM,
                         is_clear)
     near = np.flatnonzero(~is_clear)
-    gaps = np.array([_least_gap(body, obstacle, between, blocks, k, margin) for k in near])
+    gaps = np.empty(len(near))
+    kernels.gaps(body.pieces, obstacle.pieces, between, blocks.starts[near], blocks.ends[near], POSES, OUTWARD, margin, gaps)
+    gaps -= body.error_mm + obstacle.error_mm
     for position in np.unique(blocks.position[near]).tolist():
         mine = np.flatnonzero(blocks.position[near] == position)
         worst = mine[gaps[mine].argmin()]
@@ -143,14 +146,6 @@ def _finding(body, obstacle, gap_mm, report, row):
               "tool, or turn the other way round")
     found = report.finding(kind, row, max(HOLDER_CLEARANCE_MM - gap_mm, UNDECIDED_MM), report.posted.end_mm[row], advice)
     return at_end_of_move(found, report.posted)
-
-
-def _least_gap(body, obstacle, between, blocks, k, margin):
-    """The least distance of some poses of a block; negative: so deep in each other."""
-    share = np.linspace(0.0, 1.0, POSES)[:, None]
-    joints, out = blocks.starts[k] + share * (blocks.ends[k] - blocks.starts[k]), np.empty(POSES)
-    kernels.gaps(body.pieces, obstacle.pieces, between, joints, SIDES / np.sqrt((SIDES ** 2).sum(axis=1))[:, None], margin, out)
-    return out.min() - body.error_mm - obstacle.error_mm
 
 
 def _between(machine, link, obstacle):
@@ -187,11 +182,11 @@ def _clamped(held, job):
 
 def _tools_of(tools, machine):
     """{number: Solid} of tools in their holders, with what stands round the spindle's nose."""
-    found = {}
+    found, along = {}, Frame.along(machine.kinematics.spindle)
     for number, tool in tools.items():
         if tool.head is None:
             pieces = [_frustum(row) - (0.0, 0.0, tool.length_mm) for row in tool_segments(tool, machine.spindle_head)]
-            points = [_onto(p, machine.kinematics.spindle) for p in pieces]
+            points = [along.out(p) for p in pieces]
             found[number] = Solid(name=f"tool T{number}", link=TOOL, pieces=_tree(points), error_mm=0.0, kind="fixture_contact")
     return found
 
@@ -205,13 +200,6 @@ def _frustum(segment):
     return np.vstack([ring(r0 + grow, z0 - grow), ring(r1 + grow, z1 + grow)])
 
 
-def _onto(points, axis):
-    """Points given along Z, with an axis in its place; they are round it."""
-    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    across = across / fixed.length(across)
-    return fixed.matmul(points, np.array([across, np.cross(axis, across), axis]))
-
-
 def pieces_of(vertices, triangles, is_convex=False):
     """kernels.Pieces of a closed mesh: itself where it is convex, else its triangles.
 
@@ -219,21 +207,10 @@ def pieces_of(vertices, triangles, is_convex=False):
         vertices: (v, 3).   triangles: (t, 3) rows, counter-clockwise seen from outside.   is_convex: False: it is looked at.
     """
     vertices, triangles = np.asarray(vertices, float), np.asarray(triangles)
-    if is_convex or _is_convex(vertices, triangles):
+    mesh = for_kernel(vertices), for_kernel(triangles, np.int64)
+    if is_convex or len(vertices) <= MOST_CORNERS and kernels.is_convex(*mesh, CONVEX_MM):
         return _tree([vertices[np.unique(triangles)]])
     return _tree(list(vertices[triangles]))
-
-
-def _is_convex(vertices, triangles):
-    """Whether no vertex stands out beyond any triangle's plane."""
-    if len(vertices) > MOST_CORNERS:
-        return False
-    for a, b, c in vertices[triangles]:
-        normal = np.cross(b - a, c - a)
-        size = fixed.length(normal)
-        if size > 0 and np.einsum("ij,j->i", vertices - a, normal).max() > CONVEX_MM * size:
-            return False
-    return True
 
 
 def _tree(pieces):

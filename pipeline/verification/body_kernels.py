@@ -331,11 +331,27 @@ def overlap(body, solid, m, directions):
 
 
 @njit
-def gaps(body, solid, between, joints, directions, margin, out):
-    """Distance at each pose (n, m) into out (n,); negative: so deep in each other."""
+def gaps(body, solid, between, starts, ends, poses, directions, margin, out):
+    """Least distance at some poses of each block of joints (n, m) into out (n,); negative: so deep in each other."""
     m = np.empty((4, 3))
-    for i in range(len(joints)):
-        pose(between, joints[i], m)
-        _, out[i] = distance(body, solid, m, margin, math.inf)
-        if out[i] <= 0.0:
-            out[i] = -overlap(body, solid, m, directions)
+    for i in range(len(starts)):
+        out[i] = math.inf
+        for k in range(poses):
+            pose(between, starts[i] + k / (poses - 1) * (ends[i] - starts[i]), m)
+            _, gap = distance(body, solid, m, margin, math.inf)
+            out[i] = min(out[i], gap if gap > 0.0 else -overlap(body, solid, m, directions))
+
+
+@njit
+def is_convex(vertices, triangles, slack_mm):
+    """Whether no vertex (v, 3) stands out beyond the plane of any triangle (t, 3) by more than the slack."""
+    n = np.empty(3)
+    for t in range(len(triangles)):
+        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+        n[X], n[Y], n[Z] = cross(b - a, c - a)
+        size = math.sqrt(n[X] * n[X] + n[Y] * n[Y] + n[Z] * n[Z])
+        level = a[X] * n[X] + a[Y] * n[Y] + a[Z] * n[Z] + slack_mm * size
+        for v in range(len(vertices)):
+            if size > 0.0 and vertices[v, X] * n[X] + vertices[v, Y] * n[Y] + vertices[v, Z] * n[Z] > level:
+                return False
+    return True

@@ -17,7 +17,7 @@ import numpy as np
 
 from cuspline.kernel.tessellation import tessellate
 from cuspline.replay.clearance import ClearanceTree, ToolMoves, flute_segments
-from cuspline.stock.tilted_pieces import AXIS, AXIS_WAY, TIP, TURN, WAY, posed_pieces
+from cuspline.stock.tilted_pieces import AXIS, TIP, TURN, WAY, posed_pieces
 from cuspline.values import fixed_math as fixed
 from cuspline.verification.certificate_side import SideViews
 
@@ -61,8 +61,7 @@ class LeaningViews:
         reach = float(fixed.hypot(profile.largest_radius_mm, profile.height_mm))
         pieces = posed_pieces(posted, rows, LONGEST_RADII * profile.largest_radius_mm, reach)
         g = pieces.geometry
-        moves = ToolMoves(start_tips_mm=g[:, TIP:WAY], end_tips_mm=g[:, TIP:WAY] + g[:, WAY:AXIS], start_axes=_unit(
-            g[:, AXIS:AXIS_WAY]), end_axes=_unit(g[:, AXIS:AXIS_WAY] + g[:, AXIS_WAY:AXIS_WAY + 3]))
+        moves = ToolMoves.of_substeps(g)
         share, place = np.full(len(g), 0.5), np.full((len(g), 3), np.nan)
         segments = flute_segments(cutter)
         corner = {"ball": cutter.radius_mm, "bull_nose": cutter.corner_radius_mm}.get(cutter.type, 0.0)
@@ -98,10 +97,6 @@ class LeaningViews:
             place[left] = found.place_mm
             left, allowed = left[~clear], DEEPER * allowed if allowed else self.tolerance_mm / 2
         return depth, place
-
-
-def _unit(vectors):
-    return vectors / np.sqrt((vectors * vectors).sum(axis=1))[:, None]
 
 
 def _of_whole_cutter(depth, corner_mm, largest_mm):

@@ -125,17 +125,19 @@ class _Search:
 
     def run(self, cuts, known_mm):
         self.height = self._raised(known_mm)
-        todo, failed_at, kept = self._roots(), self.height, []
-        for _ in range(ROUNDS if len(todo) else 0):
-            for cut in cuts:
-                todo = self._proven_by(cut, todo)
-            todo, failed_at, rose = _Cells.joined([*kept, todo]), self.height, self.height > failed_at
-            wide = (todo.reason == ABOVE) & (todo.area_mm2 > SPLIT_MM ** 2) & (len(cuts) > 1)
-            kept = [] if rose else [todo.only(~wide)]
-            todo = _Cells.joined([todo.only(wide).halved(), *([todo.only(~wide)] if rose else [])])
+        todo = self._roots()
+        left = todo.only(slice(0))                          # by all cuts, at this height
+        for _ in range(ROUNDS):
             if not len(todo):
                 break
-        self._count(_Cells.joined([*kept, todo]))
+            height = self.height
+            for cut in cuts:
+                todo = self._proven_by(cut, todo)
+            wide = (todo.reason == ABOVE) & (todo.area_mm2 > SPLIT_MM ** 2) & (len(cuts) > 1)
+            left, todo = _Cells.joined([left, todo.only(~wide)]), todo.only(wide).halved()
+            if self.height > height:                        # what was left at less may be proven now
+                left, todo = left.only(slice(0)), _Cells.joined([left, todo])
+        self._count(_Cells.joined([left, todo]))
         places, amounts = (np.concatenate(column) for column in zip((np.zeros((0, 3)), np.zeros(0)), *self.higher))
         return ExcessProof(height_mm=self.height, cells=self.cells, higher_mm=places, amount_mm=amounts,
                            unproven_mm2={name: round(area, 6) for name, area in self.areas.items()})

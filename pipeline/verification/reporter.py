@@ -82,11 +82,11 @@ class Reporter:
     def unproven(self, proven, proof):
         """What nothing proves of tools that lean or turn in the cut: samples alone speak for it."""
         posted = self.posted
-        leaning = np.flatnonzero(~posted.is_upright & (posted.kind != Kind.RAPID))
-        rows = [row for row, _ in proven.uncovered if row in set(leaning.tolist())]
+        leans = ~posted.is_upright & (posted.kind != Kind.RAPID)
+        rows = [row for row, _ in proven.uncovered if leans[row]]
         told = [(rows[0], f"that {counted(len(rows), 'move')} from here on keep out of the part")] if rows else []
-        if proof.uncovered and len(leaning):
-            told.append((int(leaning[0]), f"how much is left between the sample points ({'; '.join(proof.uncovered)})"))
+        if proof.uncovered and leans.any():
+            told.append((int(leans.argmax()), f"how much is left between the sample points ({'; '.join(proof.uncovered)})"))
         for row, what in told:
             place = self.frame.out(posted.end_mm[[row]])[0].round(6)
             yield Finding(kind="surface_not_proven", amount_mm=0.0, place_mm=tuple(place.tolist()),

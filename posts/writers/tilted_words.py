@@ -6,7 +6,7 @@ The rotary axes are named at the top of the machine before; G53.1 then finds the
 import numpy as np
 
 from cuspline.posts.writers.joint_words import JointRun
-from cuspline.posts.writers.tip_words import ANY_MM, room_mm
+from cuspline.posts.writers.tip_words import ANY_MM, go_above
 from cuspline.values import fixed_math as fixed
 from cuspline.values.frames import Frame
 
@@ -33,12 +33,8 @@ class TiltedMoves:
 
     def begin(self, writer, first, dialect):
         """From the top of the machine, rotaries turned, to where move `first` begins."""
-        k = self.run.first[first] - 1
         tip = self.starts_mm[first]
-        high = tip + self.origin_mm + room_mm(self.run, k, tip + self.origin_mm, self.axis) * self.axis
-        x, y, z = self.run.chain.placed(high, self.run.joints[k, 3:], self.run.length_mm)[0, :3]
-        writer.block("G53", "G0", "X" + writer.length(x), "Y" + writer.length(y))
-        writer.block("G53", "G0", "Z" + writer.length(z))
+        go_above(writer, self.run, self.run.first[first] - 1, tip + self.origin_mm, self.axis)
         before, behind = dialect.plane_on(writer, self.tool, self.plane_deg)
         place = self.frame.into(tip[None])[0]
         writer.block(*before, "G0", *writer.words(place), *behind)

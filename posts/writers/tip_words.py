@@ -50,11 +50,7 @@ class TipMoves:
 
     def _enter(self, writer, k, dialect):
         """At the top in machine coordinates over where the tool's axis leads up from block k, then down along it."""
-        tip = self.words_mm[k] + self.origin_mm
-        high = tip + room_mm(self.run, k, tip, self.axes[k]) * self.axes[k]
-        x, y, z = self.run.chain.placed(high, self.run.joints[k, 3:], self.run.length_mm)[0, :3]
-        writer.block("G53", "G0", "X" + writer.length(x), "Y" + writer.length(y))
-        writer.block("G53", "G0", "Z" + writer.length(z))
+        go_above(writer, self.run, k, self.words_mm[k] + self.origin_mm, self.axes[k])
         first, behind = dialect.tip_on(writer, self.tool)
         feed = () if dialect.tip_rapid == "G0" else ("F" + writer.feed_text(self.entry_mm_per_min),)
         writer.joint_move(dialect.tip_rapid, self.words_mm[k], self.run.degrees[k], (*feed, *behind), first)
@@ -86,6 +82,14 @@ class TipMoves:
         if is_inverse != was:
             writer.block("G93" if is_inverse else "G94")
         return is_inverse
+
+
+def go_above(writer, run, k, tip_mm, axis):
+    """In machine coordinates to the top of the tool's way down, the rotaries as in block k; for the rest see `room_mm`."""
+    high = tip_mm + room_mm(run, k, tip_mm, axis) * axis
+    x, y, z = run.chain.placed(high, run.joints[k, 3:], run.length_mm)[0, :3]
+    writer.block("G53", "G0", "X" + writer.length(x), "Y" + writer.length(y))
+    writer.block("G53", "G0", "Z" + writer.length(z))
 
 
 def room_mm(run, k, tip_mm, axis):

@@ -51,6 +51,14 @@ def program(*operations):
                    header=("SMALL",), operations=operations)
 
 
+def assert_ends_are_read(posted, moves, within_mm, within_rad, end=None):
+    """Every planned end but the first (up to row `end`) is one that the reader found, with the axis that was planned."""
+    for k in range(1, len(moves))[:end]:
+        near = np.linalg.norm(posted.end_mm - moves.end_mm[k], axis=1)
+        hit = np.nanargmin(np.where(np.linalg.norm(posted.end_axis - moves.axis[k], axis=1) < 1e-3, near, np.inf))
+        assert near[hit] < within_mm and np.abs(posted.end_axis[hit] - moves.axis[k]).max() < within_rad
+
+
 def text_of(mill, *operations):
     return linuxcnc.post(program(*operations), mill).text
 

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from known_machines import FIVE_AXIS, leaning
-from known_tilted import BALL, FLAT, machine, off_lines, operation, program, rolling, upright
+from known_tilted import BALL, FLAT, assert_ends_are_read, machine, off_lines, operation, program, rolling, upright
 
 from cuspline.app.catalogue import reader_of
 from cuspline.posts.writers import fanuc
@@ -37,10 +37,7 @@ def test_what_is_read_back_is_what_was_planned(name, tip):
     m, moves = mill(name, tip), rolling()
     posted = read(m, text_of(m, operation("finish", moves)))
     assert posted.remarks == () and posted.ended
-    for k in range(1, len(moves)):
-        near = np.linalg.norm(posted.end_mm - moves.end_mm[k], axis=1)
-        hit = np.nanargmin(np.where(np.linalg.norm(posted.end_axis - moves.axis[k], axis=1) < 1e-3, near, np.inf))
-        assert near[hit] < ROUNDING_MM and np.abs(posted.end_axis[hit] - moves.axis[k]).max() < ROUNDING_RAD
+    assert_ends_are_read(posted, moves, ROUNDING_MM, ROUNDING_RAD)
     arc = int(np.flatnonzero(moves.kind > Kind.FEED)[0])
     cut = np.flatnonzero((posted.kind == Kind.FEED) & (posted.end_mm[:, 0] < moves.end_mm[arc - 1, 0] - 1))
     allowed = ROUNDING_MM + (0.5 * m.control.path_tolerance_mm if tip is None else 0.0)

@@ -6,7 +6,21 @@ import re
 import numpy as np
 import pytest
 from known_machines import FIVE_AXIS, leaning
-from known_tilted import BALL, CLEARANCE_MM, FLAT, blocks, machine, off_lines, operation, program, read, rolling, text_of, upright
+from known_tilted import (
+    BALL,
+    CLEARANCE_MM,
+    FLAT,
+    assert_ends_are_read,
+    blocks,
+    machine,
+    off_lines,
+    operation,
+    program,
+    read,
+    rolling,
+    text_of,
+    upright,
+)
 
 from cuspline.posts.writers import linuxcnc
 from cuspline.posts.writers.program_files import posted
@@ -24,10 +38,7 @@ def test_what_is_read_back_is_what_was_planned(name):
     mill, moves = machine(name), rolling()
     posted = read(mill, text_of(mill, operation("finish", moves)))
     assert posted.remarks == () and posted.ended
-    for k in range(1, len(moves)):
-        near = np.linalg.norm(posted.end_mm - moves.end_mm[k], axis=1)
-        hit = np.nanargmin(np.where(np.linalg.norm(posted.end_axis - moves.axis[k], axis=1) < 1e-3, near, np.inf))
-        assert near[hit] < ROUNDING_MM and np.abs(posted.end_axis[hit] - moves.axis[k]).max() < ROUNDING_RAD
+    assert_ends_are_read(posted, moves, ROUNDING_MM, ROUNDING_RAD)
     straight = moves.kind <= Kind.FEED
     last = int(np.flatnonzero(~straight)[0])
     before_arc = np.flatnonzero(posted.kind == Kind.FEED)[:-1]

@@ -5,7 +5,20 @@ import re
 import numpy as np
 import pytest
 from known_machines import FIVE_AXIS
-from known_tilted import BALL, FLAT, blocks, machine, off_lines, operation, program, read, rolling, text_of, upright
+from known_tilted import (
+    BALL,
+    FLAT,
+    assert_ends_are_read,
+    blocks,
+    machine,
+    off_lines,
+    operation,
+    program,
+    read,
+    rolling,
+    text_of,
+    upright,
+)
 
 from cuspline.app.catalogue import reader_of
 from cuspline.posts.writers import linuxcnc
@@ -34,10 +47,7 @@ def test_the_tip_keeps_to_its_lines_and_the_axis_is_the_planned_one(name):
     mill, moves = tip(name), rolling()
     posted = read(mill, text_of(mill, operation("finish", moves)))
     assert posted.remarks == () and posted.ended
-    for k in range(1, len(moves) - 1):
-        near = np.linalg.norm(posted.end_mm - moves.end_mm[k], axis=1)
-        hit = np.nanargmin(np.where(np.linalg.norm(posted.end_axis - moves.axis[k], axis=1) < 1e-3, near, np.inf))
-        assert near[hit] < ROUNDING_MM and np.abs(posted.end_axis[hit] - moves.axis[k]).max() < ROUNDING_RAD
+    assert_ends_are_read(posted, moves, ROUNDING_MM, ROUNDING_RAD, end=-1)
     low = cuts(posted)[posted.start_mm[cuts(posted), 2] < 4]
     before_arc = low[posted.end_mm[low, 0] < moves.end_mm[int(np.flatnonzero(moves.kind > Kind.FEED)[0]) - 1, 0] - 1]
     off = off_lines(posted.end_mm[before_arc], moves.starts_mm[1:], moves.end_mm[1:])

@@ -1,9 +1,8 @@
 """The machine moving in the report's view, in headless Chromium."""
 
-import importlib.util
 import json
-from pathlib import Path
 
+import chromium
 import numpy as np
 import pytest
 from known_machines import FIVE_AXIS, random_joints
@@ -11,12 +10,7 @@ from known_machines import FIVE_AXIS, random_joints
 from cuspline.app.catalogue import find_machine
 from cuspline.report.page import report_html
 
-_spec = importlib.util.spec_from_file_location("chromium", Path(__file__).with_name("chromium.py"))
-chromium = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(chromium)
-
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser"),
-              pytest.mark.skipif(chromium.find_chromium() is None, reason="Chromium is not installed: apt-get install chromium")]
+pytestmark = chromium.MARKS
 PICTURE = "document.getElementById('canvas').toDataURL()"
 TEXT = "document.getElementById('{}').textContent"
 
@@ -25,10 +19,7 @@ TEXT = "document.getElementById('{}').textContent"
 def browser(machine_bundle, tmp_path_factory):
     page = tmp_path_factory.mktemp("report") / "report.html"
     page.write_text(report_html(machine_bundle, {}, [], ""))
-    with chromium.Browser(tmp_path_factory.mktemp("profile")) as found:
-        found.open(page.as_uri())
-        if "no-view" in found.evaluate("document.body.className"):
-            pytest.skip("this Chromium offers no WebGL2: " + found.evaluate("document.getElementById('view-message').textContent"))
+    with chromium.viewing(page.as_uri(), tmp_path_factory.mktemp("profile")) as found:
         yield found
         assert found.errors == []
 

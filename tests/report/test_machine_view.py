@@ -1,7 +1,6 @@
 """The machine as the viewer moves it, packed and unpacked."""
 
 import numpy as np
-import pytest
 from packed_blocks import Reader
 
 from cuspline.report import machine_view, packing
@@ -68,10 +67,3 @@ def test_the_scene_names_chain_bodies_and_tools(machine_bundle):
 def test_a_report_without_machine_says_so(sample_bundle):
     meta, blocks = scene(sample_bundle)
     assert meta["machine"] is None and not any(name.startswith(("motion", "body")) for name in blocks)
-
-
-@pytest.mark.parametrize("axis", [(0, 0, 1), (1, 0, 0), (0, -1, 0), (0.6, 0, 0.8)])
-def test_a_cylinder_lies_along_its_axis(axis):
-    turn = machine_view._onto(np.array(axis, float))
-    assert np.abs(turn @ turn.T - np.eye(3)).max() < 1e-12 and np.linalg.det(turn) == pytest.approx(1)
-    assert turn[:, 2].tolist() == pytest.approx(axis)

@@ -1,19 +1,13 @@
 """The finished report in headless Chromium, over file://, asking nobody for anything."""
 
-import importlib.util
 from dataclasses import replace
-from pathlib import Path
 
+import chromium
 import pytest
 
 from cuspline.report.page import report_html, write_report
 
-_spec = importlib.util.spec_from_file_location("chromium", Path(__file__).with_name("chromium.py"))
-chromium = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(chromium)
-
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser"),
-              pytest.mark.skipif(chromium.find_chromium() is None, reason="Chromium is not installed: apt-get install chromium")]
+pytestmark = chromium.MARKS
 PICTURE = "document.getElementById('canvas').toDataURL()"
 DISTINCT_COLOURS = """(() => {
   const gl = document.getElementById('canvas').getContext('webgl2'), w = gl.drawingBufferWidth, h = gl.drawingBufferHeight;
@@ -30,10 +24,7 @@ def report(two_setup_bundle, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser(report, tmp_path_factory):
-    with chromium.Browser(tmp_path_factory.mktemp("profile")) as found:
-        found.open(report)
-        if "no-view" in found.evaluate("document.body.className"):
-            pytest.skip("this Chromium offers no WebGL2: " + found.evaluate("document.getElementById('view-message').textContent"))
+    with chromium.viewing(report, tmp_path_factory.mktemp("profile")) as found:
         yield found
 
 

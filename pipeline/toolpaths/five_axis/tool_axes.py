@@ -15,14 +15,23 @@ from abc import abstractmethod
 from typing import Annotated, ClassVar, Literal, Union
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, SerializeAsAny, Tag, ValidationError, field_validator, model_serializer
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, SerializeAsAny, Tag, model_serializer
 
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import ToolpathError
-from cuspline.values.models import KIND, Model, Point, complaints
+from cuspline.values.models import KIND, Model, Point, by_kind
 
 LOST = 1e-6                 # a direction shorter than this, of what it was made of, points nowhere
+
+
+def _with_a_length(direction):
+    if not sum(v * v for v in direction) > 0:
+        raise ValueError("a direction without a length")
+    return direction
+
+
+Direction = Annotated[Point, AfterValidator(_with_a_length)]
 REGISTERED: dict[str, type["ToolAxis"]] = {}
 
 
@@ -108,12 +117,7 @@ class FixedAxis(ToolAxis):
     """One direction everywhere.  No pole."""
 
     kind = "fixed"
-    direction: Point = Field(description="from the tip to the holder, part coordinates")
-
-    @field_validator("direction")
-    @classmethod
-    def _has_a_length(cls, direction):
-        return _with_a_length(direction)
+    direction: Direction = Field(description="from the tip to the holder, part coordinates")
 
     def unlimited(self, places, normals, feeds):
         return np.tile(_unit(np.array([self.direction]), 1.0), (len(places), 1))
@@ -154,14 +158,9 @@ class AlongLine(ToolAxis):
 
     kind = "along_line"
     point_mm: Point = Field(description="any of the line, part coordinates")
-    direction: Point = Field(description="of the line, part coordinates; which way does not matter")
+    direction: Direction = Field(description="of the line, part coordinates; which way does not matter")
     holder: Literal["towards", "away"] = Field(default="away", description="of the line: away from one inside the part, towards "
                                                "one in the air above it")
-
-    @field_validator("direction")
-    @classmethod
-    def _has_a_length(cls, direction):
-        return _with_a_length(direction)
 
     def unlimited(self, places, normals, feeds):
         arm, along = places - np.array(self.point_mm), _unit(np.array([self.direction]), 1.0)
@@ -178,12 +177,7 @@ class Guide(Model):
     """The axis at one place."""
 
     place_mm: Point = Field(description="part coordinates")
-    direction: Point = Field(description="of the axis there, from the tip to the holder")
-
-    @field_validator("direction")
-    @classmethod
-    def _has_a_length(cls, direction):
-        return _with_a_length(direction)
+    direction: Direction = Field(description="of the axis there, from the tip to the holder")
 
 
 class BetweenGuides(ToolAxis):
@@ -217,15 +211,7 @@ def axis_of(value):
     Raises:
         ValueError: there is no such kind, or something in it is wrong.
     """
-    if not isinstance(value, dict):
-        return value
-    kind = value.get("kind")
-    if kind not in REGISTERED:
-        raise ValueError(f"there is no tool axis of kind {kind!r}; there are {', '.join(sorted(REGISTERED))}")
-    try:
-        return REGISTERED[kind](**{key: v for key, v in value.items() if key != "kind"})
-    except ValidationError as error:
-        raise ValueError(f"{kind}: {complaints(error, REGISTERED[kind])}") from None
+    return by_kind(value, REGISTERED, "tool axis")
 
 
 AnyAxis = Annotated[
@@ -263,12 +249,6 @@ def _unit(vectors, size):
 
 def _side(holder):
     return 1.0 if holder == "away" else -1.0
-
-
-def _with_a_length(direction):
-    if not sum(v * v for v in direction) > 0:
-        raise ValueError("a direction without a length")
-    return direction
 
 
 def _moved(frame, point):

@@ -1,4 +1,4 @@
-"""A headless Chromium driven over a pair of pipes with the DevTools protocol; standard library only."""
+"""A headless Chromium driven over a pair of pipes with the DevTools protocol."""
 
 import base64
 import fcntl
@@ -10,6 +10,9 @@ import subprocess
 import sys
 import time
 from collections import deque
+from contextlib import contextmanager
+
+import pytest
 
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
          "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe")
@@ -22,6 +25,20 @@ def find_chromium():
     """Path of a Chromium or Chrome, None when there is none."""
     names = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
     return next((path for path in map(shutil.which, names) if path), None)
+
+
+MARKS = [pytest.mark.browser, pytest.mark.xdist_group("browser"),
+         pytest.mark.skipif(find_chromium() is None, reason="Chromium is not installed: apt-get install chromium")]
+
+
+@contextmanager
+def viewing(page, profile_dir):
+    """A Browser with a report's page open; the test is skipped, with what the page says, where it can draw nothing."""
+    with Browser(profile_dir) as found:
+        found.open(page)
+        if "no-view" in found.evaluate("document.body.className"):
+            pytest.skip("this Chromium offers no WebGL2: " + found.evaluate("document.getElementById('view-message').textContent"))
+        yield found
 
 
 class Browser:
