@@ -9,7 +9,10 @@ from cuspline.kernel import solids
 from cuspline.stock.shapes import HERE
 from cuspline.stock.swept import distance_to, is_height_field, signed_distance_mm, stock_height_mm
 from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import for_kernel
+from cuspline.values.compiled import njit
 from cuspline.values.frames import Frame
+from cuspline.values.rows import X, Y, Z
 
 LATTICE = 400_000         # cells of the lattice on which stock with undercuts is met
 MET_MM = 1e-5             # how well
@@ -99,19 +102,27 @@ def _asked_near(paths, low, high, edge_mm):
     FAR_EDGES, so that no edge of the lattice from there meets one, and on which side they lie.
     """
     step, far = NODE_EDGES * edge_mm, FAR_EDGES * edge_mm
-    count = (np.ceil((high - low) / step).astype(int) + 1).tolist()
+    count = np.ceil((high - low) / step).astype(int) + 1
     nodes = [first + step * np.arange(n) for first, n in zip(low, count)]
-    known = signed_distance_mm(paths, np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 3)).tolist()
-    exact_mm, (x0, y0, z0), (_, ny, nz) = distance_to(paths), low.tolist(), count
+    known = signed_distance_mm(paths, np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 3)).reshape(count)
+    exact_mm, low = distance_to(paths), for_kernel(low)
 
     def distance_mm(x, y, z):
-        u, v, w = (x - x0) / step, (y - y0) / step, (z - z0) / step
-        i, j, k = (min(max(round(c), 0), n - 1) for c, n in zip((u, v, w), count))
-        rough = known[(i * ny + j) * nz + k]
-        off = step * math.sqrt((u - i) ** 2 + (v - j) ** 2 + (w - k) ** 2)
-        return rough - math.copysign(off, rough) if abs(rough) - off > far else exact_mm(x, y, z)
+        rough = _bound_mm(x, y, z, known, low, step)
+        return rough if abs(rough) > far else exact_mm(x, y, z)
 
     return distance_mm
+
+
+@njit
+def _bound_mm(x, y, z, known, low, step):
+    """Signed distance to the surface, nearer to 0 than it is: 0 where the grid's next node does not tell the side."""
+    i = min(max(int(np.rint((x - low[X]) / step)), 0), known.shape[0] - 1)
+    j = min(max(int(np.rint((y - low[Y]) / step)), 0), known.shape[1] - 1)
+    k = min(max(int(np.rint((z - low[Z]) / step)), 0), known.shape[2] - 1)
+    dx, dy, dz = x - low[X] - i * step, y - low[Y] - j * step, z - low[Z] - k * step
+    off = math.sqrt(dx * dx + dy * dy + dz * dz)
+    return math.copysign(max(abs(known[i, j, k]) - off, 0.0), known[i, j, k])
 
 
 def grid_lines(low, high, pitch_mm, walls):
