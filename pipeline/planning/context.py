@@ -20,7 +20,6 @@ from cuspline.replay.clearance import ClearanceTree
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
-from cuspline.stock.height_grid import heights_of
 from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
@@ -292,8 +291,11 @@ class PlanningContext:
 
     @property
     def _standing(self):
-        """Heights of the stock before the setup."""
-        return self._once("heights", lambda: heights_of(self.piece, self.setup.turn))
+        """Function (n, 2) -> (n,) heights of the stock before the setup: what other directions have cut, by cells that hold it."""
+        piece, frame = self.piece, self.setup.turn
+        if all(np.array_equal(cut.frame.rotation, frame.rotation) for cut in piece.cuts):
+            return lambda xy_mm: piece.heights_mm(frame, xy_mm)
+        return lambda xy_mm: piece.tops_mm(frame, xy_mm)
 
     def stock_mm(self, xy_mm, at_most_mm=np.inf):
         """Height of the stock over places (n, 2) before the operation's first move, at most so much; -inf beside it."""
