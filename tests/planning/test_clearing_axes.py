@@ -1,0 +1,135 @@
+"""Passes whose axis turns out of the way: beside a wall, in a channel between two twisted walls, down a blade's sides."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from standing_walls import FLOOR_MM, Standing, design, mill
+
+from cuspline.app.catalogue import find_library
+from cuspline.design.fixtures import FixtureBox
+from cuspline.planning.leaning_finishing import normal_error
+from cuspline.planning.plan import plan_setup
+from cuspline.program.program import Kind
+from cuspline.replay.clearance import ToolMoves, tool_segments
+from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, FixedAxis, LeadTilt
+from cuspline.values.errors import CutterDoesNotFit, PlanError
+
+LIBRARY = find_library(None)
+UPRIGHT = FixedAxis(direction=(0, 0, 1))
+
+
+def planned(part, machine="mill_trunnion_ac"):
+    """Its finishing operation alone."""
+    finish = part.setups[0].operations[1]
+    return plan_setup(part, part.setups[0].model_copy(update={"operations": (finish,)}), mill(machine), LIBRARY)
+
+
+@cache
+def beside_the_wall():
+    return planned(design(Standing(form="wall", tall_mm=48.0)))
+
+
+@cache
+def in_the_channel():
+    """70 mm deep, a tool 42 mm out of its holder: far inside nothing clears it."""
+    return planned(design(Standing(form="channel", tall_mm=70.0, floor_mm=20.0), ClearingAxis(up_to_deg=20.0)))
+
+
+def spare_mm(plan):
+    """How far shank, holder and spindle head keep off the part over every move, by the proof of whole moves."""
+    operation, work = plan.operations[-1], plan.context
+    moves, tool = operation.moves, operation.tool
+    axes = np.vstack([moves.axis[:1], moves.axis])
+    way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
+    rest = tool_segments(tool, work.machine.spindle_head, with_flutes=False)
+    found = work.clearance_tree.certified_clearance(rest, way, work.practice.rough_allowance_mm)
+    return found.clearance_mm.min() if found.is_clear.all() else -math.inf
+
+
+def test_an_upright_tool_is_too_short_and_a_clearing_one_leans_no_more_than_it_must():
+    """Tilted straight away from the wall, no point of the holder's outline may be nearer to it than wanted below its top."""
+    with pytest.raises(CutterDoesNotFit, match="holder or shank would touch"):
+        planned(design(Standing(form="wall", tall_mm=48.0), LeadTilt()))
+    plan = beside_the_wall()
+    operation, keep = plan.operations[-1], plan.context.practice.rough_allowance_mm + 0.01
+    tool = operation.tool
+    z0, r0, z1, r1, _ = next(row for row in tool_segments(tool, with_flutes=False) if row[0] >= tool.stick_out_mm)
+    share, angle = np.linspace(0, 1, 200)[:, None], np.radians(np.arange(0, 30, 0.01))
+    r, z = r0 + share * (r1 - r0), z0 + share * (z1 - z0) - 4.0
+    is_met = (r * np.cos(angle) - z * np.sin(angle) > 4.0 - keep) & (z * np.cos(angle) + r * np.sin(angle) < 44.0)
+    least = np.degrees(angle[is_met.any(axis=0)].max())
+    clearing = operation.facts["clearing"]
+    assert least < clearing["largest_deg"] < least + 1.0          # round the wall's top edge, and 0.05 mm in hand
+    assert operation.facts["links"] == "zig-zag" and operation.facts["largest_turn_deg"] <= 2.001
+    assert "left_mm2" not in clearing and spare_mm(plan) > plan.context.practice.rough_allowance_mm
+
+
+def test_far_from_the_wall_the_axis_stands():
+    moves = beside_the_wall().operations[-1].moves
+    far = (moves.kind == Kind.FEED) & (moves.end_mm[:, 0] > 12.0)
+    assert far.sum() > 10 and np.abs(moves.axis[far] - (0, 0, 1)).max() < 1e-9
+
+
+def test_what_no_axis_clears_is_not_cut_but_listed_with_the_cutter_that_would():
+    plan = in_the_channel()
+    operation, account = plan.operations[-1], plan.accounts[-1].as_dict()
+    clearing = operation.facts["clearing"]
+    assert 0.0 < clearing["left_mm2"] <= account["area_left_mm2"] + 0.01 and "no axis within 20 degrees" in account["why"]
+    left = operation.left.rows
+    places = plan.context.samples.point_mm[left]
+    cut = operation.moves.end_mm[operation.moves.end_mm[:, 2] < FLOOR_MM + 8.0] + 4.0 * operation.moves.axis[
+        operation.moves.end_mm[:, 2] < FLOOR_MM + 8.0] - (0.0, 0.0, 4.0)
+    away = np.sqrt(((places[:, None, :2] - cut[None, :, :2]) ** 2).sum(axis=2)).min(axis=1)
+    assert np.median(away) > 0.5                    # nothing runs over the middle of what is left out
+    reached_by = clearing["reached_by"]
+    assert reached_by["stick_out_mm"] > operation.tool.stick_out_mm or reached_by["diameter_mm"] < 8.0
+    assert spare_mm(plan) > plan.context.practice.rough_allowance_mm
+
+
+def test_the_cutter_that_is_named_reaches_what_was_left():
+    """The tool with that stick-out, as the shop would make it."""
+    plan = in_the_channel()
+    named, tool = plan.operations[-1].facts["clearing"]["reached_by"], plan.operations[-1].tool
+    assert named["diameter_mm"] == 8.0
+    longer = named["stick_out_mm"] - tool.stick_out_mm
+    cutter = tool.cutter.model_copy(update={"overall_length_mm": tool.cutter.overall_length_mm + longer})
+    library = LIBRARY.model_copy(update={"tools": tuple(
+        t.model_copy(update={"stick_out_mm": named["stick_out_mm"], "cutter": cutter}) if t.number == tool.number else t
+        for t in LIBRARY.tools)})
+    part = design(Standing(form="channel", tall_mm=70.0, floor_mm=20.0), ClearingAxis(up_to_deg=20.0))
+    finish = part.setups[0].operations[1]
+    again = plan_setup(part, part.setups[0].model_copy(update={"operations": (finish,)}), mill(), library)
+    left = again.operations[-1].left
+    assert left is None or left.area_mm2 < 0.2 * plan.operations[-1].left.area_mm2
+
+
+def test_down_the_sides_of_a_blade_an_upright_axis_turns_only_where_it_must():
+    plan = planned(design(Standing(form="blade", tall_mm=46.0), ClearingAxis(around=UPRIGHT), scallop_mm=0.3))
+    facts = plan.operations[-1].facts
+    assert 0.0 < facts["clearing"]["turned_mm"] < 0.5 * facts["length_mm"] and facts["lean_deg"][0] == 0.0
+    assert spare_mm(plan) > plan.context.practice.rough_allowance_mm
+
+
+def test_a_fixture_is_kept_off_as_the_part_is():
+    """A clamp beside the far end of the floor, as tall as the wall: there too the tool leans away."""
+    part = design(Standing(form="wall", tall_mm=30.0))
+    clamp = FixtureBox(name="clamp", min_mm=(35.0, -15.0, 0.0), max_mm=(41.0, 15.0, 60.0))
+    finish = part.setups[0].operations[1]
+    setup = part.setups[0].model_copy(update={"operations": (finish,), "fixtures": (clamp,)})
+    free, held = planned(part), plan_setup(part, setup, mill(), LIBRARY)
+    leans = lambda plan: np.degrees(np.arccos(np.clip(plan.operations[-1].moves.axis[:, 2], -1, 1))).max()
+    assert leans(free) < 0.01 and leans(held) > 3.0
+
+
+def test_nothing_that_clears_is_an_error_that_says_so():
+    part = design(Standing(form="channel", tall_mm=70.0, floor_mm=12.0), ClearingAxis(up_to_deg=3.0))
+    with pytest.raises(PlanError, match="finish: T8 ball 8 mm: no axis within 3 degrees .* clears shank and holder"):
+        planned(part)
+
+
+def test_an_error_of_the_normal_moves_the_tip_by_the_radius_times_it():
+    facts = beside_the_wall().operations[-1].facts["normal_error"]
+    assert facts == normal_error(4.0)
+    assert facts["tip_mm_per_degree"] == pytest.approx(4.0 * math.radians(1.0), abs=1e-6)
