@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from cuspline.planning.clearing_axes import (
     OPEN_SHARE,
+    SPACING,
     Blocked,
     ClearingSwing,
     RotaryUse,
@@ -26,6 +27,7 @@ from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis
 from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PlanError, PostError
+from cuspline.values.rows import X, Y, Z
 
 BULGE_SHARE = 0.2           # of the path tolerance, for what the ball's middle leaves its line while the axis turns
 TOUCHING_SHARES = 2.0       # of it: a ball nearer to the part is in the cut
@@ -93,7 +95,7 @@ def _turned(work, runs, link, tool, rules):
     moves = lifted(work, found, tool)
     _refuse_contact(work, moves, tool)
     links = {"links": "lifted: the rotaries go back between passes"} if is_lifted else {}
-    return moves, {**_facts(work, found, tool), **links}, found
+    return moves, {**_facts(work, found, tool), **_rotary_facts(found, _rotary_use(work, link), tool), **links}, found
 
 
 def _lifting(link):
@@ -136,9 +138,13 @@ def _swing(work, tool, link, spare_mm):
     search = AxisSearch.of_tool(
         work.obstacle_tree, tool, spindle_head=work.machine.spindle_head, into_mm=into - ROUNDED_MM, keep_mm=keep + spare_mm,
         limit_rad=math.pi if limit is None else math.radians(limit))
+    return ClearingSwing(search, work.tool_axis, _rotary_use(work, link))
+
+
+def _rotary_use(work, link):
+    """RotaryUse of the operation's feed."""
     clamped = lambda axes: work.setup.clamped_frame.turn_into(work.setup.turn.turn_out(axes))
-    use = RotaryUse(chain=work.machine.kinematics, clamped=clamped, feed_mm_per_s=link.feed_mm_per_min / 60.0)
-    return ClearingSwing(search, work.tool_axis, use)
+    return RotaryUse(chain=work.machine.kinematics, clamped=clamped, feed_mm_per_s=link.feed_mm_per_min / 60.0)
 
 
 def _left(work, cut, tool, swing):
@@ -178,6 +184,27 @@ def _facts(work, found, tool):
             "largest_turn_deg": round(float(np.degrees(turns[found.is_cut].max(initial=0.0))), 3),
             "held_at_limit_mm": round(float(length[found.is_held & found.is_cut].sum()), 3),
             "normal_error": normal_error(tool.cutter.radius_mm)}
+
+
+def _rotary_facts(found, use, tool):
+    """For plan.json: what the cut asks of the rotaries at its feed, looked at over a share of the radius.
+
+    A share above 1 says that the feed is lowered there; a reversal is a rotary that turns round within a run.
+    """
+    radius, m = tool.cutter.radius_mm, found.moves
+    middles = np.vstack([m.start_mm, m.end_mm]) + radius * np.vstack([m.axis[:1], m.axis])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], found.is_cut, [False]]).astype(int))).reshape(-1, 2)
+    axes, shares, reversals = np.vstack([m.axis[:1], m.axis]), [0.0], 0
+    for first, end in edges:
+        run = middles[first:end + 1]
+        at = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(run, axis=0) ** 2).sum(axis=1)))])
+        even = np.linspace(0.0, at[-1], max(math.ceil(at[-1] / (SPACING * radius)), 1) + 1)
+        mean = np.column_stack([np.interp(even, at, axes[first:end + 1, k]) for k in (X, Y, Z)])
+        share, turned_round = use.of(mean / np.sqrt((mean * mean).sum(axis=1))[:, None], even)
+        shares.append(share)
+        reversals += turned_round
+    most = max(shares)
+    return {"rotary_share": round(most, 3) if math.isfinite(most) else None, "rotary_reversals": reversals}
 
 
 def normal_error(radius_mm):

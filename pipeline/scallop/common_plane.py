@@ -21,6 +21,8 @@ PLACES = 2001               # along O_t at which the traces are compared
 OUTLINE_MM = 1e-5           # sagitta of the cutter's outline
 STRAIGHT_MM = 0.2           # pieces of it longer than this are taken in parts: a level bottom meets the plane anywhere
 STRAIGHT_PARTS = 200
+RADIUS, HEIGHT = range(2)   # columns of the outline
+ALONG, UP, ACROSS = range(3)                    # rows of a plane's frame: O_t, O_n, square to both
 LEFT_T, LEFT_N, RIGHT_T, RIGHT_N = range(4)     # of where a circle crosses the plane
 
 
@@ -124,15 +126,15 @@ def _lowest(outline, tips, axes, frame, step, found):
     last = np.full((len(outline), 4), math.nan)             # crossings of the position before: left t, n and right t, n
     for k in range(len(tips)):
         a = axes[k]
-        lean = a[X] * frame[2, X] + a[Y] * frame[2, Y] + a[Z] * frame[2, Z]
-        off = tips[k, X] * frame[2, X] + tips[k, Y] * frame[2, Y] + tips[k, Z] * frame[2, Z]
+        lean = a[X] * frame[ACROSS, X] + a[Y] * frame[ACROSS, Y] + a[Z] * frame[ACROSS, Z]
+        off = tips[k, X] * frame[ACROSS, X] + tips[k, Y] * frame[ACROSS, Y] + tips[k, Z] * frame[ACROSS, Z]
         level = math.sqrt(max(1.0 - lean * lean, 0.0))      # of the plane's normal, across the axis
         if level < 1e-9:
             last[:] = math.nan
             continue
         was = False
         for j in range(len(outline)):
-            r, z = outline[j, 0], outline[j, 1]
+            r, z = outline[j, RADIUS], outline[j, HEIGHT]
             away = -(off + z * lean) / level                # of the circle's chord in the plane from its middle
             if r * r < away * away:
                 was = False
@@ -141,12 +143,12 @@ def _lowest(outline, tips, axes, frame, step, found):
             half = math.sqrt(r * r - away * away)
             tm = nm = tc = nc = 0.0
             for c in range(3):
-                beside = (frame[2, c] - lean * a[c]) / level
+                beside = (frame[ACROSS, c] - lean * a[c]) / level
                 d, e = (c + 1) % 3, (c + 2) % 3
-                chord = (a[d] * (frame[2, e] - lean * a[e]) - a[e] * (frame[2, d] - lean * a[d])) / level
+                chord = (a[d] * (frame[ACROSS, e] - lean * a[e]) - a[e] * (frame[ACROSS, d] - lean * a[d])) / level
                 place = tips[k, c] + z * a[c] + away * beside
-                tm, nm = tm + place * frame[0, c], nm + place * frame[1, c]
-                tc, nc = tc + chord * frame[0, c], nc + chord * frame[1, c]
+                tm, nm = tm + place * frame[ALONG, c], nm + place * frame[UP, c]
+                tc, nc = tc + chord * frame[ALONG, c], nc + chord * frame[UP, c]
             t0, n0, t1, n1 = tm - half * tc, nm - half * nc, tm + half * tc, nm + half * nc
             if was:
                 _draw(last[j - 1, LEFT_T], last[j - 1, LEFT_N], t0, n0, step, found)

@@ -9,10 +9,12 @@ from standing_walls import FLOOR_MM, Standing, design, mill
 
 from cuspline.app.catalogue import find_library
 from cuspline.design.fixtures import FixtureBox
+from cuspline.planning.clearing_axes import RotaryUse
 from cuspline.planning.leaning_finishing import normal_error
 from cuspline.planning.plan import plan_setup
 from cuspline.program.program import Kind
 from cuspline.replay.clearance import ToolMoves, tool_segments
+from cuspline.toolpaths.five_axis.even_turns import even_angles
 from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, FixedAxis, LeadTilt
 from cuspline.values.errors import CutterDoesNotFit, PlanError
 
@@ -110,6 +112,20 @@ def test_down_the_sides_of_a_blade_an_upright_axis_turns_only_where_it_must():
     facts = plan.operations[-1].facts
     assert 0.0 < facts["clearing"]["turned_mm"] < 0.5 * facts["length_mm"] and facts["lean_deg"][0] == 0.0
     assert spare_mm(plan) > plan.context.practice.rough_allowance_mm
+
+
+def test_a_turn_that_sets_in_at_once_is_evened_out_until_the_rotaries_follow():
+    """A wall's end comes up beside the pass: the least angle jumps; over more stations the same rise asks for less speed."""
+    plan = beside_the_wall()
+    facts = plan.operations[-1].facts
+    assert facts["rotary_share"] <= 1.0 and facts["rotary_reversals"] <= 2 * facts["passes"]
+    along = 0.5 * np.arange(200)
+    least = np.where((along > 40) & (along < 60), 0.3, 0.0)
+    use = RotaryUse(chain=mill().kinematics, clamped=lambda axes: axes, feed_mm_per_s=20.0)
+    axes = lambda angles: np.column_stack([np.sin(0.2 + angles), 0 * angles, np.cos(0.2 + angles)])
+    shares = [use.of(axes(even_angles(least, window)), along)[0] for window in (0, 4, 16, 64)]
+    assert shares[0] > 1.0 > shares[-1] and shares == sorted(shares, reverse=True)
+    assert use.of(axes(even_angles(least, 16)), along)[1] == 1
 
 
 def test_a_fixture_is_kept_off_as_the_part_is():
