@@ -14,7 +14,7 @@ from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis
 
 FLOOR_MM = 10.0
 BALL = "ball 8"             # of the library that comes with it: 42 mm out of its holder
-HALF_MM = {"wall": (25.0, 15.0), "channel": (30.0, 14.0), "blade": (25.0, 20.0)}
+HALF_MM = {"wall": (25.0, 8.0), "channel": (30.0, 14.0), "blade": (25.0, 20.0)}
 
 
 class Standing(Parameters):
@@ -32,7 +32,7 @@ def mill(name="mill_trunnion_ac"):
 
 @cache
 def solid(form, tall_mm, floor_mm):
-    """A block (50 x 30, 60 x 28 or 50 x 40 mm, 10 mm to the floor) with what stands on it."""
+    """A block (50 x 16, 60 x 28 or 50 x 40 mm, 10 mm to the floor) with what stands on it."""
     x, y = HALF_MM[form]
     base = cq.Workplane().box(2 * x, 2 * y, FLOOR_MM, centered=(True, True, False))
     if form == "wall":
