@@ -38,7 +38,8 @@ def measure():
     begin = time.process_time()
     both, _ = search.over_both_rad(middles[rows], axes[rows], normals[rows], MOST_RAD)
     return [("contacts", COUNT, ""), ("of them in the way along the standard direction", int(in_way.sum()), ""),
-            ("cleared in the plane", int(np.isfinite(best[in_way]).sum()), ""), ("in the plane, a contact", round(1e6 * plane_s / COUNT), "CPU us"),
+            ("cleared in the plane", int(np.isfinite(best[in_way]).sum()), ""),
+            ("in the plane, a contact", round(1e6 * plane_s / COUNT), "CPU us"),
             ("over both angles, a contact that is in the way", round(1e6 * (time.process_time() - begin) / len(rows)), "CPU us"),
             ("cleared over both angles", round(float(np.isfinite(both).mean()), 3), "share")]
 

@@ -21,6 +21,7 @@ SPACING = 0.25              # of the radius, between stations
 OPEN_SHARE = 0.2            # of a piece's stations at the most, seen from where it now begins, that nothing clears
 IN_PLANE = (0.0, math.pi)   # bearings: toward the normal and away from it
 ALL_WAYS = (*IN_PLANE, math.pi / 2, -math.pi / 2, math.pi / 4, -math.pi / 4, 3 * math.pi / 4, -3 * math.pi / 4)
+FINER_WAYS = tuple(math.radians(d) for d in range(-165, 180, 15) if d % 45)     # where none of these clears
 WINDOWS = (1, 2, 4, 8, 16, 32, 64)      # stations over which a turn is evened out, the narrowest first
 STILL_RAD = 1e-4            # a rotary that goes back by less has not turned round
 MOST_LOOKED_AT = 24         # of blocked stations, for the cutter that would reach them
@@ -87,13 +88,20 @@ class ClearingSwing(Swing):
             least[in_way, k] = self.search.angles_rad(stations.middle_mm[in_way], stations.axis[in_way], ways[in_way], most_rad)
         return least
 
-    def bearings_of(self, stations):
-        """(bearings, (n, b) least angles); across the plane, where that is allowed, no farther than the plane alone asks for."""
+    def bearings_of(self, stations, is_thorough=True):
+        """(bearings, (n, b) least angles); across the plane, where that is allowed, no farther than the plane alone asks for.
+
+        is_thorough: the finer bearings too where nothing else clears.
+        """
         least = self.least_rad(stations, IN_PLANE, self.most_rad)
         farthest = least.max(axis=0).min()
         if not self.axis.both_angles or farthest == 0.0:
             return IN_PLANE, least
-        return ALL_WAYS, np.hstack([least, self.least_rad(stations, ALL_WAYS[len(IN_PLANE):], min(farthest, self.most_rad))])
+        wider = lambda least, ways: np.hstack([least, self.least_rad(stations, ways, min(farthest, self.most_rad))])
+        least = wider(least, ALL_WAYS[len(IN_PLANE):])
+        if not is_thorough or np.isfinite(least).any(axis=1).all():
+            return ALL_WAYS, least
+        return (*ALL_WAYS, *FINER_WAYS), wider(least, FINER_WAYS)
 
     def turns(self, runs):
         found = [self._turn(stations) for stations in runs]
@@ -104,7 +112,7 @@ class ClearingSwing(Swing):
 
     def _turn(self, stations):
         """Turn of a run; None: none clears all of it."""
-        bearings, least = self.bearings_of(stations)
+        bearings, least = self.bearings_of(stations, is_thorough=self.open_share > 0.0)
         is_open = np.isinf(least)
         fewest = is_open.sum(axis=0).min()
         if fewest > self.open_share * len(least):

@@ -35,6 +35,7 @@ ROUNDED_MM = 1e-3           # as well as a clearance is told
 LEAST_MM = 1e-12           # an arm shorter than this has no direction
 LEANING = 1e-3             # between the face's normal and the ball's: it is on the face's edge
 HIGH_MM = 1e-6              # below the approach height, that is rounding
+FITS_MM = 0.01              # a ball that meets other faces by less fits
 SPARES_MM = (0.05, 0.2, 0.5)    # that a turned axis keeps beyond the margin at its stations, for the moves between them
 
 
@@ -148,11 +149,13 @@ def _rotary_use(work, link):
 
 
 def _left(work, cut, tool, swing):
-    """context.Left of a Split: the samples nearest to blocked stations."""
+    """context.Left of a Split: the samples nearest to blocked stations, as far as the ball alone fits there."""
     if cut.blocked is None:
         return None
     nearest = cKDTree(cut.contact_mm).query(work.samples.point_mm)[1]
-    rows = cut.is_blocked[nearest]
+    radius, samples = tool.cutter.radius_mm, work.samples
+    fits = work.closest.closest_points(samples.point_mm + radius * samples.normal).distance_mm >= radius - FITS_MM
+    rows = cut.is_blocked[nearest] & fits
     area = float(work.samples.area_mm2[rows].sum())
     place = work.in_part(cut.contact_mm[cut.is_blocked][0])
     reaching = reaching_cutter(swing, cut.blocked, tool)

@@ -37,7 +37,7 @@ def beside_the_wall():
 @cache
 def in_the_channel():
     """70 mm deep, a tool 42 mm out of its holder: far inside nothing clears it."""
-    return planned(design(Standing(form="channel", tall_mm=70.0, floor_mm=20.0), ClearingAxis(up_to_deg=20.0)))
+    return planned(design(Standing(form="channel", tall_mm=70.0, floor_mm=20.0), ClearingAxis(up_to_deg=15.0)))
 
 
 def spare_mm(plan):
@@ -79,7 +79,7 @@ def test_what_no_axis_clears_is_not_cut_but_listed_with_the_cutter_that_would():
     plan = in_the_channel()
     operation, account = plan.operations[-1], plan.accounts[-1].as_dict()
     clearing = operation.facts["clearing"]
-    assert 0.0 < clearing["left_mm2"] <= account["area_left_mm2"] + 0.01 and "no axis within 20 degrees" in account["why"]
+    assert 0.0 < clearing["left_mm2"] <= account["area_left_mm2"] + 0.01 and "no axis within 15 degrees" in account["why"]
     left = operation.left.rows
     places = plan.context.samples.point_mm[left]
     cut = operation.moves.end_mm[operation.moves.end_mm[:, 2] < FLOOR_MM + 8.0] + 4.0 * operation.moves.axis[
@@ -92,19 +92,20 @@ def test_what_no_axis_clears_is_not_cut_but_listed_with_the_cutter_that_would():
 
 
 def test_the_cutter_that_is_named_reaches_what_was_left():
-    """The tool with that stick-out, as the shop would make it, over the samples that were left, every axis within 20 degrees."""
+    """The tool with that stick-out, as the shop would make it, over the samples that were left, every axis within 15 degrees."""
     plan = in_the_channel()
     operation, work = plan.operations[-1], plan.context
     named, tool = operation.facts["clearing"]["reached_by"], operation.tool
     assert named["diameter_mm"] == 8.0
     cutter = tool.cutter.model_copy(update={"overall_length_mm": 200.0})
     longer = tool.model_copy(update={"stick_out_mm": named["stick_out_mm"], "cutter": cutter})
-    some = np.flatnonzero(operation.left.rows)[::5]
+    some = np.flatnonzero(operation.left.rows)
     normals = work.samples.normal[some]
     middles, keep = work.samples.point_mm[some] + 4.0 * normals, work.practice.rough_allowance_mm + 0.01
     angles = [AxisSearch.of_tool(work.obstacle_tree, t, spindle_head=work.machine.spindle_head, into_mm=0.03, keep_mm=keep)
-              .over_both_rad(middles, normals, normals, math.radians(20.0))[0] for t in (tool, longer)]
-    assert len(some) > 5 and np.isfinite(angles[0]).mean() < 0.5 and np.isfinite(angles[1]).mean() > 0.9
+              .over_both_rad(middles, normals, normals, math.radians(15.0))[0] for t in (tool, longer)]
+    reached = [np.isfinite(a).mean() for a in angles]
+    assert len(some) > 5 and reached[1] > 0.9 > reached[0], reached
 
 
 def test_down_the_sides_of_a_blade_an_upright_axis_turns_only_where_it_must():
@@ -136,9 +137,9 @@ def test_a_fixture_is_kept_off_as_the_part_is():
     setup = part.setups[0].model_copy(update={"operations": (finish,), "fixtures": (clamp,)})
     moves = plan_setup(part, setup, mill(), LIBRARY).operations[-1].moves
     cutting = moves.kind == Kind.FEED
-    near, far = cutting & (moves.end_mm[:, 0] > 18.0), cutting & (np.abs(moves.end_mm[:, 0]) < 4.0)
+    near, far = cutting & (moves.end_mm[:, 0] > 18.0), cutting & (np.abs(moves.end_mm[:, 0] + 8.0) < 4.0)
     leans = np.degrees(np.arccos(np.clip(moves.axis[:, 2], -1, 1)))
-    assert leans[far].max() < 0.01 and leans[near].max() > 3.0
+    assert leans[far].max() < 0.5 and leans[near].max() > 3.0       # it sets in gently, over 64 mm at the most
 
 
 def test_nothing_that_clears_is_an_error_that_says_so():
