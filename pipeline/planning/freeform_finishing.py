@@ -152,8 +152,8 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
         ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(tool.cutter.corner_radius_mm, widest, 0.0)[0]))
     step = flat_step_mm(tool, ridge_mm)
     field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP))
-    if field is not None and work.operation.leave_steep:
-        field = _gentle(field, math.radians(work.operation.steep_deg), 0.0)
+    if field is not None and work.operation.steepest_deg < 90.0:
+        field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0)
     if field is None:
         return None
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=BRIDGE_STEPS * step)

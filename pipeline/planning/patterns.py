@@ -17,6 +17,17 @@ class Pattern(Finishing):
         "coordinates; a table: how a ball's axis turns along the passes, on a machine with rotary axes: "
         "lead_tilt, fixed, through_point, along_line, between_guides, clearing (any of them, turned out of the way)")
 
+    leave_steep: bool = Field(default=False, description="walls steeper than steep_deg are left to other operations, or to indexed "
+                              "positions that see them better")
+
+    @property
+    def waterline_deg(self):
+        return 90.0 if self.leave_steep else self.steep_deg
+
+    @property
+    def steepest_deg(self):
+        return self.steep_deg if self.leave_steep else 90.0
+
     @property
     def pattern(self):
         """What plan.json calls the passes."""
