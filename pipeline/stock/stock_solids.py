@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -30,7 +31,7 @@ class Field:
     ys: np.ndarray
     low: np.ndarray           # (3,) billet
     high: np.ndarray
-    z: np.ndarray             # (ny * nx,) of the highest stock
+    z: np.ndarray             # (ny * nx,) of the highest stock; () of a hollow one
     solid: object             # Manifold
     is_height_field: bool     # nothing is hollow below the heights: the solid is what lies under them
 
@@ -71,12 +72,13 @@ class StockSolids:
         cut = self.piece.cuts[k]
         low, high = self.piece.box_in(cut.frame)
         xs, ys = (grid_lines(low[i], high[i], self.pitches_mm[k], self._walls[k][i]) for i in (0, 1))
-        flat, xy = is_height_field(cut.paths), np.column_stack([np.tile(xs, len(ys)), np.repeat(ys, len(xs))])
-        z = self._heights(cut.paths, xy, high[2], grown_mm, -np.inf if flat else low[2])
-        solid = (solids.height_field(xs, ys, z.reshape(len(ys), len(xs)), low[2]) if flat else
-                 self._hollow(cut, low, high, self.pitches_mm[k], grown_mm))
-        return Field(frame=cut.frame, pitch_mm=self.pitches_mm[k], xs=xs, ys=ys, low=low, high=high, z=z, solid=solid,
-                     is_height_field=flat)
+        field = partial(Field, frame=cut.frame, pitch_mm=self.pitches_mm[k], xs=xs, ys=ys, low=low, high=high)
+        if not is_height_field(cut.paths):
+            solid = self._hollow(cut, low, high, self.pitches_mm[k], grown_mm)
+            return field(z=np.zeros(0), solid=solid, is_height_field=False)
+        xy = np.column_stack([np.tile(xs, len(ys)), np.repeat(ys, len(xs))])
+        z = self._heights(cut.paths, xy, high[2], grown_mm)
+        return field(z=z, solid=solids.height_field(xs, ys, z.reshape(len(ys), len(xs)), low[2]), is_height_field=True)
 
     def _hollow(self, cut, low, high, pitch_mm, grown_mm):
         """Stock with undercuts: the surface is found along the edges of a lattice, in seven directions."""
@@ -85,6 +87,11 @@ class StockSolids:
         left_mm = _asked_near(tuple(p.grown(grown_mm) for p in cut.paths), low - around, high + around, edge)
         stock = solids.level_set(left_mm, low - around, high + around, edge, MET_MM)
         return stock ^ solids.box(low, high)
+
+    @property
+    def is_hollow(self):
+        """Whether some clamping leaves stock above where it cut: its field takes long."""
+        return not all(is_height_field(c.paths) for c in self.piece.cuts)
 
     def stock(self, frame, grown_mm=0.0):
         """What all setups leave, as a Manifold seen from a frame."""
