@@ -330,3 +330,37 @@ def _stock_along(origins, directions, low, high, world, out, count, first, last)
         enter, end = box_crossings(origins[i], directions[i], low, high)
         if enter < end:
             count[i], hint = _stock_on_ray(origins[i], directions[i], enter, end, out[i], hint, world, work)
+
+
+def crossings(start, way, length, first_mm, last_mm, value, met_mm, world):
+    """Where on straight ways the distance to everything swept falls to a value: (n,) mm from their starts.
+
+    Args:
+        start: (n, 3).   way: (n, 3) unit.   length: (n,) mm.   value: mm.   met_mm: how close to it the distance must come.
+        first_mm, last_mm: (n,) distances at both ends less the value: above 0, and not.
+    """
+    out = np.empty(len(start))
+    in_blocks(_crossings, len(start), CHUNK, start, way, length, first_mm, last_mm, value, met_mm, world, out)
+    return out
+
+
+@njit(error_model="numpy")
+def _crossings(start, way, length, first_mm, last_mm, value, met_mm, world, out, first, last):
+    work, hint = scratch(), -1
+    for i in range(first, last):
+        p, n = start[i], way[i]
+        low, high, above, below = 0.0, length[i], first_mm[i], last_mm[i]
+        s = high * above / (above - below)
+        for _ in range(PATIENT_STEPS):
+            d, hint, at = nearest(p[X] + s * n[X], p[Y] + s * n[Y], p[Z] + s * n[Z], world, hint, work)
+            if abs(d - value) <= met_mm or high - low <= met_mm:
+                break
+            if d > value:
+                low, above = s, d - value
+            else:
+                high, below = s, d - value
+            fall = _fall(p, n, s, d, 1.0, hint, at, world, work)
+            s += (d - value) / fall if fall > 0.0 else 0.0
+            if not low < s < high:
+                s = 0.5 * (low + high)
+        out[i] = s
