@@ -10,6 +10,7 @@ and no more: above flutes shorter than the slot is deep, stock is left.  One for
 answers for it; heights and intervals of stock come from rays in it (rays.py).
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -106,6 +107,15 @@ def swept_paths(posted, tools):
         paths += [make(posted, some, tool) for make, some in ((_swept, rows[plain]), (posed_path, rows[~plain]))
                   if len(some)]
     return tuple(paths)
+
+
+def shrunk_paths(paths, by_mm):
+    """Paths of cutters smaller by so much all round; of those of which nothing is left, none."""
+    made = []
+    for path in paths:
+        with suppress(SimulationError):
+            made.append(path.grown(-by_mm))
+    return tuple(made)
 
 
 def upright_paths(paths):

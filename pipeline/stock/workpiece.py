@@ -4,15 +4,13 @@ Stock = blank minus what each setup's cutters swept.  Each setup answers in its 
 coordinates.  A box that stands along a WCS is known to the kernels; any other blank is met by lines (shape_rays.py).
 """
 
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from cuspline.stock.shape_rays import Stretch
 from cuspline.stock.shapes import BoxShape, Shape
-from cuspline.stock.swept import deviations_and_moves, nearest_moves, stock_height_mm
-from cuspline.values.errors import SimulationError
+from cuspline.stock.swept import deviations_and_moves, nearest_moves, shrunk_paths, stock_height_mm
 from cuspline.values.frames import Frame
 
 SAME_MM = 1e-7            # a depth found again deeper by less is the same
@@ -168,7 +166,7 @@ class Workpiece:
 
         What cutters smaller by the radius all round sweep lies so deep in what the true ones sweep.
         """
-        smaller = [Cut(frame=c.frame, paths=tuple(_smaller(c.paths, radius_mm))) for c in self.cuts]
+        smaller = [Cut(frame=c.frame, paths=shrunk_paths(c.paths, radius_mm)) for c in self.cuts]
         cuts = tuple(c for c in smaller if c.paths)
         if self.blank.fills_box_in(frame):
             return Workpiece(blank=self.blank, cuts=cuts).heights_mm(frame, xy_mm)
@@ -200,10 +198,3 @@ def _in_stretch(ask, cut, stretch, points_mm, normals, limit_mm):
     deviation, row = free(ask, points_mm, normals)
     free_at = lambda rows, by: free(deviations_and_moves, points_mm[rows] - by[:, None] * normals[rows], normals[rows])[0]
     return stretch.cut(deviation, limit_mm, free_at), row
-
-
-def _smaller(paths, by_mm):
-    """Paths of cutters smaller all round; of those of which nothing is left, none."""
-    for path in paths:
-        with suppress(SimulationError):
-            yield path.grown(-by_mm)
