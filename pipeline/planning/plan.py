@@ -164,7 +164,9 @@ def _account(operation, work, made, rows):
     if not made:
         why = "nothing was left to cut"
     elif not rows.all():
-        why = "other faces, or the holder, keep its cutter off there"
+        left = [o.left for o in made if o.left is not None]
+        elsewhere = [] if any((l.rows == ~rows).all() for l in left) else ["other faces, or the holder, keep its cutter off there"]
+        why = "; elsewhere ".join([*(l.why for l in left), *elsewhere])
     return Account(operation=operation, area_wanted_mm2=wanted, area_reached_mm2=reached,
                    programmed=tuple(o.name for o in made), why=why)
 
