@@ -32,6 +32,7 @@ TOLERANCE_MM = 0.004        # of the proof of gouges
 SAMPLED_MM = 0.03           # what truths that are sampled may be off by
 BODY_MM = 0.6               # half the side of a body in the way
 KINDS = ("deeper", "turned", "longer", "body")
+CLOSED_FORMS = KINDS[:2]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +47,9 @@ class Fault:
 
     @property
     def is_found(self):
-        """By no less than it is, and the good blocks are clear."""
-        return self.told_of_good_mm == 0.0 and self.told_mm > 0 and self.told_mm >= self.truth_mm - SAMPLED_MM
+        """By no less than it is, sampled truths less what they may be off by; and the good blocks are clear."""
+        off_mm = 0.0 if self.kind in CLOSED_FORMS else SAMPLED_MM
+        return self.told_of_good_mm == 0.0 and self.told_mm > 0 and self.told_mm >= self.truth_mm - off_mm
 
 
 def faults(kind, seeds):
@@ -108,19 +110,26 @@ def _gouges(ways):
     return np.where(deepest > dome.FINISH.gouge_mm, deepest, 0.0)
 
 
+def _is_fault(tip, axis):
+    """Whether the ball gouges at a pose, and deepest where the part has its dome: beside the block its sphere goes on."""
+    deepest = dome.RADIUS_MM * _unit(tip + RADIUS_MM * axis - dome.CENTER)
+    return _depth(tip, axis) > 0.03 and np.abs(deepest[:2]).max() < dome.HALF_MM
+
+
 def _depth(tip, axis):
     """How deep the ball stands in the dome at a pose, in closed form."""
     return RADIUS_MM + dome.RADIUS_MM - np.linalg.norm(tip + RADIUS_MM * axis - dome.CENTER)
 
 
 def _spliced(draws, change):
-    """[(truth, told, told of the good blocks)] of poses that `change(rng, tip, axis)` makes of the middle ones."""
+    """[(truth, told, told of the good blocks)] of what `change(rng, tip, axis)` makes of poses between."""
     good, middle = [], []
     for rng in draws:
         pose = None
         while pose is None:             # other poses, where no change of these is a fault
             tips, axes = _two_poses(rng)
-            pose = change(rng, tips.mean(axis=0), _unit(axes.sum(axis=0)))
+            pose = change(rng, *_between(tips, axes, rng.uniform(0.2, 0.8)))
+            pose = pose if _is_fault(*pose) else None
         good.append((tips, axes))
         middle.append(pose)
     bad = [(np.array([tips[0], tip, tips[1]]), np.array([axes[0], axis, axes[1]]))
@@ -130,17 +139,15 @@ def _spliced(draws, change):
 
 
 def _deeper(draws):
-    """The tip is 0.05 mm deeper in the middle of a block."""
+    """The tip is 0.05 mm deeper somewhere in a block."""
     return _spliced(draws, lambda _, tip, axis: (tip - 0.05 * _unit(tip + RADIUS_MM * axis - dome.CENTER), axis))
 
 
 def _turned(draws):
-    """The axis is turned by 20 degrees about the tip in the middle of a block, some way that makes the ball gouge."""
+    """The axis is turned by 20 degrees about the tip somewhere in a block, some way that makes the ball gouge."""
     def change(rng, tip, axis):
         turned = np.cos(np.radians(20)) * axis + np.sin(np.radians(20)) * _unit(np.cross(axis, rng.normal(size=3)))
-        deepest = dome.RADIUS_MM * _unit(tip + RADIUS_MM * turned - dome.CENTER)
-        is_on_dome = np.abs(deepest[:2]).max() < dome.HALF_MM
-        return (tip, turned) if is_on_dome and _depth(tip, turned) > 0.03 else None
+        return tip, turned
 
     return _spliced(draws, change)
 
