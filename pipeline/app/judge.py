@@ -54,8 +54,9 @@ class Judged:
 
     def stock_states(self, kept=NOTHING):
         """The stock after every operation, one after the other: in_process.StockState."""
-        return stock_states(self.programs, self.tools, self.stock, [s.solids.pitch_mm for s in self.verdict.setups],
-                            kept)
+        setups = self.verdict.setups
+        finished = None if setups[-1].finish.plating_mm else setups[-1].stock
+        return stock_states(self.programs, self.tools, self.stock, [s.solids.pitch_mm for s in setups], kept, finished)
 
     @property
     def findings(self):

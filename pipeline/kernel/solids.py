@@ -141,17 +141,6 @@ def united(parts):
     return Manifold.batch_boolean(list(parts), OpType.Add) if len(parts) else Manifold()
 
 
-def level_set(inside_mm, min_mm, max_mm, edge_mm, tolerance_mm):
-    """The solid where a function is positive: its surface is met on the edges of a body-centred lattice.
-
-    Args:
-        inside_mm: function (x, y, z) -> float, positive inside; 1-Lipschitz.
-        min_mm, max_mm: (3,) box that holds it.   edge_mm: of the lattice.   tolerance_mm: how well edges are met.
-    """
-    box_mm = [*np.asarray(min_mm, float).tolist(), *np.asarray(max_mm, float).tolist()]
-    return Manifold.level_set(inside_mm, box_mm, edge_mm, 0.0, tolerance_mm)
-
-
 def simpler(solid, within_mm):
     """The same solid with fewer triangles, its surface off by no more than so much."""
     return solid.simplify(within_mm)

@@ -1,8 +1,8 @@
 """A program with a tool that leans, or turns as it moves, replayed in its clamping's frame.
 
 There are no heights in it: the stock is what no cutter has swept yet (stock/timed.py), and contacts are looked for from the
-side of the stock (leaning_contacts.py).  What comes before the first move that leans, most often the roughing, is replayed as
-any upright program is; upright moves after it as those that lean.
+side of the stock (leaning_contacts.py).  Runs of upright moves that cut are replayed as any upright program is, on the stock
+that they find: heights, and bounds between the nodes.  What these leave undecided after a tool has leaned, is taken from here.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from cuspline.replay.scene import Fixture
 from cuspline.stock.outlines import frustum_outline
 from cuspline.stock.path_pieces import X0, X1, pieces_of
 from cuspline.stock.shapes import BoxShape
-from cuspline.stock.swept import cutting_rows, lowest_moves, swept_paths
+from cuspline.stock.swept import cutting_rows, lowest_moves, shrunk_paths, stock_height_mm, swept_paths
 from cuspline.stock.tilted import posed_path
 from cuspline.stock.tilted_pieces import AXIS, LENGTH, TIP, WAY
 from cuspline.stock.timed import NEVER, first_within, timed_forest
@@ -77,16 +77,39 @@ def known_rows(posted, tools):
     return known
 
 
-def replay_leaning(posted, tools, stock, design, around, before):
+def upright_runs(posted):
+    """[(first, end)] runs of rows in which no tool leans: the program's first moves, empty perhaps, and later ones that cut."""
+    change = np.flatnonzero(np.diff(posted.is_upright)) + 1
+    runs = [(a, b) for a, b in zip([0, *change.tolist()], [*change.tolist(), len(posted)]) if posted.is_upright[a]]
+    cut = [(a, b) for a, b in runs if a > 0 and (posted.kind[a:b] != Kind.RAPID).any()]
+    return [(0, int(np.argmin(posted.is_upright))), *cut]
+
+
+def found_by(row, posted, tools, stock):
+    """FoundStock that a row finds: what the moves before it have cut is gone from a FoundStock, as far as heights say that."""
+    if row == 0:
+        return stock
+    paths, top, bottom = swept_paths(posted.first(row), tools), stock.highest_mm, float(stock.min_mm[2])
+    left = stock_height_mm(paths, stock.zmap.xy_mm, top, bottom_mm=bottom).reshape(stock.zmap.shape)
+
+    def within_mm(xy, radius):
+        before = np.full(len(xy), top) if stock.within_mm is None else stock.within_mm(xy, radius)
+        return np.minimum(before, stock_height_mm(shrunk_paths(paths, radius), xy, top, bottom_mm=bottom))
+
+    within_before = None if stock.within_before is None else lambda k: stock.within_before(row + k)
+    return replace(stock, top_mm=np.minimum(stock.heights_mm, left), within_mm=within_mm, parts=1, within_before=within_before)
+
+
+def replay_leaning(posted, tools, stock, design, around, runs):
     """As `replay.replay`, of a program of which some tool leans.
 
     Args:
-        before: replay.UprightRun of the moves before the first that leans.
+        runs: [(first row, replay.UprightRun)] of `upright_runs`; the moves of the first are asked nothing else.
     Raises:
         SimulationError: see `known_rows`; a cutter whose body is not convex, an axis that turns half round in a move.
     """
     known, zmap, machine, top = known_rows(posted, tools), stock.zmap, around.machine, stock.highest_mm
-    upright = len(before.unsure)
+    upright = len(runs[0][1].unsure)
     script = _Script.of(posted, tools, known, upright)
     history = _history(script, stock)
     worst = np.full((5, len(posted), 4), -np.inf)
@@ -94,15 +117,18 @@ def replay_leaning(posted, tools, stock, design, around, before):
     nearest = _against_stock(worst, unsure, script, history, around)
     least, place = _against_design(worst, script, design, around)
     _against_fixtures(worst, script, around)
-    worst[:, :upright], unsure[:upright] = before.worst, before.unsure
+    for first, run in runs:
+        decided = first + np.flatnonzero(~run.unsure if first else np.ones(len(run.unsure), bool))
+        worst[:, decided], unsure[decided] = run.worst[:, decided - first], run.unsure[decided - first]
     if nearest < least:
         least, place = nearest, None
     events, z = _final(posted, tools, stock)
     taken = leaning_loads.loads(posted, script, history)
     highest = max([top, *(f.max_mm[2] for f in around.fixtures)])
     report = replay_checks.Reporter(posted, around.setup, around.frame)
-    if not np.isnan(before.least[2]) and before.least[:2].min() < least:
-        least, place = float(before.least[:2].min()), report.place(before.least[2:])
+    for _, run in runs:
+        if not np.isnan(run.least[2]) and run.least[:2].min() < least:
+            least, place = float(run.least[:2].min()), report.place(run.least[2:])
     geometry = pieces_of(posted, np.flatnonzero(known & posted.is_upright), False)
     found = (*report.contacts(worst), *report.not_proven(unsure & ~(worst[:LOW, :, 0] > 0).any(axis=0)), *report.states(top),
              *report.unknown_starts(highest, {}, machine), *report.travel(machine),

@@ -7,7 +7,7 @@ import numpy as np
 from cuspline.program.program import Kind
 from cuspline.replay import head_clearance, replay_checks, replay_design, replay_doubts, replay_kernel
 from cuspline.replay.clearance import ClearanceTree, flute_segments, head_frusta
-from cuspline.replay.leaning_replay import known_rows, leans, replay_leaning
+from cuspline.replay.leaning_replay import found_by, known_rows, leans, replay_leaning, upright_runs
 from cuspline.replay.replay_loads import loads
 from cuspline.replay.replay_result import Replay
 from cuspline.replay.replay_stock import LEAF
@@ -20,7 +20,6 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.checkpoints import NOTHING
 
 TOUCH_MM = 1e-4           # what may be missing of a distance: rounding of the post, pieces of arcs
-PARTS = 4                 # of a cell's side, for the bound of the stock that earlier clampings have left in it
 ENDLESS_MM = 1e4          # a part that nothing above makes wider goes on upward by this
 
 
@@ -41,9 +40,9 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
             holds it; `.rows`.
     """
     if leans(posted, tools):
-        first = int(np.argmin(posted.is_upright))
-        before = UprightRun.of(posted.between(0, first), tools, stock, design, around, kept)
-        return replay_leaning(posted, tools, stock, design, around, before)
+        runs = [(a, UprightRun.of(posted.between(a, b), tools, found_by(a, posted, tools, stock), design, around, kept))
+                for a, b in upright_runs(posted)]
+        return replay_leaning(posted, tools, stock, design, around, runs)
     zmap, top, machine, wanted = stock.zmap, stock.highest_mm, around.machine, around.clearances_mm
     highest = max([top, *(f.max_mm[2] for f in around.fixtures)])
     on_heads = _on_heads(posted, tools)
@@ -123,7 +122,7 @@ class _Solids:
 def _cells(z, stock):
     """_Cells of heights at a FoundStock's nodes."""
     top, lines = stock.highest_mm, _lines(stock.zmap, stock.max_mm)
-    bound, sure = _before(z, lines, top, stock.within_mm)
+    bound, sure = _before(z, lines, top, stock)
     return _Cells(z_mm=z, bound_mm=bound, sure_mm=sure, lines_mm=lines, lowered=_cut_before(z, top))
 
 
@@ -176,18 +175,18 @@ def _lines(zmap, stock_max):
     return tuple(lines)
 
 
-def _before(z, lines, top, within):
+def _before(z, lines, top, stock):
     """What is known of each cell before the first move: a height it does not exceed, and one that it surely reaches."""
     wide = np.pad(z, [(0, len(lines[1]) - len(z)), (0, len(lines[0]) - z.shape[1])], mode="edge")
     corners = np.array([wide[:-1, :-1], wide[1:, :-1], wide[:-1, 1:], wide[1:, 1:]])
     bounds = np.full(corners.shape[1:], top)
     j, i = np.nonzero((corners < top).any(axis=0))
-    if within is not None and len(j):
+    if stock.within_mm is not None and len(j):
         middle, half = (np.column_stack([(s * a[k + 1] + a[k]) / 2 for k, a in zip((i, j), lines)]) for s in (1, -1))
-        share = (2 * np.arange(PARTS) + 1) / PARTS - 1
+        share = (2 * np.arange(stock.parts) + 1) / stock.parts - 1
         places = [middle + np.abs(half) * (a, b) for a in share for b in share]
-        radius = float(fixed.hypot(*half.T).max()) / PARTS
-        found = within(np.concatenate(places), radius).reshape(PARTS ** 2, -1).max(axis=0)
+        radius = float(fixed.hypot(*half.T).max()) / stock.parts
+        found = stock.within_mm(np.concatenate(places), radius).reshape(stock.parts ** 2, -1).max(axis=0)
         bounds[j, i] = np.maximum(found, corners[:, j, i].max(axis=0)).clip(max=top)
     return bounds, corners.min(axis=0)
 

@@ -18,7 +18,6 @@ from cuspline.replay.replay_stock import (
     AT_Z,
     BUDGET,
     DEPTH_MM,
-    LEAST_MM,
     SEEN_BUDGET,
     SHARE,
     beyond,
@@ -27,6 +26,7 @@ from cuspline.replay.replay_stock import (
     refine,
     runs_in_swept,
     search_space,
+    worth_less,
 )
 from cuspline.stock.distance_kernels import corner_distance
 from cuspline.stock.height_kernels import piece_height
@@ -178,7 +178,7 @@ def _against_stock(line, part, wanted, enough, before, stock, highest, past, dou
     best = _at_nodes(line, part, doubtful, count, stock, spot)
     is_seen = best < wanted
     deeper = max(DEPTH_MM, SHARE * (wanted - best))
-    enough = min(enough, best - deeper) if is_seen else min(enough, max(wanted, best - LEAST_MM))
+    enough = min(enough, best - deeper) if is_seen else min(enough, max(wanted, worth_less(best)))
     if enough == wanted and runs_in_swept(line, part, wanted, before, forest, orders, firsts, space):
         return min(proven, enough), best, False
     _, bounds, sure, _, xs, ys = stock
@@ -331,7 +331,7 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
                 continue
             may_rub = kind == SHANK and wanted[kind] == 0.0
             limit = wanted[kind] - (0.0 if kind == RAPID else (RUBBING_MM if may_rub else touch))
-            enough = max(limit, least[ATTAINED] - LEAST_MM) if kind == HOLDER else limit
+            enough = max(limit, worth_less(least[ATTAINED])) if kind == HOLDER else limit
             if kind != RAPID and worst[kind, row[p], AMOUNT] > 0.0:     # this move touches already: how much deeper?
                 enough = min(enough, beyond(wanted[kind], worst[kind, row[p], AMOUNT]))
             proven, got, in_doubt = _against_stock(line, part, limit, enough, p, stock, highest, past, doubtful, space,

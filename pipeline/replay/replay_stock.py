@@ -27,7 +27,8 @@ CLEAR_CELL_MM = 0.02      # the same where only the least clearance is looked fo
 DEPTH_MM = 0.02           # how much deeper than the depth found a contact can be, while the budget lasts
 DEEP_MM = 0.1             # a contact deeper than this is wrong, whatever the rest: it is told within SHARE of its depth
 SHARE = 0.03
-LEAST_MM = 0.01           # how far the proven least clearance can lie below one that is attained
+LEAST_MM = 0.01           # how far the proven least clearance can lie below one that is attained,
+LEAST_SHARE = 0.01        # or this share of it: of a clearance of many millimetres nobody asks for hundredths
 LEAF = 4                  # pieces in a leaf of the trees of earlier pieces
 DEPTH = 128               # more than twice the depth of any tree
 CLOSE_MM = 1e-9
@@ -41,6 +42,12 @@ SEEN_BUDGET = 200         # the same where a node shows a contact and its depth 
 def beyond(wanted, missing):
     """Distance below which a contact says more than one of which so much is missing (below 0: none) has said."""
     return wanted - max(missing, 0.0) * (1.0 + SHARE if missing > DEEP_MM else 1.0)
+
+
+@njit
+def worth_less(attained):
+    """Clearance below which a holder says more than one attained has said."""
+    return min(attained - LEAST_MM, attained * (1.0 - LEAST_SHARE))
 
 
 @njit
@@ -268,7 +275,7 @@ def refine(x, y, hx, hy, bound, sure, before, line, part, wanted, enough, forest
         if got < least:
             least = got
             spot[X], spot[Y], spot[Z] = x, y, height
-            enough = min(enough, max(got - LEAST_MM, wanted) if got >= wanted else got - DEPTH_MM)
+            enough = min(enough, max(worth_less(got), wanted) if got >= wanted else got - DEPTH_MM)
         if lower >= enough:
             proven = min(proven, lower)
         elif 2.0 * max(hx, hy) <= (CELL_MM if lower < wanted else CLEAR_CELL_MM):

@@ -56,6 +56,7 @@ class FoundStock:
     # function of places (n, 2) and a radius to heights (n,) that no stock so near exceeds before the first move, see
     # `Workpiece.highest_within_mm`; None: all that is between the nodes may stand to the top
     within_mm: Callable | None = None
+    parts: int = 4                          # of a cell's side between nodes, in each of which within_mm is asked
     # function of a row of PostedMoves to a function as within_mm, of the stock before that move: what the cells leave
     # undecided is asked there once more, and tools on right-angle heads are held against the stock that the first of them
     # finds, as head_clearance.py says; None: what is undecided stays so, and heads meet the whole billet

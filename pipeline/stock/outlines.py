@@ -76,23 +76,23 @@ def outline_distance(r, z, outline, first, last):
     plane and inside the piece that it lies on: within ROUNDING_MM of all planes it is taken for inside.
     """
     worst, wr, wz = -math.inf, 0.0, 0.0
-    for k in range(first, last):
-        o = outline[k]
-        if o[IS_ARC] == 0.0:
-            x, y = r - o[START_R], z - o[START_Z]
-            s, nr, nz = x * o[DIRECTION_Z] - y * o[DIRECTION_R], o[DIRECTION_Z], -o[DIRECTION_R]
-            is_over = 0.0 <= x * o[DIRECTION_R] + y * o[DIRECTION_Z] <= o[LINE_LENGTH]
+    for k in range(first, last):                 # outline[k] as an array of its own would take longer than all the rest
+        if outline[k, IS_ARC] == 0.0:
+            x, y, dr, dz = r - outline[k, START_R], z - outline[k, START_Z], outline[k, DIRECTION_R], outline[k, DIRECTION_Z]
+            s, nr, nz = x * dz - y * dr, dz, -dr
+            is_over = 0.0 <= x * dr + y * dz <= outline[k, LINE_LENGTH]
         else:
-            x, y = r - o[CENTER_R], z - o[CENTER_Z]
-            is_over = o[FROM_R] * y - o[FROM_Z] * x >= 0.0 and x * o[TO_Z] - y * o[TO_R] >= 0.0
+            x, y, radius = r - outline[k, CENTER_R], z - outline[k, CENTER_Z], outline[k, RADIUS]
+            fr, fz, tr, tz = outline[k, FROM_R], outline[k, FROM_Z], outline[k, TO_R], outline[k, TO_Z]
+            is_over = fr * y - fz * x >= 0.0 and x * tz - y * tr >= 0.0
             rho = math.sqrt(x * x + y * y)
             if is_over and rho > 0.0:
-                s, nr, nz = rho - o[RADIUS], x / rho, y / rho
+                s, nr, nz = rho - radius, x / rho, y / rho
             else:
-                s, nr, nz = x * o[FROM_R] + y * o[FROM_Z] - o[RADIUS], o[FROM_R], o[FROM_Z]
-                other = x * o[TO_R] + y * o[TO_Z] - o[RADIUS]
+                s, nr, nz = x * fr + y * fz - radius, fr, fz
+                other = x * tr + y * tz - radius
                 if other > s:
-                    s, nr, nz = other, o[TO_R], o[TO_Z]
+                    s, nr, nz = other, tr, tz
         if s > 0.0 and is_over:
             return s, nr, nz
         if s > worst:

@@ -19,7 +19,7 @@ import numpy as np
 
 from cuspline.stock import tree
 from cuspline.stock.tilted_kernels import WAITING
-from cuspline.stock.tilted_tree import nearest_substep, one_distance, one_slope
+from cuspline.stock.tilted_tree import holding_substep, nearest_substep, one_distance, one_slope, worth_keeping
 from cuspline.stock.tracing import CLOSE_MM, GRAZING, PATIENT_STEPS, box_crossings
 from cuspline.stock.tree import CHUNK, nearest_piece, one_piece_distance
 from cuspline.values.compiled import njit
@@ -54,11 +54,15 @@ def _nearest(px, py, pz, world, hint, keep, work):
     behind = len(upright[0])
     d, found, at = math.inf, -1, 0.5
     if behind:
-        d, found = nearest_piece(px, py, pz, upright, hint if hint < behind else -1, stack, bounds, math.inf)
+        limit = math.inf
+        if hint >= behind:                         # pieces farther than the hint are not looked for
+            limit = one_distance(px, py, pz, hint - behind, posed, math.inf, waiting)[0]
+            limit = max(limit, min(keep, worth_keeping(limit)))
+        d, found = nearest_piece(px, py, pz, upright, hint if hint < behind else -1, stack, bounds, limit)
     reach[0] = -1.0
     if len(posed[0]):
-        of_upright = d
-        d, substep, t, left = nearest_substep(px, py, pz, posed, d, hint - behind if hint >= behind else -1, keep, kept,
+        of_upright, best = d, d if found >= 0 else math.inf
+        d, substep, t, left = nearest_substep(px, py, pz, posed, best, hint - behind if hint >= behind else -1, keep, kept,
                                               stack, bounds, waiting)
         if substep >= 0:
             found, at = behind + substep, t
@@ -90,6 +94,21 @@ def _of_one(px, py, pz, piece, world, work):
     if piece < behind:
         return one_piece_distance(px, py, pz, piece, world[:UPRIGHT_ARRAYS]), 0.5
     return one_distance(px, py, pz, piece - behind, world[UPRIGHT_ARRAYS:], math.inf, work[2])
+
+
+@njit(error_model="numpy")
+def _holding(p, n, s, limit, world, work):
+    """A piece nearer than `limit` to p + s n, not always the nearest: its distance, which it is (-1: none), and where."""
+    stack, bounds, waiting = work[0], work[1], work[2]
+    x, y, z, behind = p[X] + s * n[X], p[Y] + s * n[Y], p[Z] + s * n[Z], len(world[0])
+    if len(world[UPRIGHT_ARRAYS]):
+        d, found, at = holding_substep(x, y, z, world[UPRIGHT_ARRAYS:], limit, stack, bounds, waiting)
+        if found >= 0:
+            return d, behind + found, at
+    d, found = limit, -1
+    if behind:
+        d, found = nearest_piece(x, y, z, world[:UPRIGHT_ARRAYS], -1, stack, bounds, limit)
+    return d, found, 0.5
 
 
 @njit(error_model="numpy")
@@ -173,8 +192,8 @@ def leave(p, n, s, end, d, piece, at, world, work):
         if s >= end:
             break
         before = piece
-        d, piece, at = _at(p, n, s, True, piece, world, work)
-        if d >= -CLOSE_MM:
+        d, piece, at = _holding(p, n, s, -CLOSE_MM, world, work)
+        if piece < 0:
             return s, before
     return min(s, end), piece
 
@@ -248,16 +267,16 @@ def highest_stock(xy, top, bottom, world):
 @njit(error_model="numpy")
 def _highest_stock(xy, top, bottom, world, out, piece, first, last):
     down = np.array([0.0, 0.0, -1.0])
-    work, hint = scratch(), -1
+    work = scratch()
     for i in range(first, last):
-        p = np.array([xy[i, X], xy[i, Y], top])
-        d, hint, at = nearest(p[X], p[Y], p[Z], world, hint, work)
-        out[i], piece[i], s = top, -1, 0.0
-        if abs(d) <= CLOSE_MM:           # flutes that end in the billet's top
+        p, s = np.array([xy[i, X], xy[i, Y], top]), 0.0
+        out[i], piece[i] = top, -1
+        d, found, at = _holding(p, down, s, CLOSE_MM, world, work)
+        if found >= 0 and d >= -CLOSE_MM:          # flutes that end in the billet's top
             s = GAP_MM
-            d, hint, at = _at(p, down, s, True, hint, world, work)
-        if d < -CLOSE_MM:
-            s, piece[i] = leave(p, down, s, top - bottom, d, hint, at, world, work)
+            d, found, at = _holding(p, down, s, -CLOSE_MM, world, work)
+        if found >= 0:
+            s, piece[i] = leave(p, down, s, top - bottom, d, found, at, world, work)
             out[i] = top - s
 
 
@@ -311,3 +330,37 @@ def _stock_along(origins, directions, low, high, world, out, count, first, last)
         enter, end = box_crossings(origins[i], directions[i], low, high)
         if enter < end:
             count[i], hint = _stock_on_ray(origins[i], directions[i], enter, end, out[i], hint, world, work)
+
+
+def crossings(start, way, length, first_mm, last_mm, value, met_mm, world):
+    """Where on straight ways the distance to everything swept falls to a value: (n,) mm from their starts.
+
+    Args:
+        start: (n, 3).   way: (n, 3) unit.   length: (n,) mm.   value: mm.   met_mm: how close to it the distance must come.
+        first_mm, last_mm: (n,) distances at both ends less the value: above 0, and not.
+    """
+    out = np.empty(len(start))
+    in_blocks(_crossings, len(start), CHUNK, start, way, length, first_mm, last_mm, value, met_mm, world, out)
+    return out
+
+
+@njit(error_model="numpy")
+def _crossings(start, way, length, first_mm, last_mm, value, met_mm, world, out, first, last):
+    work, hint = scratch(), -1
+    for i in range(first, last):
+        p, n = start[i], way[i]
+        low, high, above, below = 0.0, length[i], first_mm[i], last_mm[i]
+        s = high * above / (above - below)
+        for _ in range(PATIENT_STEPS):
+            d, hint, at = nearest(p[X] + s * n[X], p[Y] + s * n[Y], p[Z] + s * n[Z], world, hint, work)
+            if abs(d - value) <= met_mm or high - low <= met_mm:
+                break
+            if d > value:
+                low, above = s, d - value
+            else:
+                high, below = s, d - value
+            fall = _fall(p, n, s, d, 1.0, hint, at, world, work)
+            s += (d - value) / fall if fall > 0.0 else 0.0
+            if not low < s < high:
+                s = 0.5 * (low + high)
+        out[i] = s

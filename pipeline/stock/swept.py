@@ -10,6 +10,7 @@ and no more: above flutes shorter than the slot is deep, stock is left.  One for
 answers for it; heights and intervals of stock come from rays in it (rays.py).
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -108,6 +109,15 @@ def swept_paths(posted, tools):
     return tuple(paths)
 
 
+def shrunk_paths(paths, by_mm):
+    """Paths of cutters smaller by so much all round; of those of which nothing is left, none."""
+    made = []
+    for path in paths:
+        with suppress(SimulationError):
+            made.append(path.grown(-by_mm))
+    return tuple(made)
+
+
 def upright_paths(paths):
     """The SweptPaths among paths: balls, bull noses and flat cutters that stand upright."""
     return tuple(p for p in paths if isinstance(p, SweptPath))
@@ -164,7 +174,7 @@ def _world(paths):
     return known[1:]
 
 
-def _in_morton_order(points, query):
+def in_morton_order(points, query):
     """Answers of `query(points)`, which likes neighbours one after the other, in the given order."""
     order = tree.morton_order(points)
     back = np.empty_like(order)
@@ -190,25 +200,11 @@ def signed_distance_mm(paths, points_mm):
     return nearest_moves(paths, points_mm)[0]
 
 
-def distance_to(paths):
-    """`signed_distance_mm` as a function (x, y, z) -> float, for whoever asks point by point."""
-    _, forest, world = _world(paths)
-    world = forest + posed_forest([]) if world is None else world
-    work, found = rays.scratch(), -1
-
-    def distance_mm(x, y, z):
-        nonlocal found
-        d, found, _ = rays.nearest(x, y, z, world, found, work)
-        return d
-
-    return distance_mm
-
-
 def nearest_moves(paths, points_mm):
     """Signed distances (n,) and the row of PostedMoves (n,) each belongs to; -1: nothing moves."""
     points, (rows, forest, world) = _rows3(points_mm, "points_mm"), _world(paths)
     ask = lambda order: tree.distances(points[order], forest) if world is None else rays.distances(points[order], world)
-    d, piece = _in_morton_order(points, ask)
+    d, piece = in_morton_order(points, ask)
     return d, rows[piece]
 
 
@@ -235,7 +231,7 @@ def lowest_moves(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
     flat = np.column_stack([xy, np.zeros(len(xy))])
     ask = lambda order: (tree.heights(xy[order], forest, float(top_mm)) if world is None else
                          rays.highest_stock(xy[order], float(top_mm), float(bottom_mm), world))
-    z, piece = _in_morton_order(flat, ask)
+    z, piece = in_morton_order(flat, ask)
     return np.maximum(z, bottom_mm), rows[piece]
 
 
@@ -263,7 +259,7 @@ def deviations_and_moves(paths, stock_min, stock_max, points_mm, normals, limit_
     low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
     trace, cut = (tracing.deviations, forest) if world is None else (rays.deviations, world)
     ask = lambda order: trace(points[order], normals[order], low, high, float(limit_mm), cut)
-    d, piece = _in_morton_order(points, ask)
+    d, piece = in_morton_order(points, ask)
     return d, rows[piece]
 
 
@@ -288,5 +284,5 @@ def stock_intervals(paths, stock_min, stock_max, origins_mm, directions):
     while not len(count) or count.max() > room:
         room = max(room, count.max(initial=0))
         ask = lambda order: rays.stock_along(origins[order], directions[order], low, high, room, world)
-        found, count = _in_morton_order(origins, ask)
+        found, count = in_morton_order(origins, ask)
     return found[np.arange(room) < count[:, None]], np.r_[0, np.cumsum(count)]

@@ -7,6 +7,8 @@ curve x(t) whose acceleration is at most
 
 so f(t) = F(x(t)) has f'' >= -M: on an interval of width h its tangents, each tilted by M h / 2, bound it from
 below.  All lengths in mm; distances are negative inside.
+
+A sub-step is row k of the array g of all, see tilted_pieces.py: a row taken out of it would cost more than many a bound.
 """
 
 import math
@@ -41,11 +43,18 @@ SMOOTH = 0.05             # how far f may be from a parabola for its slopes to b
 
 
 @njit(error_model="numpy", inline="always")
-def _seen_from_axis(px, py, pz, g, t):
+def _off_tip(px, py, pz, g, k, t):
+    """A point less the tip at the share t of a sub-step."""
+    return px - g[k, TIP + X] - t * g[k, WAY + X], py - g[k, TIP + Y] - t * g[k, WAY + Y], pz - g[k, TIP + Z] - t * g[k, WAY + Z]
+
+
+@njit(error_model="numpy", inline="always")
+def _seen_from_axis(px, py, pz, g, k, t):
     """A point as the cutter at the share t of a sub-step sees it: its axis (3) and by what that was stretched to a unit,
     height above the tip, way from the axis (3) and its length."""
-    x, y, z = px - g[TIP + X] - t * g[WAY + X], py - g[TIP + Y] - t * g[WAY + Y], pz - g[TIP + Z] - t * g[WAY + Z]
-    ax, ay, az = g[AXIS + X] + t * g[AXIS_WAY + X], g[AXIS + Y] + t * g[AXIS_WAY + Y], g[AXIS + Z] + t * g[AXIS_WAY + Z]
+    x, y, z = _off_tip(px, py, pz, g, k, t)
+    ax, ay = g[k, AXIS + X] + t * g[k, AXIS_WAY + X], g[k, AXIS + Y] + t * g[k, AXIS_WAY + Y]
+    az = g[k, AXIS + Z] + t * g[k, AXIS_WAY + Z]
     stretch = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
     ax, ay, az = ax * stretch, ay * stretch, az * stretch
     up = x * ax + y * ay + z * az
@@ -54,15 +63,15 @@ def _seen_from_axis(px, py, pz, g, t):
 
 
 @njit(error_model="numpy")
-def pose_distance(px, py, pz, g, t, outline, first, last):
+def pose_distance(px, py, pz, g, k, t, outline, first, last):
     """Signed distance of a point to the cutter at the share t of a sub-step, and its derivative by t."""
-    ax, ay, az, stretch, up, ex, ey, ez, r = _seen_from_axis(px, py, pz, g, t)
+    ax, ay, az, stretch, up, ex, ey, ez, r = _seen_from_axis(px, py, pz, g, k, t)
     d, nr, nz = outline_distance(r, up, outline, first, last)
     if r < 1e-12:
-        return d, -nz * (ax * g[WAY + X] + ay * g[WAY + Y] + az * g[WAY + Z])
+        return d, -nz * (ax * g[k, WAY + X] + ay * g[k, WAY + Y] + az * g[k, WAY + Z])
     ex, ey, ez = ex / r, ey / r, ez / r
-    way = (nr * ex + nz * ax) * g[WAY + X] + (nr * ey + nz * ay) * g[WAY + Y] + (nr * ez + nz * az) * g[WAY + Z]
-    turn = (ex * g[AXIS_WAY + X] + ey * g[AXIS_WAY + Y] + ez * g[AXIS_WAY + Z]) * stretch
+    way = (nr * ex + nz * ax) * g[k, WAY + X] + (nr * ey + nz * ay) * g[k, WAY + Y] + (nr * ez + nz * az) * g[k, WAY + Z]
+    turn = (ex * g[k, AXIS_WAY + X] + ey * g[k, AXIS_WAY + Y] + ez * g[k, AXIS_WAY + Z]) * stretch
     return d, (nz * r - nr * up) * turn - way
 
 
@@ -89,34 +98,35 @@ def _split_at(l, r, fl, fr, sl, sr, crossing):
 
 
 @njit(error_model="numpy")
-def _wait(waiting, k, l, r, fl, fr, sl, sr):
-    waiting[k, LEFT], waiting[k, RIGHT], waiting[k, F_LEFT] = l, r, fl
-    waiting[k, F_RIGHT], waiting[k, SLOPE_LEFT], waiting[k, SLOPE_RIGHT] = fr, sl, sr
+def _wait(waiting, i, l, r, fl, fr, sl, sr):
+    waiting[i, LEFT], waiting[i, RIGHT], waiting[i, F_LEFT] = l, r, fl
+    waiting[i, F_RIGHT], waiting[i, SLOPE_LEFT], waiting[i, SLOPE_RIGHT] = fr, sl, sr
 
 
 @njit(error_model="numpy")
-def substep_distance(px, py, pz, g, outline, first, last, best, waiting):
+def substep_distance(px, py, pz, g, k, outline, first, last, best, waiting):
     """Least of `pose_distance` over a sub-step, and where it is; if it is not below `best`, anything from `best` on."""
-    fm, sm = pose_distance(px, py, pz, g, 0.5, outline, first, last)
-    x, y, z = px - g[TIP + X] - 0.5 * g[WAY + X], py - g[TIP + Y] - 0.5 * g[WAY + Y], pz - g[TIP + Z] - 0.5 * g[WAY + Z]
-    w = g[TURN]
-    M = 2.0 * w * g[LENGTH] + w * w * (1.0 + w) * (math.sqrt(x * x + y * y + z * z) + 0.5 * g[LENGTH])
-    if fm - 0.5 * abs(sm) - 0.125 * M >= best or g[LENGTH] + w == 0.0:
+    fm, sm = pose_distance(px, py, pz, g, k, 0.5, outline, first, last)
+    x, y, z = _off_tip(px, py, pz, g, k, 0.5)
+    w = g[k, TURN]
+    M = 2.0 * w * g[k, LENGTH] + w * w * (1.0 + w) * (math.sqrt(x * x + y * y + z * z) + 0.5 * g[k, LENGTH])
+    if fm - 0.5 * abs(sm) - 0.125 * M >= best or g[k, LENGTH] + w == 0.0:
         return fm, 0.5
-    f0, s0 = pose_distance(px, py, pz, g, 0.0, outline, first, last)
-    f1, s1 = pose_distance(px, py, pz, g, 1.0, outline, first, last)
+    f0, s0 = pose_distance(px, py, pz, g, k, 0.0, outline, first, last)
+    f1, s1 = pose_distance(px, py, pz, g, k, 1.0, outline, first, last)
     least, at = (fm, 0.5) if fm <= min(f0, f1) else (f0, 0.0) if f0 <= f1 else (f1, 1.0)
     _wait(waiting, 0, 0.0, 0.5, f0, fm, s0, sm)
     _wait(waiting, 1, 0.5, 1.0, fm, f1, sm, s1)
     top = 2
     while top > 0:
         top -= 1
-        l, r, fl, fr, sl, sr = waiting[top]
+        l, r, fl = waiting[top, LEFT], waiting[top, RIGHT], waiting[top, F_LEFT]
+        fr, sl, sr = waiting[top, F_RIGHT], waiting[top, SLOPE_LEFT], waiting[top, SLOPE_RIGHT]
         low, t = _lowest_possible(l, r, fl, fr, sl, sr, M)
         if low >= min(least, best) - CLOSE_MM or r - l < 1e-15 or top > WAITING - 2:
             continue
         t = _split_at(l, r, fl, fr, sl, sr, t)
-        f, s = pose_distance(px, py, pz, g, t, outline, first, last)
+        f, s = pose_distance(px, py, pz, g, k, t, outline, first, last)
         if f < least:
             least, at = f, t
         left, right = (top + 1, top) if s > 0.0 else (top, top + 1)      # downhill first
@@ -127,9 +137,9 @@ def substep_distance(px, py, pz, g, outline, first, last, best, waiting):
 
 
 @njit(error_model="numpy")
-def slope_along(px, py, pz, nx, ny, nz, g, t, outline, first, last):
+def slope_along(px, py, pz, nx, ny, nz, g, k, t, outline, first, last):
     """Derivative of the distance to the cutter at the share t of a sub-step, as the point moves along n."""
-    ax, ay, az, _, up, ex, ey, ez, r = _seen_from_axis(px, py, pz, g, t)
+    ax, ay, az, _, up, ex, ey, ez, r = _seen_from_axis(px, py, pz, g, k, t)
     _, gr, gz = outline_distance(r, up, outline, first, last)
     beside = (ex * nx + ey * ny + ez * nz) / r if r > 1e-12 else 0.0
     return gr * beside + gz * (ax * nx + ay * ny + az * nz)
@@ -147,6 +157,12 @@ def _most(slope, low, high):
 
 
 @njit(error_model="numpy")
+def _between(nodes, row, i, share):
+    """A corner's coordinate at a height between two of a node's boxes."""
+    return nodes[row, i] + share * (nodes[row, i + 6] - nodes[row, i])
+
+
+@njit(error_model="numpy")
 def _bulge(rc, zc, nr, nz, height, theta, outline, first, last):
     r"""How far the support of the body can rise over its tangent when the normal turns by up to theta.
 
@@ -161,30 +177,30 @@ def _bulge(rc, zc, nr, nz, height, theta, outline, first, last):
     A, B = rc * nr + (zc - height) * nz, rc * nz - (zc - height) * nr
     before = behind = widest = 0.0
     for k in range(first, last):
-        o = outline[k]
-        if o[IS_ARC] == 0.0:
-            sine, near = o[DIRECTION_Z] * nz + o[DIRECTION_R] * nr, o[DIRECTION_Z] * nr - o[DIRECTION_R] * nz
+        if outline[k, IS_ARC] == 0.0:
+            dr, dz = outline[k, DIRECTION_R], outline[k, DIRECTION_Z]
+            sine, near = dz * nz + dr * nr, dz * nr - dr * nz
             if near > 0.0 and abs(sine) < theta:
                 left = theta - abs(sine)
                 if abs(sine) < 1e-9:         # the contact is on the line: what lies to its either side
-                    done = min(max((rc - o[START_R]) * o[DIRECTION_R] + (zc - o[START_Z]) * o[DIRECTION_Z], 0.0),
-                               o[LINE_LENGTH])
+                    done = (rc - outline[k, START_R]) * dr + (zc - outline[k, START_Z]) * dz
+                    done = min(max(done, 0.0), outline[k, LINE_LENGTH])
                     behind += done * left
-                    before += (o[LINE_LENGTH] - done) * left
+                    before += (outline[k, LINE_LENGTH] - done) * left
                 elif sine > 0.0:
-                    behind += o[LINE_LENGTH] * left
+                    behind += outline[k, LINE_LENGTH] * left
                 else:
-                    before += o[LINE_LENGTH] * left
-        elif o[RADIUS] > widest:
-            c0, c1 = o[FROM_R] * nz - o[FROM_Z] * nr, nr * o[TO_Z] - nz * o[TO_R]
-            if ((c0 >= -theta or o[FROM_R] * nr + o[FROM_Z] * nz < 0.0)
-                    and (c1 >= -theta or o[TO_R] * nr + o[TO_Z] * nz < 0.0)):
-                widest = o[RADIUS]
+                    before += outline[k, LINE_LENGTH] * left
+        elif outline[k, RADIUS] > widest:
+            c0, c1 = outline[k, FROM_R] * nz - outline[k, FROM_Z] * nr, nr * outline[k, TO_Z] - nz * outline[k, TO_R]
+            if ((c0 >= -theta or outline[k, FROM_R] * nr + outline[k, FROM_Z] * nz < 0.0)
+                    and (c1 >= -theta or outline[k, TO_R] * nr + outline[k, TO_Z] * nz < 0.0)):
+                widest = outline[k, RADIUS]
     return abs(B) * theta + max(before, behind) + 0.5 * max(widest - A, 0.0) * theta * theta
 
 
 @njit(error_model="numpy")
-def poses_distance(px, py, pz, node, outline, first, last):
+def poses_distance(px, py, pz, nodes, row, outline, first, last):
     r"""Lower bound of `pose_distance` over all poses of a tree node (see tilted_tree.py for its columns).
 
     The node's middle cutter, shifted inside the node's box to where it would touch first, has distance d and
@@ -196,31 +212,31 @@ def poses_distance(px, py, pz, node, outline, first, last):
     Q is at the height of that meeting, as near as z0 <= z <= z2 allows.  All that is lost grows with the square of the
     node's size.  Everything is reckoned in the node's frame.
     """
-    x, y, z = px - node[MIDDLE_TIP + X], py - node[MIDDLE_TIP + Y], pz - node[MIDDLE_TIP + Z]
-    pu = x * node[FRAME_U + X] + y * node[FRAME_U + Y] + z * node[FRAME_U + Z]
-    pv = x * node[FRAME_V + X] + y * node[FRAME_V + Y] + z * node[FRAME_V + Z]
-    pw = x * node[FRAME_W + X] + y * node[FRAME_W + Y] + z * node[FRAME_W + Z]
-    u = _clamped(pu - node[TOUCH + X], node[LOW_1 + X], node[HIGH_1 + X])
-    v = _clamped(pv - node[TOUCH + Y], node[LOW_1 + Y], node[HIGH_1 + Y])
-    w = _clamped(pw - node[TOUCH + Z], node[LOW_1 + Z], node[HIGH_1 + Z])
+    x, y, z = px - nodes[row, MIDDLE_TIP + X], py - nodes[row, MIDDLE_TIP + Y], pz - nodes[row, MIDDLE_TIP + Z]
+    pu = x * nodes[row, FRAME_U + X] + y * nodes[row, FRAME_U + Y] + z * nodes[row, FRAME_U + Z]
+    pv = x * nodes[row, FRAME_V + X] + y * nodes[row, FRAME_V + Y] + z * nodes[row, FRAME_V + Z]
+    pw = x * nodes[row, FRAME_W + X] + y * nodes[row, FRAME_W + Y] + z * nodes[row, FRAME_W + Z]
+    u = _clamped(pu - nodes[row, TOUCH + X], nodes[row, LOW_1 + X], nodes[row, HIGH_1 + X])
+    v = _clamped(pv - nodes[row, TOUCH + Y], nodes[row, LOW_1 + Y], nodes[row, HIGH_1 + Y])
+    w = _clamped(pw - nodes[row, TOUCH + Z], nodes[row, LOW_1 + Z], nodes[row, HIGH_1 + Z])
     pu, pv, pw = pu - u, pv - v, pw - w
-    au, av, aw = node[MIDDLE_AXIS + X], node[MIDDLE_AXIS + Y], node[MIDDLE_AXIS + Z]
+    au, av, aw = nodes[row, MIDDLE_AXIS + X], nodes[row, MIDDLE_AXIS + Y], nodes[row, MIDDLE_AXIS + Z]
     up = pu * au + pv * av + pw * aw
     eu, ev, ew = pu - up * au, pv - up * av, pw - up * aw
     r = math.sqrt(eu * eu + ev * ev + ew * ew)
     d, nr, nz = outline_distance(r, up, outline, first, last)
     share = nr / r if r > 1e-12 else 0.0     # on the axis all gradients round it count as one
     nu, nv, nw = share * eu + nz * au, share * ev + nz * av, share * ew + nz * aw
-    height = _clamped(up - nz * r / nr, node[HEIGHT_0], node[HEIGHT_2]) if nr > 1e-12 else node[HEIGHT_1]
-    i, z0, z1 = ((LOW_0, node[HEIGHT_0], node[HEIGHT_1]) if height <= node[HEIGHT_1]
-                 else (LOW_1, node[HEIGHT_1], node[HEIGHT_2]))
+    height = _clamped(up - nz * r / nr, nodes[row, HEIGHT_0], nodes[row, HEIGHT_2]) if nr > 1e-12 else nodes[row, HEIGHT_1]
+    i, z0, z1 = ((LOW_0, nodes[row, HEIGHT_0], nodes[row, HEIGHT_1]) if height <= nodes[row, HEIGHT_1]
+                 else (LOW_1, nodes[row, HEIGHT_1], nodes[row, HEIGHT_2]))
     k = (height - z0) / (z1 - z0)
-    u0, u1 = node[i] + k * (node[i + 6] - node[i]) - u, node[i + 3] + k * (node[i + 9] - node[i + 3]) - u
-    v0, v1 = node[i + 1] + k * (node[i + 7] - node[i + 1]) - v, node[i + 4] + k * (node[i + 10] - node[i + 4]) - v
-    w0, w1 = node[i + 2] + k * (node[i + 8] - node[i + 2]) - w, node[i + 5] + k * (node[i + 11] - node[i + 5]) - w
-    if node[WIDEST] > WIDEST_RAD:                # what follows holds for less than a quarter turn
+    u0, u1 = _between(nodes, row, i, k) - u, _between(nodes, row, i + 3, k) - u
+    v0, v1 = _between(nodes, row, i + 1, k) - v, _between(nodes, row, i + 4, k) - v
+    w0, w1 = _between(nodes, row, i + 2, k) - w, _between(nodes, row, i + 5, k) - w
+    if nodes[row, WIDEST] > WIDEST_RAD:                # what follows holds for less than a quarter turn
         return -math.inf
     low = d - _most(nu, u0, u1) - _most(nv, v0, v1) - _most(nw, w0, w1)
-    if node[WIDEST] > 0.0:
-        low -= _bulge(r - d * nr, up - d * nz, nr, nz, height, node[WIDEST], outline, first, last)
+    if nodes[row, WIDEST] > 0.0:
+        low -= _bulge(r - d * nr, up - d * nz, nr, nz, height, nodes[row, WIDEST], outline, first, last)
     return low

@@ -252,7 +252,7 @@ def one_distance(px, py, pz, piece, forest, best, waiting):
     """`substep_distance` of one sub-step of the forest, to the grown cutter."""
     geometry, _, outlines, trees, grown = forest
     k = tree_of(piece, trees)
-    d, t = substep_distance(px, py, pz, geometry[piece], outlines, trees[k, FIRST_LINE], trees[k, BEHIND_LAST],
+    d, t = substep_distance(px, py, pz, geometry, piece, outlines, trees[k, FIRST_LINE], trees[k, BEHIND_LAST],
                             best + grown[k], waiting)
     return d - grown[k], t
 
@@ -262,12 +262,12 @@ def one_slope(px, py, pz, n, piece, t, forest):
     """Derivative of the distance to the cutter at the share t of a sub-step, as the point moves along n (3,)."""
     geometry, _, outlines, trees, _ = forest
     k = tree_of(piece, trees)
-    return slope_along(px, py, pz, n[X], n[Y], n[Z], geometry[piece], t, outlines, trees[k, FIRST_LINE],
+    return slope_along(px, py, pz, n[X], n[Y], n[Z], geometry, piece, t, outlines, trees[k, FIRST_LINE],
                        trees[k, BEHIND_LAST])
 
 
 @njit
-def _worth_keeping(best):
+def worth_keeping(best):
     """How far a ray from here may still run before it meets the surface, if it is not too slanting."""
     return KEPT_SHARE * abs(best) + KEPT_LEAST_MM
 
@@ -282,14 +282,14 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
     geometry, nodes, outlines, trees, grown = forest
     found, at = -1, 0.5
     kept[0] = 0
-    keep = min(keep, _worth_keeping(best))
+    keep = min(keep, worth_keeping(best))
     if hint >= 0:
         d, t = one_distance(px, py, pz, hint, forest, max(best, keep), waiting)
         if d < keep:
             kept[0], kept[1] = 1, hint
         if d < best:
             best, found, at = d, hint, t
-            keep = min(keep, _worth_keeping(best))
+            keep = min(keep, worth_keeping(best))
     for k in range(len(trees)):
         base, start, count, leaves, first, last = trees[k]
         by = grown[k]
@@ -306,7 +306,7 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
                 for piece in range(start + t0, start + min(t0 + LEAF, count)):
                     if piece == hint:
                         continue
-                    d, t = substep_distance(px, py, pz, geometry[piece], outlines, first, last,
+                    d, t = substep_distance(px, py, pz, geometry, piece, outlines, first, last,
                                             max(best, keep) + by, waiting)
                     if d - by < keep:
                         if kept[0] + 1 == len(kept):
@@ -316,19 +316,63 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
                             kept[kept[0]] = piece
                     if d - by < best:
                         best, found, at = d - by, piece, t
-                        keep = min(keep, _worth_keeping(best))
+                        keep = min(keep, worth_keeping(best))
                 continue
-            left = 2 * node + 1
-            b0 = b1 = math.inf
-            if nodes[base + left, IS_FILLED] != 0.0:
-                b0 = poses_distance(px, py, pz, nodes[base + left], outlines, first, last) - by
-            if nodes[base + left + 1, IS_FILLED] != 0.0:
-                b1 = poses_distance(px, py, pz, nodes[base + left + 1], outlines, first, last) - by
-            near, far = (left, left + 1) if b0 <= b1 else (left + 1, left)
-            if max(b0, b1) - SLACK_MM < limit:
-                stack[top], bounds[top] = far, max(b0, b1)
-                top += 1
-            if min(b0, b1) - SLACK_MM < limit:
-                stack[top], bounds[top] = near, min(b0, b1)
-                top += 1
+            row = base + 2 * node + 1
+            b0 = _node_bound(px, py, pz, nodes, row, outlines, first, last) - by
+            b1 = _node_bound(px, py, pz, nodes, row + 1, outlines, first, last) - by
+            top = _open_children(node, b0, b1, limit, top, stack, bounds)
     return best, found, at, keep
+
+
+@njit(error_model="numpy")
+def _node_bound(px, py, pz, nodes, row, outlines, first, last):
+    """Least distance that a sub-step under a node can have to a cutter that has not grown; inf where it holds none."""
+    if nodes[row, IS_FILLED] == 0.0:
+        return math.inf
+    return poses_distance(px, py, pz, nodes, row, outlines, first, last)
+
+
+@njit(error_model="numpy")
+def _open_children(node, b0, b1, limit, top, stack, bounds):
+    """Opens the children of a node that may hold less than the limit, the nearer one last; how many nodes are open then."""
+    near, far = (2 * node + 1, 2 * node + 2) if b0 <= b1 else (2 * node + 2, 2 * node + 1)
+    if max(b0, b1) - SLACK_MM < limit:
+        stack[top], bounds[top] = far, max(b0, b1)
+        top += 1
+    if min(b0, b1) - SLACK_MM < limit:
+        stack[top], bounds[top] = near, min(b0, b1)
+        top += 1
+    return top
+
+
+@njit(error_model="numpy")
+def holding_substep(px, py, pz, forest, limit, stack, bounds, waiting):
+    """A sub-step nearer than `limit` to a point: its signed distance, which it is (-1: there is none), and where.
+
+    The deepest of the first leaf that holds one, which need not be the deepest of all: where many of them run through a
+    place, this is much sooner found.
+    """
+    geometry, nodes, outlines, trees, grown = forest
+    found, at = -1, 0.5
+    for k in range(len(trees)):
+        base, start, count, leaves, first, last = trees[k]
+        by, top = grown[k], 1
+        stack[0], bounds[0] = 0, -math.inf
+        while top > 0:
+            top -= 1
+            node = stack[top]
+            if node < leaves - 1:
+                row = base + 2 * node + 1
+                b0 = _node_bound(px, py, pz, nodes, row, outlines, first, last) - by
+                b1 = _node_bound(px, py, pz, nodes, row + 1, outlines, first, last) - by
+                top = _open_children(node, b0, b1, limit, top, stack, bounds)
+                continue
+            t0 = (node - leaves + 1) * LEAF
+            for piece in range(start + t0, start + min(t0 + LEAF, count)):
+                d, t = substep_distance(px, py, pz, geometry, piece, outlines, first, last, limit + by, waiting)
+                if d - by < limit:
+                    limit, found, at = d - by, piece, t
+            if found >= 0:
+                return limit, found, at
+    return limit, found, at

@@ -82,7 +82,7 @@ def _searched(px, py, pz, reach, timed, before, goal, stack, bounds, waiting):
             node = stack[top]
             if least[base + node] >= before or nodes[base + node, IS_FILLED] == 0.0:
                 continue
-            if poses_distance(px, py, pz, nodes[base + node], outlines, first, last) - by - SLACK_MM > reach:
+            if poses_distance(px, py, pz, nodes, base + node, outlines, first, last) - by - SLACK_MM > reach:
                 continue
             if node < leaves - 1:
                 left = 2 * node + 1
@@ -94,7 +94,7 @@ def _searched(px, py, pz, reach, timed, before, goal, stack, bounds, waiting):
             for piece in range(start + t0, start + min(t0 + LEAF, count)):
                 if number[piece] >= before:
                     continue
-                d = substep_distance(px, py, pz, geometry[piece], outlines, first, last, reach + by + SLACK_MM, waiting)[0] - by
+                d = substep_distance(px, py, pz, geometry, piece, outlines, first, last, reach + by + SLACK_MM, waiting)[0] - by
                 if d > reach:
                     continue
                 found, nearest = number[piece], d

@@ -4,7 +4,6 @@ Stock = blank minus what each setup's cutters swept.  Each setup answers in its 
 coordinates.  A box that stands along a WCS is known to the kernels; any other blank is met by lines (shape_rays.py).
 """
 
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,8 +12,7 @@ import numpy as np
 from cuspline.stock.shape_rays import Stretch
 from cuspline.stock.shapes import BoxShape, Shape
 from cuspline.stock.stock_cells import StockCells
-from cuspline.stock.swept import deviations_and_moves, nearest_moves, stock_height_mm
-from cuspline.values.errors import SimulationError
+from cuspline.stock.swept import deviations_and_moves, nearest_moves, shrunk_paths, stock_height_mm
 from cuspline.values.frames import Frame
 
 PART = Frame(rotation=np.eye(3), origin_mm=np.zeros(3))
@@ -205,7 +203,7 @@ class Workpiece:
 
         What cutters smaller by the radius all round sweep lies so deep in what the true ones sweep.
         """
-        smaller = [Cut(frame=c.frame, paths=tuple(_smaller(c.paths, radius_mm))) for c in self.cuts]
+        smaller = [Cut(frame=c.frame, paths=shrunk_paths(c.paths, radius_mm)) for c in self.cuts]
         cuts = tuple(c for c in smaller if c.paths)
         less, tops = Workpiece(blank=ENDLESS, cuts=cuts), lambda: self.cells.tops_in(frame, radius_mm)
         (low, high), xy = self.box_in(frame), np.asarray(xy_mm, float)
@@ -239,10 +237,3 @@ def _in_stretch(ask, cut, stretch, points_mm, normals, limit_mm):
     deviation, row = free(ask, points_mm, normals)
     free_at = lambda rows, by: free(deviations_and_moves, points_mm[rows] - by[:, None] * normals[rows], normals[rows])[0]
     return stretch.cut(deviation, limit_mm, free_at), row
-
-
-def _smaller(paths, by_mm):
-    """Paths of cutters smaller all round; of those of which nothing is left, none."""
-    for path in paths:
-        with suppress(SimulationError):
-            yield path.grown(-by_mm)

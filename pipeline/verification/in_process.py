@@ -44,7 +44,7 @@ class StockState:
                 "volume_mm3": round(self.solid.volume(), 3), "pitch_mm": round(self.pitch_mm, 6), "simplified_mm": SIMPLER_MM}
 
 
-def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
+def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING, finished=None):
     """Stock after each operation, one at a time: only the one asked for is in memory.
 
     Args:
@@ -52,6 +52,7 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
         tools: dict of tool number -> cutters.Tool.   stock: a value of design.stock.
         pitches_mm: of each clamping's grid, for what it leaves in the end.
         kept: kept.Kept for the heights of every operation's stock.
+        finished: StockSolids after all clampings, where they are at hand: what is hollow is not made once more.
     Yields:
         StockState.
     """
@@ -69,7 +70,9 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING):
             pitch_mm = pitches_mm[k] * (1.0 if number == len(ends) else COARSER)
             if number == len(ends):
                 heights.look_anew()
-            solid = StockSolids(piece, [*pitches_mm[:k], pitch_mm], heights=heights).stock(PART)
+            is_last = k == len(programs) - 1 and number == len(ends)
+            made_here = StockSolids(piece, [*pitches_mm[:k], pitch_mm], heights=heights)
+            solid = (finished if is_last and finished is not None and finished.is_hollow else made_here).stock(PART)
             yield StockState(setup=name, operation=program.posted.operation_name(end - 1), number=number, piece=piece,
                              solid=solids.simpler(solid, SIMPLER_MM), inputs_sha256=made.hexdigest(), pitch_mm=pitch_mm)
             start = end

@@ -197,3 +197,33 @@ def test_chips_heavier_than_the_cutter_takes_are_told():
     told = found(posted, heavy)[0]["overload"]
     area = np.pi * 9 / 2 + 6 * (8 - 3.4 - 3 * np.cos(np.radians(15))) / np.cos(np.radians(15))
     assert told[0].amount_mm == pytest.approx(area / 6, rel=0.1)
+
+
+def between_leaning_passes(z):
+    """A leaning pass along x, an upright rapid across the same stock at a height, a feed beside it, a leaning pass again."""
+    lean, up = leaning(15.0, 90.0)[0], np.array([0.0, 0, 1])
+    passing = lambda y: [rapid(-5, y, 30), rapid(-5, y, 6.5), feed(21, y, 6.5), rapid(21, y, 30)]
+    moves = [*passing(2), rapid(21, 6, 30), rapid(21, 6, z), rapid(-5, 6, z), feed(-6, 6, z), rapid(-6, 6, 30), *passing(10)]
+    axes = [lean] * 5 + [up] * 5 + [lean] * 4
+    return leaned((-5, 2, 40), moves, axes)
+
+
+def test_an_upright_rapid_between_leaning_passes_is_looked_at_as_finely_as_in_an_upright_program():
+    """A hundredth of a millimetre, less than a leaning rapid may begin in the cut by."""
+    assert 0.01 < LEAVING_MM
+    told = found(between_leaning_passes(7.99))[0]["rapid_through_stock"]
+    assert [f.line for f in told] == [16] and told[0].amount_mm == pytest.approx(0.01, abs=1e-6)
+    assert set(found(between_leaning_passes(8.001))[0]) == set()
+
+
+def test_what_leaning_passes_have_cut_is_no_stock_for_the_upright_moves_after_them():
+    """The ball leans along its way: two passes leave a slot with upright sides and a ridge, whose height is known."""
+    lean, up = leaning(15.0, 0.0)[0], np.array([0.0, 0, 1])
+    ridge = 3.4 + 3.0 * np.cos(np.radians(15)) - np.sqrt(9.0 - 0.25 ** 2)
+    passing = lambda y: [rapid(-5, y, 30), rapid(-5, y, 3.4), feed(21, y, 3.4), rapid(21, y, 30)]
+    moves = [*passing(5.75), *passing(6.25), rapid(24, 6, 30)]
+    for gap in (0.005, -0.01):
+        back = [rapid(24, 6, ridge + gap), rapid(-8, 6, ridge + gap), feed(-9, 6, ridge + gap), rapid(-9, 6, 30)]
+        told = found(leaned((-5, 6, 40), [*moves, *back], [lean] * 9 + [up] * 5))[0]
+        assert set(told) == ({"rapid_through_stock"} if gap < 0 else set())
+        assert gap > 0 or told["rapid_through_stock"][0].amount_mm == pytest.approx(-gap, abs=1e-3)
