@@ -78,7 +78,8 @@ class HollowStock:
         if not len(corners):
             return solids.united([])
         edges, triangles = np.unique(corners, return_inverse=True)
-        stock = solids.solid_of(self._crossings_mm(edges, grown_mm, is_stock), triangles.reshape(-1, 3), "the hollow stock")
+        met = self._crossings_mm(edges, grown_mm, is_stock)
+        stock = solids.solid_of(met, triangles.reshape(-1, 3), "the stock with its undercuts")
         return stock ^ solids.box(*self.box)
 
     def _bounds_mm(self):
@@ -123,7 +124,7 @@ def _met(paths, start_mm, way_mm, values_mm, grown_mm):
     length, world = np.sqrt((way_mm * way_mm).sum(axis=1)), world_of(paths)
     unit = way_mm / length[:, None]
     ask = lambda order: (rays.crossings(for_kernel(start_mm[order]), for_kernel(unit[order]), length[order],
-                                        values_mm[0][order], values_mm[1][order], float(grown_mm), MET_MM, world),)
+                                        [v[order] for v in values_mm], float(grown_mm), MET_MM, world),)
     return in_morton_order(start_mm, ask)[0] / length
 
 

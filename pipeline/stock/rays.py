@@ -27,6 +27,9 @@ from cuspline.values.rows import FROM, TO, X, Y, Z
 from cuspline.values.threads import in_blocks
 
 UPRIGHT_ARRAYS = 4        # of the world's arrays
+PIECES_OF_UPRIGHT = 0     # the first of them
+STACK, BOUNDS, WAITING_ROWS, KEPT_ROWS, COVERED = range(5)     # of a thread's work space, see `scratch`
+FIRST = 0                 # the one entry of what is covered
 GAP_MM = 2e-5             # stock or air along less of a ray than this may be overlooked
 SLOPE_MM = 1e-6           # over which the slope of the distance to an upright piece is taken along a ray
 SLIDE = 0.1               # a ray that runs in the swept surface is followed in steps of this share of its way there
@@ -74,7 +77,7 @@ def _nearest(px, py, pz, world, hint, keep, work):
 @njit(error_model="numpy")
 def _nearest_kept(px, py, pz, s, world, hint, work):
     """As `nearest`, s away from where sub-steps were kept; -1: none is within the reach that is left, others may be."""
-    posed, behind = world[UPRIGHT_ARRAYS:], len(world[0])
+    posed, behind = world[UPRIGHT_ARRAYS:], len(world[PIECES_OF_UPRIGHT])
     _, _, waiting, kept, reach = work
     d, found, at = reach[0] - s, -1, 0.5
     for i in range(-1, kept[0]):                   # the hint first
@@ -90,17 +93,17 @@ def _nearest_kept(px, py, pz, s, world, hint, work):
 @njit(error_model="numpy")
 def _of_one(px, py, pz, piece, world, work):
     """Signed distance to one piece or sub-step alone, and where along it."""
-    behind = len(world[0])
+    behind = len(world[PIECES_OF_UPRIGHT])
     if piece < behind:
         return one_piece_distance(px, py, pz, piece, world[:UPRIGHT_ARRAYS]), 0.5
-    return one_distance(px, py, pz, piece - behind, world[UPRIGHT_ARRAYS:], math.inf, work[2])
+    return one_distance(px, py, pz, piece - behind, world[UPRIGHT_ARRAYS:], math.inf, work[WAITING_ROWS])
 
 
 @njit(error_model="numpy")
 def _holding(p, n, s, limit, world, work):
     """A piece nearer than `limit` to p + s n, not always the nearest: its distance, which it is (-1: none), and where."""
-    stack, bounds, waiting = work[0], work[1], work[2]
-    x, y, z, behind = p[X] + s * n[X], p[Y] + s * n[Y], p[Z] + s * n[Z], len(world[0])
+    stack, bounds, waiting = work[STACK], work[BOUNDS], work[WAITING_ROWS]
+    x, y, z, behind = p[X] + s * n[X], p[Y] + s * n[Y], p[Z] + s * n[Z], len(world[PIECES_OF_UPRIGHT])
     if len(world[UPRIGHT_ARRAYS]):
         d, found, at = holding_substep(x, y, z, world[UPRIGHT_ARRAYS:], limit, stack, bounds, waiting)
         if found >= 0:
@@ -115,7 +118,7 @@ def _holding(p, n, s, limit, world, work):
 def _at(p, n, s, is_all, piece, world, work):
     """Distance at p + s n to everything swept, the piece it belongs to and where; or to the given piece alone."""
     x, y, z = p[X] + s * n[X], p[Y] + s * n[Y], p[Z] + s * n[Z]
-    if is_all and s < work[4][0] and piece >= len(world[0]):
+    if is_all and s < work[COVERED][FIRST] and piece >= len(world[PIECES_OF_UPRIGHT]):
         d, found, t = _nearest_kept(x, y, z, s, world, piece, work)
         if found >= 0:
             return d, found, t
@@ -128,7 +131,7 @@ def _at(p, n, s, is_all, piece, world, work):
 @njit(error_model="numpy")
 def _fall(p, n, s, g, sign, piece, at, world, work):
     """How fast sign * distance to a piece falls along the ray at s, where it is g."""
-    behind = len(world[0])
+    behind = len(world[PIECES_OF_UPRIGHT])
     if piece >= behind:
         x, y, z = p[X] + s * n[X], p[Y] + s * n[Y], p[Z] + s * n[Z]
         slope = one_slope(x, y, z, n, piece - behind, at, world[UPRIGHT_ARRAYS:])
@@ -332,15 +335,15 @@ def _stock_along(origins, directions, low, high, world, out, count, first, last)
             count[i], hint = _stock_on_ray(origins[i], directions[i], enter, end, out[i], hint, world, work)
 
 
-def crossings(start, way, length, first_mm, last_mm, value, met_mm, world):
+def crossings(start, way, length, ends_mm, value, met_mm, world):
     """Where on straight ways the distance to everything swept falls to a value: (n,) mm from their starts.
 
     Args:
         start: (n, 3).   way: (n, 3) unit.   length: (n,) mm.   value: mm.   met_mm: how close to it the distance must come.
-        first_mm, last_mm: (n,) distances at both ends less the value: above 0, and not.
+        ends_mm: two of (n,), distances at both ends less the value: above 0, and not.
     """
     out = np.empty(len(start))
-    in_blocks(_crossings, len(start), CHUNK, start, way, length, first_mm, last_mm, value, met_mm, world, out)
+    in_blocks(_crossings, len(start), CHUNK, start, way, length, *ends_mm, value, met_mm, world, out)
     return out
 
 

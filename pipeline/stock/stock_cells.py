@@ -10,6 +10,7 @@ import numpy as np
 from cuspline.stock.swept import nearest_moves
 from cuspline.values.arrays import frozen
 from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y
 
 FIRST, FINEST = 8, 256      # cubes along the longest side of the blank: at the beginning, and the smallest
 OCTANTS = np.array(list(np.ndindex(2, 2, 2))) - 0.5
@@ -86,7 +87,7 @@ def _raise(tops, low, high, top):
     """Raise the squares that each cube covers, from low to high (n, 2) in squares, to its top (n,)."""
     nx, ny = tops.shape
     for k in range(len(top)):
-        for i in range(max(int(low[k, 0]), 0), min(int(high[k, 0]), nx - 1) + 1):
-            for j in range(max(int(low[k, 1]), 0), min(int(high[k, 1]), ny - 1) + 1):
+        for i in range(max(int(low[k, X]), 0), min(int(high[k, X]), nx - 1) + 1):
+            for j in range(max(int(low[k, Y]), 0), min(int(high[k, Y]), ny - 1) + 1):
                 if tops[i, j] < top[k]:
                     tops[i, j] = top[k]

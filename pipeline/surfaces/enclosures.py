@@ -150,8 +150,9 @@ def _upright(work, du, dv):
 
     Forms of components are tightest so: a surface that lies askew would spread its size over all three.
     """
-    ax, ay, az = work[1, 0, X], work[1, 0, Y], work[1, 0, Z]
-    bx, by, bz = work[0, 1, X], work[0, 1, Y], work[0, 1, Z]
+    along, across = work[1, 0], work[0, 1]
+    ax, ay, az = along[X], along[Y], along[Z]
+    bx, by, bz = across[X], across[Y], across[Z]
     nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     a, n = np.sqrt(ax * ax + ay * ay + az * az), np.sqrt(nx * nx + ny * ny + nz * nz)
     if not (a > 0.0 and n > TINY * a * np.sqrt(bx * bx + by * by + bz * bz)):
