@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-NARROW = "width_mm=24"          # of the default part: a third of the passes, all kinds of moves and faces
+NARROW = "width_mm=12"          # of the default part: a seventh of the passes, all kinds of moves and faces
 SADDLE_JOB = """step = "saddle.step"
 description = "saddle out of a STEP file"
 material = "aluminium_6061"
