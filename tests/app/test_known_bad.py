@@ -168,6 +168,13 @@ def wrong_digit_in_x(program):
     return program.replaced(wall, wall, [wrong])
 
 
+def arcs_turned(program):
+    """All arcs of the finishing passes the other way round."""
+    first = program.index_of(f"(OPERATION {program.operation('finish') + 1}:")
+    turned = [re.sub(r"\bG([23])\b", lambda w: {"2": "G3", "3": "G2"}[w[1]], line) for line in program.lines[first:]]
+    return program.replaced(first + 1, len(program.lines), turned)
+
+
 # name -> (text, what the verdict must say, how finely it is asked)
 FAULTS = {
     "two finishing passes missing": (without_two_passes, "excess", SURFACE),
@@ -181,9 +188,7 @@ FAULTS = {
     "G17 for G18": (lambda p: "\n".join(re.sub(r"\bG18\b", "G17", line) for line in p.lines) + "\n", REFUSED, HISTORY),
     "sign of X words wrong": (lambda p: words(p, negated("X")), REFUSED, HISTORY),
     "sign of arc centres wrong": (lambda p: words(p, negated("IK")), REFUSED, HISTORY),
-    "arcs the other way round": (
-        lambda p: words(p, lambda a, n: "G" + {"2": "3", "3": "2"}[n] if a == "G" and n in "23" else a + n),
-        "gouge", HISTORY),
+    "arcs the other way round": (arcs_turned, "gouge", HISTORY),
     "sign of Y words wrong": (lambda p: words(p, negated("Y")), REFUSED, HISTORY),
     "another work offset": (lambda p: "\n".join("G55" if x == "G54" else x for x in p.lines) + "\n", "unknown_start", HISTORY),
     "retract missing before a rapid across": (without_retract_across, "rapid_through_stock", HISTORY),
