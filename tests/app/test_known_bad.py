@@ -70,7 +70,7 @@ def level_finishing_block(program):
     flat = (m.kind == Kind.FEED) & (m.operation == program.operation("finish"))
     flat &= (np.abs(m.end_mm - m.start_mm)[:, 1:].max(axis=1) == 0) & (np.abs(m.end_mm[:, 2] - m.end_mm[flat, 2].min()) < 1e-9)
     flat &= np.abs(m.end_mm - m.start_mm)[:, 0] > 10
-    row = int(np.flatnonzero(flat)[np.argmin(np.abs(m.end_mm[flat, 1] - 6.0))])
+    row = int(np.flatnonzero(flat)[np.argmin(np.abs(m.end_mm[flat, 1] - 8.0))])
     return row, int(m.line[row])
 
 
