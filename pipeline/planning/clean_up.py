@@ -157,7 +157,7 @@ def _from_above(field, near, ridge_mm, rules, step_mm):
 
 def _round_walls(work, field, tips_z_mm, normals, near, step_mm, tolerance_mm):
     """Waterlines at the heights of the places that stand steeper than the setup's limit."""
-    steep = normals[:, 2] < fixed.cos(math.radians(work.operation.steep_deg))
+    steep = normals[:, 2] < fixed.cos(math.radians(work.operation.waterline_deg))
     if not steep.any():
         return []
     low, high = tips_z_mm[steep].min() - step_mm, tips_z_mm[steep].max() + step_mm

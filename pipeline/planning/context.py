@@ -20,6 +20,7 @@ from cuspline.replay.clearance import ClearanceTree
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
+from cuspline.stock.height_grid import heights_of
 from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
@@ -289,13 +290,18 @@ class PlanningContext:
         """A place in part coordinates, rounded for plan.json."""
         return self.setup.turn.out(np.array(place_mm)[None])[0].round(4).tolist()
 
+    @property
+    def _standing(self):
+        """Heights of the stock before the setup."""
+        return self._once("heights", lambda: heights_of(self.piece, self.setup.turn))
+
     def stock_mm(self, xy_mm, at_most_mm=np.inf):
         """Height of the stock over places (n, 2) before the operation's first move, at most so much; -inf beside it."""
         inside = ((xy_mm >= self.stock_min_mm[:2]) & (xy_mm <= self.stock_max_mm[:2])).all(axis=1)
         if not self.piece.blank.fills_box_in(self.setup.turn):
             inside[inside] = np.isfinite(self.piece.blank.tops_mm(self.setup.turn, xy_mm[inside]))
         height = np.full(len(xy_mm), -np.inf)
-        height[inside] = self.piece.heights_mm(self.setup.turn, xy_mm[inside])
+        height[inside] = self._standing(xy_mm[inside])
         for operation in self.planned:
             height = operation.swept_mm(xy_mm, height)
         return np.minimum(height, at_most_mm)

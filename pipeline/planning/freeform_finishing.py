@@ -154,10 +154,12 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
         ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(tool.cutter.corner_radius_mm, widest, 0.0)[0]))
     step = flat_step_mm(tool, ridge_mm)
     field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP))
+    if field is not None and work.operation.leave_steep:
+        field = _gentle(field, math.radians(work.operation.steep_deg), 0.0)
     if field is None:
         return None
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=BRIDGE_STEPS * step)
-    gentle = _gentle(field, math.radians(work.operation.steep_deg), OVERLAP_STEPS * step)
+    gentle = _gentle(field, math.radians(work.operation.waterline_deg), OVERLAP_STEPS * step)
     curves, pattern = _curves(work.operation, gentle, tool.cutter, ridge_mm)
     paths = tip_paths(curves, gentle, rules) if curves else []
     walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step)
@@ -259,7 +261,7 @@ def pattern_curves(pattern, field, cutter, ridge_mm, angle_rad=0.0):
 
 def _wall_paths(work, field, tool, ridge_mm, tolerance_mm, step_mm):
     """Waterline passes round what stands steeper than the operation's limit, from the top."""
-    steep_rad = math.radians(work.operation.steep_deg)
+    steep_rad = math.radians(work.operation.waterline_deg)
     samples = sample_faces(work.faces, work.wanted, across_axis=2)          # curvature along the steepest way up
     corner = field.dropper.corner_radius_mm
     normal = samples.normal[:, 2]
@@ -277,7 +279,7 @@ def wall_paths_at(work, field, heights, tolerance_mm, step_mm, near=None):
 
     `near`: function contacts (n, 3) -> (n,) bool that keeps them to some places; None: everywhere.
     """
-    dropper, steep_rad = field.dropper, math.radians(work.operation.steep_deg)
+    dropper, steep_rad = field.dropper, math.radians(work.operation.waterline_deg)
     corner, flat = dropper.corner_radius_mm, dropper.radius_mm - dropper.corner_radius_mm
     low, high = field.node_xy_mm[0, 0], field.node_xy_mm[-1, -1]
     offset, limit = corner + dropper.allowance_mm, fixed.cos(max(steep_rad - WALL_OVERLAP_RAD, 0.0))

@@ -6,18 +6,22 @@ coordinates.  A box that stands along a WCS is known to the kernels; any other b
 
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cuspline.stock.shape_rays import Stretch
 from cuspline.stock.shapes import BoxShape, Shape
+from cuspline.stock.stock_cells import StockCells
 from cuspline.stock.swept import deviations_and_moves, nearest_moves, stock_height_mm
 from cuspline.values.errors import SimulationError
 from cuspline.values.frames import Frame
 
+PART = Frame(rotation=np.eye(3), origin_mm=np.zeros(3))
 SAME_MM = 1e-7            # a depth found again deeper by less is the same
 HELD_MM = 1e-3            # the part may stand out of its stock by the kernel's own tolerance
 UNCUT = -1
+ABOVE_MM = 1e-3           # rays begin so far above the cells that hold all stock
 ENDLESS_MM = 1e5          # beyond any stock
 
 
@@ -35,10 +39,32 @@ class Workpiece:
 
     blank: Shape              # as delivered
     cuts: tuple[Cut, ...] = ()
+    before: "Workpiece | None" = None       # its last cut, where that is at hand
 
     def after(self, frame, paths):
         """The same after one more setup."""
-        return Workpiece(blank=self.blank, cuts=(*self.cuts, Cut(frame=frame, paths=tuple(paths))))
+        return Workpiece(blank=self.blank, cuts=(*self.cuts, Cut(frame=frame, paths=tuple(paths))), before=self)
+
+    @cached_property
+    def cells(self):
+        """StockCells of it, part coordinates."""
+        if self.before is not None:
+            return self.before.cells.less(self.cuts[-1])
+        found = StockCells.of_box(*self.box_in(PART))
+        for cut in self.cuts:
+            found = found.less(cut)
+        return found
+
+    @cached_property
+    def _tops_seen(self):
+        return {}
+
+    def _tops_in(self, frame):
+        """CellTops as seen from a frame."""
+        key = frame.rotation.tobytes(), frame.origin_mm.tobytes()
+        if key not in self._tops_seen:
+            self._tops_seen[key] = self.cells.tops_in(frame)
+        return self._tops_seen[key]
 
     def box_in(self, frame):
         """(3,) low and (3,) high corner of the box round the blank, seen from a frame."""
@@ -122,16 +148,25 @@ class Workpiece:
             return self._heights_in_columns(frame, xy, low[2])
         if not self.cuts:
             return np.full(len(xy), high[2])
-        return self._cut_down_mm(frame, xy, low[2], high[2])
+        return self._cut_down_mm(frame, xy, low[2], high[2], lambda: self._tops_in(frame))
 
-    def _cut_down_mm(self, frame, xy, bottom, top):
+    def _cut_down_mm(self, frame, xy, bottom, top, tops):
         """(n,) heights that the cuts leave over places (n, 2) of material that stands from bottom to top everywhere."""
         if len(self.cuts) == 1 and np.array_equal(self.cuts[0].frame.rotation, frame.rotation):
             own = self.cuts[0].frame
             shift = frame.into(own.origin_mm[None])[0]
             return np.maximum(stock_height_mm(self.cuts[0].paths, xy - shift[:2], top - shift[2]) + shift[2], bottom)
-        depth = self._depth_mm(frame, xy, np.full(len(xy), top), float(top - bottom))
-        return np.where(depth < 0, np.maximum(top + depth, bottom), top)
+        return self._down_mm(frame, xy, np.full(len(xy), bottom), np.full(len(xy), top), tops())
+
+    def _down_mm(self, frame, xy, bottom, top, tops):
+        """The same where each stands from bottom (n,) to top (n,), and CellTops hold it all."""
+        begin = np.minimum(top, tops.at(xy) + ABOVE_MM)
+        found, rows = bottom.copy(), np.flatnonzero(begin > bottom)
+        if len(rows):
+            begin, bottom = begin[rows], bottom[rows]
+            depth = self._depth_mm(frame, xy[rows], begin, float((begin - bottom).max()))
+            found[rows] = np.where(depth < 0, np.maximum(begin + depth, bottom), begin)
+        return found
 
     def _depth_mm(self, frame, xy, top, limit_mm):
         """(n,) deviation along the tool axis at places (n, 2) of height `top` (n,), at the top of the material there."""
@@ -145,10 +180,7 @@ class Workpiece:
         for k in range(columns.shape[1] - 1, -1, -1):
             rows = np.flatnonzero(is_open & np.isfinite(columns[:, k, 1]))
             bottom, top = columns[rows, k].T
-            height = top
-            if self.cuts and len(rows):
-                depth = self._depth_mm(frame, xy[rows], top, float((top - bottom).max()))
-                height = np.where(depth < 0, np.maximum(top + depth, bottom), top)
+            height = self._down_mm(frame, xy[rows], bottom, top, self._tops_in(frame)) if self.cuts else top
             stands = height > bottom + SAME_MM
             found[rows[stands]] = height[stands]
             is_open[rows[stands]] = False
@@ -170,11 +202,13 @@ class Workpiece:
         """
         smaller = [Cut(frame=c.frame, paths=tuple(_smaller(c.paths, radius_mm))) for c in self.cuts]
         cuts = tuple(c for c in smaller if c.paths)
-        if self.blank.fills_box_in(frame):
-            return Workpiece(blank=self.blank, cuts=cuts).heights_mm(frame, xy_mm)
+        less, tops = Workpiece(blank=ENDLESS, cuts=cuts), lambda: self.cells.tops_in(frame, radius_mm)
         (low, high), xy = self.box_in(frame), np.asarray(xy_mm, float)
+        if self.blank.fills_box_in(frame):
+            less = Workpiece(blank=self.blank, cuts=cuts)
+            return less._cut_down_mm(frame, xy, low[2], high[2], tops) if cuts else np.full(len(xy), high[2])
         stands = np.maximum(self.blank.tops_within_mm(frame, xy, radius_mm), low[2])
-        return np.minimum(stands, Workpiece(blank=ENDLESS, cuts=cuts)._cut_down_mm(frame, xy, low[2], high[2])) if cuts else stands
+        return np.minimum(stands, less._cut_down_mm(frame, xy, low[2], high[2], tops)) if cuts else stands
 
 
 ENDLESS = BoxShape(min_mm=np.full(3, -ENDLESS_MM), max_mm=np.full(3, ENDLESS_MM))
