@@ -12,6 +12,7 @@ import pytest
 from built_parts import NARROW, built_once, copied, cuspline, ran, saddle_job
 
 from cuspline.app import catalogue
+from cuspline.app import judge as judging
 from cuspline.app.judge import judge
 from cuspline.design.job import read_job, read_tools
 from cuspline.planning.feeds import arc_shape
@@ -170,12 +171,13 @@ def arc_length_mm(chord, rise):
     return 2 * radius * np.arcsin(chord / 2 / radius)
 
 
-def test_verify_finds_the_same_numbers_again(saddle, tmp_path):
-    folder = copied(saddle, tmp_path / "moved")
+def test_verify_finds_the_same_numbers_again(saddle, tmp_path, monkeypatch):
+    folder, found = copied(saddle, tmp_path / "moved"), []
     before = bytes_of(folder)
+    monkeypatch.setattr(judging, "judge", lambda *given, **named: found.append(judge(*given, **named)) or found[-1])
     done = ran("verify", folder)
     assert done.returncode == 0 and "VERIFIED" in done.stdout, done.stderr
-    judged, published = judge(folder, read_job(folder)), read(saddle / "verify.json")
+    (judged,), published = found, read(saddle / "verify.json")
     files = published.pop("stock")
     assert json.loads(json.dumps(judged.as_dict(()))) == published
     states = [state.as_dict() for state in judged.stock_states()]
