@@ -1,7 +1,9 @@
 """The same bytes on every processor: nothing that is chosen at run time by its vector units is asked for a number.
 
 One test reads the code for calls that are; the others build designs in processes whose NumPy, BLAS and compiler
-are told to be those of other processors, and compare every published byte.
+are told to be those of other processors, and compare every published byte; and programs with those that were recorded.
+
+Accept programs that are meant to be others with   CUSPLINE_ACCEPT_GOLD=1 pytest tests/test_same_everywhere.py -k recorded
 """
 
 import ast
@@ -99,6 +101,9 @@ BUILDS = {
     "vane": ("rfq_vane", "-p", "preset=hydrogen_750", "-p", "to_mm=6", "-p", "scallop_mm=0.03", "--stage", "gcode"),
     "propeller": ("dtmb_4119", "--stage", "step"),
 }
+RECORDED_TOO = {"z_profile": ("z_profile", "-p", "width_mm=10", "-p", "scallop_mm=0.3", "-p", "profile_tolerance_mm=0.02",
+                              "-p", "gouge_mm=0.05", "--stage", "gcode")}
+RECORD = Path(__file__).parent / "gold" / "programs.json"
 ONE_THREAD = {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 OLDEST = {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR", **ONE_THREAD}
 SETTINGS = {
@@ -130,8 +135,24 @@ def published(folder, builds, settings):
 
 
 @pytest.fixture(scope="module")
-def here(tmp_path_factory):
-    return published(tmp_path_factory.mktemp("here"), BUILDS, {})
+def here_and_more(tmp_path_factory):
+    """Beside BUILDS one that is only held against the record."""
+    return published(tmp_path_factory.mktemp("here"), {**BUILDS, **RECORDED_TOO}, {})
+
+
+@pytest.fixture(scope="module")
+def here(here_and_more):
+    return {name: here_and_more[name] for name in BUILDS}
+
+
+def test_programs_are_byte_for_byte_those_that_were_recorded(here_and_more):
+    """Whoever changes them on purpose looks at them, and accepts them: see the top of this file."""
+    found = {build: {name: sha for name, sha in files.items() if name.endswith(".ngc")}
+             for build, files in here_and_more.items()}
+    programs = {build: files for build, files in found.items() if files}
+    if os.environ.get("CUSPLINE_ACCEPT_GOLD"):
+        RECORD.write_text(json.dumps(programs, indent=1) + "\n")
+    assert programs == json.loads(RECORD.read_text())
 
 
 @on_x86

@@ -37,6 +37,17 @@ def upright(place, lines, first, last):
             place[TIP + Z], place[WAY + Z] = low, high - low
 
 
+@njit
+def _lowest_first(lines):
+    """First pieces of the groups, in the order of their lowest ends."""
+    starts = np.arange(0, len(lines), GROUP)
+    lowest = np.full(len(starts), math.inf)
+    for p in range(len(lines)):
+        lowest[p // GROUP] = min(lowest[p // GROUP], lines[p, Z0], lines[p, Z1])
+    return starts[np.argsort(lowest, kind="mergesort")]
+
+
+@njit
 def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
     """Contacts of pieces, and the least distance of them all; groups that come lowest first: what is least is soon known.
 
@@ -50,16 +61,9 @@ def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
     Returns:
         (proven lower bound of the least distance, the least attained, (3,) its point).
     """
-    starts = np.arange(0, len(lines), GROUP)
-    lowest = np.minimum.reduceat(np.minimum(lines[:, Z0], lines[:, Z1]), starts)
-    return _sweep(mesh, lines, rows, starts[np.argsort(lowest, kind="stable")], segments, wanted, least, tolerance, worst)
-
-
-@njit
-def _sweep(mesh, lines, rows, starts, segments, wanted, least, tolerance, worst):
     place, work, spot, proven, hint = np.zeros(17), workspace(), np.full(3, math.nan), math.inf, -1
     spans = np.empty((64, 2), np.int64)
-    for start in starts:
+    for start in _lowest_first(lines):
         waiting = 1
         spans[0, FROM], spans[0, TO] = start, min(start + GROUP, len(lines))
         while waiting > 0:
