@@ -22,7 +22,7 @@ from peers import HERE, peer_python
 RESULTS = HERE / "RESULTS.md"
 # each with measure() -> (what, number, unit) rows, or table() -> lines
 OTHERS = ("exact_drop", "certificate", "simulation", "five_axis", "kinematics", "machine_bodies", "leaning", "clearance",
-          "surface_queries", "scallop", "memory", "propeller", "propeller_truth", "sabotage", "fuzz")
+          "clearing_axes", "surface_queries", "scallop", "memory", "propeller", "propeller_truth", "sabotage", "fuzz")
 PACKAGES = ("numpy", "numba", "llvmlite", "cadquery-ocp", "cadquery")
 
 

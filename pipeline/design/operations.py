@@ -106,13 +106,15 @@ class Finishing(Operation):
     passes: Literal["zig-zag", "one-way"] = Field(default="zig-zag", description="to and fro, or all one way")
     lead_radius_mm: float | None = Field(default=None, ge=0, le=50, description="of the arcs in and out; left out: the shop's")
     steep_deg: float = Field(default=90.0, ge=20, le=90, description="walls steeper than this get waterline passes; 90: none do")
-    leave_steep: bool = Field(default=False, description="walls steeper than steep_deg are left to other operations, or to indexed "
-                              "positions that see them better")
-
     @property
     def waterline_deg(self):
-        """Steeper faces get waterline passes."""
-        return 90.0 if self.leave_steep else self.steep_deg
+        """Steeper faces get waterline passes; 90: none do."""
+        return self.steep_deg
+
+    @property
+    def steepest_deg(self):
+        """Steeper faces are left to others."""
+        return 90.0
 
 
 class ToolWish(Model):

@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -20,7 +20,6 @@ from cuspline.replay.clearance import ClearanceTree
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
-from cuspline.stock.height_grid import heights_of
 from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
@@ -31,7 +30,7 @@ from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
 from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.toolpaths.drop.exact_dropper import EdgeNeighbours, ExactDropper
 from cuspline.toolpaths.five_axis.leaning_moves import upright_again
-from cuspline.toolpaths.five_axis.tool_axes import ToolAxis
+from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, ToolAxis
 from cuspline.toolpaths.roughing.stock_fields import lines_of_moves, swept_by_lines
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PlanError
@@ -56,6 +55,7 @@ class PlannedOperation:
     moves: Moves                # with capped feeds, in the part as it lies in its setup (`setup.turn`)
     facts: dict                 # numbers for plan.json
     passes: object = None       # pass_templates.TemplatedPasses that come to the moves; None: only the moves
+    left: object = None         # Left; None: it cuts all that its cutter reaches
 
     @cached_property
     def swept_mm(self):
@@ -66,6 +66,16 @@ class PlannedOperation:
         leans = (self.moves.axis != UPRIGHT).any()      # then a ball, whose lowest places are those of the upright one
         moves = upright_again(self.moves, cutter.radius_mm) if leans else self.moves
         return swept_by_lines(lines_of_moves(moves), cutter.radius_mm, cutter.corner_radius_mm)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Left:
+    """Contacts that an operation leaves out since no tool axis clears them."""
+
+    rows: np.ndarray            # (n,) bool of the operation's samples
+    area_mm2: float
+    reaching: object            # (diameter_mm, stick_out_mm) of a ball that would reach them, None: none does
+    why: str                    # with its area, a place, and that cutter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -272,6 +282,16 @@ class PlanningContext:
         """The part's triangles, MESH_DEFLECTION_MM from its faces, for whole tools at any angle."""
         return self._once("clearance", lambda: ClearanceTree.of_triangles(self.triangles.vertices_mm, self.triangles.triangles))
 
+    @property
+    def obstacle_tree(self):
+        """The same with the fixtures' triangles: what no tool may run into."""
+        if not self.fixtures:
+            return self.clearance_tree
+        meshes = [(self.triangles.vertices_mm, self.triangles.triangles), *(f.mesh for f in self.fixtures)]
+        begins = np.cumsum([0, *(len(v) for v, _ in meshes)])
+        return self._once("obstacles", lambda: ClearanceTree.of_triangles(
+            np.vstack([v for v, _ in meshes]), np.vstack([t + first for (_, t), first in zip(meshes, begins)])))
+
     def lead_radius_mm(self, radius_mm):
         """Of the arcs into and out of passes of a cutter."""
         asked = getattr(self.operation, "lead_radius_mm", None)
@@ -292,8 +312,11 @@ class PlanningContext:
 
     @property
     def _standing(self):
-        """Heights of the stock before the setup."""
-        return self._once("heights", lambda: heights_of(self.piece, self.setup.turn))
+        """Function (n, 2) -> (n,) heights of the stock before the setup: what other directions have cut, by cells that hold it."""
+        piece, frame = self.piece, self.setup.turn
+        if all(np.array_equal(cut.frame.rotation, frame.rotation) for cut in piece.cuts):
+            return lambda xy_mm: piece.heights_mm(frame, xy_mm)
+        return lambda xy_mm: piece.tops_mm(frame, xy_mm)
 
     def stock_mm(self, xy_mm, at_most_mm=np.inf):
         """Height of the stock over places (n, 2) before the operation's first move, at most so much; -inf beside it."""
@@ -334,8 +357,9 @@ class PlanningContext:
             PlanError, CutterDoesNotFit: the library has none; lists each with its reason.
         """
         tools = self.tools(*(types if self.operation.wish else types[:1]))
-        choose = lambda tightest_mm: choose_cutter(self.operation.title, tools, self.samples, tightest_mm, self.mesh,
-                                                   self.practice.rough_allowance_mm, self.finishing_work())
+        choose = lambda tightest_mm: choose_cutter(
+            self.operation.title, tools, self.samples, tightest_mm, self.mesh,
+            None if isinstance(self.operation.tool_axis, ClearingAxis) else self.practice.rough_allowance_mm, self.finishing_work())
         if self.operation.wish:
             return choose(np.inf)
         try:
@@ -358,9 +382,9 @@ class PlanningContext:
         return FinishingWork(scallop_mm=self.finish.scallop_mm, change_s=self.practice.tool_change_s,
                              feed_of=lambda tool: self.speeds(tool, is_rough=False)[1])
 
-    def measured(self, name, tool, rpm, moves, facts):
-        """Cap the feeds, measure length and time."""
-        return self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts)
+    def measured(self, name, tool, rpm, moves, facts, left=None):
+        """Cap the feeds, measure length and time.   left: Left."""
+        return replace(self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts), left=left)
 
     def measured_passes(self, name, tool, rpm, passes, facts):
         """The same for templated passes: each feed register gets the lowest of the capped feeds it stands for."""

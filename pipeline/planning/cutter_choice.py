@@ -150,7 +150,7 @@ def choose_cutter(title, tools, samples, hollow_radius_mm, mesh, stock_mm, work)
 
     Args:
         title: of the operation, for messages.   tools: Tool values, largest first.
-        samples, mesh, stock_mm: as for `choose_ball`.
+        samples, mesh, stock_mm: as for `choose_ball`; stock_mm None: the axis will lean, as far as it can, out of the way.
         hollow_radius_mm: the tightest concave place that must hold the corner; inf: tighter ones are left to other tools.
         work: FinishingWork.
     Returns:
@@ -161,7 +161,7 @@ def choose_cutter(title, tools, samples, hollow_radius_mm, mesh, stock_mm, work)
     looked = []
     for tool in tools:
         reach = cutter_reach(samples, mesh, tool.cutter)
-        missing = missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], mesh, stock_mm)
+        missing = 0.0 if stock_mm is None else missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], mesh, stock_mm)
         too_large = reason = _why_not(tool, hollow_radius_mm)
         if not reason and not reach.is_reached.any():
             reason = "touches none of the faces without cutting into others"

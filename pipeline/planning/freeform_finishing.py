@@ -5,7 +5,6 @@ about the cusp: there the ball goes round at constant height instead.
 """
 
 import math
-from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,7 +13,6 @@ from cuspline.kernel.brep import bounding_box_mm
 from cuspline.planning.context import FinishingStage, finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ROUND
 from cuspline.planning.leaning_finishing import leaned, middle_tolerance_mm
-from cuspline.program.program import Moves
 from cuspline.scallop.stepover import scallop_for_stepover_mm, stepover_for_scallop_mm
 from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.curvature import sample_faces
@@ -26,7 +24,7 @@ from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
 from cuspline.toolpaths.freeform.scallop_region import ground_of
 from cuspline.toolpaths.freeform.spiral_passes import spiral_curve
 from cuspline.toolpaths.freeform.tip_field import tip_field
-from cuspline.toolpaths.freeform.tip_links import TipLinkRules, moves_of_tip_paths
+from cuspline.toolpaths.freeform.tip_links import TipLinkRules
 from cuspline.toolpaths.freeform.tip_paths import PathRules, tip_paths
 from cuspline.toolpaths.freeform.wall_passes import wall_paths
 from cuspline.toolpaths.freeform.waterline import DropHeights, waterlines
@@ -136,12 +134,12 @@ def walls_alone(work, tool, candidates):
         return None
     rpm, feed = work.speeds(tool, is_rough=False)
     link = link_rules(work, tool, field, tolerance, step, feed, work.standing_mm(tool))
-    moves, axis = leaned(work, partial(moves_of_tip_paths, walls), link, tool)
+    made = leaned(work, [walls], link, tool)
     facts = {"allowance_mm": operation.allowance_mm, "scallop_mm": finish.scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "strategy": operation.kind, "wall_passes": len(walls),
              "levels": len({p.tips_mm[0, 2] for p in walls}), "links": operation.passes,
-             "candidates": [c.as_dict() for c in candidates], **axis}
-    return work.measured(operation.title, tool, rpm, moves, facts)
+             "candidates": [c.as_dict() for c in candidates], **made.facts}
+    return work.measured(operation.title, tool, rpm, made.moves, facts, made.left)
 
 
 def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
@@ -154,8 +152,8 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
         ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(tool.cutter.corner_radius_mm, widest, 0.0)[0]))
     step = flat_step_mm(tool, ridge_mm)
     field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP))
-    if field is not None and work.operation.leave_steep:
-        field = _gentle(field, math.radians(work.operation.steep_deg), 0.0)
+    if field is not None and work.operation.steepest_deg < 90.0:
+        field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0)
     if field is None:
         return None
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=BRIDGE_STEPS * step)
@@ -172,8 +170,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
                         "choose other faces or a smaller ball")
     rpm, feed = work.speeds(tool, is_rough=False)
     link = link_rules(work, tool, field, tolerance, step, feed, left_mm)
-    lay = lambda link: Moves.joined([moves_of_tip_paths(some, link) for some in (walls, paths) if some])
-    moves, axis = leaned(work, lay, link, tool)
+    made = leaned(work, [walls, paths], link, tool)
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), **pattern,
              "passes": len(paths), "wall_passes": len(walls), "touch_ups": len(touched),
@@ -181,8 +178,8 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
              "region_mm2": round(float(field.is_inside.sum()) * field.pitch_mm ** 2, 1), "links": work.operation.passes,
              "min_concave_radius_mm": finite(work.hollow.radius_mm),
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
-             "candidates": [c.as_dict() for c in candidates], **axis}
-    return work.measured(name, tool, rpm, moves, facts)
+             "candidates": [c.as_dict() for c in candidates], **made.facts}
+    return work.measured(name, tool, rpm, made.moves, facts, made.left)
 
 
 def _curves(operation, field, cutter, ridge_mm):

@@ -1,15 +1,33 @@
 """Finishing with a ball whose axis turns: the passes of the upright one, leaned, and the whole tool clear of the part."""
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from cuspline.planning.context import MESH_DEFLECTION_MM, path_tolerance_mm
-from cuspline.program.program import Kind, tilt_rad
+from cuspline.planning.clearing_axes import (
+    OPEN_SHARE,
+    SPACING,
+    Blocked,
+    ClearingSwing,
+    RotaryUse,
+    clearing_facts,
+    in_words,
+    reaching_cutter,
+    split,
+)
+from cuspline.planning.context import MESH_DEFLECTION_MM, Left, path_tolerance_mm
+from cuspline.program.program import Kind, Moves, tilt_rad
 from cuspline.replay.clearance import SAGITTA_MM, ToolMoves, tool_segments
 from cuspline.shop.rotary_way import shortest_way
+from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
 from cuspline.toolpaths.five_axis.leaning_moves import Ground, LeaningRules, angles_between, leaning
+from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis
+from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
+from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PlanError, PostError
+from cuspline.values.rows import X, Y, Z
 
 BULGE_SHARE = 0.2           # of the path tolerance, for what the ball's middle leaves its line while the axis turns
 TOUCHING_SHARES = 2.0       # of it: a ball nearer to the part is in the cut
@@ -17,6 +35,8 @@ ROUNDED_MM = 1e-3           # as well as a clearance is told
 LEAST_MM = 1e-12           # an arm shorter than this has no direction
 LEANING = 1e-3             # between the face's normal and the ball's: it is on the face's edge
 HIGH_MM = 1e-6              # below the approach height, that is rounding
+FITS_MM = 0.01              # a ball that meets other faces by less fits
+SPARES_MM = (0.05, 0.2, 0.5)    # that a turned axis keeps beyond the margin at its stations, for the moves between them
 
 
 def middle_tolerance_mm(work):
@@ -24,33 +44,124 @@ def middle_tolerance_mm(work):
     return path_tolerance_mm(work.finish) * (1.0 - (BULGE_SHARE if work.tool_axis is not None else 0.0))
 
 
-def leaned(work, lay, link, tool):
-    """Moves of an operation with the axis that it asks for, and what plan.json says of it.
+class ToolInTheWay(PlanError):
+    """A tool would run into the part, or into a fixture, beside its ball."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Leaned:
+    """Moves of an operation with the axis that it asks for."""
+
+    moves: Moves
+    facts: dict                 # for plan.json
+    left: object = None         # context.Left: what no axis clears; None: nothing
+
+
+def leaned(work, runs, link, tool):
+    """Moves of an operation with the axis that it asks for.
 
     Where the rotaries of the machine would come to the end of their range in the cut, every pass is left for the clearance
     height: there they may go back.
 
     Args:
-        work: PlanningContext.   lay: function (TipLinkRules) -> Moves of the upright tool.   link: TipLinkRules.   tool: Tool.
+        work: PlanningContext.   runs: lists of TipPath, one after the other.   link: TipLinkRules.   tool: Tool.
     Returns:
-        (Moves, dict); as they are laid and nothing where the axis stands.
+        Leaned; moves as they are laid where the axis stands.
     Raises:
         PlanError: the tool would run into the part beside the ball; `.rows`.
     """
     if work.tool_axis is None:
-        return lay(link), {}
+        return Leaned(moves=_laid(runs, link), facts={})
     tolerance, radius = path_tolerance_mm(work.finish), tool.cutter.radius_mm
     rules = LeaningRules(
         tool_axis=work.tool_axis, radius_mm=radius, bulge_mm=BULGE_SHARE * tolerance,
         ground=_Faces(work, radius + link.field.dropper.allowance_mm + TOUCHING_SHARES * tolerance))
-    found = leaning(lay(link), rules)
+    if isinstance(work.tool_axis, ClearingAxis):
+        return _clearing(work, runs, link, tool, rules)
+    moves, facts, _ = _turned(work, runs, link, tool, rules)
+    return Leaned(moves=moves, facts=facts)
+
+
+def _laid(runs, link):
+    """Moves of the upright tool."""
+    return Moves.joined([moves_of_tip_paths(paths, link) for paths in runs if paths])
+
+
+def _turned(work, runs, link, tool, rules):
+    """(Moves, facts, Leaning) of runs, proven clear."""
+    found = leaning(_laid(runs, link), rules)
     is_lifted = _rewinds_in_cut(work, found.moves)
     if is_lifted:
-        found = leaning(lay(replace(link, surface_link_mm=0.0, hop_mm=0.0)), rules)
+        found = leaning(_laid(runs, _lifting(link)), rules)
     moves = lifted(work, found, tool)
     _refuse_contact(work, moves, tool)
     links = {"links": "lifted: the rotaries go back between passes"} if is_lifted else {}
-    return moves, {**_facts(work, found), **links}
+    return moves, {**_facts(work, found, tool), **_rotary_facts(found, _rotary_use(work, link), tool), **links}, found
+
+
+def _lifting(link):
+    """The same, every pass left for the clearance height."""
+    return replace(link, surface_link_mm=0.0, hop_mm=0.0)
+
+
+def _clearing(work, runs, link, tool, rules):
+    """Leaned of an axis that clears what is in the way.
+
+    As it is laid; if not every run can be cut so, passes are cut where the axis must change sides or nothing clears it, and
+    every piece is left lengthwise for the clearance height; if a move between two clear places is not clear, all keep off by more.
+    """
+    refused = None
+    for spare in SPARES_MM:
+        swing = _swing(work, tool, link, spare)
+        turning = replace(rules, swing=swing)
+        try:
+            moves, facts, found = _turned(work, runs, link, tool, turning)
+            return Leaned(moves=moves, facts={**facts, "clearing": clearing_facts(found.turns)})
+        except (Blocked, ToolInTheWay):
+            cut = split(runs, swing, rules)
+            turning = replace(rules, swing=ClearingSwing(swing.search, swing.axis, swing.use, OPEN_SHARE))
+        left = _left(work, cut, tool, swing)
+        if not any(cut.paths):
+            raise PlanError(f"{work.operation.title}: {left.why}")
+        try:
+            moves, facts, found = _turned(work, cut.paths, replace(_lifting(link), lead_radius_mm=0.0), tool, turning)
+            return Leaned(moves=moves, left=left, facts={
+                "links": "lifted: the axis changes sides between passes", **facts, "clearing": clearing_facts(found.turns, left)})
+        except (Blocked, ToolInTheWay) as error:
+            refused = error
+    raise PlanError(f"{work.operation.title}: {refused}", rows=refused.rows)
+
+
+def _swing(work, tool, link, spare_mm):
+    """ClearingSwing of an operation: margins as `_refuse_contact` holds them, and something to spare between two stations."""
+    into, keep = _margins_mm(work)
+    limit = work.tool_axis.limit_deg
+    search = AxisSearch.of_tool(
+        work.obstacle_tree, tool, spindle_head=work.machine.spindle_head, into_mm=into - ROUNDED_MM, keep_mm=keep + spare_mm,
+        limit_rad=math.pi if limit is None else math.radians(limit))
+    return ClearingSwing(search, work.tool_axis, _rotary_use(work, link))
+
+
+def _rotary_use(work, link):
+    """RotaryUse of the operation's feed."""
+    clamped = lambda axes: work.setup.clamped_frame.turn_into(work.setup.turn.turn_out(axes))
+    return RotaryUse(chain=work.machine.kinematics, clamped=clamped, feed_mm_per_s=link.feed_mm_per_min / 60.0)
+
+
+def _left(work, cut, tool, swing):
+    """context.Left of a Split: the samples nearest to blocked stations, as far as the ball alone fits there."""
+    if cut.blocked is None:
+        return None
+    nearest = cKDTree(cut.contact_mm).query(work.samples.point_mm)[1]
+    radius, samples = tool.cutter.radius_mm, work.samples
+    fits = work.closest.closest_points(samples.point_mm + radius * samples.normal).distance_mm >= radius - FITS_MM
+    rows = cut.is_blocked[nearest] & fits
+    area = float(work.samples.area_mm2[rows].sum())
+    place = work.in_part(cut.contact_mm[cut.is_blocked][0])
+    reaching = reaching_cutter(swing, cut.blocked, tool)
+    return Left(rows=rows, area_mm2=area, reaching=reaching, why=(
+        f"T{tool.number} {tool.cutter.name}: no axis within {work.tool_axis.up_to_deg:g} degrees of the standard direction clears "
+        f"shank and holder on {area:.2f} mm², as at {place}; {in_words(reaching)}"))
 
 
 def _rewinds_in_cut(work, moves):
@@ -65,7 +176,7 @@ def _rewinds_in_cut(work, moves):
     return bool((~off_cut[way.rewinds]).any())
 
 
-def _facts(work, found):
+def _facts(work, found, tool):
     """For plan.json."""
     m = found.moves
     turns = angles_between(np.vstack([m.axis[:1], m.axis[:-1]]), m.axis)
@@ -74,7 +185,40 @@ def _facts(work, found):
     return {"tool_axis": work.operation.tool_axis.model_dump(mode="json"),
             "lean_deg": [round(float(np.degrees(v)), 3) for v in (lean.min(), lean.max())],
             "largest_turn_deg": round(float(np.degrees(turns[found.is_cut].max(initial=0.0))), 3),
-            "held_at_limit_mm": round(float(length[found.is_held & found.is_cut].sum()), 3)}
+            "held_at_limit_mm": round(float(length[found.is_held & found.is_cut].sum()), 3),
+            "normal_error": normal_error(tool.cutter.radius_mm)}
+
+
+def _rotary_facts(found, use, tool):
+    """For plan.json: what the cut asks of the rotaries at its feed, looked at over a share of the radius.
+
+    A share above 1 says that the feed is lowered there; a reversal is a rotary that turns round within a run.
+    """
+    radius, m = tool.cutter.radius_mm, found.moves
+    middles = np.vstack([m.start_mm, m.end_mm]) + radius * np.vstack([m.axis[:1], m.axis])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], found.is_cut, [False]]).astype(int))).reshape(-1, 2)
+    axes, shares, reversals = np.vstack([m.axis[:1], m.axis]), [0.0], 0
+    for first, end in edges:
+        run = middles[first:end + 1]
+        at = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(run, axis=0) ** 2).sum(axis=1)))])
+        even = np.linspace(0.0, at[-1], max(math.ceil(at[-1] / (SPACING * radius)), 1) + 1)
+        mean = np.column_stack([np.interp(even, at, axes[first:end + 1, k]) for k in (X, Y, Z)])
+        share, turned_round = use.of(mean / np.sqrt((mean * mean).sum(axis=1))[:, None], even)
+        shares.append(share)
+        reversals += turned_round
+    most = max(shares)
+    return {"rotary_share": round(most, 3) if math.isfinite(most) else None, "rotary_reversals": reversals}
+
+
+def normal_error(radius_mm):
+    """What an error of the normal by one degree does with a ball, for plan.json: the tip moves by R delta, along the surface but
+    for R delta²/2.
+
+    >>> normal_error(4.0)
+    {'tip_mm_per_degree': 0.069813, 'depth_mm_at_one_degree': 0.000609}
+    """
+    return {"tip_mm_per_degree": round(math.radians(radius_mm), 6),
+            "depth_mm_at_one_degree": round(radius_mm * (1.0 - fixed.cos(math.radians(1.0))), 6)}
 
 
 class _Faces(Ground):
@@ -101,24 +245,30 @@ class _Faces(Ground):
         return np.where(at_edge[:, None], foot.normal, rolling)
 
 
+def _margins_mm(work):
+    """(how deep flutes may come where they touch by design, how far all the rest must stay off)."""
+    into = MESH_DEFLECTION_MM + path_tolerance_mm(work.finish) + SAGITTA_MM + ROUNDED_MM
+    return into, work.practice.rough_allowance_mm + MESH_DEFLECTION_MM
+
+
 def _refuse_contact(work, moves, tool):
     """The ball is on the part by design; its flutes may touch no more than it does, shank, holder and spindle head nothing."""
     axes = np.vstack([moves.axis[:1], moves.axis])
     way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
-    into = MESH_DEFLECTION_MM + path_tolerance_mm(work.finish) + SAGITTA_MM + ROUNDED_MM
-    keep = work.practice.rough_allowance_mm + MESH_DEFLECTION_MM
+    into, keep = _margins_mm(work)
     for what, segments, margin in (
             ("flutes", tool_segments(tool), -into),
             ("shank or holder", tool_segments(tool, work.machine.spindle_head, with_flutes=False), keep)):
-        clear = work.clearance_tree.certified_clearance(segments, way, margin, tolerance_mm=ROUNDED_MM)
+        clear = work.obstacle_tree.certified_clearance(segments, way, margin, tolerance_mm=ROUNDED_MM)
         bad = np.flatnonzero(~clear.is_clear)
         if len(bad):
             worst = bad[np.argmin(clear.clearance_mm[bad])]
             place = work.in_part(clear.place_mm[worst])
-            raise PlanError(
+            raise ToolInTheWay(
                 f"{work.operation.title}: with its axis so the {what} of T{tool.number} {tool.cutter.name} come to "
-                f"{clear.clearance_mm[worst]:.3f} mm of the part ({margin:.3f} wanted) at {place}, and in {len(bad) - 1} other "
-                "moves: lean it less, or the other way, leave these faces out, or take a slimmer or longer tool", rows=bad)
+                f"{clear.clearance_mm[worst]:.3f} mm of the part{' or a fixture' if work.fixtures else ''} ({margin:.3f} wanted) "
+                f"at {place}, and in {len(bad) - 1} other moves: lean it less, or the other way, leave these faces out, or take "
+                "a slimmer or longer tool", rows=bad)
 
 
 def lifted(work, found, tool):

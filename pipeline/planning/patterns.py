@@ -15,7 +15,18 @@ class Pattern(Finishing):
     tool_axis: AnyAxis | None = Field(
         default=None, description="left out: the setup's Z, which a unit vector towards the spindle may state too, part "
         "coordinates; a table: how a ball's axis turns along the passes, on a machine with rotary axes: "
-        "lead_tilt, fixed, through_point, along_line, between_guides")
+        "lead_tilt, fixed, through_point, along_line, between_guides, clearing (any of them, turned out of the way)")
+
+    leave_steep: bool = Field(default=False, description="walls steeper than steep_deg are left to other operations, or to indexed "
+                              "positions that see them better")
+
+    @property
+    def waterline_deg(self):
+        return 90.0 if self.leave_steep else self.steep_deg
+
+    @property
+    def steepest_deg(self):
+        return self.steep_deg if self.leave_steep else 90.0
 
     @property
     def pattern(self):
@@ -43,4 +54,6 @@ class Pattern(Finishing):
     def plan(self, work):
         tool, candidates, reached = work.chosen_tool(*self.types)
         made = freeform_finishing.passes_over(work, tool, candidates)
+        if made is not None and made.left is not None:
+            reached = reached & ~made.left.rows
         return [*roughing.before_passes(work, tool, reached), made] if made is not None else [], reached

@@ -4,6 +4,7 @@ A setup's operations are planned in the order in which they stand, each on the s
 setup that lists none is cut by `Auto`.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from cuspline.program.arcs import CHORD_SHARE, straightened
 from cuspline.program.program import Operation, Program
 from cuspline.shop.practice import ShopFile
 from cuspline.surfaces.inner_corners import inner_edges
+from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit
 from cuspline.values.findings import Finding
 
@@ -146,6 +148,7 @@ def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), to
         except CutterDoesNotFit as error:
             where = design.where(_placed(work.hollow, setup).place_mm)
             raise CutterDoesNotFit(f"{where}: {error}" if where else str(error), rows=error.rows) from None
+        rows = rows & ~_is_left_as_steep(operation, work.samples)
         operations += made
         accounts.append(_account(operation, work, made, rows))
         reached |= _seen_in(context.samples, work.samples, rows)
@@ -157,14 +160,24 @@ def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), to
                      accounts=tuple(accounts))
 
 
+def _is_left_as_steep(operation, samples):
+    """(n,) bool: samples on what an operation leaves to others because it is steep."""
+    steepest = getattr(operation, "steepest_deg", 90.0)
+    return samples.normal[:, 2] < (fixed.cos(math.radians(steepest)) if steepest < 90.0 else -np.inf)
+
+
 def _account(operation, work, made, rows):
     area = work.samples.area_mm2
     wanted, reached = float(area.sum()), float(area[rows].sum())
     why = ""
     if not made:
         why = "nothing was left to cut"
+    elif _is_left_as_steep(operation, work.samples)[~rows].any():
+        why = f"steeper than {operation.steepest_deg:g} degrees, or other faces, or the holder, keep its cutter off there"
     elif not rows.all():
-        why = "other faces, or the holder, keep its cutter off there"
+        left = [o.left for o in made if o.left is not None]
+        elsewhere = [] if any((l.rows == ~rows).all() for l in left) else ["other faces, or the holder, keep its cutter off there"]
+        why = "; elsewhere ".join([*(l.why for l in left), *elsewhere])
     return Account(operation=operation, area_wanted_mm2=wanted, area_reached_mm2=reached,
                    programmed=tuple(o.name for o in made), why=why)
 

@@ -150,6 +150,11 @@ class Workpiece:
             return np.full(len(xy), high[2])
         return self._cut_down_mm(frame, xy, low[2], high[2], lambda: self._tops_in(frame))
 
+    def tops_mm(self, frame, xy_mm):
+        """(n,) heights that no stock over (x, y) exceeds, by less than a cell and found fast; see `heights_mm`."""
+        xy, low = np.asarray(xy_mm, float), self.box_in(frame)[0][2]
+        return np.clip(self._tops_in(frame).at(xy), low, np.maximum(self.blank.tops_mm(frame, xy), low))
+
     def _cut_down_mm(self, frame, xy, bottom, top, tops):
         """(n,) heights that the cuts leave over places (n, 2) of material that stands from bottom to top everywhere."""
         if len(self.cuts) == 1 and np.array_equal(self.cuts[0].frame.rotation, frame.rotation):

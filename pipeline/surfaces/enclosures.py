@@ -15,6 +15,7 @@ from cuspline.values.compiled import njit
 from cuspline.values.rows import W, X, Y, Z
 
 SOUND = 0.05            # share of its middle's area element that must be left all over a piece, else no bound
+TINY = 1e-9             # sine between two tangents that are one
 S_LOW, S_HIGH, T_LOW, T_HIGH = range(4)         # of a piece: its rectangle
 MID, BY_S, BY_T, REST = range(4)                # of a form: c, a, b, r
 BOUND, VALUE, PLACE = 0, 1, 2                   # of `curvature_of_piece`: PLACE is three columns
@@ -144,6 +145,28 @@ def _recentred(work, du, dv, out):
 
 
 @njit(error_model="numpy")
+def _upright(work, du, dv):
+    """Turn a piece about its middle so that its normal there is Z and its first tangent X.
+
+    Forms of components are tightest so: a surface that lies askew would spread its size over all three.
+    """
+    ax, ay, az = work[1, 0, X], work[1, 0, Y], work[1, 0, Z]
+    bx, by, bz = work[0, 1, X], work[0, 1, Y], work[0, 1, Z]
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    a, n = np.sqrt(ax * ax + ay * ay + az * az), np.sqrt(nx * nx + ny * ny + nz * nz)
+    if not (a > 0.0 and n > TINY * a * np.sqrt(bx * bx + by * by + bz * bz)):
+        return
+    ax, ay, az, nx, ny, nz = ax / a, ay / a, az / a, nx / n, ny / n, nz / n
+    bx, by, bz = ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
+    for i in range(du + 1):
+        for j in range(dv + 1):
+            x, y, z = work[i, j, X], work[i, j, Y], work[i, j, Z]
+            work[i, j, X] = ax * x + ay * y + az * z
+            work[i, j, Y] = bx * x + by * y + bz * z
+            work[i, j, Z] = nx * x + ny * y + nz * z
+
+
+@njit(error_model="numpy")
 def _inverse(x):
     """1 / x; all NaN where x may vanish."""
     reach, c = _reach(x), x[MID]
@@ -260,6 +283,7 @@ def curvature_of_piece(coefficients, patch, sign, box, work, out):
     du, dv = patch[DEGREE_U], patch[DEGREE_V]
     shifted(coefficients, patch, box, work)
     _recentred(work, du, dv, out[PLACE:REACH])
+    _upright(work, du, dv)
     S, Ss, St, Sss, Sst, Stt = _quotients(work, du, dv, patch[IS_RATIONAL] != 0)
     reach = np.sqrt(_reach(S[X]) ** 2 + _reach(S[Y]) ** 2 + _reach(S[Z]) ** 2)
     out[BOUND], out[VALUE], out[REACH] = np.inf, np.nan, (reach if reach == reach else np.inf)

@@ -230,3 +230,32 @@ def test_no_stock_of_any_form_is_higher_than_its_bound(shape):
         heights = stock.heights_mm(askew, beside.reshape(-1, 2)).reshape(20, 200)
         assert (heights.max(axis=0) <= bound + 1e-6).all()
         assert np.mean(bound > heights.max(axis=0) + 4 * radius) < 0.3
+
+
+ASKEW = frame((4, -3, 6), (0.6, 0.8, 0), (0.64, -0.48, 0.6))
+
+
+@pytest.mark.parametrize("seen_from", [ABOVE, FROM_X, BELOW, ASKEW], ids=["above", "from x", "below", "askew"])
+def test_cells_hold_all_stock_and_little_more(seen_from):
+    stock = piece((ABOVE, slot_from_above(2.0)), (FROM_X, pocket_from_x(25)), (BELOW, slot_from_above(-4.0, 4.0)))
+    rng = np.random.default_rng(7)
+    low, high = stock.box_in(seen_from)
+    xy = rng.uniform(low[:2], high[:2], (3000, 2))
+    exact, bound = stock.heights_mm(seen_from, xy), stock.tops_mm(seen_from, xy)
+    assert (bound >= exact - 1e-6).all()
+    cell = 2 * np.sqrt(3.0) * stock.cells.finest_mm
+    beside = (xy + 2 * cell * np.array(list(np.ndindex(3, 3)))[:, None] - 2 * cell).clip(low[:2], high[:2])
+    near = stock.heights_mm(seen_from, beside.reshape(-1, 2)).reshape(9, -1).max(axis=0)
+    assert np.mean(bound > near + 3 * cell) < 0.01          # beside walls a cell's top is that of the wall
+    points = rng.uniform(LOW, HIGH, (100, 3))
+    away = np.abs(points[:, None] - stock.cells.middle_mm) - stock.cells.half_mm[:, None]
+    held = (away <= 1e-9).all(axis=2).any(axis=1)
+    assert held[stock.is_stock(points)].all()
+    assert not held[stock.cut_distance_mm(points) < -cell].any()
+
+
+def test_cells_of_what_is_gone_are_gone():
+    gone = Workpiece(blank=BoxShape(min_mm=LOW, max_mm=LOW + 1.5)).after(ABOVE, swept_paths(
+        program((-9, 1, 30), [rapid(-9, 1, -5), feed(25, 1, -5), rapid(25, 1, 30)]), FLAT))
+    assert len(gone.cells.half_mm) == 0
+    assert gone.tops_mm(ASKEW, [[0, 0], [5, 5]]) == pytest.approx([ASKEW.box_into(LOW, LOW + 1.5)[0][2]] * 2)

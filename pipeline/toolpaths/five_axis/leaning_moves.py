@@ -12,6 +12,9 @@ r turn^2 / 8.  Rows are put in until that is within a share of the tolerance, an
 Where the ball touches nothing (entries, links, rapids) the axis stands as at the pass before, and turns in the highest move
 to what the next pass begins with: in the rapid across, where there is one.  Where it has to turn at feed, or the contact jumps
 within a pass, it turns in steps of as many rows as in the cut.
+
+A `Swing` turns the axis further, to clear what is in the way.  Then the ways into the part and out of it run along the axis:
+a tool that is clear at the end of a pass stays clear when it is drawn out lengthwise, unless it is narrower above.
 """
 
 import math
@@ -21,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cuspline.program.program import Kind, Moves, Plane
+from cuspline.toolpaths.five_axis.clear_axes import swung
 from cuspline.toolpaths.five_axis.tool_axes import ToolAxis, limited
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
@@ -33,6 +37,8 @@ ROUNDED = 1e-9              # of a count of steps
 SAME_RAD = 1e-9             # of what counts as brought back to the limit
 ALONG = 0.02                # sine of the angle to the normal below which a feed says nothing: the one before holds
 LEAST_FEED_SHARE = 0.01     # where the tip stands while the middle runs
+STEADY_RAD_PER_MM = 1e-9    # of a turn: rounding
+FLATTEST = 0.1              # of an axis' z: a tool that lies flatter is drawn out straight up
 
 
 class Ground(ABC):
@@ -48,6 +54,47 @@ class Ground(ABC):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Stations:
+    """Places along one run over the part."""
+
+    along_mm: np.ndarray        # (n,) from its beginning
+    middle_mm: np.ndarray       # (n, 3) of the ball
+    normal: np.ndarray          # (n, 3) unit
+    feed: np.ndarray            # (n, 3) of any length
+    axis: np.ndarray            # (n, 3) unit, the standard direction
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Turn:
+    """How far the axis of one run turns from its standard direction: toward one bearing, by angles at lengths along it."""
+
+    along_mm: np.ndarray        # (k,) rising
+    angle_rad: np.ndarray       # (k,) evenly between
+    bearing_rad: float          # see clear_axes.swung
+
+    def turned(self, stations):
+        """(n, 3) axes of Stations."""
+        angles = np.interp(stations.along_mm, self.along_mm, self.angle_rad)
+        return swung(stations.axis, stations.normal, angles, np.full(len(angles), self.bearing_rad))
+
+    @property
+    def corners_mm(self):
+        """Lengths at which it turns faster or slower than before."""
+        slope = np.diff(self.angle_rad) / np.diff(self.along_mm)
+        return self.along_mm[1:-1][np.abs(np.diff(slope)) > STEADY_RAD_PER_MM]
+
+
+class Swing(ABC):
+    """What turns the axes of runs from the strategy's."""
+
+    spacing_mm: float           # of the stations that it wants
+
+    @abstractmethod
+    def turns(self, runs):
+        """[Turn] of [Stations]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LeaningRules:
     """What turns the axis of a ball."""
 
@@ -55,6 +102,7 @@ class LeaningRules:
     ground: Ground
     radius_mm: float
     bulge_mm: float             # how far the ball's middle may leave its line between two rows
+    swing: Swing | None = None
 
     @property
     def most_turn_rad(self):
@@ -69,6 +117,7 @@ class Leaning:
     moves: Moves
     is_cut: np.ndarray          # (n,) bool: the ball is on the part from end to end
     is_held: np.ndarray         # (n,) bool: the axis would lean beyond its limit
+    turns: tuple = ()           # Turn of every run, where a Swing turns it
 
     def __post_init__(self):
         for name in ("is_cut", "is_held"):
@@ -102,20 +151,36 @@ def leaning(moves, rules):
     cuts = (moves.kind == Kind.FEED) & on_part[1:] & on_part[:-1]
     if not cuts.any():
         raise ToolpathError("no move touches the part: the axis has nothing to turn by")
-    rows = _held_off_the_part(_with_axes(middles, cuts, rules))
-    return _assembled(moves, _turned_evenly(rows, moves.kind == Kind.FEED, rules.most_turn_rad), cuts, rules)
+    found, turns = _with_axes(middles, cuts, rules)
+    rows = _held_off_the_part(found, along_axis=rules.swing is not None)
+    return _assembled(moves, _turned_evenly(rows, moves.kind == Kind.FEED, rules.most_turn_rad), cuts, rules, turns)
+
+
+def stations_along(tips_mm, rules, spacing_mm):
+    """Where an upright ball is along runs over the part, and which way its axis would point.
+
+    Args:
+        tips_mm: [(k, 3)] of the upright ball.   rules: LeaningRules.   spacing_mm: between stations.
+    Returns:
+        [Stations].
+    """
+    passes = [_Pass(tips + (0.0, 0.0, rules.radius_mm), rules) for tips in tips_mm]
+    return _standing([p.evenly(spacing_mm) for p in passes], passes, rules) if passes else []
 
 
 def _with_axes(middles, cuts, rules):
-    """_Rows of all moves, those of every pass close enough together."""
+    """(_Rows of all moves, those of every pass close enough together; Turn of every pass)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], cuts, [False]]).astype(int))).reshape(-1, 2)
     passes = [_Pass(middles[first:end + 1], rules) for first, end in edges]
+    if rules.swing is not None:
+        _swing(passes, rules)
     pieces, done = [], 0
     for (first, end), found in zip(edges, _refined(passes, rules)):
         pieces += [_without_axes(middles, done, first), replace(found, move=first + found.move)]
         done = end + 1
     pieces.append(_without_axes(middles, done, len(middles)))
-    return _Rows(**{name: np.concatenate([getattr(p, name) for p in pieces]) for name in ("middle", "move", "axis", "is_held")})
+    rows = _Rows(**{name: np.concatenate([getattr(p, name) for p in pieces]) for name in ("middle", "move", "axis", "is_held")})
+    return rows, tuple(p.turn for p in passes if p.turn is not None)
 
 
 def _without_axes(middles, first, end):
@@ -131,6 +196,11 @@ class _Pass:
         self.middles = middles
         self.at = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(middles, axis=0) ** 2).sum(axis=1)))])
         self.reach = FEED_REACH * rules.radius_mm
+        self.turn = None
+
+    def evenly(self, spacing_mm):
+        """(n,) lengths along it, so far apart or a little less."""
+        return np.linspace(0.0, self.at[-1], max(math.ceil(self.at[-1] / spacing_mm), 1) + 1)
 
     def places(self, at):
         """(n, 3) after lengths (n,)."""
@@ -145,14 +215,21 @@ def _refined(passes, rules):
     """[_Rows] of passes, `move` counted within each, rows put in where the axis turns too far."""
     stations = [_Stations(p, p.at, np.arange(len(p.at)) - 1) for p in passes]
     axes = _axes([s.along for s in stations], passes, rules)
+    if rules.swing is not None:
+        stations, axes = _put_in([p.turn.corners_mm for p in passes], stations, axes, passes, rules)
     while True:
         more = [s.between(a, rules.most_turn_rad) for s, (a, _) in zip(stations, axes)]
         if not any(len(m) for m in more):
             break
-        extra = _axes(more, passes, rules)
-        merged = [s.with_more(m, a, e) for s, m, a, e in zip(stations, more, axes, extra)]
-        stations, axes = [s for s, _ in merged], [a for _, a in merged]
+        stations, axes = _put_in(more, stations, axes, passes, rules)
     return [s.rows(*a) for s, a in zip(stations, axes)]
+
+
+def _put_in(more, stations, axes, passes, rules):
+    """(stations, axes) with rows at further lengths."""
+    extra = _axes(more, passes, rules)
+    merged = [s.with_more(m, a, e) for s, m, a, e in zip(stations, more, axes, extra)]
+    return [s for s, _ in merged], [a for _, a in merged]
 
 
 class _Stations:
@@ -182,20 +259,35 @@ class _Stations:
         return _Rows(middle=self.pass_.places(self.along), move=self.move, axis=axes, is_held=is_held)
 
 
-def _axes(along, passes, rules):
-    """[(axes, is_held)] at lengths along passes, all asked at once."""
-    counts = [len(a) for a in along]
+def _swing(passes, rules):
+    """Give every pass its Turn."""
+    for pass_, turn in zip(passes, rules.swing.turns(_standing([p.evenly(rules.swing.spacing_mm) for p in passes], passes, rules))):
+        pass_.turn = turn
+
+
+def _standing(along, passes, rules):
+    """[Stations] at lengths along passes, all asked at once; the axes as the strategy has them, without its limit."""
     places = np.vstack([p.places(a) for p, a in zip(passes, along)])
     feeds = np.vstack([p.feeds(a) for p, a in zip(passes, along)])
     normals = rules.ground.normals(places)
-    free = rules.tool_axis.model_copy(update={"limit_deg": None}).axes(places, normals, _off_normals(feeds, normals))
-    axes, limit = free, rules.tool_axis.limit_deg
-    is_held = np.zeros(len(free), bool)
-    if limit is not None:
-        axes = limited(free, math.radians(limit))
-        is_held = np.sqrt(((axes - free) ** 2).sum(axis=1)) > SAME_RAD
-    ends = np.cumsum(counts)
-    return [(axes[e - n:e], is_held[e - n:e]) for e, n in zip(ends, counts)]
+    feeds = _off_normals(feeds, normals)
+    axes = rules.tool_axis.model_copy(update={"limit_deg": None}).axes(places, normals, feeds)
+    ends = np.cumsum([len(a) for a in along])
+    return [Stations(along_mm=a, middle_mm=places[e - len(a):e], normal=normals[e - len(a):e], feed=feeds[e - len(a):e],
+                     axis=axes[e - len(a):e]) for e, a in zip(ends, along)]
+
+
+def _axes(along, passes, rules):
+    """[(axes, is_held)] at lengths along passes."""
+    found = []
+    for pass_, stations in zip(passes, _standing(along, passes, rules)):
+        free = stations.axis if pass_.turn is None else pass_.turn.turned(stations)
+        axes, is_held = free, np.zeros(len(free), bool)
+        if rules.tool_axis.limit_deg is not None:
+            axes = limited(free, math.radians(rules.tool_axis.limit_deg))
+            is_held = np.sqrt(((axes - free) ** 2).sum(axis=1)) > SAME_RAD
+        found.append((axes, is_held))
+    return found
 
 
 def _off_normals(feeds, normals):
@@ -228,12 +320,16 @@ def on_great_circle(a, b, share):
     return np.where((whole > 1e-9)[:, None], found, a)
 
 
-def _held_off_the_part(rows):
-    """_Rows with all their axes: off the part as at the pass before, from the highest move on as at the next."""
-    axes = rows.axis.copy()
+def _held_off_the_part(rows, along_axis):
+    """_Rows with all their axes: off the part as at the pass before, from the highest move on as at the next.
+
+    along_axis: the ways up and down follow the axis.
+    """
+    axes, like = rows.axis.copy(), np.arange(len(rows.axis))
     known = np.isfinite(axes[:, 0])
     at = np.flatnonzero(known)
     axes[:at[0]], axes[at[-1] + 1:] = axes[at[0]], axes[at[-1]]
+    like[:at[0]], like[at[-1] + 1:] = at[0], at[-1]
     for before, after in zip(at[:-1], at[1:]):
         if after == before + 1:
             continue
@@ -242,7 +338,16 @@ def _held_off_the_part(rows):
         across = np.sqrt(((rows.middle[gap, :2] - rows.middle[gap - 1, :2]) ** 2).sum(axis=1))
         turning = gap[np.lexsort((-across, -low))[0]]
         axes[before + 1:turning], axes[turning:after] = axes[before], axes[after]
-    return replace(rows, axis=axes)
+        like[before + 1:turning], like[turning:after] = before, after
+    middle = _drawn_out(rows.middle, axes, like) if along_axis else rows.middle
+    return replace(rows, axis=axes, middle=middle)
+
+
+def _drawn_out(middle, axes, like):
+    """(n, 3) middles moved across as their axes lean, by how much higher they stand than the rows `like` (n,) on the part."""
+    rise = np.maximum(middle[:, 2] - middle[like, 2], 0.0)
+    slope = np.where(axes[:, 2:] > FLATTEST, axes / np.maximum(axes[:, 2:], FLATTEST), 0.0) * (1.0, 1.0, 0.0)
+    return middle + rise[:, None] * slope
 
 
 def _turned_evenly(rows, is_feed, most_rad):
@@ -259,7 +364,7 @@ def _turned_evenly(rows, is_feed, most_rad):
                  is_held=first(rows.is_held, rows.is_held[row + 1]))
 
 
-def _assembled(moves, rows, cuts, rules):
+def _assembled(moves, rows, cuts, rules, turns):
     """Leaning of rows with all their axes."""
     axes, tips = rows.axis, rows.middle - rules.radius_mm * rows.axis
     move, n = rows.move[1:], len(rows.move) - 1
@@ -268,7 +373,7 @@ def _assembled(moves, rows, cuts, rules):
     share = np.clip(run / np.maximum(of_middle, 1e-12), LEAST_FEED_SHARE, 1.0)
     turned = Moves(start_mm=tips[0], kind=moves.kind[move], end_mm=tips[1:], center_mm=np.full((n, 3), np.nan),
                    plane=np.full(n, Plane.XY), axis=axes[1:], feed_mm_per_min=moves.feed_mm_per_min[move] * share)
-    return Leaning(moves=turned, is_cut=cuts[move], is_held=rows.is_held[1:])
+    return Leaning(moves=turned, is_cut=cuts[move], is_held=rows.is_held[1:], turns=turns)
 
 
 def upright_again(moves, radius_mm):

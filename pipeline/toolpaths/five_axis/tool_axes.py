@@ -214,6 +214,30 @@ def axis_of(value):
     return by_kind(value, REGISTERED, "tool axis")
 
 
+class ClearingAxis(ToolAxis):
+    """A standard direction, turned as little as clears what is in the way of flutes, shank, holder and spindle head.
+
+    Where the standard direction is clear it stands; else the axis turns in the plane of that direction and the normal, either
+    way, or where the two coincide across X; `both_angles`: any other way too, where less of it clears.
+    Contacts that nothing clears are not cut.
+    """
+
+    kind = "clearing"
+    around: Annotated[SerializeAsAny[ToolAxis], BeforeValidator(axis_of)] = Field(
+        default=LeadTilt(), description="the standard direction, another tool axis")
+    up_to_deg: float = Field(default=60.0, gt=0, le=120, description="the axis turns no farther from the standard direction")
+    both_angles: bool = Field(default=True, description="turn it across the plane of standard direction and normal too")
+
+    def unlimited(self, places, normals, feeds):
+        return self.around.axes(places, normals, feeds)
+
+    def pole(self):
+        return self.around.pole()
+
+    def seen_from(self, frame):
+        return self.model_copy(update={"around": self.around.seen_from(frame)})
+
+
 AnyAxis = Annotated[
     Union[Annotated[SerializeAsAny[ToolAxis], Tag(KIND + "ToolAxis")], Annotated[Point, Tag(KIND + "Point")]],
     Discriminator(lambda value: KIND + ("ToolAxis" if isinstance(value, ToolAxis) else "Point")), BeforeValidator(axis_of)]

@@ -13,6 +13,7 @@ from cuspline.toolpaths.five_axis.tool_axes import (
     REGISTERED,
     AlongLine,
     BetweenGuides,
+    ClearingAxis,
     FixedAxis,
     Guide,
     LeadTilt,
@@ -26,7 +27,8 @@ ROUNDING = 1e-13            # of unit vectors
 X, Y, Z = np.eye(3)
 EVERY = (LeadTilt(lead_deg=12, tilt_deg=-25), FixedAxis(direction=(1, 2, 3)), ThroughPoint(point_mm=(1, -2, -50)),
          AlongLine(point_mm=(1, 2, -30), direction=(1, 0.2, 0.1)),
-         BetweenGuides(guides=(Guide(place_mm=(0, 0, 0), direction=(0, 0, 1)), Guide(place_mm=(9, 0, 0), direction=(1, 0, 1)))))
+         BetweenGuides(guides=(Guide(place_mm=(0, 0, 0), direction=(0, 0, 1)), Guide(place_mm=(9, 0, 0), direction=(1, 0, 1)))),
+         ClearingAxis(around=LeadTilt(lead_deg=5), up_to_deg=40))
 
 
 def surface(count=200, seed=3):

@@ -1,0 +1,144 @@
+r"""Tool axes that clear what is in the way: the smallest angle from a standard direction, in one plane or over both angles.
+
+      wall | standard          The ball's middle stands, so no angle makes the ball gouge; flutes above it, neck, shank,
+           |  |   / clearing   holder and spindle head must keep their margins.  A bearing says which way the axis turns:
+           |  |  /             0 toward the normal, half a turn away from it, others across the plane of both.
+           |  o /
+    _______|__/_______
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.replay.clearance import ClearanceTree, flute_segments, tool_segments
+from cuspline.replay.clearance_kernels import BOTTOM, GROW, TOP
+from cuspline.toolpaths.five_axis.clear_axis_kernels import clear_rows, smallest_angles
+from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import for_kernel, frozen
+from cuspline.values.threads import in_blocks
+
+BLOCK = 512                 # rows that one thread takes at a time; neighbours help each other
+BEARINGS = 24               # looked at first over both angles, then between the best and its neighbours
+HALVINGS = 6                # of the way to these: to a quarter of a degree of bearing
+SAME_WAY = 1e-6             # a normal nearer to the axis than this spans no plane with it
+NEARLY = 0.9                # of a unit vector's X: along X
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AxisSearch:
+    """A ball on a tool, and triangles that the rest of the tool must keep off."""
+
+    tree: ClearanceTree
+    segments: np.ndarray        # (k, 5) of replay/clearance.py, grown by what they must keep off
+    radius_mm: float            # from the tip to the middle that the tool turns about
+    limit_rad: float = math.pi  # the axis leans no farther from Z
+
+    def __post_init__(self):
+        object.__setattr__(self, "segments", frozen(self.segments, (None, 5), "segments"))
+
+    @classmethod
+    def of_tool(cls, tree, tool, *, spindle_head=(), into_mm=0.0, keep_mm=0.0, limit_rad=math.pi):
+        """A ball cutter's own.
+
+        Args:
+            tree: ClearanceTree.   tool: shop.cutters.Tool.   spindle_head: (height_mm, diameter_mm) cylinders above the holder.
+            into_mm: so deep may flutes come, which touch by design.   keep_mm: so far must all the rest stay off.
+        """
+        radius = tool.cutter.radius_mm
+        flutes = flute_segments(tool.cutter)
+        flutes = flutes[~((flutes[:, BOTTOM] == flutes[:, TOP]) & (flutes[:, BOTTOM] <= radius))]     # the ball stands
+        rest = tool_segments(tool, spindle_head, with_flutes=False)
+        return cls(tree=tree, segments=np.vstack([_grown(flutes, -into_mm), _grown(rest, keep_mm)]), radius_mm=radius,
+                   limit_rad=limit_rad)
+
+    def angles_rad(self, middles_mm, axes, ways, most_rad):
+        """Smallest clearing angles, each row in its own plane.
+
+        Args:
+            middles_mm: (n, 3) of the ball; neighbours one after the other are fastest.
+            axes: (n, 3) unit, the standard directions.   ways: (n, 3) unit, square to them: where to they turn.
+            most_rad: scalar or (n,); below 0: not looked for.
+        Returns:
+            (n,) proven clear there; inf: none up to `most_rad`.
+        """
+        n = len(middles_mm)
+        angles, most = np.empty(n), np.broadcast_to(np.asarray(most_rad, float), (n,))
+        in_blocks(smallest_angles, n, BLOCK, self.tree.arrays, for_kernel(middles_mm), for_kernel(axes), for_kernel(ways),
+                  for_kernel(most), self._lowest_z, self.radius_mm, for_kernel(self.segments), angles)
+        return angles
+
+    def is_clear(self, middles_mm, axes):
+        """(n,) bool: proven clear, and within the limit.   middles_mm, axes: (n, 3)."""
+        is_clear = np.empty(len(middles_mm), bool)
+        in_blocks(clear_rows, len(middles_mm), BLOCK, self.tree.arrays, for_kernel(middles_mm), for_kernel(axes), self.radius_mm,
+                  for_kernel(self.segments), is_clear)
+        return is_clear & (np.asarray(axes)[:, 2] >= self._lowest_z)
+
+    def over_both_rad(self, middles_mm, axes, normals, most_rad):
+        """Smallest clearing angles whichever way the axis turns.
+
+        Returns:
+            (n,) angles, inf: none, and (n,) bearings of `ways_of`.
+        """
+        n = len(middles_mm)
+        best, bearing = np.full(n, np.inf), np.zeros(n)
+
+        def look(bearings):
+            """Whether the same bearings (n,) are better."""
+            ways = ways_of(axes, normals, bearings)
+            found = self.angles_rad(middles_mm, axes, ways, np.where(best > 0.0, np.minimum(best, most_rad), -1.0))
+            better = found < best
+            best[better], bearing[better] = found[better], bearings[better]
+
+        step = 2 * math.pi / BEARINGS
+        for k in range(BEARINGS):
+            look(np.full(n, k * step))
+        for _ in range(HALVINGS):
+            step, middle = step / 2, bearing.copy()
+            look(middle - step)
+            look(middle + step)
+        return best, bearing
+
+    @property
+    def _lowest_z(self):
+        return -1.0 if self.limit_rad >= math.pi else fixed.cos(self.limit_rad)
+
+
+def square_to(axes):
+    """(n, 3) unit, square to the axes: X as seen along these, Y where they are nearly along X."""
+    other = np.where(np.abs(axes[:, :1]) < NEARLY, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+    level = other - (other * axes).sum(axis=1)[:, None] * axes
+    return level / np.sqrt((level * level).sum(axis=1))[:, None]
+
+
+def ways_of(axes, normals, bearings_rad):
+    """(n, 3) unit, square to the axes: bearing 0 is toward the normal, then round to the right, seen along the axis.
+
+    Where axis and normal coincide it is `square_to`: the same way in space on a pass to and on one fro.
+    """
+    level = normals - (normals * axes).sum(axis=1)[:, None] * axes
+    length = np.sqrt((level * level).sum(axis=1))[:, None]
+    zero = np.where(length > SAME_WAY, level / np.maximum(length, 1e-300), square_to(axes))
+    return _toward(axes, zero, bearings_rad)
+
+
+def _toward(axes, zero, bearings_rad):
+    return fixed.cos(bearings_rad)[:, None] * zero + fixed.sin(bearings_rad)[:, None] * np.cross(zero, axes)
+
+
+def turned(axes, ways, angles_rad):
+    """(n, 3) axes turned by angles (n,) toward the ways."""
+    return fixed.cos(angles_rad)[:, None] * axes + fixed.sin(angles_rad)[:, None] * ways
+
+
+def swung(axes, normals, angles_rad, bearings_rad):
+    """(n, 3) axes turned by angles (n,) toward bearings (n,) of `ways_of`."""
+    return turned(axes, ways_of(axes, normals, bearings_rad), angles_rad)
+
+
+def _grown(segments, by_mm):
+    found = np.array(segments, float)
+    found[:, GROW] += by_mm
+    return found

@@ -1,0 +1,111 @@
+"""The smallest angle by which a tool, turned about one of its points, comes clear of triangles: kernels only.
+
+A triangle's point that the tool holds stays in its way until the tool has turned past it; how far that is follows from the
+point alone, in steps of (depth / distance from the middle), each of which it provably still blocks.  So a search jumps from
+one point in the way to the next and leaves out no angle that is clear, but for windows narrower than its smallest step.
+Segments are those of replay/clearance.py, grown by the margins wanted: clear is a distance of 0 or more.
+"""
+
+import math
+
+import numpy as np
+
+from cuspline.replay.clearance_kernels import NEAREST, least_distance, segment_distance, set_place, workspace
+from cuspline.values import fixed_math as fixed
+from cuspline.values.compiled import njit
+from cuspline.values.rows import X, Y, Z
+
+SMALLEST_STEP_RAD = math.radians(0.05)
+DEEP_MM = 0.5               # a point so deep in the way is deep enough to go on from
+ROUGH_MM = 0.2              # how roughly the tool is looked at first
+CLOSE_MM = 0.002            # and where that does not tell
+MARCHES = 24                # steps past one point at the most; the search goes on from any of them
+STUCK_RAD = 1e-5            # of a step past a point: the smallest step does as well
+
+
+@njit
+def _depth(along, beside, angle, square, radius, segments):
+    """Signed distance to the tool, turned by an angle, of a point so far along its axis and beside it, `square` from its middle."""
+    height = along * fixed.cos(angle) + beside * fixed.sin(angle)
+    rho, least = math.sqrt(max(square - height * height, 0.0)), math.inf
+    for k in range(len(segments)):
+        distance, _, _ = segment_distance(rho, height + radius, segments[k])
+        least = min(least, distance)
+    return least
+
+
+@njit
+def _past(point, middle, axis, way, angle, radius, segments):
+    """A larger angle; at all between the point is still in the way."""
+    along = beside = square = 0.0
+    for k in range(3):
+        arm = point[k] - middle[k]
+        along, beside, square = along + arm * axis[k], beside + arm * way[k], square + arm * arm
+    reach = math.sqrt(square)
+    for _ in range(MARCHES):
+        depth = -_depth(along, beside, angle, square, radius, segments)
+        if depth <= STUCK_RAD * reach:
+            break
+        angle += depth / reach
+    return angle
+
+
+@njit
+def _stand(place, middle, axis, way, angle, radius):
+    """The tool turned by an angle from its axis toward the way."""
+    c, s = fixed.cos(angle), fixed.sin(angle)
+    x, y, z = c * axis[X] + s * way[X], c * axis[Y] + s * way[Y], c * axis[Z] + s * way[Z]
+    set_place(place, middle[X] - radius * x, middle[Y] - radius * y, middle[Z] - radius * z, x, y, z)
+    return z
+
+
+@njit
+def is_clear_at(mesh, place, segments, hint, work):
+    """(proven clear, triangle in the way or nearest, -1: none near; whether work[NEAREST] is a point in the way)."""
+    lower, got, found = least_distance(mesh, place, segments, ROUGH_MM, -DEEP_MM, ROUGH_MM, hint, work)
+    if got >= 0.0 and lower < 0.0:
+        lower, got, found = least_distance(mesh, place, segments, CLOSE_MM, -math.inf, CLOSE_MM, found, work)
+    return lower >= 0.0, found, got < 0.0
+
+
+@njit
+def smallest_angle(mesh, middle, axis, way, most, lowest_z, radius, segments, hint, place, work):
+    """(angle from the axis toward the way at which the tool is proven clear, inf: none up to `most`; a hint).
+
+    lowest_z: the axis' own z must not be below it.
+    """
+    angle = 0.0
+    while angle <= most:
+        if _stand(place, middle, axis, way, angle, radius) < lowest_z:
+            angle += SMALLEST_STEP_RAD
+            continue
+        is_clear, found, is_met = is_clear_at(mesh, place, segments, hint, work)
+        hint = found if found >= 0 else hint
+        if is_clear:
+            return angle, hint
+        further = angle
+        if is_met:
+            further = _past(work[NEAREST], middle, axis, way, angle, radius, segments)
+        angle = max(further, angle + SMALLEST_STEP_RAD)
+    return math.inf, hint
+
+
+@njit
+def smallest_angles(mesh, middles, axes, ways, most, lowest_z, radius, segments, angles, first, last):
+    """`angles` of rows first .. last - 1; each helps the next.   most: (n,), below 0: not looked for."""
+    place, work, hint = np.zeros(17), workspace(), -1
+    for i in range(first, last):
+        angles[i] = math.inf
+        if most[i] >= 0.0:
+            angles[i], hint = smallest_angle(mesh, middles[i], axes[i], ways[i], most[i], lowest_z, radius, segments, hint, place,
+                                             work)
+
+
+@njit
+def clear_rows(mesh, middles, axes, radius, segments, is_clear, first, last):
+    """`is_clear` of rows first .. last - 1: proven, the tool standing as it does."""
+    place, work, hint = np.zeros(17), workspace(), -1
+    for i in range(first, last):
+        _stand(place, middles[i], axes[i], axes[i], 0.0, radius)
+        is_clear[i], found, _ = is_clear_at(mesh, place, segments, hint, work)
+        hint = found if found >= 0 else hint

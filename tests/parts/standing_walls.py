@@ -1,0 +1,64 @@
+"""What a short tool must lean past: a floor beside a wall, a channel between two twisted walls, a blade with both sides."""
+
+from functools import cache
+from typing import Literal
+
+import cadquery as cq
+
+from cuspline.app.catalogue import find_machine
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.planning.strategies.parallel import Parallel
+from cuspline.planning.strategies.rough import Rough
+from cuspline.planning.strategies.waterline import Waterline
+from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis
+
+FLOOR_MM = 10.0
+BALL = "ball 8"             # of the library that comes with it: 42 mm out of its holder
+HALF_MM = {"wall": (25.0, 8.0), "channel": (30.0, 14.0), "blade": (25.0, 20.0)}
+
+
+class Standing(Parameters):
+    form: Literal["wall", "channel", "blade"] = "channel"
+    tall_mm: float = 46.0
+    floor_mm: float = 16.0      # width of the channel's floor
+
+
+def mill(name="mill_trunnion_ac"):
+    """A machine, its zero higher than usual: heads that lean come down low."""
+    found = find_machine(name)
+    x, y, z = found.wcs_origin_mm
+    return found.model_copy(update={"wcs_origin_mm": (x, y, z + 80.0)})
+
+
+@cache
+def solid(form, tall_mm, floor_mm):
+    """A block (50 x 16, 60 x 28 or 50 x 40 mm, 10 mm to the floor) with what stands on it."""
+    x, y = HALF_MM[form]
+    base = cq.Workplane().box(2 * x, 2 * y, FLOOR_MM, centered=(True, True, False))
+    if form == "wall":
+        wall = cq.Workplane().box(10, 2 * y, FLOOR_MM + tall_mm, centered=(True, True, False))
+        return base.union(wall.translate((-20, 0, 0))).val()
+    above = cq.Workplane().workplane(offset=FLOOR_MM)
+    if form == "blade":
+        return base.union(above.rect(7, 24).workplane(offset=tall_mm).transformed(rotate=(0, 0, 8)).rect(2.5, 18).loft(
+            ruled=True)).val()
+    block = cq.Workplane().box(2 * x, 2 * y, FLOOR_MM + tall_mm, centered=(True, True, False))
+    return block.cut(above.rect(floor_mm, 3 * y).workplane(offset=tall_mm).transformed(rotate=(0, 0, 10)).rect(
+        floor_mm + 16, 3 * y).loft(ruled=True)).val()
+
+
+def design(p: Standing, axis=None, ball=BALL, **finishing) -> Design:
+    """One setup: roughed upright, then the floor, or the blade's sides, along an axis (left out: whatever clears)."""
+    x, y = HALF_MM[p.form]
+    axis = axis or ClearingAxis()
+    finish = (Waterline if p.form == "blade" else Parallel)(tool=ball, name="finish", tool_axis=axis, **finishing)
+    faces = (FacePredicate(name="cut", count=2, normal=(1, 0, 0), normal_within_deg=20),
+             FacePredicate(name="back", count=2, normal=(-1, 0, 0), normal_within_deg=20)) if p.form == "blade" else (
+        FacePredicate(name="cut", count=1, normal=(0, 0, 1), normal_within_deg=5, center_max_mm=(99, 99, FLOOR_MM + 1)),)
+    return Design(
+        name="standing_walls", description="what a short tool must lean past", parameters=p,
+        solid=solid(p.form, p.tall_mm, p.floor_mm), predicates=faces, material="aluminium_6061", machine="mill_trunnion_ac",
+        stock=StockBox(min_mm=(-x, -y, 0), max_mm=(x, y, FLOOR_MM + p.tall_mm)),
+        finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.02, gouge_mm=0.02),
+        setups=(Setup(name="setup-1", faces=tuple(f.name for f in faces), wcs_in_words="middle of the base",
+                      operations=(Rough(tool="flat 10"), finish)),))

@@ -1,0 +1,154 @@
+"""Passes whose axis turns out of the way: beside a wall, in a channel between two twisted walls, down a blade's sides."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from standing_walls import FLOOR_MM, Standing, design, mill
+
+from cuspline.app.catalogue import find_library
+from cuspline.design.fixtures import FixtureBox
+from cuspline.planning.clearing_axes import RotaryUse
+from cuspline.planning.leaning_finishing import normal_error
+from cuspline.planning.plan import plan_setup
+from cuspline.program.program import Kind
+from cuspline.replay.clearance import ToolMoves, tool_segments
+from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
+from cuspline.toolpaths.five_axis.even_turns import even_angles
+from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, FixedAxis, LeadTilt
+from cuspline.values.errors import CutterDoesNotFit, PlanError
+
+LIBRARY = find_library(None)
+UPRIGHT = FixedAxis(direction=(0, 0, 1))
+
+
+def planned(part, machine="mill_trunnion_ac"):
+    """Its finishing operation alone."""
+    finish = part.setups[0].operations[1]
+    return plan_setup(part, part.setups[0].model_copy(update={"operations": (finish,)}), mill(machine), LIBRARY)
+
+
+@cache
+def beside_the_wall():
+    return planned(design(Standing(form="wall", tall_mm=48.0)))
+
+
+@cache
+def in_the_channel():
+    """70 mm deep, a tool 42 mm out of its holder: far inside nothing clears it."""
+    return planned(design(Standing(form="channel", tall_mm=70.0, floor_mm=20.0), ClearingAxis(up_to_deg=15.0)))
+
+
+def spare_mm(plan):
+    """How far shank, holder and spindle head keep off the part over every move, by the proof of whole moves."""
+    operation, work = plan.operations[-1], plan.context
+    moves, tool = operation.moves, operation.tool
+    axes = np.vstack([moves.axis[:1], moves.axis])
+    way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
+    rest = tool_segments(tool, work.machine.spindle_head, with_flutes=False)
+    found = work.clearance_tree.certified_clearance(rest, way, work.practice.rough_allowance_mm)
+    return found.clearance_mm.min() if found.is_clear.all() else -math.inf
+
+
+def test_an_upright_tool_is_too_short_and_a_clearing_one_leans_no_more_than_it_must():
+    """Tilted straight away from the wall, no point of the holder's outline may be nearer to it than wanted below its top."""
+    with pytest.raises(CutterDoesNotFit, match="holder or shank would touch"):
+        planned(design(Standing(form="wall", tall_mm=48.0), LeadTilt()))
+    plan = beside_the_wall()
+    operation, keep = plan.operations[-1], plan.context.practice.rough_allowance_mm + 0.01
+    tool = operation.tool
+    z0, r0, z1, r1, _ = next(row for row in tool_segments(tool, with_flutes=False) if row[0] >= tool.stick_out_mm)
+    share, angle = np.linspace(0, 1, 200)[:, None], np.radians(np.arange(0, 30, 0.01))
+    r, z = r0 + share * (r1 - r0), z0 + share * (z1 - z0) - 4.0
+    is_met = (r * np.cos(angle) - z * np.sin(angle) > 4.0 - keep) & (z * np.cos(angle) + r * np.sin(angle) < 44.0)
+    least = np.degrees(angle[is_met.any(axis=0)].max())
+    clearing = operation.facts["clearing"]
+    assert least < clearing["largest_deg"] < least + 1.0          # round the wall's top edge, and 0.05 mm in hand
+    assert operation.facts["links"] == "zig-zag" and operation.facts["largest_turn_deg"] <= 2.001
+    assert "left_mm2" not in clearing and spare_mm(plan) > plan.context.practice.rough_allowance_mm
+
+
+def test_far_from_the_wall_the_axis_stands():
+    moves = beside_the_wall().operations[-1].moves
+    far = (moves.kind == Kind.FEED) & (moves.end_mm[:, 0] > 12.0)
+    assert far.sum() > 10 and np.abs(moves.axis[far] - (0, 0, 1)).max() < 1e-9
+
+
+def test_what_no_axis_clears_is_not_cut_but_listed_with_the_cutter_that_would():
+    plan = in_the_channel()
+    operation, account = plan.operations[-1], plan.accounts[-1].as_dict()
+    clearing = operation.facts["clearing"]
+    assert 0.0 < clearing["left_mm2"] <= account["area_left_mm2"] + 0.01 and "no axis within 15 degrees" in account["why"]
+    left = operation.left.rows
+    places = plan.context.samples.point_mm[left]
+    cut = operation.moves.end_mm[operation.moves.end_mm[:, 2] < FLOOR_MM + 8.0] + 4.0 * operation.moves.axis[
+        operation.moves.end_mm[:, 2] < FLOOR_MM + 8.0] - (0.0, 0.0, 4.0)
+    away = np.sqrt(((places[:, None, :2] - cut[None, :, :2]) ** 2).sum(axis=2)).min(axis=1)
+    assert np.median(away) > 0.5                    # nothing runs over the middle of what is left out
+    reached_by = clearing["reached_by"]
+    assert reached_by["stick_out_mm"] > operation.tool.stick_out_mm or reached_by["diameter_mm"] < 8.0
+    assert spare_mm(plan) > plan.context.practice.rough_allowance_mm
+
+
+def test_the_cutter_that_is_named_reaches_what_was_left():
+    """The tool with that stick-out, as the shop would make it, over the samples that were left, every axis within 15 degrees."""
+    plan = in_the_channel()
+    operation, work = plan.operations[-1], plan.context
+    named, tool = operation.facts["clearing"]["reached_by"], operation.tool
+    assert named["diameter_mm"] == 8.0
+    cutter = tool.cutter.model_copy(update={"overall_length_mm": 200.0})
+    longer = tool.model_copy(update={"stick_out_mm": named["stick_out_mm"], "cutter": cutter})
+    some = np.flatnonzero(operation.left.rows)
+    normals = work.samples.normal[some]
+    middles, keep = work.samples.point_mm[some] + 4.0 * normals, work.practice.rough_allowance_mm + 0.01
+    angles = [AxisSearch.of_tool(work.obstacle_tree, t, spindle_head=work.machine.spindle_head, into_mm=0.03, keep_mm=keep)
+              .over_both_rad(middles, normals, normals, math.radians(15.0))[0] for t in (tool, longer)]
+    reached = [np.isfinite(a).mean() for a in angles]
+    assert len(some) > 5 and reached[1] > 0.9 > reached[0], reached
+
+
+def test_down_the_sides_of_a_blade_an_upright_axis_turns_only_where_it_must():
+    plan = planned(design(Standing(form="blade", tall_mm=46.0), ClearingAxis(around=UPRIGHT), scallop_mm=0.3))
+    facts = plan.operations[-1].facts
+    assert 0.0 < facts["clearing"]["turned_mm"] < 0.5 * facts["length_mm"] and facts["lean_deg"][0] == 0.0
+    assert spare_mm(plan) > plan.context.practice.rough_allowance_mm
+
+
+def test_a_turn_that_sets_in_at_once_is_evened_out_until_the_rotaries_follow():
+    """A wall's end comes up beside the pass: the least angle jumps; over more stations the same rise asks for less speed."""
+    plan = beside_the_wall()
+    facts = plan.operations[-1].facts
+    assert facts["rotary_share"] <= 1.0 and facts["rotary_reversals"] <= 2 * facts["passes"]
+    along = 0.5 * np.arange(200)
+    least = np.where((along > 40) & (along < 60), 0.3, 0.0)
+    use = RotaryUse(chain=mill().kinematics, clamped=lambda axes: axes, feed_mm_per_s=20.0)
+    axes = lambda angles: np.column_stack([np.sin(0.2 + angles), 0 * angles, np.cos(0.2 + angles)])
+    shares = [use.of(axes(even_angles(least, window)), along)[0] for window in (0, 4, 16, 64)]
+    assert shares[0] > 1.0 > shares[-1] and shares == sorted(shares, reverse=True)
+    assert use.of(axes(even_angles(least, 16)), along)[1] == 1
+
+
+def test_a_fixture_is_kept_off_as_the_part_is():
+    """A clamp beside the far end of the floor, as tall as the wall: there too the tool leans away."""
+    part = design(Standing(form="wall", tall_mm=30.0))
+    clamp = FixtureBox(name="clamp", min_mm=(35.0, -8.0, 0.0), max_mm=(41.0, 8.0, 60.0))
+    finish = part.setups[0].operations[1]
+    setup = part.setups[0].model_copy(update={"operations": (finish,), "fixtures": (clamp,)})
+    moves = plan_setup(part, setup, mill(), LIBRARY).operations[-1].moves
+    cutting = moves.kind == Kind.FEED
+    near, far = cutting & (moves.end_mm[:, 0] > 18.0), cutting & (np.abs(moves.end_mm[:, 0] + 8.0) < 4.0)
+    leans = np.degrees(np.arccos(np.clip(moves.axis[:, 2], -1, 1)))
+    assert leans[far].max() < 0.5 and leans[near].max() > 3.0       # it sets in gently, over 64 mm at the most
+
+
+def test_nothing_that_clears_is_an_error_that_says_so():
+    part = design(Standing(form="channel", tall_mm=70.0, floor_mm=12.0), ClearingAxis(up_to_deg=3.0))
+    with pytest.raises(PlanError, match="finish: T8 ball 8 mm: no axis within 3 degrees .* clears shank and holder"):
+        planned(part)
+
+
+def test_an_error_of_the_normal_moves_the_tip_by_the_radius_times_it():
+    facts = beside_the_wall().operations[-1].facts["normal_error"]
+    assert facts == normal_error(4.0)
+    assert facts["tip_mm_per_degree"] == pytest.approx(4.0 * math.radians(1.0), abs=1e-6)

@@ -1,0 +1,157 @@
+"""The smallest angle that clears a tool, beside closed forms and beside looking at every angle."""
+
+import math
+
+import numpy as np
+import pytest
+from known_tools import tool
+
+from cuspline.replay.clearance import ClearanceTree
+from cuspline.toolpaths.five_axis.clear_axes import AxisSearch, square_to, swung, turned, ways_of
+from cuspline.toolpaths.five_axis.even_turns import even_angles, runs_of_one_bearing
+
+EVERY_RAD = math.radians(0.05)          # between the angles of the brute force
+WITHIN_RAD = math.radians(0.1)
+MOST_RAD = math.radians(60.0)
+CLOSE_MM = 1e-4                         # of the brute force's distances
+RADIUS, INTO, KEEP = 4.0, 0.03, 0.3
+BALL = tool("ball", 2 * RADIUS)         # shank to 45 mm above the tip, then a holder of 40 mm diameter
+HEAD = ((60.0, 90.0),)                  # of the spindle: height, diameter
+
+
+def wall(x_of, along=60.0, height=70.0, count=24):
+    """(vertices, triangles) of a surface x = x_of(y, z) that stands on z = 0."""
+    y, z = np.meshgrid(np.linspace(-along / 2, along / 2, count), np.linspace(0.0, height, count), indexing="ij")
+    first = (np.arange(count - 1)[:, None] * count + np.arange(count - 1)).ravel()
+    triangles = np.vstack([np.column_stack([first, first + 1, first + count]),
+                           np.column_stack([first + 1, first + count + 1, first + count])])
+    return np.stack([x_of(y, z), y, z], axis=-1).reshape(-1, 3), triangles
+
+
+def tree_of(*meshes):
+    begins = np.cumsum([0, *(len(v) for v, _ in meshes)])
+    return ClearanceTree.of_triangles(np.vstack([v for v, _ in meshes]), np.vstack([t + b for (_, t), b in zip(meshes, begins)]))
+
+
+CHANNEL = tree_of(wall(lambda y, z: -15.0 + 0.1 * y - 0.12 * z * np.sin(y / 15), height=54.0),
+                  wall(lambda y, z: 13.0 - 0.08 * y + 0.2 * z * np.cos(y / 20), height=50.0))
+
+
+def searched(tree=CHANNEL, **more):
+    return AxisSearch.of_tool(tree, BALL, spindle_head=HEAD, into_mm=INTO, keep_mm=KEEP, **more)
+
+
+def contacts(count, seed):
+    """(middles, axes, normals) on the floor of the channel, standard directions leaning a little this way and that."""
+    rng = np.random.default_rng(seed)
+    middles = np.column_stack([rng.uniform(-7, 5, count), np.sort(rng.uniform(-25, 25, count)), np.full(count, RADIUS)])
+    axes = rng.normal(0.0, 0.15, (count, 3)) + (0.0, 0.0, 1.0)
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    return middles, axes, np.tile((0.0, 0.0, 1.0), (count, 1))
+
+
+def spare_mm(segments, tree, middles, axes):
+    """(k,) how much farther off than wanted a tool about middles (k, 3) is, by the exact distance of each of its parts."""
+    bare = np.array(segments) * (1.0, 1.0, 1.0, 1.0, 0.0)
+    return np.min([tree.distances_mm(part[None], middles - RADIUS * axes, axes, CLOSE_MM) - grow
+                   for part, grow in zip(bare, np.array(segments)[:, 4])], axis=0)
+
+
+def test_beside_a_tall_wall_the_angle_is_that_of_the_lowest_corner():
+    """A bare shank of radius 5 from 6 mm above the middle, a wall 4 mm beside it: 5 cos t - 6 sin t = 4."""
+    tall = tree_of(wall(lambda y, z: -4.0 + 0 * y, height=90.0))
+    search = AxisSearch(tree=tall, segments=[[10, 5, 80, 5, 0.0]], radius_mm=RADIUS)
+    middle, up = np.array([[0.0, 0.0, RADIUS]]), np.array([[0.0, 0.0, 1.0]])
+    away = search.angles_rad(middle, up, np.array([[1.0, 0.0, 0.0]]), MOST_RAD)[0]
+    exact = math.acos(4.0 / math.hypot(5, 6)) - math.atan2(6, 5)
+    assert exact <= away <= exact + EVERY_RAD
+    assert np.isinf(search.angles_rad(middle, up, np.array([[-1.0, 0.0, 0.0]]), MOST_RAD))
+
+
+def test_the_smallest_angle_is_that_of_looking_at_every_one():
+    middles, axes, normals = contacts(150, seed=5)
+    search, grid = searched(), np.arange(0.0, MOST_RAD, EVERY_RAD)
+    rng = np.random.default_rng(6)
+    bearings = rng.uniform(-math.pi, math.pi, len(middles))
+    ways = ways_of(axes, normals, bearings)
+    found = search.angles_rad(middles, axes, ways, MOST_RAD)
+    leans, never = np.flatnonzero((found > 0.0) & np.isfinite(found)), np.flatnonzero(np.isinf(found))
+    assert len(leans) > 12 and len(never) > 5
+    for row in [*leans[:12], *never[:5]]:
+        every = turned(np.repeat(axes[row:row + 1], len(grid), axis=0), np.repeat(ways[row:row + 1], len(grid), axis=0), grid)
+        free = grid[spare_mm(search.segments, CHANNEL, middles[row], every) >= 2 * CLOSE_MM]
+        assert abs(min(free, default=math.inf) - found[row]) < WITHIN_RAD if len(free) else found[row] > MOST_RAD - WITHIN_RAD
+
+
+def test_over_both_angles_none_is_smaller():
+    """Against every lead and tilt on a grid of 2 by 8 degrees below it."""
+    middles, axes, normals = contacts(10, seed=9)
+    angles, bearings = searched().over_both_rad(middles, axes, normals, MOST_RAD)
+    directions = np.linspace(-math.pi, math.pi, 45, endpoint=False)
+    grid = np.radians(np.arange(0.0, 60.0, 2.0))
+    looked = 0
+    for row in np.flatnonzero(angles > 0.0):
+        a, t = np.meshgrid(grid[grid < angles[row] - WITHIN_RAD], directions, indexing="ij")
+        rows = lambda v: np.repeat(v[row:row + 1], a.size, axis=0)
+        every = swung(rows(axes), rows(normals), a.ravel(), t.ravel())
+        assert (spare_mm(searched().segments, CHANNEL, middles[row], every) < 0.0).all()
+        looked += 1
+    assert looked >= 4
+
+
+def test_what_it_says_clears_does():
+    middles, axes, normals = contacts(200, seed=11)
+    angles, bearings = searched().over_both_rad(middles, axes, normals, MOST_RAD)
+    found = np.isfinite(angles)
+    stand = swung(axes[found], normals[found], angles[found], bearings[found])
+    assert spare_mm(searched().segments, CHANNEL, middles[found], stand).min() > -2 * CLOSE_MM
+    assert searched().is_clear(middles[found], stand).all() and found.sum() > 150
+
+
+def test_a_holder_2_mm_longer_and_walls_2_mm_nearer_are_found_wherever_they_touch():
+    """Poses that just clear: with the fault each is asked again, and beside the exact distance none is overlooked."""
+    middles, axes, normals = contacts(400, seed=13)
+    angles, bearings = searched().over_both_rad(middles, axes, normals, MOST_RAD)
+    leans = np.isfinite(angles) & (angles > math.radians(1.0))
+    stand = swung(axes, normals, np.where(leans, angles, 0.0), bearings)[leans]
+    assert searched().is_clear(middles[leans], stand).all() and leans.sum() > 100
+    longer, nearer = np.array(searched().segments), np.array(searched().segments)
+    longer[-2, 0] -= 2.0                # the holder; above it stands the spindle head
+    nearer[:, 4] += 2.0                 # every part of the tool, which is the same
+    for segments, least in ((longer, 60), (nearer, leans.sum())):
+        faulty = AxisSearch(tree=CHANNEL, segments=segments, radius_mm=RADIUS)
+        touches = spare_mm(segments, CHANNEL, middles[leans], stand) < 0.0
+        assert not faulty.is_clear(middles[leans], stand)[touches].any() and touches.sum() >= least
+
+
+def test_ways_are_square_to_the_axis_and_begin_toward_the_normal():
+    _, axes, normals = contacts(50, seed=3)
+    zero, quarter = ways_of(axes, normals, np.zeros(50)), ways_of(axes, normals, np.full(50, math.pi / 2))
+    assert np.abs((zero * axes).sum(axis=1)).max() < 1e-12 and (zero * normals).sum(axis=1).min() > 0
+    assert np.abs(np.cross(zero, axes) - quarter).max() < 1e-12
+    assert np.array_equal(ways_of(axes, axes, np.zeros(50)), square_to(axes))
+    assert np.abs((square_to(np.eye(3)) * np.eye(3)).sum(axis=1)).max() == 0.0
+
+
+def test_the_limit_holds_and_a_standard_direction_beyond_it_is_turned_back():
+    search = searched(limit_rad=math.radians(20.0))
+    middle = np.array([[0.0, 0.0, 60.0]])           # above everything: only the limit turns it
+    axis, up = np.array([[0.0, math.sin(0.6), math.cos(0.6)]]), np.array([[0.0, 0.0, 1.0]])
+    back = ways_of(axis, up, np.zeros(1))
+    assert search.angles_rad(middle, axis, back, MOST_RAD)[0] == pytest.approx(0.6 - math.radians(20.0), abs=EVERY_RAD)
+    assert not search.is_clear(middle, axis)[0] and np.isinf(search.angles_rad(middle, axis, -back, MOST_RAD))[0]
+
+
+@pytest.mark.parametrize("window", [1, 2, 5, 9])
+def test_an_evened_turn_is_nowhere_below_the_least_and_its_slope_is_bounded(window):
+    least = np.abs(np.random.default_rng(window).normal(size=300)) * (np.arange(300) % 37 < 9)
+    even = even_angles(least, window)
+    assert (even >= least - 1e-12).all()
+    assert np.abs(np.diff(even)).max() <= least.max() / (2 * (window - window // 2) + 1) + 1e-12
+
+
+def test_a_pass_is_cut_into_the_fewest_runs_of_one_bearing():
+    inf = math.inf
+    least = np.array([[0.1, inf], [0.1, 0.2], [inf, 0.2], [inf, inf], [inf, 0.3], [0.2, 0.3], [0.1, inf]])
+    assert runs_of_one_bearing(least) == [(0, 1, 0), (1, 2, 1), (4, 5, 1), (5, 6, 0)]
+    assert runs_of_one_bearing(np.full((4, 2), inf)) == [] and runs_of_one_bearing(np.zeros((4, 2))) == [(0, 3, 0)]
