@@ -34,7 +34,6 @@ from cuspline.kernel.solids import stl_of
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import clamping_program, plan_setup
 from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
-from cuspline.report.page import write_report
 from cuspline.report.pictures import render_shape
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
@@ -151,6 +150,7 @@ def _made(order, work, say):
     left_out = _coloured_stock(work / f"{design.name}.deviation.ply", judged, design.finish)
     if order.last_stage == "report":
         say(f"{design.name}: report")
+        from cuspline.report.page import write_report  # matplotlib: a third of a second that other stages need not wait
         bundle = report_bundle(order, work, job, judged, verify, view_of(solid), inputs)
         _, without = write_report(bundle, work)
         left_out = "; ".join(words for words in (left_out, without) if words)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cuspline.replay.clearance_kernels import AXIS, HALF_X, NEAREST, SIDE_X, SIDE_Y, TIP, WAY, least_distance, workspace
 from cuspline.replay.replay_stock import AMOUNT, DEEP_MM, SHARE, beyond
-from cuspline.stock.path_pieces import X1
+from cuspline.stock.path_pieces import X1, Z0, Z1
 from cuspline.values.compiled import njit
 from cuspline.values.rows import FROM, TO, X, Y, Z, put
 
@@ -38,8 +38,18 @@ def upright(place, lines, first, last):
 
 
 @njit
+def _lowest_first(lines):
+    """First pieces of the groups, in the order of their lowest ends."""
+    starts = np.arange(0, len(lines), GROUP)
+    lowest = np.full(len(starts), math.inf)
+    for p in range(len(lines)):
+        lowest[p // GROUP] = min(lowest[p // GROUP], lines[p, Z0], lines[p, Z1])
+    return starts[np.argsort(lowest, kind="mergesort")]
+
+
+@njit
 def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
-    """Contacts of pieces in order, and the least distance of them all.
+    """Contacts of pieces, and the least distance of them all; groups that come lowest first: what is least is soon known.
 
     Args:
         mesh: see clearance_kernels.   lines: (m, 6) ends of the pieces.   rows: (m,) their moves, growing.
@@ -53,7 +63,7 @@ def sweep(mesh, lines, rows, segments, wanted, least, tolerance, worst):
     """
     place, work, spot, proven, hint = np.zeros(17), workspace(), np.full(3, math.nan), math.inf, -1
     spans = np.empty((64, 2), np.int64)
-    for start in range(0, len(lines), GROUP):
+    for start in _lowest_first(lines):
         waiting = 1
         spans[0, FROM], spans[0, TO] = start, min(start + GROUP, len(lines))
         while waiting > 0:

@@ -12,6 +12,8 @@ from cuspline.verification.residuals import LIMIT_MM
 
 AT_CAP_MM = 1e-6          # a deviation so near to the longest that is measured is capped
 PLACES = 33               # on a ray, and again between the neighbours of the best one
+STRIDES = (8, 4, 2, 1)    # every so many of them are looked at first
+NOISE_MM = 1e-6           # of a distance
 ZOOMS = 3                 # 2 mm are then looked at every 0.5 um
 BATCH = 512               # samples asked at a time, the largest deviations first
 MOST = 4096               # samples asked of one finding: the true amount is then only known to be no less
@@ -50,7 +52,7 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
         points, normals = samples.points_mm[some], samples.normals[some]
         if capped.any():
             length[capped] = np.maximum(length[capped], np.abs(followed(points[capped], normals[capped])))
-        true, t = _along(points, sign * normals, length, sign, closest)
+        true, t = _along(points, sign * normals, length, sign, closest, [f[0] for f in found])
         found += [(float(true[k]), int(some[k]), points[k] + t[k] * sign * normals[k])
                   for k in np.argsort(-true, kind="stable")[:STARTS]]
         best = max(best, float(true.max()))
@@ -67,21 +69,40 @@ def _spread(rows):
     return np.concatenate([rows[k::step] for k in range(step)]) if len(rows) else rows
 
 
-def _along(points, directions, length_mm, sign, closest):
-    """(n,) greatest distance from the part's surface along rays, to the side that counts, and where on the ray (n,)."""
+def _along(points, directions, length_mm, sign, closest, known):
+    """Greatest distance from the part's surface along rays, to the side that counts, and where on the ray: (n,) each.
+
+    A distance changes by no more than the way along the ray.  A ray that cannot come up to the STARTS best, of `known`
+    and of the others, is not looked at more closely: -inf.
+    """
     low, high = np.zeros(len(points)), length_mm.copy()
     best, at = np.full(len(points), -np.inf), np.zeros(len(points))
-    share = np.linspace(0.0, 1.0, PLACES)
+    going, share = np.arange(len(points)), np.linspace(0.0, 1.0, PLACES)
     for _ in range(ZOOMS):
-        t = low[:, None] + share * (high - low)[:, None]
-        places = points[:, None] + t[:, :, None] * directions[:, None]
-        d = sign * closest.signed_distances_mm(places.reshape(-1, 3)).reshape(t.shape)
-        k = d.argmax(axis=1)
-        here = d[np.arange(len(d)), k]
-        at, best = np.where(here > best, t[np.arange(len(t)), k], at), np.maximum(best, here)
-        pick = lambda j: t[np.arange(len(t)), np.clip(j, 0, PLACES - 1)]
-        low, high = pick(k - 1), pick(k + 1)
+        t = low[going, None] + share * (high - low)[going, None]
+        d, seen = np.full(t.shape, np.nan), np.zeros(PLACES, bool)
+        for stride in STRIDES:
+            columns = np.flatnonzero(~seen & (np.arange(PLACES) % stride == 0))
+            seen[columns] = True
+            places = points[going, None] + t[:, columns, None] * directions[going, None]
+            d[:, columns] = sign * closest.signed_distances_mm(places.reshape(-1, 3)).reshape(-1, len(columns))
+            top = np.maximum(best[going], d[:, seen].max(axis=1))
+            between = 0.5 * stride * (t[:, 1] - t[:, 0]) + NOISE_MM
+            is_in_play = np.abs(d[:, seen]).max(axis=1) + between >= _least_of_best(known, top)
+            best[going[~is_in_play]] = -np.inf
+            going, t, d = going[is_in_play], t[is_in_play], d[is_in_play]
+        k, rows = d.argmax(axis=1), np.arange(len(going))
+        here = d[rows, k]
+        at[going] = np.where(here > best[going], t[rows, k], at[going])
+        best[going] = np.maximum(best[going], here)
+        low[going], high[going] = t[rows, np.maximum(k - 1, 0)], t[rows, np.minimum(k + 1, PLACES - 1)]
     return best, at
+
+
+def _least_of_best(known, top):
+    """The STARTS-th largest of two lists; -inf where there are fewer."""
+    both = np.sort(np.concatenate([known, top]))
+    return both[-STARTS] if len(both) >= STARTS else -np.inf
 
 
 def _climbed(found, step_mm, height, belongs):

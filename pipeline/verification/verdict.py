@@ -352,7 +352,7 @@ def _judged(part, c, found, own, judging, joined):
               **({"stock_mm": part.piece.blank.error_mm} if part.piece.blank.error_mm else {}),
               **({"gaps_mm": part.gap_mm} if part.gap_mm else {})}
     bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
-    true_mm = partial(_true_mm, part, c, found)
+    true_mm = _once(partial(_true_mm, part, c, found))
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     findings = (*history.findings, *history.idle, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
@@ -476,6 +476,18 @@ def _true_mm(part, c, found, residuals, rows):
     belongs = lambda p: left.is_stock(p) if is_proud else left.cut_distance_mm(p) < 0
     return largest_true_mm(residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0],
                            part.surface, belongs, residuals.spacing_mm)
+
+
+def _once(true_mm):
+    """The same function of residuals and rows, run once for each: findings and numbers ask for the same groups."""
+    known = {}
+
+    def asked(residuals, rows):
+        key = id(residuals), rows.tobytes()
+        if key not in known:
+            known[key] = true_mm(residuals, rows)
+        return known[key]
+    return asked
 
 
 def _largest_mm(found, is_beyond, is_side, true_mm):

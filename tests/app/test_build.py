@@ -9,9 +9,10 @@ import time
 
 import numpy as np
 import pytest
-from built_parts import NARROW, built_once, copied, cuspline, saddle_job
+from built_parts import NARROW, built_once, copied, cuspline, ran, saddle_job
 
 from cuspline.app import catalogue
+from cuspline.app import judge as judging
 from cuspline.app.judge import judge
 from cuspline.design.job import read_job, read_tools
 from cuspline.planning.feeds import arc_shape
@@ -170,12 +171,13 @@ def arc_length_mm(chord, rise):
     return 2 * radius * np.arcsin(chord / 2 / radius)
 
 
-def test_verify_finds_the_same_numbers_again(saddle, tmp_path):
-    folder = copied(saddle, tmp_path / "moved")
+def test_verify_finds_the_same_numbers_again(saddle, tmp_path, monkeypatch):
+    folder, found = copied(saddle, tmp_path / "moved"), []
     before = bytes_of(folder)
-    done = cuspline("verify", folder)
+    monkeypatch.setattr(judging, "judge", lambda *given, **named: found.append(judge(*given, **named)) or found[-1])
+    done = ran("verify", folder)
     assert done.returncode == 0 and "VERIFIED" in done.stdout, done.stderr
-    judged, published = judge(folder, read_job(folder)), read(saddle / "verify.json")
+    (judged,), published = found, read(saddle / "verify.json")
     files = published.pop("stock")
     assert json.loads(json.dumps(judged.as_dict(()))) == published
     states = [state.as_dict() for state in judged.stock_states()]
@@ -193,7 +195,7 @@ def test_verify_turns_red_after_one_digit(saddle, tmp_path):
     lines.insert(int(moves.line[k]), f"G1 X{middle[0]:.3f} Y{middle[1]:.3f} Z{7.5:.3f}\nX{moves.end_mm[k, 0]:.4f} "
                                      f"Y{moves.end_mm[k, 1]:.4f} Z{moves.end_mm[k, 2]:.4f}")
     (folder / "setup-1.ngc").write_text("\n".join(lines) + "\n")
-    done = cuspline("verify", folder)
+    done = ran("verify", folder)
     assert done.returncode == 1 and "gouge" in done.stdout and "Traceback" not in done.stderr
 
 
@@ -207,7 +209,7 @@ def test_a_build_with_findings_is_not_published_unless_accepted(saddle, tmp_path
     text = (catalogue.POSTS / "machines" / "mill_3axis.toml").read_text()
     small.write_text(text.replace("program_store_bytes = 4000000", "program_store_bytes = 1000"))
     order = ("build", job, "--machine", small, "--stage", "verify", "--out", out)
-    done = cuspline(*order)
+    done = ran(*order)
     assert done.returncode == 1 and "REJECTED" in done.stdout and "program_too_long" in done.stdout
     assert bytes_of(out) == before
     rejected = read(tmp_path / "out-rejected" / "verify.json")
@@ -215,7 +217,7 @@ def test_a_build_with_findings_is_not_published_unless_accepted(saddle, tmp_path
     posted = sorted((tmp_path / "out-rejected").glob("setup-1*.ngc"))            # split as far as it can be
     assert posted and all("(VERDICT: REJECTED" in p.read_text() for p in posted)
 
-    done = cuspline(*order, "--accept", "program_too_long")
+    done = ran(*order, "--accept", "program_too_long")
     assert done.returncode == 0, done.stdout
     verify, texts = read(out / "verify.json"), [p.read_text() for p in sorted(out.glob("setup-1*.ngc"))]
     assert verify["accepted"] == ["program_too_long"] and verify["findings"] != []
@@ -234,7 +236,7 @@ def test_a_build_killed_at_any_moment_leaves_the_old_outputs(saddle, tmp_path):
         process.send_signal(sign)
         process.wait()
         assert bytes_of(out) == before
-    done = cuspline("build", job, "--stage", "step", "--out", out)
+    done = ran("build", job, "--stage", "step", "--out", out)
     assert done.returncode == 0
     assert {p.name for p in out.iterdir()} == {"saddle.step", "saddle.glb", "manifest.json"}
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []

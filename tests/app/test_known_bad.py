@@ -28,8 +28,8 @@ from cuspline.values.checkpoints import kept_beside
 from cuspline.values.errors import ReadError
 from cuspline.verification.verdict import Options
 
-SURFACE = Options(spacing_mm=3.0, solid_pitch_mm=1.5)       # some seconds; sees every fault below that it is asked for
-HISTORY = Options(spacing_mm=12.0, solid_pitch_mm=4.0, tessellation_mm=0.02)     # where only the replay is asked
+SURFACE = Options(spacing_mm=3.0, solid_pitch_mm=1.5, replay_pitch_mm=1.0)       # sees every fault below that it is asked for
+HISTORY = Options(spacing_mm=12.0, solid_pitch_mm=4.0, replay_pitch_mm=0.5, tessellation_mm=0.02)    # only the replay is asked
 HOLDER_WANTED_MM = 1.0
 CLOSE_MM = 0.01            # how near to the wanted clearance the holder is brought
 GOUGE_MM = 0.003           # of the default part
@@ -70,7 +70,7 @@ def level_finishing_block(program):
     flat = (m.kind == Kind.FEED) & (m.operation == program.operation("finish"))
     flat &= (np.abs(m.end_mm - m.start_mm)[:, 1:].max(axis=1) == 0) & (np.abs(m.end_mm[:, 2] - m.end_mm[flat, 2].min()) < 1e-9)
     flat &= np.abs(m.end_mm - m.start_mm)[:, 0] > 10
-    row = int(np.flatnonzero(flat)[np.argmin(np.abs(m.end_mm[flat, 1] - 12.0))])
+    row = int(np.flatnonzero(flat)[np.argmin(np.abs(m.end_mm[flat, 1] - 8.0))])
     return row, int(m.line[row])
 
 
@@ -124,7 +124,7 @@ def without_retract_across(program):
     up = [k for k in range(len(m) - 1) if m.kind[k] == m.kind[k + 1] == Kind.RAPID
           and m.operation[k] == m.operation[k + 1] == program.operation("rough")
           and m.start_mm[k, 2] < 30 and abs(m.end_mm[k + 1, 0] - m.start_mm[k, 0]) > 20
-          and abs(m.end_mm[k + 1, 1] - m.start_mm[k, 1]) > 20]
+          and abs(m.end_mm[k + 1, 1] - m.start_mm[k, 1]) > 2]
     line = int(m.line[up[0]])
     return program.replaced(line, line + 1, ["G0 " + program.lines[line].removeprefix("G0 ")])
 
@@ -168,6 +168,13 @@ def wrong_digit_in_x(program):
     return program.replaced(wall, wall, [wrong])
 
 
+def arcs_turned(program):
+    """All arcs of the finishing passes the other way round."""
+    first = program.index_of(f"(OPERATION {program.operation('finish') + 1}:")
+    turned = [re.sub(r"\bG([23])\b", lambda w: {"2": "G3", "3": "G2"}[w[1]], line) for line in program.lines[first:]]
+    return program.replaced(first + 1, len(program.lines), turned)
+
+
 # name -> (text, what the verdict must say, how finely it is asked)
 FAULTS = {
     "two finishing passes missing": (without_two_passes, "excess", SURFACE),
@@ -181,9 +188,7 @@ FAULTS = {
     "G17 for G18": (lambda p: "\n".join(re.sub(r"\bG18\b", "G17", line) for line in p.lines) + "\n", REFUSED, HISTORY),
     "sign of X words wrong": (lambda p: words(p, negated("X")), REFUSED, HISTORY),
     "sign of arc centres wrong": (lambda p: words(p, negated("IK")), REFUSED, HISTORY),
-    "arcs the other way round": (
-        lambda p: words(p, lambda a, n: "G" + {"2": "3", "3": "2"}[n] if a == "G" and n in "23" else a + n),
-        "gouge", HISTORY),
+    "arcs the other way round": (arcs_turned, "gouge", HISTORY),
     "sign of Y words wrong": (lambda p: words(p, negated("Y")), REFUSED, HISTORY),
     "another work offset": (lambda p: "\n".join("G55" if x == "G54" else x for x in p.lines) + "\n", "unknown_start", HISTORY),
     "retract missing before a rapid across": (without_retract_across, "rapid_through_stock", HISTORY),

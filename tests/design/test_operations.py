@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from built_parts import cuspline as cuspline_run
+from built_parts import ran
 from eight_operations import JOB, Block, design, solid
 from pydantic import ValidationError
 
@@ -109,7 +109,7 @@ def test_what_the_shop_decides_goes_before_the_default_and_after_the_operation(t
 def test_eight_operations_in_two_setups_cut_the_part(tmp_path):
     brep.write_step(brep.the_solid(solid(), "block"), tmp_path / "block.step", "block")
     (tmp_path / "block.toml").write_text(JOB)
-    done = cuspline_run("build", tmp_path / "block.toml", "--out", tmp_path / "out", "--stage", "verify")
+    done = ran("build", tmp_path / "block.toml", "--out", tmp_path / "out", "--stage", "verify")
     assert done.returncode == 0, done.stdout + done.stderr
     plan = json.loads((tmp_path / "out" / "plan.json").read_text())
     first = plan["setups"][0]

@@ -11,7 +11,7 @@ from troublesome_parts import two_sided
 from cuspline.app import build as recipe
 from cuspline.app import catalogue
 from cuspline.app.judge import judge
-from cuspline.design import Marker, Setup
+from cuspline.design import Finish, Marker, Setup
 from cuspline.design.job import read_job
 from cuspline.design.setup_alignment import fitted_frame, read_measured, refixtured, refixtured_setups
 from cuspline.values.errors import InputError
@@ -121,7 +121,7 @@ def test_a_file_of_measured_markers_that_is_wrong_says_where(tmp_path, text, wor
 
 def test_a_part_that_lies_askew_is_cut_as_designed(tmp_path):
     """Posted for the part as measured, the programs cut it; posted as designed, they would not, and that is told."""
-    part = two_sided()
+    part = replace(two_sided(), finish=Finish(scallop_mm=0.12, profile_tolerance_mm=0.01, gouge_mm=0.02))
     measured = {"setup-2": lying((0.05, 0.08, -0.03), (0.04, -0.06, 0.4), of=part.setups[1])}
     file = tmp_path / "measured.csv"
     file.write_text("setup,marker,x_mm,y_mm,z_mm\n" + "".join(
@@ -133,7 +133,7 @@ def test_a_part_that_lies_askew_is_cut_as_designed(tmp_path):
             source=None, design=replace(part, setups=setups), machine=catalogue.find_machine("mill_3axis"),
             library=catalogue.find_library(None), accepted=(), out=tmp_path / name, last_stage="gcode"))
         made[name] = result.folder
-    job, coarse = read_job(made["posted anew"]), Options(spacing_mm=0.4, solid_pitch_mm=0.4, replay_pitch_mm=0.4)
+    job, coarse = read_job(made["posted anew"]), Options(spacing_mm=1.0, solid_pitch_mm=0.5, replay_pitch_mm=1.0)
     assert judge(made["posted anew"], job, options=coarse).findings == ()
     text = (made["posted anew"] / "setup-2.ngc").read_text()
     assert "ZERO SHIFTED" in text and "MARKER left" in text

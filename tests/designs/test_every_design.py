@@ -17,20 +17,25 @@ def made(request):
     return catalogue.make_design(catalogue.find_design(request.param), [])
 
 
-def test_default_solid_is_valid_and_every_predicate_matches(made):
-    faces = brep.faces_of(brep.the_solid(made.solid, made.name))
+@pytest.fixture(scope="module")
+def solid(made):
+    return brep.the_solid(made.solid, made.name)
+
+
+def test_default_solid_is_valid_and_every_predicate_matches(made, solid):
+    faces = brep.faces_of(solid)
     for predicate in made.predicates:
         assert brep.select_faces(faces, predicate)
 
 
-def test_stock_holds_the_part(made):
-    low, high = brep.bounding_box_mm(brep.the_solid(made.solid))
+def test_stock_holds_the_part(made, solid):
+    low, high = brep.bounding_box_mm(solid)
     assert (low > np.array(made.stock.min_mm) - 1e-3).all() and (high < np.array(made.stock.max_mm) + 1e-3).all()
 
 
-def test_the_same_parameters_give_the_same_volume(made):
+def test_the_same_parameters_give_the_same_volume(made, solid):
     again = catalogue.make_design(catalogue.find_design(made.name), [])
-    assert brep.volume_mm3(brep.the_solid(again.solid)) == brep.volume_mm3(brep.the_solid(made.solid))
+    assert brep.volume_mm3(brep.the_solid(again.solid)) == brep.volume_mm3(solid)
 
 
 def test_the_published_surface_is_on_top_of_its_plate():

@@ -1,6 +1,7 @@
 """How long tests take: recorded in tests/durations.json, so that the longest begin first and a fast run leaves them out.
 
-A whole `make test ARGS=--record-durations` writes the file anew.  A fixture's time counts for every test that needs it.
+A whole `make test ARGS=--record-durations` writes the file anew: tests without what they share, and the fixtures that they
+share.  A module takes as long as its tests and every fixture of theirs once; a fast run weighs a test alone, with all of its.
 """
 
 import json
@@ -32,46 +33,88 @@ def pytest_fixture_setup(fixturedef, request):
     try:
         return (yield)
     finally:
-        known = request.config.stash.setdefault(_TOOK, {})
-        known[fixturedef.argname] = max(known.get(fixturedef.argname, 0.0), time.perf_counter() - begin)
+        made = request.config.stash.setdefault(_MADE, [])
+        made.append((_key(fixturedef, request.param_index), fixturedef.scope, time.perf_counter() - begin))
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item):
     report = yield
     if report.when == "call":
-        known = item.config.stash.get(_TOOK, {})
-        report.user_properties.append((FIXTURES, sum(known.get(name, 0.0) for name in item.fixturenames)))
+        made = item.config.stash.get(_MADE, [])
+        report.duration += sum(s for _, scope, s in made if scope == "function")
+        report.user_properties.append((FIXTURES, {key: s for key, scope, s in made if scope != "function"}))
+        made.clear()
     return report
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config, items):
     """Modules that take longest first; with --fast no test that takes long."""
-    took = json.loads(FILE.read_text()) if FILE.exists() else {}
+    known = Durations(**json.loads(FILE.read_text())) if FILE.exists() else Durations()
+    needs = {item.nodeid: _shared(item) for item in items}
     if config.getoption("--fast"):
-        slow = [i for i in items if took.get(i.nodeid, 0.0) > FAST_S]
-        config.hook.pytest_deselected(items=slow)
-        items[:] = [i for i in items if took.get(i.nodeid, 0.0) <= FAST_S]
-    modules = defaultdict(float)
-    for item in items:
-        modules[item.nodeid.partition("::")[0]] += took.get(item.nodeid, 0.0)
-    items.sort(key=lambda item: -modules[item.nodeid.partition("::")[0]])
+        is_fast = {name: known.alone_s(name, needs[name]) <= FAST_S for name in needs}
+        config.hook.pytest_deselected(items=[i for i in items if not is_fast[i.nodeid]])
+        items[:] = [i for i in items if is_fast[i.nodeid]]
+    took = known.modules_s({item.nodeid: needs[item.nodeid] for item in items})
+    items.sort(key=lambda item: -took[_module(item.nodeid)])
 
 
-_TOOK = pytest.StashKey()
+class Durations:
+    """Seconds that tests take by themselves, and what they share."""
+
+    def __init__(self, tests=None, fixtures=None):
+        self.tests, self.fixtures = tests or {}, fixtures or {}
+
+    def alone_s(self, name, shared):
+        """A test run alone; `shared`: the fixtures that it needs."""
+        return self.tests.get(name, 0.0) + self._made_s(shared)
+
+    def modules_s(self, needs):
+        """{module: s} of tests {name: fixtures that it needs}, each fixture made once a module."""
+        took, shared = defaultdict(float), defaultdict(set)
+        for name, fixtures in needs.items():
+            took[_module(name)] += self.tests.get(name, 0.0)
+            shared[_module(name)].update(fixtures)
+        return {module: s + self._made_s(shared[module]) for module, s in took.items()}
+
+    def _made_s(self, fixtures):
+        return sum(self.fixtures.get(key, 0.0) for key in fixtures)
+
+
+def _module(name):
+    return name.partition("::")[0]
+
+
+def _key(fixturedef, param_index):
+    """One name for a fixture, and for each of its parameters."""
+    return f"{fixturedef.baseid}::{fixturedef.argname}" + (f"[{param_index}]" if fixturedef.params else "")
+
+
+def _shared(item):
+    """Keys of all fixtures of an item that outlive a test."""
+    indices = item.callspec.indices if hasattr(item, "callspec") else {}
+    found = getattr(item, "_fixtureinfo", None)         # a doctest has none
+    return {_key(definitions[-1], indices.get(name, 0)) for name, definitions in found.name2fixturedefs.items()
+            if definitions[-1].scope != "function"} if found else set()
+
+
+_MADE = pytest.StashKey()
 
 
 class _Record:
     """Of the process that gets all reports."""
 
     def __init__(self):
-        self.took = {}
+        self.tests, self.fixtures = {}, defaultdict(float)
 
     def pytest_runtest_logreport(self, report):
         if report.when == "call":
-            self.took[report.nodeid] = report.duration + dict(report.user_properties).get(FIXTURES, 0.0)
+            self.tests[report.nodeid] = report.duration
+            for key, s in dict(report.user_properties).get(FIXTURES, {}).items():
+                self.fixtures[key] = max(self.fixtures[key], s)
 
     def pytest_sessionfinish(self):
-        rounded = {name: round(s, 1) for name, s in sorted(self.took.items()) if s >= KEPT_S}
-        FILE.write_text(json.dumps(rounded, indent=0) + "\n")
+        long = lambda took: {name: round(s, 1) for name, s in sorted(took.items()) if s >= KEPT_S}
+        FILE.write_text(json.dumps({"fixtures": long(self.fixtures), "tests": long(self.tests)}, indent=0) + "\n")

@@ -1,5 +1,7 @@
 """Amounts are true depths: the nearest way out of the part, or into it, and no cap without a word."""
 
+from types import SimpleNamespace
+
 import cadquery as cq
 import numpy as np
 import pytest
@@ -8,6 +10,8 @@ from known_programs import feed, program, rapid, raster, tool
 from cuspline.design import Finish, Setup, StockBox
 from cuspline.kernel import brep
 from cuspline.stock.swept import signed_distance_mm, swept_paths
+from cuspline.surfaces.projection import ClosestTree
+from cuspline.verification import true_depths
 from cuspline.verification.verdict import Options, verify_setup
 
 BLOCK = brep.the_solid(cq.Workplane().box(20, 16, 10, centered=False))
@@ -88,3 +92,22 @@ def test_a_round_gouge_in_a_corner_agrees_with_brute_force(seed):
     found = [f.amount_mm for f in verdict(moves, tools=tools, tool=numbers).findings if f.kind == "gouge"]
     brute = brute_depth_mm(moves, tools, numbers, (14, 10, 4), (20, 16, 10))
     assert max(found, default=0.0) == pytest.approx(brute, abs=2 * BRUTE_MM)
+
+
+def test_rays_that_cannot_be_among_the_best_are_not_followed_and_change_nothing(monkeypatch):
+    """Rays into the block and out of it: the best are those of a search that looks everywhere, place and amount to the bit."""
+    rng, tree, asked = np.random.default_rng(3), ClosestTree.of_faces(brep.faces_of(BLOCK)), []
+    points, ways = rng.uniform((0, 0, 9), (20, 16, 11), (60, 3)), rng.normal(size=(60, 3)) * (1, 1, 3)
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    length = rng.uniform(0.1, 6.0, 60)
+    closest = SimpleNamespace(signed_distances_mm=lambda p: asked.append(len(p)) or tree.signed_distances_mm(p))
+    for sign in (1.0, -1.0):
+        found, count = true_depths._along(points, ways, length, sign, closest, [0.5]), sum(asked)
+        with monkeypatch.context() as everywhere:
+            everywhere.setattr(true_depths, "_least_of_best", lambda known, top: -np.inf)
+            whole = true_depths._along(points, ways, length, sign, closest, [])
+        best = np.argsort(-whole[0], kind="stable")[:true_depths.STARTS]
+        assert [f[best].tolist() for f in found] == [w[best].tolist() for w in whole]
+        assert np.argsort(-found[0], kind="stable")[:true_depths.STARTS].tolist() == best.tolist()
+        assert count < 0.5 * (sum(asked) - count)
+        asked.clear()
