@@ -126,6 +126,19 @@ def faces(part: Annotated[str, typer.Argument(help="a STEP file, a design or a j
         print(draw_faces(solid, pictures), file=sys.stderr)
 
 
+@app.command()
+def positions(part: Annotated[str, typer.Argument(help="a STEP file, a design or a job file")],
+              param: Annotated[list[str], typer.Option("-p", "--param", help="name=value of a design, repeatable")] = [],
+              faces: Annotated[list[str], typer.Option(help="faces of a design by name, repeatable; none: all that are cut")] = [],
+              machine: Annotated[Optional[str], typer.Option(help="machine by name or file; left out: the design's")] = None,
+              cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
+              steepest: Annotated[float, typer.Option(min=10, max=90, help="degrees between a face's normal and the tool")] = 60.0,
+              json: AsJson = False):
+    """Find the few directions from which balls of the library see a part's faces: indexed positions, ready to be pasted."""
+    from cuspline.app.position_list import in_words, position_rows
+    _print(position_rows(part, param, faces, machine, cutters, steepest), json, in_words)
+
+
 def _triple(values):
     return "none" if values is None else " ".join(f"{v:g}" for v in values)
 

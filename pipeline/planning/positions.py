@@ -1,0 +1,152 @@
+"""Which indexed positions see what of some faces: fewest directions from which a ball of the shop finishes most of them.
+
+A place is seen from a direction where its normal leans no more than a limit from it, a ball touches it without meeting the part
+anywhere else, holder and shank keep clear, and the machine can turn there.  Spindle head, tables and fixtures are the
+simulation's business.  Directions are taken greedily, the one that adds most area first.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cuspline.kernel import brep
+from cuspline.planning.context import MESH_DEFLECTION_MM
+from cuspline.planning.cutter_choice import ball_reach
+from cuspline.planning.tool_depth import missing_stick_outs_mm
+from cuspline.shop.rotary_way import shortest_way
+from cuspline.surfaces.curvature import sample_faces
+from cuspline.toolpaths.drop.dropcutter import DropMesh
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import CutterDoesNotFit, PostError
+from cuspline.values.frames import Frame
+
+RING_DEG = 20.0             # between directions
+LOOKED_AT = 5000            # places of the faces, spread over their samples
+LEAST_SHARE = 1e-3          # of the area: a direction that adds less is not worth its turn
+NEARLY_ALL = 0.99           # of what a direction adds: the largest ball that sees so much is named
+SEED = 20
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Position:
+    """One direction of the tool, from its tip to its holder, part coordinates."""
+
+    direction: np.ndarray       # (3,) unit
+    tool: object                # Tool: the largest ball that sees nearly all that is added here
+    sees_mm2: float
+    adds_mm2: float             # to what the positions before it see
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Positions:
+    """Positions in the order in which they add most, and what none of them sees."""
+
+    positions: tuple
+    area_mm2: float
+    left_mm2: float
+    left_at_mm: np.ndarray      # (3,) a place in the middle of what is left; NaN: nothing is
+
+
+def positions(solid, indices, library, *, chain=None, clamped=None, steepest_deg=60.0, standing_mm=0.0):
+    """Few positions that see most of some faces.
+
+    Args:
+        solid: TopoDS solid.   indices: of its faces, in its own order.   library: ToolLibrary; its balls count.
+        chain: shop.kinematics.Chain, which must be able to turn there; None: any direction will do.
+        clamped: Frame of the clamping, seen from the part; None: as the part lies.
+        steepest_deg: between a place's normal and the direction, at the most.
+        standing_mm: material that may still stand on the part, which holder and shank keep clear of.
+    Returns:
+        Positions.
+    Raises:
+        CutterDoesNotFit: the library has no ball.
+    """
+    balls = library.of_type("ball")
+    if not balls:
+        raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
+    some, ways = _some_samples(solid, indices), turnable(directions(), chain, clamped)
+    mesh = brep.planning_mesh(solid, MESH_DEFLECTION_MM)
+    seen = np.array([_seen(way, some, mesh, balls, steepest_deg, standing_mm) for way in ways]).reshape(len(ways), len(balls), -1)
+    return _chosen(ways, seen, some, balls)
+
+
+def directions():
+    """(n, 3) unit vectors on rings about Z, RING_DEG apart or less, the poles and the main directions among them."""
+    found = [np.eye(3), -np.eye(3)]
+    rings = np.radians(np.arange(RING_DEG, 180.0, RING_DEG))
+    for polar in rings:
+        count = int(np.ceil(360.0 / RING_DEG * fixed.sin(polar) - 1e-9))
+        around = 2 * np.pi * np.arange(count) / count
+        found.append(np.column_stack([fixed.sin(polar) * fixed.cos(around), fixed.sin(polar) * fixed.sin(around),
+                                      np.full(count, fixed.cos(polar))]))
+    return np.vstack(found)
+
+
+def turnable(ways, chain, clamped):
+    """Those of directions (n, 3), part coordinates, that a machine's rotaries reach."""
+    if chain is None:
+        return ways
+    seen = ways if clamped is None else clamped.turn_into(ways)
+    return ways[[_is_reached(chain, way) for way in seen]]
+
+
+def _is_reached(chain, way):
+    try:
+        shortest_way(chain, way[None])
+    except PostError:
+        return False
+    return True
+
+
+def _some_samples(solid, indices):
+    """FaceSamples of the faces, at most LOOKED_AT of them, areas raised to stand for all."""
+    samples = sample_faces(brep.faces_of(solid), indices, across_axis=2)
+    count = len(samples.area_mm2)
+    pick = np.sort(np.random.default_rng(SEED).permutation(count)[:LOOKED_AT])
+    raised = samples.area_mm2.sum() / samples.area_mm2[pick].sum()
+    part = {name: getattr(samples, name)[pick] for name in ("point_mm", "normal", "hollow_per_mm", "across_per_mm", "face")}
+    return replace(samples, area_mm2=samples.area_mm2[pick] * raised, **part)
+
+
+def _seen(way, samples, mesh, balls, steepest_deg, standing_mm):
+    """(balls, n) bool: which samples each ball finishes from a direction."""
+    frame = Frame.along(way)
+    own = replace(samples, point_mm=frame.into(samples.point_mm), normal=frame.turn_into(samples.normal))
+    part = DropMesh.from_triangles(frame.into(mesh.vertices_mm), mesh.triangles)
+    gentle = own.normal[:, 2] >= fixed.cos(np.radians(steepest_deg)) - 1e-9
+    found = []
+    for tool in balls:
+        reach = ball_reach(own, part, tool.cutter.radius_mm)
+        is_seen = gentle & reach.is_reached
+        rows = np.flatnonzero(is_seen)
+        is_seen[rows] = missing_stick_outs_mm(tool, reach.tip_mm[rows], part, standing_mm) <= 0.0
+        found.append(is_seen)
+    return np.array(found)
+
+
+def _chosen(ways, seen, samples, balls):
+    """Positions, greedily; seen: (directions, balls, n)."""
+    area, by_any, found = samples.area_mm2, seen.any(axis=1), []
+    left = np.ones(len(area), bool)
+    while len(ways):
+        adds = np.array([area[sees & left].sum() for sees in by_any])
+        best = int(adds.argmax())
+        if adds[best] < LEAST_SHARE * area.sum():
+            break
+        new = by_any[best] & left
+        of_ball = np.array([area[sees & new].sum() for sees in seen[best]])
+        enough = np.flatnonzero(of_ball >= NEARLY_ALL * adds[best])
+        largest = max(enough if len(enough) else [int(of_ball.argmax())], key=lambda k: balls[k].cutter.diameter_mm)
+        found.append(Position(direction=ways[best], tool=balls[largest], sees_mm2=float(area[by_any[best]].sum()),
+                              adds_mm2=float(adds[best])))
+        left &= ~by_any[best]
+    return Positions(positions=tuple(found), area_mm2=float(area.sum()), left_mm2=float(area[left].sum()),
+                     left_at_mm=_middle_of(samples.point_mm[left]))
+
+
+def _middle_of(points_mm):
+    """(3,) of points (n, 3) the one nearest to their mean; NaN where there is none."""
+    if not len(points_mm):
+        return np.full(3, np.nan)
+    away = ((points_mm - points_mm.mean(axis=0)) ** 2).sum(axis=1)
+    return points_mm[away.argmin()]

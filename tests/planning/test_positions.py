@@ -1,0 +1,83 @@
+"""Which directions see what of a part: areas in closed form, and each place that counts as seen tried by itself."""
+
+import json
+
+import cadquery as cq
+import numpy as np
+import pytest
+from built_parts import ran
+
+from cuspline.app.catalogue import find_library, find_machine
+from cuspline.design import Setup
+from cuspline.kernel import brep
+from cuspline.planning.positions import directions, positions, turnable
+from cuspline.values.errors import CutterDoesNotFit
+
+SIDE_MM = 20.0
+CUBE = cq.Workplane().box(SIDE_MM, SIDE_MM, SIDE_MM)
+LIBRARY = find_library(None)
+
+
+def seen(part, **how):
+    solid = brep.the_solid(part)
+    return positions(solid, list(range(len(brep.faces_of(solid)))), LIBRARY, **how)
+
+
+def test_each_side_of_a_cube_wants_a_position_of_its_own():
+    found = seen(CUBE, steepest_deg=30)
+    assert len(found.positions) == 6 and found.left_mm2 == pytest.approx(0, abs=1e-6)
+    assert [p.adds_mm2 for p in found.positions] == pytest.approx([SIDE_MM ** 2] * 6, rel=0.1)     # some places stand for all
+    assert sum(p.adds_mm2 for p in found.positions) == pytest.approx(6 * SIDE_MM ** 2)
+    normals = np.array([p.direction for p in found.positions])
+    assert sorted(np.abs(normals).argmax(axis=1)) == [0, 0, 1, 1, 2, 2]
+    assert np.abs(normals).max(axis=1).min() > np.cos(np.radians(30))
+    assert found.positions[0].tool.cutter.diameter_mm == max(t.cutter.diameter_mm for t in LIBRARY.of_type("ball"))
+
+
+def test_a_leaning_tool_sees_two_sides_or_three():
+    assert len(seen(CUBE, steepest_deg=60).positions) <= 3
+
+
+def test_what_no_ball_fits_into_is_left_with_its_area():
+    width, depth = 3.0, 6.0                     # the smallest ball is of 4 mm
+    slot = CUBE.faces(">Z").workplane().rect(SIDE_MM, width).cutBlind(-depth)
+    found = seen(slot, steepest_deg=30)
+    assert found.left_mm2 == pytest.approx(SIDE_MM * (width + 2 * depth), rel=0.1)
+    assert abs(found.left_at_mm[1]) <= width / 2 + 1e-6 and found.left_at_mm[2] > SIDE_MM / 2 - depth - 1e-6
+
+
+def test_where_the_holder_would_touch_a_place_is_not_seen():
+    deep = cq.Workplane().box(60, 60, 60).faces(">Z").workplane().rect(24, 24).cutBlind(-55)     # the longest sticks out 55
+    floor = next(k for k, f in enumerate(brep.faces_of(brep.the_solid(deep)))
+                 if f.middle.normal[0, 2] > 0.9 and abs(f.middle.point_mm[0, 2] + 25) < 1)
+    found = positions(brep.the_solid(deep), [floor], LIBRARY, steepest_deg=30, standing_mm=0.5)
+    assert found.positions == () and found.left_mm2 == pytest.approx(24 * 24)
+
+
+def test_a_machine_turns_no_farther_than_it_can():
+    mill, ways = find_machine("mill_trunnion_ac"), directions()
+    able = turnable(ways, mill.kinematics, None)
+    assert 0 < len(able) < len(ways) and (able[:, 2] > -0.9).all()
+    np.testing.assert_allclose(np.sqrt((ways ** 2).sum(axis=1)), 1)
+    found = seen(CUBE, steepest_deg=30, chain=mill.kinematics)
+    assert len(found.positions) == 5 and found.left_mm2 == pytest.approx(SIDE_MM ** 2, rel=0.1)
+    assert found.left_at_mm[2] == pytest.approx(-SIDE_MM / 2)
+
+
+def test_a_library_without_balls_sees_nothing():
+    flats = LIBRARY.model_copy(update={"tools": tuple(t for t in LIBRARY.tools if t.cutter.type == "flat")})
+    solid = brep.the_solid(CUBE)
+    with pytest.raises(CutterDoesNotFit, match="no ball"):
+        positions(solid, [0], flats)
+
+
+def test_the_command_prints_what_a_setup_takes(tmp_path):
+    cube = str(tmp_path / "cube.step")
+    cq.exporters.export(CUBE, cube)
+    told = ran("positions", cube, "--steepest", "30", "--machine", "mill_trunnion_ac", "--json")
+    *rows, left = json.loads(told.stdout)
+    for row in rows:
+        Setup(name=f"position-{row['number']}", faces=("all",), wcs_in_words="", wcs_z=row["wcs_z"], wcs_x=row["wcs_x"])
+    assert told.returncode == 0 and len(rows) == 5 and left["left_mm2"] > 0 and left["at_mm"][2] == -10
+    refused = ran("positions", cube, "--faces", "top")
+    assert refused.returncode == 2 and "faces of a STEP file have no predicates" in refused.stderr
