@@ -218,7 +218,7 @@ def normal_error(radius_mm):
     {'tip_mm_per_degree': 0.069813, 'depth_mm_at_one_degree': 0.000609}
     """
     return {"tip_mm_per_degree": round(math.radians(radius_mm), 6),
-            "depth_mm_at_one_degree": round(radius_mm * (1.0 - fixed.cos(math.radians(1.0))), 6)}
+            "depth_mm_at_one_degree": round(float(radius_mm * (1.0 - fixed.cos(math.radians(1.0)))), 6)}
 
 
 class _Faces(Ground):
