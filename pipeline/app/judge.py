@@ -189,7 +189,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     faces, programs = brep.faces_of(solid), []
     for program in read:
         setup = program.setup
-        wanted = tuple(f for p in job.predicates if p.name in setup.faces for f in brep.select_faces(faces, p))
+        wanted = tuple(brep.named_faces(faces, job.predicates, setup.faces))
         programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted,
                                      fixtures=(*_fixtures(setup), *_bodies(program, job.machine))))
         extra += _program_findings(program, job.machine)

@@ -47,13 +47,12 @@ def position_rows(part, assignments, names, machine=None, cutters=None, steepest
 
 def _indices_of(design, faces, names):
     """Positions in the solid's own order of faces by the names of their predicates."""
-    known = {p.name: p for p in design.predicates}
+    known = {p.name for p in design.predicates}
     if missing := [n for n in names if n not in known]:
         raise InputError(f"--faces {missing[0]}: design {design.name} has no faces of that name; there are "
                          f"{', '.join(sorted(known))}")
-    wanted = names or list(dict.fromkeys(f for s in design.setups for f in s.faces)) or list(known)
-    chosen = [f for n in wanted for f in brep.select_faces(faces, known[n])]
-    return [k for k, face in enumerate(faces) if any(face is c for c in chosen)]
+    wanted = names or {f for s in design.setups for f in s.faces} or known
+    return brep.indices_of(faces, brep.named_faces(faces, design.predicates, wanted))
 
 
 def _row(number, position, found):

@@ -58,8 +58,7 @@ def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
     design = order.design
     faces = brep.faces_of(judged.solid)
     wanted = {name for s in design.setups for name in s.faces}
-    chosen = [f for p in design.predicates if p.name in wanted for f in brep.select_faces(faces, p)]
-    indices = [i for i, f in enumerate(faces) if any(f.shape.IsSame(c.shape) for c in chosen)]
+    indices = brep.indices_of(faces, brep.named_faces(faces, design.predicates, wanted))
     samples = sample_faces(faces, indices, 1)
     step = work / job.step
     low, high = brep.bounding_box_mm(judged.solid)

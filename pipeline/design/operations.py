@@ -106,6 +106,7 @@ class Finishing(Operation):
     passes: Literal["zig-zag", "one-way"] = Field(default="zig-zag", description="to and fro, or all one way")
     lead_radius_mm: float | None = Field(default=None, ge=0, le=50, description="of the arcs in and out; left out: the shop's")
     steep_deg: float = Field(default=90.0, ge=20, le=90, description="walls steeper than this get waterline passes; 90: none do")
+
     @property
     def waterline_deg(self):
         """Steeper faces get waterline passes; 90: none do."""

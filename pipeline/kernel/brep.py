@@ -417,6 +417,20 @@ def select_faces(faces, predicate):
     return found
 
 
+def named_faces(faces, predicates, names):
+    """The faces of the predicates of some names, predicate by predicate.
+
+    Raises:
+        DesignError: see `select_faces`.
+    """
+    return [f for p in predicates if p.name in names for f in select_faces(faces, p)]
+
+
+def indices_of(faces, some):
+    """Where some of the faces stand among them all, growing."""
+    return [k for k, face in enumerate(faces) if any(face is one for one in some)]
+
+
 def _marks_there_are(faces, predicate):
     """The names or colours that a predicate could have meant."""
     if predicate.face_name is not None:

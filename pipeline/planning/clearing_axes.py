@@ -12,7 +12,7 @@ from cuspline.replay.clearance_kernels import BOTTOM, BOTTOM_RADIUS, TOP, TOP_RA
 from cuspline.shop.rotary_way import shortest_way
 from cuspline.toolpaths.five_axis.clear_axes import swung, ways_of
 from cuspline.toolpaths.five_axis.even_turns import even_angles, runs_of_one_bearing
-from cuspline.toolpaths.five_axis.leaning_moves import Swing, Turn, stations_along
+from cuspline.toolpaths.five_axis.leaning_moves import Stations, Swing, Turn, stations_along
 from cuspline.values.amounts import counted
 from cuspline.values.errors import PostError, ToolpathError
 from cuspline.values.rows import X, Y, Z
@@ -180,9 +180,9 @@ def split(runs, swing, rules):
             contacts.append(stations.middle_mm - rules.radius_mm * stations.normal)
             is_blocked.append(blocked)
             if blocked.any():
-                left.append(type(stations)(**{name: column[blocked] for name, column in vars(stations).items()}))
-    blocked = type(left[0])(**{name: np.concatenate([getattr(s, name) for s in left]) for name in vars(left[0])}) if left else None
-    return Split(paths=kept, contact_mm=np.vstack(contacts), is_blocked=np.concatenate(is_blocked), blocked=blocked)
+                left.append(stations.of(blocked))
+    return Split(paths=kept, contact_mm=np.vstack(contacts), is_blocked=np.concatenate(is_blocked),
+                 blocked=Stations.joined(left) if left else None)
 
 
 def _piece(path, start_mm, end_mm):
@@ -217,10 +217,11 @@ def reaching_cutter(swing, blocked, tool):
         (diameter_mm, stick_out_mm), None: none that was tried does.
     """
     some = np.unique(np.linspace(0, len(blocked.along_mm) - 1, MOST_LOOKED_AT).astype(int))
-    looked = type(blocked)(**{name: column[some] for name, column in vars(blocked).items()})
     for slimmer in (1.0, *SLIMMER):
+        looked = _about(blocked.of(some), slimmer, swing)
         for longer in (0.0, *LONGER_MM):
-            if np.isfinite(_changed(swing, slimmer, longer, tool).bearings_of(_about(looked, slimmer, swing))[1]).any(axis=1).all():
+            _, least = _changed(swing, slimmer, longer, tool).bearings_of(looked)
+            if np.isfinite(least).any(axis=1).all():
                 return round(slimmer * tool.cutter.diameter_mm, 3), round(tool.stick_out_mm + longer, 3)
     return None
 

@@ -161,8 +161,8 @@ class PlanningContext:
 
     def _look_at(self, names):
         """The faces of some predicates: their indices, samples and tightest concave place."""
-        chosen = [f for p in self.design.predicates if p.name in names for f in brep.select_faces(self._faces_of_part, p)]
-        self.wanted = [i for i, f in enumerate(self._faces_of_part) if any(f is c for c in chosen)]
+        chosen = brep.named_faces(self._faces_of_part, self.design.predicates, names)
+        self.wanted = brep.indices_of(self._faces_of_part, chosen)
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
         self.hollow = tightest_hollow(self.faces, self.wanted, geometry=self.geometry)
 
@@ -310,21 +310,20 @@ class PlanningContext:
         """A place in part coordinates, rounded for plan.json."""
         return self.setup.turn.out(np.array(place_mm)[None])[0].round(4).tolist()
 
-    @property
-    def _standing(self):
-        """Function (n, 2) -> (n,) heights of the stock before the setup: what other directions have cut, by cells that hold it."""
-        piece, frame = self.piece, self.setup.turn
-        if all(np.array_equal(cut.frame.rotation, frame.rotation) for cut in piece.cuts):
-            return lambda xy_mm: piece.heights_mm(frame, xy_mm)
-        return lambda xy_mm: piece.tops_mm(frame, xy_mm)
-
     def stock_mm(self, xy_mm, at_most_mm=np.inf):
-        """Height of the stock over places (n, 2) before the operation's first move, at most so much; -inf beside it."""
-        inside = ((xy_mm >= self.stock_min_mm[:2]) & (xy_mm <= self.stock_max_mm[:2])).all(axis=1)
-        if not self.piece.blank.fills_box_in(self.setup.turn):
-            inside[inside] = np.isfinite(self.piece.blank.tops_mm(self.setup.turn, xy_mm[inside]))
+        """Height of the stock over places (n, 2) before the operation's first move, at most so much; -inf beside it.
+
+        What other directions have cut counts by cells that hold all that is left: too high by less than one, never too low.
+        """
+        piece, frame = self.piece, self.setup.turn
+        inside = np.flatnonzero(((xy_mm >= self.stock_min_mm[:2]) & (xy_mm <= self.stock_max_mm[:2])).all(axis=1))
+        tops = np.full(len(inside), self.stock_max_mm[2])
+        if not piece.blank.fills_box_in(frame):
+            tops = piece.blank.tops_mm(frame, xy_mm[inside])
+            inside, tops = inside[np.isfinite(tops)], tops[np.isfinite(tops)]
         height = np.full(len(xy_mm), -np.inf)
-        height[inside] = self._standing(xy_mm[inside])
+        height[inside] = (piece.heights_mm(frame, xy_mm[inside]) if piece.is_cut_along(frame) else
+                          piece.bounds_mm(frame, xy_mm[inside], tops))
         for operation in self.planned:
             height = operation.swept_mm(xy_mm, height)
         return np.minimum(height, at_most_mm)

@@ -16,7 +16,6 @@ class Pattern(Finishing):
         default=None, description="left out: the setup's Z, which a unit vector towards the spindle may state too, part "
         "coordinates; a table: how a ball's axis turns along the passes, on a machine with rotary axes: "
         "lead_tilt, fixed, through_point, along_line, between_guides, clearing (any of them, turned out of the way)")
-
     leave_steep: bool = Field(default=False, description="walls steeper than steep_deg are left to other operations, or to indexed "
                               "positions that see them better")
 
@@ -54,6 +53,4 @@ class Pattern(Finishing):
     def plan(self, work):
         tool, candidates, reached = work.chosen_tool(*self.types)
         made = freeform_finishing.passes_over(work, tool, candidates)
-        if made is not None and made.left is not None:
-            reached = reached & ~made.left.rows
         return [*roughing.before_passes(work, tool, reached), made] if made is not None else [], reached

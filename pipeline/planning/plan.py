@@ -149,6 +149,8 @@ def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), to
             where = design.where(_placed(work.hollow, setup).place_mm)
             raise CutterDoesNotFit(f"{where}: {error}" if where else str(error), rows=error.rows) from None
         rows = rows & ~_is_left_as_steep(operation, work.samples)
+        for left in _left_by(made):
+            rows = rows & ~left.rows
         operations += made
         accounts.append(_account(operation, work, made, rows))
         reached |= _seen_in(context.samples, work.samples, rows)
@@ -163,23 +165,35 @@ def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), to
 def _is_left_as_steep(operation, samples):
     """(n,) bool: samples on what an operation leaves to others because it is steep."""
     steepest = getattr(operation, "steepest_deg", 90.0)
-    return samples.normal[:, 2] < (fixed.cos(math.radians(steepest)) if steepest < 90.0 else -np.inf)
+    return (samples.normal[:, 2] < fixed.cos(math.radians(steepest))) & (steepest < 90.0)
+
+
+def _left_by(made):
+    """context.Left of those PlannedOperation values whose axis clears not everything."""
+    return [o.left for o in made if o.left is not None]
 
 
 def _account(operation, work, made, rows):
     area = work.samples.area_mm2
     wanted, reached = float(area.sum()), float(area[rows].sum())
-    why = ""
-    if not made:
-        why = "nothing was left to cut"
-    elif _is_left_as_steep(operation, work.samples)[~rows].any():
-        why = f"steeper than {operation.steepest_deg:g} degrees, or other faces, or the holder, keep its cutter off there"
-    elif not rows.all():
-        left = [o.left for o in made if o.left is not None]
-        elsewhere = [] if any((l.rows == ~rows).all() for l in left) else ["other faces, or the holder, keep its cutter off there"]
-        why = "; elsewhere ".join([*(l.why for l in left), *elsewhere])
     return Account(operation=operation, area_wanted_mm2=wanted, area_reached_mm2=reached,
-                   programmed=tuple(o.name for o in made), why=why)
+                   programmed=tuple(o.name for o in made), why="; elsewhere ".join(_reasons(operation, work.samples, made, rows)))
+
+
+def _reasons(operation, samples, made, rows):
+    """Why samples that are no rows (n,) bool of an operation are left: what it says of itself, then what is in the way."""
+    if not made:
+        yield "nothing was left to cut"
+        return
+    unsaid = ~rows
+    for left in _left_by(made):
+        unsaid = unsaid & ~left.rows
+        yield left.why
+    steep = _is_left_as_steep(operation, samples)
+    if (unsaid & steep).any():
+        yield f"steeper than {operation.steepest_deg:g} degrees"
+    if (unsaid & ~steep).any():
+        yield "other faces, or the holder, keep its cutter off there"
 
 
 def _seen_in(samples, own, rows):

@@ -103,7 +103,7 @@ def _standing_out(stock, solid):
 
 def _box_of_faces(faces, design, name):
     """(low, high) (3,) of the faces of a predicate."""
-    chosen = [f for p in design.predicates if p.name == name for f in brep.select_faces(faces, p)]
+    chosen = brep.named_faces(faces, design.predicates, (name,))
     boxes = np.array([brep.bounding_box_mm(f.shape) for f in chosen])
     return boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
 

@@ -146,7 +146,7 @@ def box_bound(node, place, segments, close):
 
 
 @njit
-def _triangle(corners, place, row, best, floor, least, tolerance, parts, point):
+def triangle_distance(corners, place, row, best, floor, least, tolerance, parts, point):
     """(attained, lower bound of what was left out) over one triangle; `point` takes the world's nearest point.
 
     Halved across its longest side, nearest halves first, until nothing can be nearer than `best` by the tolerance.
@@ -216,7 +216,7 @@ def least_distance(mesh, place, segments, cap, floor, tolerance, hint, work):
     best, least, found = cap, math.inf, -1
     if hint >= 0:
         for k in range(len(segments)):
-            got, least = _triangle(triangles[hint], place, segments[k], best, floor, least, tolerance, parts, trial)
+            got, least = triangle_distance(triangles[hint], place, segments[k], best, floor, least, tolerance, parts, trial)
             if got < best:
                 best, found = got, hint
                 put(point, trial)
@@ -236,7 +236,7 @@ def least_distance(mesh, place, segments, cap, floor, tolerance, hint, work):
                 if t == hint:
                     continue
                 for k in range(len(segments)):
-                    got, least = _triangle(triangles[t], place, segments[k], best, floor, least, tolerance, parts,
+                    got, least = triangle_distance(triangles[t], place, segments[k], best, floor, least, tolerance, parts,
                                            trial)
                     if got < best:
                         best, found = got, t

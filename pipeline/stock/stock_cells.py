@@ -22,7 +22,7 @@ class StockCells:
 
     middle_mm: np.ndarray       # (n, 3)
     half_mm: np.ndarray         # (n,) half their sides
-    finest_mm: float            # half the side of the smallest
+    least_half_mm: float            # half the side of the smallest
 
     def __post_init__(self):
         object.__setattr__(self, "middle_mm", frozen(self.middle_mm, (None, 3), "middle_mm"))
@@ -35,7 +35,7 @@ class StockCells:
         side = float(size.max()) / FIRST
         counts = np.maximum(np.ceil(size / side).astype(int), 1)
         middles = low_mm + side * (np.array(list(np.ndindex(*counts))) + 0.5)
-        return cls(middle_mm=middles, half_mm=np.full(len(middles), side / 2), finest_mm=side * FIRST / FINEST / 2)
+        return cls(middle_mm=middles, half_mm=np.full(len(middles), side / 2), least_half_mm=side * FIRST / FINEST / 2)
 
     def less(self, cut):
         """Without what a workpiece.Cut takes: a cube that it takes whole is gone, one that it meets is parted."""
@@ -43,17 +43,17 @@ class StockCells:
         while len(middle):
             away = nearest_moves(cut.paths, cut.frame.into(middle))[0]
             reach = np.sqrt(3.0) * half
-            parts = (np.abs(away) < reach) & (half > 1.5 * self.finest_mm)
+            parts = (np.abs(away) < reach) & (half > 1.5 * self.least_half_mm)
             stays = (away > -reach) & ~parts
             kept.append((middle[stays], half[stays]))
             half = np.repeat(half[parts] / 2, len(OCTANTS))
             middle = (middle[parts][:, None] + 2 * half.reshape(-1, len(OCTANTS), 1) * OCTANTS).reshape(-1, 3)
         middles, halves = (np.concatenate(c) for c in zip(*kept))
-        return StockCells(middle_mm=middles, half_mm=halves, finest_mm=self.finest_mm)
+        return StockCells(middle_mm=middles, half_mm=halves, least_half_mm=self.least_half_mm)
 
     def tops_in(self, frame, more_mm=0.0):
         """CellTops of the cubes, larger all round by `more_mm`, as seen from a frame."""
-        middle, pitch = frame.into(self.middle_mm), 2 * self.finest_mm
+        middle, pitch = frame.into(self.middle_mm), 2 * self.least_half_mm
         reach = np.abs(frame.rotation).sum(axis=0)
         half = self.half_mm[:, None] * reach + more_mm
         low, high = (middle - half).min(axis=0, initial=np.inf)[:2], (middle + half).max(axis=0, initial=-np.inf)[:2]
@@ -71,6 +71,10 @@ class CellTops:
     low_mm: np.ndarray          # (2,)
     pitch_mm: float
     top_mm: np.ndarray          # (nx, ny); -inf: nothing stands
+
+    def __post_init__(self):
+        object.__setattr__(self, "low_mm", frozen(self.low_mm, (2,), "low_mm"))
+        object.__setattr__(self, "top_mm", frozen(self.top_mm, (None, None), "top_mm"))
 
     def at(self, xy_mm):
         """(n,) over places (n, 2); -inf beside all cubes."""

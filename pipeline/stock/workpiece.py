@@ -57,12 +57,16 @@ class Workpiece:
     def _tops_seen(self):
         return {}
 
-    def _tops_in(self, frame):
-        """CellTops as seen from a frame."""
-        key = frame.rotation.tobytes(), frame.origin_mm.tobytes()
+    def _tops_in(self, frame, more_mm=0.0):
+        """CellTops of the cells, larger all round by `more_mm`, as seen from a frame."""
+        key = frame.rotation.tobytes(), frame.origin_mm.tobytes(), more_mm
         if key not in self._tops_seen:
-            self._tops_seen[key] = self.cells.tops_in(frame)
+            self._tops_seen[key] = self.cells.tops_in(frame, more_mm)
         return self._tops_seen[key]
+
+    def is_cut_along(self, frame):
+        """Whether all cuts were made in frames turned as this one."""
+        return all(np.array_equal(cut.frame.rotation, frame.rotation) for cut in self.cuts)
 
     def box_in(self, frame):
         """(3,) low and (3,) high corner of the box round the blank, seen from a frame."""
@@ -148,14 +152,17 @@ class Workpiece:
             return np.full(len(xy), high[2])
         return self._cut_down_mm(frame, xy, low[2], high[2], lambda: self._tops_in(frame))
 
-    def tops_mm(self, frame, xy_mm):
-        """(n,) heights that no stock over (x, y) exceeds, by less than a cell and found fast; see `heights_mm`."""
-        xy, low = np.asarray(xy_mm, float), self.box_in(frame)[0][2]
-        return np.clip(self._tops_in(frame).at(xy), low, np.maximum(self.blank.tops_mm(frame, xy), low))
+    def bounds_mm(self, frame, xy_mm, tops_mm):
+        """(n,) heights that no stock over (x, y) exceeds, by less than a cell, found fast; `tops_mm` (n,): of the blank there."""
+        low = self.box_in(frame)[0][2]
+        return np.clip(self._tops_in(frame).at(np.asarray(xy_mm, float)), low, np.maximum(tops_mm, low))
 
     def _cut_down_mm(self, frame, xy, bottom, top, tops):
-        """(n,) heights that the cuts leave over places (n, 2) of material that stands from bottom to top everywhere."""
-        if len(self.cuts) == 1 and np.array_equal(self.cuts[0].frame.rotation, frame.rotation):
+        """(n,) heights that the cuts leave over places (n, 2) of material that stands from bottom to top everywhere.
+
+        tops: function () -> CellTops that hold all of it.
+        """
+        if len(self.cuts) == 1 and self.is_cut_along(frame):
             own = self.cuts[0].frame
             shift = frame.into(own.origin_mm[None])[0]
             return np.maximum(stock_height_mm(self.cuts[0].paths, xy - shift[:2], top - shift[2]) + shift[2], bottom)
@@ -205,13 +212,12 @@ class Workpiece:
         """
         smaller = [Cut(frame=c.frame, paths=shrunk_paths(c.paths, radius_mm)) for c in self.cuts]
         cuts = tuple(c for c in smaller if c.paths)
-        less, tops = Workpiece(blank=ENDLESS, cuts=cuts), lambda: self.cells.tops_in(frame, radius_mm)
-        (low, high), xy = self.box_in(frame), np.asarray(xy_mm, float)
-        if self.blank.fills_box_in(frame):
-            less = Workpiece(blank=self.blank, cuts=cuts)
-            return less._cut_down_mm(frame, xy, low[2], high[2], tops) if cuts else np.full(len(xy), high[2])
-        stands = np.maximum(self.blank.tops_within_mm(frame, xy, radius_mm), low[2])
-        return np.minimum(stands, less._cut_down_mm(frame, xy, low[2], high[2], tops)) if cuts else stands
+        (low, high), xy, fills = self.box_in(frame), np.asarray(xy_mm, float), self.blank.fills_box_in(frame)
+        stands = np.full(len(xy), high[2]) if fills else np.maximum(self.blank.tops_within_mm(frame, xy, radius_mm), low[2])
+        if not cuts:
+            return stands
+        less = Workpiece(blank=self.blank if fills else ENDLESS, cuts=cuts)
+        return np.minimum(stands, less._cut_down_mm(frame, xy, low[2], high[2], lambda: self._tops_in(frame, radius_mm)))
 
 
 ENDLESS = BoxShape(min_mm=np.full(3, -ENDLESS_MM), max_mm=np.full(3, ENDLESS_MM))

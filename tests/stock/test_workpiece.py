@@ -241,9 +241,9 @@ def test_cells_hold_all_stock_and_little_more(seen_from):
     rng = np.random.default_rng(7)
     low, high = stock.box_in(seen_from)
     xy = rng.uniform(low[:2], high[:2], (500, 2))
-    exact, bound = stock.heights_mm(seen_from, xy), stock.tops_mm(seen_from, xy)
+    exact, bound = stock.heights_mm(seen_from, xy), stock.bounds_mm(seen_from, xy, stock.blank.tops_mm(seen_from, xy))
     assert (bound >= exact - 1e-6).all()
-    cell = 2 * np.sqrt(3.0) * stock.cells.finest_mm
+    cell = 2 * np.sqrt(3.0) * stock.cells.least_half_mm
     beside = (xy + 2 * cell * np.array(list(np.ndindex(3, 3)))[:, None] - 2 * cell).clip(low[:2], high[:2])
     near = stock.heights_mm(seen_from, beside.reshape(-1, 2)).reshape(9, -1).max(axis=0)
     assert np.mean(bound > near + 3 * cell) < 0.01          # beside walls a cell's top is that of the wall
@@ -258,4 +258,4 @@ def test_cells_of_what_is_gone_are_gone():
     gone = Workpiece(blank=BoxShape(min_mm=LOW, max_mm=LOW + 1.5)).after(ABOVE, swept_paths(
         program((-9, 1, 30), [rapid(-9, 1, -5), feed(25, 1, -5), rapid(25, 1, 30)]), FLAT))
     assert len(gone.cells.half_mm) == 0
-    assert gone.tops_mm(ASKEW, [[0, 0], [5, 5]]) == pytest.approx([ASKEW.box_into(LOW, LOW + 1.5)[0][2]] * 2)
+    assert gone.bounds_mm(ASKEW, [[0, 0], [5, 5]], np.full(2, 20.0)) == pytest.approx([ASKEW.box_into(LOW, LOW + 1.5)[0][2]] * 2)

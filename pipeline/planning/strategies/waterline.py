@@ -1,6 +1,6 @@
 """Waterline: passes round walls at constant height."""
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from cuspline.planning import freeform_finishing
 from cuspline.planning.patterns import Pattern
@@ -17,6 +17,12 @@ class Waterline(Pattern):
        /----------\\     as deep as its flutes"""
 
     steep_deg: float = Field(default=30.0, ge=1, le=90, description="places less steep than this are left to other operations")
+
+    @model_validator(mode="after")
+    def _is_for_what_is_steep(self):
+        if self.leave_steep:
+            raise ValueError("waterline passes are for what is steep: leave leave_steep out, or take another strategy")
+        return self
 
     @property
     def types(self):

@@ -21,10 +21,10 @@ from cuspline.replay.clearance_kernels import (
     NEAREST,
     TIP,
     TOP,
-    _triangle,
     box_bound,
     least_distance,
     set_place,
+    triangle_distance,
     workspace,
 )
 from cuspline.toolpaths.five_axis.clear_axes import turned
@@ -205,7 +205,8 @@ def _is_met(mesh, place, segments, side, work, pieces):
         for t in range(t0, min(t0 + LEAF, len(triangles))):
             for piece in range(_clipped(triangles[t], place, side, pieces)):
                 for k in range(len(segments)):
-                    got, least = _triangle(pieces[piece], place, segments[k], CLOSE_MM, 0.0, math.inf, CLOSE_MM, parts, trial)
+                    got, least = triangle_distance(pieces[piece], place, segments[k], CLOSE_MM, 0.0, math.inf, CLOSE_MM, parts,
+                                                   trial)
                     if got < 0.0 or least < 0.0:
                         return True
     return False

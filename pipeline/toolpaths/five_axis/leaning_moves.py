@@ -63,6 +63,15 @@ class Stations:
     feed: np.ndarray            # (n, 3) of any length
     axis: np.ndarray            # (n, 3) unit, the standard direction
 
+    def of(self, rows):
+        """Some of them, by indices or (n,) bool."""
+        return Stations(**{name: column[rows] for name, column in vars(self).items()})
+
+    @classmethod
+    def joined(cls, several):
+        """Those of several runs, one after the other."""
+        return cls(**{name: np.concatenate([getattr(s, name) for s in several]) for name in vars(several[0])})
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Turn:
