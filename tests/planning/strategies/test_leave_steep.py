@@ -11,6 +11,7 @@ from cuspline.design import Design, Finish, Parameters, Setup, StockBox
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.planning.strategies.rough import Rough
+from cuspline.planning.strategies.waterline import Waterline
 from cuspline.program.program import Kind
 
 RADIUS_MM, LENGTH_MM, LIMIT_DEG = 8.0, 6.0, 45.0
@@ -55,3 +56,8 @@ def test_otherwise_waterlines_go_round_it():
     account = whole.accounts[-1].as_dict()
     assert whole.operations[-1].facts["wall_passes"] > 0
     assert account["area_reached_mm2"] > 0.9 * account["area_wanted_mm2"] and math.isfinite(account["area_left_mm2"])
+
+
+def test_waterlines_are_for_what_is_steep():
+    with pytest.raises(ValueError, match="leave leave_steep out"):
+        Waterline(leave_steep=True)
