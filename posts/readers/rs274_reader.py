@@ -10,8 +10,6 @@ from math import hypot, inf, isfinite, nan, radians, tau
 import numpy as np
 
 from cuspline.posts.readers.rs274_arcs import (
-    INCH_BOUNDS,
-    MM_BOUNDS,
     MM_PER_INCH,
     center_from_radius,
     check_radii,
@@ -82,7 +80,7 @@ class Controller:
 
     def __init__(self, work_offsets, tool_lengths, rules, chain=None):
         """`rules`: rs274_modes.Rules of the control.   chain: kinematics.Chain; None: three axes."""
-        self.rules, self.code_of = rules, rules.code_of
+        self.rules, self.code_of, self.actions = rules, rules.code_of, ACTIONS | dict(rules.actions)
         self.chain, self.rotaries = chain, () if chain is None else tuple(c.lower() for c in chain.rotaries)
         self.turned = self.turned_before = (nan,) * len(self.rotaries)      # degrees; where the move under way began
         self.minutes = 0.0                  # that it takes
@@ -100,7 +98,7 @@ class Controller:
                              for n, v in tool_lengths.items()}
         self.tip = UNKNOWN                  # in the active WCS
         self.unit_mm = None                 # the text has to say it
-        self.bounds = MM_BOUNDS
+        self.bounds = rules.bounds[0]
         self.motion = ""
         self.plane = Plane.XY
         self.is_absolute, self.is_center_absolute, self.is_inverse_time = True, False, False
@@ -156,7 +154,7 @@ class Controller:
         for code in steps:
             self.unsaid.discard(code.group)
             self.unsaid.discard(code.says)
-            ACTIONS[code.group](self, code.name, values)
+            self.actions[code.group](self, code.name, values)
         if self.is_machine_move and MOVE not in steps:
             raise Complaint("G53 without a move", "G53 goes with G0 or G1 and axis words")
 
@@ -246,7 +244,8 @@ class Controller:
         self.plane = PLANES[name]
 
     def set_units(self, name, values):
-        self.unit_mm, self.bounds = (MM_PER_INCH, INCH_BOUNDS) if name == "G20" else (1.0, MM_BOUNDS)
+        mm, inch = self.rules.bounds
+        self.unit_mm, self.bounds = (MM_PER_INCH, inch) if name == "G20" else (1.0, mm)
 
     def set_length(self, name, values):
         """G43, G43.1, G43.4, G49: the machine stands still, the tip's coordinate changes; G43.4 takes it under control."""
@@ -544,7 +543,7 @@ class Controller:
     def _rely_on(self, modes):
         """A move hangs on modes: those that the text has not said are remarked once."""
         for mode in [mode for mode in modes if mode in self.unsaid]:
-            word, what = UNSAID[mode]
+            word, what = self.rules.words.get(mode) or UNSAID[mode]
             self._remark("unknown_start", 0.0, f"{word} is missing: {what} is as the program before left it; write "
                                                f"{word} before this move")
             self.unsaid.discard(mode)

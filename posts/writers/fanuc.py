@@ -73,7 +73,7 @@ class _Fanuc(Dialect):
     """Macro B."""
 
     point, end, knows_rotaries, tip_controls = ".", "M30", True, ("G43.4",)
-    has_planes = True
+    has_planes = holds_beside = True
     variables = Variables(arguments=tuple(LETTERS), locals=(*range(27, 34), 10, 12, 14, 15, 16), deepest_brackets=5)
 
     def head(self, writer, program, file_number):

@@ -59,14 +59,15 @@ def in_brackets(text):
 class Writer:
     """Lines so far and the modal state that the control is in."""
 
-    def __init__(self, machine, point="", comment=in_brackets, rotaries=()):
+    def __init__(self, machine, point="", comment=in_brackets, rotaries=(), planes=tuple(Plane)):
         """
         Args:
             point: what a control wants behind a number without decimals: "" nothing, "." a point.
             comment: function text -> the line that a control passes over.
             rotaries: letters of the rotary axes.
+            planes: in which the control runs arcs; others go out as chords.
         """
-        self.machine, self.point, self.comment_of = machine, point, comment
+        self.machine, self.point, self.comment_of, self.planes = machine, point, comment, planes
         control = machine.control
         self.scale = 1.0 if control.units == "mm" else 1.0 / INCH_MM
         self.decimals = control.decimals
@@ -180,7 +181,7 @@ class Writer:
         if arc.sweep_rad > NEARLY_FULL_RAD:
             self._curved(kind, arc.at(0.5), center_mm, plane, feed)
             self._curved(kind, end_mm, center_mm, plane, feed)
-        elif self._arc_is_accepted(end_mm, center_mm, plane):
+        elif plane in self.planes and self._arc_is_accepted(end_mm, center_mm, plane):
             self._arc(kind, end_mm, center_mm, plane, feed)
         else:
             self.arcs_as_lines += 1
