@@ -107,7 +107,7 @@ class Controller:
         self.tool_offset, self.is_length_on = NO_OFFSET, False
         self.local, self.programmed = NO_OFFSET, NO_OFFSET      # G52; see `_correct_programmed`
         self.length_of, self.length_fault = 0, None     # tool whose offset is in force, 0 nobody's; (amount, advice)
-        self.path_tolerance_mm = rules.path_tolerance_mm
+        self.path_tolerance_mm = self.rounded_mm = rules.path_tolerance_mm      # in force; where corners are rounded
         self.unsaid, self.remarks = set(rules.modes), []
         self.feed, self.speed, self.speed_line, self.turning = 0.0, 0.0, 0, 0
         self.selected, self.tool = None, 0
@@ -190,7 +190,7 @@ class Controller:
         if values["f"] < 0:
             raise Complaint("a feed below zero", "write a positive F")
         # LinuxCNC takes F before G20 or G21 of the same block, so in the unit that was active until then
-        self.feed = values["f"] if self.is_inverse_time else values["f"] * self._unit()
+        self.feed = values["f"] if self.is_inverse_time else values["f"] * self.length_unit_mm()
 
     def set_speed(self, name, values):
         if values["s"] < 0:
@@ -227,7 +227,7 @@ class Controller:
 
     def _shift_zero(self, values):
         """The machine stands still, and so does the tip; what is programmed from here on is seen from another zero."""
-        shift = tuple(values[c] * self._unit() if values.get(c) else values.get(c, nan) for c in "xyz")
+        shift = tuple(values[c] * self.length_unit_mm() if values.get(c) else values.get(c, nan) for c in "xyz")
         own = (*self.tool_offsets.get(self.tool, NO_OFFSET)[:2], 0.0) if self.rules.moves_z_alone else NO_OFFSET
         if shift != NO_OFFSET and not all(abs(a - b) < SAME_SHIFT_MM for a, b in zip(shift, own)):
             raise Complaint("G52 that shifts the zero, or leaves it shifted in some axes",
@@ -300,7 +300,7 @@ class Controller:
                                 "write G49 and G69 before; read with the machine's rotary axes")
             if not set("xyzijk") <= values.keys():
                 raise Complaint("G68.2 without all of X Y Z I J K", "write its zero and its three angles")
-            self.asked_plane = _plane_of([values[c] * self._unit() for c in "xyz"], *(values[c] for c in "ijk"))
+            self.asked_plane = _plane_of([values[c] * self.length_unit_mm() for c in "xyz"], *(values[c] for c in "ijk"))
             return
         if self.asked_plane is None:
             raise Complaint("G53.1 without a tilted plane", "write G68.2 before")
@@ -356,8 +356,8 @@ class Controller:
                             "write the tolerance: G64 P0.01")
         if values.get("q", 0.0) < 0:
             raise Complaint("a tolerance below zero", "write a positive Q, or Q0")
-        p = values["p"] * self._unit() if name == "G64" else 0.0
-        self.path_tolerance_mm = p + max(p, CYCLE_MM) + values.get("q", values["p"]) * self._unit() if p else 0.0
+        p = values["p"] * self.length_unit_mm() if name == "G64" else 0.0
+        self.path_tolerance_mm = p + max(p, CYCLE_MM) + values.get("q", values["p"]) * self.length_unit_mm() if p else 0.0
 
     def set_corner_mode(self, name, values):
         """G61 stops at every corner; what G64 does there is set in the control."""
@@ -452,7 +452,8 @@ class Controller:
             return 0.0
         if self.is_inverse_time:
             return 1.0 / self.feed
-        return length_mm / self.feed or hypot(*(b - a for a, b in zip(self.turned_before, self.turned))) * self._unit() / self.feed
+        turned_deg = hypot(*(b - a for a, b in zip(self.turned_before, self.turned)))
+        return length_mm / self.feed or turned_deg * self.length_unit_mm() / self.feed
 
     def _add(self, kind, start, end, center, turns, feed):
         machine = [t + s for t, s in zip(end, self._shift())]
@@ -473,7 +474,7 @@ class Controller:
         return tuple([o + t for o, t in zip(self.offset, self.tool_offset)])
 
     def _end(self, values):
-        unit_mm = self._unit()
+        unit_mm = self.length_unit_mm()
         if self.is_absolute:
             return tuple([values[c] * unit_mm + p if c in values else t for c, t, p in zip("xyz", self.tip, self.programmed)])
         return tuple([t + values.get(c, 0.0) * unit_mm for c, t in zip("xyz", self.tip)])
@@ -481,7 +482,7 @@ class Controller:
     def _machine_end(self, values):
         if KINDS[self.motion] > Kind.FEED:
             raise Complaint("G53 with an arc", "G53 goes with G0 or G1")
-        unit_mm, shift = self._unit(), self._shift()
+        unit_mm, shift = self.length_unit_mm(), self._shift()
         return tuple([values[c] * unit_mm - s if c in values else t for c, t, s in zip("xyz", self.tip, shift)])
 
     def _arc(self, is_clockwise, start, end, values):
@@ -499,7 +500,7 @@ class Controller:
         return tuple(end), center, turns, hypot(around_mm, end[third] - start[third])
 
     def _center(self, is_clockwise, start, end, values):
-        axes, unit_mm = self.plane.axes, self._unit()
+        axes, unit_mm = self.plane.axes, self.length_unit_mm()
         first, second, third = ("ijk"[axis] for axis in axes)
         if "r" in values:
             if values.keys() & {"i", "j", "k"}:
@@ -562,7 +563,8 @@ class Controller:
 
     # small facts ------------------------------------------------------------------------------------
 
-    def _unit(self):
+    def length_unit_mm(self):
+        """Of the words, as G20 or G21 has it."""
         if self.unit_mm is None:
             raise Complaint("a length before G20 or G21 was said", "write G21 or G20 in a block above")
         return self.unit_mm
@@ -585,7 +587,7 @@ class Controller:
     def _given_length(self, values):
         if "z" not in values:
             raise Complaint("G43.1 without Z", "write G43.1 Z length")
-        return 0, (0.0, 0.0, values["z"] * self._unit())
+        return 0, (0.0, 0.0, values["z"] * self.length_unit_mm())
 
     def posted_moves(self):
         """All moves as one value."""
