@@ -110,8 +110,6 @@ class Dialect(ABC):
         """All lines of a file as the control wants them: with block numbers, where it does."""
         return lines
 
-    number_bytes = 0            # that `numbered` puts before a line, at most
-
     def sub_program(self, writer, label, comment, blocks):
         """Define a sub-program, in the lines or in the tail."""
         raise PostError(f"{type(self).__name__} writes no sub-programs")
@@ -163,12 +161,8 @@ class _Files:
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
         foot = dialect.writer(machine)
         dialect.foot(foot)
-        self.foot_bytes = self._bytes([*foot.lines, *foot.tail])
+        self.foot_bytes = _bytes([*foot.lines, *foot.tail], foot)
         self._open()
-
-    def _bytes(self, lines):
-        """Of ASCII lines with their ends and block numbers."""
-        return sum(len(line) + 1 + self.dialect.number_bytes for line in lines)
 
     def _open(self):
         self.writer = self.dialect.writer(self.machine)
@@ -287,7 +281,7 @@ class _Files:
         Every line is counted once: what is counted does not change until the file is closed.
         """
         lines, tail = self.writer.lines, self.writer.tail
-        self.counted_bytes += self._bytes([*lines[self.counted[0]:], *tail[self.counted[1]:]])
+        self.counted_bytes += _bytes([*lines[self.counted[0]:], *tail[self.counted[1]:]], self.writer)
         self.counted = len(lines), len(tail)
         return self.counted_bytes + self.foot_bytes + LATER_BYTES <= self.machine.control.program_store_bytes
 
@@ -372,3 +366,8 @@ def _refuse_tilted(operation, machine):
         raise PostError(f"operation {operation.name}: the tool axis leans {np.degrees(tilt[rows[0]]):.3f} degrees from "
                         f"the spindle in move {rows[0]}, and in {len(rows) - 1} others; {machine.name} has no rotary "
                         "axes: plan it with the axis along Z, or turn the part to it in a setup of its own", rows=rows)
+
+
+def _bytes(lines, writer):
+    """Of ASCII lines with their ends and block numbers."""
+    return sum(len(line) + 1 + writer.number_bytes for line in lines)

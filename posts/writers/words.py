@@ -56,8 +56,19 @@ def in_brackets(text):
     return f"({' '.join(clean.split())})"
 
 
+def behind_semicolon(text):
+    """A comment of controls that pass over what stands behind a semicolon: ASCII.
+
+    >>> behind_semicolon("ball (6 mm)")
+    '; ball (6 mm)'
+    """
+    return "; " + " ".join(text.encode("ascii", "replace").decode().split())
+
+
 class Writer:
     """Lines so far and the modal state that the control is in."""
+
+    number_bytes = 0                # that a block number takes before a line, at most
 
     def __init__(self, machine, point="", comment=in_brackets, rotaries=(), planes=tuple(Plane)):
         """
@@ -74,6 +85,7 @@ class Writer:
         self.lines, self.tail, self.tool = [], [], None
         self.beside_mm = 0.0            # by which the zero is shifted for a tool beside the spindle's axis
         self.pending_z = (), ()         # words before and behind the next Z of an approach
+        self.helix_words = ()           # behind the centre of a helix
         self.here_mm = np.zeros(3)
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
         self.plane, self.feed = Plane.XY, None
@@ -104,7 +116,7 @@ class Writer:
     def comment(self, text):
         """Lines that the control passes over, split to the line length."""
         clean = " ".join(text.split())
-        room = self.machine.control.line_length - 2 - len(self.comment_of(""))
+        room = self.machine.control.line_length - 2 - len(self.comment_of("")) - self.number_bytes
         for k in range(0, max(len(clean), 1), room):
             self.lines.append(self.comment_of(clean[k:k + room]))
 
@@ -245,7 +257,7 @@ class Writer:
         is_helix = abs(end_mm[third] - self.here_mm[third]) > 1e-9
         words = self.words(end_mm, [*sorted((a, b)), *([third] if is_helix else [])])
         centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
-        self.block(*self._motion(MOTION_WORD[kind]), *words, *centre, *self._feed(feed))
+        self.block(*self._motion(MOTION_WORD[kind]), *words, *centre, *(self.helix_words if is_helix else ()), *self._feed(feed))
         self.here_mm = end_mm
 
 
