@@ -8,6 +8,7 @@ import os
 import re
 from pathlib import Path
 
+import known_passes
 import numpy as np
 import pytest
 from random_programs import LENGTHS, WCS, assert_reads_as, random_program
@@ -271,3 +272,22 @@ def test_a_tool_table_is_read_back(name, machines):
     for tool in tools:
         assert rows[tool.number].values_mm["Z"] == pytest.approx(tool.length_mm, abs=machine.control.resolution_mm)
         assert rows[tool.number].values_mm["D"] == pytest.approx(tool.cutter.diameter_mm, abs=2 * machine.control.resolution_mm)
+
+
+@EVERY
+def test_templated_passes_go_out_move_by_move(name):
+    """No calls where the control has none that we are sure of: the same cuts as LinuxCNC makes of sub-programs."""
+    told = known_passes.program()
+    cuts = {}
+    for post in ("linuxcnc", name):
+        machine = known_passes.machine(post, line_length=MACHINES[name].control.line_length)
+        texts = catalogue.find_post(post).post(told, machine).texts
+        lengths = {t.number: t.length_mm for t in (known_passes.OTHER, known_passes.BALL)}
+        moves = PostedMoves.joined([catalogue.reader_of(machine)(t, work_offsets=known_passes.ZERO, tool_lengths=lengths)
+                                    for t in texts], [t.count("\n") for t in texts])
+        cuts[post] = moves.end_mm[moves.kind == Kind.FEED][::7]
+        assert moves.remarks == () and moves.operations == ("rough", "finish")
+    if Plane.YZ in PLANES.get(name, tuple(Plane)):
+        np.testing.assert_allclose(cuts[name], cuts["linuxcnc"], atol=2e-4)
+    else:
+        assert len(cuts[name]) > len(cuts["linuxcnc"])

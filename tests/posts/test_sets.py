@@ -67,7 +67,7 @@ def of_hops(*counts):
                    header=("HOPS",), operations=told)
 
 
-@pytest.mark.parametrize("name", ["linuxcnc", "fanuc"])
+@pytest.mark.parametrize("name", ["linuxcnc", "fanuc", "haas", "grbl", "siemens", "heidenhain"])
 def test_plain_moves_are_split_where_the_tool_stands_high(name):
     told = of_hops()
     large, small = machine(name), machine(name, program_store_bytes=1200)
@@ -78,7 +78,7 @@ def test_plain_moves_are_split_where_the_tool_stands_high(name):
     assert np.array_equal(cut(parts), cut(whole.texts))
 
 
-@pytest.mark.parametrize("name", ["linuxcnc", "fanuc"])
+@pytest.mark.parametrize("name", ["linuxcnc", "fanuc", "grbl", "heidenhain"])
 @pytest.mark.parametrize("first", range(8, 20))
 def test_an_operation_that_begins_where_the_store_is_full_begins_a_file(name, first):
     large, small = machine(name), machine(name, program_store_bytes=1200)
