@@ -23,7 +23,7 @@ from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, re
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on
 from cuspline.posts.readers.rs274_tools import read_tool_table
 from cuspline.program.joint_sweeps import JointBlocks
-from cuspline.program.posted import PostedMoves, Remark, Stop
+from cuspline.program.posted import FLOOD, MIST, PostedMoves, Remark, Stop
 from cuspline.program.program import Kind, Plane
 from cuspline.values import fixed_math as fixed
 from cuspline.values.frames import Frame
@@ -39,7 +39,7 @@ SAME_LENGTH_MM = 2e-5       # half the last of six decimals of an inch: a length
 NO_OFFSET = (0.0, 0.0, 0.0)
 CYCLE_MM = 5e-4             # what one servo cycle adds to a blend at least; 0.33 um measured at 2500 mm/s^2
 PLANE_RAD = 1e-5            # between the tool and the normal of a tilted plane: rounded angles
-COLUMNS = 24                # numbers kept of a move
+COLUMNS = 25                # numbers kept of a move
 RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True, moves_z_alone=False,
               path_tolerance_mm=inf)
 
@@ -117,6 +117,7 @@ class Controller:
         self.rows = array("d")              # COLUMNS a move
         self.joint_rows = array("d")        # of a machine with rotaries: angles before and after, minutes, length, zero
         self.stops = []                     # posted.Stop
+        self.coolant, self.used_offsets = 0, {}     # posted.MIST and FLOOD; names of work offsets, as an ordered set
 
     # words ------------------------------------------------------------------------------------------
 
@@ -213,6 +214,10 @@ class Controller:
         self.turning = {"M3": 1, "M4": -1, "M5": 0}[name]
         self._stand_still(name)
 
+    def set_coolant(self, name, values):
+        """M9 ends both."""
+        self.coolant = 0 if name == "M9" else self.coolant | (MIST if name == "M7" else FLOOD)
+
     def do_once(self, name, values):
         """G4, G53, and G52: it takes back a shift that another program has left, or sets the tool in the spindle right."""
         if name == "G53" and not self.is_absolute:
@@ -222,6 +227,8 @@ class Controller:
             self._refuse_under_tip(name)
         if name == "G4" and values.get("p", -1.0) < 0:
             raise Complaint("a dwell without its time", "write G4 P seconds")
+        if name == "G4":
+            self._stand_still(name)
         if name == "G52":
             self._shift_zero(values)
 
@@ -394,7 +401,7 @@ class Controller:
         self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=name))
 
     def pass_over(self, name, values):
-        """Nothing that concerns the path: coolant, and G40, for G41 and G42 are refused."""
+        """Nothing that concerns the path: G40, for G41 and G42 are refused."""
 
     # moves ------------------------------------------------------------------------------------------
 
@@ -417,6 +424,8 @@ class Controller:
         if self.length_fault and (kind != Kind.RAPID or "z" in values and not self.is_machine_move):
             self._remark("wrong_length_offset", *self.length_fault)
             self.length_fault = None
+        if not self.is_machine_move:
+            self.used_offsets[self.wcs] = True
         end = self._machine_end(values) if self.is_machine_move else self._end(values)
         if kind != Kind.RAPID:
             self._require_known(start, end)
@@ -462,7 +471,7 @@ class Controller:
             start, end = self.tilted.out(np.array([start, end])).tolist()
         self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
                           self.turning * self.speed, self.tool, self.is_length_on, *machine, self.line,
-                          self.operation, self.path_tolerance_mm, self.speed_line, self.call_line))
+                          self.operation, self.path_tolerance_mm, self.speed_line, self.call_line, self.coolant))
         if self.rotaries:
             length_mm = self.tool_offsets[self.tool][2] if self.tool else self.tool_offset[2]
             self.joint_rows.extend((*self.turned_before, *self.turned, self.minutes, length_mm, *self.offset,
@@ -593,14 +602,15 @@ class Controller:
         """All moves as one value."""
         table = np.frombuffer(self.rows).reshape(-1, COLUMNS)
         (kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line, operation, tolerance,
-         speed_line, call_line) = np.split(table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23), axis=1)
+         speed_line, call_line, coolant) = np.split(
+            table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23, 24), axis=1)
         read = PostedMoves(
             kind=kind[:, 0], start_mm=start, end_mm=end, center_mm=center, plane=plane[:, 0], turns=turns[:, 0],
             feed_mm_per_min=feed[:, 0], spindle_rpm=speed[:, 0], tool=tool[:, 0],
             length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
             operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
             path_tolerance_mm=tolerance[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
-            remarks=tuple(self.remarks), stops=tuple(self.stops))
+            coolant=coolant[:, 0], work_offsets=tuple(self.used_offsets), remarks=tuple(self.remarks), stops=tuple(self.stops))
         return read.through_joints(self.chain, self._joint_blocks(start, end, machine)) if self.rotaries else read
 
     def _joint_blocks(self, start, end, machine):
@@ -636,7 +646,7 @@ ACTIONS = {
     "kinematics": Controller.switch_kinematics,
     "feed mode": Controller.set_feed_mode, "feed": Controller.set_feed, "speed": Controller.set_speed,
     "select tool": Controller.select_tool, "tool change": Controller.change_tool,
-    "spindle": Controller.turn_spindle, "coolant": Controller.pass_over,
+    "spindle": Controller.turn_spindle, "coolant": Controller.set_coolant,
     "plane": Controller.set_plane, "units": Controller.set_units,
     "cutter compensation": Controller.pass_over, "tool length": Controller.set_length,
     "work offset": Controller.set_wcs, "path control": Controller.set_path_control,

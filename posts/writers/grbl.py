@@ -14,6 +14,7 @@ from cuspline.values.errors import PostError
 EXTENSION = "nc"
 READER = "grbl_reader"
 TOOL_TABLE = None
+NEEDS_LENGTHS = True        # of tools: they stand in the program
 comment = in_brackets
 LENGTH_DECIMALS = {"mm": 5, "inch": 6}
 WORK_OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59")

@@ -51,7 +51,7 @@ def tool_table(tools, control):
 class _Haas(Dialect):
     """Its own words for path tolerance and home."""
 
-    point, end = ".", "M30"
+    point, end, coolants = ".", "M30", COOLANT_WORD
 
     def head(self, writer, program, file_number):
         """% and O-number, comments, then a known state."""
@@ -70,8 +70,7 @@ class _Haas(Dialect):
         writer.block("G53", "G0", "Z0.")
 
     def run(self, writer, operation):
-        writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
-        writer.block(COOLANT_WORD[operation.coolant])
+        super().run(writer, operation)
         if operation.coolant == "mist":
             writer.comment("MIST ON BY HAND")
 

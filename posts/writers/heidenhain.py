@@ -24,7 +24,6 @@ READER = "klartext_reader"
 TOOL_TABLE = "tool.t"
 PRESETS = {"G54": 1, "G55": 2, "G56": 3, "G57": 4, "G58": 5, "G59": 6}
 UNIT_WORD = {"mm": "MM", "inch": "INCH"}
-COOLANT_WORD = {"off": "M9", "mist": "M7", "flood": "M8"}
 ANGLE_DECIMALS = 5
 TOLERANCE_DECIMALS = 5
 LEAST_SIDE_MM = 1.0         # of BLK FORM, which the control draws and nothing else
@@ -170,7 +169,7 @@ class _Heidenhain(Dialect):
             writer.block("TOOL CALL", "Z", rpm)
             writer.rpm = rpm
         writer.block("M3")
-        writer.block(COOLANT_WORD[operation.coolant])
+        self.cool(writer, operation)
         writer.feed = None
 
     def approach(self, writer, start_mm):

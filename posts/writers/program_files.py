@@ -10,6 +10,7 @@ It is split at restart points, and among plain moves where the tool stands at th
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -35,6 +36,7 @@ LATER_BYTES = 160           # of the store: the header's verdict is longer than 
 class Dialect(ABC):
     """How one kind of control wants things written."""
 
+    coolants: Mapping = COOLANT_WORD        # words by name
     point: str                  # behind a number without decimals
     end: str                    # the word that ends the program
     variables: Variables | None = None      # of sub-programs; None: repeated passes go out move by move
@@ -63,6 +65,7 @@ class Dialect(ABC):
         """Spindle and coolant off."""
         writer.block("M5")
         writer.block("M9")
+        writer.coolant = "M9"
 
     def change_tool(self, writer, operation):
         """The operation's tool into the spindle, at the top of the machine."""
@@ -71,7 +74,15 @@ class Dialect(ABC):
     def run(self, writer, operation):
         """Spindle and coolant on."""
         writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
-        writer.block(COOLANT_WORD[operation.coolant])
+        self.cool(writer, operation)
+
+    def cool(self, writer, operation):
+        """The operation's coolant alone: a control may have both on at once."""
+        word = self.coolants[operation.coolant]
+        if "M9" not in (word, writer.coolant) and word != writer.coolant:
+            writer.block("M9")
+        writer.block(word)
+        writer.coolant = word
 
     def approach(self, writer, start_mm):
         """XY before Z, so that nothing is cut on the way."""
@@ -194,7 +205,7 @@ class _Files:
             self._close()
             self._open()
         before = self.writer.state()
-        self._begin(operation, number, is_alone=False, laid=laid)
+        self._begin(operation, number, is_alone=operation.is_from_top, laid=laid)
         self._enter(laid, 0)
         high = np.flatnonzero(self._heights_mm(operation, moves.starts_mm) >= 0)
         bounds = [0, *high[high > 0].tolist(), len(moves)]

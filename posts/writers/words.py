@@ -88,7 +88,7 @@ class Writer:
         self.helix_words = ()           # behind the centre of a helix
         self.here_mm = np.zeros(3)
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
-        self.plane, self.feed = Plane.XY, None
+        self.plane, self.feed, self.coolant = Plane.XY, None, "M9"
         self.rotaries = rotaries
         self.is_tip = False                             # under tool-centre-point control, or
         self.is_tilted = False                          # in a tilted plane

@@ -318,3 +318,11 @@ def test_posting_leaves_the_program_alone():
     for name, value in before.items():
         np.testing.assert_array_equal(getattr(planned, name), value)
     assert isinstance(planned, Moves)
+
+
+def test_mist_ends_flood_before_it_begins():
+    """M7 and M8 may be on at once."""
+    both = program(operation("rough", FLAT, roughing()), operation("again", FLAT, finishing(), coolant="mist"))
+    lines = blocks(post(both, MACHINES["mm"]).text)
+    assert lines[lines.index("M7") - 1] == "M9"
+    assert set(read("\n".join(lines)).coolant[-5:-1]) == {1}
