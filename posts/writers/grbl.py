@@ -62,6 +62,9 @@ class _Grbl(Dialect):
         writer.comment(f"PUT T{number} IN BY HAND BEFORE THIS FILE IS RUN")
         writer.block(f"T{number}")
 
+    def optional_stop(self, writer):
+        """Every tool has a file of its own."""
+
     def run(self, writer, operation):
         super().run(writer, operation)
         if operation.coolant == "mist":

@@ -180,7 +180,7 @@ class _Heidenhain(Dialect):
         super().foot(writer)
         writer.tail.append(f"END PGM {writer.name}")
 
-    def numbered(self, lines):
+    def numbered(self, lines, control):
         """Block numbers from 0; what goes on behind ~ has none."""
         out, number = [], 0
         for before, line in zip(["", *lines], lines):

@@ -26,9 +26,11 @@ from cuspline.posts.writers.sub_programs import (
 from cuspline.posts.writers.tilted_words import TiltedMoves
 from cuspline.posts.writers.tip_words import TipMoves
 from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines, in_brackets
+from cuspline.program.arcs import lowest_z_mm
 from cuspline.program.program import TILT_RAD, Plane
 from cuspline.values.errors import PostError
 
+LARGEST_NUMBER = 99999      # of a block
 HEIGHT_MM = 1e-6         # below the clearance height that is rounding
 LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
 
@@ -51,7 +53,9 @@ class Dialect(ABC):
 
     def writer(self, machine):
         """A Writer of this dialect."""
-        return Writer(machine, self.point, self.comment, machine.rotaries, self.planes)
+        writer = Writer(machine, self.point, self.comment, machine.rotaries, self.planes)
+        writer.number_bytes = len(f"N{LARGEST_NUMBER} ") if machine.control.block_numbers else 0
+        return writer
 
     @abstractmethod
     def head(self, writer, program, file_number):
@@ -117,9 +121,20 @@ class Dialect(ABC):
         self.up(writer)
         writer.block(self.end)
 
-    def numbered(self, lines):
-        """All lines of a file as the control wants them: with block numbers, where it does."""
-        return lines
+    def optional_stop(self, writer):
+        """Where the operator may look before the next tool, at the top of the machine."""
+        writer.block("M1")
+
+    def numbered(self, lines, control):
+        """All lines of a file as the control wants them: with block numbers, where its file says so."""
+        if not control.block_numbers:
+            return lines
+        out, number = [], 0
+        for line in lines:
+            is_block = line[:1] not in ("(", ";", "%", "O", "o", "N")
+            number = (number + control.block_numbers) % LARGEST_NUMBER if is_block else number
+            out.append(f"N{number} {line}" if is_block else line)
+        return out
 
     def sub_program(self, writer, label, comment, blocks):
         """Define a sub-program, in the lines or in the tail."""
@@ -169,6 +184,9 @@ class _Files:
         self.program, self.machine, self.dialect = program, machine, dialect
         has_subs = dialect.variables is not None and machine.control.sub_programs
         self.subs = SubPrograms(program, dialect.variables) if has_subs else None
+        if self.subs is not None and self.subs.templates and machine.control.block_numbers:
+            raise PostError(f"{machine.name}: block_numbers would stand among the numbers of restart points: leave them out, or "
+                            "write sub_programs = false")
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
         foot = dialect.writer(machine)
         dialect.foot(foot)
@@ -184,7 +202,7 @@ class _Files:
     def _close(self):
         self._leave_tip()
         self.dialect.foot(self.writer)
-        lines = self.dialect.numbered(self.writer.lines + self.writer.tail)
+        lines = self.dialect.numbered(self.writer.lines + self.writer.tail, self.machine.control)
         check_lines(lines, self.machine)
         self.texts.append("\n".join(lines) + "\n")
         self.arcs_as_lines += self.writer.arcs_as_lines
@@ -319,11 +337,14 @@ class _Files:
         self._check_heights(operation)
         self._leave_tip()
         writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
+        writer.comment(self._in_figures(operation, number))
         for line in laid.notes:
             writer.comment(line)
         if writer.tool != tool.number or is_alone:      # an operation with restart points brings all that it needs
             self.dialect.stop(writer)
             self.dialect.up(writer)
+            if self.machine.control.optional_stops and number > 1 and writer.tool is not None:
+                self.dialect.optional_stop(writer)
             if None in writer.turn_words:       # nobody knows where they stand: they turn while nothing is in the spindle
                 self._turn(laid.turned_deg[first], is_at_top=True)
             self.dialect.change_tool(writer, operation)
@@ -333,6 +354,18 @@ class _Files:
         self._turn(laid.turned_deg[first], is_at_top=None in writer.turn_words)
         self.dialect.run(writer, operation)
         writer.forget_position()
+
+    def _in_figures(self, operation, number):
+        """What the operator looks for: speed, feeds, lowest tip, in the control's unit; minutes, and those still to come."""
+        writer, feeds = self.writer, operation.moves.feed_mm_per_min
+        cuts = feeds[feeds > 0] if (feeds > 0).any() else np.zeros(1)
+        slow, fast = (writer.number(v * writer.scale, 1).lstrip("+") for v in (cuts.min(), cuts.max()))
+        words = [f"S{operation.spindle_rpm:.0f}", f"F{slow}" + (f" TO {fast}" if fast != slow else ""),
+                 "LOWEST TIP Z" + writer.length(lowest_z_mm(operation.moves), 3)]
+        times = [o.time_s for o in self.program.operations[number - 1:]]
+        if None not in times:
+            words += [f"{times[0] / 60:.1f} MIN", f"{sum(times) / 60:.1f} MIN LEFT"]
+        return ", ".join(words)
 
     def _turn(self, degrees, is_at_top):
         """Rotaries to their angles, at the top of the machine; all of them are named after a tool change."""

@@ -6,6 +6,7 @@ and review their diff like code.  None of these controls is at hand: what their 
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import known_passes
@@ -16,6 +17,7 @@ from small_program import FLAT, changed, operation, program, roughing
 from spoilt_words import BAD
 
 from cuspline.app import catalogue
+from cuspline.posts.writers import haas
 from cuspline.program.posted import PostedMoves
 from cuspline.program.program import Kind, Plane
 from cuspline.values.errors import PostError, ReadError
@@ -291,3 +293,50 @@ def test_templated_passes_go_out_move_by_move(name):
         np.testing.assert_allclose(cuts[name], cuts["linuxcnc"], atol=2e-4)
     else:
         assert len(cuts[name]) > len(cuts["linuxcnc"])
+
+
+# what an operator reads, and may ask for in the machine's file -----------------------------------------------
+
+
+ALL = {**MACHINES, "linuxcnc": catalogue.find_machine("mill_3axis"), "fanuc": catalogue.find_machine("mill_fanuc")}
+
+
+def timed(program_, *seconds):
+    return replace(program_, operations=tuple(replace(o, time_s=s) for o, s in zip(program_.operations, seconds)))
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_operation_says_its_speed_feeds_depth_and_time(name):
+    text = "".join(posted(ALL[name], timed(program(), 90.0, 36.0)).texts)
+    first, second = (re.sub(r"[+.](?=,|$| TO|\))", "", line) for line in re.findall("S8000, .*|S12000, .*", text))
+    assert re.match(r"S8000, F300 TO 1200, LOWEST TIP Z-0.135, 1.5 MIN, 2.1 MIN LEFT", first)
+    assert re.match(r"S12000, F150 TO 700\.[56], LOWEST TIP Z\+?0, 0.6 MIN, 0.6 MIN LEFT", second)
+    assert "MIN LEFT" not in "".join(posted(ALL[name], timed(program(), 90.0, None)).texts).split("OPERATION 2")[0]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_block_numbers_and_optional_stops_change_no_move(name):
+    plain = ALL[name]
+    numbered = changed(plain, block_numbers=10, optional_stops=True)
+    before, after = (joined(posted(m).texts, plain) for m in (plain, numbered))
+    for column in ("kind", "end_mm", "feed_mm_per_min", "tool"):
+        np.testing.assert_array_equal(getattr(before, column), getattr(after, column))
+    texts = posted(numbered).texts
+    numbers = [int(n) for text in texts for n in re.findall(r"(?m)^N(\d+) ", text)]
+    assert name == "heidenhain" or numbers[:3] == [10, 20, 30] and not re.search(r"(?m)^[GXYZTSM]", "".join(texts))
+    stops = [s for s in after.stops if s.word == "M1"]
+    assert len(stops) == (0 if name == "grbl" else 1)
+    for stop in stops:
+        assert after.machine_end_mm[stop.row - 1, 2] == plain.tool_change_height_mm and after.tool[stop.row - 1] == 3
+
+
+def test_block_numbers_begin_again_below_a_hundred_thousand():
+    lines = haas._Haas().numbered(["%", "O00101", "(A)", *1001 * ["G0 X1."]], changed(MACHINES["haas"], block_numbers=100).control)
+    numbers = [int(line[1:].split()[0]) for line in lines[3:]]
+    assert lines[:4] == ["%", "O00101", "(A)", "N100 G0 X1."] and max(numbers) <= 99999 and min(numbers) > 0
+
+
+def test_block_numbers_among_restart_points_are_refused():
+    mill = known_passes.machine("fanuc", block_numbers=10)
+    with pytest.raises(PostError, match="restart points"):
+        catalogue.find_post("fanuc").post(known_passes.program(), mill)
