@@ -86,10 +86,10 @@ class _Blocks(Writer):
         super().forget_position()
         self.pole = None
 
-    def _straight(self, motion, end_mm, feed):
+    def _straight(self, kind, end_mm, feed):
         words = self.words(end_mm)
         if words:
-            self.block("L", *words, *(("FMAX",) if motion == "G0" else self._feed(feed)))
+            self.block("L", *words, *(("FMAX",) if kind == Kind.RAPID else self._feed(feed)))
         self.here_mm = end_mm
 
     def _arc_words(self, end_mm, center_mm, plane):

@@ -27,7 +27,7 @@ from cuspline.posts.writers.tilted_words import TiltedMoves
 from cuspline.posts.writers.tip_words import TipMoves
 from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines, in_brackets
 from cuspline.program.arcs import lowest_z_mm
-from cuspline.program.program import TILT_RAD, Plane
+from cuspline.program.program import TILT_RAD, Kind, Plane
 from cuspline.values.errors import PostError
 
 LARGEST_NUMBER = 99999      # of a block
@@ -46,6 +46,7 @@ class Dialect(ABC):
     planes: tuple[Plane, ...] = tuple(Plane)    # in which the control runs arcs
     knows_rotaries = False                  # whether it writes rotary words
     holds_beside = False                    # whether it can shift the zero for a tool beside the spindle's axis
+    unnumbered = ("(", ";", "%", "O", "o", "N")     # how lines begin that get no block number
     one_tool_a_file = False                 # the control changes no tool: every tool has a file of its own
     tip_controls: tuple[str, ...] = ()      # words of Control.tip_control that it writes
     has_planes = False                      # indexed positions go out in tilted planes, where there is tip control
@@ -90,9 +91,10 @@ class Dialect(ABC):
 
     def approach(self, writer, start_mm):
         """XY before Z, so that nothing is cut on the way."""
-        writer.block("G0", *writer.words(start_mm, (0, 1)))
+        rapid = writer.motion_words[Kind.RAPID]
+        writer.block(rapid, *writer.words(start_mm, (0, 1)))
         before, after = writer.pending_z
-        writer.block(*before, "G0", *writer.words(start_mm, (2,)), *after)
+        writer.block(*before, rapid, *writer.words(start_mm, (2,)), *after)
         writer.pending_z = (), ()
 
     def length_on(self, writer, tool):
@@ -131,7 +133,7 @@ class Dialect(ABC):
             return lines
         out, number = [], 0
         for line in lines:
-            is_block = line[:1] not in ("(", ";", "%", "O", "o", "N")
+            is_block = not line.startswith(self.unnumbered)
             number = (number + control.block_numbers) % LARGEST_NUMBER if is_block else number
             out.append(f"N{number} {line}" if is_block else line)
         return out

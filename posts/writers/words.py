@@ -68,6 +68,7 @@ def behind_semicolon(text):
 class Writer:
     """Lines so far and the modal state that the control is in."""
 
+    motion_words, plane_words = MOTION_WORD, PLANE_WORD
     number_bytes = 0                # that a block number takes before a line, at most
 
     def __init__(self, machine, point="", comment=in_brackets, rotaries=(), planes=tuple(Plane)):
@@ -179,12 +180,12 @@ class Writer:
         if kind >= FIRST_ARC:
             self._curved(kind, end_mm, center_mm, Plane(plane), feed)
         else:
-            self._straight(MOTION_WORD[kind], end_mm, feed)
+            self._straight(kind, end_mm, feed)
 
-    def _straight(self, motion, end_mm, feed):
+    def _straight(self, kind, end_mm, feed):
         words = self.words(end_mm)
         if words:
-            self.block(*self._motion(motion), *words, *(self._feed(feed) if motion == "G1" else ()))
+            self.block(*self._motion(self.motion_words[kind]), *words, *(self._feed(feed) if kind == Kind.FEED else ()))
         self.here_mm = end_mm
 
     def _curved(self, kind, end_mm, center_mm, plane, feed):
@@ -198,7 +199,7 @@ class Writer:
         else:
             self.arcs_as_lines += 1
             for point in arc.chords(self.machine.control.path_tolerance_mm):
-                self._straight("G1", point, feed)
+                self._straight(Kind.FEED, point, feed)
 
     def _motion(self, word):
         """The motion word where it changes."""
@@ -246,7 +247,7 @@ class Writer:
 
     def _arc(self, kind, end_mm, center_mm, plane, feed):
         if plane != self.plane:
-            self.block(PLANE_WORD[plane])
+            self.block(self.plane_words[plane])
             self.plane = plane
         a, b, third = plane.axes
         _, _, offset = self._arc_words(end_mm, center_mm, plane)
@@ -257,7 +258,8 @@ class Writer:
         is_helix = abs(end_mm[third] - self.here_mm[third]) > 1e-9
         words = self.words(end_mm, [*sorted((a, b)), *([third] if is_helix else [])])
         centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
-        self.block(*self._motion(MOTION_WORD[kind]), *words, *centre, *(self.helix_words if is_helix else ()), *self._feed(feed))
+        more = self.helix_words if is_helix else ()
+        self.block(*self._motion(self.motion_words[kind]), *words, *centre, *more, *self._feed(feed))
         self.here_mm = end_mm
 
 

@@ -16,7 +16,7 @@ from cuspline.program.posted import PostedMoves
 from cuspline.program.program import Kind, Plane
 from cuspline.values.errors import InputError, ReadError
 
-POSTS = ("linuxcnc", "fanuc", "haas", "grbl", "siemens", "heidenhain")
+POSTS = ("linuxcnc", "fanuc", "haas", "grbl", "siemens", "heidenhain", "pmac")
 BY_NUMBER = {t.number: t for t in TOOLS}
 HEAD = "G21\nG17 G90 G91.1 G94 G40 G49 G80 G92.1\nG64 P0.0005 Q0\nG55\n(OPERATION 1: SLOT)\nG53 G0 Z0\nT3 M6\n" \
        "G43 H3\nS8000 M3\nM8\n"

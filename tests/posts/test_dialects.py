@@ -23,7 +23,7 @@ from cuspline.program.program import Kind, Plane
 from cuspline.values.errors import PostError, ReadError
 
 GOLD = Path(__file__).parent.parent / "gold"
-MACHINES = {name: catalogue.find_machine(f"mill_{name}") for name in ("haas", "grbl", "siemens", "heidenhain")}
+MACHINES = {name: catalogue.find_machine(f"mill_{name}") for name in ("haas", "grbl", "siemens", "heidenhain", "pmac")}
 INCH = {name: changed(m, units="inch", decimals_inch=6) for name, m in MACHINES.items()}
 PLANES = {"heidenhain": (Plane.XY,)}
 HELIX_ENDS = {"heidenhain": 4.0}        # IPA starts where start and centre were rounded to
