@@ -1,5 +1,6 @@
 """What one setup's planning has at hand: the part's faces and mesh, the machine, the shop's tools and speeds."""
 
+import math
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
@@ -8,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from cuspline.design.fixtures import placed_fixtures
-from cuspline.design.operations import Finishing
+from cuspline.design.operations import Clearing, Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import ROUND, choose_cutter, cutter_reach
@@ -105,7 +106,8 @@ class PlanningContext:
         self.plating_mm, self.magazine = design.finish.plating_mm, library
         self.library = library_within_skin(library, self.plating_mm) if self.plating_mm else library
         self.shop, self.tolerance_share, self.planned, self._shared = shop, tolerance_share, (), {}
-        self.operation = setup.operations[0] if len(setup.operations) == 1 else Finishing(steep_deg=STEEP_DEG)
+        alone = len(setup.operations) == 1 and not isinstance(setup.operations[0], Clearing)
+        self.operation = setup.operations[0] if alone else Finishing(steep_deg=STEEP_DEG)
         self.finish = _stricter(design.finish, Finishing(), tolerance_share)
         solid = brep.the_solid(design.solid, f"design {design.name}")
         self._faces_of_part = brep.faces_of(solid)
@@ -403,6 +405,12 @@ class PlanningContext:
 
 
 _PLANES = {name: SectionPlane.named(name) for name in ("ZX", "YZ")}
+
+
+def left_as_steep(operation, samples):
+    """(n,) bool: samples on what an operation leaves to others because it is steep."""
+    steepest = getattr(operation, "steepest_deg", 90.0)
+    return (samples.normal[:, 2] < fixed.cos(math.radians(steepest))) & (steepest < 90.0)
 
 
 def _stricter(finish, operation, tolerance_share):

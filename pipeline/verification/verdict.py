@@ -33,10 +33,10 @@ from cuspline.verification.reach import REACHABLE, drop_mesh
 from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
 from cuspline.verification.residuals import (
     LIMIT_MM,
+    Beside,
     Residuals,
     SampledFaces,
     default_spacing_mm,
-    reach_of,
     residuals,
     unreachable_places,
     weighted_percentile,
@@ -57,6 +57,7 @@ REPLAY_NODES = 30_000     # between them bounds over whole cells hold
 MESH_TRIANGLES = 500_000  # of the design: on a longer part they lie farther off, and the bounds say so
 COARSER = 10.0            # times the deviation: a mesh that tells how many triangles there will be
 DESIGN_PIN_MM = 1e-3      # radius of the pin that feels the design's height at a node
+SAME_DECIMALS = 6         # of a cosine: directions that look at a face as squarely
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -286,17 +287,18 @@ class _Clamping:
 def _laid_out(programs, solid, judging):
     """_Part, and a _Clamping of each program."""
     finish, ball_radius_mm, options, say = judging.finish, judging.ball_radius_mm, judging.options, judging.say
-    shapes = [[getattr(f, "shape", f) for f in p.faces] for p in programs]
-    required = [_indices(solid, faces) for faces in shapes]
+    exact = brep.faces_of(solid)
+    named = [_indices(solid, [getattr(f, "shape", f) for f in p.faces]) for p in programs]
+    required = judged_once(named, programs, exact)
     if ball_radius_mm <= finish.plating_mm:
         raise InputError(f"plating_mm {finish.plating_mm:g} is no thinner than the smallest ball, of radius "
                          f"{ball_radius_mm:g} mm: correct it")
     piece = metal = Workpiece(blank=judging.stock.shape)
     before, fitted = [], []
-    for program, faces in zip(programs, shapes):
+    for k, program in enumerate(programs):
         say(f"{program.setup.name}: index over {len(program.posted):,} moves")
         before.append(metal)
-        fitted.append(_fitted(options, faces, *metal.box_in(program.setup.frame), finish))
+        fitted.append(_fitted(options, _area_mm2(exact, k, named, programs), *metal.box_in(program.setup.frame), finish))
         paths = swept_paths(program.posted, judging.tools)
         metal = metal.after(program.setup.frame, paths)
         piece = piece.after(program.setup.frame, _as_plated(paths, finish))
@@ -304,20 +306,56 @@ def _laid_out(programs, solid, judging):
     if options.tessellation_mm is None:
         finest = _affordable_mm(solid, finest)
     say(f"triangles of the design within {finest:.4f} mm")
-    mesh, exact = tessellate(solid, finest), brep.faces_of(solid)
+    mesh = tessellate(solid, finest)
     say(f"samples of the faces, {len(mesh.triangles):,} triangles for their reach")
+    drops = [drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles) for p in programs]
+    beside = lambda k: tuple(Beside(cut=piece.cuts[j], drops=drops[j], cuts_too=np.isin(required[k], named[j]))
+                             for j in _positions_beside(k, programs) if set(required[k]) & set(named[j]))
     clampings = [_Clamping(number=k, program=p, options=o, required=chosen, before=found,
-                           sampled=SampledFaces(samples=sample_faces(faces, o.spacing_mm), spacing_mm=o.spacing_mm,
-                                       ground=Ground.of_faces([exact[i] for i in chosen]),
-                                       feeds=p.setup.frame.turn_out(np.nan_to_num(p.posted.end_mm - p.posted.start_mm)),
-                                       drops=drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles)))
-                 for k, (p, o, chosen, found, faces) in enumerate(zip(programs, fitted, required, before, shapes))]
+                           sampled=SampledFaces(samples=sample_faces([exact[i] for i in chosen], o.spacing_mm),
+                                                spacing_mm=o.spacing_mm, ground=Ground.of_faces([exact[i] for i in chosen]),
+                                                feeds=p.setup.frame.turn_out(np.nan_to_num(p.posted.end_mm - p.posted.start_mm)),
+                                                drops=drops[k], beside=beside(k)))
+                 for k, (p, o, chosen, found) in enumerate(zip(programs, fitted, required, before))]
     upright = all(is_height_field(c.paths) for c in piece.cuts)
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles,
                        judging.kept.of(stock_height_mm))
     return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece,
                  metal=metal, made=made, mesh=mesh,
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
+
+
+def judged_once(named, programs, faces):
+    """Which faces each program answers for: one that several positions of a clamping cut is judged by that
+    which looks at its middle most squarely.
+
+    A position that is best for none keeps all that it names: each has something to answer for.
+
+    Args:
+        named: [[index]] of the solid's faces, one list a program.   programs: SetupProgram.   faces: brep.Face of the solid.
+    Returns:
+        [[index]], each sorted as it was.
+    """
+    axes, kept = [p.setup.frame.rotation[:, 2] for p in programs], []
+    for k, mine in enumerate(named):
+        others = [j for j in _positions_beside(k, programs) if set(mine) & set(named[j])]
+        best = lambda i: max((j for j in (k, *others) if i in named[j]),
+                             key=lambda j: (round(float(fixed.matmul(faces[i].middle.normal[0], axes[j])), SAME_DECIMALS), -j))
+        kept.append([i for i in mine if best(i) == k] or mine)
+    return kept
+
+
+def _positions_beside(k, programs):
+    """Numbers of the other programs in the clamping of the k-th."""
+    first = [j for j in range(k + 1) if not programs[j].setup.indexed][-1:] or [0]
+    last = next((j for j in range(k + 1, len(programs)) if not programs[j].setup.indexed), len(programs))
+    return [j for j in range(first[0], last) if j != k]
+
+
+def _area_mm2(faces, k, named, programs):
+    """Of the faces that the k-th program's clamping cuts in any position."""
+    together = set(named[k]).union(*(named[j] for j in _positions_beside(k, programs)))
+    return sum(face_area_mm2(faces[i].shape) for i in together)
 
 
 def _as_plated(paths, finish):
@@ -404,7 +442,7 @@ def _excess_proof(part, c, found):
     own, d, allowed = part.piece.cuts[c.number], found.deviation_mm, allowed_mm(part.finish)
     others = [cut for cut in part.piece.cuts if cut is not own]
     fine = found.is_reachable & (d <= allowed + NOISE_MM)
-    reach = lambda p, n: reach_of(p, n, own, c.drops, part.closest, part.ball_radius_mm) == REACHABLE
+    reach = lambda p, n, face: c.sampled.reach(own, p, n, face, part.closest, part.ball_radius_mm) == REACHABLE
     return prove_excess(c.sampled.ground, [own, *others], d[fine].max(initial=0.0), allowed,
                         lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach,
                         area_mm2=rounded(c.samples.weight_mm2.sum()))
@@ -423,10 +461,10 @@ def _indices(solid, faces):
     return found
 
 
-def _fitted(options, faces, low, high, finish):
-    """Options with every None replaced."""
+def _fitted(options, area_mm2, low, high, finish):
+    """Options with every None replaced; the area is that of all faces of the clamping."""
     plan = float(np.prod((high - low)[:2]))
-    fit = {"spacing_mm": default_spacing_mm(sum(face_area_mm2(f) for f in faces)) / options.finer,
+    fit = {"spacing_mm": default_spacing_mm(area_mm2) / options.finer,
            "solid_pitch_mm": float(np.clip(np.sqrt(plan / SOLID_NODES), 0.05, 1.0)) / options.finer,
            "replay_pitch_mm": float(np.clip(np.sqrt(plan / REPLAY_NODES), 0.1, 1.0)),
            "tessellation_mm": float(np.clip(finish.profile_tolerance_mm, 0.002, 0.01))}
