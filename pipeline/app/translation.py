@@ -99,6 +99,7 @@ def translated(text, *, name, source, target, tools=None):
     back = PostedMoves.joined([_read(t, target, tools) for t in posted.texts], [t.count("\n") for t in posted.texts])
     notes = [f"line {moves.line[min(r.row, len(moves) - 1)]}: {r.advice}" for r in moves.remarks if r.kind == "unknown_start"]
     notes += _compared(moves, back, target.control, posted.arcs_as_lines)
+    notes += _looser(moves, back, target)
     return Translation(texts=posted.texts, extension=catalogue.find_post(target.control.post).EXTENSION, notes=tuple(notes))
 
 
@@ -191,6 +192,15 @@ def _pieces(moves, row):
     ends[:, third] = start[third] + share * (end[third] - start[third])
     ends[-1] = end
     return ends, np.tile(center, (count, 1)), np.full(count, row)
+
+
+def _looser(moves, back, target):
+    """A note where the new control may leave the path farther than the program had it; NaN is what parameters say."""
+    was = moves.path_tolerance_mm[moves.kind != Kind.RAPID].min()
+    now = np.nan_to_num(back.path_tolerance_mm[back.kind != Kind.RAPID], nan=target.control.path_tolerance_mm).max()
+    if now > was * (1 + SAME_MM):
+        return [f"the new control may leave the path by {now:g} mm, the program allowed {was:g} mm in places"]
+    return []
 
 
 # comparison --------------------------------------------------------------------------------------------

@@ -30,6 +30,7 @@ BY_NAME = {
     **named_codes("non-modal", "G53"),
     **named_codes("non-modal", "G92.1", says="axis offset"),
     **named_codes("plane", "G17", "G18", "G19"),
+    **named_codes("kinematics", "M428", "M429"),
     **named_codes("units", "G20", "G21"),
     **named_codes("cutter compensation", "G40"),
     **named_codes("tool length", "G43", takes="h"),
@@ -43,8 +44,9 @@ BY_NAME = {
     **named_codes("tool change", "M6"),
     **named_codes("coolant", "M7", "M8", "M9"),
 }
-SAME = {name for name in BY_NAME if name not in ("G20", "G21", "G43", "G49", "G53", "G92.1", "G642")}
+SAME = {name for name in BY_NAME if name not in ("G20", "G21", "G43", "G49", "G53", "G92.1", "G642", "M428", "M429")}
 UNITS = {"G700": 20.0, "G710": 21.0}
+TIP = {"TRAORI": ("m", 428.0), "TRAFOOF": ("m", 429.0)}
 SMOOTHING = ("G60", "G64", "G641", "G642", "G643", "G645")
 ADVICE = {"G70": "F would stay in the basic system: write G700", "G71": "F would stay in the basic system: write G710",
           "G53": "write SUPA, which leaves out the basic frames too", "G153": "write SUPA, which leaves out the basic frames too",
@@ -66,21 +68,36 @@ def _change_tool(controller, name, values):
     controller.unsaid.add("tool length")
 
 
+def _switch_kinematics(controller, name, values):
+    """Frames are to be named again behind TRAORI and TRAFOOF."""
+    controller.switch_kinematics(name, values)
+    controller.unsaid.add("work offset")
+
+
+def _set_wcs(controller, name, values):
+    """The one in force may be named again, whatever transformation is on."""
+    if name != controller.wcs:
+        controller.set_wcs(name, values)
+
+
 RULES = Rules(code_of=finder(BY_NAME, {}), modes=frozenset(UNSAID) - {"canned cycle", "local zero", "arc distance"},
               takes_own_length=False, moves_z_alone=False, path_tolerance_mm=nan, bounds=(BOUNDS, BOUNDS),
               words={"tool length": ("D1", "which tool length is in force"),
                      "path control": ("G642 CTOL", "how far the control may leave the path"),
                      "axis offset": ("TRANS", "whether a programmed frame shifts the zero")},
-              actions={"path control": _smooth, "tool change": _change_tool})
+              actions={"path control": _smooth, "tool change": _change_tool, "kinematics": _switch_kinematics,
+                       "work offset": _set_wcs})
 
 
-def read_program(text, *, work_offsets, tool_lengths):
+def read_program(text, *, work_offsets, tool_lengths, chain=None):
     """The moves of a Sinumerik program.
 
     Args:
         text: the whole program.
         work_offsets: {"G54": (x, y, z)} machine coordinates of each WCS origin, mm.
         tool_lengths: {number: length of the first cutting edge, mm}.
+        chain: kinematics.Chain of a machine with rotary axes, see rs274_reader; under TRAORI X Y Z are the tip, in axes that go
+            with the table from where it stands with the rotaries at 0.
     Returns:
         PostedMoves.
     Raises:
@@ -92,7 +109,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     ([13.0, 2.0, 3.0], [11.0, 2.0, 3.0], [2, 3, 4])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain)
     end = controller.run(_Channel(controller).executed(blocks))
     if end is None:
         raise refusal(Complaint("the text stops without a program end", "end it with M30"), blocks[-1])
@@ -105,6 +122,7 @@ class _Channel:
 
     def __init__(self, controller):
         self.controller = controller
+        self.is_evenly = False                  # ORIAXES: rotary axes run evenly under TRAORI
         self.is_cip = False                     # circles through a point between, until another motion code
         self.smoothing, self.contour, self.distance = "", nan, nan      # G642 and its like; CTOL; ADIS
 
@@ -128,6 +146,11 @@ class _Channel:
         words = [word for (letter, number), name in zip(said.codes, names) for word in self._code(letter.lower(), number, name)]
         words += self._path_control(names, values)
         words += self._tool(values, "M6" in names)
+        words += [TIP[keyword] for keyword in said.keywords if keyword in TIP]
+        self.is_evenly |= "ORIAXES" in said.keywords
+        if self.controller.is_tip and not self.is_evenly and {"A", "B", "C"} & values.keys():
+            raise Complaint("rotary axes under TRAORI without ORIAXES: between its ends the tool may lean another way",
+                            "write ORIAXES behind TRAORI")
         if "TRANS" in said.keywords:
             words += self._no_frame(said)
         if "SUPA" in said.keywords:

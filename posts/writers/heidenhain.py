@@ -14,7 +14,7 @@ import re
 import numpy as np
 
 from cuspline.posts.writers.program_files import Dialect, posted
-from cuspline.posts.writers.words import INCH_MM, Writer, behind_semicolon
+from cuspline.posts.writers.words import ARC_RADIUS_MISMATCH_MM, INCH_MM, Writer, behind_semicolon
 from cuspline.program.program import Kind, Plane
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PostError
@@ -24,7 +24,7 @@ READER = "klartext_reader"
 TOOL_TABLE = "tool.t"
 PRESETS = {"G54": 1, "G55": 2, "G56": 3, "G57": 4, "G58": 5, "G59": 6}
 UNIT_WORD = {"mm": "MM", "inch": "INCH"}
-ANGLE_DECIMALS = 5
+ANGLE_DECIMALS = 4
 TOLERANCE_DECIMALS = 5
 LEAST_SIDE_MM = 1.0         # of BLK FORM, which the control draws and nothing else
 TABLE = (("T", 8), ("NAME", 32), ("L", 14), ("R", 14), ("R2", 14), ("DL", 8), ("DR", 8))
@@ -97,6 +97,12 @@ class _Blocks(Writer):
         a, b, _ = plane.axes
         start, end, _ = super()._arc_words(end_mm, center_mm, plane)
         return start, end, [self.rounded_mm(center_mm[k]) - s for k, s in zip((a, b), start)]
+
+    def _arc_is_accepted(self, end_mm, center_mm, plane):
+        """A helix ends where its angle leads, which is rounded too."""
+        radius_mm = math.dist(self.here_mm[:2], center_mm[:2])
+        return (super()._arc_is_accepted(end_mm, center_mm, plane)
+                and radius_mm * math.radians(0.5 * 10.0 ** -ANGLE_DECIMALS) < ARC_RADIUS_MISMATCH_MM)
 
     def _arc(self, kind, end_mm, center_mm, plane, feed):
         a, b, third = plane.axes

@@ -66,6 +66,10 @@ class Dialect(ABC):
     def up(self, writer):
         """The spindle to the top of the machine."""
 
+    def in_machine(self, writer, *words):
+        """A rapid in machine coordinates: of the spindle nose without tool length, or of rotary axes."""
+        writer.block("G53", "G0", *words)
+
     def stop(self, writer):
         """Spindle and coolant off."""
         writer.block("M5")
@@ -379,7 +383,7 @@ class _Files:
             writer.turn_words = before
             words = writer.turned(degrees)
         if words:
-            writer.block("G53", "G0", *words)
+            self.dialect.in_machine(writer, *words)
 
     def _heights_mm(self, operation, places_mm):
         """(n,) how far places are above the height from which rapids across run: along Z, or the axis of an indexed position."""

@@ -48,7 +48,7 @@ def test_every_control_gets_the_moves_of_every_other(source, target):
     assert np.array_equal(before.kind[here], after.kind[there])
     off = np.abs(before.end_mm[here] - after.end_mm[there]).max()
     if "heidenhain" not in (source, target):        # whose helices end by an angle
-        assert off < 1e-9 and done.notes == ()
+        assert off < 1e-9 and [note for note in done.notes if "leave the path" not in note] == []
     assert off < 3e-4
     for column in ("tool", "spindle_rpm", "coolant", "feed_mm_per_min"):
         if column != "coolant" or "haas" not in (source, target):       # which has no mist

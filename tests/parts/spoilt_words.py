@@ -110,7 +110,7 @@ BAD = {
         ("X20 ", "G41 X20 ", "compensated path"),
         ("X20 ", "/X20 ", "block delete"),
         ("X20 ", "(X20) ", "no word"),
-        ("X20 ", "A20 ", 'unknown word "A"'),
+        ("X20 ", "A20 ", "no code in this block uses A"),
         ("G1 Z0.3333", "CIP Z0.3333", "one line"),
         ("G0 Z30\n", "SUPA G0 Z30\n", "write D0"),
         ("G0 Z12", 'G0 Z12 "', "without its fellow"),
