@@ -200,18 +200,21 @@ def _verified(folder, measured, post, accept):
 
 @app.command()
 def restart(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
-            point: Annotated[Optional[str], typer.Argument(help="restart point, as N2003; none: list them")] = None,
+            point: Annotated[Optional[str], typer.Argument(
+                help="restart point, as N2003, or an operation, as OP3; none: list them")] = None,
             to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
-    """Begin a program of repeated passes at one of its restart points."""
-    from cuspline.posts.restart import restart_points, restarted
+    """Begin a program at one of its operations, or of the restart points among repeated passes."""
+    from cuspline.posts.restart import operations_of, restart_points, restarted, restarted_at_operation
     text = text_of(program, "program", encoding="ascii", largest_bytes=LARGEST_PROGRAM_BYTES)
     if point is None:
-        print(" ".join(f"N{k}" for k in restart_points(text)) or "no restart points")
+        points = [*(f"OP{k}" for k in operations_of(text)), *(f"N{k}" for k in restart_points(text))]
+        print(" ".join(points) or "no restart points")
         return
-    digits = point.upper().removeprefix("N")
+    is_operation = point.upper().startswith("OP")
+    digits = point.upper().removeprefix("OP" if is_operation else "N")
     if not digits.isdecimal() or not digits.isascii() or len(digits) > 9:
-        raise InputError(f"restart point {shortened(point)}: write it as in the program, such as N2003")
-    begun = restarted(text, int(digits))
+        raise InputError(f"restart point {shortened(point)}: write it as in the program, such as N2003, or OP3")
+    begun = (restarted_at_operation if is_operation else restarted)(text, int(digits))
     if to is None:
         print(begun, end="")
         return

@@ -360,6 +360,7 @@ class _Files:
         self._turn(laid.turned_deg[first], is_at_top=None in writer.turn_words)
         self.dialect.run(writer, operation)
         writer.forget_position()
+        writer.plane = writer.feed = None       # a program may begin here
 
     def _in_figures(self, operation, number):
         """What the operator looks for: speed, feeds, lowest tip, in the control's unit; minutes, and those still to come."""

@@ -13,14 +13,15 @@ import known_passes
 import numpy as np
 import pytest
 from random_programs import LENGTHS, WCS, assert_reads_as, random_program
-from small_program import FLAT, changed, operation, program, roughing
+from small_program import BALL, FLAT, changed, finishing, operation, program, roughing
 from spoilt_words import BAD
 
 from cuspline.app import catalogue
+from cuspline.posts import restart
 from cuspline.posts.writers import haas
 from cuspline.program.posted import PostedMoves
 from cuspline.program.program import Kind, Plane
-from cuspline.values.errors import PostError, ReadError
+from cuspline.values.errors import InputError, PostError, ReadError
 
 GOLD = Path(__file__).parent.parent / "gold"
 MACHINES = {name: catalogue.find_machine(f"mill_{name}") for name in ("haas", "grbl", "siemens", "heidenhain", "pmac")}
@@ -341,3 +342,25 @@ def test_block_numbers_among_restart_points_are_refused():
     mill = known_passes.machine("fanuc", block_numbers=10)
     with pytest.raises(PostError, match="restart points"):
         catalogue.find_post("fanuc").post(known_passes.program(), mill)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_program_begins_at_any_operation_that_brings_its_tool(name):
+    machine = ALL[name]
+    told = program(operation("rough", FLAT, roughing()), operation("again", FLAT, finishing(), 5000),
+                   operation("finish", BALL, roughing()), operation("last", FLAT, finishing()))
+    for whole in posted(machine, told).texts:
+        before, points = read(whole, machine), restart.operations_of(whole)
+        for point in points:
+            after = read(restart.restarted_at_operation(whole, point), machine)
+            assert after.remarks == () and after.operations == before.operations[-len(after.operations):]
+            rows = np.flatnonzero(np.isin(before.operation, [before.operations.index(o) for o in after.operations]))
+            rows, mine = (r[m.kind[r] != Kind.RAPID] for r, m in ((rows, before), (np.arange(len(after)), after)))
+            for column in ("kind", "end_mm", "center_mm", "plane", "feed_mm_per_min", "tool", "spindle_rpm", "coolant"):
+                np.testing.assert_array_equal(getattr(before, column)[rows], getattr(after, column)[mine])
+        if name != "grbl":
+            assert points == [1, 3, 4]
+            with pytest.raises(InputError, match="operation 2 goes on with the tool that is in: it can begin at OP1, OP3, OP4"):
+                restart.restarted_at_operation(whole, 2)
+    with pytest.raises(InputError, match="operation 9 is not in this program"):
+        restart.restarted_at_operation(whole, 9)
