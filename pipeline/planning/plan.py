@@ -81,7 +81,8 @@ def _posted_operation(planned, plan):
     """An operation seen from its clamping's WCS; in an indexed position its axis leans, and its arcs are chords."""
     setup, turn = plan.setup, plan.setup.turn
     into = lambda points: setup.clamped_frame.into(turn.out(points))
-    same = {"name": planned.name, "tool": planned.tool, "spindle_rpm": planned.rpm, "coolant": planned.coolant}
+    same = {"name": planned.name, "tool": planned.tool, "spindle_rpm": planned.rpm, "coolant": planned.coolant,
+            "time_s": planned.facts.get("time_s")}
     if not setup.indexed:
         return Operation(**same, moves=_moved(planned.moves, into), passes=_shifted(planned.passes, into))
     moves = straightened(planned.moves, CHORD_SHARE * plan.context.machine.control.path_tolerance_mm)

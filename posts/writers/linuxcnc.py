@@ -54,7 +54,7 @@ def tool_table(tools, control):
 class _LinuxCNC(Dialect):
     """O-words; #1 to #30 are a call's own."""
 
-    point, end, knows_rotaries = "", "M2", True
+    point, end, knows_rotaries, holds_beside = "", "M2", True, True
     variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
     tip_controls, tip_rapid = tuple(TIP), "G1"
 
