@@ -56,6 +56,7 @@ FINEST_MM = 2e-4          # the finest that they are asked for
 SOLID_NODES = 40_000      # of the second verifier's grid: it holds against the first what no finer grid would show better
 REPLAY_NODES = 30_000     # between them bounds over whole cells hold
 MESH_TRIANGLES = 500_000  # of the design: on a longer part they lie farther off, and the bounds say so
+PARTS = 4                 # of a cell's side between its nodes, where all cuts came along the tool; cubes are no finer than cells
 COARSER = 10.0            # times the deviation: a mesh that tells how many triangles there will be
 DESIGN_PIN_MM = 1e-3      # radius of the pin that feels the design's height at a node
 SAME_DECIMALS = 6         # of a cosine: directions that look at a face as squarely
@@ -498,7 +499,7 @@ def _found_stock(part, c, tools):
     zmap = ZMap.over(low, high, c.options.replay_pitch_mm)
     return FoundStock(min_mm=low, max_mm=high, pitch_mm=c.options.replay_pitch_mm,
                       top_mm=None if before.fills_box_in(frame) else before.heights_mm(frame, zmap.xy_mm).reshape(zmap.shape),
-                      within_mm=partial(before.highest_within_mm, frame),
+                      within_mm=partial(before.highest_within_mm, frame), parts=PARTS if before.is_cut_along(frame) else 1,
                       within_before=lambda row: _within_before(c, tools, row),
                       standing_before=lambda row: partial(_stock_before(c, tools, row).standing_mm, frame),
                       is_stock=lambda points: before.is_stock(frame.out(points)),
