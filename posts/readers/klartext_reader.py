@@ -195,7 +195,7 @@ class _Tnc:
 
     def _center(self, rest):
         places = path_words(rest).places
-        if len(path_words(rest).places) != len(rest) or places.keys() != {"X", "Y"}:
+        if len(places) != len(rest) or places.keys() != {"X", "Y"}:
             raise Complaint("a circle centre that is not given by X and Y",
                             "write both; circles outside their plane as chords, for which sense DR has there is not certain")
         self.pole = places["X"], places["Y"]
