@@ -132,6 +132,7 @@ def _made(order, work, say):
         return _finished(order, work, inputs, None)
     if not design.setups:
         return _measured(order, work, inputs, shape, say)
+    off, _ = _measured_solid(order, work, say)
     kept, tell = kept_beside(order.out), lambda text: say(f"{design.name}: {text}")
     plans = _planned(order, say)
     trial = _Trial(order=order, work=work, inputs=inputs, kept=kept, tell=tell)
@@ -154,7 +155,7 @@ def _made(order, work, say):
         bundle = report_bundle(order, work, job, judged, verify, view_of(solid), inputs)
         _, without = write_report(bundle, work)
         left_out = "; ".join(words for words in (left_out, without) if words)
-    result = _finished(order, work, inputs, job, judged.refused(order.accepted), left_out)
+    result = _finished(order, work, inputs, job, (*off, *judged.refused(order.accepted)), left_out)
     return replace(result, figures=judged.figures_in_words, accepted=judged.passed_over(order.accepted))
 
 
@@ -167,7 +168,18 @@ def _with_files(design, work):
 
 def _measured(order, work, inputs, shape, say):
     """A design without setups: its solid as read back from STEP is measured, nothing is planned."""
+    refused, count = _measured_solid(order, work, say)
+    say(f"{order.design.name}: pictures")
+    left_out = render_shape(shape, work)
+    told = (f"solid {'CHECKED' if not refused else 'REJECTED'}, {count} figures kept; no setup, so nothing is planned or posted")
+    return replace(_finished(order, work, inputs, None, refused, left_out), told=told)
+
+
+def _measured_solid(order, work, say):
+    """solid.json and drawings of a design that is measured: (findings that are not accepted, "k of n")."""
     design = order.design
+    if design.measure is None:
+        return (), ""
     say(f"{design.name}: solid read back from STEP and measured")
     report = design.measure(design.solid)
     off = tuple(f for f in report.figures if not f.is_kept)
@@ -181,11 +193,7 @@ def _measured(order, work, inputs, shape, say):
         "figures": [{**asdict(f), "ok": f.is_kept} for f in report.figures], **report.facts})
     if design.draw is not None:
         design.draw(work)
-    say(f"{design.name}: pictures")
-    left_out = render_shape(shape, work)
-    told = (f"solid {'CHECKED' if not refused else 'REJECTED'}, {len(report.figures) - len(off)} of {len(report.figures)} "
-            "figures kept; no setup, so nothing is planned or posted")
-    return replace(_finished(order, work, inputs, None, refused, left_out), told=told)
+    return refused, f"{len(report.figures) - len(off)} of {len(report.figures)}"
 
 
 def _planned(order, say):

@@ -15,7 +15,13 @@ from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import ROUND, choose_cutter, cutter_reach
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
-from cuspline.planning.tool_depth import ShortToolDropper, clear_tips_mm, is_clear_above, missing_stick_out_mm
+from cuspline.planning.tool_depth import (
+    ShortToolDropper,
+    clear_tips_mm,
+    is_clear_above,
+    missing_stick_out_mm,
+    missing_stick_outs_mm,
+)
 from cuspline.program.program import UPRIGHT, Kind, Moves
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.shop.cutters import Tool
@@ -358,9 +364,9 @@ class PlanningContext:
             PlanError, CutterDoesNotFit: the library has none; lists each with its reason.
         """
         tools = self.tools(*(types if self.operation.wish else types[:1]))
-        choose = lambda tightest_mm: choose_cutter(
-            self.operation.title, tools, self.samples, tightest_mm, self.mesh,
-            None if isinstance(self.operation.tool_axis, ClearingAxis) else self.practice.rough_allowance_mm, self.finishing_work())
+        looked = {t.number: self._reached_with(t) for t in tools}
+        choose = lambda tightest_mm: choose_cutter(self.operation.title, tools, self.samples, tightest_mm,
+                                                   lambda tool: looked[tool.number], self.finishing_work())
         if self.operation.wish:
             return choose(np.inf)
         try:
@@ -369,6 +375,23 @@ class PlanningContext:
             with suppress(CutterDoesNotFit):
                 return choose(np.inf)
             raise error from None
+
+    def _reached_with(self, tool):
+        """((n,) bool: which samples a tool reaches, the stick-out that it lacks there, mm).
+
+        Where the axis turns out of the way nothing is lacking; what is left as steep to other positions, what the holder keeps
+        this tool from is left to them too.
+        """
+        reach, standing = cutter_reach(self.samples, self.mesh, tool.cutter), self.practice.rough_allowance_mm
+        if isinstance(self.operation.tool_axis, ClearingAxis):
+            return reach.is_reached, 0.0
+        if getattr(self.operation, "steepest_deg", 90.0) == 90.0:
+            return reach.is_reached, missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], self.mesh, standing)
+        own = reach.is_reached & ~left_as_steep(self.operation, self.samples)
+        missing = missing_stick_outs_mm(tool, reach.tip_mm[own], self.mesh, standing)
+        clear = own.copy()
+        clear[own] = missing <= 0.0
+        return clear, 0.0 if clear.any() else float(missing.max(initial=0.0))
 
     def speeds(self, tool, is_rough):
         """(rpm, cutting feed) of a tool in this material."""

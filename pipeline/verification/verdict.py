@@ -8,6 +8,7 @@ import numpy as np
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
+from cuspline.design.design import by_clamping
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.tessellation import Tessellation, tessellate
 from cuspline.replay.clearance import ClearanceTree
@@ -347,9 +348,9 @@ def judged_once(named, programs, faces):
 
 def _positions_beside(k, programs):
     """Numbers of the other programs in the clamping of the k-th."""
-    first = [j for j in range(k + 1) if not programs[j].setup.indexed][-1:] or [0]
-    last = next((j for j in range(k + 1, len(programs)) if not programs[j].setup.indexed), len(programs))
-    return [j for j in range(first[0], last) if j != k]
+    numbers = iter(range(len(programs)))
+    together = [[next(numbers) for _ in held] for held in by_clamping(programs)]
+    return [j for held in together if k in held for j in held if j != k]
 
 
 def _area_mm2(faces, k, named, programs):
