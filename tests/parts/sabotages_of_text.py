@@ -113,7 +113,8 @@ def g80_missing(sheet, rng):
 @sabotage()
 def plane_missing(sheet, rng):
     arcs = sheet.moves.kind > Kind.FEED
-    is_said_again = any(re.search(r"G1[789]", sheet.line(k)) for k in sheet.moves.line[arcs])
+    is_said_again = (len(lines_with(sheet, r"\bG17\b(?!\.)")) > 1
+                     or any(re.search(r"G1[789]", sheet.line(k)) for k in sheet.moves.line[arcs]))
     return None if is_said_again else word_gone(sheet, "G17", first(sheet, arcs))
 
 
