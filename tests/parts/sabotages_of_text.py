@@ -376,17 +376,13 @@ def feed_of_nothing(sheet, rng):
 
 @sabotage()
 def inverse_time(sheet, rng):
-    """G93 for G94: Fanuc's reader does not know it, LinuxCNC wants F in every cutting block."""
+    """G93 for G94 wants F in every cutting block."""
     line = lines_with(sheet, r"\bG94\b")[0]
     bare = cutting(sheet) & ~named(sheet, "F")
-    if sheet.is_fanuc:
-        where = (line, line), (0, 0)
-    elif bare.any():
-        where = first(sheet, bare)
-    else:
+    if not bare.any():
         return None
     return Spoilt(content=sheet.with_line(line, sheet.line(line).replace("G94", "G93")),
-                  expected=at(REFUSED, where, words="G93"))
+                  expected=at(REFUSED, first(sheet, bare), words="G93"))
 
 
 # places -----------------------------------------------------------------------------------------------------
@@ -507,8 +503,8 @@ def another_plane(sheet, rng):
     if said:
         text = sheet.with_line(line, sheet.line(line).replace(said[0], "G17"))
     else:
-        header = lines_with(sheet, r"\bG17\b")[0]
-        text = sheet.with_line(header, sheet.line(header).replace("G17", "G19"))
+        plane = [k for k in lines_with(sheet, r"\bG17\b") if k < line][-1]
+        text = sheet.with_line(plane, sheet.line(plane).replace("G17", "G19"))
     return Spoilt(content=text, expected=at(REFUSED, where))
 
 
