@@ -14,7 +14,7 @@ import re
 
 import numpy as np
 
-from cuspline.posts.writers.program_files import Dialect, posted
+from cuspline.posts.writers.program_files import Dialect, planes_of, posted
 from cuspline.posts.writers.words import ARC_RADIUS_MISMATCH_MM, INCH_MM, Writer, behind_semicolon
 from cuspline.program.program import Kind, Plane
 from cuspline.values import fixed_math as fixed
@@ -144,7 +144,7 @@ class _Heidenhain(Dialect):
     point, end, comment = "", "M30", staticmethod(comment)
 
     def writer(self, machine):
-        return _Blocks(machine, self.point, self.comment, machine.rotaries, self.planes)
+        return _Blocks(machine, self.point, self.comment, machine.rotaries, planes_of(machine.control))
 
     def head(self, writer, program, file_number):
         """Name and unit, comments, the blank for the control's picture, then a known state."""

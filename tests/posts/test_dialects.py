@@ -368,3 +368,15 @@ def test_a_program_begins_at_any_operation_that_brings_its_tool(name):
                 restart.restarted_at_operation(whole, 2)
     with pytest.raises(InputError, match="operation 9 is not in this program"):
         restart.restarted_at_operation(whole, 9)
+
+
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("planes", [("XY",), ()])
+def test_a_control_without_arcs_in_a_plane_gets_chords_there(name, planes):
+    machine = changed(ALL[name], arc_planes=planes)
+    texts = posted(machine).texts
+    moves = joined(texts, machine)
+    arcs = moves.kind >= Kind.ARC_CW
+    assert arcs.any() == bool(planes) and set(moves.plane[arcs]) <= {Plane.XY}
+    chords = np.flatnonzero((moves.kind == Kind.FEED) & (moves.feed_mm_per_min == 900) & (moves.operation == 0))
+    assert len(chords) > 60 and not re.search(r"G18\b", "".join(texts))
