@@ -16,6 +16,7 @@ from cuspline.kernel import brep
 from cuspline.planning.positions import directions, positions
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import DesignError
 from cuspline.values.frames import Frame
 
 MACHINE = "mill_a_on_b"
@@ -23,7 +24,6 @@ TOWARDS_TABLE_DEG = 45.0    # from square to the shaft towards the table, at the
 SEEN_DEG = 58.0             # between the faces' normals and the tool where positions are chosen
 CUT_DEG = 62.0              # and where they are cut: positions overlap
 PLACES = 1500               # of a blade, that are looked at
-ARBOR_MM = 280.0            # from the hub to the table
 ARBOR_SHARE = 0.85          # of the hub's diameter
 GAP_MM = 0.5                # between hub and arbor: the casting's skin, faced before
 NEARLY = 1e-11              # unit vectors in setups have so many decimals
@@ -65,8 +65,11 @@ def _names(blade):
 def _setup(k, j, way, made, p):
     """Position j of blade k, both from 0."""
     frame = Frame.along(way)
-    fore = made.hub.ends_mm[0]
-    arbor = FixtureCylinder(name="arbor", from_mm=(fore - ARBOR_MM, 0, 0), to_mm=(fore - p.skin_mm - GAP_MM, 0, 0),
+    fore, table = made.hub.ends_mm[0], -p.arbor_mm
+    if table >= fore - p.skin_mm - GAP_MM:
+        raise DesignError(f"the hub begins {-fore:.1f} mm before the propeller's centre, the table's face stands {p.arbor_mm:g} mm "
+                          "before it: enlarge arbor_mm, on a machine whose table stands so far away")
+    arbor = FixtureCylinder(name="arbor", from_mm=(table, 0, 0), to_mm=(fore - p.skin_mm - GAP_MM, 0, 0),
                             diameter_mm=ARBOR_SHARE * 2 * float(made.hub.profile(np.array([fore]))[0]))
     unit = lambda v: tuple((np.round(v, 12) + 0.0).tolist())
     return Setup(name=f"blade-{k + 1}-{j + 1}", faces=_names(k + 1), indexed=True, clamped_x=(1, 0, 0), clamped_z=(0, 0, 1),

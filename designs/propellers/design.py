@@ -50,7 +50,9 @@ class PropellerParameters(Parameters):
     density_g_per_cm3: float = Field(default=7.6, gt=0, le=25, description="for the mass")
     blades_cut: Literal["none", "one", "all"] = Field(default="none", description="blades that are finished with their fillets, "
                                                       "on a rotary table that a turning pallet carries; none: the solid alone")
-    skin_mm: float = Field(default=1.0, ge=0.2, le=20, description="of the casting on all sides, where blades are cut")
+    arbor_mm: float = Field(default=280.0, gt=0, le=1000, description="from the face of the rotary table to the propeller's "
+                            "centre, where blades are cut: as the machine stands")
+    skin_mm: float = Field(default=0.6, ge=0.2, le=20, description="of the casting on all sides, where blades are cut")
     material: str = Field(default="bronze_nial", description="work material, a name of `materials`")
     scallop_mm: float = Field(default=0.010, ge=0.002, le=0.5, description="largest cusp left")
     profile_tolerance_mm: float = Field(default=0.0025, ge=0.0002, le=0.05, description="path against true surface")

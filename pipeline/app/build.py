@@ -388,7 +388,7 @@ def _posted(order, plans, work, inputs):
 def _header(order, held, inputs):
     """Comment lines that tell the operator what this is; `held`: the plans of one clamping."""
     design, setup, machine = order.design, held[0].setup, order.machine
-    low, high = design.stock.shape.box_in(setup.frame)
+    low, high = design.stock.shape.box_in(setup.clamped_frame)
     program = clamping_program(held, (), setup.name)
     ends = np.vstack([o.moves.end_mm for o in program.operations])
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
@@ -414,9 +414,10 @@ def _header(order, held, inputs):
             lines.append(f"T{o.tool.number} {o.tool.cutter.name}, D{o.tool.cutter.diameter_mm:g} "
                          f"R{o.tool.cutter.corner_radius_mm:g}, STICK-OUT {o.tool.stick_out_mm:g}, "
                          f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}{_head_in_words(o.tool.head)}")
-    lines += [f"POSITION {plan.setup.name.upper()}: TOOL ALONG "
-              f"{show(setup.frame.turn_into(np.array([plan.setup.wcs_z]))[0])} OF THE WCS" for plan in held if len(held) > 1]
-    lines += [f"MARKER {m.name} {show(setup.frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
+    way = lambda plan: show(setup.clamped_frame.turn_into(np.array([plan.setup.wcs_z]))[0])
+    lines += [f"POSITION {plan.setup.name.upper()}: TOOL ALONG {way(plan)} OF THE WCS"
+              for plan in held if len(held) > 1 or setup.indexed]
+    lines += [f"MARKER {m.name} {show(setup.clamped_frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
     if setup.refixturing is not None:
         lines.append(f"PART SITS AS MEASURED: {refixturing_in_words(setup.refixturing)}")
     if order.accepted:

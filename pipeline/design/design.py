@@ -1,6 +1,7 @@
 """A Design: the B-rep with what must be known to cut it. The truth is the B-rep."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, Callable, Literal
 
 import numpy as np
@@ -292,6 +293,16 @@ class Design:
                 if missing := [f for f in faces if f not in known]:
                     raise DesignError(f"design {self.name}, {who}: faces {missing} are named by no predicate; "
                                       f"there are {sorted(known)}")
+
+    @cached_property
+    def _known(self):
+        return {}
+
+    def once(self, name, make):
+        """What all setups share of the part: `make`() when it is first asked for, part coordinates."""
+        if name not in self._known:
+            self._known[name] = make()
+        return self._known[name]
 
     def guide_of(self, kind):
         """The guide of a type, or None: what a strategy must know of the part beyond its faces, part coordinates.

@@ -20,6 +20,7 @@ from cuspline.values.models import FAR_MM, Model, Point, one_of
 SOLID_MM = 0.01             # what the triangles of a casting, or of a clamp, may lie off its surfaces
 SHORTEST_MM = 1e-3          # of a cylinder
 SKIN_MM, SKIN_SHARE = 0.1, 0.1      # what the triangles under a skin may lie off the part, in mm and of its thickness
+MET_SHARE = 0.01            # of the part's area
 OVER = 1.1                  # times as thick: outside of it, unless it meets itself
 
 
@@ -267,9 +268,9 @@ def _skinned(stock, part):
     made = StockMesh(mesh=(outside[0], mesh.triangles))
     corners = mesh.vertices_mm[mesh.triangles]
     met = made.shape.holds(outside[1][mesh.triangles].mean(axis=1))
-    area = met * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    if area.sum() > stock.skin_mm ** 2:         # less is slivers of the triangulation that turn over
-        place = " ".join(f"{axis}{v:.3f}" for axis, v in zip("XYZ", corners[area.argmax()].mean(axis=0)))
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    if area[met].sum() > MET_SHARE * area.sum():        # less is a crease in a tight corner, which is filled
+        place = " ".join(f"{axis}{v:.3f}" for axis, v in zip("XYZ", corners[(met * area).argmax()].mean(axis=0)))
         raise DesignError(f"stock: a skin of {stock.skin_mm:g} mm round the part meets itself at {place}: the part is too narrow "
                           "there; make it thinner, or give the casting as STEP")
     return made

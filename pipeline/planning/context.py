@@ -123,7 +123,8 @@ class PlanningContext:
         self.stock_min_mm, self.stock_max_mm = self.piece.box_in(setup.turn)
         self.fixtures = placed_fixtures(setup, setup.turn)
         self.material = material_named(design.material, shop.materials)
-        self.triangles = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
+        mesh = design.once("planning mesh", lambda: brep.planning_mesh(solid, MESH_DEFLECTION_MM))
+        self.triangles = mesh if self.solid is solid else replace(mesh, vertices_mm=setup.turn.into(mesh.vertices_mm))
         self.mesh = DropMesh.from_triangles(self.triangles.vertices_mm, self.triangles.triangles)
         self.box = brep.bounding_box_mm(self.solid)
         asked = [o.clearance_mm for o in setup.operations if o.clearance_mm is not None]
@@ -172,7 +173,9 @@ class PlanningContext:
         chosen = brep.named_faces(self._faces_of_part, self.design.predicates, names)
         self.wanted = brep.indices_of(self._faces_of_part, chosen)
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
-        self.hollow = tightest_hollow(self.faces, self.wanted, geometry=self.geometry)
+        hollow = self.design.once(("tightest hollow", tuple(self.wanted)),
+                                  lambda: tightest_hollow(self._faces_of_part, self.wanted, geometry=self._geometry_of_part))
+        self.hollow = replace(hollow, place_mm=tuple(self.setup.turn.into(np.array([hollow.place_mm]))[0].tolist()))
 
     @property
     def face_names(self):
@@ -231,9 +234,16 @@ class PlanningContext:
                             f"{there or 'none of the types ' + ', '.join(types)}")
         return found
 
+    @property
+    def _geometry_of_part(self):
+        """`geometry` of the part as it lies in its own frame."""
+        faces = self._faces_of_part
+        return self.geometry if self.faces is faces else self.design.once(
+            "geometry", lambda: (PatchSet.of_faces(faces), TrimSet.of_faces(faces)))
+
     @cached_property
     def geometry(self):
-        """(PatchSet, TrimSet) of all faces: what hollows, closest points and drops are computed on."""
+        """(PatchSet, TrimSet) of all faces: what closest points and drops are computed on."""
         return PatchSet.of_faces(self.faces), TrimSet.of_faces(self.faces)
 
     @property

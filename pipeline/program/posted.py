@@ -4,6 +4,7 @@ This is the only input of simulation and verification.  It is made by a reader i
 from the text on disk, never from the Program.
 """
 
+import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -45,6 +46,7 @@ class Stop:
     row: int                  # moves made before it
     line: int                 # of the text, from 1
     word: str                 # M0 M1 M2 M3 M4 M5 M6 M30, G4
+    nose_z_mm: float = math.nan     # machine height of the spindle nose, where the row before it is another position's
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
