@@ -173,7 +173,7 @@ class PlanningContext:
         chosen = brep.named_faces(self._faces_of_part, self.design.predicates, names)
         self.wanted = brep.indices_of(self._faces_of_part, chosen)
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
-        hollow = self.design.once(("tightest hollow", tuple(self.wanted)),
+        hollow = self.design.once(("tightest", tuple(self.wanted)),
                                   lambda: tightest_hollow(self._faces_of_part, self.wanted, geometry=self._geometry_of_part))
         self.hollow = replace(hollow, place_mm=tuple(self.setup.turn.into(np.array([hollow.place_mm]))[0].tolist()))
 
