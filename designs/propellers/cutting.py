@@ -38,7 +38,7 @@ def cut(design, made, p):
     blades = made.blade.table.blades if p.blades_cut == "all" else 1
     ways = _ways(design, p)
     turn = 2 * np.pi / made.blade.table.blades
-    setups = [_setup(k, j, about_x(k * turn) @ way, made, p) for k in range(blades) for j, way in enumerate(ways)]
+    setups = [_setup(k, j, fixed.matmul(about_x(k * turn), way), made, p) for k in range(blades) for j, way in enumerate(ways)]
     return replace(design, stock=StockSkin(skin_mm=p.skin_mm), setups=tuple(setups), machine=MACHINE)
 
 

@@ -186,7 +186,7 @@ def _pieces(moves, row):
     sweep = (sweep if sweep > SAME_MM else 2 * np.pi) + 2 * np.pi * turns
     count = 2 * (turns + 1)
     share = np.arange(1, count + 1) / count
-    ends, radius = np.empty((count, 3)), float(np.hypot(start[a] - center[a], start[b] - center[b]))
+    ends, radius = np.empty((count, 3)), float(fixed.hypot(start[a] - center[a], start[b] - center[b]))
     ends[:, a] = center[a] + radius * fixed.cos(angle(start) + side * share * sweep)
     ends[:, b] = center[b] + radius * fixed.sin(angle(start) + side * share * sweep)
     ends[:, third] = start[third] + share * (end[third] - start[third])
@@ -213,7 +213,7 @@ def _compared(moves, back, control, arcs_as_lines):
         ReadError: by more than half the last digit that the new control is given; `.rows` holds the program's line.
     """
     half_mm = 0.5 * control.resolution_mm * (1 + 1e-6)
-    half_feed = 0.5 * control.resolution_mm * 10.0 ** (control.decimals - control.decimals_feed) * (1 + 1e-6)
+    half_feed = 0.5 * control.resolution_mm * float(f"1e{control.decimals - control.decimals_feed}") * (1 + 1e-6)
     cuts = np.flatnonzero(moves.kind != Kind.RAPID)
     found = np.flatnonzero(back.kind != Kind.RAPID)
     at, off_mm, off_feed = 0, 0.0, 0.0

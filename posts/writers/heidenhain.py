@@ -26,6 +26,7 @@ TOOL_TABLE = "tool.t"
 PRESETS = {"G54": 1, "G55": 2, "G56": 3, "G57": 4, "G58": 5, "G59": 6}
 UNIT_WORD = {"mm": "MM", "inch": "INCH"}
 ANGLE_DECIMALS = 4
+HALF_ANGLE_RAD = math.radians(0.5e-4)     # half a step of the last one
 TOLERANCE_DECIMALS = 5
 LEAST_SIDE_MM = 1.0         # of BLK FORM, which the control draws and nothing else
 TABLE = (("T", 8), ("NAME", 32), ("L", 14), ("R", 14), ("R2", 14), ("DL", 8), ("DR", 8))
@@ -105,7 +106,7 @@ class _Blocks(Writer):
             return False
         radius_mm = math.dist(self.here_mm[:2], center_mm[:2])
         return not self._rises(end_mm, plane) or (
-            plane == Plane.XY and radius_mm * math.radians(0.5 * 10.0 ** -ANGLE_DECIMALS) < ARC_RADIUS_MISMATCH_MM)
+            plane == Plane.XY and radius_mm * HALF_ANGLE_RAD < ARC_RADIUS_MISMATCH_MM)
 
     def _rises(self, end_mm, plane):
         third = plane.axes[2]
