@@ -348,6 +348,7 @@ def materials(file: Annotated[Optional[Path], typer.Argument(help="a shop's own 
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "
         f"stepdown {m['stepdown_share']:g} of the diameter, coolant {m['coolant']}",
+        "  drills {:g} m/min, {:g} of the diameter a turn".format(*there[m["name"]].drilling),
         f"  source: {m['source']}"])
 
 

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from cuspline.design.fixtures import placed_fixtures
-from cuspline.design.operations import Finishing
+from cuspline.design.operations import Clearing, Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import ROUND, choose_cutter, cutter_reach
@@ -54,6 +54,7 @@ class PlannedOperation:
     coolant: str
     moves: Moves                # with capped feeds, in the part as it lies in its setup (`setup.turn`)
     facts: dict                 # numbers for plan.json
+    cycles: tuple = ()          # drilling.DrillCycle that come to some of the moves
     passes: object = None       # pass_templates.TemplatedPasses that come to the moves; None: only the moves
     left: object = None         # Left; None: it cuts all that its cutter reaches
 
@@ -65,7 +66,8 @@ class PlannedOperation:
             return lambda xy_mm, at_most_mm=np.inf: np.broadcast_to(at_most_mm, len(xy_mm))
         leans = (self.moves.axis != UPRIGHT).any()      # then a ball, whose lowest places are those of the upright one
         moves = upright_again(self.moves, cutter.radius_mm) if leans else self.moves
-        return swept_by_lines(lines_of_moves(moves), cutter.radius_mm, cutter.corner_radius_mm)
+        lines = [line + (0.0, 0.0, cutter.point_height_mm) for line in lines_of_moves(moves)]   # beside the cone is not counted on
+        return swept_by_lines(lines, cutter.radius_mm, cutter.corner_radius_mm)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -105,7 +107,8 @@ class PlanningContext:
         self.plating_mm, self.magazine = design.finish.plating_mm, library
         self.library = library_within_skin(library, self.plating_mm) if self.plating_mm else library
         self.shop, self.tolerance_share, self.planned, self._shared = shop, tolerance_share, (), {}
-        self.operation = setup.operations[0] if len(setup.operations) == 1 else Finishing(steep_deg=STEEP_DEG)
+        alone = setup.operations[0] if len(setup.operations) == 1 else None
+        self.operation = alone if isinstance(alone, (Clearing, Finishing)) else Finishing(steep_deg=STEEP_DEG)
         self.finish = _stricter(design.finish, Finishing(), tolerance_share)
         solid = brep.the_solid(design.solid, f"design {design.name}")
         self._faces_of_part = brep.faces_of(solid)
@@ -371,6 +374,11 @@ class PlanningContext:
     def speeds(self, tool, is_rough):
         """(rpm, cutting feed) of a tool in this material."""
         m = self.material
+        if tool.cutter.drills:
+            speed, share = m.drilling
+            rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
+            share = share / tool.cutter.flutes
+            return rpm, self.operation.feed_mm_per_min or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share, self.machine)
         speed = m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min
         rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
         feed = self.operation.feed_mm_per_min
@@ -384,6 +392,15 @@ class PlanningContext:
     def measured(self, name, tool, rpm, moves, facts, left=None):
         """Cap the feeds, measure length and time.   left: Left."""
         return replace(self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts), left=left)
+
+    def measured_holes(self, name, tool, rpm, moves, cycles, facts):
+        """The same for drilled holes: one feed, the least of the capped ones; `cycles`: drilling.DrillCycle of the moves."""
+        feeding = moves.kind != Kind.RAPID
+        feed = float(feeds.capped_feeds(moves, self.machine)[feeding].min())
+        made = self._measured(name, tool, rpm, moves.with_feed(np.where(feeding, feed, 0.0)), facts)
+        dwells_s = sum(c.dwell_s for c in cycles)
+        return replace(made, cycles=tuple(replace(c, feed_mm_per_min=feed) for c in cycles),
+                       facts={**made.facts, "time_s": round(made.facts["time_s"] + dwells_s, 1)})
 
     def measured_passes(self, name, tool, rpm, passes, facts):
         """The same for templated passes: each feed register gets the lowest of the capped feeds it stands for."""

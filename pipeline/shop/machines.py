@@ -119,7 +119,7 @@ class Spindle(Model):
 class Control(Sparse):
     """What the controller accepts."""
 
-    LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control")
+    LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "canned_cycles")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
@@ -132,6 +132,7 @@ class Control(Sparse):
     line_length: int = Field(default=252, ge=40, description="longest block the control takes, characters")
     program_store_bytes: int = Field(gt=0)
     sub_programs: bool = Field(default=True, description="repeated passes as sub-programs and calls; false: move by move")
+    canned_cycles: bool = Field(default=True, description="holes as G81 G82 G83 G73; false: move by move")
     path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: half of it "
                                      "goes out as LinuxCNC's G64 P, whose blends take up to twice that; what is set in a "
                                      "Fanuc control for G64 (corners, smoothing)")

@@ -19,6 +19,7 @@ UNSAID = {
     "arc distance": ("G91.1", "whether I J K are places or distances"),
     "path control": ("G64 P", "how far the control may leave the path"),
     "canned cycle": ("G80", "whether axis words drill"),
+    "return level": ("G98", "to which height a canned cycle leads back"),
     "axis offset": ("G92.1", "whether a G92 or G52 shifts the zero"),
     "local zero": ("G52 X0. Y0. Z0.", "whether a G52 shifts the zero"),
 }
@@ -32,6 +33,13 @@ class Rules(NamedTuple):
     takes_own_length: bool          # G43 without H, and H0, take the offset of the tool in the spindle
     moves_z_alone: bool             # G43: what a tool has beside the spindle's axis is made up for by G52
     path_tolerance_mm: float        # before the text says one: inf unbounded, NaN set by the control's parameters
+    peck_clearance_mm: float        # above the last peck, to which G83 comes back by a rapid and G73 goes up
+
+
+def relied_on_by_cycle(values):
+    """Modes that a canned cycle hangs on; `values` as for `relied_on`."""
+    yield from relied_on(Kind.FEED, {**values, "z": 0.0}, False)
+    yield from ("plane", "return level")
 
 
 def relied_on(kind, values, is_machine_move):
