@@ -35,15 +35,34 @@ class Bore:
 
     hole: object            # surfaces.holes.Hole
     wall: object            # surfaces.holes.Wall
-    xy_mm: tuple            # (2,)
-    low_z_mm: float         # the wall's end
-    high_z_mm: float
-    corners_mm: tuple       # (radius, z) of the hole's outline
     place_mm: tuple         # (3,) of its mouth, part coordinates, for messages
 
     @property
     def radius_mm(self):
         return self.wall.low_radius_mm
+
+    @property
+    def xy_mm(self):
+        return tuple(self.hole.point_mm[:2].tolist())
+
+    @property
+    def height_mm(self):
+        """Z of the hole's point on the axis, from which its walls are measured."""
+        return float(self.hole.point_mm[2])
+
+    @property
+    def low_z_mm(self):
+        """Where the wall ends."""
+        return self.height_mm + self.wall.low_mm
+
+    @property
+    def high_z_mm(self):
+        return self.height_mm + self.wall.high_mm
+
+    @property
+    def floor_mm(self):
+        """The lowest place of the hole."""
+        return self.height_mm + self.hole.walls[0].low_mm
 
 
 def drilled_holes(work):
@@ -78,6 +97,7 @@ def _bores(work):
     """Bore of every wall among the operation's faces."""
     title, wanted, found = work.operation.title, set(work.wanted), []
     for hole in holes_of(work.faces):
+        hole = hole.turned_up() if hole.is_through and hole.axis[2] < 0 else hole
         walls = [w for w in hole.walls if w.kind == "cylinder" and wanted & set(w.faces)]
         if not walls:
             continue
@@ -86,11 +106,11 @@ def _bores(work):
             lean = math.degrees(fixed.arccos(min(abs(up), 1.0)))
             raise PlanError(f"{title}: the hole at {_in_words(place)} leans {lean:.3f} degrees from the setup's Z: drill it in a "
                             "setup, or an indexed position, whose Z runs along it")
+        if up < 0:
+            raise PlanError(f"{title}: the hole at {_in_words(place)} opens downward, seen along the setup's Z: drill it from its "
+                            "other side")
         for wall in walls:
-            heights = sorted(float(hole.point_mm[2]) + up * v for v in (wall.low_mm, wall.high_mm))
-            corners = tuple((r, float(hole.point_mm[2]) + up * z) for r, z in hole.corners_mm())
-            found.append(Bore(hole=hole, wall=wall, xy_mm=tuple(hole.point_mm[:2].tolist()), low_z_mm=heights[0],
-                              high_z_mm=heights[1], corners_mm=corners, place_mm=place))
+            found.append(Bore(hole=hole, wall=wall, place_mm=place))
     there = {i for b in found for i in b.wall.faces}
     if missing := [i for i in work.wanted if i not in there]:
         place = work.in_part(work.faces[missing[0]].middle.point_mm[0])
@@ -127,21 +147,14 @@ def _tip_mm(work, bore, tool):
     """
     cutter, xy = tool.cutter, np.array([bore.xy_mm])
     above = float(drop_tips_mm(work.mesh, xy, SHARE * cutter.radius_mm, 0.0)[0])
-    if above > bore.low_z_mm + OVER_MM and above > _floor_mm(bore) + cutter.point_height_mm + OVER_MM:
+    if above > bore.low_z_mm + OVER_MM and above > bore.floor_mm + cutter.point_height_mm + OVER_MM:
         raise PlanError(f"{work.operation.title}: the part stands {above - bore.low_z_mm:.3f} mm over the end of the hole at "
                         f"{_in_words(bore.place_mm)}, seen along the setup's Z: drill it from its other side")
     slope = cutter.point_height_mm / cutter.radius_mm
     below = float(drop_tips_mm(work.mesh, xy, THIN_MM, THIN_MM)[0]) if bore.hole.is_through else -math.inf
-    corners = [(r, z) for r, z in (*bore.corners_mm, (0.0, below)) if z < bore.high_z_mm - SAME_MM]
-    limits = [z - r * slope for r, z in corners if r < cutter.radius_mm - SAME_MM - abs(cutter.radius_mm - bore.radius_mm)]
-    ends = min(z for _, z in bore.corners_mm) >= bore.low_z_mm - SAME_MM and bore.hole.is_through
+    ends = bore.floor_mm >= bore.low_z_mm - SAME_MM and bore.hole.is_through
     wanted = bore.low_z_mm - cutter.point_height_mm - (work.operation.break_through_mm if ends else 0.0)
-    return max([wanted, *limits])
-
-
-def _floor_mm(bore):
-    """The lowest place of the hole's outline."""
-    return min(z for _, z in bore.corners_mm)
+    return max(wanted, below, bore.hole.lowest_tip_mm(bore.wall, cutter.radius_mm, slope) + bore.height_mm)
 
 
 def _refuse_short(work, bore, tool, tip_mm):

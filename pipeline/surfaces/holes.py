@@ -8,7 +8,7 @@ r"""Holes among the faces of a solid: through, blind, stepped, countersunk.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,6 +46,12 @@ class Hole:
     def __post_init__(self):
         for name in ("point_mm", "axis"):
             object.__setattr__(self, name, frozen(getattr(self, name), (3,), name))
+
+    def turned_up(self):
+        """A through hole seen from its other end."""
+        walls = tuple(replace(w, low_mm=-w.high_mm, high_mm=-w.low_mm, low_radius_mm=w.high_radius_mm,
+                              high_radius_mm=w.low_radius_mm) for w in reversed(self.walls))
+        return replace(self, axis=-self.axis, walls=walls)
 
     @property
     def faces(self):
@@ -87,6 +93,17 @@ class Hole:
         words = ["countersunk"] if any(w.kind == "cone" for w in inner) else []
         words += ["stepped"] if sum(w.kind == "cylinder" for w in inner) > 1 else []
         return " ".join([*words, "through" if self.is_through else "blind"])
+
+    def lowest_tip_mm(self, wall, radius_mm, slope):
+        """How far down a drill's tip comes before its point cuts what lies below a wall, along the axis.
+
+        Args:
+            wall: one of its cylinders.   radius_mm: of the drill, near to the wall's.   slope: rise of its point, mm a mm.
+        Returns:
+            height along the axis; -inf where nothing lies below.
+        """
+        inner = radius_mm - SAME_MM - abs(radius_mm - wall.low_radius_mm)
+        return max((z - r * slope for r, z in self.corners_mm() if z < wall.high_mm - SAME_MM and r < inner), default=-math.inf)
 
     def corners_mm(self):
         """[(radius, height along the axis)] of its outline, a flat bottom's middle included."""

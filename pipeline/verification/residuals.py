@@ -9,7 +9,7 @@ from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.clusters import clusters_of
 from cuspline.verification.climbing import Ground, bottoms_of, tops_of
-from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable, why_unreachable_leaning
+from cuspline.verification.reach import REACHABLE, REASONS, is_drilled, why_unreachable, why_unreachable_leaning
 from cuspline.verification.samples import Samples
 
 LIMIT_MM = 2.0            # deviations are capped here: far more than any tolerance
@@ -66,6 +66,7 @@ class SampledFaces:
     feeds: np.ndarray             # (m, 3) direction of each of the clamping's moves; zero where not known
     drops: object                 # DropMesh of the design, in the clamping's WCS
     spacing_mm: float             # of the samples
+    holes: tuple = ()             # surfaces.holes.Hole of the part in the clamping's WCS, where drills are used
 
 
 def residuals(piece, sampled, closest, ball_radius_mm, kept=NOTHING):
@@ -80,10 +81,10 @@ def residuals(piece, sampled, closest, ball_radius_mm, kept=NOTHING):
     Returns:
         list of (Residuals of its faces after all clampings, Residuals of all faces after it alone).
     """
-    parts, drops, feeds = ([getattr(s, name) for s in sampled] for name in ("samples", "drops", "feeds"))
-    looked = _Looked.at(piece, parts, drops, closest, ball_radius_mm, kept)
+    parts, feeds = ([getattr(s, name) for s in sampled] for name in ("samples", "feeds"))
+    looked = _Looked.at(piece, parts, sampled, closest, ball_radius_mm, kept)
     more = [_tops(piece, k, looked, feeds, s) for k, s in enumerate(sampled)]
-    beyond = _Looked.at(piece, more, drops, closest, ball_radius_mm, kept)
+    beyond = _Looked.at(piece, more, sampled, closest, ball_radius_mm, kept)
     every = Samples.joined([p for pair in zip(parts, more) for p in pair])
     climbed = np.concatenate([np.full(len(p), flag) for pair in zip(parts, more) for flag, p in zip((False, True), pair)])
     found = []
@@ -111,7 +112,7 @@ class _Looked:
     reach: list               # (n,) in the clamping of the same number
 
     @classmethod
-    def at(cls, piece, parts, drops, closest, ball_radius_mm, kept):
+    def at(cls, piece, parts, sampled, closest, ball_radius_mm, kept):
         together = Samples.joined(parts)
         points, normals = together.points_mm, together.normals
         each, rows = piece.deviations_of_cuts(points, normals, LIMIT_MM, kept.of(deviations_and_moves))
@@ -120,22 +121,30 @@ class _Looked:
         final = np.where(together.is_border & (len(piece.cuts) > 1), np.maximum(final, depth.min(axis=0)),
                          final if len(piece.cuts) > 1 else depth[0])
         ends = np.cumsum([len(p) for p in parts])[:-1]
-        reach = [reach_of(p.points_mm, p.normals, c, drop, closest, ball_radius_mm)
-                 for p, c, drop in zip(parts, piece.cuts, drops)]
+        reach = [reach_of(p.points_mm, p.normals, c, s, closest, ball_radius_mm) for p, c, s in zip(parts, piece.cuts, sampled)]
         split = lambda a: np.split(a, ends, axis=-1)
         return cls(final=split(final), each=split(depth), rows=split(rows), maker=split(maker), reach=reach)
 
 
-def reach_of(points_mm, normals, cut, drop, closest, ball_radius_mm):
-    """(n,) why no ball of the shop could finish points in a clamping; cutters that undercut or lean come from any side.
+def reach_of(points_mm, normals, cut, sampled, closest, ball_radius_mm):
+    """(n,) why no ball of the shop, nor a drill of the program, could finish points in a clamping.
+
+    Cutters that undercut or lean come from any side.
 
     Args:
         points_mm, normals: (n, 3) part coordinates.   cut: workpiece.Cut.
-        drop, closest: of the design, see `residuals`.   ball_radius_mm: smallest ball of the shop.
+        sampled: SampledFaces of the clamping.   closest: of the design, see `residuals`.
+        ball_radius_mm: smallest ball of the shop.
     """
+    places = cut.frame.into(points_mm)
     if is_height_field(cut.paths):
-        return why_unreachable(drop, cut.frame.into(points_mm), cut.frame.turn_into(normals), ball_radius_mm)
-    return why_unreachable_leaning(closest, points_mm, normals, ball_radius_mm)
+        reach = why_unreachable(sampled.drops, places, cut.frame.turn_into(normals), ball_radius_mm)
+    else:
+        reach = why_unreachable_leaning(closest, points_mm, normals, ball_radius_mm)
+    drills = [p.tool.cutter for p in cut.paths if p.tool.cutter.drills]
+    if not drills or not sampled.holes:
+        return reach
+    return np.where(is_drilled(places, sampled.holes, drills), REACHABLE, reach)
 
 
 def _tops(piece, k, looked, feeds, sampled):

@@ -17,6 +17,7 @@ from cuspline.replay.scene import FinishedDesign, FoundStock, Surroundings, ZMap
 from cuspline.stock.stock_solids import StockSolids
 from cuspline.stock.swept import is_height_field, lowest_moves, stock_height_mm, swept_paths
 from cuspline.stock.workpiece import Workpiece
+from cuspline.surfaces.holes import holes_of
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 from cuspline.toolpaths.drop.exact_drop import ExactPart
@@ -310,6 +311,7 @@ def _laid_out(programs, solid, judging):
                            sampled=SampledFaces(samples=sample_faces(faces, o.spacing_mm), spacing_mm=o.spacing_mm,
                                        ground=Ground.of_faces([exact[i] for i in chosen]),
                                        feeds=p.setup.frame.turn_out(np.nan_to_num(p.posted.end_mm - p.posted.start_mm)),
+                                       holes=_holes(solid, p, judging.tools),
                                        drops=drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles)))
                  for k, (p, o, chosen, found, faces) in enumerate(zip(programs, fitted, required, before, shapes))]
     upright = all(is_height_field(c.paths) for c in piece.cuts)
@@ -318,6 +320,14 @@ def _laid_out(programs, solid, judging):
     return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece,
                  metal=metal, made=made, mesh=mesh,
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
+
+
+def _holes(solid, program, tools):
+    """Hole values of the part in a program's WCS; none where it takes no drill."""
+    used = set(program.posted.tool.tolist())
+    if not any(n in used and t.cutter.drills for n, t in tools.items()):
+        return ()
+    return holes_of(brep.faces_of(solid_in_wcs(solid, program.setup.frame)))
 
 
 def _as_plated(paths, finish):
@@ -404,7 +414,7 @@ def _excess_proof(part, c, found):
     own, d, allowed = part.piece.cuts[c.number], found.deviation_mm, allowed_mm(part.finish)
     others = [cut for cut in part.piece.cuts if cut is not own]
     fine = found.is_reachable & (d <= allowed + NOISE_MM)
-    reach = lambda p, n: reach_of(p, n, own, c.drops, part.closest, part.ball_radius_mm) == REACHABLE
+    reach = lambda p, n: reach_of(p, n, own, c.sampled, part.closest, part.ball_radius_mm) == REACHABLE
     return prove_excess(c.sampled.ground, [own, *others], d[fine].max(initial=0.0), allowed,
                         lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach,
                         area_mm2=rounded(c.samples.weight_mm2.sum()))
