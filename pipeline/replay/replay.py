@@ -340,6 +340,10 @@ def _flutes(cutter):
     if cutter.type in CLOSED_UPWARD:
         yield _thin_flutes(cutter.radius_mm - cutter.corner_radius_mm, cutter.corner_radius_mm)
         return
+    if cutter.type in POINTED:          # as what it surely cuts: so it keeps clear of what it has cut itself
+        for radius, _, lift in columns_in(cutter)[1:].tolist():
+            yield replay_kernel.RAPID, lift + TOUCH_MM, max(radius - TOUCH_MM, 0.0), ENDLESS_MM, max(radius - TOUCH_MM, 0.0), 0.0
+        return
     for z0, r0, z1, r1, grow in flute_segments(cutter):
         yield replay_kernel.RAPID, z0 + TOUCH_MM, max(r0 - TOUCH_MM, 0.0), z1, max(r1 - TOUCH_MM, 0.0), grow
 
