@@ -27,7 +27,8 @@ def design(p: Plate) -> Design:
     """The plate, finished outside; only its holes are made."""
     return Design(
         name="drilled_plate", description="plate with four holes", parameters=p, solid=plate(p).val(),
-        predicates=(FacePredicate(name="holes", count=4, kinds=("cylinder",)), FacePredicate(name="point", count=1, kinds=("cone",))),
+        predicates=(FacePredicate(name="holes", count=4, kinds=("cylinder",)),
+                    FacePredicate(name="point", count=1, kinds=("cone",))),
         material="aluminium_6061", stock=StockBox(min_mm=(0, 0, 0), max_mm=(p.length_mm, p.width_mm, p.height_mm)),
         finish=Finish(scallop_mm=0.03, profile_tolerance_mm=0.005, gouge_mm=0.006),
         setups=(Setup(name="setup-1", faces=("holes", "point"), operations=(Drill(faces=("holes",)),),

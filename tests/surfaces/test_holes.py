@@ -68,7 +68,8 @@ def test_a_hole_turned_with_its_part_is_the_same_hole():
 
 
 @pytest.mark.parametrize("part", [
-    BLOCK.edges("|Z").fillet(4.0), BLOCK.union(cut(30, 20, (5, 10), (5, 20))), BLOCK.faces(">Z").workplane().slot2D(20, 6).cutThruAll(),
+    BLOCK.edges("|Z").fillet(4.0), BLOCK.union(cut(30, 20, (5, 10), (5, 20))),
+    BLOCK.faces(">Z").workplane().slot2D(20, 6).cutThruAll(),
     cq.Workplane("XY").sphere(9.0)], ids=["rounded edges", "a boss", "a slot", "a ball"])
 def test_what_does_not_go_all_round_from_outside_is_no_hole(part):
     assert found(part) == ()
