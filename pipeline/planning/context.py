@@ -106,7 +106,7 @@ class PlanningContext:
         self.design, self.setup, self.machine, self.before = design, setup, machine, before
         self.plating_mm, self.magazine = design.finish.plating_mm, library
         self.library = library_within_skin(library, self.plating_mm) if self.plating_mm else library
-        self.shop, self.tolerance_share, self.planned, self._shared = shop, tolerance_share, (), {}
+        self.shop, self.tolerance_share, self.planned, self._shared, self.only = shop, tolerance_share, (), {}, None
         alone = setup.operations[0] if len(setup.operations) == 1 else None
         self.operation = alone if isinstance(alone, (Clearing, Finishing)) else Finishing(steep_deg=STEEP_DEG)
         self.finish = _stricter(design.finish, Finishing(), tolerance_share)
@@ -146,6 +146,13 @@ class PlanningContext:
             mine._look_at(mine.face_names)
         return mine
 
+    def on(self, operation, wanted, planned):
+        """As `of`, for some of this operation's faces alone, by their indices, at least one."""
+        mine = self.of(operation, planned)
+        mine.only = frozenset(wanted)
+        mine._look_at(mine.face_names)
+        return mine
+
     def _refuse_turning(self, operation):
         """A turning axis where the machine cannot hold it, or the verdict could not follow it."""
         where = f"{self.setup.name}, {operation.title}: its tool axis turns"
@@ -165,7 +172,7 @@ class PlanningContext:
     def _look_at(self, names):
         """The faces of some predicates: their indices, samples and tightest concave place."""
         chosen = brep.named_faces(self._faces_of_part, self.design.predicates, names)
-        self.wanted = brep.indices_of(self._faces_of_part, chosen)
+        self.wanted = [i for i in brep.indices_of(self._faces_of_part, chosen) if self.only is None or i in self.only]
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
         self.hollow = tightest_hollow(self.faces, self.wanted, geometry=self.geometry)
 

@@ -7,6 +7,7 @@ r"""Holes drilled: which drill, how deep, in which order.
 """
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from cuspline.program.drilling import PECKS, DrillCycle, drilled, shortest_way
 from cuspline.surfaces.holes import PARALLEL, holes_of
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 from cuspline.values import fixed_math as fixed
-from cuspline.values.errors import CutterDoesNotFit, PlanError
+from cuspline.values.errors import CamError, CutterDoesNotFit, PlanError
 
 DEEP = 3.0                  # diameters: a deeper hole is pecked
 TURNS = 3                   # of a dwell
@@ -27,6 +28,7 @@ SPOKES = 12
 SAME_MM = 1e-6
 OVER_MM = 0.05              # what may seem to stand over a wall's end: the planning mesh
 REACHED_MM = 1e-4
+SAME_DEG = 0.5              # of a cone and the drill that leaves it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -65,6 +67,45 @@ class Bore:
         return self.height_mm + self.hole.walls[0].low_mm
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Drilled:
+    """A Bore with its drill."""
+
+    bore: Bore
+    tool: object            # shop.cutters.Tool
+    tip_mm: float           # height of the tip at the bottom
+
+    @property
+    def full_z_mm(self):
+        """Where its full diameter ends."""
+        return self.tip_mm + self.tool.cutter.point_height_mm
+
+
+def drillable_faces(work):
+    """(walls that drills of the library make whole, other faces that they make with them): indices of the operation's faces.
+
+    Through holes, and blind ones that end in the drill's own point, along the setup's Z.
+    """
+    walls, others = [], []
+    for hole in _upright_holes(work):
+        for wall in _walls_of(hole, work.wanted):
+            bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
+            with suppress(CamError):
+                made = _drilled(work, bore)
+                top = float(_stock_over(work, bore, made.tool).max())
+                if made.full_z_mm <= bore.low_z_mm + SAME_MM and max(top, bore.high_z_mm) - made.tip_mm <= (
+                        made.tool.cutter.flute_length_mm):
+                    walls += wall.faces
+                    others += _made_with(hole, made.tool)
+    return walls, [i for i in others if i in set(work.wanted)]
+
+
+def _made_with(hole, tool):
+    """Faces of the cone that a hole ends in, where that is the drill's own."""
+    angle = hole.point_angle_deg
+    return hole.walls[0].faces if angle is not None and abs(angle - tool.cutter.point_angle_deg) < SAME_DEG else ()
+
+
 def drilled_holes(work):
     """The operations of a drill operation, one a drill.
 
@@ -76,21 +117,35 @@ def drilled_holes(work):
         PlanError, CutterDoesNotFit: a face that is no wall of a hole, a hole that leans, one that no drill fits or is long
             enough for, one with material of the part above it.
     """
-    bores = _bores(work)
-    by_tool, tips = {}, {}
-    for bore in bores:
-        tool = _drill_for(work, bore)
-        tip = _tip_mm(work, bore, tool)
-        _refuse_short(work, bore, tool, tip)
-        by_tool.setdefault(tool.number, (tool, []))[1].append(bore)
-        tips[id(bore)] = tip
+    by_tool = {}
+    for bore in _bores(work):
+        one = _drilled(work, bore)
+        by_tool.setdefault(one.tool.number, []).append(one)
     reached = np.zeros(len(work.samples.area_mm2), bool)
-    made = []
-    for tool, mine in by_tool.values():
-        made.append(_operation(work, tool, mine, [tips[id(b)] for b in mine], number=len(by_tool)))
-        for bore in mine:
-            reached |= _is_reached(work.samples, bore, tips[id(bore)] + tool.cutter.point_height_mm)
-    return made, reached
+    for one in (d for mine in by_tool.values() for d in mine):
+        reached |= _is_reached(work.samples, one.bore, one.full_z_mm)
+    return [_operation(work, mine, number=len(by_tool)) for mine in by_tool.values()], reached
+
+
+def _drilled(work, bore):
+    """Drilled, or CamError: what is in the way."""
+    tool = _drill_for(work, bore)
+    tip = _tip_mm(work, bore, tool)
+    _refuse_short(work, bore, tool, tip)
+    return Drilled(bore=bore, tool=tool, tip_mm=tip)
+
+
+def _upright_holes(work):
+    """Holes along the setup's Z that open upward."""
+    for hole in holes_of(work.faces):
+        hole = hole.turned_up() if hole.is_through and hole.axis[2] < 0 else hole
+        if hole.axis[2] > 1.0 - PARALLEL:
+            yield hole
+
+
+def _walls_of(hole, wanted):
+    """Its cylinders all of whose faces are wanted."""
+    return [w for w in hole.walls if w.kind == "cylinder" and set(w.faces) <= set(wanted)]
 
 
 def _bores(work):
@@ -169,9 +224,10 @@ def _refuse_short(work, bore, tool, tip_mm):
             f"{tool.cutter.flute_length_mm:g} mm, stick-out {tool.stick_out_mm:g} mm; take a longer drill")
 
 
-def _operation(work, tool, bores, tips_mm, number):
-    """The PlannedOperation of one drill."""
-    operation, cutter = work.operation, tool.cutter
+def _operation(work, made, number):
+    """The PlannedOperation of the Drilled of one drill; `number`: of drills in the operation."""
+    operation, tool, bores, tips_mm = work.operation, made[0].tool, [d.bore for d in made], [d.tip_mm for d in made]
+    cutter = tool.cutter
     order = shortest_way(np.array([b.xy_mm for b in bores]))
     rpm, feed = work.speeds(tool, is_rough=False)
     retract = np.array([_retract_mm(work, b, tool) for b in bores])
@@ -188,11 +244,15 @@ def _operation(work, tool, bores, tips_mm, number):
 
 def _retract_mm(work, bore, tool):
     """Height over a hole where feeding begins: above the stock that stands there."""
+    above = work.operation.retract_mm or work.practice.approach_mm
+    return min(max(float(_stock_over(work, bore, tool).max()), bore.high_z_mm) + above, work.clearance_z_mm)
+
+
+def _stock_over(work, bore, tool):
+    """(n,) heights of the stock under a drill over its hole."""
     turn = 2 * math.pi * np.arange(SPOKES) / SPOKES
     rings = (RINGS * tool.cutter.radius_mm)[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
-    stock = work.stock_mm(np.array(bore.xy_mm) + rings.reshape(-1, 2))
-    above = work.operation.retract_mm or work.practice.approach_mm
-    return min(max(float(stock.max()), bore.high_z_mm) + above, work.clearance_z_mm)
+    return work.stock_mm(np.array(bore.xy_mm) + rings.reshape(-1, 2))
 
 
 def _cycle(work, bore, tool, tip_mm, retract_z_mm, rpm, feed):

@@ -25,7 +25,8 @@ from cuspline.verification.certificate_side import SideViews
 LONGEST_RADII = 2.0         # of a sub-step
 MESH_SHARE = 0.25           # of the tolerance: the triangles' deviation
 CLOSE_SHARE = 0.1           # of the tolerance: how closely flanks are looked at
-CONE_SHARE = 0.75           # of the tolerance: how deep a cone may seem to touch what it has made
+CONE_SHARE = 0.75           # of the tolerance: how deep a cone may seem to touch what it has made, the triangles' chords counted
+CONE_CLOSE_SHARE = 0.2      # of it: how closely that is looked at
 DEEPER = 4.0                # times as deep a bound is looked for where one does not hold
 MOST_TRIANGLES = 500_000    # of the faces; coarser ones are used where there would be more
 
@@ -95,17 +96,18 @@ class LeaningViews:
         n = len(moves.start_tips_mm)
         depth, place = np.zeros(n), np.full((n, 3), np.nan)
         tree, off = self._mesh
-        left, less, most = np.arange(n), skin_mm, float(segments.max())
+        left, less, most = np.arange(n), skin_mm + CONE_SHARE * self.tolerance_mm, float(segments.max())
         while len(left):
             inner = _smaller(segments, less)
             if not len(inner):
                 depth[left] = most
                 break
             some = ToolMoves(**{name: value[left] for name, value in vars(moves).items()})
-            found = tree.certified_clearance(inner, some, off, tolerance_mm=CLOSE_SHARE * max(self.tolerance_mm, less))
+            closely = CONE_CLOSE_SHARE * max(self.tolerance_mm, less - skin_mm)
+            found = tree.certified_clearance(inner, some, off, tolerance_mm=closely)
             depth[left], place[left] = np.where(found.is_clear, less - skin_mm, most), found.place_mm
             left = left[~found.is_clear]
-            less = DEEPER * less if less > skin_mm else skin_mm + CONE_SHARE * self.tolerance_mm
+            less = skin_mm + DEEPER * (less - skin_mm)
         return depth, place
 
     def _flanks(self, segments, moves, skin_mm):
