@@ -7,17 +7,20 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from cuspline.design.operations import Finishing
+from cuspline.design.operations import Clearing, Finishing
 from cuspline.planning import drilling, freeform_finishing, level_finishing, roughing, section_finishing
 from cuspline.planning.context import FinishingStage
-from cuspline.planning.cutter_choice import WORTH_SHARE, choose_ball, choose_rest_ball
+from cuspline.planning.cutter_choice import choose_ball, choose_cutter, choose_rest_ball, leftover_rows
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
 from cuspline.planning.strategies.drill import Drill
 from cuspline.planning.strategies.floor import Floor
+from cuspline.planning.strategies.waterline import Waterline
 from cuspline.values.errors import CutterDoesNotFit, ToolpathError
 
 SEMI, FINISHES = "semi-finish", ("semi-finish", "finish")     # names of the balls' operations
+HELIX_SHARE = 0.6           # of the tightest wall's radius: a cutter so small has room for its helix
+CORNER_SHARE = 0.01         # of the area: what samples may miss beside walls that a flat cutter does reach
 SWEPT = 1e-6                # of a unit normal along the way on which a face is swept
 ALONG = 0.98                # of a unit normal square to the section planes: passes in them leave such a wall to the next plane
 
@@ -126,6 +129,8 @@ def _free_form(work, may_take_floors=False):
 
     May_take_floors: level faces are finished by a flat cutter where that is faster.
     """
+    if (np.abs(work.samples.normal[:, 2]) < level_finishing.UPRIGHT).all():
+        return _upright(work)
     practice = work.practice
     chain, candidates, reached = choose_finishing(work.finishing_library, work.samples, work.mesh,
                                                   practice.rough_allowance_mm, work.finishing_work())
@@ -140,6 +145,22 @@ def _free_form(work, may_take_floors=False):
         rest = freeform_finishing.rest(work, finishing, tool, candidates)
         finishing += [rest] if rest is not None else []
     return operations + finishing, reached
+
+
+def _upright(work):
+    """Walls alone, of which nothing is seen from above: a flat cutter goes round them, as deep as its flutes."""
+    standing, tightest = work.practice.rough_allowance_mm, work.hollow.radius_mm
+    flats = [t for t in work.library.of_type("flat") if t.cutter.radius_mm <= HELIX_SHARE * tightest]
+    if not flats:
+        raise CutterDoesNotFit(f"{work.setup.name}: upright walls alone are left, rounded by {tightest:.3f} mm, and no flat cutter "
+                               "is small enough to come down between them by a helix: add one to the file of --cutters, or a drill")
+    tool, candidates, reached = choose_cutter("waterline", flats, work.samples, tightest, work.mesh, standing,
+                                              work.finishing_work())
+    rough, _, _ = roughing.cleared(work, roughing.RoughingStage(name="rough", allowance_mm=standing), tool, candidates,
+                                   work.stock_mm, leftover_rows(work.samples), Clearing())
+    before = [rough] if rough is not None else []
+    made = freeform_finishing.walls_alone(work.on(Waterline(), work.wanted, [*work.planned, *before]), tool, candidates)
+    return [*before, *([made] if made is not None else [])], reached
 
 
 def _with_floors(work, floor):
@@ -162,7 +183,7 @@ def _with_floors(work, floor):
 def _corners(work, floor, planned):
     """[the smallest ball that reaches it where the flat cutter leaves too much of the level faces], or []."""
     left = ~floor.is_reached & np.isin(work.samples.face, floor.levels)
-    if work.samples.area_mm2[left].sum() <= WORTH_SHARE * work.samples.area_mm2.sum():
+    if work.samples.area_mm2[left].sum() <= CORNER_SHARE * work.samples.area_mm2.sum():
         return []
     mine = work.on(work.operation, floor.levels, planned)
     chain, candidates, _ = choose_finishing(work.finishing_library, mine.samples, work.mesh, work.practice.rough_allowance_mm,
