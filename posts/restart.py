@@ -1,4 +1,4 @@
-"""A posted program that begins at one of its restart points, in any dialect that the posts write.
+"""A posted program that begins at one of its operations or restart points, in any dialect that the posts write.
 
     head                                kept
     (OPERATION 1 ...)                   left out, but for the sub-programs that it defines
@@ -11,7 +11,9 @@ import re
 
 from cuspline.values.errors import InputError
 
-OPERATION = re.compile(r"\(OPERATION (\d+):")
+OPERATION = re.compile(r"(?:\d+ )?(?:\(|; )OPERATION (\d+):")
+CHANGE = re.compile(r"(?:N?\d+ )?(?:T\d+(?: M6)?|TOOL CALL \d+ .*)$")       # the tool comes in
+SPEED = re.compile(r"(?:N?\d+ )?S\d+ M3")
 SUB = re.compile(r"o\d+ sub")
 POINT = re.compile(r"N(\d+)(?: #|$)")
 
@@ -23,6 +25,45 @@ def restart_points(text):
     [1001, 1002]
     """
     return [int(found[1]) for found in map(POINT.match, text.splitlines()) if found]
+
+
+def operations_of(text):
+    """Numbers of the operations that bring their own tool, so that a program can begin there.
+
+    >>> operations_of("G21\\n(OPERATION 1: ROUGH, T3 FLAT)\\nT3 M6\\nS9 M3\\n(OPERATION 2: FINISH, T3 FLAT)\\nS9 M3\\nM2\\n")
+    [1]
+    """
+    return [number for number, line, has_tool in _operations(text.splitlines()) if has_tool]
+
+
+def _operations(lines):
+    """(number, index of its first line, whether its tool comes in before anything runs)."""
+    begins = [(int(found[1]), k) for k, found in enumerate(map(OPERATION.match, lines)) if found]
+    found = []
+    for (number, k), (_, end) in zip(begins, [*begins[1:], (0, len(lines))]):
+        before = next((n for n in range(k, end) if SPEED.match(lines[n])), end)
+        found.append((number, k, any(CHANGE.match(line) for line in lines[k:before])))
+    return found
+
+
+def restarted_at_operation(text, number):
+    """The program from an operation on, with everything that it needs before.
+
+    Args:
+        text: a posted program, or one file of a set.
+        number: of the operation, as its comment counts.
+    Raises:
+        InputError: there is none, or it goes on with the tool of the one before; says where the program can begin.
+    """
+    lines = text.splitlines()
+    operations = _operations(lines)
+    begin = next((k for n, k, has_tool in operations if n == number and has_tool), None)
+    if begin is None:
+        known = ", ".join(f"OP{n}" for n in operations_of(text)) or "nowhere else"
+        why = "goes on with the tool that is in" if number in {n for n, _, _ in operations} else "is not in this program"
+        raise InputError(f"operation {number} {why}: it can begin at {known}")
+    first = operations[0][1]
+    return "\n".join([*lines[:first], *_sub_programs(lines[first:begin]), *lines[begin:]]) + "\n"
 
 
 def restarted(text, point):

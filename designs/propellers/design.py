@@ -48,6 +48,11 @@ class PropellerParameters(Parameters):
     bevel_chord_share: float = Field(default=0.06, ge=0.02, le=0.2, description="length of the anti-singing bevel over chord")
     bevel_leaves: float = Field(default=0.5, ge=0.2, le=0.9, description="share of the edge's thickness that the bevel leaves")
     density_g_per_cm3: float = Field(default=7.6, gt=0, le=25, description="for the mass")
+    blades_cut: Literal["none", "one", "all"] = Field(default="none", description="blades that are finished with their fillets, "
+                                                      "on a rotary table that a turning pallet carries; none: the solid alone")
+    arbor_mm: float = Field(default=280.0, gt=0, le=1000, description="from the face of the rotary table to the propeller's "
+                            "centre, where blades are cut: as the machine stands")
+    skin_mm: float = Field(default=0.6, ge=0.2, le=20, description="of the casting on all sides, where blades are cut")
     material: str = Field(default="bronze_nial", description="work material, a name of `materials`")
     scallop_mm: float = Field(default=0.010, ge=0.002, le=0.5, description="largest cusp left")
     profile_tolerance_mm: float = Field(default=0.0025, ge=0.0002, le=0.05, description="path against true surface")
@@ -78,13 +83,19 @@ def propeller_design(name, description, p, table, hub_ratio):
         bore_mm=p.bore_mm, bore_half_angle_rad=float(np.radians(p.bore_taper_deg)), key_width_mm=p.key_width_mm,
         key_depth_mm=p.key_depth_mm, bolts=p.bolts, bolt_mm=p.bolt_mm, bolt_circle_mm=p.bolt_circle_mm))
     low, high = brep.bounding_box_mm(made.solid)
-    return Design(
+    whole = Design(
         name=name, description=description, parameters=p, solid=made.solid, predicates=_predicates(table.blades),
         material=p.material, stock=StockBox(min_mm=tuple((low - STOCK_MM).tolist()),
                                             max_mm=tuple((high + STOCK_MM).tolist())),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
         setups=(), measure=lambda solid: solid_report(made, solid, p.density_g_per_cm3),
         draw=lambda folder: _drawn(made, Path(folder)))
+    return whole if p.blades_cut == "none" else _cut(whole, made, p)
+
+
+def _cut(design, made, p):
+    from cuspline.designs.propellers.cutting import cut  # planning: not to list the designs by
+    return cut(design, made, p)
 
 
 def _drawn(made, folder):

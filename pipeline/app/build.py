@@ -132,6 +132,7 @@ def _made(order, work, say):
         return _finished(order, work, inputs, None)
     if not design.setups:
         return _measured(order, work, inputs, shape, say)
+    off, _ = _measured_solid(order, work, say)
     kept, tell = kept_beside(order.out), lambda text: say(f"{design.name}: {text}")
     plans = _planned(order, say)
     trial = _Trial(order=order, work=work, inputs=inputs, kept=kept, tell=tell)
@@ -154,7 +155,7 @@ def _made(order, work, say):
         bundle = report_bundle(order, work, job, judged, verify, view_of(solid), inputs)
         _, without = write_report(bundle, work)
         left_out = "; ".join(words for words in (left_out, without) if words)
-    result = _finished(order, work, inputs, job, judged.refused(order.accepted), left_out)
+    result = _finished(order, work, inputs, job, (*off, *judged.refused(order.accepted)), left_out)
     return replace(result, figures=judged.figures_in_words, accepted=judged.passed_over(order.accepted))
 
 
@@ -167,7 +168,18 @@ def _with_files(design, work):
 
 def _measured(order, work, inputs, shape, say):
     """A design without setups: its solid as read back from STEP is measured, nothing is planned."""
+    refused, count = _measured_solid(order, work, say)
+    say(f"{order.design.name}: pictures")
+    left_out = render_shape(shape, work)
+    told = (f"solid {'CHECKED' if not refused else 'REJECTED'}, {count} figures kept; no setup, so nothing is planned or posted")
+    return replace(_finished(order, work, inputs, None, refused, left_out), told=told)
+
+
+def _measured_solid(order, work, say):
+    """solid.json and drawings of a design that is measured: (findings that are not accepted, "k of n")."""
     design = order.design
+    if design.measure is None:
+        return (), ""
     say(f"{design.name}: solid read back from STEP and measured")
     report = design.measure(design.solid)
     off = tuple(f for f in report.figures if not f.is_kept)
@@ -181,11 +193,7 @@ def _measured(order, work, inputs, shape, say):
         "figures": [{**asdict(f), "ok": f.is_kept} for f in report.figures], **report.facts})
     if design.draw is not None:
         design.draw(work)
-    say(f"{design.name}: pictures")
-    left_out = render_shape(shape, work)
-    told = (f"solid {'CHECKED' if not refused else 'REJECTED'}, {len(report.figures) - len(off)} of {len(report.figures)} "
-            "figures kept; no setup, so nothing is planned or posted")
-    return replace(_finished(order, work, inputs, None, refused, left_out), told=told)
+    return refused, f"{len(report.figures) - len(off)} of {len(report.figures)}"
 
 
 def _planned(order, say):
@@ -380,7 +388,7 @@ def _posted(order, plans, work, inputs):
 def _header(order, held, inputs):
     """Comment lines that tell the operator what this is; `held`: the plans of one clamping."""
     design, setup, machine = order.design, held[0].setup, order.machine
-    low, high = design.stock.shape.box_in(setup.frame)
+    low, high = design.stock.shape.box_in(setup.clamped_frame)
     program = clamping_program(held, (), setup.name)
     ends = np.vstack([o.moves.end_mm for o in program.operations])
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
@@ -406,9 +414,10 @@ def _header(order, held, inputs):
             lines.append(f"T{o.tool.number} {o.tool.cutter.name}, D{o.tool.cutter.diameter_mm:g} "
                          f"R{o.tool.cutter.corner_radius_mm:g}, STICK-OUT {o.tool.stick_out_mm:g}, "
                          f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}{_head_in_words(o.tool.head)}")
-    lines += [f"POSITION {plan.setup.name.upper()}: TOOL ALONG "
-              f"{show(setup.frame.turn_into(np.array([plan.setup.wcs_z]))[0])} OF THE WCS" for plan in held if len(held) > 1]
-    lines += [f"MARKER {m.name} {show(setup.frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
+    way = lambda plan: show(setup.clamped_frame.turn_into(np.array([plan.setup.wcs_z]))[0])
+    lines += [f"POSITION {plan.setup.name.upper()}: TOOL ALONG {way(plan)} OF THE WCS"
+              for plan in held if len(held) > 1 or setup.indexed]
+    lines += [f"MARKER {m.name} {show(setup.clamped_frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
     if setup.refixturing is not None:
         lines.append(f"PART SITS AS MEASURED: {refixturing_in_words(setup.refixturing)}")
     if order.accepted:

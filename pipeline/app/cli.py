@@ -211,25 +211,59 @@ def _verified(folder, measured, post, accept):
 
 @app.command()
 def restart(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
-            point: Annotated[Optional[str], typer.Argument(help="restart point, as N2003; none: list them")] = None,
+            point: Annotated[Optional[str], typer.Argument(
+                help="restart point, as N2003, or an operation, as OP3; none: list them")] = None,
             to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
-    """Begin a program of repeated passes at one of its restart points."""
-    from cuspline.posts.restart import restart_points, restarted
+    """Begin a program at one of its operations, or of the restart points among repeated passes."""
+    from cuspline.posts.restart import operations_of, restart_points, restarted, restarted_at_operation
     text = text_of(program, "program", encoding="ascii", largest_bytes=LARGEST_PROGRAM_BYTES)
     if point is None:
-        print(" ".join(f"N{k}" for k in restart_points(text)) or "no restart points")
+        points = [*(f"OP{k}" for k in operations_of(text)), *(f"N{k}" for k in restart_points(text))]
+        print(" ".join(points) or "no restart points")
         return
-    digits = point.upper().removeprefix("N")
+    is_operation = point.upper().startswith("OP")
+    digits = point.upper().removeprefix("OP" if is_operation else "N")
     if not digits.isdecimal() or not digits.isascii() or len(digits) > 9:
-        raise InputError(f"restart point {shortened(point)}: write it as in the program, such as N2003")
-    begun = restarted(text, int(digits))
+        raise InputError(f"restart point {shortened(point)}: write it as in the program, such as N2003, or OP3")
+    begun = (restarted_at_operation if is_operation else restarted)(text, int(digits))
     if to is None:
         print(begun, end="")
         return
+    _write(to, begun, "--to")
+
+
+@app.command()
+def translate(
+        program: Annotated[Path, typer.Argument(help="a program in another control's words")],
+        to: Annotated[str, typer.Option(help="post that writes the new words")],
+        source: Annotated[Optional[str], typer.Option("--from", help="post whose words it is in; else by its name's end")] = None,
+        machine: Annotated[Optional[str], typer.Option(
+            help="the new control's machine, by name or TOML file: decimals, units, tolerance; else the post's own")] = None,
+        cutters: Annotated[Optional[Path], typer.Option(help="the tools (JSON), where the post writes their lengths")] = None,
+        out: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
+    """Write a program in another control's words: the same moves, read back and compared; what is not known is refused."""
+    from cuspline.app import catalogue, translation
+    text = text_of(program, "program", encoding="ascii", largest_bytes=LARGEST_PROGRAM_BYTES)
+    target = translation.machine_of(to) if machine is None else catalogue.with_post(catalogue.find_machine(machine), to)
+    tools = None if cutters is None else {t.number: t for t in catalogue.find_library(cutters).tools}
+    done = translation.translated(text, name=program.name, target=target, tools=tools,
+                                  source=translation.machine_of(translation.post_of(program.name, source)))
+    for note in done.notes:
+        print(f"cuspline: {note}", file=sys.stderr)
+    if out is None and len(done.texts) > 1:
+        raise InputError(f"{to} takes {len(done.texts)} files, a tool each: name them by --out")
+    if out is None:
+        print(done.texts[0], end="")
+        return
+    for k, whole in enumerate(done.texts, 1):
+        _write(out if len(done.texts) == 1 else out.with_name(f"{out.stem}-{k:02d}{out.suffix}"), whole, "--out")
+
+
+def _write(path, text, option):
     try:
-        to.write_text(begun)
+        path.write_text(text)
     except OSError as error:
-        raise InputError(f"--to {to}: cannot be written ({error.strerror}); name another file") from None
+        raise InputError(f"{option} {path}: cannot be written ({error.strerror}); name another file") from None
 
 
 @app.command()

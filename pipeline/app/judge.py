@@ -116,7 +116,7 @@ def read_programs(folder, job, tools):
         found = text_findings(moves, tools, setup=held[0].setup, machine=job.machine, finish=job.finish,
                               material=job.cutting_data or known_materials().get(job.material))
         setups = [item.setup for item in held]
-        if len(held) == 1:
+        if len(held) == 1 and not held[0].setup.indexed:
             position = np.zeros(len(moves), np.int64)
             near, = body_findings(moves, position, setups, job, tools)
             swinging = swinging_findings(moves, held[0].setup, job, tools)
@@ -272,7 +272,7 @@ def posted_moves(texts, setup, machine, tools):
 def posted_positions(texts, setups, machine, tools):
     """[PostedMoves] of a clamping's program, one a position; `setups`: what holds the part, then indexed positions."""
     moves = posted_moves(texts, setups[0], machine, tools)
-    if len(setups) == 1:
+    if len(setups) == 1 and not setups[0].indexed:
         return [moves]
     return list(_by_position(moves, setups).moves)
 

@@ -107,6 +107,7 @@ def _view_deviation(judged, view, indices):
 
 def _setup_bundle(work, judged, k, item, drawn, job):
     machine, solved = job.machine, {p.program for p in job.posted if p.setup.indexed}
+    is_held_as_before = k > 0 and item.setup.is_held_as(job.posted[k - 1].setup)
     posted, row_of = drawn.posted, drawn.last_point
     text, *more = ((work / name).read_bytes() for name in item.files)
     known = np.isfinite(posted.end_mm).all(axis=1)
@@ -120,7 +121,7 @@ def _setup_bundle(work, judged, k, item, drawn, job):
     return SetupBundle(
         markers=tuple((m.name, _triple(item.setup.frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
-        turned_in_words=_turned_in_words(posted, item.setup, machine),
+        turned_in_words=_turned_in_words(posted, item.setup, machine, is_held_as_before), is_held_as_before=is_held_as_before,
         swings_in_words=_swings_in_words(judged.read[k].whole, machine),
         solved_for=_axes_in_words("XYZ", machine.wcs_origin_mm) if item.program in solved else "",
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
@@ -140,13 +141,13 @@ def _setup_bundle(work, judged, k, item, drawn, job):
             event_cell=replay.event_cell, event_z_mm=replay.event_z_mm + lift if lift else replay.event_z_mm))
 
 
-def _turned_in_words(posted, setup, machine):
+def _turned_in_words(posted, setup, machine, is_held_as_before):
     """Of an indexed position: its rotary axes, and the tool's direction in the WCS."""
     if not setup.indexed:
         return ""
     along = setup.clamped_frame.turn_into(np.array([setup.wcs_z]))[0]
     return (f"{_axes_in_words(machine.rotaries, posted.rotary_deg[-1])} degrees, tool along {_axes_in_words('XYZ', along)} of "
-            f"{setup.wcs}; held as before")
+            f"{setup.wcs}" + ("; held as before" if is_held_as_before else ""))
 
 
 def _swings_in_words(whole, machine):

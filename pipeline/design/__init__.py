@@ -14,8 +14,8 @@ from cuspline.design.design import (
     SolidReport,
 )
 from cuspline.design.fixtures import FixtureBox, FixtureCylinder, FixtureSolid
-from cuspline.design.stock import StockAllowance, StockBox, StockCylinder, StockMesh, StockSolid
+from cuspline.design.stock import StockAllowance, StockBox, StockCylinder, StockMesh, StockSkin, StockSolid
 
 __all__ = ["DEFAULT_MACHINE", "Companion", "Design", "FacePredicate", "Figure", "Finish", "FixtureBox", "FixtureCylinder",
            "FixtureSolid", "Marker", "Parameters", "Refixturing", "Setup", "SolidReport", "StockAllowance", "StockBox",
-           "StockCylinder", "StockMesh", "StockSolid"]
+           "StockCylinder", "StockMesh", "StockSkin", "StockSolid"]

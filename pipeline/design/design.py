@@ -1,6 +1,7 @@
 """A Design: the B-rep with what must be known to cut it. The truth is the B-rep."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, Callable, Literal
 
 import numpy as np
@@ -120,9 +121,10 @@ class Setup(Model):
     refixturing: Refixturing | None = Field(default=None, description="what measured markers came to; None: as designed")
     indexed: bool = Field(default=False, description="an indexed position (3+2): the rotary axes turn the part to it as "
                           "the setup before holds it, in the same program; zero, fixtures and markers are that setup's")
-    clamped_x: Direction | None = Field(default=None, description="of an indexed position, filled in: wcs_x of the setup that "
-                                        "holds it")
-    clamped_z: Direction | None = None
+    clamped_x: Direction | None = Field(default=None, description="of an indexed position that is the first in a clamping: "
+                                        "direction of the work coordinate system's X as the part is held, part coordinates; of "
+                                        "others filled in")
+    clamped_z: Direction | None = Field(default=None, description="the same of its Z")
 
     @model_serializer(mode="wrap")
     def _without_positions_it_has_not(self, dump):
@@ -131,10 +133,12 @@ class Setup(Model):
 
     @model_validator(mode="after")
     def _axes_make_a_frame(self):
-        x, z = np.array(self.wcs_x), np.array(self.wcs_z)
-        if not (abs(fixed.matmul(x, x) - 1) < UNIT and abs(fixed.matmul(z, z) - 1) < UNIT and abs(fixed.matmul(x, z)) < UNIT):
-            raise ValueError(f"setup {self.name!r}: wcs_x {self.wcs_x} and wcs_z {self.wcs_z} must be unit vectors "
-                             "square to each other")
+        if (self.clamped_x is None) != (self.clamped_z is None):
+            raise ValueError(f"setup {self.name!r}: state clamped_x and clamped_z, or neither")
+        for name in ("wcs", "clamped"):
+            x, z = getattr(self, f"{name}_x"), getattr(self, f"{name}_z")
+            if x is not None and not _are_square(np.array(x), np.array(z)):
+                raise ValueError(f"setup {self.name!r}: {name}_x {x} and {name}_z {z} must be unit vectors square to each other")
         return self
 
     @property
@@ -154,6 +158,12 @@ class Setup(Model):
             return self.frame
         return Frame.of_axes(self.wcs_origin_mm, self.clamped_x, self.clamped_z)
 
+    def is_held_as(self, before):
+        """Whether it is an indexed position in the clamping of the setup before it."""
+        own, others = (self.clamped_x, self.clamped_z), (before.clamped_x, before.clamped_z)
+        held = others if before.indexed else (before.wcs_x, before.wcs_z)
+        return self.indexed and own in (held, (None, None))
+
     def held_as(self, base):
         """An indexed position in the clamping of a setup before it.
 
@@ -167,37 +177,45 @@ class Setup(Model):
                               f"leave {said[0]} out, or indexed")
         return self.model_copy(update={"wcs": base.wcs, "wcs_origin_mm": base.wcs_origin_mm, "fixtures": base.fixtures,
                                        "markers": base.markers, "refixturing": base.refixturing,
-                                       "clamped_x": base.wcs_x, "clamped_z": base.wcs_z})
+                                       "clamped_x": base.clamped_x if base.indexed else base.wcs_x,
+                                       "clamped_z": base.clamped_z if base.indexed else base.wcs_z})
+
+
+def _are_square(x, z):
+    """Whether vectors (3,) are units, square to each other."""
+    return abs(fixed.matmul(x, x) - 1) < UNIT and abs(fixed.matmul(z, z) - 1) < UNIT and abs(fixed.matmul(x, z)) < UNIT
 
 
 def clamped(setups):
-    """Setups, indexed positions held as the setup before them that is none.
+    """Setups, indexed positions held as what begins their clamping.
 
     Raises:
-        DesignError: the first is one; two positions after one another point the tool the same way.
+        DesignError: the first does not say how the part is held; two positions after one another point the tool the same way.
     """
     held, base = [], None
     for setup in setups:
-        if setup.indexed and base is None:
+        goes_on = base is not None and setup.is_held_as(held[-1])
+        if setup.indexed and not goes_on and None in (setup.clamped_x, setup.clamped_z):
             raise DesignError(f"setup {setup.name} is an indexed position, and no setup before it holds the part: leave "
-                              "indexed out")
-        if setup.indexed and held[-1].wcs_z == setup.wcs_z:
+                              "indexed out, or state clamped_x and clamped_z, how the part is held")
+        if goes_on and held[-1].wcs_z == setup.wcs_z:
             raise DesignError(f"setup {setup.name} points the tool as {held[-1].name} does: let one of them have both's "
                               "operations")
-        base = base if setup.indexed else setup
-        held.append(setup.held_as(base) if setup.indexed else setup)
+        base = base if goes_on else setup
+        held.append(setup.held_as(base) if goes_on else setup)
     return tuple(held)
 
 
-def by_clamping(items, goes_on=lambda item: item.setup.indexed):
+def by_clamping(items, goes_on=lambda before, item: item.setup.is_held_as(before.setup)):
     """[[item]]: that of what holds the part first, then of the indexed positions in its clamping.
 
     Args:
-        items: values with a `setup`, or others.   goes_on: function of one, whether it is an indexed position.
+        items: values with a `setup`, or others.
+        goes_on: function of one and that before it, whether it is an indexed position in the same clamping.
     """
     held = []
     for item in items:
-        if goes_on(item) and held:
+        if held and goes_on(held[-1][-1], item):
             held[-1].append(item)
         else:
             held.append([item])
@@ -275,6 +293,16 @@ class Design:
                 if missing := [f for f in faces if f not in known]:
                     raise DesignError(f"design {self.name}, {who}: faces {missing} are named by no predicate; "
                                       f"there are {sorted(known)}")
+
+    @cached_property
+    def _known(self):
+        return {}
+
+    def once(self, name, make):
+        """What all setups share of the part: `make`() when it is first asked for, part coordinates."""
+        if name not in self._known:
+            self._known[name] = make()
+        return self._known[name]
 
     def guide_of(self, kind):
         """The guide of a type, or None: what a strategy must know of the part beyond its faces, part coordinates.

@@ -12,13 +12,16 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field, PrivateAttr, model_serializer, model_validator
 
-from cuspline.kernel.stl_files import read_stl
+from cuspline.kernel.stl_files import read_stl, stl_of_corners
 from cuspline.stock.shapes import BoxShape, CylinderShape, closed_mesh
 from cuspline.values.errors import DesignError
 from cuspline.values.models import FAR_MM, Model, Point, one_of
 
 SOLID_MM = 0.01             # what the triangles of a casting, or of a clamp, may lie off its surfaces
 SHORTEST_MM = 1e-3          # of a cylinder
+SKIN_MM, SKIN_SHARE = 0.1, 0.1      # what the triangles under a skin may lie off the part, in mm and of its thickness
+MET_SHARE = 0.01            # of the part's area
+OVER = 1.1                  # times as thick: outside of it, unless it meets itself
 
 
 class Standing(Model):
@@ -153,12 +156,22 @@ class Solid(FromFile):
 
 
 class Mesh(FromFile):
-    """A closed mesh in an STL file, millimetres."""
+    """A closed mesh in an STL file, millimetres, or one made in code."""
 
     TOLD_BY: ClassVar[str] = "stl"
     ENDING: ClassVar[str] = ".stl"
+    _only_in_code: ClassVar[dict] = {"mesh": None}
 
-    stl: str = Field(min_length=1, description="STL file of a closed mesh in mm, beside the design or the job file")
+    stl: str | None = Field(default=None, min_length=1, description="STL file of a closed mesh in mm, beside the design "
+                            "or the job file")
+    mesh: Any = Field(default=None, exclude=True, repr=False,
+                      description="in code, in place of it: (vertices (v, 3), triangles (t, 3))")
+
+    @model_validator(mode="after")
+    def _is_one(self):
+        if (self.stl is None) == (self.mesh is None) or isinstance(self.mesh, (str, int, float, dict)):
+            raise ValueError("name the mesh's file as `stl`; in code, `mesh` may hold its vertices and triangles in its place")
+        return self
 
     @property
     def _checked_path(self):
@@ -166,7 +179,15 @@ class Mesh(FromFile):
         return self.path
 
     def _read(self):
+        if self.mesh is not None:
+            return closed_mesh(*self.mesh, 0.0, "the mesh made in code", "MESH made in code")
         return closed_mesh(*read_stl(self.path), 0.0, f"the mesh in {self.path}", f"MESH {self.stl}")
+
+    def _write(self, target):
+        if self.mesh is None:
+            super()._write(target)
+        else:
+            target.write_bytes(stl_of_corners(np.asarray(self.mesh[0])[np.asarray(self.mesh[1])]))
 
 
 class StockBox(Box):
@@ -206,7 +227,15 @@ class StockAllowance(Standing):
     allowance_mm: float | None = Field(default=None, ge=0, le=FAR_MM, description="None: what the shop takes")
 
 
-Stock = one_of(StockBox, StockCylinder, StockSolid, StockMesh, StockAllowance)
+class StockSkin(Standing):
+    """The part's own form and so much more on all sides: a casting or a forging near to its shape."""
+
+    TOLD_BY: ClassVar[str] = "skin_mm"
+
+    skin_mm: float = Field(gt=0, le=100, description="thickness over every face; less than every inner radius")
+
+
+Stock = one_of(StockBox, StockCylinder, StockSolid, StockMesh, StockAllowance, StockSkin)
 
 
 def settled(stock, part, practice):
@@ -215,6 +244,8 @@ def settled(stock, part, practice):
     Args:
         stock: any of the above.   part: TopoDS solid.   practice: shop.practice.Practice, asked where the design is silent.
     """
+    if isinstance(stock, StockSkin):
+        return _skinned(stock, part)
     if not isinstance(stock, StockAllowance):
         return stock
     from cuspline.kernel import brep
@@ -222,6 +253,27 @@ def settled(stock, part, practice):
     low, high = brep.bounding_box_mm(part)
     corner = lambda place: tuple(np.round(place, 6).tolist())
     return StockBox(min_mm=corner(low - allowance), max_mm=corner(high + allowance), allowance_mm=allowance)
+
+
+def _skinned(stock, part):
+    """StockMesh of a part with a skin.
+
+    Raises:
+        DesignError: an inner corner is tighter than the skin is thick.
+    """
+    from cuspline.kernel.skin import skin_round
+    from cuspline.kernel.tessellation import tessellate
+    mesh = tessellate(part, min(SKIN_SHARE * stock.skin_mm, SKIN_MM))
+    outside = [skin_round(mesh.vertices_mm, mesh.triangles, share * (stock.skin_mm + mesh.deviation_mm)) for share in (1.0, OVER)]
+    made = StockMesh(mesh=(outside[0], mesh.triangles))
+    corners = mesh.vertices_mm[mesh.triangles]
+    met = made.shape.holds(outside[1][mesh.triangles].mean(axis=1))
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    if area[met].sum() > MET_SHARE * area.sum():        # less is a crease in a tight corner, which is filled
+        place = " ".join(f"{axis}{v:.3f}" for axis, v in zip("XYZ", corners[(met * area).argmax()].mean(axis=0)))
+        raise DesignError(f"stock: a skin of {stock.skin_mm:g} mm round the part meets itself at {place}: the part is too narrow "
+                          "there; make it thinner, or give the casting as STEP")
+    return made
 
 
 def stock_in_words(stock):

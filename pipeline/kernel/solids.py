@@ -7,6 +7,7 @@ from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from cuspline.kernel.stl_files import stl_of_corners
 from cuspline.values.errors import SimulationError
 
 POLYGONS_AT_ONCE, SECTIONS_AT_ONCE = 500, 8     # of a union in the plane
@@ -149,12 +150,7 @@ def simpler(solid, within_mm):
 def stl_of(solid):
     """Binary STL (bytes), millimetres."""
     mesh = solid.to_mesh64()
-    corners = np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts).astype(np.int64)]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    rows = np.zeros(len(corners), dtype=[("f", "<f4", 12), ("attributes", "<u2")])
-    rows["f"] = np.column_stack([normal, corners.reshape(-1, 9)])
-    return b"binary STL, millimetres".ljust(80) + np.uint32(len(rows)).astype("<u4").tobytes() + rows.tobytes()
+    return stl_of_corners(np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts).astype(np.int64)])
 
 
 def prism_over(polygons_mm, low_mm, high_mm):

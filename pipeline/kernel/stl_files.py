@@ -1,4 +1,4 @@
-"""STL files in: triangles of a mesh, each place once; binary or text, millimetres."""
+"""STL files: triangles of a mesh in, each place once, binary or text; out as binary; millimetres."""
 
 import re
 from pathlib import Path
@@ -43,3 +43,12 @@ def _corners(content):
         return np.array(found, dtype="S32").astype(float).reshape(-1, 3, 3) if found else None
     except ValueError:
         return None
+
+
+def stl_of_corners(corners_mm):
+    """Binary STL (bytes) of triangles (t, 3, 3)."""
+    normal = np.cross(corners_mm[:, 1] - corners_mm[:, 0], corners_mm[:, 2] - corners_mm[:, 0])
+    rows = np.zeros(len(corners_mm), ROW)
+    rows["normal"] = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    rows["corners"] = corners_mm
+    return b"binary STL, millimetres".ljust(80) + np.uint32(len(rows)).astype("<u4").tobytes() + rows.tobytes()

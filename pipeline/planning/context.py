@@ -1,5 +1,6 @@
 """What one setup's planning has at hand: the part's faces and mesh, the machine, the shop's tools and speeds."""
 
+import math
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
@@ -8,13 +9,19 @@ from functools import cached_property, partial
 import numpy as np
 
 from cuspline.design.fixtures import placed_fixtures
-from cuspline.design.operations import Clearing, Finishing
+from cuspline.design.operations import Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import ROUND, choose_cutter, cutter_reach
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
-from cuspline.planning.tool_depth import ShortToolDropper, clear_tips_mm, is_clear_above, missing_stick_out_mm
+from cuspline.planning.tool_depth import (
+    ShortToolDropper,
+    clear_tips_mm,
+    is_clear_above,
+    missing_stick_out_mm,
+    missing_stick_outs_mm,
+)
 from cuspline.program.program import UPRIGHT, Kind, Moves
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.shop.cutters import Tool
@@ -108,7 +115,7 @@ class PlanningContext:
         self.library = library_within_skin(library, self.plating_mm) if self.plating_mm else library
         self.shop, self.tolerance_share, self.planned, self._shared, self.only = shop, tolerance_share, (), {}, None
         alone = setup.operations[0] if len(setup.operations) == 1 else None
-        self.operation = alone if isinstance(alone, (Clearing, Finishing)) else Finishing(steep_deg=STEEP_DEG)
+        self.operation = alone if isinstance(alone, Finishing) else Finishing(steep_deg=STEEP_DEG)
         self.finish = _stricter(design.finish, Finishing(), tolerance_share)
         solid = brep.the_solid(design.solid, f"design {design.name}")
         self._faces_of_part = brep.faces_of(solid)
@@ -118,7 +125,8 @@ class PlanningContext:
         self.stock_min_mm, self.stock_max_mm = self.piece.box_in(setup.turn)
         self.fixtures = placed_fixtures(setup, setup.turn)
         self.material = material_named(design.material, shop.materials)
-        self.triangles = brep.planning_mesh(self.solid, MESH_DEFLECTION_MM)
+        mesh = design.once("planning mesh", lambda: brep.planning_mesh(solid, MESH_DEFLECTION_MM))
+        self.triangles = mesh if self.solid is solid else replace(mesh, vertices_mm=setup.turn.into(mesh.vertices_mm))
         self.mesh = DropMesh.from_triangles(self.triangles.vertices_mm, self.triangles.triangles)
         self.box = brep.bounding_box_mm(self.solid)
         asked = [o.clearance_mm for o in setup.operations if o.clearance_mm is not None]
@@ -174,7 +182,9 @@ class PlanningContext:
         chosen = brep.named_faces(self._faces_of_part, self.design.predicates, names)
         self.wanted = [i for i in brep.indices_of(self._faces_of_part, chosen) if self.only is None or i in self.only]
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
-        self.hollow = tightest_hollow(self.faces, self.wanted, geometry=self.geometry)
+        hollow = self.design.once(("tightest hollow", tuple(self.wanted)),
+                                  lambda: tightest_hollow(self._faces_of_part, self.wanted, geometry=self._geometry_of_part))
+        self.hollow = replace(hollow, place_mm=tuple(self.setup.turn.into(np.array([hollow.place_mm]))[0].tolist()))
 
     @property
     def face_names(self):
@@ -233,9 +243,16 @@ class PlanningContext:
                             f"{there or 'none of the types ' + ', '.join(types)}")
         return found
 
+    @property
+    def _geometry_of_part(self):
+        """`geometry` of the part as it lies in its own frame."""
+        faces = self._faces_of_part
+        return self.geometry if self.faces is faces else self.design.once(
+            "geometry", lambda: (PatchSet.of_faces(faces), TrimSet.of_faces(faces)))
+
     @cached_property
     def geometry(self):
-        """(PatchSet, TrimSet) of all faces: what hollows, closest points and drops are computed on."""
+        """(PatchSet, TrimSet) of all faces: what closest points and drops are computed on."""
         return PatchSet.of_faces(self.faces), TrimSet.of_faces(self.faces)
 
     @property
@@ -366,9 +383,9 @@ class PlanningContext:
             PlanError, CutterDoesNotFit: the library has none; lists each with its reason.
         """
         tools = self.tools(*(types if self.operation.wish else types[:1]))
-        choose = lambda tightest_mm: choose_cutter(
-            self.operation.title, tools, self.samples, tightest_mm, self.mesh,
-            None if isinstance(self.operation.tool_axis, ClearingAxis) else self.practice.rough_allowance_mm, self.finishing_work())
+        looked = {t.number: self._reached_with(t) for t in tools}
+        choose = lambda tightest_mm: choose_cutter(self.operation.title, tools, self.samples, tightest_mm,
+                                                   lambda tool: looked[tool.number], self.finishing_work())
         if self.operation.wish:
             return choose(np.inf)
         try:
@@ -377,6 +394,23 @@ class PlanningContext:
             with suppress(CutterDoesNotFit):
                 return choose(np.inf)
             raise error from None
+
+    def _reached_with(self, tool):
+        """((n,) bool: which samples a tool reaches, the stick-out that it lacks there, mm).
+
+        Where the axis turns out of the way nothing is lacking; what is left as steep to other positions, what the holder keeps
+        this tool from is left to them too.
+        """
+        reach, standing = cutter_reach(self.samples, self.mesh, tool.cutter), self.practice.rough_allowance_mm
+        if isinstance(self.operation.tool_axis, ClearingAxis):
+            return reach.is_reached, 0.0
+        if getattr(self.operation, "steepest_deg", 90.0) == 90.0:
+            return reach.is_reached, missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], self.mesh, standing)
+        own = reach.is_reached & ~left_as_steep(self.operation, self.samples)
+        missing = missing_stick_outs_mm(tool, reach.tip_mm[own], self.mesh, standing)
+        clear = own.copy()
+        clear[own] = missing <= 0.0
+        return clear, 0.0 if clear.any() else float(missing.max(initial=0.0))
 
     def speeds(self, tool, is_rough):
         """(rpm, cutting feed) of a tool in this material."""
@@ -427,6 +461,12 @@ class PlanningContext:
 
 
 _PLANES = {name: SectionPlane.named(name) for name in ("ZX", "YZ")}
+
+
+def left_as_steep(operation, samples):
+    """(n,) bool: samples on what an operation leaves to others because it is steep."""
+    steepest = getattr(operation, "steepest_deg", 90.0)
+    return (samples.normal[:, 2] < fixed.cos(math.radians(steepest))) & (steepest < 90.0)
 
 
 def _stricter(finish, operation, tolerance_share):

@@ -145,13 +145,14 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
     return chosen, tuple(candidates), reach
 
 
-def choose_cutter(title, tools, samples, hollow_radius_mm, mesh, stock_mm, work):
+def choose_cutter(title, tools, samples, hollow_radius_mm, look, work):
     """The cutter that is through an operation's faces first, of those that leave least of them, and all candidates.
 
     Args:
         title: of the operation, for messages.   tools: Tool values, largest first.
-        samples, mesh, stock_mm: as for `choose_ball`; stock_mm None: the axis will lean, as far as it can, out of the way.
+        samples: surfaces.curvature.FaceSamples of the faces.
         hollow_radius_mm: the tightest concave place that must hold the corner; inf: tighter ones are left to other tools.
+        look: function of a Tool to ((n,) bool: which samples it reaches, the stick-out that it lacks, mm; 0: all is clear).
         work: FinishingWork.
     Returns:
         (Tool, tuple of Candidate, (n,) bool: which samples it reaches).
@@ -160,17 +161,15 @@ def choose_cutter(title, tools, samples, hollow_radius_mm, mesh, stock_mm, work)
     """
     looked = []
     for tool in tools:
-        reach = cutter_reach(samples, mesh, tool.cutter)
-        missing = 0.0 if stock_mm is None else missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], mesh, stock_mm)
+        is_reached, missing = look(tool)
         too_large = reason = _why_not(tool, hollow_radius_mm)
-        if not reason and not reach.is_reached.any():
+        if not reason and not missing and not is_reached.any():
             reason = "touches none of the faces without cutting into others"
         elif not reason and missing > 0:
             reason = f"holder or shank would touch the part: stick-out {tool.stick_out_mm:.1f} mm is {missing:.2f} mm short"
         looked.append((Candidate(
             tool=tool, is_chosen=False, reason=reason or "", is_fitting=too_large is None, missing_stick_out_mm=missing,
-            area_left_mm2=samples.area_mm2[~reach.is_reached].sum(), **work.figures(tool, samples, reach.is_reached)),
-            reach.is_reached))
+            area_left_mm2=samples.area_mm2[~is_reached].sum(), **work.figures(tool, samples, is_reached)), is_reached))
     fitting = [(c, reached) for c, reached in looked if not c.reason]
     if not fitting:
         raise CutterDoesNotFit(f"{title}: no tool that it may use fits: " + "; ".join(

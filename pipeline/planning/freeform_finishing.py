@@ -160,7 +160,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
     gentle = _gentle(field, math.radians(work.operation.waterline_deg), OVERLAP_STEPS * step)
     curves, pattern = _curves(work.operation, gentle, tool.cutter, ridge_mm)
     paths = tip_paths(curves, gentle, rules) if curves else []
-    walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step)
+    walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step) if work.operation.steepest_deg == 90.0 else []
     touched = []
     if paths and allowance_mm == 0.0:
         touched = _touch_up(gentle, [*paths, *walls], before, scallop_mm, ridge_mm, step, rules)

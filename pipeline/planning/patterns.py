@@ -6,6 +6,7 @@ from pydantic import Field
 
 from cuspline.design.operations import Finishing
 from cuspline.planning import freeform_finishing, roughing
+from cuspline.planning.context import left_as_steep
 from cuspline.toolpaths.five_axis.tool_axes import AnyAxis, ToolAxis
 
 
@@ -53,4 +54,5 @@ class Pattern(Finishing):
     def plan(self, work):
         tool, candidates, reached = work.chosen_tool(*self.types)
         made = freeform_finishing.passes_over(work, tool, candidates)
-        return [*roughing.before_passes(work, tool, reached), made] if made is not None else [], reached
+        own = reached & ~left_as_steep(self, work.samples)
+        return [*roughing.before_passes(work, tool, own), made] if made is not None else [], reached

@@ -4,19 +4,17 @@ A setup's operations are planned in the order in which they stand, each on the s
 setup that lists none is cut by `Auto`.
 """
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cuspline.design.operations import Clearing
-from cuspline.planning.context import PlannedOperation, PlanningContext
+from cuspline.planning.context import PlannedOperation, PlanningContext, left_as_steep
 from cuspline.planning.strategies.auto import Auto
 from cuspline.program.arcs import CHORD_SHARE, straightened
 from cuspline.program.program import Operation, Program
 from cuspline.shop.practice import ShopFile
 from cuspline.surfaces.inner_corners import inner_edges
-from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit
 from cuspline.values.findings import Finding
 
@@ -83,7 +81,8 @@ def _posted_operation(planned, plan):
     """An operation seen from its clamping's WCS; in an indexed position its axis leans, and its arcs are chords."""
     setup, turn = plan.setup, plan.setup.turn
     into = lambda points: setup.clamped_frame.into(turn.out(points))
-    same = {"name": planned.name, "tool": planned.tool, "spindle_rpm": planned.rpm, "coolant": planned.coolant}
+    same = {"name": planned.name, "tool": planned.tool, "spindle_rpm": planned.rpm, "coolant": planned.coolant,
+            "time_s": planned.facts.get("time_s")}
     if not setup.indexed:
         by_mm = into(np.zeros((1, 3)))[0]
         return Operation(**same, moves=_moved(planned.moves, into), passes=_shifted(planned.passes, into),
@@ -150,7 +149,7 @@ def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), to
         except CutterDoesNotFit as error:
             where = design.where(_placed(work.hollow, setup).place_mm)
             raise CutterDoesNotFit(f"{where}: {error}" if where else str(error), rows=error.rows) from None
-        rows = rows & ~_is_left_as_steep(operation, work.samples)
+        rows = rows & ~left_as_steep(operation, work.samples)
         for left in _left_by(made):
             rows = rows & ~left.rows
         operations += made
@@ -162,12 +161,6 @@ def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), to
                      area_required_mm2=float(context.samples.area_mm2.sum()),
                      area_reached_mm2=float(context.samples.area_mm2[reached].sum()), context=context,
                      accounts=tuple(accounts))
-
-
-def _is_left_as_steep(operation, samples):
-    """(n,) bool: samples on what an operation leaves to others because it is steep."""
-    steepest = getattr(operation, "steepest_deg", 90.0)
-    return (samples.normal[:, 2] < fixed.cos(math.radians(steepest))) & (steepest < 90.0)
 
 
 def _left_by(made):
@@ -191,7 +184,7 @@ def _reasons(operation, samples, made, rows):
     for left in _left_by(made):
         unsaid = unsaid & ~left.rows
         yield left.why
-    steep = _is_left_as_steep(operation, samples)
+    steep = left_as_steep(operation, samples)
     if (unsaid & steep).any():
         yield f"steeper than {operation.steepest_deg:g} degrees"
     if (unsaid & ~steep).any():

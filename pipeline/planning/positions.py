@@ -21,7 +21,7 @@ from cuspline.values.errors import CutterDoesNotFit, PostError
 from cuspline.values.frames import Frame
 
 RING_DEG = 20.0             # between directions
-LOOKED_AT = 5000            # places of the faces, spread over their samples
+LOOKED_AT = 5000            # places of the faces, spread over their samples, unless others are asked for
 LEAST_SHARE = 1e-3          # of the area: a direction that adds less is not worth its turn
 NEARLY_ALL = 0.99           # of what a direction adds: the largest ball that sees so much is named
 SEED = 20
@@ -47,15 +47,15 @@ class Positions:
     left_at_mm: np.ndarray      # (3,) a place in the middle of what is left; NaN: nothing is
 
 
-def positions(solid, indices, library, *, chain=None, clamped=None, steepest_deg=60.0, standing_mm=0.0):
+def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing_mm=0.0, places=LOOKED_AT):
     """Few positions that see most of some faces.
 
     Args:
         solid: TopoDS solid.   indices: of its faces, in its own order.   library: ToolLibrary; its balls count.
-        chain: shop.kinematics.Chain, which must be able to turn there; None: any direction will do.
-        clamped: Frame of the clamping, seen from the part; None: as the part lies.
+        ways: (n, 3) unit directions to choose from, part coordinates, see `turnable`; None: `directions`.
         steepest_deg: between a place's normal and the direction, at the most.
         standing_mm: material that may still stand on the part, which holder and shank keep clear of.
+        places: of the faces that are looked at, at the most.
     Returns:
         Positions.
     Raises:
@@ -64,7 +64,7 @@ def positions(solid, indices, library, *, chain=None, clamped=None, steepest_deg
     balls = library.of_type("ball")
     if not balls:
         raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
-    some, ways = _some_samples(solid, indices), turnable(directions(), chain, clamped)
+    some, ways = _some_samples(solid, indices, places), directions() if ways is None else ways
     mesh = brep.planning_mesh(solid, MESH_DEFLECTION_MM)
     seen = np.array([_seen(way, some, mesh, balls, steepest_deg, standing_mm) for way in ways]).reshape(len(ways), len(balls), -1)
     return _chosen(ways, seen, some, balls)
@@ -83,7 +83,12 @@ def directions():
 
 
 def turnable(ways, chain, clamped):
-    """Those of directions (n, 3), part coordinates, that a machine's rotaries reach."""
+    """Those of directions (n, 3), part coordinates, that a machine's rotaries reach.
+
+    Args:
+        chain: shop.kinematics.Chain; None: all of them.
+        clamped: Frame of the clamping, seen from the part; None: as the part lies.
+    """
     if chain is None:
         return ways
     seen = ways if clamped is None else clamped.turn_into(ways)
@@ -98,11 +103,11 @@ def _is_reached(chain, way):
     return True
 
 
-def _some_samples(solid, indices):
-    """FaceSamples of the faces, at most LOOKED_AT of them, areas raised to stand for all."""
+def _some_samples(solid, indices, most):
+    """FaceSamples of the faces, at most so many, areas raised to stand for all."""
     samples = sample_faces(brep.faces_of(solid), indices, across_axis=2)
     count = len(samples.area_mm2)
-    pick = np.sort(np.random.default_rng(SEED).permutation(count)[:LOOKED_AT])
+    pick = np.sort(np.random.default_rng(SEED).permutation(count)[:most])
     raised = samples.area_mm2.sum() / samples.area_mm2[pick].sum()
     part = {name: getattr(samples, name)[pick] for name in ("point_mm", "normal", "hollow_per_mm", "across_per_mm", "face")}
     return replace(samples, area_mm2=samples.area_mm2[pick] * raised, **part)

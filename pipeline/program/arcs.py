@@ -40,6 +40,24 @@ class Arc:
         return [self.at(k / count) for k in range(1, count)] + [self.end_mm]
 
 
+def lowest_z_mm(moves):
+    """The lowest tip of moves, arcs between their ends too.
+
+    >>> from cuspline.program.program import MoveWriter
+    >>> half = MoveWriter((-3, 0, 0)); half.arc((3, 0, 0), (0, 0, 0), Plane.ZX, True, 100); half.feed((9, 0, -1), 100)
+    >>> lowest_z_mm(half.moves()), lowest_z_mm(half.moves()) == -3
+    (-3.0, True)
+    """
+    lowest, starts = min(float(moves.start_mm[2]), float(moves.end_mm[:, 2].min(initial=np.inf))), moves.starts_mm
+    for k in np.flatnonzero((moves.kind >= Kind.ARC_CW) & (moves.plane != Plane.XY)).tolist():
+        plane = Plane(moves.plane[k])
+        arc = Arc(starts[k], moves.end_mm[k], moves.center_mm[k], plane, moves.kind[k])
+        down = math.pi if plane == Plane.ZX else -math.pi / 2
+        if arc.side * (down - arc.from_rad) % (2 * math.pi) < arc.sweep_rad:
+            lowest = min(lowest, float(moves.center_mm[k, 2]) - arc.radius_mm)
+    return lowest
+
+
 def straightened(moves, tolerance_mm):
     """The same moves with chords in place of arcs, none farther than the tolerance (mm) from its arc.
 

@@ -4,6 +4,7 @@ The reader gives places and axes in the WCS of the clamping.  A move belongs to 
 own from end to end; what turns the part, or the head, between two positions belongs to none.
 """
 
+import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -87,8 +88,8 @@ def _taken(posted, is_taken):
                if isinstance(getattr(posted, f.name), np.ndarray)}
     after = np.concatenate([[0], np.cumsum(is_taken)])
     return replace(posted, **columns, remarks=tuple(replace(r, row=int(number[r.row])) for r in posted.remarks if is_taken[r.row]),
-                   stops=tuple(replace(s, row=int(after[s.row])) for s in posted.stops
-                               if is_taken[min(s.row, len(is_taken) - 1)]))
+                   stops=tuple(replace(s, row=int(after[s.row]), nose_z_mm=float(posted.machine_end_mm[s.row - 1, 2]) if s.row else
+                                       math.nan) for s in posted.stops if is_taken[min(s.row, len(is_taken) - 1)]))
 
 
 def _seen(posted, frame, held):

@@ -4,6 +4,7 @@ This is the only input of simulation and verification.  It is made by a reader i
 from the text on disk, never from the Program.
 """
 
+import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from cuspline.program.program import UPRIGHT, Kind
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import SimulationError
 
+MIST, FLOOD = 1, 2        # of coolant, which may be on both at once
 UNIT = 1e-9               # how far a tool axis may be from length 1
 
 
@@ -43,7 +45,8 @@ class Stop:
 
     row: int                  # moves made before it
     line: int                 # of the text, from 1
-    word: str                 # M0 M1 M2 M3 M4 M5 M6 M30
+    word: str                 # M0 M1 M2 M3 M4 M5 M6 M30, G4
+    nose_z_mm: float = math.nan     # machine height of the spindle nose, where the row before it is another position's
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,6 +81,8 @@ class PostedMoves:
     remarks: tuple[Remark, ...] = ()
     stops: tuple[Stop, ...] = ()            # in the order of execution
     rotary_deg: np.ndarray | None = None    # (n, r) where the rotary axes stand at the end; NaN: unknown; left out: there are none
+    coolant: np.ndarray | None = None       # (n,) MIST and FLOOD added; left out: 0, off
+    work_offsets: tuple[str, ...] = ()      # in force at moves that are not in machine coordinates, in the order of their use
 
     def __post_init__(self):
         n = len(self.kind)
@@ -88,7 +93,8 @@ class PostedMoves:
                 ("length_offset_on", (n,), bool), ("machine_end_mm", (n, 3), float),
                 ("line", (n,), np.int32), ("operation", (n,), np.int32)):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
-        for name, dtype in (("path_tolerance_mm", float), ("speed_line", np.int32), ("call_line", np.int32)):
+        for name, dtype in (("path_tolerance_mm", float), ("speed_line", np.int32), ("call_line", np.int32),
+                            ("coolant", np.int8)):
             given = getattr(self, name)
             object.__setattr__(self, name, frozen(np.zeros(n) if given is None else given, (n,), name, dtype))
         given = np.zeros((n, 0)) if self.rotary_deg is None else self.rotary_deg
@@ -136,7 +142,9 @@ class PostedMoves:
         remarks = tuple(replace(r, row=r.row + int(first)) for p, first in zip(parts, rows) for r in p.remarks)
         stops = tuple(replace(s, row=s.row + int(first), line=s.line + int(lines))
                       for p, first, lines in zip(parts, rows, before) for s in p.stops)
-        return cls(operations=names, ended=all(p.ended for p in parts), remarks=remarks, stops=stops, **columns)
+        offsets = tuple(dict.fromkeys(offset for p in parts for offset in p.work_offsets))
+        return cls(operations=names, ended=all(p.ended for p in parts), remarks=remarks, stops=stops, work_offsets=offsets,
+                   **columns)
 
     def through_joints(self, chain, blocks):
         """The same blocks as the tip and the axis go while the control runs joints evenly; upright ones stay as they are.

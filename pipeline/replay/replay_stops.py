@@ -67,7 +67,7 @@ def _finding(report, standing, stop, is_switched):
 def _low_change(report, stop, machine):
     """A tool change below what the machine asks for, or nobody knows where."""
     posted, row, wanted = report.posted, stop.row - 1, machine.tool_change_height_mm
-    nose = posted.machine_end_mm[row, 2] if row >= 0 else np.nan
+    nose = posted.machine_end_mm[row, 2] if row >= 0 else stop.nose_z_mm
     missing = wanted - nose
     if missing <= HEIGHT_MM:
         return None

@@ -69,6 +69,7 @@ class SetupBundle:
     frame: Frame                    # WCS seen from the part
     markers: tuple                  # (name, (x, y, z) in WCS) of what is touched to find how the part lies
     lies_in_words: str              # how it was found to lie; "" as designed
+    is_held_as_before: bool = False     # an indexed position of the same clamping as the setup before it
     turned_in_words: str = ""       # where the rotary axes stand in an indexed position; "" they are not turned
     swings_in_words: str = ""       # how far rotary axes turn over the whole program; "" they do not
     solved_for: str = ""            # machine coordinates of the zero that a program with turned axes holds for; "" it has none

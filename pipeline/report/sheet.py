@@ -58,7 +58,7 @@ def job_rows(bundle, setup):
 
 def clampings(bundle):
     """[[SetupBundle]]: what is set up once, the positions that its program turns the machine to among it."""
-    return by_clamping(bundle.setups, lambda setup: bool(setup.turned_in_words))
+    return by_clamping(bundle.setups, lambda _, setup: setup.is_held_as_before)
 
 
 def _which_of(bundle, setup):
@@ -143,7 +143,7 @@ def _head_in_words(tool):
 
 def checklist(bundle, setup):
     """What to tick off before cycle start, with this job's own numbers."""
-    if setup.turned_in_words:
+    if setup.is_held_as_before:
         return _position_checklist(bundle, setup)
     where = "clear of every cut in all positions" if setup.swings_in_words else "below every cut"
     lines = [f"Stock is {bundle.material}, {stock_size(setup)}, clamped {where} "
@@ -193,7 +193,7 @@ def wcs_drawing(bundle, setup):
     away = fixed.matmul(setup.stock_edges_mm, EYE)
     lines += [_polyline(look(edge), "hidden" if far else "stock")
               for edge, far in zip(setup.stock_edges_mm, (away <= away.min(initial=np.inf) + SAME_MM).any(axis=1))]
-    lines += [] if setup.turned_in_words else _dimensions(look, setup, low, high)       # they stand on the first sheet
+    lines += [] if setup.is_held_as_before else _dimensions(look, setup, low, high)       # they stand on the first sheet
     lines += _triad(look, setup, float(fixed.length(high - low)))
     style = (".part{stroke:#6b7785;stroke-width:.7}.fixture{stroke:#33669e;stroke-width:.7}.stock{stroke:#a8620c;stroke-width:1.3}"
              ".hidden{stroke:#a8620c;stroke-width:.8;stroke-dasharray:4 3}polyline{fill:none}"

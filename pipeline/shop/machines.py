@@ -119,23 +119,28 @@ class Spindle(Model):
 class Control(Sparse):
     """What the controller accepts."""
 
-    LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "canned_cycles")
+    LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "canned_cycles")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
     decimals_inch: int = Field(default=5, ge=1, le=7)
     decimals_feed: int = Field(default=1, ge=0, le=3)
     decimals_deg: int = Field(default=4, ge=2, le=7, description="of rotary words, which are degrees in either unit")
-    tip_control: Literal["M428", "M68", "G43.4"] | None = Field(
+    tip_control: Literal["M428", "M68", "G43.4", "TRAORI"] | None = Field(
         default=None, description="tool-centre-point control, by which tilted operations go out as tip and rotary axes: M428 "
-        "(and M429, LinuxCNC's remapped words), M68 (the output M68 E3 that they stand for), G43.4 (Fanuc); left out: as joints")
+        "(and M429, LinuxCNC's remapped words), M68 (the output M68 E3 that they stand for), G43.4 (Fanuc), TRAORI (Siemens); "
+        "left out: as joints")
     line_length: int = Field(default=252, ge=40, description="longest block the control takes, characters")
     program_store_bytes: int = Field(gt=0)
     sub_programs: bool = Field(default=True, description="repeated passes as sub-programs and calls; false: move by move")
     canned_cycles: bool = Field(default=True, description="holes as G81 G82 G83 G73; false: move by move")
+    block_numbers: int = Field(default=0, ge=0, le=100, description="step of the N words before blocks; 0: none (Klartext always "
+                               "counts its own)")
+    optional_stops: bool = Field(default=False, description="M1 at the top of the machine before every tool but the first")
     path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: half of it "
-                                     "goes out as LinuxCNC's G64 P, whose blends take up to twice that; what is set in a "
-                                     "Fanuc control for G64 (corners, smoothing)")
+                                     "goes out as LinuxCNC's G64 P, whose blends take up to twice that; what goes out as Haas's "
+                                     "G187 E, Siemens's CTOL, Heidenhain's cycle 32; what is set in a "
+                                     "Fanuc control for G64 (corners, smoothing), in Grbl as $12")
     arc_max_radius_mm: float = Field(default=1e4, gt=0, description="flatter arcs go out as lines")
     arc_min_length_mm: float = Field(default=1e-3, gt=0, description="shorter arcs go out as lines")
 

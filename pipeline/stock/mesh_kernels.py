@@ -43,7 +43,9 @@ def tree_of(corners, leaves):
 
 @njit(error_model="numpy")
 def _passes(p, d, node):
-    """Whether a line may meet a box: the box is taken a little larger than it is."""
+    """Whether a line may meet a box: the box is taken a little larger than it is; behind the last triangle boxes are empty."""
+    if node[LOW] > node[HIGH]:
+        return False
     enter, leave = -math.inf, math.inf
     for k in range(3):
         spare = SHORTEST_MM + 1e-12 * (abs(node[LOW + k]) + abs(node[HIGH + k]) + abs(p[k]))

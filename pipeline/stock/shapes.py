@@ -23,7 +23,7 @@ from cuspline.values.frames import Frame
 ROUND_MM = 0.002          # the facets of a cylinder stand out of it by no more than this
 SQUARE = 1e-12            # a frame's directions that are a box's own within this run along its sides
 CREASE = fixed.cos(np.radians(20.0))     # facets that turn by less are one face
-FEW_CROSSINGS = 8         # room for crossings of a line; lines with more are asked again, all together
+FEW_CROSSINGS = 8         # room for crossings of a line; lines with more are asked again
 UP = np.array([0.0, 0.0, 1.0])
 BOX_SIDES = np.array([[0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
                       [2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5]])
@@ -232,11 +232,13 @@ class MeshShape(Shape):
 
     def along(self, origins_mm, directions):
         origins, directions = (np.ascontiguousarray(a, float) for a in (origins_mm, directions))
-        room = FEW_CROSSINGS
-        spans, count = kernels.lines_through(origins, directions, *self._lines, room)
-        while count.max(initial=0) > room:
-            room = int(count.max()) + 1 >> 1 << 1
-            spans, count = kernels.lines_through(origins, directions, *self._lines, room)
+        few, count = kernels.lines_through(origins, directions, *self._lines, FEW_CROSSINGS)
+        more = np.flatnonzero(count > FEW_CROSSINGS)
+        if not len(more):
+            return few
+        room = int(count.max()) + 1 >> 1 << 1
+        spans = np.pad(few, ((0, 0), (0, (room - FEW_CROSSINGS) // 2), (0, 0)), constant_values=np.inf)
+        spans[more] = kernels.lines_through(origins[more], directions[more], *self._lines, room)[0]
         return spans
 
     @property

@@ -208,12 +208,15 @@ class Workpiece:
     def highest_within_mm(self, frame, xy_mm, radius_mm):
         """(n,) height that no stock within a radius of (x, y) exceeds, as `heights_mm`.
 
-        What cutters smaller by the radius all round sweep lies so deep in what the true ones sweep.
+        What cutters smaller by the radius all round sweep lies so deep in what the true ones sweep.  Where cuts came from
+        several directions, and the radius is no less than half a cube, cubes that hold what is left say it, larger by the radius.
         """
-        smaller = [Cut(frame=c.frame, paths=shrunk_paths(c.paths, radius_mm)) for c in self.cuts]
-        cuts = tuple(c for c in smaller if c.paths)
         (low, high), xy, fills = self.box_in(frame), np.asarray(xy_mm, float), self.blank.fills_box_in(frame)
         stands = np.full(len(xy), high[2]) if fills else np.maximum(self.blank.tops_within_mm(frame, xy, radius_mm), low[2])
+        if not self.is_cut_along(frame) and self.cells.least_half_mm <= radius_mm:
+            return np.minimum(stands, np.maximum(self._tops_in(frame, radius_mm).at(xy), low[2]))
+        smaller = [Cut(frame=c.frame, paths=shrunk_paths(c.paths, radius_mm)) for c in self.cuts]
+        cuts = tuple(c for c in smaller if c.paths)
         if not cuts:
             return stands
         less = Workpiece(blank=self.blank if fills else ENDLESS, cuts=cuts)

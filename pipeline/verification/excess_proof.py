@@ -95,7 +95,7 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
         cuts: workpiece.Cut values that may have cut them, the one that probably did first.
         known_mm: a height that is known to be reached, scalar >= 0.   allowed_mm: higher places are excess.
         deviation_of: function of points and normals (n, 3), part coordinates, to exact deviations (n,).
-        is_reachable: function of the same to (n,) bool.
+        is_reachable: function of the same and faces (n,) to (n,) bool.
         area_mm2: of the faces: all of it is unproven where no cutter is known.
     Returns:
         ExcessProof.
@@ -191,10 +191,11 @@ class _Search:
 
         The height rises with every middle: a peak narrower than the smallest cells may have no other within it.
         """
-        points, normals = self._middles(given)
+        points, normals, face = self._middles(given)
         above, d, fair = given.reason == ABOVE, np.full(len(given), -np.inf), np.zeros(len(given), bool)
         known = np.flatnonzero(np.isfinite(normals).all(axis=1))
-        d[known], fair[known] = self.deviation_of(points[known], normals[known]), self.is_reachable(points[known], normals[known])
+        d[known] = self.deviation_of(points[known], normals[known])
+        fair[known] = self.is_reachable(points[known], normals[known], face[known])
         excess = above & fair & (d > self.allowed + NOISE_MM)
         self.higher.append((points[excess], d[excess]))
         self.areas["excess"] += float(given.area_mm2[excess].sum())
@@ -206,17 +207,18 @@ class _Search:
                 given.only(~raises & ~excess & (fair | ~above)))
 
     def _middles(self, cells):
-        """Points and outward normals (n, 3) in the middles of cells."""
+        """Points and outward normals (n, 3) in the middles of cells, and their faces (n,)."""
         middle = (cells.box[:, ::2] + cells.box[:, 1::2]) / 2
         u, v = in_face_parameters(self.ground.patches, cells.patch, middle[:, 0], middle[:, 1])
-        place = self.ground.places(self.ground.patches.patch[cells.patch, 0], u, v)
-        return place.point_mm, place.normal
+        face = self.ground.patches.patch[cells.patch, 0]
+        place = self.ground.places(face, u, v)
+        return place.point_mm, place.normal, face
 
     def _count(self, left):
         """Areas of cells that nothing proved."""
-        points, normals = self._middles(left)
+        points, normals, face = self._middles(left)
         known = np.isfinite(normals).all(axis=1)
         fair = ~known
-        fair[known] = self.is_reachable(points[known], normals[known])
+        fair[known] = self.is_reachable(points[known], normals[known], face[known])
         for name, chosen in (("unreachable", ~fair), ("rim", fair & left.is_rim), ("inside", fair & ~left.is_rim)):
             self.areas[name] += float(left.area_mm2[chosen].sum())

@@ -67,6 +67,30 @@ class SampledFaces:
     drops: object                 # DropMesh of the design, in the clamping's WCS
     spacing_mm: float             # of the samples
     holes: tuple = ()             # surfaces.holes.Hole of the part in the clamping's WCS, where drills are used
+    beside: tuple = ()            # Beside: other positions that cut some of these faces too
+
+    def reach(self, cut, points_mm, normals, face, closest, ball_radius_mm):
+        """(n,) REACHABLE, or why no ball of the shop finishes points on faces from here or from a position that cuts them too.
+
+        Args:
+            cut: workpiece.Cut of the clamping.   face: (n,) index into the faces; the rest as for `reach_of`.
+        """
+        reach = reach_of(points_mm, normals, cut, self, closest, ball_radius_mm)
+        for other in self.beside:
+            rows = np.flatnonzero((reach != REACHABLE) & other.cuts_too[face])
+            again = reach_of(points_mm[rows], normals[rows], other.cut, other, closest, ball_radius_mm)
+            reach[rows[again == REACHABLE]] = REACHABLE
+        return reach
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Beside:
+    """Another indexed position of the same clamping that cuts faces which are judged elsewhere."""
+
+    cut: object                   # workpiece.Cut
+    drops: object                 # DropMesh of the design, in its WCS
+    cuts_too: np.ndarray          # (f,) bool: which of the faces
+    holes: tuple = ()             # of the part there, as in SampledFaces
 
 
 def residuals(piece, sampled, closest, ball_radius_mm, kept=NOTHING):
@@ -82,9 +106,10 @@ def residuals(piece, sampled, closest, ball_radius_mm, kept=NOTHING):
         list of (Residuals of its faces after all clampings, Residuals of all faces after it alone).
     """
     parts, feeds = ([getattr(s, name) for s in sampled] for name in ("samples", "feeds"))
-    looked = _Looked.at(piece, parts, sampled, closest, ball_radius_mm, kept)
+    reach_at = lambda k, own: sampled[k].reach(piece.cuts[k], own.points_mm, own.normals, own.face, closest, ball_radius_mm)
+    looked = _Looked.at(piece, parts, reach_at, kept)
     more = [_tops(piece, k, looked, feeds, s) for k, s in enumerate(sampled)]
-    beyond = _Looked.at(piece, more, sampled, closest, ball_radius_mm, kept)
+    beyond = _Looked.at(piece, more, reach_at, kept)
     every = Samples.joined([p for pair in zip(parts, more) for p in pair])
     climbed = np.concatenate([np.full(len(p), flag) for pair in zip(parts, more) for flag, p in zip((False, True), pair)])
     found = []
@@ -112,7 +137,7 @@ class _Looked:
     reach: list               # (n,) in the clamping of the same number
 
     @classmethod
-    def at(cls, piece, parts, sampled, closest, ball_radius_mm, kept):
+    def at(cls, piece, parts, reach_at, kept):
         together = Samples.joined(parts)
         points, normals = together.points_mm, together.normals
         each, rows = piece.deviations_of_cuts(points, normals, LIMIT_MM, kept.of(deviations_and_moves))
@@ -121,7 +146,7 @@ class _Looked:
         final = np.where(together.is_border & (len(piece.cuts) > 1), np.maximum(final, depth.min(axis=0)),
                          final if len(piece.cuts) > 1 else depth[0])
         ends = np.cumsum([len(p) for p in parts])[:-1]
-        reach = [reach_of(p.points_mm, p.normals, c, s, closest, ball_radius_mm) for p, c, s in zip(parts, piece.cuts, sampled)]
+        reach = [reach_at(k, own) for k, own in enumerate(parts)]
         split = lambda a: np.split(a, ends, axis=-1)
         return cls(final=split(final), each=split(depth), rows=split(rows), maker=split(maker), reach=reach)
 

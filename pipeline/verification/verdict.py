@@ -8,6 +8,7 @@ import numpy as np
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
 
+from cuspline.design.design import by_clamping
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.tessellation import Tessellation, tessellate
 from cuspline.replay.clearance import ClearanceTree
@@ -34,10 +35,10 @@ from cuspline.verification.reach import REACHABLE, drop_mesh
 from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
 from cuspline.verification.residuals import (
     LIMIT_MM,
+    Beside,
     Residuals,
     SampledFaces,
     default_spacing_mm,
-    reach_of,
     residuals,
     unreachable_places,
     weighted_percentile,
@@ -56,8 +57,10 @@ FINEST_MM = 2e-4          # the finest that they are asked for
 SOLID_NODES = 40_000      # of the second verifier's grid: it holds against the first what no finer grid would show better
 REPLAY_NODES = 30_000     # between them bounds over whole cells hold
 MESH_TRIANGLES = 500_000  # of the design: on a longer part they lie farther off, and the bounds say so
+PARTS = 4                 # of a cell's side between its nodes, where all cuts came along the tool; cubes are no finer than cells
 COARSER = 10.0            # times the deviation: a mesh that tells how many triangles there will be
 DESIGN_PIN_MM = 1e-3      # radius of the pin that feels the design's height at a node
+SAME_DECIMALS = 6         # of a cosine: directions that look at a face as squarely
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,17 +290,18 @@ class _Clamping:
 def _laid_out(programs, solid, judging):
     """_Part, and a _Clamping of each program."""
     finish, ball_radius_mm, options, say = judging.finish, judging.ball_radius_mm, judging.options, judging.say
-    shapes = [[getattr(f, "shape", f) for f in p.faces] for p in programs]
-    required = [_indices(solid, faces) for faces in shapes]
+    exact = brep.faces_of(solid)
+    named = [_indices(solid, [getattr(f, "shape", f) for f in p.faces]) for p in programs]
+    required = judged_once(named, programs, exact)
     if ball_radius_mm <= finish.plating_mm:
         raise InputError(f"plating_mm {finish.plating_mm:g} is no thinner than the smallest ball, of radius "
                          f"{ball_radius_mm:g} mm: correct it")
     piece = metal = Workpiece(blank=judging.stock.shape)
     before, fitted = [], []
-    for program, faces in zip(programs, shapes):
+    for k, program in enumerate(programs):
         say(f"{program.setup.name}: index over {len(program.posted):,} moves")
         before.append(metal)
-        fitted.append(_fitted(options, faces, *metal.box_in(program.setup.frame), finish))
+        fitted.append(_fitted(options, _area_mm2(exact, k, named, programs), *metal.box_in(program.setup.frame), finish))
         paths = swept_paths(program.posted, judging.tools)
         metal = metal.after(program.setup.frame, paths)
         piece = piece.after(program.setup.frame, _as_plated(paths, finish))
@@ -305,15 +309,18 @@ def _laid_out(programs, solid, judging):
     if options.tessellation_mm is None:
         finest = _affordable_mm(solid, finest)
     say(f"triangles of the design within {finest:.4f} mm")
-    mesh, exact = tessellate(solid, finest), brep.faces_of(solid)
+    mesh = tessellate(solid, finest)
     say(f"samples of the faces, {len(mesh.triangles):,} triangles for their reach")
+    drops = [drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles) for p in programs]
+    holes = [_holes(solid, p, judging.tools) for p in programs]
+    beside = lambda k: tuple(Beside(cut=piece.cuts[j], drops=drops[j], holes=holes[j], cuts_too=np.isin(required[k], named[j]))
+                             for j in _positions_beside(k, programs) if set(required[k]) & set(named[j]))
     clampings = [_Clamping(number=k, program=p, options=o, required=chosen, before=found,
-                           sampled=SampledFaces(samples=sample_faces(faces, o.spacing_mm), spacing_mm=o.spacing_mm,
-                                       ground=Ground.of_faces([exact[i] for i in chosen]),
-                                       feeds=p.setup.frame.turn_out(np.nan_to_num(p.posted.end_mm - p.posted.start_mm)),
-                                       holes=_holes(solid, p, judging.tools),
-                                       drops=drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles)))
-                 for k, (p, o, chosen, found, faces) in enumerate(zip(programs, fitted, required, before, shapes))]
+                           sampled=SampledFaces(samples=sample_faces([exact[i] for i in chosen], o.spacing_mm),
+                                                spacing_mm=o.spacing_mm, ground=Ground.of_faces([exact[i] for i in chosen]),
+                                                feeds=p.setup.frame.turn_out(np.nan_to_num(p.posted.end_mm - p.posted.start_mm)),
+                                                drops=drops[k], holes=holes[k], beside=beside(k)))
+                 for k, (p, o, chosen, found) in enumerate(zip(programs, fitted, required, before))]
     upright = all(is_height_field(c.paths) for c in piece.cuts)
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles,
                        judging.kept.of(stock_height_mm))
@@ -328,6 +335,39 @@ def _holes(solid, program, tools):
     if not any(n in used and t.cutter.drills for n, t in tools.items()):
         return ()
     return holes_of(brep.faces_of(solid_in_wcs(solid, program.setup.frame)))
+
+
+def judged_once(named, programs, faces):
+    """Which faces each program answers for: one that several positions of a clamping cut is judged by that
+    which looks at its middle most squarely.
+
+    A position that is best for none keeps all that it names: each has something to answer for.
+
+    Args:
+        named: [[index]] of the solid's faces, one list a program.   programs: SetupProgram.   faces: brep.Face of the solid.
+    Returns:
+        [[index]], each sorted as it was.
+    """
+    axes, kept = [p.setup.frame.rotation[:, 2] for p in programs], []
+    for k, mine in enumerate(named):
+        others = [j for j in _positions_beside(k, programs) if set(mine) & set(named[j])]
+        best = lambda i: max((j for j in (k, *others) if i in named[j]),
+                             key=lambda j: (round(float(fixed.matmul(faces[i].middle.normal[0], axes[j])), SAME_DECIMALS), -j))
+        kept.append([i for i in mine if best(i) == k] or mine)
+    return kept
+
+
+def _positions_beside(k, programs):
+    """Numbers of the other programs in the clamping of the k-th."""
+    numbers = iter(range(len(programs)))
+    together = [[next(numbers) for _ in held] for held in by_clamping(programs)]
+    return [j for held in together if k in held for j in held if j != k]
+
+
+def _area_mm2(faces, k, named, programs):
+    """Of the faces that the k-th program's clamping cuts in any position."""
+    together = set(named[k]).union(*(named[j] for j in _positions_beside(k, programs)))
+    return sum(face_area_mm2(faces[i].shape) for i in together)
 
 
 def _as_plated(paths, finish):
@@ -414,7 +454,7 @@ def _excess_proof(part, c, found):
     own, d, allowed = part.piece.cuts[c.number], found.deviation_mm, allowed_mm(part.finish)
     others = [cut for cut in part.piece.cuts if cut is not own]
     fine = found.is_reachable & (d <= allowed + NOISE_MM)
-    reach = lambda p, n: reach_of(p, n, own, c.sampled, part.closest, part.ball_radius_mm) == REACHABLE
+    reach = lambda p, n, face: c.sampled.reach(own, p, n, face, part.closest, part.ball_radius_mm) == REACHABLE
     return prove_excess(c.sampled.ground, [own, *others], d[fine].max(initial=0.0), allowed,
                         lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach,
                         area_mm2=rounded(c.samples.weight_mm2.sum()))
@@ -433,10 +473,10 @@ def _indices(solid, faces):
     return found
 
 
-def _fitted(options, faces, low, high, finish):
-    """Options with every None replaced."""
+def _fitted(options, area_mm2, low, high, finish):
+    """Options with every None replaced; the area is that of all faces of the clamping."""
     plan = float(np.prod((high - low)[:2]))
-    fit = {"spacing_mm": default_spacing_mm(sum(face_area_mm2(f) for f in faces)) / options.finer,
+    fit = {"spacing_mm": default_spacing_mm(area_mm2) / options.finer,
            "solid_pitch_mm": float(np.clip(np.sqrt(plan / SOLID_NODES), 0.05, 1.0)) / options.finer,
            "replay_pitch_mm": float(np.clip(np.sqrt(plan / REPLAY_NODES), 0.1, 1.0)),
            "tessellation_mm": float(np.clip(finish.profile_tolerance_mm, 0.002, 0.01))}
@@ -469,7 +509,7 @@ def _found_stock(part, c, tools):
     zmap = ZMap.over(low, high, c.options.replay_pitch_mm)
     return FoundStock(min_mm=low, max_mm=high, pitch_mm=c.options.replay_pitch_mm,
                       top_mm=None if before.fills_box_in(frame) else before.heights_mm(frame, zmap.xy_mm).reshape(zmap.shape),
-                      within_mm=partial(before.highest_within_mm, frame),
+                      within_mm=partial(before.highest_within_mm, frame), parts=PARTS if before.is_cut_along(frame) else 1,
                       within_before=lambda row: _within_before(c, tools, row),
                       standing_before=lambda row: partial(_stock_before(c, tools, row).standing_mm, frame),
                       is_stock=lambda points: before.is_stock(frame.out(points)),

@@ -61,11 +61,13 @@ class _Flow:
                           blocks[0])
         if said[1].flow != "program":
             raise refusal(Complaint("text before the first O-number", "write O0001 behind the %"), said[1])
-        self.programs = {}          # number -> index of its first block
+        self.programs = {}          # number, or label of a block -> index of its first block; None: there are two
         for k, block in enumerate(blocks):
+            if block.label and not block.flow:
+                self.programs[block.label] = None if block.label in self.programs else k
             if block.flow == "program":
                 if block.label in self.programs:
-                    raise refusal(Complaint(f"O{block.label} twice", "number every program once"), block)
+                    raise refusal(Complaint(f"{_named(block.label)} twice", "number every program once"), block)
                 self.programs[block.label] = k + 1
         self.at = self.programs[said[1].label]
         self.main, self.common, self.own, self.calls = said[1].label, {}, {}, []
@@ -89,12 +91,13 @@ class _Flow:
 
     def follow(self, block):
         """Go where the block leads."""
-        {"G65": self.call, "M98": self.call, "M99": self.leave, "program": self.fall_through,
+        {"G65": self.call, "M98": self.call, "M97": self.call, "M99": self.leave, "program": self.fall_through,
          "%": self.fall_through}[block.flow](block)
 
     def call(self, block):
-        if block.label not in self.programs or block.label == self.main:
-            raise Complaint(f"O{block.label} is called, but the text holds no such sub-program", "add it behind M30")
+        if self.programs.get(block.label) is None or block.label == self.main:
+            raise Complaint(f"{_named(block.label)} is called, but the text holds no such sub-program, or two",
+                            "add it behind M30")
         if len(self.calls) >= DEEPEST_CALL:
             raise Complaint(f"calls nested deeper than {DEEPEST_CALL}",
                             "some controls stop there: write the inner sub-program's blocks out")
@@ -114,3 +117,8 @@ class _Flow:
 
     def fall_through(self, block):
         raise Complaint("a program runs into the next one or the %", "end it with M99, the main program with M30")
+
+
+def _named(label):
+    """A program's number as it is written; labels of Haas text have their letter."""
+    return f"O{label}" if label[:1].isdigit() else label.upper()

@@ -28,6 +28,7 @@ class ArcBounds(NamedTuple):
 
 
 MM_BOUNDS = ArcBounds(0.02 * sqrt(2), 2 * sqrt(2), 0.00127)
+CLOSE_BOUNDS = ArcBounds(0.005, 0.005, 0.00127)     # what every control takes that we know, whatever its parameters
 INCH_BOUNDS = ArcBounds(*(MM_PER_INCH * inch for inch in (0.002 * sqrt(2), 0.2 * sqrt(2), 0.00005)))
 
 

@@ -54,14 +54,18 @@ def lines_cut(text, cut):
     blocks = []
     for number, line in enumerate(text.split("\n"), 1):
         try:
-            _refuse_foreign(line)
+            refuse_foreign(line)
             blocks.append(cut(number, line))
         except Complaint as complaint:
             raise refusal(complaint, Block(number, line)) from None
     return blocks
 
 
-def _refuse_foreign(line):
+def refuse_foreign(line):
+    """
+    Raises:
+        Complaint: a character that is no text.
+    """
     found = None if line.isprintable() and line.isascii() else FOREIGN.search(line)
     if found:
         raise Complaint(f"character {ord(found[0])} in column {found.start() + 1} is no text",

@@ -4,8 +4,10 @@ A mode is known by the group of the codes that set it (`rs274_codes`).  What dif
 in its Rules.
 """
 
-from typing import Callable, NamedTuple
+from types import MappingProxyType
+from typing import Callable, Mapping, NamedTuple
 
+from cuspline.posts.readers.rs274_arcs import INCH_BOUNDS, MM_BOUNDS
 from cuspline.program.program import Kind
 
 # group -> (word to write, what hangs on it)
@@ -33,7 +35,11 @@ class Rules(NamedTuple):
     takes_own_length: bool          # G43 without H, and H0, take the offset of the tool in the spindle
     moves_z_alone: bool             # G43: what a tool has beside the spindle's axis is made up for by G52
     path_tolerance_mm: float        # before the text says one: inf unbounded, NaN set by the control's parameters
-    peck_clearance_mm: float        # above the last peck, to which G83 comes back by a rapid and G73 goes up
+    bounds: tuple = (MM_BOUNDS, INCH_BOUNDS)    # rs274_arcs.ArcBounds in either unit
+    words: Mapping = MappingProxyType({})       # in place of those of UNSAID
+    actions: Mapping = MappingProxyType({})     # {group of codes: function (controller, name, values)} that it does its own way
+    peck_clearance_mm: float = 0.254        # above the last peck, to which G83 comes back by a rapid and G73 goes up
+    cycles: frozenset = frozenset()         # names of the canned cycles that it has
 
 
 def relied_on_by_cycle(values):

@@ -10,8 +10,6 @@ from math import hypot, inf, isfinite, nan, radians, tau
 import numpy as np
 
 from cuspline.posts.readers.rs274_arcs import (
-    INCH_BOUNDS,
-    MM_BOUNDS,
     MM_PER_INCH,
     center_from_radius,
     check_radii,
@@ -26,7 +24,7 @@ from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, re
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on, relied_on_by_cycle
 from cuspline.posts.readers.rs274_tools import read_tool_table
 from cuspline.program.joint_sweeps import JointBlocks
-from cuspline.program.posted import PostedMoves, Remark, Stop
+from cuspline.program.posted import FLOOD, MIST, PostedMoves, Remark, Stop
 from cuspline.program.program import Kind, Plane
 from cuspline.values import fixed_math as fixed
 from cuspline.values.frames import Frame
@@ -42,9 +40,9 @@ SAME_LENGTH_MM = 2e-5       # half the last of six decimals of an inch: a length
 NO_OFFSET = (0.0, 0.0, 0.0)
 CYCLE_MM = 5e-4             # what one servo cycle adds to a blend at least; 0.33 um measured at 2500 mm/s^2
 PLANE_RAD = 1e-5            # between the tool and the normal of a tilted plane: rounded angles
-COLUMNS = 24                # numbers kept of a move
+COLUMNS = 25                # numbers kept of a move
 RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True, moves_z_alone=False,
-              path_tolerance_mm=inf, peck_clearance_mm=0.254)
+              path_tolerance_mm=inf, cycles=CYCLES)
 
 
 def read_program(text, *, work_offsets, tool_lengths, chain=None):
@@ -83,7 +81,7 @@ class Controller:
 
     def __init__(self, work_offsets, tool_lengths, rules, chain=None):
         """`rules`: rs274_modes.Rules of the control.   chain: kinematics.Chain; None: three axes."""
-        self.rules, self.code_of = rules, rules.code_of
+        self.rules, self.code_of, self.actions = rules, rules.code_of, ACTIONS | dict(rules.actions)
         self.chain, self.rotaries = chain, () if chain is None else tuple(c.lower() for c in chain.rotaries)
         self.turned = self.turned_before = (nan,) * len(self.rotaries)      # degrees; where the move under way began
         self.minutes = 0.0                  # that it takes
@@ -96,13 +94,13 @@ class Controller:
         self.taken_by_motion = {"": TAKEN_ALWAYS | self.moving} | {
             code.name: TAKEN_ALWAYS | set("xyz") | set(self.rotaries) | code.takes
             for code in (self.code_of("g", k) for k in range(4))} | {
-            code.name: TAKEN_ALWAYS | set("xyz") | code.takes for code in (self.code_of("g", int(name[1:])) for name in CYCLES)}
+            name: TAKEN_ALWAYS | set("xyz") | self.code_of("g", int(name[1:])).takes for name in rules.cycles}
         self.work_offsets = work_offsets
         self.tool_offsets = {n: NO_OFFSET[:2] + (float(v),) if np.ndim(v) == 0 else tuple(map(float, v))
                              for n, v in tool_lengths.items()}
         self.tip = UNKNOWN                  # in the active WCS
         self.unit_mm = None                 # the text has to say it
-        self.bounds = MM_BOUNDS
+        self.bounds = rules.bounds[0]
         self.motion = ""
         self.cycle, self.return_level = None, "G98"     # rs274_cycles.Cycle in force
         self.plane = Plane.XY
@@ -112,7 +110,7 @@ class Controller:
         self.tool_offset, self.is_length_on = NO_OFFSET, False
         self.local, self.programmed = NO_OFFSET, NO_OFFSET      # G52; see `_correct_programmed`
         self.length_of, self.length_fault = 0, None     # tool whose offset is in force, 0 nobody's; (amount, advice)
-        self.path_tolerance_mm = rules.path_tolerance_mm
+        self.path_tolerance_mm = self.rounded_mm = rules.path_tolerance_mm      # in force; where corners are rounded
         self.unsaid, self.remarks = set(rules.modes), []
         self.feed, self.speed, self.speed_line, self.turning = 0.0, 0.0, 0, 0
         self.selected, self.tool = None, 0
@@ -122,6 +120,7 @@ class Controller:
         self.rows = array("d")              # COLUMNS a move
         self.joint_rows = array("d")        # of a machine with rotaries: angles before and after, minutes, length, zero
         self.stops = []                     # posted.Stop
+        self.coolant, self.used_offsets = 0, {}     # posted.MIST and FLOOD; names of work offsets, as an ordered set
 
     # words ------------------------------------------------------------------------------------------
 
@@ -159,7 +158,7 @@ class Controller:
         for code in steps:
             self.unsaid.discard(code.group)
             self.unsaid.discard(code.says)
-            ACTIONS[code.group](self, code.name, values)
+            self.actions[code.group](self, code.name, values)
         if self.is_machine_move and MOVE not in steps:
             raise Complaint("G53 without a move", "G53 goes with G0 or G1 and axis words")
 
@@ -195,7 +194,7 @@ class Controller:
         if values["f"] < 0:
             raise Complaint("a feed below zero", "write a positive F")
         # LinuxCNC takes F before G20 or G21 of the same block, so in the unit that was active until then
-        self.feed = values["f"] if self.is_inverse_time else values["f"] * self._unit()
+        self.feed = values["f"] if self.is_inverse_time else values["f"] * self.length_unit_mm()
 
     def set_speed(self, name, values):
         if values["s"] < 0:
@@ -218,6 +217,10 @@ class Controller:
         self.turning = {"M3": 1, "M4": -1, "M5": 0}[name]
         self._stand_still(name)
 
+    def set_coolant(self, name, values):
+        """M9 ends both."""
+        self.coolant = 0 if name == "M9" else self.coolant | (MIST if name == "M7" else FLOOD)
+
     def do_once(self, name, values):
         """G4, G53, and G52: it takes back a shift that another program has left, or sets the tool in the spindle right."""
         if name == "G53" and not self.is_absolute:
@@ -227,12 +230,14 @@ class Controller:
             self._refuse_under_tip(name)
         if name == "G4" and values.get("p", -1.0) < 0:
             raise Complaint("a dwell without its time", "write G4 P seconds")
+        if name == "G4":
+            self._stand_still(name)
         if name == "G52":
             self._shift_zero(values)
 
     def _shift_zero(self, values):
         """The machine stands still, and so does the tip; what is programmed from here on is seen from another zero."""
-        shift = tuple(values[c] * self._unit() if values.get(c) else values.get(c, nan) for c in "xyz")
+        shift = tuple(values[c] * self.length_unit_mm() if values.get(c) else values.get(c, nan) for c in "xyz")
         own = (*self.tool_offsets.get(self.tool, NO_OFFSET)[:2], 0.0) if self.rules.moves_z_alone else NO_OFFSET
         if shift != NO_OFFSET and not all(abs(a - b) < SAME_SHIFT_MM for a, b in zip(shift, own)):
             raise Complaint("G52 that shifts the zero, or leaves it shifted in some axes",
@@ -249,7 +254,8 @@ class Controller:
         self.plane = PLANES[name]
 
     def set_units(self, name, values):
-        self.unit_mm, self.bounds = (MM_PER_INCH, INCH_BOUNDS) if name == "G20" else (1.0, MM_BOUNDS)
+        mm, inch = self.rules.bounds
+        self.unit_mm, self.bounds = (MM_PER_INCH, inch) if name == "G20" else (1.0, mm)
 
     def set_length(self, name, values):
         """G43, G43.1, G43.4, G49: the machine stands still, the tip's coordinate changes; G43.4 takes it under control."""
@@ -304,7 +310,7 @@ class Controller:
                                 "write G49 and G69 before; read with the machine's rotary axes")
             if not set("xyzijk") <= values.keys():
                 raise Complaint("G68.2 without all of X Y Z I J K", "write its zero and its three angles")
-            self.asked_plane = _plane_of([values[c] * self._unit() for c in "xyz"], *(values[c] for c in "ijk"))
+            self.asked_plane = _plane_of([values[c] * self.length_unit_mm() for c in "xyz"], *(values[c] for c in "ijk"))
             return
         if self.asked_plane is None:
             raise Complaint("G53.1 without a tilted plane", "write G68.2 before")
@@ -360,8 +366,8 @@ class Controller:
                             "write the tolerance: G64 P0.01")
         if values.get("q", 0.0) < 0:
             raise Complaint("a tolerance below zero", "write a positive Q, or Q0")
-        p = values["p"] * self._unit() if name == "G64" else 0.0
-        self.path_tolerance_mm = p + max(p, CYCLE_MM) + values.get("q", values["p"]) * self._unit() if p else 0.0
+        p = values["p"] * self.length_unit_mm() if name == "G64" else 0.0
+        self.path_tolerance_mm = p + max(p, CYCLE_MM) + values.get("q", values["p"]) * self.length_unit_mm() if p else 0.0
 
     def set_corner_mode(self, name, values):
         """G61 stops at every corner; what G64 does there is set in the control."""
@@ -403,7 +409,7 @@ class Controller:
         self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=name))
 
     def pass_over(self, name, values):
-        """Nothing that concerns the path: coolant, and G40, for G41 and G42 are refused."""
+        """Nothing that concerns the path: G40, for G41 and G42 are refused."""
 
     # moves ------------------------------------------------------------------------------------------
 
@@ -420,6 +426,8 @@ class Controller:
         if self.unsaid:
             self._rely_on(relied_on(kind, values, self.is_machine_move))
         self._remark_offsets(needs_length=kind != Kind.RAPID or "z" in values and not self.is_machine_move)
+        if not self.is_machine_move:
+            self.used_offsets[self.wcs] = True
         end = self._machine_end(values) if self.is_machine_move else self._end(values)
         if kind != Kind.RAPID:
             self._require_known(start, end)
@@ -457,9 +465,10 @@ class Controller:
         if self.unsaid:
             self._rely_on(relied_on_by_cycle(values))
         self._remark_offsets(needs_length=True)
+        self.used_offsets[self.wcs] = True
         context = (self.unit_mm, self.wcs, self.offset, self.tool, self.tool_offset, self.local, self.return_level)
         cycle = begun(self.motion, self.cycle, self.tip[2], context)
-        end, unit_mm = self._end(values), self._unit()
+        end, unit_mm = self._end(values), self.length_unit_mm()
         height = lambda letter: values[letter] * unit_mm + self.programmed[2] if letter in values else None
         cycle = with_words(cycle, cycle is not self.cycle, values, height("z"), height("r"))
         self.cycle = cycle = cycle._replace(q=values["q"] * unit_mm) if "q" in values else cycle
@@ -505,7 +514,8 @@ class Controller:
             return 0.0
         if self.is_inverse_time:
             return 1.0 / self.feed
-        return length_mm / self.feed or hypot(*(b - a for a, b in zip(self.turned_before, self.turned))) * self._unit() / self.feed
+        turned_deg = hypot(*(b - a for a, b in zip(self.turned_before, self.turned)))
+        return length_mm / self.feed or turned_deg * self.length_unit_mm() / self.feed
 
     def _add(self, kind, start, end, center, turns, feed):
         machine = [t + s for t, s in zip(end, self._shift())]
@@ -514,7 +524,7 @@ class Controller:
             start, end = self.tilted.out(np.array([start, end])).tolist()
         self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
                           self.turning * self.speed, self.tool, self.is_length_on, *machine, self.line,
-                          self.operation, self.path_tolerance_mm, self.speed_line, self.call_line))
+                          self.operation, self.path_tolerance_mm, self.speed_line, self.call_line, self.coolant))
         if self.rotaries:
             length_mm = self.tool_offsets[self.tool][2] if self.tool else self.tool_offset[2]
             self.joint_rows.extend((*self.turned_before, *self.turned, self.minutes, length_mm, *self.offset,
@@ -526,7 +536,7 @@ class Controller:
         return tuple([o + t for o, t in zip(self.offset, self.tool_offset)])
 
     def _end(self, values):
-        unit_mm = self._unit()
+        unit_mm = self.length_unit_mm()
         if self.is_absolute:
             return tuple([values[c] * unit_mm + p if c in values else t for c, t, p in zip("xyz", self.tip, self.programmed)])
         return tuple([t + values.get(c, 0.0) * unit_mm for c, t in zip("xyz", self.tip)])
@@ -534,7 +544,7 @@ class Controller:
     def _machine_end(self, values):
         if KINDS[self.motion] > Kind.FEED:
             raise Complaint("G53 with an arc", "G53 goes with G0 or G1")
-        unit_mm, shift = self._unit(), self._shift()
+        unit_mm, shift = self.length_unit_mm(), self._shift()
         return tuple([values[c] * unit_mm - s if c in values else t for c, t, s in zip("xyz", self.tip, shift)])
 
     def _arc(self, is_clockwise, start, end, values):
@@ -552,7 +562,7 @@ class Controller:
         return tuple(end), center, turns, hypot(around_mm, end[third] - start[third])
 
     def _center(self, is_clockwise, start, end, values):
-        axes, unit_mm = self.plane.axes, self._unit()
+        axes, unit_mm = self.plane.axes, self.length_unit_mm()
         first, second, third = ("ijk"[axis] for axis in axes)
         if "r" in values:
             if values.keys() & {"i", "j", "k"}:
@@ -596,7 +606,7 @@ class Controller:
     def _rely_on(self, modes):
         """A move hangs on modes: those that the text has not said are remarked once."""
         for mode in [mode for mode in modes if mode in self.unsaid]:
-            word, what = UNSAID[mode]
+            word, what = self.rules.words.get(mode) or UNSAID[mode]
             self._remark("unknown_start", 0.0, f"{word} is missing: {what} is as the program before left it; write "
                                                f"{word} before this move")
             self.unsaid.discard(mode)
@@ -615,7 +625,8 @@ class Controller:
 
     # small facts ------------------------------------------------------------------------------------
 
-    def _unit(self):
+    def length_unit_mm(self):
+        """Of the words, as G20 or G21 has it."""
         if self.unit_mm is None:
             raise Complaint("a length before G20 or G21 was said", "write G21 or G20 in a block above")
         return self.unit_mm
@@ -638,20 +649,21 @@ class Controller:
     def _given_length(self, values):
         if "z" not in values:
             raise Complaint("G43.1 without Z", "write G43.1 Z length")
-        return 0, (0.0, 0.0, values["z"] * self._unit())
+        return 0, (0.0, 0.0, values["z"] * self.length_unit_mm())
 
     def posted_moves(self):
         """All moves as one value."""
         table = np.frombuffer(self.rows).reshape(-1, COLUMNS)
         (kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line, operation, tolerance,
-         speed_line, call_line) = np.split(table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23), axis=1)
+         speed_line, call_line, coolant) = np.split(
+            table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23, 24), axis=1)
         read = PostedMoves(
             kind=kind[:, 0], start_mm=start, end_mm=end, center_mm=center, plane=plane[:, 0], turns=turns[:, 0],
             feed_mm_per_min=feed[:, 0], spindle_rpm=speed[:, 0], tool=tool[:, 0],
             length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
             operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
             path_tolerance_mm=tolerance[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
-            remarks=tuple(self.remarks), stops=tuple(self.stops))
+            coolant=coolant[:, 0], work_offsets=tuple(self.used_offsets), remarks=tuple(self.remarks), stops=tuple(self.stops))
         return read.through_joints(self.chain, self._joint_blocks(start, end, machine)) if self.rotaries else read
 
     def _joint_blocks(self, start, end, machine):
@@ -687,7 +699,7 @@ ACTIONS = {
     "kinematics": Controller.switch_kinematics,
     "feed mode": Controller.set_feed_mode, "feed": Controller.set_feed, "speed": Controller.set_speed,
     "select tool": Controller.select_tool, "tool change": Controller.change_tool,
-    "spindle": Controller.turn_spindle, "coolant": Controller.pass_over,
+    "spindle": Controller.turn_spindle, "coolant": Controller.set_coolant,
     "plane": Controller.set_plane, "units": Controller.set_units,
     "cutter compensation": Controller.pass_over, "tool length": Controller.set_length,
     "work offset": Controller.set_wcs, "path control": Controller.set_path_control,

@@ -12,13 +12,11 @@ the tip stands under; indexed positions then stand in tilted planes (G68.2), G53
 belong.  G49 (and G69) ends either, and the tool is called anew for what follows.
 """
 
-import re
-from types import SimpleNamespace
-
+from cuspline.posts.writers.offset_programs import offset_program
 from cuspline.posts.writers.program_files import Dialect, posted
-from cuspline.posts.writers.sub_programs import FIRST_SUB, Variables
-from cuspline.posts.writers.words import UNIT_WORD, Writer, check_lines, in_brackets
-from cuspline.values.errors import PostError
+from cuspline.posts.writers.program_numbers import program_number
+from cuspline.posts.writers.sub_programs import Variables
+from cuspline.posts.writers.words import UNIT_WORD, in_brackets
 
 EXTENSION = "nc"
 READER = "fanuc_reader"
@@ -27,8 +25,6 @@ comment = in_brackets
 # letters of argument list I and the variables they arrive in
 LETTERS = {1: "A", 2: "B", 3: "C", 4: "I", 5: "J", 6: "K", 7: "D", 8: "E", 9: "F", 11: "H", 13: "M", 17: "Q", 18: "R",
            19: "S", 20: "T", 21: "U", 22: "V", 23: "W", 24: "X", 25: "Y", 26: "Z"}
-FILES_A_SETUP = 100
-OFFSETS = ("L10", "L11", "L12", "L13")      # length, its wear, radius, its wear; some controls take the pairs the other way
 
 
 def post(program, machine):
@@ -53,39 +49,21 @@ def tool_table(tools, control):
     Args:
         tools: cutters.Tool values.   control: machines.Control.
     """
-    writer = Writer(SimpleNamespace(control=control), _Fanuc.point, comment)
-    writer.block("%")
-    writer.block("O0001")
-    writer.comment("TOOL OFFSETS: RUN BEFORE THE PROGRAMS")
-    writer.block(UNIT_WORD[control.units])
-    writer.block("G90")
-    for tool in sorted(tools, key=lambda t: t.number):
-        writer.comment(f"T{tool.number} {tool.cutter.name}")
-        for memory, value_mm in zip(OFFSETS, (tool.length_mm, 0.0, tool.cutter.diameter_mm / 2, 0.0)):
-            writer.block("G10", memory, f"P{tool.number}", "R" + writer.length(value_mm))
-    writer.block("M30")
-    writer.block("%")
-    check_lines(writer.lines, SimpleNamespace(control=control, name="the control"))
-    return "\n".join(writer.lines) + "\n"
+    return offset_program(tools, control, "O0001")
 
 
 class _Fanuc(Dialect):
     """Macro B."""
 
     point, end, knows_rotaries, tip_controls = ".", "M30", True, ("G43.4",)
-    has_planes = True
+    has_planes = holds_beside = True
     cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73"}
     variables = Variables(arguments=tuple(LETTERS), locals=(*range(27, 34), 10, 12, 14, 15, 16), deepest_brackets=5)
 
     def head(self, writer, program, file_number):
         """% and O-number, comments, then a known state."""
-        setup = re.search(r"(\d+)$", program.setup)
-        number = FILES_A_SETUP * int(setup[1] if setup else 1) + file_number
-        if file_number >= FILES_A_SETUP or number >= FIRST_SUB:
-            raise PostError(f"{program.setup}: no program number below O{FIRST_SUB} is left for file {file_number}; "
-                            "number setups below 70 and keep a set below 100 files")
         writer.block("%")
-        writer.block(f"O{number:04d}")
+        writer.block(f"O{program_number(program, file_number):04d}")
         for line in program.header:
             writer.comment(line)
         writer.comment("RAPIDS MUST BE STRAIGHT: PARAMETER 1401 BIT 1 LRP = 1")

@@ -146,8 +146,7 @@ class SolvedMoves:
     def _rewind(self, writer, k, dialect):
         """A rapid that the rotaries cannot follow: to the top of the machine, round, and down to where it leads."""
         turn_at_top(writer, self.run.degrees[k], dialect)
-        writer.block("G0", *writer.words(self.words_mm[k], (0, 1)))
-        writer.block("G0", *writer.words(self.words_mm[k], (2,)))
+        dialect.approach(writer, self.words_mm[k])
         writer.motion, writer.here_mm = "G0", self.words_mm[k]
 
 
@@ -155,7 +154,7 @@ def turn_at_top(writer, degrees, dialect):
     """The spindle up, then the rotaries round."""
     dialect.up(writer)
     writer.forget_position()
-    writer.block("G53", "G0", *writer.turned(degrees))
+    dialect.in_machine(writer, *writer.turned(degrees))
 
 
 def _straight(moves, tolerance_mm):

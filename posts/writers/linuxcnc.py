@@ -54,7 +54,7 @@ def tool_table(tools, control):
 class _LinuxCNC(Dialect):
     """O-words; #1 to #30 are a call's own."""
 
-    point, end, knows_rotaries = "", "M2", True
+    point, end, knows_rotaries, holds_beside = "", "M2", True, True
     variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
     tip_controls, tip_rapid = tuple(TIP), "G1"
     cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73"}
@@ -72,6 +72,9 @@ class _LinuxCNC(Dialect):
 
     def up(self, writer):
         writer.block("G53", "G0", "Z0")
+
+    def dwell(self, seconds):
+        return f"P{seconds:.3f}"
 
     def tip_on(self, writer, tool):
         self._switch(writer, True)

@@ -10,6 +10,7 @@ It is split at restart points, and among plain moves where the tool stands at th
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -26,9 +27,11 @@ from cuspline.posts.writers.sub_programs import (
 from cuspline.posts.writers.tilted_words import TiltedMoves
 from cuspline.posts.writers.tip_words import TipMoves
 from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines, in_brackets
-from cuspline.program.program import TILT_RAD
+from cuspline.program.arcs import lowest_z_mm
+from cuspline.program.program import TILT_RAD, Kind, Plane
 from cuspline.values.errors import PostError
 
+LARGEST_NUMBER = 99999      # of a block
 HEIGHT_MM = 1e-6         # below the clearance height that is rounding
 LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
 
@@ -36,15 +39,26 @@ LATER_BYTES = 160           # of the store: the header's verdict is longer than 
 class Dialect(ABC):
     """How one kind of control wants things written."""
 
+    coolants: Mapping = COOLANT_WORD        # words by name
     point: str                  # behind a number without decimals
     end: str                    # the word that ends the program
-    variables: Variables
+    variables: Variables | None = None      # of sub-programs; None: repeated passes go out move by move
     comment = staticmethod(in_brackets)     # how a text is told to the operator alone
+    planes: tuple[Plane, ...] = tuple(Plane)    # in which the control runs arcs
     knows_rotaries = False                  # whether it writes rotary words
+    holds_beside = False                    # whether it can shift the zero for a tool beside the spindle's axis
+    unnumbered = ("(", ";", "%", "O", "o", "N")     # how lines begin that get no block number
+    one_tool_a_file = False                 # the control changes no tool: every tool has a file of its own
     tip_controls: tuple[str, ...] = ()      # words of Control.tip_control that it writes
     has_planes = False                      # indexed positions go out in tilted planes, where there is tip control
     cycle_words: dict[str, str] = {}        # drilling.CycleKind -> word; without them holes go out move by move
     tip_rapid = "G0"                        # under tool-centre-point control; G1 where rapids do not heed the joints' speeds
+
+    def writer(self, machine):
+        """A Writer of this dialect."""
+        writer = Writer(machine, self.point, self.comment, machine.rotaries, self.planes)
+        writer.number_bytes = len(f"N{LARGEST_NUMBER} ") if machine.control.block_numbers else 0
+        return writer
 
     @abstractmethod
     def head(self, writer, program, file_number):
@@ -53,6 +67,41 @@ class Dialect(ABC):
     @abstractmethod
     def up(self, writer):
         """The spindle to the top of the machine."""
+
+    def in_machine(self, writer, *words):
+        """A rapid in machine coordinates: of the spindle nose without tool length, or of rotary axes."""
+        writer.block("G53", "G0", *words)
+
+    def stop(self, writer):
+        """Spindle and coolant off."""
+        writer.block("M5")
+        writer.block("M9")
+        writer.coolant = "M9"
+
+    def change_tool(self, writer, operation):
+        """The operation's tool into the spindle, at the top of the machine."""
+        writer.block(f"T{operation.tool.number}", "M6")
+
+    def run(self, writer, operation):
+        """Spindle and coolant on."""
+        writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
+        self.cool(writer, operation)
+
+    def cool(self, writer, operation):
+        """The operation's coolant alone: a control may have both on at once."""
+        word = self.coolants[operation.coolant]
+        if "M9" not in (word, writer.coolant) and word != writer.coolant:
+            writer.block("M9")
+        writer.block(word)
+        writer.coolant = word
+
+    def approach(self, writer, start_mm):
+        """XY before Z, so that nothing is cut on the way."""
+        rapid = writer.motion_words[Kind.RAPID]
+        writer.block(rapid, *writer.words(start_mm, (0, 1)))
+        before, after = writer.pending_z
+        writer.block(*before, rapid, *writer.words(start_mm, (2,)), *after)
+        writer.pending_z = (), ()
 
     def length_on(self, writer, tool):
         """The tool's length offset goes on, at the top of the machine."""
@@ -75,23 +124,37 @@ class Dialect(ABC):
         raise PostError(f"{type(self).__name__} writes no tool-centre-point control: leave tip_control out of the machine's file")
 
     def dwell(self, seconds):
-        """The P word of a dwell."""
-        return f"P{seconds:.3f}"
+        """The P word of a dwell, behind G4 and in a canned cycle."""
+        raise PostError(f"{type(self).__name__} writes no dwell: take another cycle than dwell")
 
     def foot(self, writer):
         """The end of the program; what must stand behind it is in `writer.tail`."""
-        writer.block("M5")
-        writer.block("M9")
+        self.stop(writer)
         self.up(writer)
         writer.block(self.end)
 
-    @abstractmethod
+    def optional_stop(self, writer):
+        """Where the operator may look before the next tool, at the top of the machine."""
+        writer.block("M1")
+
+    def numbered(self, lines, control):
+        """All lines of a file as the control wants them: with block numbers, where its file says so."""
+        if not control.block_numbers:
+            return lines
+        out, number = [], 0
+        for line in lines:
+            is_block = not line.startswith(self.unnumbered)
+            number = (number + control.block_numbers) % LARGEST_NUMBER if is_block else number
+            out.append(f"N{number} {line}" if is_block else line)
+        return out
+
     def sub_program(self, writer, label, comment, blocks):
         """Define a sub-program, in the lines or in the tail."""
+        raise PostError(f"{type(self).__name__} writes no sub-programs")
 
-    @abstractmethod
     def call(self, label, numbers):
         """The block that calls it."""
+        raise PostError(f"{type(self).__name__} writes no sub-programs")
 
     def setting(self, block, comment):
         """The block that sets a register, with what it is."""
@@ -112,7 +175,7 @@ def posted(program, machine, dialect):
     """
     files = _Files(program, machine, dialect)
     for number, operation in enumerate(program.operations, 1):
-        if operation.passes is not None and machine.control.sub_programs and not leans(operation.moves):
+        if operation.passes is not None and files.subs is not None and not leans(operation.moves):
             files.add_passes(operation, number)
         else:
             files.add_moves(operation, number)
@@ -131,15 +194,19 @@ class _Files:
             raise PostError(f"{machine.name}: tip_control {tip} is no word of the post {machine.control.post}, which knows "
                             f"{' and '.join(dialect.tip_controls) or 'none'}: correct the machine's file")
         self.program, self.machine, self.dialect = program, machine, dialect
-        self.subs = SubPrograms(program, dialect.variables)
+        has_subs = dialect.variables is not None and machine.control.sub_programs
+        self.subs = SubPrograms(program, dialect.variables) if has_subs else None
+        if self.subs is not None and self.subs.templates and machine.control.block_numbers:
+            raise PostError(f"{machine.name}: block_numbers would stand among the numbers of restart points: leave them out, or "
+                            "write sub_programs = false")
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
-        foot = Writer(machine, dialect.point, dialect.comment)
+        foot = dialect.writer(machine)
         dialect.foot(foot)
-        self.foot_bytes = _bytes([*foot.lines, *foot.tail])
+        self.foot_bytes = _bytes([*foot.lines, *foot.tail], foot)
         self._open()
 
     def _open(self):
-        self.writer = Writer(self.machine, self.dialect.point, self.dialect.comment, self.machine.rotaries)
+        self.writer = self.dialect.writer(self.machine)
         self.defined, self.under_way = set(), None
         self.counted, self.counted_bytes = (0, 0), 0        # lines and tail; what they take
         self.dialect.head(self.writer, self.program, len(self.texts) + 1)
@@ -147,7 +214,7 @@ class _Files:
     def _close(self):
         self._leave_tip()
         self.dialect.foot(self.writer)
-        lines = self.writer.lines + self.writer.tail
+        lines = self.dialect.numbered(self.writer.lines + self.writer.tail, self.machine.control)
         check_lines(lines, self.machine)
         self.texts.append("\n".join(lines) + "\n")
         self.arcs_as_lines += self.writer.arcs_as_lines
@@ -161,10 +228,14 @@ class _Files:
 
     def add_moves(self, operation, number):
         """An operation move by move; where the store is full, a new file begins at the clearance height."""
-        moves, before = operation.moves, self.writer.state()
+        moves = operation.moves
         self._refuse_what_cannot_be_held(operation)
         laid = self._laid(operation)
-        self._begin(operation, number, is_alone=False, laid=laid)
+        if self.dialect.one_tool_a_file and self.writer.tool not in (None, operation.tool.number):
+            self._close()
+            self._open()
+        before = self.writer.state()
+        self._begin(operation, number, is_alone=operation.is_from_top, laid=laid)
         self._enter(laid, 0)
         high = np.flatnonzero(self._heights_mm(operation, moves.starts_mm) >= 0)
         bounds = [0, *(() if operation.cycles else high[high > 0].tolist()), len(moves)]     # holes are not torn apart
@@ -209,6 +280,10 @@ class _Files:
         if self.machine.rotaries and operation.tool.head is not None:
             raise PostError(f"operation {operation.name}: T{operation.tool.number} is in an angle head, which goes with no rotary "
                             f"axes; {self.machine.name} has {' and '.join(self.machine.rotaries)}")
+        if any(operation.tool.offset_mm[:2]) and not self.dialect.holds_beside:
+            raise PostError(f"operation {operation.name}: T{operation.tool.number} is beside the spindle's axis, and the post "
+                            f"{self.machine.control.post} does not shift the zero for it: choose a tool in the spindle, or "
+                            "another post")
 
     def add_passes(self, operation, number):
         """An operation as calls; where the store is full, a new file begins at a restart point."""
@@ -250,7 +325,7 @@ class _Files:
         Every line is counted once: what is counted does not change until the file is closed.
         """
         lines, tail = self.writer.lines, self.writer.tail
-        self.counted_bytes += _bytes([*lines[self.counted[0]:], *tail[self.counted[1]:]])
+        self.counted_bytes += _bytes([*lines[self.counted[0]:], *tail[self.counted[1]:]], self.writer)
         self.counted = len(lines), len(tail)
         return self.counted_bytes + self.foot_bytes + LATER_BYTES <= self.machine.control.program_store_bytes
 
@@ -277,22 +352,36 @@ class _Files:
         self._check_heights(operation)
         self._leave_tip()
         writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
+        writer.comment(self._in_figures(operation, number))
         for line in laid.notes:
             writer.comment(line)
         if writer.tool != tool.number or is_alone:      # an operation with restart points brings all that it needs
-            writer.block("M5")
-            writer.block("M9")
+            self.dialect.stop(writer)
             self.dialect.up(writer)
+            if self.machine.control.optional_stops and number > 1 and writer.tool is not None:
+                self.dialect.optional_stop(writer)
             if None in writer.turn_words:       # nobody knows where they stand: they turn while nothing is in the spindle
                 self._turn(laid.turned_deg[first], is_at_top=True)
-            writer.block(f"T{tool.number}", "M6")
+            self.dialect.change_tool(writer, operation)
             self.dialect.length_on(writer, tool)
             writer.tool = tool.number
             writer.turn_words = [None] * len(writer.rotaries)
         self._turn(laid.turned_deg[first], is_at_top=None in writer.turn_words)
-        writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
-        writer.block(COOLANT_WORD[operation.coolant])
+        self.dialect.run(writer, operation)
         writer.forget_position()
+        writer.plane = writer.feed = None       # a program may begin here
+
+    def _in_figures(self, operation, number):
+        """What the operator looks for: speed, feeds, lowest tip, in the control's unit; minutes, and those still to come."""
+        writer, feeds = self.writer, operation.moves.feed_mm_per_min
+        cuts = feeds[feeds > 0] if (feeds > 0).any() else np.zeros(1)
+        slow, fast = (writer.number(v * writer.scale, 1).lstrip("+") for v in (cuts.min(), cuts.max()))
+        words = [f"S{operation.spindle_rpm:.0f}", f"F{slow}" + (f" TO {fast}" if fast != slow else ""),
+                 "LOWEST TIP Z" + writer.length(lowest_z_mm(operation.moves), 3)]
+        times = [o.time_s for o in self.program.operations[number - 1:]]
+        if None not in times:
+            words += [f"{times[0] / 60:.1f} MIN", f"{sum(times) / 60:.1f} MIN LEFT"]
+        return ", ".join(words)
 
     def _turn(self, degrees, is_at_top):
         """Rotaries to their angles, at the top of the machine; all of them are named after a tool change."""
@@ -304,7 +393,7 @@ class _Files:
             writer.turn_words = before
             words = writer.turned(degrees)
         if words:
-            writer.block("G53", "G0", *words)
+            self.dialect.in_machine(writer, *words)
 
     def _heights_mm(self, operation, places_mm):
         """(n,) how far places are above the height from which rapids across run: along Z, or the axis of an indexed position."""
@@ -323,13 +412,8 @@ class _Files:
                                 f"Z{clearance:.3f}: begin and end operations above the work")
 
     def _go_to_start(self, start_mm):
-        """XY before Z, so that nothing is cut on the way."""
-        writer = self.writer
-        writer.block("G0", *writer.words(start_mm, (0, 1)))
-        before, after = writer.pending_z
-        writer.block(*before, "G0", *writer.words(start_mm, (2,)), *after)
-        writer.pending_z = (), ()
-        writer.here_mm = start_mm
+        self.dialect.approach(self.writer, start_mm)
+        self.writer.here_mm = start_mm
 
 
 def _refuse_tilted(operation, machine):
@@ -344,6 +428,6 @@ def _refuse_tilted(operation, machine):
                         "axes: plan it with the axis along Z, or turn the part to it in a setup of its own", rows=rows)
 
 
-def _bytes(lines):
-    """Of ASCII lines with their ends."""
-    return sum(len(line) + 1 for line in lines)
+def _bytes(lines, writer):
+    """Of ASCII lines with their ends and block numbers."""
+    return sum(len(line) + 1 + writer.number_bytes for line in lines)

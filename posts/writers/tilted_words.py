@@ -34,7 +34,7 @@ class TiltedMoves:
     def begin(self, writer, first, dialect):
         """From the top of the machine, rotaries turned, to where move `first` begins."""
         tip = self.starts_mm[first]
-        go_above(writer, self.run, self.run.first[first] - 1, tip + self.origin_mm, self.axis)
+        go_above(writer, self.run, self.run.first[first] - 1, tip + self.origin_mm, self.axis, dialect)
         before, behind = dialect.plane_on(writer, self.tool, self.plane_deg)
         place = self.frame.into(tip[None])[0]
         writer.block(*before, "G0", *writer.words(place), *behind)

@@ -50,7 +50,7 @@ class TipMoves:
 
     def _enter(self, writer, k, dialect):
         """At the top in machine coordinates over where the tool's axis leads up from block k, then down along it."""
-        go_above(writer, self.run, k, self.words_mm[k] + self.origin_mm, self.axes[k])
+        go_above(writer, self.run, k, self.words_mm[k] + self.origin_mm, self.axes[k], dialect)
         first, behind = dialect.tip_on(writer, self.tool)
         feed = () if dialect.tip_rapid == "G0" else ("F" + writer.feed_text(self.entry_mm_per_min),)
         writer.joint_move(dialect.tip_rapid, self.words_mm[k], self.run.degrees[k], (*feed, *behind), first)
@@ -84,12 +84,12 @@ class TipMoves:
         return is_inverse
 
 
-def go_above(writer, run, k, tip_mm, axis):
+def go_above(writer, run, k, tip_mm, axis, dialect):
     """In machine coordinates to the top of the tool's way down, the rotaries as in block k; for the rest see `room_mm`."""
     high = tip_mm + room_mm(run, k, tip_mm, axis) * axis
     x, y, z = run.chain.placed(high, run.joints[k, 3:], run.length_mm)[0, :3]
-    writer.block("G53", "G0", "X" + writer.length(x), "Y" + writer.length(y))
-    writer.block("G53", "G0", "Z" + writer.length(z))
+    dialect.in_machine(writer, "X" + writer.length(x), "Y" + writer.length(y))
+    dialect.in_machine(writer, "Z" + writer.length(z))
 
 
 def room_mm(run, k, tip_mm, axis):

@@ -56,26 +56,40 @@ def in_brackets(text):
     return f"({' '.join(clean.split())})"
 
 
+def behind_semicolon(text):
+    """A comment of controls that pass over what stands behind a semicolon: ASCII.
+
+    >>> behind_semicolon("ball (6 mm)")
+    '; ball (6 mm)'
+    """
+    return "; " + " ".join(text.encode("ascii", "replace").decode().split())
+
+
 class Writer:
     """Lines so far and the modal state that the control is in."""
 
-    def __init__(self, machine, point="", comment=in_brackets, rotaries=()):
+    motion_words, plane_words = MOTION_WORD, PLANE_WORD
+    number_bytes = 0                # that a block number takes before a line, at most
+
+    def __init__(self, machine, point="", comment=in_brackets, rotaries=(), planes=tuple(Plane)):
         """
         Args:
             point: what a control wants behind a number without decimals: "" nothing, "." a point.
             comment: function text -> the line that a control passes over.
             rotaries: letters of the rotary axes.
+            planes: in which the control runs arcs; others go out as chords.
         """
-        self.machine, self.point, self.comment_of = machine, point, comment
+        self.machine, self.point, self.comment_of, self.planes = machine, point, comment, planes
         control = machine.control
         self.scale = 1.0 if control.units == "mm" else 1.0 / INCH_MM
         self.decimals = control.decimals
         self.lines, self.tail, self.tool = [], [], None
         self.beside_mm = 0.0            # by which the zero is shifted for a tool beside the spindle's axis
         self.pending_z = (), ()         # words before and behind the next Z of an approach
+        self.helix_words = ()           # behind the centre of a helix
         self.here_mm = np.zeros(3)
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
-        self.plane, self.feed = Plane.XY, None
+        self.plane, self.feed, self.coolant = Plane.XY, None, "M9"
         self.rotaries = rotaries
         self.is_tip = False                             # under tool-centre-point control, or
         self.is_tilted = False                          # in a tilted plane
@@ -103,7 +117,7 @@ class Writer:
     def comment(self, text):
         """Lines that the control passes over, split to the line length."""
         clean = " ".join(text.split())
-        room = self.machine.control.line_length - 2 - len(self.comment_of(""))
+        room = self.machine.control.line_length - 2 - len(self.comment_of("")) - self.number_bytes
         for k in range(0, max(len(clean), 1), room):
             self.lines.append(self.comment_of(clean[k:k + room]))
 
@@ -169,12 +183,12 @@ class Writer:
         if kind >= FIRST_ARC:
             self._curved(kind, end_mm, center_mm, Plane(plane), feed)
         else:
-            self._straight(MOTION_WORD[kind], end_mm, feed)
+            self._straight(kind, end_mm, feed)
 
-    def _straight(self, motion, end_mm, feed):
+    def _straight(self, kind, end_mm, feed):
         words = self.words(end_mm)
         if words:
-            self.block(*self._motion(motion), *words, *(self.feed_words(feed) if motion == "G1" else ()))
+            self.block(*self._motion(self.motion_words[kind]), *words, *(self.feed_words(feed) if kind == Kind.FEED else ()))
         self.here_mm = end_mm
 
     def _curved(self, kind, end_mm, center_mm, plane, feed):
@@ -183,12 +197,12 @@ class Writer:
         if arc.sweep_rad > NEARLY_FULL_RAD:
             self._curved(kind, arc.at(0.5), center_mm, plane, feed)
             self._curved(kind, end_mm, center_mm, plane, feed)
-        elif self._arc_is_accepted(end_mm, center_mm, plane):
+        elif plane in self.planes and self._arc_is_accepted(end_mm, center_mm, plane):
             self._arc(kind, end_mm, center_mm, plane, feed)
         else:
             self.arcs_as_lines += 1
             for point in arc.chords(self.machine.control.path_tolerance_mm):
-                self._straight("G1", point, feed)
+                self._straight(Kind.FEED, point, feed)
 
     def _motion(self, word):
         """The motion word where it changes."""
@@ -237,7 +251,7 @@ class Writer:
 
     def _arc(self, kind, end_mm, center_mm, plane, feed):
         if plane != self.plane:
-            self.block(PLANE_WORD[plane])
+            self.block(self.plane_words[plane])
             self.plane = plane
         a, b, third = plane.axes
         _, _, offset = self._arc_words(end_mm, center_mm, plane)
@@ -248,7 +262,8 @@ class Writer:
         is_helix = abs(end_mm[third] - self.here_mm[third]) > 1e-9
         words = self.words(end_mm, [*sorted((a, b)), *([third] if is_helix else [])])
         centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
-        self.block(*self._motion(MOTION_WORD[kind]), *words, *centre, *self.feed_words(feed))
+        more = self.helix_words if is_helix else ()
+        self.block(*self._motion(self.motion_words[kind]), *words, *centre, *more, *self.feed_words(feed))
         self.here_mm = end_mm
 
 

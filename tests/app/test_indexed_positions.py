@@ -4,7 +4,9 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import cadquery as cq
 import numpy as np
 import pytest
 
@@ -13,9 +15,11 @@ from cuspline.app.build import Order, build
 from cuspline.app.judge import judge, judge_text
 from cuspline.app.machine_report import machine_view
 from cuspline.app.report_inputs import drawn_setup
+from cuspline.design import Setup
 from cuspline.design.job import read_job
+from cuspline.kernel import brep
 from cuspline.values.errors import DesignError, PlanError, ReadError
-from cuspline.verification.verdict import Options
+from cuspline.verification.verdict import Options, judged_once
 
 PART = Path(__file__).parents[1] / "parts" / "indexed_block.py"
 COARSE = Options(spacing_mm=0.5, solid_pitch_mm=0.5, replay_pitch_mm=0.5, tessellation_mm=0.01)
@@ -167,10 +171,41 @@ def test_the_machine_of_the_part_must_turn_it(tmp_path):
         build(order(tmp_path / "out", "mill_3axis"))
 
 
+def test_a_clamping_may_begin_with_a_position_that_says_how_the_part_is_held(tmp_path):
+    """The front alone, held as for the top: the same cuts on the same machine axes, judged in its own frame."""
+    both = order(tmp_path / "out")
+    folder = build(replace(both, design=replace(both.design, setups=both.design.setups[1:]))).folder
+    text = (folder / "front.ngc").read_text()
+    assert "G53 G0 C0 A-90\n" in text and "(POSITION FRONT: TOOL ALONG X0.000 Y-1.000 Z0.000 OF THE WCS)" in text
+    assert "(STOCK aluminium_6061: X-7.000 Y-7.000 Z0.000 TO X7.000 Y7.000 Z14.000)" in text
+    verify = judge(folder, read_job(folder), options=COARSE).as_dict(())
+    assert verify["ok"] and [s["setup"] for s in verify["setups"]] == ["front"] and verify["gouge_max_mm"] <= 0.01
+    with pytest.raises(ValueError, match="state clamped_x and clamped_z, or neither"):
+        Setup(name="half", faces=("a",), wcs_in_words="", indexed=True, clamped_x=(1, 0, 0))
+    with pytest.raises(ValueError, match="clamped_x .* and clamped_z .* must be unit vectors square to each other"):
+        Setup(name="askew", faces=("a",), wcs_in_words="", indexed=True, clamped_x=(1, 0, 0), clamped_z=(1, 0, 0))
+
+
+def test_a_face_that_several_positions_cut_is_judged_by_the_one_that_looks_at_it_most_squarely():
+    faces = brep.faces_of(brep.the_solid(cq.Workplane().box(4, 4, 4)))
+    all_six = list(range(6))
+    held = Setup(name="top", faces=("a",), wcs_in_words="")
+    as_held = {"indexed": True, "clamped_x": (1, 0, 0), "clamped_z": (0, 0, 1)}
+    turned = [held.model_copy(update={**as_held, "name": name, "wcs_z": z, "wcs_x": x}) for name, z, x in (
+        ("front", (0, -1, 0), (1, 0, 0)), ("right", (1, 0, 0), (0, 1, 0)), ("under", (0, 0, -1), (1, 0, 0)))]
+    over = held.model_copy(update={"name": "over", "wcs_z": (0, 0, -1)})            # another clamping
+    programs = [SimpleNamespace(setup=s) for s in (held, *turned, over)]
+    kept = judged_once([all_six, all_six, all_six, [4], all_six], programs, faces)
+    looks = lambda i: tuple(np.round(faces[i].middle.normal[0]).astype(int).tolist())
+    assert {looks(i) for i in kept[1]} == {(0, -1, 0)} and {looks(i) for i in kept[2]} == {(1, 0, 0)}
+    assert {looks(i) for i in kept[0]} == {(0, 0, 1), (0, 1, 0), (-1, 0, 0)} | ({(0, 0, -1)} if looks(4) != (0, 0, -1) else set())
+    assert kept[3] == [4] and kept[4] == all_six            # each has something to answer for; clampings do not share
+
+
 def test_a_design_whose_first_setup_is_a_position_is_refused():
     design = order(Path("out")).design
     with pytest.raises(DesignError, match="front is an indexed position, and no setup before it holds the part"):
-        replace(design, setups=design.setups[1:])
+        replace(design, setups=(design.setups[1].model_copy(update={"clamped_x": None, "clamped_z": None}),))
     top = design.setups[0]
     again = top.model_copy(update={"name": "again", "indexed": True})
     with pytest.raises(DesignError, match="again points the tool as top does"):

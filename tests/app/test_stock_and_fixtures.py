@@ -22,6 +22,7 @@ from cuspline.design import (
     StockBox,
     StockCylinder,
     StockMesh,
+    StockSkin,
     StockSolid,
 )
 from cuspline.design.job import read_job
@@ -234,6 +235,28 @@ def test_an_stl_file_is_the_same_as_text_and_as_bytes(tmp_path):
     assert [s.solid.volume() for s in shapes] == [pytest.approx(60)] * 2 and all(len(s.mesh[0]) == 8 for s in shapes)
 
 
+# a skin round the part ----------------------------------------------------------------------------
+
+
+def test_a_skin_round_a_ball_and_a_block_is_as_thick_as_stated_everywhere(tmp_path):
+    """Volumes in closed form; distances of the skin's corners from the part are the thickness, or more at outer edges."""
+    ball = settled(StockSkin(skin_mm=1.0), brep.the_solid(cq.Workplane().sphere(8).val()), Practice())
+    block = settled(StockSkin(skin_mm=1.0), brep.the_solid(cq.Workplane().box(10, 8, 6).val()), Practice())
+    assert ball.shape.solid.volume() == pytest.approx(4 / 3 * np.pi * 9 ** 3, rel=0.02)
+    assert block.shape.solid.volume() == pytest.approx(12 * 10 * 8, rel=0.005)
+    away = np.linalg.norm(ball.shape.mesh[0], axis=1)
+    assert away.min() >= 9.0 and away.max() <= 9.3
+    kept = ball.written(tmp_path, "skin")
+    assert kept.model_dump() == {"stl": "skin.stl"} and kept.shape.solid.volume() == pytest.approx(ball.shape.solid.volume())
+
+
+def test_a_skin_that_meets_itself_in_a_slot_is_refused():
+    slotted = cq.Workplane().box(20, 20, 10).faces(">Z").workplane().rect(1.5, 30).cutBlind(-5)
+    with pytest.raises(DesignError, match="a skin of 1 mm round the part meets itself at X.* make it thinner"):
+        settled(StockSkin(skin_mm=1.0), brep.the_solid(slotted.val()), Practice())
+    assert settled(StockSkin(skin_mm=0.5), brep.the_solid(slotted.val()), Practice())
+
+
 # as it is told ------------------------------------------------------------------------------------
 
 
@@ -252,7 +275,7 @@ def test_a_design_without_a_stock_gets_the_box_round_it_and_the_shops_allowance(
 @pytest.mark.parametrize("given, kind", [
     ("{ min_mm = [0, 0, 0], max_mm = [1, 2, 3] }", "StockBox"), ('{ step = "raw.step" }', "StockSolid"),
     ("{ from_mm = [0, 0, 0], to_mm = [0, 0, 9], diameter_mm = 20 }", "StockCylinder"), ('{ stl = "raw.stl" }', "StockMesh"),
-    ("{ allowance_mm = 1.5 }", "StockAllowance")])
+    ("{ allowance_mm = 1.5 }", "StockAllowance"), ("{ skin_mm = 0.8 }", "StockSkin")])
 def test_a_job_file_says_what_its_stock_is_by_what_it_says_of_it(given, kind):
     job = catalogue._Job.model_validate({**tomllib.loads(CASTING_JOB), "stock": tomllib.loads(f"a = {given}")["a"]})
     assert type(job.stock).__name__ == kind

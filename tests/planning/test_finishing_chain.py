@@ -9,7 +9,7 @@ import pytest
 from known_tools import tool
 
 from cuspline.kernel.brep import faces_of, planning_mesh, the_solid
-from cuspline.planning.cutter_choice import choose_ball, choose_cutter
+from cuspline.planning.cutter_choice import choose_ball, choose_cutter, cutter_reach
 from cuspline.planning.finishing_chain import WORTH_SHARE, FinishingWork, _clear_reach, choose_finishing
 from cuspline.planning.tool_depth import (
     HOLDER_CLEARANCE_MM,
@@ -167,6 +167,14 @@ def test_the_stick_out_missing_is_what_the_holder_let_down_at_every_tip_shows(gr
     assert missing_stick_out_mm(short, tips, mesh, 0.0) == worst.max()
 
 
+def as_they_stand(samples, mesh):
+    """What tools reach upright, and the stick-out that they lack there."""
+    def look(one):
+        reach = cutter_reach(samples, mesh, one.cutter)
+        return reach.is_reached, missing_stick_out_mm(one, reach.tip_mm[reach.is_reached], mesh, 0.0)
+    return look
+
+
 BULLS = tuple(tool("bull_nose", d, r, number=k) for k, (d, r) in enumerate(((16, 1.0), (12, 3.0), (6, 2.5)), 1))
 
 
@@ -179,7 +187,7 @@ def test_of_bull_noses_a_wide_flat_is_fastest_on_a_floor_and_a_large_corner_on_a
     samples, mesh = sample_faces(faces, top, 0), planning_mesh(solid, 0.01)
     drops = DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles)
     even = FinishingWork(scallop_mm=0.01, feed_of=lambda t: 1000.0, change_s=60.0)
-    chosen, candidates, reached = choose_cutter("parallel", BULLS, samples, np.inf, drops, 0.0, even)
+    chosen, candidates, reached = choose_cutter("parallel", BULLS, samples, np.inf, as_they_stand(samples, drops), even)
     assert chosen.number == wanted and reached.all()
     assert chosen.number == min(candidates, key=lambda c: c.estimated_time_s).tool.number
     # by hand: on the floor a pass covers the flat, on the slope the chord of the corner's circle
@@ -195,7 +203,7 @@ def test_a_cutter_that_leaves_more_is_not_taken_for_its_speed(grooved):
     """Into the groove of radius 4.6 only the ball of 4 reaches, though others are through with the rest sooner."""
     samples, mesh = grooved
     balls = tuple(t for t in SHOP.tools if t.cutter.diameter_mm in (10, 4))
-    chosen, candidates, _ = choose_cutter("rest", balls, samples, np.inf, mesh, 0.0, work())
+    chosen, candidates, _ = choose_cutter("rest", balls, samples, np.inf, as_they_stand(samples, mesh), work())
     assert chosen.cutter.diameter_mm == 4 and candidates[-1].reason == "fastest of those that leave least"
     assert candidates[0].reason.startswith("leaves ") and candidates[0].reason.endswith("mm² more than T5")
 

@@ -59,7 +59,7 @@ def test_a_machine_turns_no_farther_than_it_can():
     able = turnable(ways, mill.kinematics, None)
     assert 0 < len(able) < len(ways) and (able[:, 2] > -0.9).all()
     np.testing.assert_allclose(np.sqrt((ways ** 2).sum(axis=1)), 1)
-    found = seen(CUBE, steepest_deg=30, chain=mill.kinematics)
+    found = seen(CUBE, steepest_deg=30, ways=turnable(directions(), mill.kinematics, None))
     assert len(found.positions) == 5 and found.left_mm2 == pytest.approx(SIDE_MM ** 2, rel=0.1)
     assert found.left_at_mm[2] == pytest.approx(-SIDE_MM / 2)
 

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_tools import tool
+from small_program import BALL, CLEARANCE_MM, FLAT, changed, circle_point, finishing, one, operation, program, roughing
 
 import cuspline.posts
 from cuspline.posts.readers.rs274_reader import read_program
 from cuspline.posts.writers.linuxcnc import post
-from cuspline.program.program import Kind, Moves, MoveWriter, Operation, Plane, Program
+from cuspline.program.program import Kind, Moves, MoveWriter, Plane
 from cuspline.shop.machines import machine_from_toml
 from cuspline.values.errors import PostError
 
@@ -27,65 +27,6 @@ MACHINES = {unit: machine_from_toml(Path(cuspline.posts.__file__).parent / "mach
             for unit, suffix in (("mm", ""), ("inch", "_inch"))}
 ROUNDING_MM = {"mm": 0.5e-4 * 1.0001, "inch": 0.5e-6 * 25.4 * 1.0001}      # half of the last decimal
 UNITS = pytest.mark.parametrize("unit", MACHINES)
-CLEARANCE_MM = 30.0
-FLAT, BALL = tool("flat", 10, number=3), tool("ball", 6, number=7)
-
-
-def changed(machine, **control):
-    return machine.model_copy(update={"control": machine.control.model_copy(update=control)})
-
-
-def circle_point(plane, center, radius, angle_deg):
-    point = np.array(center, float)
-    a, b, _ = plane.axes
-    point[a] += radius * math.cos(math.radians(angle_deg))
-    point[b] += radius * math.sin(math.radians(angle_deg))
-    return point
-
-
-def roughing():
-    """Lines, an arc in each plane, a helix, a full circle."""
-    w = MoveWriter((5, 5, CLEARANCE_MM))
-    w.rapid((5, 5, 12))
-    w.feed((5, 5, 1 / 3), 300)
-    w.feed((20, 5, 1 / 3), 1200)
-    for plane, is_clockwise in ((Plane.XY, False), (Plane.ZX, True), (Plane.YZ, False)):
-        center = w.here_mm - circle_point(plane, (0, 0, 0), 7.77, 200)
-        w.arc(circle_point(plane, center, 7.77, 95 if is_clockwise else 290), center, plane, is_clockwise, 900)
-    center = w.here_mm + (4, 0, 0)
-    w.arc(center + (0, 4, -0.25), center, Plane.XY, True, 800)
-    w.arc(w.here_mm, center, Plane.XY, False, 800)
-    w.rapid((*w.here_mm[:2], CLEARANCE_MM))
-    return w.moves()
-
-
-def finishing():
-    w = MoveWriter((0, -2.5, CLEARANCE_MM))
-    w.rapid((0, -2.5, 5))
-    w.feed((0, -2.5, -1e-6), 150)
-    w.feed((10, -2.5, 0), 700.55)
-    w.feed((10, -2.5, 2), 700.55)
-    w.rapid((10, -2.5, CLEARANCE_MM))
-    return w.moves()
-
-
-def operation(name, tool_, moves, rpm=8000.0, coolant="flood"):
-    return Operation(name=name, tool=tool_, spindle_rpm=rpm, coolant=coolant, moves=moves)
-
-
-def program(*operations, header=("PART (SMALL)", "Units and zero in the header")):
-    return Program(name="small", setup="setup-1", wcs="G55", wcs_in_words="corner", clearance_z_mm=CLEARANCE_MM,
-                   header=header, operations=operations or (operation("rough", FLAT, roughing()),
-                                                            operation("finish", BALL, finishing(), 12000, "mist")))
-
-
-def one(*steps, start=(0, 0, CLEARANCE_MM)):
-    """A program of one operation: each step calls a MoveWriter; a retract at the end."""
-    w = MoveWriter(start)
-    for name, *arguments in steps:
-        getattr(w, name)(*arguments)
-    w.rapid((*w.here_mm[:2], CLEARANCE_MM))
-    return program(operation("cut", FLAT, w.moves()))
 
 
 def read(text):
@@ -377,3 +318,11 @@ def test_posting_leaves_the_program_alone():
     for name, value in before.items():
         np.testing.assert_array_equal(getattr(planned, name), value)
     assert isinstance(planned, Moves)
+
+
+def test_mist_ends_flood_before_it_begins():
+    """M7 and M8 may be on at once."""
+    both = program(operation("rough", FLAT, roughing()), operation("again", FLAT, finishing(), coolant="mist"))
+    lines = blocks(post(both, MACHINES["mm"]).text)
+    assert lines[lines.index("M7") - 1] == "M9"
+    assert set(read("\n".join(lines)).coolant[-5:-1]) == {1}

@@ -67,7 +67,7 @@ def of_hops(*counts):
                    header=("HOPS",), operations=told)
 
 
-@pytest.mark.parametrize("name", ["linuxcnc", "fanuc"])
+@pytest.mark.parametrize("name", ["linuxcnc", "fanuc", "haas", "grbl", "siemens", "heidenhain"])
 def test_plain_moves_are_split_where_the_tool_stands_high(name):
     told = of_hops()
     large, small = machine(name), machine(name, program_store_bytes=1200)
@@ -78,7 +78,7 @@ def test_plain_moves_are_split_where_the_tool_stands_high(name):
     assert np.array_equal(cut(parts), cut(whole.texts))
 
 
-@pytest.mark.parametrize("name", ["linuxcnc", "fanuc"])
+@pytest.mark.parametrize("name", ["linuxcnc", "fanuc", "grbl", "heidenhain"])
 @pytest.mark.parametrize("first", range(8, 20))
 def test_an_operation_that_begins_where_the_store_is_full_begins_a_file(name, first):
     large, small = machine(name), machine(name, program_store_bytes=1200)
@@ -97,7 +97,7 @@ def test_a_stroke_longer_than_the_store_stays_whole():
 def test_the_command_lists_restart_points_and_begins_at_one(tmp_path):
     (tmp_path / "a.ngc").write_text(post(program(), machine()).text)
     run = lambda *more: CliRunner().invoke(app, ["restart", str(tmp_path / "a.ngc"), *more])
-    assert run().output.split() == ["N1001", "N1002", "N1003", "N2001", "N2002", "N2003"]
+    assert run().output.split() == ["OP1", "OP2", "N1001", "N1002", "N1003", "N2001", "N2002", "N2003"]
     assert run("n2002").output == restarted((tmp_path / "a.ngc").read_text(), 2002)
     assert run("N2003", "--to", str(tmp_path / "b.ngc")).exit_code == 0
     assert (tmp_path / "b.ngc").read_text().count("call") < 6

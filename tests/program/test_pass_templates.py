@@ -92,7 +92,7 @@ def test_one_register_offsets_all_passes():
     mill = machine()
     wide, true = (find_post("linuxcnc").post(program(("finish", BALL, passes(radius=r))), mill).text
                   for r in (3.2, 3.0))
-    changed = [(a, b) for a, b in zip(wide.splitlines(), true.splitlines()) if a != b]
+    changed = [(a, b) for a, b in zip(wide.splitlines(), true.splitlines()) if a != b and a[0] != "("]
     assert len(changed) == 1 and changed[0][0].startswith("#101=3.2 ")
     moves = read(wide, mill), read(true, mill)
     radii = [np.linalg.norm((m.end_mm - m.center_mm)[m.kind >= Kind.ARC_CW, 1:], axis=1) for m in moves]

@@ -244,7 +244,7 @@ def with_machine(bundle, name="mill_trunnion_ac"):
     """The same cut in two indexed positions of one clamping on a five-axis machine; the table leans at once between them."""
     machine = find_machine(name)
     first, chain = bundle.setups[0], machine.kinematics
-    second = replace(first, name="leaning", turned_in_words="A-90")
+    second = replace(first, name="leaning", turned_in_words="A-90", is_held_as_before=True)
     nose = first.frame.into(first.path.points_mm) + machine.wcs_origin_mm + TRUNNION_TOOL_MM * chain.spindle
     n, seconds = len(nose), first.path.time_s
     at_top = np.tile((0.0, 0.0, 50.0), (5, 1))

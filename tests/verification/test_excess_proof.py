@@ -39,7 +39,7 @@ def cut(moves, cutter=tool("ball", 10), frame=HERE, piece=None):
 
 
 def proof(piece, faces=TOP, known=0.0, allowed=ALLOWED, reachable=None, cuts=None):
-    everywhere = lambda p, n: np.ones(len(p), bool)
+    everywhere = lambda p, n, face: np.ones(len(p), bool)
     return prove_excess(Ground.of_faces(faces), piece.cuts if cuts is None else cuts, known, allowed,
                         lambda p, n: piece.deviations(p, n, 2.0)[0], reachable or everywhere)
 
@@ -182,7 +182,7 @@ def test_what_another_clamping_has_cut_counts():
 
 
 def test_what_cannot_be_reached_is_left_out_and_counted():
-    left = lambda p, n: p[:, 0] < 7.0
+    left = lambda p, n, face: p[:, 0] < 7.0
     piece = cut(raster((-9, 6), YS, 10.0))
     p = proof(piece, reachable=left)
     assert 4.0 * 9 < p.unproven_mm2["unreachable"] < 5.2 * 9

@@ -20,7 +20,7 @@ from cuspline.values.compiled import njit
 from cuspline.values.rows import W, X, Y, Z, put
 
 TURN_RAD = 0.08             # cone half-angle below which a sub-patch is left whole
-SMALLEST_MM = 0.02          # sub-patches without a normal (poles) are halved down to this
+SMALLEST_MM = 0.1             # sub-patches are halved down to this at the most, at poles and on edges that are as sharp
 MOST_HALVINGS = 40
 UPWARD = 1e-9               # nz below which a face cannot be touched from above
 PLANAR_MM = 1e-9            # a sub-patch this close to its parametrisation's plane is one

@@ -129,7 +129,7 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, up
         if r[POINT, IN_Z] < PLANAR_MM:
             tag[SHAPE] = LEVEL
         return 0
-    if sine >= 1.0 and a[POINT] < SMALLEST_MM:
+    if a[POINT] < SMALLEST_MM:
         return 0
     along, across = a[DSS] * a[DT] + a[DS] * a[DST], a[DST] * a[DT] + a[DS] * a[DTT]
     if sine >= 1.0 and max(a[DS], a[DT]) > 3.0 * min(a[DS], a[DT]) and min(a[DS], a[DT]) > 0.0:

@@ -1,0 +1,78 @@
+"""How a propeller is cut on a rotary table that a turning pallet carries: indexed positions, blade after blade.
+
+The shaft lies along the rotary table's axis, on an arbor that stands out of it; the casting has a skin on all sides.
+Directions from which balls see blade 1 and its fillet are found by `planning.positions`, none of them so far towards the table
+that the spindle would meet it; the other blades are cut from the same, turned by their angle.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cuspline.app.catalogue import find_library
+from cuspline.design import FixtureCylinder, Setup, StockSkin
+from cuspline.designs.propellers.blade import about_x
+from cuspline.kernel import brep
+from cuspline.planning.positions import directions, positions
+from cuspline.planning.strategies.parallel import Parallel
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import DesignError
+from cuspline.values.frames import Frame
+
+MACHINE = "mill_a_on_b"
+TOWARDS_TABLE_DEG = 45.0    # from square to the shaft towards the table, at the most
+SEEN_DEG = 58.0             # between the faces' normals and the tool where positions are chosen
+CUT_DEG = 62.0              # and where they are cut: positions overlap
+PLACES = 1500               # of a blade, that are looked at
+ARBOR_SHARE = 0.85          # of the hub's diameter
+GAP_MM = 0.5                # between hub and arbor: the casting's skin, faced before
+NEARLY = 1e-11              # unit vectors in setups have so many decimals
+
+
+def cut(design, made, p):
+    """The same design with what it is cut from and its setups.
+
+    Args:
+        design: Design without setups.   made: solid.PropellerSolid.   p: design.PropellerParameters with `blades_cut`.
+    """
+    blades = made.blade.table.blades if p.blades_cut == "all" else 1
+    ways = _ways(design, p)
+    turn = 2 * np.pi / made.blade.table.blades
+    setups = [_setup(k, j, about_x(k * turn) @ way, made, p) for k in range(blades) for j, way in enumerate(ways)]
+    return replace(design, stock=StockSkin(skin_mm=p.skin_mm), setups=tuple(setups), machine=MACHINE)
+
+
+def _ways(design, p):
+    """(n, 3) directions from which blade 1 is cut, the one that sees most first."""
+    solid = brep.the_solid(design.solid, f"design {design.name}")
+    faces = brep.faces_of(solid)
+    indices = brep.indices_of(faces, brep.named_faces(faces, design.predicates, _names(1)))
+    library, every = find_library(None), directions()
+    fillet = min(p.fillet_leading_edge_mm, p.fillet_face_mm, p.fillet_trailing_edge_mm, p.fillet_back_mm)
+    balls = library.of_type("ball")
+    balls = [t for t in balls if t.cutter.radius_mm <= fillet] or balls[-1:]
+    ways = every[every[:, 0] >= -fixed.sin(np.radians(TOWARDS_TABLE_DEG)) - NEARLY]
+    found = positions(solid, indices, library.model_copy(update={"tools": tuple(balls[:2])}), ways=ways, steepest_deg=SEEN_DEG,
+                      standing_mm=p.skin_mm, places=PLACES)
+    return [q.direction for q in found.positions]
+
+
+def _names(blade):
+    """Of the faces of a blade, counted from 1."""
+    return (*(f"blade {blade} {part}" for part in ("face", "back", "leading edge", "trailing edge", "tip")), f"fillet {blade}")
+
+
+def _setup(k, j, way, made, p):
+    """Position j of blade k, both from 0."""
+    frame = Frame.along(way)
+    fore, table = made.hub.ends_mm[0], -p.arbor_mm
+    if table >= fore - p.skin_mm - GAP_MM:
+        raise DesignError(f"the hub begins {-fore:.1f} mm before the propeller's centre, the table's face stands {p.arbor_mm:g} mm "
+                          "before it: enlarge arbor_mm, on a machine whose table stands so far away")
+    arbor = FixtureCylinder(name="arbor", from_mm=(table, 0, 0), to_mm=(fore - p.skin_mm - GAP_MM, 0, 0),
+                            diameter_mm=ARBOR_SHARE * 2 * float(made.hub.profile(np.array([fore]))[0]))
+    unit = lambda v: tuple((np.round(v, 12) + 0.0).tolist())
+    return Setup(name=f"blade-{k + 1}-{j + 1}", faces=_names(k + 1), indexed=True, clamped_x=(1, 0, 0), clamped_z=(0, 0, 1),
+                 wcs_x=unit(frame.rotation[:, 0]), wcs_z=unit(way), fixtures=(arbor,),
+                 wcs_in_words="X along the shaft, Z along blade 1, zero in the propeller's centre",
+                 operations=(Parallel(leave_steep=True, steep_deg=CUT_DEG),))

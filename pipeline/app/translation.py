@@ -1,0 +1,255 @@
+"""A program of one control in the words of another: read by the one's reader, written by the other's post, read back, compared.
+
+    text -> reader -> PostedMoves -> Program -> post -> text -> its reader -> the same moves, or it is refused
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.app import catalogue
+from cuspline.program.posted import FLOOD, MIST, PostedMoves
+from cuspline.program.program import Kind, Moves, Operation, Plane, Program
+from cuspline.values import fixed_math as fixed
+from cuspline.values.amounts import counted
+from cuspline.values.errors import InputError, ReadError
+
+SAME_MM = 1e-9
+EXTENSIONS = {".ngc": "linuxcnc", ".mpf": "siemens", ".h": "heidenhain"}
+MACHINES = {"linuxcnc": "mill_3axis"}           # of other posts: mill_<post>
+TOOL_NUMBER = re.compile(r"\bT(?:OOL CALL)?\s*=?\s*\"?(\d+)", re.IGNORECASE)
+COOLANTS = {0: "off", MIST: "mist", FLOOD: "flood"}
+UNTRANSLATED = {"M0": "a stop", "M1": "an optional stop", "G4": "a dwell"}
+LARGEST_STORE_BYTES = 1 << 40       # the whole text stays one: to split it is the planner's business
+
+
+@dataclass(frozen=True)
+class NumberedTool:
+    """A tool of which the program says its number alone."""
+
+    number: int
+
+    offset_mm, length_mm, head = (0.0, 0.0, 0.0), 0.0, None
+
+    @property
+    def cutter(self):
+        return self
+
+    @property
+    def name(self):
+        return "of the program"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Translation:
+    """What came out, and what whoever runs it has to know."""
+
+    texts: tuple[str, ...]
+    extension: str
+    notes: tuple[str, ...]
+
+
+def post_of(name, given):
+    """The post whose words a file is in: as given, or by how its name ends.
+
+    Args:
+        name: of the file.   given: name of a post, or None.
+    Raises:
+        InputError: neither says it.
+    """
+    if given is not None:
+        return given
+    suffix = "." + name.rpartition(".")[2].lower()
+    if suffix not in EXTENSIONS:
+        raise InputError(f"{name}: several controls have files that end so: say which one by --from, one of "
+                         f"{', '.join(catalogue.post_names())}")
+    return EXTENSIONS[suffix]
+
+
+def machine_of(post):
+    """The machine that a post's words are written for and read on, where none is named."""
+    catalogue.find_post(post)
+    name = MACHINES.get(post, f"mill_{post}")
+    if name not in catalogue.machine_names():
+        raise InputError(f"post {post}: name its machine by --machine")
+    return catalogue.with_post(catalogue.find_machine(name), post)
+
+
+def translated(text, *, name, source, target, tools=None):
+    """A program in another control's words.
+
+    Args:
+        text: of the file.   name: its name, for the header.
+        source, target: machines.Machine whose posts say the languages; the target's file says decimals, units and tolerance.
+        tools: {number: cutters.Tool}, or None: only their numbers are known, no lengths.
+    Returns:
+        Translation.
+    Raises:
+        ReadError, PostError: what the one does not know or the other does not take, with its line or its name.
+        InputError: what can be read, but not said in a Program: stops, the other sense of the spindle, several zeros.
+    """
+    if tools is None and getattr(catalogue.find_post(target.control.post), "NEEDS_LENGTHS", False):
+        raise InputError(f"the post {target.control.post} writes tool lengths into the program: give the tools by --cutters")
+    moves = _read(text, source, tools)
+    program = program_of(moves, name, source.control.post, tools)
+    store = target.control.model_copy(update={"program_store_bytes": LARGEST_STORE_BYTES})
+    target = target.model_copy(update={"control": store})
+    posted = catalogue.find_post(target.control.post).post(program, target)
+    back = PostedMoves.joined([_read(t, target, tools) for t in posted.texts], [t.count("\n") for t in posted.texts])
+    notes = [f"line {moves.line[min(r.row, len(moves) - 1)]}: {r.advice}" for r in moves.remarks if r.kind == "unknown_start"]
+    notes += _compared(moves, back, target.control, posted.arcs_as_lines)
+    notes += _looser(moves, back, target)
+    return Translation(texts=posted.texts, extension=catalogue.find_post(target.control.post).EXTENSION, notes=tuple(notes))
+
+
+def _read(text, machine, tools):
+    """PostedMoves; machine coordinates stay unknown, for the zero is."""
+    numbers = {int(number) for number in TOOL_NUMBER.findall(text)}
+    lengths = {number: 0.0 for number in numbers} if tools is None else {n: t.offset_mm for n, t in tools.items()}
+    return catalogue.reader_of(machine)(text, work_offsets={}, tool_lengths=lengths)
+
+
+def program_of(moves, name, language, tools=None):
+    """A Program of moves that were read: an operation wherever tool, speed, coolant or name change.
+
+    Args:
+        moves: posted.PostedMoves.   name: of the file.   language: the post whose words it is in.
+        tools: {number: cutters.Tool}; None: their numbers alone.
+    Raises:
+        InputError: it cuts nothing, or says what a Program does not.
+    """
+    _refuse_what_is_lost(moves)
+    operations = tuple(_operations(moves, tools))
+    if not operations:
+        raise InputError(f"{name} cuts nothing: there is nothing to translate")
+    lowest = min(min(o.moves.start_mm[2], o.moves.end_mm[-1, 2]) for o in operations)
+    return Program(name=name, setup="setup-1", wcs=moves.work_offsets[0], wcs_in_words="", operations=operations,
+                   clearance_z_mm=float(lowest), header=(f"TRANSLATED FROM {name}, WORDS OF {language.upper()}",
+                                                         "NOT SIMULATED: PROVE IT OUT ABOVE THE WORK FIRST"))
+
+
+def _refuse_what_is_lost(moves):
+    for stop in moves.stops:
+        if stop.word in UNTRANSLATED:
+            raise InputError(f"line {stop.line}: {UNTRANSLATED[stop.word]} ({stop.word}) is not translated: take it out, and "
+                             "write it into the new program by hand", rows=[stop.line])
+    cuts = moves.kind != Kind.RAPID
+    wrong = {"the spindle turns backwards (M4)": moves.spindle_rpm < 0, "a cut without a tool": cuts & (moves.tool == 0),
+             "a cut while the spindle stands": cuts & (moves.spindle_rpm == 0), "mist and flood at once": moves.coolant > FLOOD}
+    for what, rows in wrong.items():
+        if rows.any():
+            line = int(moves.line[np.flatnonzero(rows)[0]])
+            raise InputError(f"line {line}: {what}, which is not translated: correct the program", rows=[line])
+    if len(moves.work_offsets) > 1:
+        raise InputError(f"the program uses the work offsets {' and '.join(moves.work_offsets)}: translate a program for each")
+
+
+def _operations(moves, tools):
+    """Runs of moves with one tool, speed, coolant and name, whose places are known."""
+    keys = np.column_stack([moves.operation, moves.tool, np.round(moves.spindle_rpm), moves.coolant])
+    known = np.isfinite(moves.start_mm).all(axis=1) & np.isfinite(moves.end_mm).all(axis=1)
+    changes = np.flatnonzero((keys[1:] != keys[:-1]).any(axis=1) | (known[1:] != known[:-1])) + 1
+    before = None
+    for rows in np.split(np.arange(len(moves)), changes):
+        cuts = np.flatnonzero(moves.kind[rows] != Kind.RAPID)
+        if not known[rows[0]] or not len(cuts):
+            continue
+        tool = int(moves.tool[rows[0]])
+        own = NumberedTool(tool) if tools is None else tools[tool]
+        goes_on = before is not None and before + 1 == rows[0] and moves.tool[before] == tool
+        yield Operation(name=moves.operation_name(rows[0]) or f"tool {tool}", tool=own, is_from_top=not goes_on,
+                        spindle_rpm=float(moves.spindle_rpm[rows[cuts[0]]]), coolant=COOLANTS[int(moves.coolant[rows[0]])],
+                        moves=_moves(moves, rows))
+        before = rows[-1]
+
+
+def _moves(moves, rows):
+    """The same as Moves; arcs of more than one turn in as many pieces."""
+    parts = [_pieces(moves, row) for row in rows.tolist()]
+    end, center, row = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    column = lambda values: values[row]
+    return Moves(start_mm=moves.start_mm[rows[0]], kind=column(moves.kind), end_mm=end, center_mm=center,
+                 plane=np.where(column(moves.kind) > Kind.FEED, column(moves.plane), Plane.XY),
+                 axis=np.tile((0.0, 0.0, 1.0), (len(end), 1)), feed_mm_per_min=column(moves.feed_mm_per_min))
+
+
+def _pieces(moves, row):
+    """(ends, centres, rows) of one move: several where it turns more than once."""
+    start, end, center, turns = moves.start_mm[row], moves.end_mm[row], moves.center_mm[row], int(moves.turns[row])
+    if not turns:
+        return end[None], center[None], np.array([row])
+    a, b, third = Plane(moves.plane[row]).axes
+    side = -1.0 if moves.kind[row] == Kind.ARC_CW else 1.0
+    angle = lambda p: float(fixed.arctan2(p[b] - center[b], p[a] - center[a]))
+    sweep = side * (angle(end) - angle(start)) % (2 * np.pi)
+    sweep = (sweep if sweep > SAME_MM else 2 * np.pi) + 2 * np.pi * turns
+    count = 2 * (turns + 1)
+    share = np.arange(1, count + 1) / count
+    ends, radius = np.empty((count, 3)), float(np.hypot(start[a] - center[a], start[b] - center[b]))
+    ends[:, a] = center[a] + radius * fixed.cos(angle(start) + side * share * sweep)
+    ends[:, b] = center[b] + radius * fixed.sin(angle(start) + side * share * sweep)
+    ends[:, third] = start[third] + share * (end[third] - start[third])
+    ends[-1] = end
+    return ends, np.tile(center, (count, 1)), np.full(count, row)
+
+
+def _looser(moves, back, target):
+    """A note where the new control may leave the path farther than the program had it; NaN is what parameters say."""
+    was = moves.path_tolerance_mm[moves.kind != Kind.RAPID].min()
+    now = np.nan_to_num(back.path_tolerance_mm[back.kind != Kind.RAPID], nan=target.control.path_tolerance_mm).max()
+    if now > was * (1 + SAME_MM):
+        return [f"the new control may leave the path by {now:g} mm, the program allowed {was:g} mm in places"]
+    return []
+
+
+# comparison --------------------------------------------------------------------------------------------
+
+
+def _compared(moves, back, control, arcs_as_lines):
+    """Notes about how the moves read back differ from those of the program.
+
+    Raises:
+        ReadError: by more than half the last digit that the new control is given; `.rows` holds the program's line.
+    """
+    half_mm = 0.5 * control.resolution_mm * (1 + 1e-6)
+    half_feed = 0.5 * control.resolution_mm * 10.0 ** (control.decimals - control.decimals_feed) * (1 + 1e-6)
+    cuts = np.flatnonzero(moves.kind != Kind.RAPID)
+    found = np.flatnonzero(back.kind != Kind.RAPID)
+    at, off_mm, off_feed = 0, 0.0, 0.0
+    for row in cuts.tolist():
+        first = at
+        while at < len(found) and not _ends_there(moves, row, back, found[at], half_mm):
+            at += 1
+        is_arc, rows = moves.kind[row] > Kind.FEED, found[first:at + 1]
+        if at == len(found) or at > first and not is_arc or not _is_same_path(moves, row, back, rows, 3 * half_mm):
+            line = int(moves.line[row])
+            raise ReadError(f"line {line}: the move does not come back as it was meant: the new control has not the digits or "
+                            "the words for it", rows=[line])
+        off_mm = max(off_mm, float(np.abs(back.end_mm[found[at]] - moves.end_mm[row]).max()))
+        off_feed = max(off_feed, float(np.abs(back.feed_mm_per_min[rows] - moves.feed_mm_per_min[row]).max()))
+        at += 1
+    if at < len(found) or off_feed > half_feed:
+        raise ReadError(f"{counted(len(found) - at, 'move')} more than the program has, or feeds off by {off_feed:g} mm/min",
+                        rows=[1])
+    notes = [f"ends are up to {off_mm:.2g} mm off: {control.decimals} decimals in {control.units}"] if off_mm > SAME_MM else []
+    notes += [f"feeds are up to {off_feed:.2g} mm/min off"] if off_feed > SAME_MM else []
+    if arcs_as_lines:
+        notes.append(f"{counted(arcs_as_lines, 'arc')} as chords within {control.path_tolerance_mm:g} mm")
+    return notes
+
+
+def _ends_there(moves, row, back, other, half_mm):
+    return np.abs(back.end_mm[other] - moves.end_mm[row]).max() <= half_mm * (4 if moves.kind[row] > Kind.FEED else 1)
+
+
+def _is_same_path(moves, row, back, rows, allowed_mm):
+    """A line is one line; an arc is arcs about its centre, or chords."""
+    if moves.kind[row] == Kind.FEED:
+        return len(rows) == 1 and back.kind[rows[0]] == Kind.FEED
+    if (back.kind[rows] == Kind.FEED).all():
+        return True
+    axes = list(Plane(moves.plane[row]).axes[:2])
+    return bool((back.kind[rows] == moves.kind[row]).all() and (back.plane[rows] == moves.plane[row]).all()
+                and np.abs(back.center_mm[rows][:, axes] - moves.center_mm[row, axes]).max() <= allowed_mm)
+

@@ -1,0 +1,283 @@
+"""Reads a Heidenhain Klartext program back into moves: what the control will do.
+
+It knows nothing of any post.  What it does not know it refuses, with the line and the remedy.  Facts by the TNC 640 User's Manual
+for Klartext Programming: TOOL CALL takes the tool's length with it; FMAX is its block's alone; M5, M9, M0, M2 and M30 act at the
+end of their block; M91 heeds neither preset, datum shift nor tool length; preset 1 stands for G54, 6 for G59; IPA and DR have one
+sign.  A circle whose radii differ by more than 0.005 mm is refused (circleDeviation), one outside the plane of X and Y too, for
+which sense DR has there the manual does not say.
+"""
+
+from math import cos, hypot, isfinite, nan, radians, sin
+
+from cuspline.posts.readers.klartext_blocks import blocks_of, number, path_words
+from cuspline.posts.readers.klartext_tools import read_tool_table
+from cuspline.posts.readers.rs274_arcs import CLOSE_BOUNDS
+from cuspline.posts.readers.rs274_blocks import refusal
+from cuspline.posts.readers.rs274_codes import ARC_LETTERS, finder, named_codes
+from cuspline.posts.readers.rs274_expressions import Complaint
+from cuspline.posts.readers.rs274_flow import refuse_text_after
+from cuspline.posts.readers.rs274_modes import Rules
+from cuspline.posts.readers.rs274_reader import Controller
+
+__all__ = ["read_program", "read_tool_table"]
+
+# the controller's own table: what the statements are brought to
+BY_NAME = {
+    **named_codes("motion", "G0", "G1", "G2", "G3", takes=ARC_LETTERS),
+    **named_codes("non-modal", "G53"),
+    **named_codes("non-modal", "G92.1", says="axis offset"),
+    **named_codes("plane", "G17"),
+    **named_codes("units", "G20", "G21"),
+    **named_codes("cutter compensation", "G40"),
+    **named_codes("tool length", "G43", takes="h"),
+    **named_codes("work offset", "G54", "G55", "G56", "G57", "G58", "G59"),
+    **named_codes("path control", "G64", takes="q"),
+    **named_codes("arc distance", "G90.1"),
+    **named_codes("stopping", "M0", "M1", "M2", "M30"),
+    **named_codes("spindle", "M3", "M4", "M5"),
+    **named_codes("tool change", "M6"),
+    **named_codes("coolant", "M7", "M8", "M9"),
+}
+AT_THE_END = (0, 1, 2, 5, 9, 30)
+AT_THE_BEGIN = (3, 4, 7, 8)
+BOTH = {13: (3, 8), 14: (4, 8)}         # spindle and coolant
+MACHINE_DATUM = 91
+UNITS = {"MM": ("g", 21.0), "INCH": ("g", 20.0)}
+
+
+def _smooth(controller, name, values):
+    controller.path_tolerance_mm = values["q"] * controller.length_unit_mm() if "q" in values else nan
+
+
+RULES = Rules(code_of=finder(BY_NAME, {}), takes_own_length=False, moves_z_alone=False, path_tolerance_mm=nan,
+              modes=frozenset(("work offset", "cutter compensation", "tool length", "path control", "axis offset")),
+              bounds=(CLOSE_BOUNDS, CLOSE_BOUNDS), actions={"path control": _smooth},
+              words={"work offset": ("CYCL DEF 247", "which preset is in force"),
+                     "cutter compensation": ("R0", "whether the path is shifted by a cutter radius"),
+                     "tool length": ("TOOL CALL", "which tool length is in force"),
+                     "path control": ("CYCL DEF 32", "how far the control may leave the path"),
+                     "axis offset": ("CYCL DEF 7 with X+0 Y+0 Z+0", "whether a datum shift moves the zero")})
+
+
+def read_program(text, *, work_offsets, tool_lengths):
+    """The moves of a Klartext program.
+
+    Args:
+        text: the whole program.
+        work_offsets: {"G54": (x, y, z)} machine coordinates of each preset, mm; G54 is preset 1.
+        tool_lengths: {number: length, mm}.
+    Returns:
+        PostedMoves.
+    Raises:
+        ReadError: the control would refuse the text or might do something else; `.rows` holds the line.
+
+    >>> text = "0 BEGIN PGM A MM\\n1 L X+1 Y+2 Z+3 R0 FMAX\\n2 CC X+2 Y+2\\n3 CP IPA+180 IZ-1 DR+ F100\\n4 END PGM A MM"
+    >>> moves = read_program(text, work_offsets={}, tool_lengths={})
+    >>> moves.end_mm[-1].round(9).tolist(), moves.line.tolist(), moves.ended
+    ([3.0, 2.0, 2.0], [2, 4], True)
+    """
+    blocks = blocks_of(text)
+    controller = Controller(work_offsets, tool_lengths, RULES)
+    end = controller.run(_Tnc(controller).executed(blocks))
+    if end is None:
+        raise refusal(Complaint("the text stops without END PGM", "end it with END PGM, its name and its unit"), blocks[-1])
+    _refuse_other_end(blocks)
+    refuse_text_after(blocks, end)
+    return controller.posted_moves()
+
+
+def _refuse_other_end(blocks):
+    """
+    Raises:
+        ReadError: END PGM is missing, or is another program's.
+    """
+    begin = next(block.words[0].rest for block in blocks if block.words)
+    last = next((block for block in blocks if block.flow), None)
+    if last is None:
+        raise refusal(Complaint("the text has no END PGM", "end it with END PGM, its name and its unit"), blocks[-1])
+    if last.words[0].rest != begin:
+        raise refusal(Complaint(f"it began as {' '.join(begin)}", "give BEGIN PGM and END PGM one name and one unit"), last)
+
+
+class _Tnc:
+    """The control's own state, and statements brought to the words that the controller knows."""
+
+    def __init__(self, controller):
+        self.controller, self.name, self.pole = controller, None, None
+        self.shifts = set()             # axes whose datum shift has been taken back since cycle 7 began
+
+    def executed(self, blocks):
+        """Yield (block, words)."""
+        for block in blocks:
+            if not block.words:
+                yield block, ()
+                continue
+            try:
+                steps = self._steps(block.words[0])
+            except Complaint as complaint:
+                raise refusal(complaint, block) from None
+            for words in steps:
+                yield block, words
+
+    def _steps(self, statement):
+        kind, rest = statement
+        if (self.name is None) != (kind == "BEGIN PGM"):
+            raise Complaint("text before BEGIN PGM" if self.name is None else "a second BEGIN PGM",
+                            "begin with BEGIN PGM, a name and MM or INCH, once")
+        other = {"BEGIN PGM": self._begin, "END PGM": self._end, "BLK FORM 0.1": self._drawn, "BLK FORM 0.2": self._drawn,
+                 "TOOL CALL": self._call, "TOOL DEF": self._drawn, "CYCL DEF": self._cycle, "CC": self._center}.get(kind)
+        return other(rest) if other else self._moves(kind, path_words(rest))
+
+    # the frame ----------------------------------------------------------------------------------
+
+    def _begin(self, rest):
+        if len(rest) != 2 or rest[1] not in UNITS:
+            raise Complaint("BEGIN PGM without its name or its unit", "write BEGIN PGM, a name and MM or INCH")
+        self.name = rest
+        return [(UNITS[rest[1]], ("g", 17.0), ("g", 90.1))]
+
+    def _end(self, rest):
+        return [(("m", 30.0),)]
+
+    def _drawn(self, rest):
+        """What the control draws, or gets ready, and does not do."""
+        return [()]
+
+    # tools and cycles ----------------------------------------------------------------------------
+
+    def _call(self, rest):
+        words, axis = [], ""
+        for word in rest:
+            if word.isdigit() and not (words or axis):
+                words += [("t", float(word)), ("m", 6.0), ("g", 43.0), ("h", float(word))]
+            elif word in ("X", "Y", "Z", "U", "V", "W"):
+                axis = word
+            elif word[0] in "SF" and _is_number(word[1:]):
+                words.append((word[0].lower(), number(word[1:])))
+            elif word[:2] not in ("DL", "DR") or not _is_number(word[2:].removeprefix("2")) or number(word[2:]) != 0:
+                raise Complaint(f'"{word}" in TOOL CALL', "write the tool's number, Z, S and F, and oversizes into the tool table")
+        if axis != "Z":
+            raise Complaint(f"a tool along {axis or 'no axis'}", "write TOOL CALL with Z")
+        return [tuple(words)]
+
+    def _cycle(self, rest):
+        cycle, words = rest[0] if rest else "", rest[1:]
+        if cycle == "247":
+            return self._preset(words)
+        if cycle.startswith("7."):
+            return self._shift(int(cycle[2:]) if cycle[2:].isdigit() else -1, words)
+        if cycle == "32.1":
+            if len(words) > 1 or words and not (words[0][0] == "T" and _is_number(words[0][1:])):
+                raise Complaint("cycle 32.1 with anything but T", "write CYCL DEF 32.1 T and the tolerance")
+            return [(("g", 64.0), *(("q", number(w[1:])) for w in words))]
+        if cycle in ("32.0", "32.2"):
+            return [()]
+        raise Complaint(f"cycle {cycle or 'without a number'}",
+                        "known are 7 (all zero), 32 and 247: write other cycles out as moves")
+
+    def _preset(self, words):
+        given = [w.removeprefix("Q339=") for w in words if w.startswith("Q339=")]
+        if len(given) != 1 or given[0] not in ("+1", "+2", "+3", "+4", "+5", "+6", *"123456"):
+            raise Complaint("cycle 247 without a preset from 1 to 6", "write Q339=+1 for what G54 is elsewhere, to +6 for G59")
+        return [(("g", 53.0 + int(given[0])),)]
+
+    def _shift(self, part, words):
+        if part == 0:
+            self.shifts = set()
+            return [()]
+        axis = words[0][0] if words else ""
+        if len(words) != 1 or axis not in "XYZ" or not _is_number(words[0][1:]) or number(words[0][1:]) != 0:
+            raise Complaint("a datum shift", "write CYCL DEF 7 with X+0, Y+0 and Z+0, and set the zero by the preset")
+        self.shifts.add(axis)
+        return [(("g", 92.1),)] if self.shifts == set("XYZ") else [()]
+
+    # paths ----------------------------------------------------------------------------------------
+
+    def _center(self, rest):
+        places = path_words(rest).places
+        if len(path_words(rest).places) != len(rest) or places.keys() != {"X", "Y"}:
+            raise Complaint("a circle centre that is not given by X and Y",
+                            "write both; circles outside their plane as chords, for which sense DR has there is not certain")
+        self.pole = places["X"], places["Y"]
+        return [()]
+
+    def _moves(self, kind, said):
+        """Functions that act at once, the move, functions that act at its end."""
+        functions = [f for m in said.functions for f in BOTH.get(m, (m,))]
+        unknown = [f"M{f}" for f in functions if f not in (*AT_THE_END, *AT_THE_BEGIN, MACHINE_DATUM)]
+        if unknown:
+            raise Complaint(f"unknown word {unknown[0]}", "known are " + ", ".join(
+                f"M{f}" for f in sorted((*AT_THE_END, *AT_THE_BEGIN, *BOTH, MACHINE_DATUM))))
+        if said.radius in ("RL", "RR"):
+            raise Complaint(f"{said.radius}: a path shifted by a cutter radius", "let the post write the compensated path")
+        begin = [("m", float(f)) for f in functions if f in AT_THE_BEGIN] + ([("g", 40.0)] if said.radius else [])
+        end = [("m", float(f)) for f in functions if f in AT_THE_END] + ([("m", 0.0)] if kind == "STOP" else [])
+        move = self._move(kind, said, MACHINE_DATUM in functions)
+        if said.is_rapid and said.feed is not None:
+            raise Complaint("F beside FMAX", "leave one of them")
+        if said.feed is not None:
+            begin.append(("f", said.feed))
+        return [tuple(begin + move), *((word,) for word in end)]
+
+    def _move(self, kind, said, is_machine):
+        if kind in ("M", "STOP") or kind == "L" and not said.places:
+            if said.places or said.sense or is_machine:
+                raise Complaint("places without a path", "write L before them")
+            return []
+        if is_machine and kind != "L":
+            raise Complaint("M91 with a circle", "M91 goes with L")
+        if kind == "L":
+            if said.sense or said.arc_radius or "IPA" in said.places:
+                raise Complaint("DR, IPA or a radius in a straight block", "write C, CR or CP")
+            return [("g", 0.0 if said.is_rapid else 1.0), *([("g", 53.0)] if is_machine else []), *self._ends(said, is_machine)]
+        if said.is_rapid or not said.sense:
+            raise Complaint("a circle without DR, or with FMAX", "write DR+ or DR-, and F")
+        turn = ("g", 2.0 if said.sense == "DR-" else 3.0)
+        if kind == "CR":
+            if "Z" in said.places or "IZ" in said.places or not said.arc_radius:
+                raise Complaint("CR outside the plane of X and Y, or without R", "write X, Y, R and DR")
+            return [turn, *self._ends(said, False), ("r", said.arc_radius)]
+        if self.pole is None or said.arc_radius:
+            raise Complaint("a circle without its CC", "write CC with X and Y before it")
+        center = [("i", self.pole[0]), ("j", self.pole[1])]
+        if kind == "CP":
+            return [turn, *self._helix(said), *center]
+        if not said.places.keys() <= {"X", "Y", "IX", "IY"}:
+            raise Complaint("C with anything but X and Y", "write CP with IPA and IZ for a helix")
+        return [turn, *self._ends(said, False), *center]
+
+    def _ends(self, said, is_machine):
+        """Where it ends, in the program's unit; what counts on is added to where it stands."""
+        ends, unit = [], self.controller.length_unit_mm()
+        for name, value in said.places.items():
+            axis = name.removeprefix("I")
+            if name != axis and (is_machine or axis in said.places):
+                raise Complaint(f"{name} with M91, or beside {axis}", f"write {axis}")
+            stands = self.controller.tip["XYZ".index(axis)] / unit if name != axis else 0.0
+            ends.append((axis.lower(), stands + value))
+        return ends
+
+    def _helix(self, said):
+        """End, rise and whole turns of CP."""
+        angle = said.places.get("IPA", nan)
+        if not said.places.keys() <= {"IPA", "IZ"} or not isfinite(angle) or not angle:
+            raise Complaint("CP without IPA, or with other places than IZ", "write CP IPA IZ DR")
+        if (angle > 0) != (said.sense == "DR+"):
+            raise Complaint(f"IPA and {said.sense} turn against each other", "give both one sign")
+        unit = self.controller.length_unit_mm()
+        x, y, z = (v / unit for v in self.controller.tip)
+        u, v = x - self.pole[0], y - self.pole[1]
+        if not isfinite(hypot(u, v)):
+            raise Complaint("a circle while nobody knows where the tool stands", "go to a named place by L first")
+        turns, left = divmod(abs(angle), 360.0)
+        c, s = cos(radians(angle)), sin(radians(angle))
+        place = [("x", self.pole[0] + c * u - s * v), ("y", self.pole[1] + s * u + c * v)] if left else [("x", x), ("y", y)]
+        turns = turns if left else turns - 1
+        return [*place, *([("z", z + said.places["IZ"])] if "IZ" in said.places else []), ("p", turns + 1.0)]
+
+
+def _is_number(text):
+    try:
+        return isfinite(number(text))
+    except ValueError:
+        return False

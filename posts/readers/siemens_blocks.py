@@ -1,0 +1,100 @@
+"""Sinumerik text cut into blocks: words, names with values, keywords and comments, without their meaning."""
+
+import re
+from typing import NamedTuple
+
+from cuspline.posts.readers.rs274_blocks import Block, lines_cut, refuse_block_delete
+from cuspline.posts.readers.rs274_expressions import Complaint
+
+LONGEST_LINE = 512
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
+HEADER = re.compile(r"%_N_\w+_(MPF|SPF)|%")
+MESSAGE = re.compile(r'MSG\s*\(\s*("[^"]*")?\s*\)')
+NAMED = re.compile(rf'([A-Z]+\d*)\s*=\s*(?:({NUMBER})|"([^"]*)")(?![\w.(])')
+WORD = re.compile(rf"([A-Z])\s*({NUMBER})(?!\s*=)")
+KEYWORD = re.compile(r"([A-Z]{2,})(?![\w=(])")
+KEYWORDS = ("SUPA", "CIP", "TRANS", "RTLION", "TRAORI", "TRAFOOF", "ORIAXES")
+NAMES = ("T", "X", "Y", "Z", "A", "B", "C", "I", "J", "K", "F", "S", "D", "TURN", "CR", "CTOL", "ADIS", "I1", "J1", "K1")
+LETTERS = frozenset("XYZABCIJKFSTDGM")
+
+
+class Said(NamedTuple):
+    """What one block says."""
+
+    codes: tuple = ()           # ("G", 642.0), ("M", 6.0)
+    values: dict = {}           # letter or name -> number
+    keywords: tuple = ()
+
+
+def blocks_of(text):
+    """All lines of the text as Blocks, whose `words` are one Said each, none where nothing is said.
+
+    Raises:
+        ReadError: a line that cannot be cut into words.
+    """
+    return lines_cut(text, _block)
+
+
+def _block(number, line):
+    if len(line) > LONGEST_LINE:
+        raise Complaint(f"{len(line)} characters", f"write at most {LONGEST_LINE} a line")
+    code, comment = _split(line)
+    block = Block(number, line, comments=(comment,) if comment else ())
+    code = code.upper().strip()
+    if HEADER.fullmatch(code):
+        return block
+    refuse_block_delete(code)
+    said = _said(re.sub(r"^N\d+\s*", "", code))
+    return block._replace(words=(said,)) if any(said) else block
+
+
+def _split(line):
+    """(code, comment) at the first semicolon outside quotes."""
+    parts = re.match(r'((?:[^;"]|"[^"]*")*)(?:;(.*))?$', line)
+    if not parts:
+        raise Complaint('a " without its fellow', "close the text that it begins")
+    return parts[1], parts[2]
+
+
+def _said(code):
+    codes, values, keywords, at = [], {}, [], 0
+    while at < len(code):
+        if code[at].isspace():
+            at += 1
+            continue
+        if found := MESSAGE.match(code, at):
+            pass
+        elif found := NAMED.match(code, at):
+            _put(values, found[1], _value(*found.groups()))
+        elif found := WORD.match(code, at):
+            letter, value = found[1], float(found[2])
+            if letter not in LETTERS:
+                raise Complaint(f'unknown word "{letter}"', "known here are N " + " ".join(sorted(LETTERS)))
+            if letter in "GM":
+                codes.append((letter, value))
+            else:
+                _put(values, letter, value)
+        elif (found := KEYWORD.match(code, at)) and found[1] in KEYWORDS:
+            keywords.append(found[1])
+        else:
+            raise Complaint(f'"{code[at:]}" is no word that this reader knows',
+                            f"known are letters with numbers, {', '.join(KEYWORDS)}, MSG, and with = {', '.join(NAMES)}")
+        at = found.end()
+    return Said(tuple(codes), values, tuple(keywords))
+
+
+def _put(values, name, value):
+    if name not in NAMES:
+        raise Complaint(f'unknown name "{name}"', f"known are {', '.join(NAMES)}")
+    if name in values:
+        raise Complaint(f"two {name} words", "leave one of them")
+    values[name] = value
+
+
+def _value(name, number, text):
+    """A number; a tool's name that is one."""
+    if number is not None:
+        return float(number)
+    if name == "T" and text.isdigit():
+        return float(text)
+    raise Complaint(f'{name}="{text}"', "tools are known by their numbers: write T=\"3\" or T3")

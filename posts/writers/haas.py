@@ -1,0 +1,94 @@
+"""Post for Haas mills (Next Generation Control), three axes; repeated passes move by move.
+
+Facts of the control that this post respects (Haas Mill Operator's Manual: program structure, G-codes): the text stands between
+% lines and begins with O and five digits; a length, a feed or an angle without a decimal point counts thousandths or less; G43
+goes on together with the first Z; G53 stands in its own block and heeds neither work nor tool length offset, G28 would also
+switch the length off; G20 and G21 must agree with setting 9.  How far corners may be rounded is G187 E, in force until M30; P3 is
+the smoothness of finishing.  M7 is no mist: where that is wanted the operator reads it.  A shift by G52 is taken back; one by G92
+is the operator's.  Rotaries, and tools beside the spindle's axis, are refused.
+"""
+
+import math
+
+from cuspline.posts.writers.offset_programs import offset_program
+from cuspline.posts.writers.program_files import Dialect, posted
+from cuspline.posts.writers.program_numbers import program_number
+from cuspline.posts.writers.words import UNIT_WORD, in_brackets
+from cuspline.values.errors import PostError
+
+EXTENSION = "nc"
+READER = "haas_reader"
+TOOL_TABLE = "tools.nc"
+comment = in_brackets
+COOLANT_WORD = {"off": "M9", "mist": "M9", "flood": "M8"}
+
+
+def post(program, machine):
+    """Write a Program as text.
+
+    Args:
+        program: cuspline.program.program.Program.
+        machine: cuspline.shop.machines.Machine.
+    Returns:
+        Posted.
+    Raises:
+        PostError: rotary axes, a tool beside the spindle's axis, a line longer than the control takes, a spindle speed outside
+            the machine's range, a feed or a path tolerance that rounds to nothing, an operation that does not start and end at
+            the clearance height.
+    """
+    return posted(program, machine, _Haas())
+
+
+def tool_table(tools, control):
+    """A program that writes lengths and radii into the control's offset memory; setting 40 says that they are radii.
+
+    Args:
+        tools: cutters.Tool values.   control: machines.Control.
+    """
+    return offset_program(tools, control, "O00001", ("SETTING 40 TOOL OFFSET MEASURE: RADIUS",))
+
+
+class _Haas(Dialect):
+    """Its own words for path tolerance and home."""
+
+    point, end, coolants = ".", "M30", COOLANT_WORD
+
+    def head(self, writer, program, file_number):
+        """% and O-number, comments, then a known state."""
+        writer.block("%")
+        writer.block(f"O{program_number(program, file_number):05d}")
+        for line in program.header:
+            writer.comment(line)
+        writer.comment("A G92 OF ANOTHER PROGRAM STAYS IN FORCE: AFTER ONE SET IT TO ZERO BY HAND")
+        writer.block(UNIT_WORD[writer.machine.control.units])
+        writer.block("G17", "G90", "G94", "G40", "G49", "G80", "G64")
+        writer.block("G187", "P3", "E" + _tolerance(writer))
+        writer.block(program.wcs)
+        writer.block("G52", "X0.", "Y0.", "Z0.")
+
+    def up(self, writer):
+        writer.block("G53", "G0", "Z0.")
+
+    def run(self, writer, operation):
+        super().run(writer, operation)
+        if operation.coolant == "mist":
+            writer.comment("MIST ON BY HAND")
+
+    def length_on(self, writer, tool):
+        """Together with the first Z."""
+        writer.pending_z = ("G43",), (f"H{tool.number}",)
+
+    def foot(self, writer):
+        super().foot(writer)
+        writer.tail.append("%")
+
+
+def _tolerance(writer):
+    """How far the control may leave the path, rounded to the smaller side."""
+    control = writer.machine.control
+    step = 10 ** control.decimals
+    whole = math.floor(control.path_tolerance_mm * writer.scale * step * (1 + 1e-9))
+    if not whole:
+        raise PostError(f"a path tolerance of {control.path_tolerance_mm:g} mm is nothing with {control.decimals} decimals: raise "
+                        "path_tolerance_mm in the machine's file")
+    return writer.number(whole / step, control.decimals)

@@ -1,0 +1,205 @@
+"""Post for Heidenhain TNC controls in Klartext, three axes; repeated passes move by move.
+
+Facts of the control that this post respects (TNC 640 User's Manual for Klartext Programming): blocks are numbered from 0 and stand
+between BEGIN PGM and END PGM of one name and unit; TOOL CALL takes the tool's length with it; FMAX holds for its own block, F until
+the next; M91 counts from the machine's datum and heeds neither preset, datum shift nor tool length; a circle runs round the last
+CC, in DR's sense; a helix is CP with IPA and IZ, IPA of DR's sign; how far the control may leave the contour is cycle 32.  The
+preset is cycle 247's: number 1 stands for G54, 6 for G59.  Circles go out in the plane of X and Y alone, for that of others the
+manual shows but one sense.  Rotaries, and tools beside the spindle's axis, are refused.
+"""
+
+import math
+import re
+
+import numpy as np
+
+from cuspline.posts.writers.program_files import Dialect, posted
+from cuspline.posts.writers.words import ARC_RADIUS_MISMATCH_MM, INCH_MM, Writer, behind_semicolon
+from cuspline.program.program import Kind, Plane
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import PostError
+
+EXTENSION = "h"
+READER = "klartext_reader"
+TOOL_TABLE = "tool.t"
+PRESETS = {"G54": 1, "G55": 2, "G56": 3, "G57": 4, "G58": 5, "G59": 6}
+UNIT_WORD = {"mm": "MM", "inch": "INCH"}
+ANGLE_DECIMALS = 4
+TOLERANCE_DECIMALS = 5
+LEAST_SIDE_MM = 1.0         # of BLK FORM, which the control draws and nothing else
+TABLE = (("T", 8), ("NAME", 32), ("L", 14), ("R", 14), ("R2", 14), ("DL", 8), ("DR", 8))
+comment = behind_semicolon
+
+
+def post(program, machine):
+    """Write a Program as text.
+
+    Args:
+        program: cuspline.program.program.Program.
+        machine: cuspline.shop.machines.Machine.
+    Returns:
+        Posted.
+    Raises:
+        PostError: rotary axes, a tool beside the spindle's axis, a work offset beyond G59, a line longer than the control takes, a
+            spindle speed outside the machine's range, a feed that rounds to nothing, an operation that does not start and end at
+            the clearance height.
+    """
+    return posted(program, machine, _Heidenhain())
+
+
+def tool_table(tools, control):
+    """TOOL.T: lengths, radii and corner radii, no wear, columns as its second line says.
+
+    Args:
+        tools: cutters.Tool values.   control: machines.Control.
+    """
+    scale = 1.0 if control.units == "mm" else 1.0 / INCH_MM
+    row = lambda values: "".join(str(v).ljust(width) for v, (_, width) in zip(values, TABLE)).rstrip()
+    length = lambda mm: f"{mm * scale:+.{control.decimals}f}"
+    name = lambda text: re.sub(r"[^A-Z0-9.]+", "_", text.upper())[:30]
+    lines = [f"BEGIN TOOL.T {UNIT_WORD[control.units]}", row([column for column, _ in TABLE])]
+    for tool in sorted(tools, key=lambda t: t.number):
+        cutter = tool.cutter
+        lines.append(row([tool.number, name(cutter.name), length(tool.length_mm), length(cutter.diameter_mm / 2),
+                          length(cutter.corner_radius_mm), "+0", "+0"]))
+    return "\n".join([*lines, "[END]"]) + "\n"
+
+
+class _Blocks(Writer):
+    """Moves as Klartext blocks."""
+
+    number_bytes = 8
+    name, rpm, pole = "", None, None        # of the program; the spindle's; CC as last written
+
+    def number(self, value, decimals):
+        """A number with its sign.
+
+        >>> from types import SimpleNamespace
+        >>> control = SimpleNamespace(units="mm", decimals=3)
+        >>> _Blocks(SimpleNamespace(control=control)).number(-1e-9, 3)
+        '+0'
+        """
+        text = super().number(value, decimals)
+        return text if text.startswith("-") else "+" + text
+
+    def forget_position(self):
+        super().forget_position()
+        self.pole = None
+
+    def _straight(self, kind, end_mm, feed):
+        words = self.words(end_mm)
+        if words:
+            self.block("L", *words, *(("FMAX",) if kind == Kind.RAPID else self.feed_words(feed)))
+        self.here_mm = end_mm
+
+    def _arc_words(self, end_mm, center_mm, plane):
+        """As for every control, the centre rounded where it is."""
+        a, b, _ = plane.axes
+        start, end, _ = super()._arc_words(end_mm, center_mm, plane)
+        return start, end, [self.rounded_mm(center_mm[k]) - s for k, s in zip((a, b), start)]
+
+    def _arc_is_accepted(self, end_mm, center_mm, plane):
+        """A helix ends where its angle leads, which is rounded too."""
+        radius_mm = math.dist(self.here_mm[:2], center_mm[:2])
+        return (super()._arc_is_accepted(end_mm, center_mm, plane)
+                and radius_mm * math.radians(0.5 * 10.0 ** -ANGLE_DECIMALS) < ARC_RADIUS_MISMATCH_MM)
+
+    def _arc(self, kind, end_mm, center_mm, plane, feed):
+        a, b, third = plane.axes
+        pole = ["XYZ"[k] + self.length(center_mm[k]) for k in (a, b)]
+        if pole != self.pole:
+            self.block("CC", *pole)
+            self.pole = pole
+        sense = "DR-" if kind == Kind.ARC_CW else "DR+"
+        for k in (a, b):
+            self.axis_words[k] = None
+        if self.length(end_mm[third]) != self.length(self.here_mm[third]):
+            self.block("CP", *self._helix(kind, end_mm, center_mm, plane), sense, *self.feed_words(feed))
+            self.axis_words[third] = None
+        else:
+            self.block("C", *self.words(end_mm, (a, b)), sense, *self.feed_words(feed))
+        self.here_mm = end_mm
+
+    def _helix(self, kind, end_mm, center_mm, plane):
+        """Its whole angle and rise from where it begins, both as the control reads them."""
+        third = plane.axes[2]
+        (x, y), end, (i, j) = self._arc_words(end_mm, center_mm, plane)
+        sweep = float(fixed.arctan2(end[1] - y - j, end[0] - x - i) - fixed.arctan2(-j, -i))
+        side = -1.0 if kind == Kind.ARC_CW else 1.0
+        degrees = side * math.degrees(side * sweep % (2 * math.pi))
+        rise = self.rounded_mm(end_mm[third]) - self.rounded_mm(self.here_mm[third])
+        return "IPA" + self.number(degrees, ANGLE_DECIMALS), "I" + "XYZ"[third] + self.length(rise)
+
+
+class _Heidenhain(Dialect):
+    """Klartext."""
+
+    point, end, comment, planes = "", "M30", staticmethod(comment), (Plane.XY,)
+
+    def writer(self, machine):
+        return _Blocks(machine, self.point, self.comment, machine.rotaries, self.planes)
+
+    def head(self, writer, program, file_number):
+        """Name and unit, comments, the blank for the control's picture, then a known state."""
+        if program.wcs not in PRESETS:
+            raise PostError(f"{program.setup}: {program.wcs} has no preset: choose one of {', '.join(PRESETS)}")
+        control = writer.machine.control
+        writer.name = f"{re.sub(r'[^A-Z0-9]+', '_', program.setup.upper())} {UNIT_WORD[control.units]}"
+        writer.block("BEGIN PGM", writer.name)
+        for line in program.header:
+            writer.comment(line)
+        low, high = _drawn_mm(program)
+        writer.block("BLK FORM 0.1 Z", *(axis + writer.length(v) for axis, v in zip("XYZ", low)))
+        writer.block("BLK FORM 0.2", *(axis + writer.length(v) for axis, v in zip("XYZ", high)))
+        writer.block("CYCL DEF 247 DATUM SETTING ~")
+        writer.block(f"  Q339=+{PRESETS[program.wcs]} ;DATUM NUMBER")
+        writer.block("CYCL DEF 7.0 DATUM SHIFT")
+        for k, axis in enumerate("XYZ", 1):
+            writer.block(f"CYCL DEF 7.{k} {axis}+0")
+        writer.block("CYCL DEF 32.0 TOLERANCE")
+        writer.block("CYCL DEF 32.1 T" + writer.length(control.path_tolerance_mm, TOLERANCE_DECIMALS).lstrip("+"))
+
+    def up(self, writer):
+        writer.block("L", "Z+0", "R0", "FMAX", "M91")
+
+    def change_tool(self, writer, operation):
+        writer.rpm = f"S{operation.spindle_rpm:.0f}"
+        writer.block("TOOL CALL", str(operation.tool.number), "Z", writer.rpm)
+
+    def length_on(self, writer, tool):
+        """It came with the call."""
+
+    def run(self, writer, operation):
+        rpm = f"S{operation.spindle_rpm:.0f}"
+        if rpm != writer.rpm:
+            writer.block("TOOL CALL", "Z", rpm)
+            writer.rpm = rpm
+        writer.block("M3")
+        self.cool(writer, operation)
+        writer.feed = None
+
+    def approach(self, writer, start_mm):
+        writer.block("L", *writer.words(start_mm, (0, 1)), "R0", "FMAX")
+        writer.block("L", *writer.words(start_mm, (2,)), "R0", "FMAX")
+
+    def foot(self, writer):
+        super().foot(writer)
+        writer.tail.append(f"END PGM {writer.name}")
+
+    def numbered(self, lines, control):
+        """Block numbers from 0; what goes on behind ~ has none."""
+        out, number = [], 0
+        for before, line in zip(["", *lines], lines):
+            if before.endswith("~"):
+                out.append(line)
+                continue
+            out.append(f"{number} {line}")
+            number += 1
+        return out
+
+
+def _drawn_mm(program):
+    """Corners of the blank that the control draws: as far as the program cuts."""
+    ends = np.vstack([o.moves.end_mm[o.moves.kind != Kind.RAPID] for o in program.operations])
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    return low, np.maximum(high, low + LEAST_SIDE_MM)

@@ -1,0 +1,139 @@
+"""A program in another control's words: the same moves to the last bit that both can write, or a refusal with its line."""
+
+import json
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from random_programs import LENGTHS, TOOLS, random_program
+from small_program import BALL, FLAT, program
+from typer.testing import CliRunner
+
+from cuspline.app import catalogue, translation
+from cuspline.app.cli import app
+from cuspline.program.posted import PostedMoves
+from cuspline.program.program import Kind, Plane
+from cuspline.values.errors import InputError, ReadError
+
+POSTS = ("linuxcnc", "fanuc", "haas", "grbl", "siemens", "heidenhain", "pmac")
+BY_NUMBER = {t.number: t for t in TOOLS}
+HEAD = "G21\nG17 G90 G91.1 G94 G40 G49 G80 G92.1\nG64 P0.0005 Q0\nG55\n(OPERATION 1: SLOT)\nG53 G0 Z0\nT3 M6\n" \
+       "G43 H3\nS8000 M3\nM8\n"
+
+
+def machine(post, **control):
+    """With as many digits as all the others."""
+    mill = translation.machine_of(post)
+    return mill.model_copy(update={"control": mill.control.model_copy(update={"decimals_mm": 4, **control})})
+
+
+def read(texts, post):
+    return PostedMoves.joined([catalogue.reader_of(machine(post))(t, work_offsets={}, tool_lengths=LENGTHS) for t in texts],
+                              [t.count("\n") for t in texts])
+
+
+def one_tool(seed):
+    """A random program of one tool: Grbl has no others in one file."""
+    told = random_program(seed, planes=(Plane.XY,))
+    return replace(told, operations=tuple(replace(o, tool=TOOLS[0]) for o in told.operations))
+
+
+@pytest.mark.parametrize("source, target", list(permutations(POSTS, 2)))
+def test_every_control_gets_the_moves_of_every_other(source, target):
+    text = catalogue.find_post(source).post(one_tool(7), machine(source)).text
+    done = translation.translated(text, name="a.nc", source=machine(source), target=machine(target), tools=BY_NUMBER)
+    here, there = (m.kind != Kind.RAPID for m in (read([text], source), read(done.texts, target)))
+    before, after = read([text], source), read(done.texts, target)
+    assert np.array_equal(before.kind[here], after.kind[there])
+    off = np.abs(before.end_mm[here] - after.end_mm[there]).max()
+    if "heidenhain" not in (source, target):        # whose helices end by an angle
+        assert off < 1e-9 and [note for note in done.notes if "leave the path" not in note] == []
+    assert off < 3e-4
+    for column in ("tool", "spindle_rpm", "coolant", "feed_mm_per_min"):
+        if column != "coolant" or "haas" not in (source, target):       # which has no mist
+            np.testing.assert_allclose(getattr(before, column)[here], getattr(after, column)[there], atol=1e-9)
+
+
+@pytest.mark.parametrize("post", ["linuxcnc", "siemens", "haas"])
+def test_a_translation_into_its_own_words_changes_nothing_more(post):
+    own = machine(post)
+    text = catalogue.find_post(post).post(random_program(3), own).text
+    translate = lambda t: translation.translated(t, name="a.nc", source=own, target=own).texts[0]
+    once = translate(text)
+    assert translate(once) == once and once.count("M6") == text.count("M6")
+
+
+def test_several_tools_become_several_files_where_none_is_changed():
+    text = catalogue.find_post("linuxcnc").post(program(), machine("linuxcnc")).text
+    tools = {t.number: t for t in (FLAT, BALL)}
+    done = translation.translated(text, name="a.ngc", source=machine("linuxcnc"), target=machine("grbl"), tools=tools)
+    assert len(done.texts) == 2
+    assert all(f"T{n}\nG43.1 Z{tools[n].length_mm:g}\n" in t for n, t in zip((3, 7), done.texts))
+
+
+def test_between_cuts_by_way_of_the_machines_top_it_goes_there_again():
+    """Where a machine move left the tip unknown, no rapid may cut across."""
+    text = HEAD + "G0 X0 Y0\nG0 Z5\nG1 Z-1 F100\nG53 G0 Z0\nG0 X50 Y50\nG0 Z5\nG1 Z-2\nG53 G0 Z0\nM2\n"
+    done = translation.translated(text, name="a.ngc", source=machine("linuxcnc"), target=machine("siemens"))
+    lines = done.texts[0].splitlines()
+    first, second = (k for k, line in enumerate(lines) if line.startswith("G1 Z-"))
+    assert any(line.startswith("SUPA G0 Z0") for line in lines[first:second])
+
+
+def test_more_than_one_turn_goes_out_in_pieces():
+    text = HEAD + "G0 X10 Y0\nG0 Z5\nG3 X0 Y10 Z-1 I-10 J0 P3 F100\nG0 Z5\nM2\n"
+    done = translation.translated(text, name="a.ngc", source=machine("linuxcnc"), target=machine("siemens"))
+    moves = read(done.texts, "siemens")
+    arcs = moves.kind == Kind.ARC_CCW
+    turned = np.diff(np.unwrap(np.arctan2(*np.vstack([moves.start_mm[arcs][:1], moves.end_mm[arcs]])[:, [1, 0]].T)))
+    assert turned.sum() == pytest.approx(4.5 * np.pi, abs=1e-4) and moves.end_mm[arcs][-1].tolist() == [0, 10, -1]
+
+
+@pytest.mark.parametrize("block, wanted", [
+    ("M0", "line 14: a stop"), ("M1", "line 14: an optional stop"), ("G4 P2", "line 14: a dwell"), ("M4\nX9", "turns backwards"),
+    ("M5\nX9", "while the spindle stands"), ("G56\nG0 X9 Y0 Z5\nG55\nG0 X0 Y0 Z5", "G55 and G56"), ("M7\nX9", "mist and flood"),
+    ("G83 X9", "unknown word G83"), ("X9 A90", "line 14")])
+def test_what_would_be_lost_is_refused(block, wanted):
+    text = HEAD + f"G0 X0 Y0\nG0 Z5\nG1 Z-1 F100\n{block}\nG1 X10\nM2\n"
+    with pytest.raises((InputError, ReadError), match=wanted):
+        translation.translated(text, name="a.ngc", source=machine("linuxcnc"), target=machine("haas"))
+
+
+def test_a_post_that_writes_another_program_is_found():
+    text = catalogue.find_post("linuxcnc").post(program(), machine("linuxcnc")).text
+    control, moves = machine("linuxcnc").control, read([text], "linuxcnc")
+    arc = int(np.flatnonzero(moves.kind >= Kind.ARC_CW)[0])
+    assert translation._compared(moves, moves, control, 0) == []
+    for column, change in (("end_mm", 0.001), ("center_mm", 0.01), ("kind", 1), ("feed_mm_per_min", 5.0)):
+        changed = getattr(moves, column).copy()
+        changed[arc] += change
+        with pytest.raises(ReadError):
+            translation._compared(moves, replace(moves, **{column: changed}), control, 0)
+    last = int(np.flatnonzero(moves.kind != Kind.RAPID)[-1])
+    for other in (moves.between(0, last), moves.between(0, arc)):
+        with pytest.raises(ReadError, match="line"):
+            translation._compared(moves, other, control, 0)
+    with pytest.raises(ReadError, match="more than the program has"):
+        translation._compared(moves.between(0, last), moves, control, 0)
+
+
+def test_the_command_writes_and_refuses(tmp_path):
+    text = catalogue.find_post("linuxcnc").post(program(), machine("linuxcnc")).text
+    (tmp_path / "a.ngc").write_text(text)
+    run = lambda *words: CliRunner().invoke(app, ["translate", *map(str, words)])
+    done = run(tmp_path / "a.ngc", "--to", "heidenhain")
+    assert done.exit_code == 0 and done.stdout.startswith("0 BEGIN PGM SETUP_1 MM\n") and "2 arcs as chords" in done.stderr
+    assert run(tmp_path / "a.ngc", "--to", "haas", "--out", tmp_path / "b.nc").exit_code == 0
+    assert (tmp_path / "b.nc").read_text().startswith("%\nO00101\n")
+    back = run(tmp_path / "b.nc", "--from", "haas", "--to", "linuxcnc")
+    assert back.exit_code == 0 and "T7 M6" in back.stdout
+    library = {"tools": [t.model_dump(mode="json") for t in (FLAT, BALL)]}
+    (tmp_path / "tools.json").write_text(json.dumps(library))
+    assert run(tmp_path / "a.ngc", "--to", "grbl", "--cutters", tmp_path / "tools.json", "--out", tmp_path / "c.nc").exit_code == 0
+    assert sorted(p.name for p in tmp_path.glob("c*")) == ["c-01.nc", "c-02.nc"]
+    for words, wanted in (((tmp_path / "b.nc", "--to", "siemens"), "say which one by --from"),
+                          ((tmp_path / "a.ngc", "--to", "grbl"), "give the tools by --cutters"),
+                          ((tmp_path / "a.ngc", "--to", "okuma"), "there is no post 'okuma'"),
+                          ((tmp_path / "a.ngc", "--to", "haas", "--from", "siemens"), "line ")):
+        assert wanted in str(run(*words).exception)
