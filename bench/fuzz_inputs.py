@@ -38,6 +38,9 @@ strategy = "parallel"
 pass_angle_deg = 30.0
 tool = "ball 6"
 '''
+GOLD = Path(__file__).parents[1] / "tests" / "gold"
+PROGRAMS = {"linuxcnc": "small_program_mm.ngc", "haas": "small_program_haas.nc", "grbl": "small_program_grbl_1.nc",
+            "siemens": "small_program_siemens.mpf", "heidenhain": "small_program_heidenhain.h", "pmac": "small_program_pmac.pmc"}
 MARKERS = '''# touched with the probe
 setup,marker,x_mm,y_mm,z_mm
 setup-1,a,0.0012,-0.0007,0.0003
@@ -392,9 +395,15 @@ def cases(files):
     def fanuc(chance, folder):
         return posted(folder, "setup-1.nc", mangled_text(chance, FANUC, letters), files.fanuc_machine)
 
+    def translate(chance, folder):
+        post = chance.choice(sorted(PROGRAMS))
+        text = mangled_text(chance, (GOLD / PROGRAMS[post]).read_text(), letters + "\"/;+")
+        path, to = put(folder, "p.nc", text), chance.choice(sorted(PROGRAMS))
+        return ("translate", path, "--from", post, "--to", to, "--out", folder / "o.nc")
+
     def restart(chance, folder):
         path = put(folder, "p.ngc", mangled_text(chance, LINUXCNC, letters))
-        return ("restart", path, *chance.choice(((), ("N2003",), ("N1",), (chance.choice(WORDS[1:]).replace("\0", ""),))))
+        return ("restart", path, *chance.choice(((), ("N2003",), ("OP1",), ("N1",), (chance.choice(WORDS[1:]).replace("\0", ""),))))
 
     def manifest(chance, folder):
         posted(folder, "setup-1.ngc", LINUXCNC)
@@ -418,8 +427,8 @@ def cases(files):
 
     # shares of the inputs: the dearer one is, the fewer
     rows = ((job, 12), (machine, 10), (library, 14), (fusion, 9), (freecad, 11), (markers, 9), (cells, 1.5), (parmteqm, 1.5),
-            (blades, 1), (linuxcnc, 7), (fanuc, 8), (restart, 5), (manifest, 8), (tools, 8), (step, 1), (parameters, 3),
-            (options, 8))
+            (blades, 1), (linuxcnc, 7), (fanuc, 8), (translate, 8), (restart, 5), (manifest, 8), (tools, 8), (step, 1),
+            (parameters, 3), (options, 8))
     return [Case(name=f.__name__, weight=w, write=f, has_real_step=f is step) for f, w in rows]
 
 

@@ -249,7 +249,7 @@ def translate(
     done = translation.translated(text, name=program.name, target=target, tools=tools,
                                   source=translation.machine_of(translation.post_of(program.name, source)))
     for note in done.notes:
-        print(f"cuspline: {note}", file=sys.stderr)
+        print(f"note: {note}", file=sys.stderr)
     if out is None and len(done.texts) > 1:
         raise InputError(f"{to} takes {len(done.texts)} files, a tool each: name them by --out")
     if out is None:

@@ -121,7 +121,7 @@ class Setup(Model):
     refixturing: Refixturing | None = Field(default=None, description="what measured markers came to; None: as designed")
     indexed: bool = Field(default=False, description="an indexed position (3+2): the rotary axes turn the part to it as "
                           "the setup before holds it, in the same program; zero, fixtures and markers are that setup's")
-    clamped_x: Direction | None = Field(default=None, description="of an indexed position that is the first in a clamping: "
+    clamped_x: Direction | None = Field(default=None, description="of an indexed position that begins a setup of its own: "
                                         "direction of the work coordinate system's X as the part is held, part coordinates; of "
                                         "others filled in")
     clamped_z: Direction | None = Field(default=None, description="the same of its Z")

@@ -182,7 +182,7 @@ class PlanningContext:
         chosen = brep.named_faces(self._faces_of_part, self.design.predicates, names)
         self.wanted = [i for i in brep.indices_of(self._faces_of_part, chosen) if self.only is None or i in self.only]
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
-        hollow = self.design.once(("tightest hollow", tuple(self.wanted)),
+        hollow = self.design.once(("tightest", tuple(self.wanted)),
                                   lambda: tightest_hollow(self._faces_of_part, self.wanted, geometry=self._geometry_of_part))
         self.hollow = replace(hollow, place_mm=tuple(self.setup.turn.into(np.array([hollow.place_mm]))[0].tolist()))
 
@@ -383,7 +383,7 @@ class PlanningContext:
             PlanError, CutterDoesNotFit: the library has none; lists each with its reason.
         """
         tools = self.tools(*(types if self.operation.wish else types[:1]))
-        looked = {t.number: self._reached_with(t) for t in tools}
+        looked = {t.number: self.reached_with(t) for t in tools}
         choose = lambda tightest_mm: choose_cutter(self.operation.title, tools, self.samples, tightest_mm,
                                                    lambda tool: looked[tool.number], self.finishing_work())
         if self.operation.wish:
@@ -395,7 +395,7 @@ class PlanningContext:
                 return choose(np.inf)
             raise error from None
 
-    def _reached_with(self, tool):
+    def reached_with(self, tool):
         """((n,) bool: which samples a tool reaches, the stick-out that it lacks there, mm).
 
         Where the axis turns out of the way nothing is lacking; what is left as steep to other positions, what the holder keeps

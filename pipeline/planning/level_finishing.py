@@ -135,8 +135,8 @@ def faster_floor_cutter(work, ball):
     mine = work.on(work.operation, faces, work.planned)
     tightest_mm = work.on(work.operation, upright, work.planned).hollow.radius_mm if upright else math.inf
     with suppress(CutterDoesNotFit):
-        tool, candidates, reached = choose_cutter("floor", tools, mine.samples, tightest_mm, work.mesh,
-                                                  work.practice.rough_allowance_mm, work.finishing_work())
+        tool, candidates, reached = choose_cutter("floor", tools, mine.samples, tightest_mm, mine.reached_with,
+                                                  work.finishing_work())
         highest = TERRACE_SHARE * tool.cutter.flute_length_mm
         walls = tuple(i for i in upright if _height_mm(work, i) <= highest)
         on = np.isin(work.samples.face, (*levels, *walls))

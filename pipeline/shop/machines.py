@@ -119,7 +119,11 @@ class Spindle(Model):
 class Control(Sparse):
     """What the controller accepts."""
 
+<<<<<<< HEAD
     LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "canned_cycles")
+=======
+    LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes")
+>>>>>>> 9a573bc59a3af48b749416fca667761e1cab1dcc
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
@@ -136,6 +140,8 @@ class Control(Sparse):
     canned_cycles: bool = Field(default=True, description="holes as G81 G82 G83 G73; false: move by move")
     block_numbers: int = Field(default=0, ge=0, le=100, description="step of the N words before blocks; 0: none (Klartext always "
                                "counts its own)")
+    arc_planes: tuple[Literal["XY", "ZX", "YZ"], ...] = Field(
+        default=("XY", "ZX", "YZ"), description="in which the control runs arcs; others, all where it is empty, go out as lines")
     optional_stops: bool = Field(default=False, description="M1 at the top of the machine before every tool but the first")
     path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: half of it "
                                      "goes out as LinuxCNC's G64 P, whose blends take up to twice that; what goes out as Haas's "

@@ -3,8 +3,8 @@
 It knows nothing of any post.  What it does not know it refuses, with the line and the remedy.  Facts by the TNC 640 User's Manual
 for Klartext Programming: TOOL CALL takes the tool's length with it; FMAX is its block's alone; M5, M9, M0, M2 and M30 act at the
 end of their block; M91 heeds neither preset, datum shift nor tool length; preset 1 stands for G54, 6 for G59; IPA and DR have one
-sign.  A circle whose radii differ by more than 0.005 mm is refused (circleDeviation), one outside the plane of X and Y too, for
-which sense DR has there the manual does not say.
+sign.  CC says by its axes in which main plane circles run, DR is the mathematical sense there: from X to Y, from Y to Z, from Z to
+X (angle reference axis).  A circle whose radii differ by more than 0.005 mm is refused (circleDeviation).
 """
 
 from math import cos, hypot, isfinite, nan, radians, sin
@@ -18,6 +18,7 @@ from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_flow import refuse_text_after
 from cuspline.posts.readers.rs274_modes import Rules
 from cuspline.posts.readers.rs274_reader import Controller
+from cuspline.program.program import Plane
 
 __all__ = ["read_program", "read_tool_table"]
 
@@ -26,7 +27,7 @@ BY_NAME = {
     **named_codes("motion", "G0", "G1", "G2", "G3", takes=ARC_LETTERS),
     **named_codes("non-modal", "G53"),
     **named_codes("non-modal", "G92.1", says="axis offset"),
-    **named_codes("plane", "G17"),
+    **named_codes("plane", "G17", "G18", "G19"),
     **named_codes("units", "G20", "G21"),
     **named_codes("cutter compensation", "G40"),
     **named_codes("tool length", "G43", takes="h"),
@@ -42,6 +43,7 @@ AT_THE_END = (0, 1, 2, 5, 9, 30)
 AT_THE_BEGIN = (3, 4, 7, 8)
 BOTH = {13: (3, 8), 14: (4, 8)}         # spindle and coolant
 MACHINE_DATUM = 91
+IJK = dict(zip("XYZ", "ijk"))
 UNITS = {"MM": ("g", 21.0), "INCH": ("g", 20.0)}
 
 
@@ -103,7 +105,8 @@ class _Tnc:
     """The control's own state, and statements brought to the words that the controller knows."""
 
     def __init__(self, controller):
-        self.controller, self.name, self.pole = controller, None, None
+        self.controller, self.name = controller, None
+        self.pole, self.plane = None, Plane.XY      # {"X": place, ...} of the last CC, and the plane of its axes
         self.shifts = set()             # axes whose datum shift has been taken back since cycle 7 began
 
     def executed(self, blocks):
@@ -195,10 +198,10 @@ class _Tnc:
 
     def _center(self, rest):
         places = path_words(rest).places
-        if len(path_words(rest).places) != len(rest) or places.keys() != {"X", "Y"}:
-            raise Complaint("a circle centre that is not given by X and Y",
-                            "write both; circles outside their plane as chords, for which sense DR has there is not certain")
-        self.pole = places["X"], places["Y"]
+        plane = next((p for p in Plane if places.keys() == {"XYZ"[k] for k in p.axes[:2]}), None)
+        if len(places) != len(rest) or plane is None:
+            raise Complaint("a circle centre that is not given by two of X, Y and Z", "write two of them, not IX or its like")
+        self.pole, self.plane = places, plane
         return [()]
 
     def _moves(self, kind, said):
@@ -236,15 +239,15 @@ class _Tnc:
         if kind == "CR":
             if "Z" in said.places or "IZ" in said.places or not said.arc_radius:
                 raise Complaint("CR outside the plane of X and Y, or without R", "write X, Y, R and DR")
-            return [turn, *self._ends(said, False), ("r", said.arc_radius)]
+            return [("g", 17.0), turn, *self._ends(said, False), ("r", said.arc_radius)]
         if self.pole is None or said.arc_radius:
-            raise Complaint("a circle without its CC", "write CC with X and Y before it")
-        center = [("i", self.pole[0]), ("j", self.pole[1])]
+            raise Complaint("a circle without its CC", "write CC with its centre before it")
+        center = [("g", 17.0 + self.plane), turn, *((IJK[axis], place) for axis, place in self.pole.items())]
         if kind == "CP":
-            return [turn, *self._helix(said), *center]
-        if not said.places.keys() <= {"X", "Y", "IX", "IY"}:
-            raise Complaint("C with anything but X and Y", "write CP with IPA and IZ for a helix")
-        return [turn, *self._ends(said, False), *center]
+            return [*center, *self._helix(said)]
+        if not {name.removeprefix("I") for name in said.places} <= self.pole.keys():
+            raise Complaint("C with another axis than its CC", "write CP with IPA and IZ for a helix")
+        return [*center, *self._ends(said, False)]
 
     def _ends(self, said, is_machine):
         """Where it ends, in the program's unit; what counts on is added to where it stands."""
@@ -260,18 +263,22 @@ class _Tnc:
     def _helix(self, said):
         """End, rise and whole turns of CP."""
         angle = said.places.get("IPA", nan)
-        if not said.places.keys() <= {"IPA", "IZ"} or not isfinite(angle) or not angle:
-            raise Complaint("CP without IPA, or with other places than IZ", "write CP IPA IZ DR")
+        rises = {"IPA", "IZ"} if self.plane == Plane.XY else {"IPA"}
+        if not said.places.keys() <= rises or not isfinite(angle) or not angle:
+            raise Complaint("CP without IPA, or with other places than IZ along Z", "write CP IPA IZ DR")
         if (angle > 0) != (said.sense == "DR+"):
             raise Complaint(f"IPA and {said.sense} turn against each other", "give both one sign")
         unit = self.controller.length_unit_mm()
-        x, y, z = (v / unit for v in self.controller.tip)
-        u, v = x - self.pole[0], y - self.pole[1]
+        tip = [v / unit for v in self.controller.tip]
+        a, b = ("XYZ"[k] for k in self.plane.axes[:2])
+        x, y, z = (tip["XYZ".index(a)], tip["XYZ".index(b)], tip[2])
+        u, v = x - self.pole[a], y - self.pole[b]
         if not isfinite(hypot(u, v)):
             raise Complaint("a circle while nobody knows where the tool stands", "go to a named place by L first")
         turns, left = divmod(abs(angle), 360.0)
         c, s = cos(radians(angle)), sin(radians(angle))
-        place = [("x", self.pole[0] + c * u - s * v), ("y", self.pole[1] + s * u + c * v)] if left else [("x", x), ("y", y)]
+        ends = (self.pole[a] + c * u - s * v, self.pole[b] + s * u + c * v) if left else (x, y)
+        place = list(zip((a.lower(), b.lower()), ends))
         turns = turns if left else turns - 1
         return [*place, *([("z", z + said.places["IZ"])] if "IZ" in said.places else []), ("p", turns + 1.0)]
 

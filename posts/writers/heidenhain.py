@@ -4,8 +4,9 @@ Facts of the control that this post respects (TNC 640 User's Manual for Klartext
 between BEGIN PGM and END PGM of one name and unit; TOOL CALL takes the tool's length with it; FMAX holds for its own block, F until
 the next; M91 counts from the machine's datum and heeds neither preset, datum shift nor tool length; a circle runs round the last
 CC, in DR's sense; a helix is CP with IPA and IZ, IPA of DR's sign; how far the control may leave the contour is cycle 32.  The
-preset is cycle 247's: number 1 stands for G54, 6 for G59.  Circles go out in the plane of X and Y alone, for that of others the
-manual shows but one sense.  Rotaries, and tools beside the spindle's axis, are refused.
+preset is cycle 247's: number 1 stands for G54, 6 for G59.  DR is the mathematical sense in the main planes XY, YZ and ZX, whose
+first axes are X, Y and Z (TNC 407 User's Manual 5-19, TNC 426 Pilot, angle reference axis); helices go out along Z alone, others as
+chords.  Rotaries, and tools beside the spindle's axis, are refused.
 """
 
 import math
@@ -13,7 +14,7 @@ import re
 
 import numpy as np
 
-from cuspline.posts.writers.program_files import Dialect, posted
+from cuspline.posts.writers.program_files import Dialect, planes_of, posted
 from cuspline.posts.writers.words import ARC_RADIUS_MISMATCH_MM, INCH_MM, Writer, behind_semicolon
 from cuspline.program.program import Kind, Plane
 from cuspline.values import fixed_math as fixed
@@ -99,25 +100,31 @@ class _Blocks(Writer):
         return start, end, [self.rounded_mm(center_mm[k]) - s for k, s in zip((a, b), start)]
 
     def _arc_is_accepted(self, end_mm, center_mm, plane):
-        """A helix ends where its angle leads, which is rounded too."""
+        """A helix runs along Z, and ends where its angle leads, which is rounded too."""
+        if not super()._arc_is_accepted(end_mm, center_mm, plane):
+            return False
         radius_mm = math.dist(self.here_mm[:2], center_mm[:2])
-        return (super()._arc_is_accepted(end_mm, center_mm, plane)
-                and radius_mm * math.radians(0.5 * 10.0 ** -ANGLE_DECIMALS) < ARC_RADIUS_MISMATCH_MM)
+        return not self._rises(end_mm, plane) or (
+            plane == Plane.XY and radius_mm * math.radians(0.5 * 10.0 ** -ANGLE_DECIMALS) < ARC_RADIUS_MISMATCH_MM)
+
+    def _rises(self, end_mm, plane):
+        third = plane.axes[2]
+        return self.length(end_mm[third]) != self.length(self.here_mm[third])
 
     def _arc(self, kind, end_mm, center_mm, plane, feed):
         a, b, third = plane.axes
-        pole = ["XYZ"[k] + self.length(center_mm[k]) for k in (a, b)]
+        pole = ["XYZ"[k] + self.length(center_mm[k]) for k in sorted((a, b))]
         if pole != self.pole:
             self.block("CC", *pole)
             self.pole = pole
         sense = "DR-" if kind == Kind.ARC_CW else "DR+"
         for k in (a, b):
             self.axis_words[k] = None
-        if self.length(end_mm[third]) != self.length(self.here_mm[third]):
+        if self._rises(end_mm, plane):
             self.block("CP", *self._helix(kind, end_mm, center_mm, plane), sense, *self.feed_words(feed))
             self.axis_words[third] = None
         else:
-            self.block("C", *self.words(end_mm, (a, b)), sense, *self.feed_words(feed))
+            self.block("C", *self.words(end_mm, sorted((a, b))), sense, *self.feed_words(feed))
         self.here_mm = end_mm
 
     def _helix(self, kind, end_mm, center_mm, plane):
@@ -134,10 +141,10 @@ class _Blocks(Writer):
 class _Heidenhain(Dialect):
     """Klartext."""
 
-    point, end, comment, planes = "", "M30", staticmethod(comment), (Plane.XY,)
+    point, end, comment = "", "M30", staticmethod(comment)
 
     def writer(self, machine):
-        return _Blocks(machine, self.point, self.comment, machine.rotaries, self.planes)
+        return _Blocks(machine, self.point, self.comment, machine.rotaries, planes_of(machine.control))
 
     def head(self, writer, program, file_number):
         """Name and unit, comments, the blank for the control's picture, then a known state."""

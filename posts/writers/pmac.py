@@ -9,7 +9,7 @@ hangs on TA and TS of the set-up: the machine's file states it as path_tolerance
 are refused.
 """
 
-from cuspline.posts.writers.program_files import Dialect, posted
+from cuspline.posts.writers.program_files import Dialect, planes_of, posted
 from cuspline.posts.writers.program_numbers import program_number
 from cuspline.posts.writers.words import UNIT_WORD, Writer, behind_semicolon
 from cuspline.program.program import Kind, Plane
@@ -51,7 +51,7 @@ class _Pmac(Dialect):
     point, end, comment, unnumbered = "", "M30", staticmethod(comment), (";", "OPEN", "CLOSE")
 
     def writer(self, machine):
-        writer = _Commands(machine, self.point, self.comment, machine.rotaries, self.planes)
+        writer = _Commands(machine, self.point, self.comment, machine.rotaries, planes_of(machine.control))
         writer.number_bytes = super().writer(machine).number_bytes
         return writer
 

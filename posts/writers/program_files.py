@@ -44,7 +44,6 @@ class Dialect(ABC):
     end: str                    # the word that ends the program
     variables: Variables | None = None      # of sub-programs; None: repeated passes go out move by move
     comment = staticmethod(in_brackets)     # how a text is told to the operator alone
-    planes: tuple[Plane, ...] = tuple(Plane)    # in which the control runs arcs
     knows_rotaries = False                  # whether it writes rotary words
     holds_beside = False                    # whether it can shift the zero for a tool beside the spindle's axis
     unnumbered = ("(", ";", "%", "O", "o", "N")     # how lines begin that get no block number
@@ -56,7 +55,7 @@ class Dialect(ABC):
 
     def writer(self, machine):
         """A Writer of this dialect."""
-        writer = Writer(machine, self.point, self.comment, machine.rotaries, self.planes)
+        writer = Writer(machine, self.point, self.comment, machine.rotaries, planes_of(machine.control))
         writer.number_bytes = len(f"N{LARGEST_NUMBER} ") if machine.control.block_numbers else 0
         return writer
 
@@ -159,6 +158,11 @@ class Dialect(ABC):
     def setting(self, block, comment):
         """The block that sets a register, with what it is."""
         return f"{block} {self.comment(comment)}"
+
+
+def planes_of(control):
+    """Planes in which a control runs arcs, by its machine's file."""
+    return tuple(plane for plane in Plane if plane.name in control.arc_planes)
 
 
 def posted(program, machine, dialect):

@@ -95,7 +95,7 @@ class _Siemens(Dialect):
 
     def in_machine(self, writer, *words):
         """Where the spindle nose is meant the tool length goes off with it."""
-        is_nose = words[0][0] in "XYZ"
+        is_nose = any(word[0] in "XYZ" for word in words)
         writer.block("SUPA", "G0", *words, *(("D0",) if is_nose else ()))
         writer.is_length_off |= is_nose
 

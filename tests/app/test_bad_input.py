@@ -100,7 +100,7 @@ def test_a_machine_file_without_an_axis(run, tmp_path):
 
 
 def test_an_unknown_post(run):
-    assert_refused(run("build", "z_profile", "--post", "heidenhain"), "heidenhain", "linuxcnc")
+    assert_refused(run("build", "z_profile", "--post", "okuma"), "okuma", "linuxcnc")
 
 
 def library(tmp_path, change):

@@ -13,7 +13,7 @@ import fuzz_inputs  # noqa: E402
 
 INPUTS, SEED = 2000, 3
 FORMATS = ("job", "machine", "library", "fusion", "freecad", "markers", "cells", "parmteqm", "blades", "linuxcnc", "fanuc",
-           "restart", "manifest", "tools", "step", "parameters", "options")
+           "translate", "restart", "manifest", "tools", "step", "parameters", "options")
 pytestmark = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 
 

@@ -121,9 +121,12 @@ def test_a_post_that_writes_another_program_is_found():
 def test_the_command_writes_and_refuses(tmp_path):
     text = catalogue.find_post("linuxcnc").post(program(), machine("linuxcnc")).text
     (tmp_path / "a.ngc").write_text(text)
+    (tmp_path / "finer.ngc").write_text(text.replace("X20 F1200", "X20.00004 F1200"))
     run = lambda *words: CliRunner().invoke(app, ["translate", *map(str, words)])
     done = run(tmp_path / "a.ngc", "--to", "heidenhain")
-    assert done.exit_code == 0 and done.stdout.startswith("0 BEGIN PGM SETUP_1 MM\n") and "2 arcs as chords" in done.stderr
+    assert done.exit_code == 0 and done.stdout.startswith("0 BEGIN PGM SETUP_1 MM\n") and done.stderr == ""
+    finer = run(tmp_path / "finer.ngc", "--to", "heidenhain")
+    assert finer.exit_code == 0 and "note: ends are up to 4e-05 mm off: 4 decimals in mm" in finer.stderr
     assert run(tmp_path / "a.ngc", "--to", "haas", "--out", tmp_path / "b.nc").exit_code == 0
     assert (tmp_path / "b.nc").read_text().startswith("%\nO00101\n")
     back = run(tmp_path / "b.nc", "--from", "haas", "--to", "linuxcnc")

@@ -14,17 +14,17 @@ WCS = "G55"
 COOLANTS = ("off", "mist", "flood")
 
 
-def random_program(seed, planes=tuple(Plane), moves=12):
+def random_program(seed, planes=tuple(Plane), moves=12, helices=tuple(Plane)):
     """One to four operations of lines, arcs and helices in those planes, rapids, feeds, speeds, coolants."""
     rng = np.random.default_rng(seed)
     operations = tuple(Operation(
         name=f"cut {k}", tool=TOOLS[rng.integers(len(TOOLS))], spindle_rpm=float(rng.integers(4000, 12000)),
-        coolant=COOLANTS[rng.integers(3)], moves=_moves(rng, planes, moves)) for k in range(rng.integers(1, 5)))
+        coolant=COOLANTS[rng.integers(3)], moves=_moves(rng, planes, moves, helices)) for k in range(rng.integers(1, 5)))
     return Program(name="random", setup="setup-1", wcs=WCS, wcs_in_words="corner", clearance_z_mm=CLEARANCE_MM,
                    header=("RANDOM",), operations=operations)
 
 
-def _moves(rng, planes, count):
+def _moves(rng, planes, count, helices):
     x, y = rng.uniform(-100, 100, 2)
     w = MoveWriter((x, y, CLEARANCE_MM))
     for _ in range(count):
@@ -36,12 +36,12 @@ def _moves(rng, planes, count):
         elif chance < 0.5:
             w.feed((*rng.uniform(-100, 100, 2), rng.uniform(-20, 40)), feed)
         else:
-            _arc(w, rng, planes[rng.integers(len(planes))], feed)
+            _arc(w, rng, planes[rng.integers(len(planes))], feed, helices)
     w.rapid((*w.here_mm[:2], CLEARANCE_MM))
     return w.moves()
 
 
-def _arc(w, rng, plane, feed):
+def _arc(w, rng, plane, feed, helices):
     """An arc, or one in three times a helix, of at most 340 degrees."""
     a, b, third = plane.axes
     radius, first, turn = rng.uniform(1.0, 40.0), rng.uniform(0, 2 * math.pi), rng.uniform(0.05, 5.9)
@@ -50,7 +50,7 @@ def _arc(w, rng, plane, feed):
     center[[a, b]] -= radius * np.array([math.cos(first), math.sin(first)])
     last = first - turn if is_clockwise else first + turn
     end[[a, b]] = center[[a, b]] + radius * np.array([math.cos(last), math.sin(last)])
-    if rng.random() < 0.3:
+    if rng.random() < 0.3 and plane in helices:
         end[third] += rng.uniform(-5, 5)
     w.arc(end, center, plane, is_clockwise, feed)
 
@@ -78,7 +78,7 @@ def assert_reads_as(program, moves, control, helix_ends=1.0):
         np.testing.assert_array_equal(moves.plane[rows][is_arc], wanted.plane[part][is_arc])
         third = np.array([(2, 1, 0)[p] for p in wanted.plane[part]])
         rises = np.abs((wanted.end_mm - wanted.starts_mm)[part][np.arange(len(third)), third]) > 1e-9
-        allowed = np.where(is_arc & rises, helix_ends, 1.0) * half_mm
+        allowed = np.where(is_arc & (rises | (helix_ends > 1)), helix_ends, 1.0) * half_mm     # arcs keep an axis as it stands
         off = np.abs(moves.end_mm[rows] - wanted.end_mm[part])
         assert (off <= allowed[:, None]).all(), off.max()
         plane_axes = np.array([(0, 1), (2, 0), (1, 2)])[wanted.plane[part][is_arc]]

@@ -113,7 +113,8 @@ def g80_missing(sheet, rng):
 @sabotage()
 def plane_missing(sheet, rng):
     arcs = sheet.moves.kind > Kind.FEED
-    is_said_again = any(re.search(r"G1[789]", sheet.line(k)) for k in sheet.moves.line[arcs])
+    is_said_again = (len(lines_with(sheet, r"\bG17\b(?!\.)")) > 1
+                     or any(re.search(r"G1[789]", sheet.line(k)) for k in sheet.moves.line[arcs]))
     return None if is_said_again else word_gone(sheet, "G17", first(sheet, arcs))
 
 
@@ -375,17 +376,13 @@ def feed_of_nothing(sheet, rng):
 
 @sabotage()
 def inverse_time(sheet, rng):
-    """G93 for G94: Fanuc's reader does not know it, LinuxCNC wants F in every cutting block."""
+    """G93 for G94 wants F in every cutting block."""
     line = lines_with(sheet, r"\bG94\b")[0]
     bare = cutting(sheet) & ~named(sheet, "F")
-    if sheet.is_fanuc:
-        where = (line, line), (0, 0)
-    elif bare.any():
-        where = first(sheet, bare)
-    else:
+    if not bare.any():
         return None
     return Spoilt(content=sheet.with_line(line, sheet.line(line).replace("G94", "G93")),
-                  expected=at(REFUSED, where, words="G93"))
+                  expected=at(REFUSED, first(sheet, bare), words="G93"))
 
 
 # places -----------------------------------------------------------------------------------------------------
@@ -506,8 +503,8 @@ def another_plane(sheet, rng):
     if said:
         text = sheet.with_line(line, sheet.line(line).replace(said[0], "G17"))
     else:
-        header = lines_with(sheet, r"\bG17\b")[0]
-        text = sheet.with_line(header, sheet.line(header).replace("G17", "G19"))
+        plane = [k for k in lines_with(sheet, r"\bG17\b") if k < line][-1]
+        text = sheet.with_line(plane, sheet.line(plane).replace("G17", "G19"))
     return Spoilt(content=text, expected=at(REFUSED, where))
 
 

@@ -134,7 +134,7 @@ BAD = {
         (r"\d+ TOOL CALL 3.*\n", "", "no tool"),
         (r"\d+ CC .*\n", "", "without its CC"),
         ("CC X.27", "CC X-27", "the radius is"),
-        ("CC X.27.3014 Y", "CC X+27.3014 Z", "centre that is not given by X and Y"),
+        ("CC X.27.3014 Y", "CC X+27.3014 Z", "another axis than its CC"),
         (" DR. F900.0", " F900.0", "without DR"),
         ("IPA-90", "IPA+90", "against each other"),
         ("CP IPA-90 ", "CP ", "without IPA"),

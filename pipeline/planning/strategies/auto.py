@@ -154,7 +154,7 @@ def _upright(work):
     if not flats:
         raise CutterDoesNotFit(f"{work.setup.name}: upright walls alone are left, rounded by {tightest:.3f} mm, and no flat cutter "
                                "is small enough to come down between them by a helix: add one to the file of --cutters, or a drill")
-    tool, candidates, reached = choose_cutter("waterline", flats, work.samples, tightest, work.mesh, standing,
+    tool, candidates, reached = choose_cutter("waterline", flats, work.samples, tightest, work.reached_with,
                                               work.finishing_work())
     rough, _, _ = roughing.cleared(work, roughing.RoughingStage(name="rough", allowance_mm=standing), tool, candidates,
                                    work.stock_mm, leftover_rows(work.samples), Clearing())
