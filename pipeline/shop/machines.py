@@ -119,11 +119,7 @@ class Spindle(Model):
 class Control(Sparse):
     """What the controller accepts."""
 
-<<<<<<< HEAD
-    LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "canned_cycles")
-=======
-    LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes")
->>>>>>> 9a573bc59a3af48b749416fca667761e1cab1dcc
+    LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes", "canned_cycles")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
