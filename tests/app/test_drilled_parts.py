@@ -117,17 +117,6 @@ def test_a_hole_drilled_from_the_wrong_side_is_found(plate, tmp_path):
     assert max(f.amount_mm for f in judged(plate, tmp_path, job=job) if f.kind == "gouge") > 0.5
 
 
-def test_a_thicker_drill_than_the_holes_is_found(plate, tmp_path):
-    import json
-    folder = shutil.copytree(plate, tmp_path / "thick")
-    document = json.loads((folder / "tools.json").read_text())
-    for tool in document["tools"]:
-        tool["cutter"]["diameter_mm"] += 0.1
-    (folder / "tools.json").write_text(json.dumps(document))
-    assert max(f.amount_mm for f in judge(folder, read_job(folder), options=COARSE).findings if f.kind == "gouge") == pytest.approx(
-        0.05, rel=0.05)
-
-
 # what the planner refuses --------------------------------------------------------------------------------
 
 

@@ -11,7 +11,7 @@ import cuspline.posts
 from cuspline.program.drilling import CLEARANCE_MM, DrillCycle, drilled, shortest_way
 from cuspline.program.program import Kind, Operation, Program
 from cuspline.shop.machines import machine_from_toml
-from cuspline.values.errors import ReadError, ToolpathError
+from cuspline.values.errors import PostError, ReadError, ToolpathError
 
 MACHINES = Path(cuspline.posts.__file__).parent / "machines"
 LEVEL, FEED, T = 20.0, 240.0, tool("flat", 6, number=3)
@@ -95,6 +95,15 @@ def test_without_canned_cycles_the_same_holes_go_out_move_by_move(machine):
     lines = dwelt.split("\n")
     k = lines.index("G4 P0.250" if machine == "mill_3axis" else "G4 P250")
     assert "Z-5" in lines[k - 1] and lines[k + 1].startswith("G0")
+
+
+@pytest.mark.parametrize("machine", ["mill_haas", "mill_siemens", "mill_heidenhain", "mill_grbl", "mill_pmac"])
+def test_controls_whose_posts_have_no_cycles_drill_move_by_move(machine):
+    planned = operation([hole("peck", 10, 10), hole("chip_break", 30, 10)])
+    _, moves = posted(machine, planned)
+    assert of_text(moves) == of_plan(planned)
+    with pytest.raises(PostError, match="dwell"):
+        posted(machine, operation([hole("dwell", 10, 10)]))
 
 
 def test_text_names_what_changes_and_nothing_else():
