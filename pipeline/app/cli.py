@@ -120,7 +120,8 @@ def faces(part: Annotated[str, typer.Argument(help="a STEP file, a design or a j
     solid = solid_of(part, param)
     _print(face_rows(solid), json, lambda f: [
         f"{f['number']}  {f['kind']}  {f['area_mm2']:g} mm²  normal {_triple(f['normal'])}  middle {_triple(f['middle_mm'])}"
-        + (f"  {f['name']}" if f["name"] else "") + (f"  colour {_triple(f['color'])}" if f["color"] else ""),
+        + (f"  {f['name']}" if f["name"] else "") + (f"  colour {_triple(f['color'])}" if f["color"] else "")
+        + _hole_in_words(f["hole"]),
         *("  " + line for line in f["toml" if toml else "python"].split("\n"))])
     if pictures is not None:
         print(draw_faces(solid, pictures), file=sys.stderr)
@@ -137,6 +138,16 @@ def positions(part: Annotated[str, typer.Argument(help="a STEP file, a design or
     """Find the few directions from which balls of the library see a part's faces: indexed positions, ready to be pasted."""
     from cuspline.app.position_list import in_words, position_rows
     _print(position_rows(part, param, faces, machine, cutters, steepest), json, in_words)
+
+
+def _hole_in_words(hole):
+    """What `faces` says behind a wall of a hole."""
+    if hole is None:
+        return ""
+    size = f" of {hole['diameter_mm']:g} mm" if hole["diameter_mm"] else ""
+    size += f", {hole['angle_deg']:g} degrees" if hole["angle_deg"] else ""
+    return (f"  {hole['kind']} hole{size}, {hole['depth_mm']:g} mm deep, mouth {_triple(hole['mouth_mm'])}, axis "
+            f"{_triple(hole['axis'])}")
 
 
 def _triple(values):
@@ -382,6 +393,7 @@ def materials(file: Annotated[Optional[Path], typer.Argument(help="a shop's own 
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "
         f"stepdown {m['stepdown_share']:g} of the diameter, coolant {m['coolant']}",
+        "  drills {:g} m/min, {:g} of the diameter a turn".format(*there[m["name"]].drilling),
         f"  source: {m['source']}"])
 
 

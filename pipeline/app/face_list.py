@@ -9,6 +9,7 @@ from cuspline.app.report_inputs import shape_of
 from cuspline.design.face_selection import in_python, in_toml, predicate_for
 from cuspline.kernel import brep
 from cuspline.report.pictures import render_faces
+from cuspline.surfaces.holes import cone_angle_deg, holes_of
 from cuspline.values.errors import DesignError, InputError
 
 STEP_FILES = (".step", ".stp")
@@ -30,22 +31,40 @@ def solid_of(part, assignments):
 
 
 def face_rows(solid):
-    """One dict a face, in the part's own order, numbered from 1."""
+    """One dict a face, in the part's own order, numbered from 1; walls of holes tell of their hole."""
     faces = brep.faces_of(solid)
-    return [_row(faces, k) for k in range(len(faces))]
+    holes = {k: hole for hole in holes_of(faces) for k in (*hole.faces, *hole.floor)}
+    return [_row(faces, k, holes.get(k)) for k in range(len(faces))]
 
 
-def _row(faces, k):
-    face = faces[k]
+def _hole_row(hole, k):
+    """What is told of a hole at one of its faces; None for no hole."""
+    if hole is None:
+        return None
+    wall = next((w for w in hole.walls if k in w.faces), None)
+    listed = lambda v: (np.round(v, DECIMALS) + 0.0).tolist()
+    return {"kind": hole.kind, "depth_mm": round(hole.depth_mm, DECIMALS), "mouth_mm": listed(hole.mouth_mm),
+            "axis": listed(hole.axis),
+            "diameter_mm": None if wall is None or wall.kind != "cylinder" else round(2 * wall.low_radius_mm, DECIMALS),
+            "angle_deg": None if wall is None or wall.kind != "cone" else round(cone_angle_deg(wall), DECIMALS)}
+
+
+def _name_of(hole, k):
+    """Faces of one name make one selection: all walls of the same diameter."""
+    return f"holes {hole['diameter_mm']:g} mm" if hole and hole["diameter_mm"] else f"face {k + 1}"
+
+
+def _row(faces, k, hole):
+    face, hole = faces[k], _hole_row(hole, k)
     listed = lambda v: (np.round(v[0], DECIMALS) + 0.0).tolist() if np.isfinite(v).all() else None
     try:
-        predicate = predicate_for(faces, k, f"face {k + 1}")
+        predicate = predicate_for(faces, k, _name_of(hole, k))
         python, toml = in_python(predicate), in_toml(predicate)
     except DesignError as error:
         python = toml = f"# {error}"
     return {"number": k + 1, "kind": face.kind, "area_mm2": round(face.area_mm2, DECIMALS), "normal": listed(face.middle.normal),
             "middle_mm": listed(face.middle.point_mm), "name": face.mark.name,
-            "color": None if face.mark.color is None else list(face.mark.color), "python": python, "toml": toml}
+            "color": None if face.mark.color is None else list(face.mark.color), "hole": hole, "python": python, "toml": toml}
 
 
 def draw_faces(solid, folder):

@@ -12,7 +12,8 @@ from pydantic import BeforeValidator, Field, SerializeAsAny, field_validator, mo
 from cuspline.values.models import Model, Point, by_kind
 
 TYPES = {"ball": "ball", "flat": "flat", "bull": "bull_nose", "bull nose": "bull_nose", "bull_nose": "bull_nose",
-         "tapered ball": "tapered_ball", "tapered_ball": "tapered_ball"}
+         "tapered ball": "tapered_ball", "tapered_ball": "tapered_ball", "drill": "drill", "spot drill": "spot_drill",
+         "spot_drill": "spot_drill", "chamfer mill": "chamfer_mill", "chamfer_mill": "chamfer_mill"}
 WISH = re.compile(r"(?P<type>[a-z_ ]+?)\s*(?:(?P<rule><=|>=|<|>)?\s*(?P<diameter>\d+(?:\.\d+)?))?"
                   r"(?:\s+r\s*(?P<corner>\d+(?:\.\d+)?))?")
 SAME_MM = 1e-6              # measures that are the same
@@ -145,7 +146,7 @@ class ToolWish(Model):
         found = WISH.fullmatch(text)
         if not found or found["type"].strip() not in TYPES:
             raise ValueError(f"tool {wish!r} is not understood: give a number (5), a type and diameter (flat 16, bull 12 r2) "
-                             f"or a rule (ball <= 10); types: {', '.join(sorted(set(TYPES) - {'bull_nose', 'tapered_ball'}))}")
+                             f"or a rule (ball <= 10); types: {', '.join(sorted(name for name in TYPES if '_' not in name))}")
         return cls(type=TYPES[found["type"].strip()], rule=found["rule"] or "",
                    diameter_mm=float(found["diameter"]) if found["diameter"] else None,
                    corner_radius_mm=float(found["corner"]) if found["corner"] else None)

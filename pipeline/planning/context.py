@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from cuspline.design.fixtures import placed_fixtures
-from cuspline.design.operations import Clearing, Finishing
+from cuspline.design.operations import Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import ROUND, choose_cutter, cutter_reach
@@ -61,6 +61,7 @@ class PlannedOperation:
     coolant: str
     moves: Moves                # with capped feeds, in the part as it lies in its setup (`setup.turn`)
     facts: dict                 # numbers for plan.json
+    cycles: tuple = ()          # drilling.DrillCycle that come to some of the moves
     passes: object = None       # pass_templates.TemplatedPasses that come to the moves; None: only the moves
     left: object = None         # Left; None: it cuts all that its cutter reaches
 
@@ -72,7 +73,8 @@ class PlannedOperation:
             return lambda xy_mm, at_most_mm=np.inf: np.broadcast_to(at_most_mm, len(xy_mm))
         leans = (self.moves.axis != UPRIGHT).any()      # then a ball, whose lowest places are those of the upright one
         moves = upright_again(self.moves, cutter.radius_mm) if leans else self.moves
-        return swept_by_lines(lines_of_moves(moves), cutter.radius_mm, cutter.corner_radius_mm)
+        lines = [line + (0.0, 0.0, cutter.point_height_mm) for line in lines_of_moves(moves)]   # beside the cone is not counted on
+        return swept_by_lines(lines, cutter.radius_mm, cutter.corner_radius_mm)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -111,9 +113,9 @@ class PlanningContext:
         self.design, self.setup, self.machine, self.before = design, setup, machine, before
         self.plating_mm, self.magazine = design.finish.plating_mm, library
         self.library = library_within_skin(library, self.plating_mm) if self.plating_mm else library
-        self.shop, self.tolerance_share, self.planned, self._shared = shop, tolerance_share, (), {}
-        alone = len(setup.operations) == 1 and not isinstance(setup.operations[0], Clearing)
-        self.operation = setup.operations[0] if alone else Finishing(steep_deg=STEEP_DEG)
+        self.shop, self.tolerance_share, self.planned, self._shared, self.only = shop, tolerance_share, (), {}, None
+        alone = setup.operations[0] if len(setup.operations) == 1 else None
+        self.operation = alone if isinstance(alone, Finishing) else Finishing(steep_deg=STEEP_DEG)
         self.finish = _stricter(design.finish, Finishing(), tolerance_share)
         solid = brep.the_solid(design.solid, f"design {design.name}")
         self._faces_of_part = brep.faces_of(solid)
@@ -152,6 +154,13 @@ class PlanningContext:
             mine._look_at(mine.face_names)
         return mine
 
+    def on(self, operation, wanted, planned):
+        """As `of`, for some of this operation's faces alone, by their indices, at least one."""
+        mine = self.of(operation, planned)
+        mine.only = frozenset(wanted)
+        mine._look_at(mine.face_names)
+        return mine
+
     def _refuse_turning(self, operation):
         """A turning axis where the machine cannot hold it, or the verdict could not follow it."""
         where = f"{self.setup.name}, {operation.title}: its tool axis turns"
@@ -171,7 +180,7 @@ class PlanningContext:
     def _look_at(self, names):
         """The faces of some predicates: their indices, samples and tightest concave place."""
         chosen = brep.named_faces(self._faces_of_part, self.design.predicates, names)
-        self.wanted = brep.indices_of(self._faces_of_part, chosen)
+        self.wanted = [i for i in brep.indices_of(self._faces_of_part, chosen) if self.only is None or i in self.only]
         self.samples = sample_faces(self.faces, self.wanted, self.plane.across)
         hollow = self.design.once(("tightest", tuple(self.wanted)),
                                   lambda: tightest_hollow(self._faces_of_part, self.wanted, geometry=self._geometry_of_part))
@@ -374,7 +383,7 @@ class PlanningContext:
             PlanError, CutterDoesNotFit: the library has none; lists each with its reason.
         """
         tools = self.tools(*(types if self.operation.wish else types[:1]))
-        looked = {t.number: self._reached_with(t) for t in tools}
+        looked = {t.number: self.reached_with(t) for t in tools}
         choose = lambda tightest_mm: choose_cutter(self.operation.title, tools, self.samples, tightest_mm,
                                                    lambda tool: looked[tool.number], self.finishing_work())
         if self.operation.wish:
@@ -386,7 +395,7 @@ class PlanningContext:
                 return choose(np.inf)
             raise error from None
 
-    def _reached_with(self, tool):
+    def reached_with(self, tool):
         """((n,) bool: which samples a tool reaches, the stick-out that it lacks there, mm).
 
         Where the axis turns out of the way nothing is lacking; what is left as steep to other positions, what the holder keeps
@@ -406,6 +415,11 @@ class PlanningContext:
     def speeds(self, tool, is_rough):
         """(rpm, cutting feed) of a tool in this material."""
         m = self.material
+        if tool.cutter.drills:
+            speed, share = m.drilling
+            rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
+            share = share / tool.cutter.flutes
+            return rpm, self.operation.feed_mm_per_min or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share, self.machine)
         speed = m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min
         rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
         feed = self.operation.feed_mm_per_min
@@ -419,6 +433,15 @@ class PlanningContext:
     def measured(self, name, tool, rpm, moves, facts, left=None):
         """Cap the feeds, measure length and time.   left: Left."""
         return replace(self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts), left=left)
+
+    def measured_holes(self, name, tool, rpm, moves, cycles, facts):
+        """The same for drilled holes: one feed, the least of the capped ones; `cycles`: drilling.DrillCycle of the moves."""
+        feeding = moves.kind != Kind.RAPID
+        feed = float(feeds.capped_feeds(moves, self.machine)[feeding].min())
+        made = self._measured(name, tool, rpm, moves.with_feed(np.where(feeding, feed, 0.0)), facts)
+        dwells_s = sum(c.dwell_s for c in cycles)
+        return replace(made, cycles=tuple(replace(c, feed_mm_per_min=feed) for c in cycles),
+                       facts={**made.facts, "time_s": round(made.facts["time_s"] + dwells_s, 1)})
 
     def measured_passes(self, name, tool, rpm, passes, facts):
         """The same for templated passes: each feed register gets the lowest of the capped feeds it stands for."""

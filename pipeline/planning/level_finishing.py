@@ -1,12 +1,15 @@
 """Level ground under the flat of a cutter: the stock's top taken down, and floors finished."""
 
 import math
+from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
 from cuspline.kernel.brep import bounding_box_mm
 from cuspline.planning.context import path_tolerance_mm
-from cuspline.planning.freeform_finishing import LEVEL, SAME_MM, link_rules
+from cuspline.planning.cutter_choice import choose_cutter
+from cuspline.planning.freeform_finishing import LEVEL, SAME_MM, TERRACE_SHARE, link_rules
 from cuspline.program.program import Moves, MoveWriter
 from cuspline.toolpaths.freeform.parallel_passes import Bearing
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
@@ -15,9 +18,11 @@ from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
 from cuspline.toolpaths.freeform.tip_paths import PathRules, TipPath, tip_paths
 from cuspline.toolpaths.freeform.waterline import DropHeights, waterlines
 from cuspline.values import fixed_math as fixed
-from cuspline.values.errors import PlanError, ToolpathError
+from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 
+UPRIGHT = 1e-6              # of a unit normal's z: an upright wall
 FLAT_SHARE = 0.95           # of the width of its flat a cutter moves over: no ridge is left
+ASIDE_MM = 0.01             # from a wall, of the outermost passes side by side: those along the walls come nearer
 PITCH_SHARE = 0.05          # of the cutter's radius: grid on which the region of a floor is looked for
 OVER_SHARE = 0.2            # of the radius that passes run over an open edge
 BESIDE_MM = 2.0             # facing passes begin and end so far beside the stock
@@ -99,6 +104,67 @@ def _strokes(work, tool, step_mm):
                float(along.max() + beside) * bearing.along + c * bearing.across)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FloorCutter:
+    """Who finishes level faces in place of a ball, and upright walls that stand on them."""
+
+    tool: object                # shop.cutters.Tool, flat
+    candidates: tuple
+    levels: tuple[int, ...]     # indices of the level faces
+    walls: tuple[int, ...]      # and of the walls: no higher than its flutes cut at once
+    is_reached: np.ndarray      # (n,) bool: samples on them that it reaches, of all the operation's
+
+    @property
+    def faces(self):
+        """Indices of all."""
+        return (*self.levels, *self.walls)
+
+
+def faster_floor_cutter(work, ball):
+    """FloorCutter of the operation's level faces, where a flat cutter with its change takes less time there than a ball.
+
+    Args:
+        work: PlanningContext.   ball: the Tool that would finish them.
+    """
+    levels = tuple(i for i in work.wanted if _is_level(work.faces[i]))
+    tools = work.library.of_type("flat")
+    if not levels or not tools:
+        return None
+    upright = _walls_on(work, levels)
+    faces = (*levels, *upright)
+    mine = work.on(work.operation, faces, work.planned)
+    tightest_mm = work.on(work.operation, upright, work.planned).hollow.radius_mm if upright else math.inf
+    with suppress(CutterDoesNotFit):
+        tool, candidates, reached = choose_cutter("floor", tools, mine.samples, tightest_mm, mine.reached_with,
+                                                  work.finishing_work())
+        highest = TERRACE_SHARE * tool.cutter.flute_length_mm
+        walls = tuple(i for i in upright if _height_mm(work, i) <= highest)
+        on = np.isin(work.samples.face, (*levels, *walls))
+        is_reached = np.zeros(len(on), bool)
+        is_reached[on] = reached[np.isin(mine.samples.face, (*levels, *walls))]
+        seconds = lambda t: work.finishing_work().seconds(t, work.samples, is_reached & np.isin(work.samples.face, levels))
+        if seconds(tool) + work.practice.tool_change_s < seconds(ball):
+            return FloorCutter(tool=tool, candidates=candidates, levels=levels, walls=walls, is_reached=is_reached)
+    return None
+
+
+def _is_level(face):
+    return face.kind == "plane" and face.middle.normal[0, 2] > LEVEL
+
+
+def _walls_on(work, levels):
+    """Indices of the operation's upright faces that end on one of its level ones."""
+    heights = {round(float(work.faces[i].middle.point_mm[0, 2]) / SAME_MM) for i in levels}
+    steep = {i: np.abs(work.samples.normal[work.samples.face == i, 2]).max(initial=0.0) for i in work.wanted if i not in levels}
+    return tuple(i for i, up in steep.items() if up < UPRIGHT and round(float(
+        bounding_box_mm(work.faces[i].shape)[0][2]) / SAME_MM) in heights)
+
+
+def _height_mm(work, index):
+    low, high = bounding_box_mm(work.faces[index].shape)
+    return float(high[2] - low[2])
+
+
 def floors(work, tool, candidates, stock):
     """Level faces finished, height by height from the top.
 
@@ -158,6 +224,8 @@ def _side_by_side(field, step_mm, tolerance_mm):
     """Lines along x over the region, a stepover apart."""
     nodes = field.node_xy_mm[field.is_inside]
     low, high = nodes.min(axis=0), nodes.max(axis=0)
+    if high[1] - low[1] > 2 * ASIDE_MM:         # a line along the wall itself would be on it here and beside it there
+        low[1], high[1] = low[1] + ASIDE_MM, high[1] - ASIDE_MM
     count = max(1, math.ceil((high[1] - low[1]) / step_mm))
     lines = [PlaneCurve(xy_mm=np.array([(low[0] - field.pitch_mm, y), (high[0] + field.pitch_mm, y)]))
              for y in np.linspace(low[1], high[1], count + 1)]

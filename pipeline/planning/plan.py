@@ -84,7 +84,9 @@ def _posted_operation(planned, plan):
     same = {"name": planned.name, "tool": planned.tool, "spindle_rpm": planned.rpm, "coolant": planned.coolant,
             "time_s": planned.facts.get("time_s")}
     if not setup.indexed:
-        return Operation(**same, moves=_moved(planned.moves, into), passes=_shifted(planned.passes, into))
+        by_mm = into(np.zeros((1, 3)))[0]
+        return Operation(**same, moves=_moved(planned.moves, into), passes=_shifted(planned.passes, into),
+                         cycles=tuple(c.shifted(by_mm) for c in planned.cycles))
     moves = straightened(planned.moves, CHORD_SHARE * plan.context.machine.control.path_tolerance_mm)
     axis = setup.clamped_frame.turn_into(np.array([setup.wcs_z]))
     return Operation(**same, moves=replace(_moved(moves, into), axis=np.repeat(axis, len(moves), axis=0)), level_mm=plan.level_mm)

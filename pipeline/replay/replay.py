@@ -13,13 +13,15 @@ from cuspline.replay.replay_result import Replay
 from cuspline.replay.replay_stock import LEAF
 from cuspline.replay.replay_stops import Standing, stop_findings
 from cuspline.replay.scene import FinishedDesign, Fixture, SolidFixture, Surroundings
-from cuspline.stock.path_pieces import pieces_of
+from cuspline.shop.cutters import POINTED
+from cuspline.stock.path_pieces import Z0, Z1, pieces_of
 from cuspline.stock.swept import CLOSED_UPWARD
 from cuspline.stock.tree import least_under, morton_order
 from cuspline.values import fixed_math as fixed
 from cuspline.values.checkpoints import NOTHING
 
 TOUCH_MM = 1e-4           # what may be missing of a distance: rounding of the post, pieces of arcs
+COLUMN_MM, MOST_COLUMNS = 0.05, 100     # of the columns that stand for a cone
 ENDLESS_MM = 1e4          # a part that nothing above makes wider goes on upward by this
 
 
@@ -56,6 +58,7 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
         proven, at = head_clearance.put_contacts(worst, posted, tool, around.fixtures, standing, wanted, around.spindle_head)
         if proven < least[1]:
             least[:] = min(least[0], proven), proven, *at
+    worst[replay_kernel.LOW, replay_checks.in_own_holes(posted, tools), replay_kernel.AMOUNT] = -np.inf
     report = replay_checks.Reporter(posted, around.setup, around.frame)
     hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
     found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
@@ -279,16 +282,39 @@ def _script(posted, tools, spindle_head):
     known = known_rows(posted, tools)
     numbers = sorted(n for n in {int(n) for n in posted.tool[known]} if tools[n].head is None)
     pieces = [_pieces(posted, np.flatnonzero(known & (posted.tool == n)), tools[n]) for n in numbers]
+    columns = [columns_in(tools[n].cutter) for n in numbers]
     stack = lambda arrays, empty: np.concatenate([empty, *arrays])
-    geometry = stack([p.geometry for p in pieces], np.zeros((0, 12)))
-    row = stack([p.row for p in pieces], np.zeros(0, np.int64))
-    cutter = stack([np.full(len(p), k) for k, p in enumerate(pieces)], np.zeros(0, np.int64))
+    first = np.concatenate([[0], np.cumsum([len(c) - 1 for c in columns])]).astype(np.int64) + len(numbers) - 1
+    geometry = stack([_in_columns(p.geometry, c[:, 2]) for p, c in zip(pieces, columns)], np.zeros((0, 12)))
+    row = stack([np.repeat(p.row, len(c)) for p, c in zip(pieces, columns)], np.zeros(0, np.int64))
+    cutter = stack([np.tile([k, *range(first[k] + 1, first[k] + len(c))], len(p)) for k, (p, c) in enumerate(zip(pieces, columns))],
+                   np.zeros(0, np.int64))
     order = np.argsort(row, kind="stable")
-    cutters = np.array([surely_cut(tools[n].cutter) for n in numbers]).reshape(-1, 2)
+    cutters = np.concatenate([np.zeros((0, 2)), *(c[:1, :2] for c in columns), *(c[1:, :2] for c in columns)])
     rows = [(k, *part) for k, n in enumerate(numbers) for part in (*_flutes(tools[n].cutter), *_parts(tools[n], spindle_head))]
     parts = np.array(rows, dtype=float).reshape(-1, 7)
     return (geometry[order], row[order], cutter[order], posted.kind[row[order]] == Kind.RAPID, cutters,
             np.ascontiguousarray(parts[:, 2:]), np.ascontiguousarray(parts[:, :2].astype(np.int64)))
+
+
+def columns_in(cutter):
+    """(k, 3) flat radius, corner radius and lift of plain columns, open upward, in the cutter's body: together they leave no
+    less stock than it.  The first stands on its tip; a cone is a stair of COLUMN_MM.
+    """
+    bottom = [(*surely_cut(cutter), 0.0)]
+    if cutter.type not in POINTED:
+        return np.array(bottom)
+    tip, high = (cutter.tip_diameter_mm or 0.0) / 2, cutter.point_height_mm
+    share = np.linspace(0.0, 1.0, min(int(np.ceil(high / COLUMN_MM)), MOST_COLUMNS) + 1)[1:]
+    return np.array(bottom + [(tip + s * (cutter.radius_mm - tip), 0.0, s * high) for s in share.tolist()])
+
+
+def _in_columns(geometry, lifts_mm):
+    """(m k, 12) each piece once a column, one after the other, its tip lifted."""
+    out = np.repeat(geometry, len(lifts_mm), axis=0)
+    for z in (Z0, Z1):
+        out[:, z] += np.tile(lifts_mm, len(geometry))
+    return out
 
 
 def _pieces(posted, rows, tool):
@@ -313,6 +339,10 @@ def _flutes(cutter):
     """(kind, z0, r0, z1, r1, grow) of the whole cutting part, its surface TOUCH_MM farther in."""
     if cutter.type in CLOSED_UPWARD:
         yield _thin_flutes(cutter.radius_mm - cutter.corner_radius_mm, cutter.corner_radius_mm)
+        return
+    if cutter.type in POINTED:          # as what it surely cuts: so it keeps clear of what it has cut itself
+        for radius, _, lift in columns_in(cutter)[1:].tolist():
+            yield replay_kernel.RAPID, lift + TOUCH_MM, max(radius - TOUCH_MM, 0.0), ENDLESS_MM, max(radius - TOUCH_MM, 0.0), 0.0
         return
     for z0, r0, z1, r1, grow in flute_segments(cutter):
         yield replay_kernel.RAPID, z0 + TOUCH_MM, max(r0 - TOUCH_MM, 0.0), z1, max(r1 - TOUCH_MM, 0.0), grow

@@ -22,6 +22,7 @@ CONTACTS = (
     ("rapid_too_low", "keep rapids this much higher above the stock, or go there at feed"),
 )
 DEEP_MM = 0.05            # a cutter's centre meets stock when it goes deeper: ridges between passes are lower
+SIDEWAYS_MM = 0.01         # of a slot as deep, that a drill may seem to take sideways
 IDLE_NODES = 400           # of the map under an operation that lowers none of them: it cuts air
 PLUNGE_RAD = np.radians(45.0)    # a way down from here on is a plunge
 
@@ -47,6 +48,22 @@ def _summed(depth, goes_on):
             out[last] = 0.0
         out[row], last = total, row
     return out
+
+
+def in_own_holes(posted, tools):
+    """Rows of rapids by which drills come back, straight down, into what they have drilled at the same place."""
+    deepest, rows = {}, []
+    drills = [n for n, t in tools.items() if t.cutter.drills]
+    for row in np.flatnonzero(np.isin(posted.tool, drills)).tolist():
+        x, y, z = posted.end_mm[row].tolist()
+        if not np.array_equal(posted.start_mm[row, :2], posted.end_mm[row, :2]):
+            continue
+        key = int(posted.tool[row]), round(x, 6), round(y, 6)
+        if posted.kind[row] == Kind.FEED:
+            deepest[key] = min(z, deepest.get(key, np.inf))
+        elif z < posted.start_mm[row, 2] and z >= deepest.get(key, np.inf):
+            rows.append(row)
+    return np.array(rows, np.int64)
 
 
 class Reporter:
@@ -134,7 +151,12 @@ class Reporter:
         """Chips heavier than a cutter takes, and its centre sunk into stock; `found`: replay_loads.Loads."""
         posted, feeds = self.posted, ~self.is_rapid
         limit = of_tools(posted, tools, lambda c: c.deepest_slot_mm)
-        over = feeds & (limit > 0) & (found.sure_mm > limit)
+        drills = of_tools(posted, tools, lambda c: c.drills) > 0
+        straight = (posted.start_mm[:, :2] == posted.end_mm[:, :2]).all(axis=1)
+        sideways = feeds & drills & ~straight & (found.slot_mm > SIDEWAYS_MM)
+        yield from self.merged("overload", np.where(sideways, found.slot_mm, 0.0), posted.end_mm, feeds,
+                                "a drill is fed sideways through stock: it cuts along its axis alone; go up before going across")
+        over = feeds & (limit > 0) & (found.sure_mm > limit) & ~drills
         yield from self.merged("overload", np.where(over, found.slot_mm, 0.0), posted.end_mm, feeds,
                                 "the chips are as heavy as a slot of the cutter's full width and this depth, more than its "
                                 "slot_depth_mm: rough here before, or take less at a time")

@@ -218,3 +218,9 @@ def lens_profile(d, tip_radius, corner_radius, h):
     if h < f - SAME_MM:
         raise ValueError(f"the corner reaches {f:.6g} mm up, above the height of {h:.6g} mm")
     return chain((np.zeros(2), join, (0.0, tip_radius)), (join, (d / 2, f), (e, f)), ((d / 2, f), (d / 2, h), None))
+
+
+def point_profile(d, tip_d, point_height, h):
+    """Outline of a drill or chamfer mill: a flat of diameter tip_d, 0 for none, a cone up to d, a cylinder; mm."""
+    tip, shoulder = (tip_d / 2, 0.0), (d / 2, point_height)
+    return chain(((0.0, 0.0), tip, None), (tip, shoulder, None), (shoulder, (d / 2, max(h, point_height)), None))

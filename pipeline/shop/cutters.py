@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
-from cuspline.shop.cutter_profile import apt_profile, lens_profile, side_profile, tangent_corner
+from cuspline.shop.cutter_profile import apt_profile, lens_profile, point_profile, side_profile, tangent_corner
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
@@ -43,13 +43,18 @@ class Holder(Model):
 # what says the shape of each type beside diameter, corner radius and flute length
 SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg",), "tapered_ball": ("taper_deg",),
                 "lens": ("tip_radius_mm",), "side": (),
-                "apt": ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm")}
-OPTIONAL = ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm", "tip_radius_mm",
-            "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth")
-CENTRE_CUTTING = ("ball", "tapered_ball", "lens")   # types whose teeth meet in the middle, where a library does not say
+                "apt": ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm"),
+                "drill": ("point_angle_deg",), "spot_drill": ("point_angle_deg",),
+                "chamfer_mill": ("point_angle_deg", "tip_diameter_mm")}
+ALL_SHAPE_FIELDS = tuple(dict.fromkeys(name for names in SHAPE_FIELDS.values() for name in names))
+OPTIONAL = (*ALL_SHAPE_FIELDS, "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth")
+DRILLS = ("drill", "spot_drill")                    # types that cut along their axis alone
+POINTED = (*DRILLS, "chamfer_mill")                 # types that end in a cone
+CENTRE_CUTTING = ("ball", "tapered_ball", "lens", *DRILLS)  # types whose teeth meet in the middle, where a library does not say
 RAMP_DEG = 10.0             # of a cutter that does not cut at its centre: three times the ramp that is planned
 SLOT_SHARE = 0.5            # of the diameter: docs/decisions/physical_state.md
 PLUNGE_SHARE = 0.012        # of the diameter a tooth: half more than the largest feed of `planning.materials`
+DRILL_SHARE = 0.02          # the same of drills: half more than their largest
 
 
 class Cutter(Model):
@@ -60,7 +65,8 @@ class Cutter(Model):
     """
 
     name: str
-    type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "side", "apt"]
+    type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "side", "apt", "drill", "spot_drill",
+                  "chamfer_mill"]
     diameter_mm: float = Field(gt=0)
     corner_radius_mm: float = Field(ge=0, description="0 flat, diameter/2 ball")
     flutes: int = Field(ge=1, le=100)
@@ -74,6 +80,8 @@ class Cutter(Model):
     corner_center_radius_mm: float | None = Field(default=None, description="APT e")
     corner_center_height_mm: float | None = Field(default=None, description="APT f")
     tip_radius_mm: float | None = Field(default=None, gt=0, description="lens: the large radius of its bottom")
+    point_angle_deg: float | None = Field(default=None, gt=10, lt=180, description="of the cone at the tip, from side to side")
+    tip_diameter_mm: float | None = Field(default=None, ge=0, description="chamfer mill: of the flat below its cone; 0: a point")
     shaft_segments: tuple[HolderSegment, ...] | None = Field(
         default=None, min_length=1, description="a neck that is no cylinder: from the flutes' end to the reach")
     max_rpm: float | None = Field(default=None, gt=0, description="largest speed that its maker or its holder allows")
@@ -89,7 +97,7 @@ class Cutter(Model):
     def _shape_is_consistent(self):
         self._says_its_shape()
         half = self.diameter_mm / 2
-        wanted = {"ball": half, "tapered_ball": half, "flat": 0.0}.get(self.type)
+        wanted = {"ball": half, "tapered_ball": half, "flat": 0.0, **dict.fromkeys(POINTED, 0.0)}.get(self.type)
         if wanted is not None and abs(self.corner_radius_mm - wanted) > 1e-9:
             raise ValueError(f"a {self.type} cutter of diameter {self.diameter_mm} mm has corner_radius_mm {wanted}")
         if self.type == "bull_nose" and not 0 < self.corner_radius_mm < half:
@@ -117,11 +125,15 @@ class Cutter(Model):
 
     def _says_its_shape(self):
         needed = SHAPE_FIELDS[self.type]
-        for name in SHAPE_FIELDS["apt"] + SHAPE_FIELDS["lens"]:
+        for name in ALL_SHAPE_FIELDS:
             if (getattr(self, name) is None) == (name in needed):
                 raise ValueError(f"a {self.type} cutter {'needs' if name in needed else 'has no'} {name}")
         if self.type in ("dovetail", "tapered_ball") and self.taper_deg <= 0:
             raise ValueError(f"a {self.type} cutter has taper_deg > 0")
+        if self.type == "chamfer_mill" and self.tip_diameter_mm >= self.diameter_mm:
+            raise ValueError("a chamfer_mill has tip_diameter_mm below diameter_mm")
+        if self.type in POINTED and self.point_height_mm > self.flute_length_mm:
+            raise ValueError(f"the cone of the point is {self.point_height_mm:.6g} mm high, flute_length_mm must be no less")
 
     @model_serializer(mode="wrap")
     def _without_what_it_has_not(self, dump):
@@ -151,21 +163,37 @@ class Cutter(Model):
     @property
     def largest_plunge_mm(self):
         """Largest feed a tooth straight down."""
-        return PLUNGE_SHARE * self.diameter_mm if self.plunge_mm_per_tooth is None else self.plunge_mm_per_tooth
+        share = DRILL_SHARE if self.type in DRILLS else PLUNGE_SHARE
+        return share * self.diameter_mm if self.plunge_mm_per_tooth is None else self.plunge_mm_per_tooth
+
+    @property
+    def drills(self):
+        """Whether it cuts along its axis alone."""
+        return self.type in DRILLS
+
+    @property
+    def point_height_mm(self):
+        """Height of the cone at the tip; 0 of cutters without one."""
+        if self.type not in POINTED:
+            return 0.0
+        return (self.radius_mm - (self.tip_diameter_mm or 0.0) / 2) / float(fixed.tan(np.radians(self.point_angle_deg) / 2))
 
     @property
     def apt(self):
         """APT's (d, r, e, f, alpha, beta, h), mm and radians; beta < 0 leans inward.
 
         Raises:
-            InputError: a lens cutter, whose bottom is no straight line; a side cutter, whose two rims are round.
+            InputError: a lens cutter, whose bottom is no straight line; a side cutter, whose two rims are round; a chamfer mill,
+                which has three lines.
         """
-        if self.type in ("lens", "side"):
+        if self.type in ("lens", "side", "chamfer_mill"):
             raise InputError(f"{self.name}: a {self.type} cutter has no seven-parameter form")
         d, r = self.diameter_mm, self.corner_radius_mm
         alpha, beta = np.radians(self.tip_angle_deg or 0.0), np.radians(self.taper_deg or 0.0)
         if self.type == "apt":
             return d, r, self.corner_center_radius_mm, self.corner_center_height_mm, alpha, beta, self.flute_length_mm
+        if self.type in DRILLS:
+            return d, 0.0, d / 2, self.point_height_mm, np.pi / 2 - np.radians(self.point_angle_deg) / 2, 0.0, self.flute_length_mm
         if self.type == "tapered_ball":
             return 2 * r * (1 - fixed.sin(beta)) / fixed.cos(beta), r, 0.0, r, 0.0, beta, self.flute_length_mm
         beta = -beta if self.type == "dovetail" else beta
@@ -180,6 +208,8 @@ class Cutter(Model):
         """
         if self.type == "side":
             return side_profile(self.diameter_mm, self.corner_radius_mm, self.flute_length_mm)
+        if self.type in POINTED:
+            return point_profile(self.diameter_mm, self.tip_diameter_mm or 0.0, self.point_height_mm, self.flute_length_mm)
         if self.type == "lens":
             return lens_profile(self.diameter_mm, self.tip_radius_mm, self.corner_radius_mm, self.flute_length_mm)
         return apt_profile(*self.apt)

@@ -9,6 +9,8 @@ from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, toml_of
 from cuspline.values.models import Model
 
+DRILL_SPEED_SHARE, DRILL_FEED_SHARE = 0.4, 0.01     # of a material that says nothing of drills
+
 
 class Material(Model):
     """How fast a material is cut by solid-carbide end mills."""
@@ -20,7 +22,16 @@ class Material(Model):
     feed_per_tooth_share: float = Field(gt=0, le=0.1, description="feed per tooth / cutter diameter")
     stepdown_share: float = Field(gt=0, le=1, description="roughing stepdown / cutter diameter")
     coolant: str
+    drill_speed_m_per_min: float | None = Field(default=None, gt=0, le=1000, description="of drills; left out: 0.4 of roughing")
+    drill_feed_share: float | None = Field(default=None, gt=0, le=0.05, description="of drills, a turn / diameter; left out: 0.01")
     source: str = Field(min_length=1, description="where the figures come from; printed by `cuspline materials`")
+
+    @property
+    def drilling(self):
+        """(cutting speed m/min, feed a turn / diameter) of drills."""
+        speed, share = self.drill_speed_m_per_min, self.drill_feed_share
+        return (DRILL_SPEED_SHARE * self.rough_speed_m_per_min if speed is None else speed,
+                DRILL_FEED_SHARE if share is None else share)
 
 
 class MaterialFile(Model):

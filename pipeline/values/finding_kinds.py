@@ -85,7 +85,8 @@ KINDS = {
         "overload": (
             "a cutter takes heavier chips than it stands",
             "A full slot as deep as the cutter's diameter, where its `slot_depth_mm` is half of that.",
-            "Rough there before, or take a smaller stepdown or stepover. If the cutter can do it, state `slot_depth_mm`."),
+            "Rough there before, or take a smaller stepdown or stepover. If the cutter can do it, state `slot_depth_mm`. A drill "
+            "takes chips along its axis alone: lift it before it goes across."),
         "chip_load": (
             "a feed per tooth far beyond what the material takes",
             "`F4000` where `F400` was meant: more than twice the material's feed per tooth (`cuspline materials`).",

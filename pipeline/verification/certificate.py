@@ -13,6 +13,7 @@ import numpy as np
 
 from cuspline.kernel import brep
 from cuspline.program.program import Kind
+from cuspline.shop.cutters import POINTED
 from cuspline.toolpaths.gouge.depth_tree import DepthTree
 from cuspline.toolpaths.gouge.move_depths import move_depths
 from cuspline.values.arrays import frozen
@@ -126,9 +127,10 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=
         ToolpathError: a tolerance that is too fine.
     """
     rows = np.arange(len(posted)) if rows is None else np.unique(np.asarray(rows, dtype=np.int64))
-    reasons = _reasons(posted, tools, rows, PROVABLE if solid is None else (*PROVABLE, SIDE))
+    reasons = _reasons(posted, tools, rows, PROVABLE if solid is None else (*PROVABLE, SIDE, *POINTED))
     known = rows[np.array([r is None for r in reasons], bool)]
-    leaning = np.array([tools[n].cutter.type != SIDE for n in posted.tool[known].tolist()], bool) & ~_stands_upright(posted)[known]
+    types = np.array([tools[n].cutter.type for n in posted.tool[known].tolist()], dtype=object)
+    leaning = (types != SIDE) & ~_stands_upright(posted)[known] | np.isin(types, POINTED)       # and cones, upright or not
     sagitta_mm = SAGITTA_SHARE * tolerance_mm
     bound, share, place = np.zeros(len(posted)), np.full(len(posted), 0.5), np.full((len(posted), 3), np.nan)
     views = _Views(part, solid, THICKNESS_SHARE * tolerance_mm)

@@ -17,6 +17,7 @@ import numpy as np
 
 from cuspline.kernel.tessellation import tessellate
 from cuspline.replay.clearance import ClearanceTree, ToolMoves, flute_segments
+from cuspline.shop.cutters import POINTED
 from cuspline.stock.tilted_pieces import AXIS, TIP, TURN, WAY, posed_pieces
 from cuspline.values import fixed_math as fixed
 from cuspline.verification.certificate_side import SideViews
@@ -24,6 +25,8 @@ from cuspline.verification.certificate_side import SideViews
 LONGEST_RADII = 2.0         # of a sub-step
 MESH_SHARE = 0.25           # of the tolerance: the triangles' deviation
 CLOSE_SHARE = 0.1           # of the tolerance: how closely flanks are looked at
+CONE_SHARE = 0.75           # of the tolerance: how deep a cone may seem to touch what it has made, the triangles' chords counted
+CONE_CLOSE_SHARE = 0.2      # of it: how closely that is looked at
 DEEPER = 4.0                # times as deep a bound is looked for where one does not hold
 MOST_TRIANGLES = 500_000    # of the faces; coarser ones are used where there would be more
 
@@ -64,6 +67,11 @@ class LeaningViews:
         moves = ToolMoves.of_substeps(g)
         share, place = np.full(len(g), 0.5), np.full((len(g), 3), np.nan)
         segments = flute_segments(cutter)
+        if cutter.type in POINTED:
+            depth, place = self._cones(segments, moves, skin_mm)
+            tip = g[:, TIP:WAY] + 0.5 * g[:, WAY:AXIS]
+            depth = np.where(depth > 0, depth + pieces.error_mm, 0.0)
+            return _deepest(pieces.row, depth, _share_of_move(pieces.row, share), np.where(np.isfinite(place), place, tip))
         corner = {"ball": cutter.radius_mm, "bull_nose": cutter.corner_radius_mm}.get(cutter.type, 0.0)
         if cutter.type == "ball":
             centers = [t + corner * a for t, a in ((moves.start_tips_mm, moves.start_axes), (moves.end_tips_mm, moves.end_axes))]
@@ -79,6 +87,28 @@ class LeaningViews:
         depth = np.where(depth > 0, depth + pieces.error_mm, 0.0)
         tip = g[:, TIP:WAY] + share[:, None] * g[:, WAY:AXIS]
         return _deepest(pieces.row, depth, _share_of_move(pieces.row, share), np.where(np.isfinite(place), place, tip))
+
+    def _cones(self, segments, moves, skin_mm):
+        """(m,) how deep faces come to lie in a cone and the cylinder on it at most, (m, 3) where.
+
+        Of both together a point may lie deeper than in either alone: so the body is made smaller all round until it keeps clear.
+        """
+        n = len(moves.start_tips_mm)
+        depth, place = np.zeros(n), np.full((n, 3), np.nan)
+        tree, off = self._mesh
+        left, less, most = np.arange(n), skin_mm + CONE_SHARE * self.tolerance_mm, float(segments.max())
+        while len(left):
+            inner = _smaller(segments, less)
+            if not len(inner):
+                depth[left] = most
+                break
+            some = ToolMoves(**{name: value[left] for name, value in vars(moves).items()})
+            closely = CONE_CLOSE_SHARE * max(self.tolerance_mm, less - skin_mm)
+            found = tree.certified_clearance(inner, some, off, tolerance_mm=closely)
+            depth[left], place[left] = np.where(found.is_clear, less - skin_mm, most), found.place_mm
+            left = left[~found.is_clear]
+            less = skin_mm + DEEPER * (less - skin_mm)
+        return depth, place
 
     def _flanks(self, segments, moves, skin_mm):
         """(m,) how deep faces come to lie in segments at most, (m, 3) where."""
@@ -97,6 +127,29 @@ class LeaningViews:
             place[left] = found.place_mm
             left, allowed = left[~clear], DEEPER * allowed if allowed else self.tolerance_mm / 2
         return depth, place
+
+
+def _smaller(segments, by_mm):
+    """Frusta (k, 5) of a flat, a cone and a cylinder on it whose surface lies so much farther in; none where nothing is left."""
+    if by_mm == 0.0:
+        return segments
+    rows = []
+    z0, r0, z1, r1, _ = segments[0]
+    if r1 > r0:             # a cone: its side moves along its normal, its flat up
+        slope = (z1 - z0) / (r1 - r0)
+        lift = by_mm * float(fixed.hypot(1.0, slope))
+        radius = max(r0 - (lift - by_mm) / slope, 0.0)
+        side = lambda r: z0 + (r - r0) * slope + lift
+        low, outer = max(side(radius), z0 + by_mm), r1 - by_mm
+        if outer > radius:
+            rows.append((low, radius, side(outer), outer, 0.0))
+    else:
+        outer, low = r1 - by_mm, z0 + by_mm
+    top = segments[-1, 2] - by_mm
+    base = rows[-1][2] if rows else z0 + by_mm
+    if outer > 0 and top > base:
+        rows.append((base, outer, top, outer, 0.0))
+    return np.array(rows).reshape(-1, 5)
 
 
 def _of_whole_cutter(depth, corner_mm, largest_mm):

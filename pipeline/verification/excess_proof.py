@@ -2,7 +2,8 @@
 
 A face moved out along its normals by a height lies all in what was cut away: then the stock stands no higher anywhere,
 measured along the normals as deviations are.  The height is a little more than the highest place known (SHARE of it and
-SLACK_MM, but no more than SLACK_MM above what is allowed).  The faces are cells, each a parallelogram and what the true
+SLACK_MM, but no more than SLACK_MM above what is allowed, nor less than LEAST_SHARE of it).  The faces are cells, each a
+parallelogram and what the true
 piece is off it; a cell is cut away if a mean of distances to pieces of path says so (excess_kernels.py), or if all of
 its parts are.  A middle that is not cut away is a place that stands higher: it raises the height, or is excess.
 
@@ -24,6 +25,7 @@ from cuspline.verification.excess_kernels import ABOVE, ROOM, prove_roots
 
 SHARE = 0.01              # the height proven is higher than the highest place known by this share
 SLACK_MM = 1e-4           # and by this
+LEAST_SHARE = 0.1         # of what is allowed, that is always proven: a drilled wall stands 0 high, and less costs most
 ROOT_MM = 0.4             # reach of the first cells
 BORDER_MM = 0.1           # cells whose middle cannot be reached are not halved below this
 SPLIT_MM = 0.02           # cells of which one clamping has cut a part and another the rest are not halved below this
@@ -124,7 +126,7 @@ class _Search:
         self.cells, self.areas, self.higher = 0, dict.fromkeys(REASONS, 0.0), []
 
     def run(self, cuts, known_mm):
-        self.height = self._raised(known_mm)
+        self.height = max(self._raised(known_mm), LEAST_SHARE * self.allowed)
         todo = self._roots()
         left = todo.only(slice(0))                          # by all cuts, at this height
         for _ in range(ROUNDS):

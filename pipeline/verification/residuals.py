@@ -9,7 +9,7 @@ from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.clusters import clusters_of
 from cuspline.verification.climbing import Ground, bottoms_of, tops_of
-from cuspline.verification.reach import REACHABLE, REASONS, why_unreachable, why_unreachable_leaning
+from cuspline.verification.reach import REACHABLE, REASONS, is_drilled, why_unreachable, why_unreachable_leaning
 from cuspline.verification.samples import Samples
 
 LIMIT_MM = 2.0            # deviations are capped here: far more than any tolerance
@@ -66,6 +66,7 @@ class SampledFaces:
     feeds: np.ndarray             # (m, 3) direction of each of the clamping's moves; zero where not known
     drops: object                 # DropMesh of the design, in the clamping's WCS
     spacing_mm: float             # of the samples
+    holes: tuple = ()             # surfaces.holes.Hole of the part in the clamping's WCS, where drills are used
     beside: tuple = ()            # Beside: other positions that cut some of these faces too
 
     def reach(self, cut, points_mm, normals, face, closest, ball_radius_mm):
@@ -74,10 +75,10 @@ class SampledFaces:
         Args:
             cut: workpiece.Cut of the clamping.   face: (n,) index into the faces; the rest as for `reach_of`.
         """
-        reach = reach_of(points_mm, normals, cut, self.drops, closest, ball_radius_mm)
+        reach = reach_of(points_mm, normals, cut, self, closest, ball_radius_mm)
         for other in self.beside:
             rows = np.flatnonzero((reach != REACHABLE) & other.cuts_too[face])
-            again = reach_of(points_mm[rows], normals[rows], other.cut, other.drops, closest, ball_radius_mm)
+            again = reach_of(points_mm[rows], normals[rows], other.cut, other, closest, ball_radius_mm)
             reach[rows[again == REACHABLE]] = REACHABLE
         return reach
 
@@ -89,6 +90,7 @@ class Beside:
     cut: object                   # workpiece.Cut
     drops: object                 # DropMesh of the design, in its WCS
     cuts_too: np.ndarray          # (f,) bool: which of the faces
+    holes: tuple = ()             # of the part there, as in SampledFaces
 
 
 def residuals(piece, sampled, closest, ball_radius_mm, kept=NOTHING):
@@ -149,16 +151,25 @@ class _Looked:
         return cls(final=split(final), each=split(depth), rows=split(rows), maker=split(maker), reach=reach)
 
 
-def reach_of(points_mm, normals, cut, drop, closest, ball_radius_mm):
-    """(n,) why no ball of the shop could finish points in a clamping; cutters that undercut or lean come from any side.
+def reach_of(points_mm, normals, cut, sampled, closest, ball_radius_mm):
+    """(n,) why no ball of the shop, nor a drill of the program, could finish points in a clamping.
+
+    Cutters that undercut or lean come from any side.
 
     Args:
         points_mm, normals: (n, 3) part coordinates.   cut: workpiece.Cut.
-        drop, closest: of the design, see `residuals`.   ball_radius_mm: smallest ball of the shop.
+        sampled: SampledFaces of the clamping.   closest: of the design, see `residuals`.
+        ball_radius_mm: smallest ball of the shop.
     """
+    places = cut.frame.into(points_mm)
     if is_height_field(cut.paths):
-        return why_unreachable(drop, cut.frame.into(points_mm), cut.frame.turn_into(normals), ball_radius_mm)
-    return why_unreachable_leaning(closest, points_mm, normals, ball_radius_mm)
+        reach = why_unreachable(sampled.drops, places, cut.frame.turn_into(normals), ball_radius_mm)
+    else:
+        reach = why_unreachable_leaning(closest, points_mm, normals, ball_radius_mm)
+    drills = [p.tool.cutter for p in cut.paths if p.tool.cutter.drills]
+    if not drills or not sampled.holes:
+        return reach
+    return np.where(is_drilled(places, sampled.holes, drills), REACHABLE, reach)
 
 
 def _tops(piece, k, looked, feeds, sampled):

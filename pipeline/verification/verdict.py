@@ -18,6 +18,7 @@ from cuspline.replay.scene import FinishedDesign, FoundStock, Surroundings, ZMap
 from cuspline.stock.stock_solids import StockSolids
 from cuspline.stock.swept import is_height_field, lowest_moves, stock_height_mm, swept_paths
 from cuspline.stock.workpiece import Workpiece
+from cuspline.surfaces.holes import holes_of
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 from cuspline.toolpaths.drop.exact_drop import ExactPart
@@ -311,13 +312,14 @@ def _laid_out(programs, solid, judging):
     mesh = tessellate(solid, finest)
     say(f"samples of the faces, {len(mesh.triangles):,} triangles for their reach")
     drops = [drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles) for p in programs]
-    beside = lambda k: tuple(Beside(cut=piece.cuts[j], drops=drops[j], cuts_too=np.isin(required[k], named[j]))
+    holes = [_holes(solid, p, judging.tools) for p in programs]
+    beside = lambda k: tuple(Beside(cut=piece.cuts[j], drops=drops[j], holes=holes[j], cuts_too=np.isin(required[k], named[j]))
                              for j in _positions_beside(k, programs) if set(required[k]) & set(named[j]))
     clampings = [_Clamping(number=k, program=p, options=o, required=chosen, before=found,
                            sampled=SampledFaces(samples=sample_faces([exact[i] for i in chosen], o.spacing_mm),
                                                 spacing_mm=o.spacing_mm, ground=Ground.of_faces([exact[i] for i in chosen]),
                                                 feeds=p.setup.frame.turn_out(np.nan_to_num(p.posted.end_mm - p.posted.start_mm)),
-                                                drops=drops[k], beside=beside(k)))
+                                                drops=drops[k], holes=holes[k], beside=beside(k)))
                  for k, (p, o, chosen, found) in enumerate(zip(programs, fitted, required, before))]
     upright = all(is_height_field(c.paths) for c in piece.cuts)
     made = StockSolids(piece, [o.solid_pitch_mm for o in fitted], mesh.vertices_mm, mesh.triangles,
@@ -325,6 +327,14 @@ def _laid_out(programs, solid, judging):
     return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece,
                  metal=metal, made=made, mesh=mesh,
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
+
+
+def _holes(solid, program, tools):
+    """Hole values of the part in a program's WCS; none where it takes no drill."""
+    used = set(program.posted.tool.tolist())
+    if not any(n in used and t.cutter.drills for n, t in tools.items()):
+        return ()
+    return holes_of(brep.faces_of(solid_in_wcs(solid, program.setup.frame)))
 
 
 def judged_once(named, programs, faces):

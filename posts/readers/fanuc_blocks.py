@@ -15,7 +15,7 @@ PROGRAM = re.compile(r"(?:o|:)(\d{1,4})")
 CALL = re.compile(r"(?:n\d+)?(g65|m98)(?=p)(.*)")
 RETURN = re.compile(r"(?:n\d+)?m99")
 FLOW = re.compile(r"(?:n\d+)?(if|while|goto|do|end|g66|g67)")
-NEEDS_POINT = frozenset("xyzabcijkrf")
+NEEDS_POINT = frozenset("xyzabcijkrfq")
 WHOLE = frozenset("gmtshpd")
 LETTERS = NEEDS_POINT | WHOLE
 # G65, argument list I: letter -> variable

@@ -9,7 +9,7 @@ from cuspline.posts.readers.rs274_expressions import Complaint
 
 ORDER = ("kinematics", "tilted plane", "feed mode", "feed", "speed", "select tool", "tool change", "spindle", "coolant", "plane",
          "units", "cutter compensation", "tool length", "work offset", "path control", "corner mode", "distance",
-         "reference", "arc distance", "canned cycle", "non-modal", "motion", "move", "stopping")
+         "reference", "arc distance", "return level", "canned cycle", "non-modal", "motion", "move", "stopping")
 
 
 class Code(NamedTuple):
@@ -30,9 +30,16 @@ def named_codes(group, *names, takes="", says=""):
 
 
 ARC_LETTERS = "ijkrp"
+CYCLE_CODES = {
+    **named_codes("motion", "G81", takes="r", says="canned cycle"),
+    **named_codes("motion", "G82", takes="rp", says="canned cycle"),
+    **named_codes("motion", "G73", "G83", takes="rq", says="canned cycle"),
+    **named_codes("return level", "G98", "G99"),
+}
 BY_NAME = {
     **named_codes("motion", "G0", "G1", says="canned cycle"),
     **named_codes("motion", "G2", "G3", takes=ARC_LETTERS, says="canned cycle"),
+    **CYCLE_CODES,
     **named_codes("non-modal", "G4", takes="p"),
     **named_codes("non-modal", "G53"),
     **named_codes("non-modal", "G92.1", says="axis offset"),

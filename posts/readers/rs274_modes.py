@@ -21,6 +21,7 @@ UNSAID = {
     "arc distance": ("G91.1", "whether I J K are places or distances"),
     "path control": ("G64 P", "how far the control may leave the path"),
     "canned cycle": ("G80", "whether axis words drill"),
+    "return level": ("G98", "to which height a canned cycle leads back"),
     "axis offset": ("G92.1", "whether a G92 or G52 shifts the zero"),
     "local zero": ("G52 X0. Y0. Z0.", "whether a G52 shifts the zero"),
 }
@@ -37,6 +38,14 @@ class Rules(NamedTuple):
     bounds: tuple = (MM_BOUNDS, INCH_BOUNDS)    # rs274_arcs.ArcBounds in either unit
     words: Mapping = MappingProxyType({})       # in place of those of UNSAID
     actions: Mapping = MappingProxyType({})     # {group of codes: function (controller, name, values)} that it does its own way
+    peck_clearance_mm: float = 0.254        # above the last peck, to which G83 comes back by a rapid and G73 goes up
+    cycles: frozenset = frozenset()         # names of the canned cycles that it has
+
+
+def relied_on_by_cycle(values):
+    """Modes that a canned cycle hangs on; `values` as for `relied_on`."""
+    yield from relied_on(Kind.FEED, {**values, "z": 0.0}, False)
+    yield from ("plane", "return level")
 
 
 def relied_on(kind, values, is_machine_move):

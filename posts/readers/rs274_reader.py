@@ -18,9 +18,10 @@ from cuspline.posts.readers.rs274_arcs import (
 )
 from cuspline.posts.readers.rs274_blocks import blocks_of, refusal
 from cuspline.posts.readers.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, TAKEN_ALWAYS, code_of, in_order
+from cuspline.posts.readers.rs274_cycles import CYCLES, begun, way_of, with_words
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, refuse_text_after
-from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on
+from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on, relied_on_by_cycle
 from cuspline.posts.readers.rs274_tools import read_tool_table
 from cuspline.program.joint_sweeps import JointBlocks
 from cuspline.program.posted import FLOOD, MIST, PostedMoves, Remark, Stop
@@ -41,7 +42,7 @@ CYCLE_MM = 5e-4             # what one servo cycle adds to a blend at least; 0.3
 PLANE_RAD = 1e-5            # between the tool and the normal of a tilted plane: rounded angles
 COLUMNS = 25                # numbers kept of a move
 RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True, moves_z_alone=False,
-              path_tolerance_mm=inf)
+              path_tolerance_mm=inf, cycles=CYCLES)
 
 
 def read_program(text, *, work_offsets, tool_lengths, chain=None):
@@ -92,7 +93,8 @@ class Controller:
         self.moving = MOVING_LETTERS.union(self.rotaries)
         self.taken_by_motion = {"": TAKEN_ALWAYS | self.moving} | {
             code.name: TAKEN_ALWAYS | set("xyz") | set(self.rotaries) | code.takes
-            for code in (self.code_of("g", k) for k in range(4))}
+            for code in (self.code_of("g", k) for k in range(4))} | {
+            name: TAKEN_ALWAYS | set("xyz") | self.code_of("g", int(name[1:])).takes for name in rules.cycles}
         self.work_offsets = work_offsets
         self.tool_offsets = {n: NO_OFFSET[:2] + (float(v),) if np.ndim(v) == 0 else tuple(map(float, v))
                              for n, v in tool_lengths.items()}
@@ -100,6 +102,7 @@ class Controller:
         self.unit_mm = None                 # the text has to say it
         self.bounds = rules.bounds[0]
         self.motion = ""
+        self.cycle, self.return_level = None, "G98"     # rs274_cycles.Cycle in force
         self.plane = Plane.XY
         self.is_absolute, self.is_center_absolute, self.is_inverse_time = True, False, False
         self.wcs, self.offset = "G54", tuple(work_offsets.get("G54", UNKNOWN))
@@ -388,10 +391,15 @@ class Controller:
         self.is_center_absolute = name == "G90.1"
 
     def cancel_cycle(self, name, values):
-        self.motion = ""
+        self.motion, self.cycle = "", None
+
+    def set_return_level(self, name, values):
+        self.return_level = name
 
     def set_motion(self, name, values):
         self.motion = name
+        if name not in CYCLES:
+            self.cycle = None
 
     def stop(self, name, values):
         self.ended = name in ("M2", "M30")
@@ -406,24 +414,18 @@ class Controller:
     # moves ------------------------------------------------------------------------------------------
 
     def move(self, name, values):
+        if self.motion in CYCLES:
+            self._drill(values)
+            return
         if not self.motion:
             raise Complaint("axis words, but no G0 G1 G2 G3 is active", "write the motion code in this block")
         kind, start = KINDS[self.motion], self.tip
-        if self.asked_plane is not None:
-            raise Complaint("a move between G68.2 and G53.1", "write G53.1 before, so that the tool stands square to the plane")
+        self._refuse_half_way()
         if self.tilted is not None and (kind > Kind.FEED or not set(self.rotaries).isdisjoint(values)):
             raise Complaint("an arc or a rotary word in a tilted plane", "write chords, and G69 before rotary axes turn")
-        if self.asked_tip is not None:
-            raise Complaint("a move while M68 E3 changes the kinematics", "write M66 E0 L0 before, which waits for it")
         if self.unsaid:
             self._rely_on(relied_on(kind, values, self.is_machine_move))
-        if self.is_foreign_wcs and not self.is_machine_move:
-            self._remark("wrong_work_offset", 0.0, f"{self.wcs} is in force, the setup's zero is "
-                                                   f"{' '.join(self.work_offsets)}: write that")
-            self.is_foreign_wcs = False
-        if self.length_fault and (kind != Kind.RAPID or "z" in values and not self.is_machine_move):
-            self._remark("wrong_length_offset", *self.length_fault)
-            self.length_fault = None
+        self._remark_offsets(needs_length=kind != Kind.RAPID or "z" in values and not self.is_machine_move)
         if not self.is_machine_move:
             self.used_offsets[self.wcs] = True
         end = self._machine_end(values) if self.is_machine_move else self._end(values)
@@ -438,6 +440,57 @@ class Controller:
             self.turned = self._turned_end(kind, values)
             self.minutes = self._minutes(kind, length_mm)
         self._add(kind, start, end, center, turns, feed)
+
+    def _refuse_half_way(self):
+        """No move between two blocks that belong together."""
+        if self.asked_plane is not None:
+            raise Complaint("a move between G68.2 and G53.1", "write G53.1 before, so that the tool stands square to the plane")
+        if self.asked_tip is not None:
+            raise Complaint("a move while M68 E3 changes the kinematics", "write M66 E0 L0 before, which waits for it")
+
+    def _remark_offsets(self, needs_length):
+        """A zero or a tool length that is not the setup's, once."""
+        if self.is_foreign_wcs and not self.is_machine_move:
+            self._remark("wrong_work_offset", 0.0, f"{self.wcs} is in force, the setup's zero is "
+                                                   f"{' '.join(self.work_offsets)}: write that")
+            self.is_foreign_wcs = False
+        if self.length_fault and needs_length:
+            self._remark("wrong_length_offset", *self.length_fault)
+            self.length_fault = None
+
+    def _drill(self, values):
+        """One hole of a canned cycle."""
+        self._refuse_half_way()
+        self._refuse_cycle_here()
+        if self.unsaid:
+            self._rely_on(relied_on_by_cycle(values))
+        self._remark_offsets(needs_length=True)
+        self.used_offsets[self.wcs] = True
+        context = (self.unit_mm, self.wcs, self.offset, self.tool, self.tool_offset, self.local, self.return_level)
+        cycle = begun(self.motion, self.cycle, self.tip[2], context)
+        end, unit_mm = self._end(values), self.length_unit_mm()
+        height = lambda letter: values[letter] * unit_mm + self.programmed[2] if letter in values else None
+        cycle = with_words(cycle, cycle is not self.cycle, values, height("z"), height("r"))
+        self.cycle = cycle = cycle._replace(q=values["q"] * unit_mm) if "q" in values else cycle
+        if self.motion in ("G83", "G73") and not cycle.q > 0:
+            raise Complaint(f"{self.motion} with a peck of nothing", "write Q above 0")
+        self._require_known(self.tip, (*end[:2], cycle.z))
+        for kind, place in way_of(cycle, self.tip, end[:2], self.return_level == "G99", self.rules.peck_clearance_mm):
+            length_mm = hypot(*(e - s for s, e in zip(self.tip, place)))
+            feed = self._feed(length_mm, values) if kind != Kind.RAPID else 0.0
+            self.minutes = length_mm / feed if feed else 0.0
+            self._add(kind, self.tip, place, UNKNOWN, 0, feed)
+
+    def _refuse_cycle_here(self):
+        """What cycles do then differs from control to control."""
+        for is_so, what, advice in (
+                (not self.is_absolute, "G91", "write G90"), (self.is_inverse_time, "G93", "write G94"),
+                (self.plane != Plane.XY, f"the {self.plane.name} plane", "write G17"),
+                (self.is_machine_move, "G53", "G53 goes with G0 or G1"),
+                (self.is_tip and self.tilted is None, "tool-centre-point control", "switch it off before"),
+                (not isfinite(sum(self.turned)), "a rotary axis nobody knows the place of", "name every rotary axis by G0 first")):
+            if is_so:
+                raise Complaint(f"a canned cycle with {what}", advice)
 
     def _turned_end(self, kind, values):
         """Degrees of the rotaries at the end of the move."""
@@ -652,7 +705,7 @@ ACTIONS = {
     "work offset": Controller.set_wcs, "path control": Controller.set_path_control,
     "corner mode": Controller.set_corner_mode, "reference": Controller.go_home,
     "distance": Controller.set_distance, "arc distance": Controller.set_arc_distance,
-    "canned cycle": Controller.cancel_cycle,
+    "canned cycle": Controller.cancel_cycle, "return level": Controller.set_return_level,
     "non-modal": Controller.do_once, "motion": Controller.set_motion,
     "move": Controller.move, "stopping": Controller.stop,
 }

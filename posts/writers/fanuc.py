@@ -57,6 +57,7 @@ class _Fanuc(Dialect):
 
     point, end, knows_rotaries, tip_controls = ".", "M30", True, ("G43.4",)
     has_planes = holds_beside = True
+    cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73"}
     variables = Variables(arguments=tuple(LETTERS), locals=(*range(27, 34), 10, 12, 14, 15, 16), deepest_brackets=5)
 
     def head(self, writer, program, file_number):
@@ -89,6 +90,10 @@ class _Fanuc(Dialect):
         if tool.offset_mm[0] != writer.beside_mm:
             self.shift_zero(writer, tool.offset_mm[0])
         writer.pending_z = ("G43",), (f"H{tool.number}",)
+
+    def dwell(self, seconds):
+        """Milliseconds, without a point."""
+        return f"P{1000 * seconds:.0f}"
 
     def tip_on(self, writer, tool):
         writer.pending_z = (), ()

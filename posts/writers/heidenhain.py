@@ -91,7 +91,7 @@ class _Blocks(Writer):
     def _straight(self, kind, end_mm, feed):
         words = self.words(end_mm)
         if words:
-            self.block("L", *words, *(("FMAX",) if kind == Kind.RAPID else self._feed(feed)))
+            self.block("L", *words, *(("FMAX",) if kind == Kind.RAPID else self.feed_words(feed)))
         self.here_mm = end_mm
 
     def _arc_words(self, end_mm, center_mm, plane):
@@ -122,10 +122,10 @@ class _Blocks(Writer):
         for k in (a, b):
             self.axis_words[k] = None
         if self._rises(end_mm, plane):
-            self.block("CP", *self._helix(kind, end_mm, center_mm, plane), sense, *self._feed(feed))
+            self.block("CP", *self._helix(kind, end_mm, center_mm, plane), sense, *self.feed_words(feed))
             self.axis_words[third] = None
         else:
-            self.block("C", *self.words(end_mm, sorted((a, b))), sense, *self._feed(feed))
+            self.block("C", *self.words(end_mm, sorted((a, b))), sense, *self.feed_words(feed))
         self.here_mm = end_mm
 
     def _helix(self, kind, end_mm, center_mm, plane):

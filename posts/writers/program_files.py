@@ -14,6 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cuspline.posts.writers.cycle_words import DrilledMoves
 from cuspline.posts.writers.joint_words import PlainMoves, SolvedMoves, leans
 from cuspline.posts.writers.sub_programs import (
     SubPrograms,
@@ -49,6 +50,7 @@ class Dialect(ABC):
     one_tool_a_file = False                 # the control changes no tool: every tool has a file of its own
     tip_controls: tuple[str, ...] = ()      # words of Control.tip_control that it writes
     has_planes = False                      # indexed positions go out in tilted planes, where there is tip control
+    cycle_words: dict[str, str] = {}        # drilling.CycleKind -> word; without them holes go out move by move
     tip_rapid = "G0"                        # under tool-centre-point control; G1 where rapids do not heed the joints' speeds
 
     def writer(self, machine):
@@ -119,6 +121,10 @@ class Dialect(ABC):
     def tip_off(self, writer):
         """Back to joints, wherever the tool stands."""
         raise PostError(f"{type(self).__name__} writes no tool-centre-point control: leave tip_control out of the machine's file")
+
+    def dwell(self, seconds):
+        """The P word of a dwell, behind G4 and in a canned cycle."""
+        raise PostError(f"{type(self).__name__} writes no dwell: take another cycle than dwell")
 
     def foot(self, writer):
         """The end of the program; what must stand behind it is in `writer.tail`."""
@@ -236,7 +242,7 @@ class _Files:
         self._begin(operation, number, is_alone=operation.is_from_top, laid=laid)
         self._enter(laid, 0)
         high = np.flatnonzero(self._heights_mm(operation, moves.starts_mm) >= 0)
-        bounds = [0, *high[high > 0].tolist(), len(moves)]
+        bounds = [0, *(() if operation.cycles else high[high > 0].tolist()), len(moves)]     # holes are not torn apart
         for first, end in zip(bounds[:-1], bounds[1:]):
             laid.write(self.writer, first, end, self.dialect)
             # the first stretch of a program stays where it is: nothing before it could be closed
@@ -250,7 +256,10 @@ class _Files:
             before = self.writer.state()
 
     def _laid(self, operation):
-        """PlainMoves, SolvedMoves, TipMoves or TiltedMoves of an operation."""
+        """PlainMoves, DrilledMoves, SolvedMoves, TipMoves or TiltedMoves of an operation."""
+        if operation.cycles and not leans(operation.moves):
+            has_cycles = self.machine.control.canned_cycles and bool(self.dialect.cycle_words)
+            return DrilledMoves(operation, self.machine.rotaries, has_cycles)
         if not leans(operation.moves):
             return PlainMoves(operation.moves, self.machine.rotaries)
         if self.machine.control.tip_control is None:

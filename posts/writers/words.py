@@ -174,9 +174,12 @@ class Writer:
         scale = 10 ** INVERSE_DECIMALS
         return self.number(max(math.floor(60.0 / seconds * scale), 1) / scale, INVERSE_DECIMALS)
 
+    def count_rounding(self, place_mm):
+        """A place that goes out rounded."""
+        self.largest_rounding_mm = max(self.largest_rounding_mm, math.dist([self.rounded_mm(v) for v in place_mm], place_mm))
+
     def move(self, kind, end_mm, center_mm, plane, feed):
-        self.largest_rounding_mm = max(self.largest_rounding_mm,
-                                       math.dist([self.rounded_mm(v) for v in end_mm], end_mm))
+        self.count_rounding(end_mm)
         if kind >= FIRST_ARC:
             self._curved(kind, end_mm, center_mm, Plane(plane), feed)
         else:
@@ -185,7 +188,7 @@ class Writer:
     def _straight(self, kind, end_mm, feed):
         words = self.words(end_mm)
         if words:
-            self.block(*self._motion(self.motion_words[kind]), *words, *(self._feed(feed) if kind == Kind.FEED else ()))
+            self.block(*self._motion(self.motion_words[kind]), *words, *(self.feed_words(feed) if kind == Kind.FEED else ()))
         self.here_mm = end_mm
 
     def _curved(self, kind, end_mm, center_mm, plane, feed):
@@ -220,7 +223,8 @@ class Writer:
                             f"{self.machine.control.decimals_feed} decimals: raise it, or decimals_feed")
         return text if "." in text else text + self.point
 
-    def _feed(self, feed_mm_per_min):
+    def feed_words(self, feed_mm_per_min):
+        """The F word where the feed changes."""
         text = self.feed_text(feed_mm_per_min)
         if text == self.feed:
             return ()
@@ -259,7 +263,7 @@ class Writer:
         words = self.words(end_mm, [*sorted((a, b)), *([third] if is_helix else [])])
         centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
         more = self.helix_words if is_helix else ()
-        self.block(*self._motion(self.motion_words[kind]), *words, *centre, *more, *self._feed(feed))
+        self.block(*self._motion(self.motion_words[kind]), *words, *centre, *more, *self.feed_words(feed))
         self.here_mm = end_mm
 
 

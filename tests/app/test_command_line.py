@@ -54,6 +54,9 @@ def test_faces_of_a_part_are_listed_with_predicates_for_it(tmp_path, capsys):
     assert cli.run(["faces", str(tmp_path / "block.step"), "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert [r["number"] for r in rows] == list(range(1, 8)) and sum(r["kind"] == "cylinder" for r in rows) == 1
+    wall, = (r["hole"] for r in rows if r["hole"])
+    assert wall == {"kind": "through", "diameter_mm": 3.0, "depth_mm": 6.0, "mouth_mm": [0.0, 0.0, 3.0], "axis": [0.0, 0.0, 1.0],
+                    "angle_deg": None}
     for row, face in zip(rows, brep.faces_of(solid)):
         predicate = eval(row["python"], {"FacePredicate": FacePredicate})
         assert [f.area_mm2 for f in brep.select_faces(brep.faces_of(solid), predicate)] == [face.area_mm2]

@@ -30,6 +30,10 @@ ACCEPTED = {
     "exact stop": "G61\nG1 X1\nG61.1\nX2\nG64 P0.1 Q0.05\nX3",
     "sub-programs": "#31=4\no100 sub\nG1 X[#1+#31*2] Y-#2\nG2 X#1 I[-#31]\n#31=[#31+1]\no100 endsub\n"
                     "o100 call [1][2]\no100 call [#31-[6/4]] [-1]\nG0 X#31",
+    "drilled holes": "G0 Z20\nG98 G81 X1 Y2 Z-5 R3\nX1\nY4\nR4 X2\nZ-6 Y3\nF50 X5\nG82 X9 Z-4 R2 P0.5\nX3 P.1\nG80\nG0 X0",
+    "pecked holes": "G0 Z20\nG99 G83 X15 Z-5 R3 Q2\nX16 Q2.6666666667\nG73 X15 Z-5 R3 Q2\nX17 Q9\nG1 Z20\nX5\nG20\n"
+                    "G98 G83 X.5 Z-.4 R.1 Q.15 F4\nY.2\nG21\nG0 X1",
+    "drilled holes from R": "G0 X10 Y10 Z3\nG99 G81 X10 Y10 Z-5 R3\nX11\nR2 X12\nG80\nG0 Z9\nX2",
     "lower case, blanks, comments": "g 1 x 1 0 . 5 (a ; b) y+.5 ; c (d\nN7 X3. Y-.25 (E)\n",
 }
 
@@ -107,6 +111,10 @@ REFUSED_BY_BOTH = [
     "G0 N5 X1", "N1 N2 G0 X1", "G0 X1\n%\nG0 X2", "G0 X1 %", "G0 / X1", "G0 X[1/0]", "G0 X[1+2", "G0 X1+2",
     "o1 call", "o1 call [1]\no1 sub\no1 endsub", "o1 sub\nG0 X1",
     "o1 sub\no2 sub\no2 endsub\no1 endsub\no1 call", "o1 call 5", "G0 X2 o1 call", "M3.2", "T1.5", "G1.01 X1",
+    "G81 X1 Z-1", "G81 X1 R3", "G0 Z9\nG81 X1 Z-1 R3 P1", "G0 Z9\nG81 X1 Z-1 R3 Q1", "G83 X1 Z-1 R3", "G83 X1 Z-1 R3 Q0",
+    "G83 X1 Z-1 R3 Q-1", "G82 X1 Z-1 R3", "G82 X1 Z-1 R3 P-1", "G81 X1 Z4 R3", "G93 G81 X1 Z-1 R3 F3", "G53 G81 X1 Z-1 R3",
+    "G81", "G98 G99", "G0 Z9\nG81 X1 Z-1 R3\nR2", "G0 Z9\nG81 X1 Z-1 R3\nG80 X1", "G0 Z9\nG81 X1 Z-1 R3\nG82 X2 P1",
+    "G0 Z9\nF0 G81 X1 Z-1 R3", "G0 Z9\nG81 X1 Z-1 R3 I1",
     "G61 P1", "G0 X1 (" + "a" * 245 + ")",
 ]
 
@@ -123,7 +131,9 @@ def test_both_want_a_program_end(tmp_path, text):
     assert theirs and ours
 
 
-ONLY_OURS = ["/G0 X1", "G64", "M2\nG0 X1", "G0 X#33", "G41 D1 G1 X9", "G92 X0", "G10 L2 P1 X0", "G28",
+ONLY_OURS = ["G81 X1 Z-1 R3", "G0 Z9\nG81 X1 Z-1 R3 L2", "G0 Z9\nG91 G81 X1 Z-1 R-3", "G0 Z9\nG18 G81 X1 Y1 Z1 R3",
+             "G0 Z9\nG81 X1 Z3 R3", "G0 Z9\nG81 X1 Z-1 R3\nG99\nX5", "G0 Z9\nG81 X1 Z-1 R3\nT2 M6\nX2", "G84 X1 Z-1 R3",
+             "/G0 X1", "G64", "M2\nG0 X1", "G0 X#33", "G41 D1 G1 X9", "G92 X0", "G10 L2 P1 X0", "G28",
              "G3 X0 Y0.000001 I-5"]
 
 

@@ -54,7 +54,7 @@ def test_a_wish_that_is_not_understood_is_refused_with_examples(wish):
 
 
 @pytest.mark.parametrize("table, said", [
-    ({"kind": "drill"}, "no operation of kind 'drill'; there are auto"),
+    ({"kind": "turn"}, "no operation of kind 'turn'; there are auto"),
     ({"kind": "parallel", "stepover": 1}, "parallel: stepover: there is no such key; did you mean stepover_mm"),
     ({"kind": "rough", "stepdown_mm": -1}, "rough: stepdown_mm"), ({}, "no operation of kind None")])
 def test_a_wrong_table_of_a_job_file_is_refused_by_name(table, said):

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from cuspline.app.catalogue import POSTS, find_library
 from cuspline.posts.readers.rs274_reader import read_program
-from cuspline.replay.replay import surely_cut
+from cuspline.replay.replay import columns_in, surely_cut
 from cuspline.shop.cutter_profile import apt_profile, lens_profile, tangent_corner
 from cuspline.shop.cutters import Cutter, HolderSegment, Tool, library_from_json
 from cuspline.stock.outlines import outline_distance, outline_pieces
@@ -36,6 +36,8 @@ SHAPES = {"ball": cutter("ball"), "bull": cutter("bull_nose"), "flat": cutter("f
           "barrel": cutter("apt", 2 * (60 / np.cos(np.radians(4)) + 10 * np.tan(np.radians(4)) - 55),
                            corner_radius_mm=60.0, taper_deg=-4.0, tip_angle_deg=0.0,
                            corner_center_radius_mm=-55.0, corner_center_height_mm=10.0),
+          "drill": cutter("drill", corner_radius_mm=0.0, point_angle_deg=118.0),
+          "chamfer mill": cutter("chamfer_mill", corner_radius_mm=0.0, point_angle_deg=90.0, tip_diameter_mm=2.0),
           "chamfer": cutter("apt", 2.0, corner_radius_mm=0.0, taper_deg=45.0, tip_angle_deg=0.0,
                             corner_center_radius_mm=1.0, corner_center_height_mm=0.0)}
 
@@ -79,6 +81,26 @@ def test_a_tapered_ball_is_a_cap_and_a_cone_that_touch():
     assert p.area_mm2 == pytest.approx(
         2 * PI * 5 * height + PI * (5 * np.cos(beta) + top) * (20 - height) / np.cos(beta), rel=1e-13)
     assert c.largest_radius_mm == pytest.approx(top) and not c.is_undercutting
+
+
+def test_a_drill_is_a_cone_and_a_cylinder_and_a_chamfer_mill_has_a_flat():
+    high = 5 / np.tan(np.radians(59))
+    p = SHAPES["drill"].profile
+    assert p.volume_mm3 == pytest.approx(frustum(0, 5, high) + PI * 25 * (20 - high), rel=1e-13)
+    assert p.volume_mm3 == pytest.approx(apt_profile(*SHAPES["drill"].apt).volume_mm3, rel=1e-13)
+    assert SHAPES["drill"].drills and SHAPES["drill"].plunges and not SHAPES["drill"].is_undercutting
+    assert SHAPES["chamfer mill"].profile.volume_mm3 == pytest.approx(frustum(1, 5, 4) + PI * 25 * 16, rel=1e-13)
+    columns = columns_in(SHAPES["chamfer mill"])
+    np.testing.assert_allclose(columns[1:, 2], columns[1:, 0] - 1.0, atol=1e-12)       # all within the cone of 90 degrees
+    assert columns[-1, 0] == 5.0 and np.diff(columns[1:, 2]).max() < 0.0501
+
+
+def test_points_that_cannot_be_are_refused():
+    for wrong, why in (({"point_angle_deg": None}, "needs point_angle_deg"), ({"tip_diameter_mm": 1.0}, "has no tip_diameter_mm"),
+                       ({"point_angle_deg": 118.0, "flute_length_mm": 2.0}, "the cone of the point"),
+                       ({"point_angle_deg": 118.0, "corner_radius_mm": 1.0}, "has corner_radius_mm 0")):
+        with pytest.raises(ValidationError, match=why):
+            cutter("drill", **{"corner_radius_mm": 0.0, "point_angle_deg": 118.0, **wrong})
 
 
 def test_a_sharp_dovetail_is_a_cone_widest_at_the_bottom():

@@ -7,20 +7,27 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from cuspline.design.operations import Finishing
-from cuspline.planning import freeform_finishing, section_finishing
+from cuspline.design.operations import Clearing, Finishing
+from cuspline.planning import drilling, freeform_finishing, level_finishing, roughing, section_finishing
 from cuspline.planning.context import FinishingStage
-from cuspline.planning.cutter_choice import choose_ball, choose_rest_ball
+from cuspline.planning.cutter_choice import choose_ball, choose_cutter, choose_rest_ball, leftover_rows
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
+from cuspline.planning.strategies.drill import Drill
+from cuspline.planning.strategies.floor import Floor
+from cuspline.planning.strategies.waterline import Waterline
 from cuspline.values.errors import CutterDoesNotFit, ToolpathError
 
+SEMI, FINISHES = "semi-finish", ("semi-finish", "finish")     # names of the balls' operations
+HELIX_SHARE = 0.6           # of the tightest wall's radius: a cutter so small has room for its helix
+CORNER_SHARE = 0.01         # of the area: what samples may miss beside walls that a flat cutter does reach
 SWEPT = 1e-6                # of a unit normal along the way on which a face is swept
 ALONG = 0.98                # of a unit normal square to the section planes: passes in them leave such a wall to the next plane
 
 
 class Auto(Finishing):
-    """Roughs, rest roughs, semi-finishes where that is needed, finishes with one ball or the fastest chain of balls."""
+    """Drills the holes that the library has drills for; then roughs, rest roughs, semi-finishes where that is needed, finishes
+    with one ball or the fastest chain of balls."""
 
     kind = "auto"
     picture = """
@@ -47,10 +54,23 @@ class Auto(Finishing):
         return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.pass_angle_deg))
 
     def plan(self, work):
+        walls, points = drilling.drillable_faces(work.on(Drill(), work.wanted, work.planned))
+        if not walls:
+            return self._shaped(work)
+        drills, _ = Drill().plan(work.on(Drill(), walls, work.planned))
+        made, reached = drills, np.isin(work.samples.face, [*walls, *points])
+        if left := [i for i in work.wanted if i not in {*walls, *points}]:
+            shaped, rows = self._shaped(work.on(self, left, [*work.planned, *drills]))
+            made, reached = [*drills, *shaped], reached.copy()
+            reached[np.isin(work.samples.face, left)] = rows
+        return made, reached
+
+    def _shaped(self, work):
+        """All that drills do not make."""
         chosen = self if self.strategy is not None else self._chosen(work)
         work = work if chosen is self else work.of(chosen, work.planned)
         if chosen.strategy != "sections":
-            return _free_form(work)
+            return _free_form(work, may_take_floors=chosen is not self and work.tool_axis is None)
         if (np.abs(work.samples.normal[:, work.plane.across]) > ALONG).any():
             return _instead(work, f"faces stand along the section plane {chosen.section_plane}")
         try:
@@ -82,7 +102,7 @@ def _instead(work, why):
 
 
 def _semi_finish(practice):
-    return FinishingStage(name="semi-finish", allowance_mm=practice.semi_allowance_mm, scallop_mm=practice.semi_scallop_mm)
+    return FinishingStage(name=SEMI, allowance_mm=practice.semi_allowance_mm, scallop_mm=practice.semi_scallop_mm)
 
 
 def _finish(work):
@@ -104,12 +124,20 @@ def _by_sections(work):
     return operations, reach.is_reached | adds
 
 
-def _free_form(work):
-    """Operations over regions: the fastest chain of balls, each smaller one where the one before leaves too much."""
+def _free_form(work, may_take_floors=False):
+    """Operations over regions: the fastest chain of balls, each smaller one where the one before leaves too much.
+
+    May_take_floors: level faces are finished by a flat cutter where that is faster.
+    """
+    if (np.abs(work.samples.normal[:, 2]) < level_finishing.UPRIGHT).all():
+        return _upright(work)
     practice = work.practice
     chain, candidates, reached = choose_finishing(work.finishing_library, work.samples, work.mesh,
                                                   practice.rough_allowance_mm, work.finishing_work())
     tools = [link.tool for link in chain]
+    floor = level_finishing.faster_floor_cutter(work, tools[0]) if may_take_floors else None
+    if floor is not None:
+        return _with_floors(work, floor)
     semi = lambda: freeform_finishing.finish(work, _semi_finish(practice), tools[0], ())
     operations = roughed(work, tools[0], chain[0].adds, semi)
     finishing = [freeform_finishing.finish(work, _finish(work), tools[0], candidates)]
@@ -117,3 +145,55 @@ def _free_form(work):
         rest = freeform_finishing.rest(work, finishing, tool, candidates)
         finishing += [rest] if rest is not None else []
     return operations + finishing, reached
+
+
+def _upright(work):
+    """Walls alone, of which nothing is seen from above: a flat cutter goes round them, as deep as its flutes."""
+    standing, tightest = work.practice.rough_allowance_mm, work.hollow.radius_mm
+    flats = [t for t in work.library.of_type("flat") if t.cutter.radius_mm <= HELIX_SHARE * tightest]
+    if not flats:
+        raise CutterDoesNotFit(f"{work.setup.name}: upright walls alone are left, rounded by {tightest:.3f} mm, and no flat cutter "
+                               "is small enough to come down between them by a helix: add one to the file of --cutters, or a drill")
+    tool, candidates, reached = choose_cutter("waterline", flats, work.samples, tightest, work.reached_with,
+                                              work.finishing_work())
+    rough, _, _ = roughing.cleared(work, roughing.RoughingStage(name="rough", allowance_mm=standing), tool, candidates,
+                                   work.stock_mm, leftover_rows(work.samples), Clearing())
+    before = [rough] if rough is not None else []
+    made = freeform_finishing.walls_alone(work.on(Waterline(), work.wanted, [*work.planned, *before]), tool, candidates)
+    return [*before, *([made] if made is not None else [])], reached
+
+
+def _with_floors(work, floor):
+    """Level faces and their walls by a flat cutter between roughing and the balls, which finish all that it does not."""
+    others = [i for i in work.wanted if i not in floor.faces]
+    flat = lambda planned: _by_flat_cutter(work.on(Floor(), floor.faces, planned), floor)
+    if not others:
+        rough = roughed(work, floor.tool, floor.is_reached, lambda: None)
+        made = [*rough, *flat([*work.planned, *rough])]
+        return [*made, *_corners(work, floor, [*work.planned, *made])], floor.is_reached
+    made, rows = _free_form(work.on(work.operation, others, work.planned))
+    reached = floor.is_reached.copy()
+    reached[np.isin(work.samples.face, others)] = rows
+    first = next((k for k, o in enumerate(made) if o.name in FINISHES), len(made))
+    floors = flat([*work.planned, *made[:first]])
+    made = [*made[:first], *floors, *made[first:]]
+    return [*made, *_corners(work, floor, [*work.planned, *made])], reached
+
+
+def _corners(work, floor, planned):
+    """[the smallest ball that reaches it where the flat cutter leaves too much of the level faces], or []."""
+    left = ~floor.is_reached & np.isin(work.samples.face, floor.levels)
+    if work.samples.area_mm2[left].sum() <= CORNER_SHARE * work.samples.area_mm2.sum():
+        return []
+    mine = work.on(work.operation, floor.levels, planned)
+    chain, candidates, _ = choose_finishing(work.finishing_library, mine.samples, work.mesh, work.practice.rough_allowance_mm,
+                                            work.finishing_work())
+    made = freeform_finishing.rest(mine, planned, chain[-1].tool, candidates)
+    return [made] if made is not None else []
+
+
+def _by_flat_cutter(work, floor):
+    """[what it must clear before, the floors]."""
+    level = work.samples.normal[:, 2] > level_finishing.LEVEL
+    before, stock = roughing.before_floors(work, floor.tool, np.flatnonzero(level))
+    return [*before, level_finishing.floors(work, floor.tool, floor.candidates, stock)]

@@ -18,7 +18,7 @@ LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "in":
               "mil": 0.0254, "ft": 304.8, "'": 304.8}
 ANGLES_DEG = {"°": 1.0, "deg": 1.0, "rad": 180 / np.pi}
 SHAPES = {"endmill": "flat", "ballend": "ball", "bullnose": "bull_nose", "torus": "bull_nose",
-          "taperedballnose": "tapered_ball"}
+          "taperedballnose": "tapered_ball", "drill": "drill"}
 MEASURE = re.compile(r"\s*([-+]?\d+(?:[.,]\d*)?(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
 
 
@@ -74,8 +74,11 @@ def _cutter(fields, shape):
                           "bottom or between the flanks; write this cutter into a cuspline library by hand")
     if shape not in SHAPES:
         raise SkippedTool(f"shape {shape!r} has no counterpart; known are {', '.join(SHAPES)}")
+    has_shank = shape != "drill" or fields.get("parameter", "ShankDiameter") is not None
     d, flute, shank, overall = (_measure(fields, key, LENGTHS_MM) for key in (
-        "Diameter", "CuttingEdgeHeight", "ShankDiameter", "Length"))
+        "Diameter", "CuttingEdgeHeight", "ShankDiameter" if has_shank else "Diameter", "Length"))
+    if not has_shank:
+        fields.assume("the shank is as thick as the drill (ShankDiameter is missing)")
     flutes = _flutes(fields)
     fields.assume("no neck: the shank begins where the flutes end")
     return {**_shape(fields, SHAPES[shape], d, flute), "flutes": flutes, "flute_length_mm": flute,
@@ -90,6 +93,9 @@ def _shape(fields, type_, d, flute):
         if fields.get("parameter", "CornerRadius") is not None:
             return {"type": type_, "diameter_mm": d, "corner_radius_mm": _measure(fields, "CornerRadius", LENGTHS_MM)}
         return {"type": type_, "diameter_mm": d, "corner_radius_mm": d / 2 - _measure(fields, "FlatRadius", LENGTHS_MM)}
+    if type_ == "drill":
+        angle = _measure(fields, "TipAngle", ANGLES_DEG)
+        return {"type": type_, "diameter_mm": d, "corner_radius_mm": 0.0, "point_angle_deg": angle}
     half = _measure(fields, "TaperAngle", ANGLES_DEG) / 2
     _check_taper(fields, d / 2, np.radians(half), flute)
     return {"type": type_, "diameter_mm": d, "corner_radius_mm": d / 2, "taper_deg": half}

@@ -1,7 +1,8 @@
 """Tool libraries of Autodesk Fusion: .json, or .tools (a zip that holds tools.json).
 
-Lengths stand in the tool's own unit, a holder's in the holder's own; TA is the side's angle to the axis; LB is
-the length below the holder; holder segments run from the nose up, those above the gauge line last.
+Lengths stand in the tool's own unit, a holder's in the holder's own; TA is the side's angle to the axis, SIG a drill's
+point from side to side; LB is the length below the holder; holder segments run from the nose up, those above the gauge
+line last.
 """
 
 import zipfile
@@ -18,7 +19,8 @@ from cuspline.values.input_files import LARGEST_BYTES, json_of, parsed_json
 from cuspline.values.models import complaints, shortened
 
 UNITS_MM = {"millimeters": 1.0, "inches": 25.4}
-TYPES = ("flat end mill", "ball end mill", "bull nose end mill", "tapered mill", "dovetail mill")
+POINTS = {"drill": "drill", "spot drill": "spot_drill", "chamfer mill": "chamfer_mill"}
+TYPES = ("flat end mill", "ball end mill", "bull nose end mill", "tapered mill", "dovetail mill", *POINTS)
 SEGMENT = ("height", "lower-diameter", "upper-diameter")
 
 
@@ -113,10 +115,23 @@ def _shape(fields, foreign_type, d, mm):
         return {"type": "ball", "diameter_mm": d, "corner_radius_mm": d / 2}
     if foreign_type == "bull nose end mill":
         return {"type": "bull_nose", "diameter_mm": d, "corner_radius_mm": fields.needed("geometry", "RE") * mm}
+    if foreign_type in POINTS:
+        return _pointed(fields, POINTS[foreign_type], d, mm)
     taper = fields.needed("geometry", "TA")
     if foreign_type == "dovetail mill":
         return {"type": "dovetail", "diameter_mm": d, "corner_radius_mm": corner, "taper_deg": taper}
     return _tapered(d, corner, taper)
+
+
+def _pointed(fields, type_, d, mm):
+    """A drill, whose tip is taken for a point, or a chamfer mill, whose TA is half of its point."""
+    tip = (fields.number("geometry", "tip-diameter", least=-1e-12) or 0.0) * mm
+    if type_ == "chamfer_mill":
+        return {"type": type_, "diameter_mm": d, "corner_radius_mm": 0.0, "tip_diameter_mm": tip,
+                "point_angle_deg": 2 * fields.needed("geometry", "TA")}
+    if tip > 0:
+        fields.assume(f"its tip is a point (tip-diameter is {tip:g} mm)")
+    return {"type": type_, "diameter_mm": d, "corner_radius_mm": 0.0, "point_angle_deg": fields.needed("geometry", "SIG")}
 
 
 def _tapered(d, corner, taper_deg):

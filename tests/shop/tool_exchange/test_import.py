@@ -67,6 +67,21 @@ def test_shaft_segments_become_the_neck(tmp_path):
     np.testing.assert_allclose(read.non_cutting_frusta()[0], (22, 3.5, 30, 5))
 
 
+def test_drills_and_chamfer_mills_come_with_their_points(tmp_path):
+    same = {"DC": 6.0, "SFDM": 6.0, "shoulder-length": None, "shoulder-diameter": None}
+    path = fusion_library(tmp_path / "shop.json", fusion_tool("drill", 1, SIG=118.0, **same),
+                          fusion_tool("spot drill", 2, SIG=90.0, **same),
+                          fusion_tool("chamfer mill", 3, TA=45.0, **{**same, "tip-diameter": 1.0}),
+                          fusion_tool("drill", 4, **same))
+    drill, spot, chamfer = (t.cutter for t in import_tools(path).library.tools)
+    assert (drill.type, drill.point_angle_deg) == ("drill", 118.0) and (spot.type, spot.point_angle_deg) == ("spot_drill", 90.0)
+    assert chamfer.point_angle_deg == 90.0 and chamfer.point_height_mm == pytest.approx(2.5)
+    assert "SIG is missing" in import_tools(path).rows[3].skipped_because
+    bit = freecad_bit("Drill", TipAngle="140.00 °", ShankDiameter=None)
+    read = completed(freecad_library(tmp_path, bit))
+    assert read.library.tools[0].cutter.point_angle_deg == 140.0 and "as thick as the drill" in read.rows[0].assumed[0]
+
+
 def test_everything_dropped_or_assumed_is_listed(tmp_path):
     tool = fusion_tool(NOF=None, **{"shoulder-diameter": None})
     row = import_tools(fusion_library(tmp_path / "shop.json", tool)).rows[0]
@@ -77,7 +92,7 @@ def test_everything_dropped_or_assumed_is_listed(tmp_path):
 
 @pytest.mark.parametrize("tool, reason", [
     (fusion_tool("lollipop mill", 2), "type 'lollipop mill' has no counterpart"),
-    (fusion_tool("drill", 2), "type 'drill'"), (fusion_tool(number=2, unit="furlongs"), "unit is 'furlongs'"),
+    (fusion_tool("form mill", 2), "type 'form mill'"), (fusion_tool(number=2, unit="furlongs"), "unit is 'furlongs'"),
     (fusion_tool(number=2, DC=None), "geometry.DC is missing"), (fusion_tool(number=2, DC=-3.0), "geometry.DC is -3.0"),
     (fusion_tool("bull nose end mill", 2, RE=6.0), "0 < corner_radius_mm < diameter/2"),
     (fusion_tool(number=2, RE=1.0), "it is a bull nose"), (fusion_tool(number=2, LB=90.0), "stick_out_mm must be")])
@@ -88,8 +103,8 @@ def test_what_has_no_counterpart_is_skipped_with_its_reason(tmp_path, tool, reas
 
 
 def test_a_library_of_nothing_but_strangers_is_refused(tmp_path):
-    path = fusion_library(tmp_path / "shop.json", fusion_tool("drill"))
-    with pytest.raises(InputError, match="no tool can be imported: drill 1: type 'drill'"):
+    path = fusion_library(tmp_path / "shop.json", fusion_tool("form mill"))
+    with pytest.raises(InputError, match="no tool can be imported: form mill 1: type 'form mill'"):
         import_tools(path)
 
 
@@ -210,9 +225,9 @@ def run(monkeypatch, capsys):
 
 def test_what_was_imported_reads_back_as_the_same_library_with_its_report_beside_it(run, tmp_path):
     path = fusion_library(tmp_path / "shop.tools", fusion_tool(), fusion_tool("tapered mill", 2, DC=8.0, RE=1.0, TA=5.0),
-                          inch(fusion_tool("ball end mill", 3)), fusion_tool("drill", 4))
+                          inch(fusion_tool("ball end mill", 3)), fusion_tool("form mill", 4))
     code, _, err = run("--import", path, "--to", tmp_path / "mine.json")
-    assert code == 0 and "3 of 4 tools imported" in err and "skipped: type 'drill'" in err and "dropped: BMC" in err
+    assert code == 0 and "3 of 4 tools imported" in err and "skipped: type 'form mill'" in err and "dropped: BMC" in err
     assert library_from_json(tmp_path / "mine.json") == import_tools(path).library
     report = json.loads((tmp_path / "mine.dropped.json").read_text())["import"]
     assert report["source"] == "shop.tools"

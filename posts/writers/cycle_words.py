@@ -1,0 +1,63 @@
+"""Drilled holes as canned cycles: G98 G81 X Y Z R F, then X Y a hole, then G80; or move by move where a control has none.
+
+G98 leads back to where the first cycle began, G99 to R; all words of a cycle stay in force until G80.
+"""
+
+from cuspline.posts.writers.joint_words import PlainMoves
+
+
+class DrilledMoves(PlainMoves):
+    """An operation of drilled holes, the spindle upright."""
+
+    def __init__(self, operation, rotaries, has_cycles):
+        """`has_cycles`: whether the control takes them."""
+        super().__init__(operation.moves, rotaries)
+        self.cycles, self.has_cycles = operation.cycles, has_cycles
+
+    def write(self, writer, first, end, dialect):
+        at = first
+        for k, cycle in enumerate(self.cycles):
+            super().write(writer, at, cycle.first, dialect)
+            if not self.has_cycles:
+                self._spelled_out(writer, cycle, dialect)
+            else:
+                _begin_or_go_on(writer, cycle, self.cycles[k - 1] if k and at == cycle.first else None, dialect)
+                if k + 1 == len(self.cycles) or self.cycles[k + 1].first != cycle.end:
+                    self._leave(writer, cycle)
+            at = cycle.end
+        super().write(writer, at, end, dialect)
+
+    def _spelled_out(self, writer, cycle, dialect):
+        """The cycle's moves, and its dwell behind the last that feeds."""
+        super().write(writer, cycle.first, cycle.end - 1, dialect)
+        if cycle.dwell_s:
+            writer.block("G4", dialect.dwell(cycle.dwell_s))
+        super().write(writer, cycle.end - 1, cycle.end, dialect)
+
+    def _leave(self, writer, cycle):
+        """G80, and where the tool stands then."""
+        writer.block("G80")
+        writer.motion = None
+        end_mm = self.moves.end_mm[cycle.end - 1]
+        writer.words(end_mm)
+        writer.here_mm = end_mm
+
+
+def _begin_or_go_on(writer, cycle, before, dialect):
+    """The block of one hole; of what stays in force only what changes is written."""
+    x, y = ("XY"[k] + writer.length(v) for k, v in enumerate(cycle.xy_mm))
+    words, old = _modal_words(writer, cycle, dialect), [] if before is None else _modal_words(writer, before, dialect)
+    is_new = before is None or words[:2] != old[:2]
+    head = words[:2] if is_new else []
+    depth = [w for k, w in enumerate(words[2:]) if is_new or w != old[2 + k]]
+    writer.count_rounding((*cycle.xy_mm, cycle.bottom_z_mm))
+    writer.block(*head, x, y, *depth, *writer.feed_words(cycle.feed_mm_per_min))
+
+
+def _modal_words(writer, cycle, dialect):
+    """[return level, cycle, Z, R, and what its kind has]."""
+    words = ["G99" if cycle.stays_low else "G98", dialect.cycle_words[cycle.kind], "Z" + writer.length(cycle.bottom_z_mm),
+             "R" + writer.length(cycle.retract_z_mm)]
+    if cycle.peck_mm:
+        words.append("Q" + writer.length(cycle.peck_mm))
+    return words + ([dialect.dwell(cycle.dwell_s)] if cycle.dwell_s else [])

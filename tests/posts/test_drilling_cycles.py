@@ -1,0 +1,161 @@
+"""Drilled holes as canned cycles: what the posts write, the readers make the planned moves of."""
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_tools import tool
+
+import cuspline.posts
+from cuspline.program.drilling import CLEARANCE_MM, DrillCycle, drilled, shortest_way
+from cuspline.program.program import Kind, Operation, Program
+from cuspline.shop.machines import machine_from_toml
+from cuspline.values.errors import PostError, ReadError, ToolpathError
+
+MACHINES = Path(cuspline.posts.__file__).parent / "machines"
+LEVEL, FEED, T = 20.0, 240.0, tool("flat", 6, number=3)
+KINDS = {"drill": {}, "dwell": {"dwell_s": 0.25}, "peck": {"peck_mm": 2.5}, "chip_break": {"peck_mm": 3.0}}
+
+
+def hole(kind, x, y, bottom=-5.0, retract=3.0, **more):
+    return DrillCycle(kind=kind, xy_mm=(x, y), bottom_z_mm=bottom, retract_z_mm=retract, feed_mm_per_min=FEED, first=0, end=0,
+                      **{**KINDS[kind], **more})
+
+
+def operation(holes, name="drill"):
+    moves, cycles = drilled(holes, LEVEL, FEED)
+    return Operation(name=name, tool=T, spindle_rpm=3000.0, coolant="flood", moves=moves, cycles=cycles)
+
+
+def posted(machine, *operations, **control):
+    """(text, PostedMoves)."""
+    machine = machine_from_toml(MACHINES / f"{machine}.toml")
+    machine = machine.model_copy(update={"control": machine.control.model_copy(update=control)})
+    writer = importlib.import_module(f"cuspline.posts.writers.{machine.control.post}")
+    program = Program(name="plate", setup="setup-1", wcs="G54", wcs_in_words="corner", operations=operations,
+                      clearance_z_mm=LEVEL, header=("PLATE",))
+    text = writer.post(program, machine).text
+    return text, read(text, machine)
+
+
+def read(text, machine="mill_3axis"):
+    machine = machine_from_toml(MACHINES / f"{machine}.toml") if isinstance(machine, str) else machine
+    writer = importlib.import_module(f"cuspline.posts.writers.{machine.control.post}")
+    reader = importlib.import_module(f"cuspline.posts.readers.{writer.READER}")
+    return reader.read_program(text, work_offsets={"G54": machine.wcs_origin_mm}, tool_lengths={3: T.length_mm})
+
+
+def ways(kinds, ends):
+    """Kinds and places of moves that lead somewhere, in one sequence."""
+    out = []
+    for kind, end in zip(np.asarray(kinds).tolist(), np.round(ends, 3).tolist()):
+        if not out or out[-1][1] != end:
+            out.append((int(kind), end))
+    return out
+
+
+def of_text(moves):
+    first = int(np.flatnonzero(np.abs(moves.end_mm[:, 2] - LEVEL) < 1e-3)[0])       # above the first hole
+    rows = slice(first, len(moves) - 1)             # the last goes to the top of the machine
+    return ways(moves.kind[rows], moves.end_mm[rows])
+
+
+def of_plan(planned):
+    moves = planned.moves
+    return ways([Kind.RAPID, *moves.kind], np.vstack([moves.start_mm, moves.end_mm]))
+
+
+@pytest.mark.parametrize("stays_low", [False, True], ids=["G98", "G99"])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("machine", ["mill_3axis", "mill_3axis_inch", "mill_fanuc"])
+def test_what_is_read_is_what_was_planned(machine, kind, stays_low):
+    holes = [hole(kind, 10, 10, stays_low=stays_low), hole(kind, 30, 10, stays_low=stays_low),
+             hole(kind, 30, 25, bottom=-7.5, stays_low=stays_low)]
+    planned = operation(holes)
+    text, moves = posted(machine, planned)
+    assert text.count("G80") == 2 and ("G99" in text) == stays_low       # one in the header
+    clearance = 0.254 - CLEARANCE_MM                                    # which is the control's own
+    want, got = of_plan(planned), of_text(moves)
+    assert len(got) == len(want)
+    for (a, p), (b, q) in zip(got, want):
+        assert a == b
+        step = clearance if b == Kind.RAPID and p[2] not in (LEVEL, 3.0) else 0.0
+        np.testing.assert_allclose(p, np.add(q, (0, 0, step)), atol=2e-3)
+    assert (moves.feed_mm_per_min[moves.kind == Kind.FEED] == pytest.approx(FEED, rel=0.01))
+
+
+@pytest.mark.parametrize("machine", ["mill_3axis", "mill_fanuc"])
+def test_without_canned_cycles_the_same_holes_go_out_move_by_move(machine):
+    planned = operation([hole("peck", 10, 10), hole("peck", 30, 10)])
+    text, moves = posted(machine, planned, canned_cycles=False)
+    assert not {"G81", "G83", "G98"} & set(text.split())
+    assert of_text(moves) == of_plan(planned)
+    dwelt, _ = posted(machine, operation([hole("dwell", 10, 10)]), canned_cycles=False)
+    lines = dwelt.split("\n")
+    k = lines.index("G4 P0.250" if machine == "mill_3axis" else "G4 P250")
+    assert "Z-5" in lines[k - 1] and lines[k + 1].startswith("G0")
+
+
+@pytest.mark.parametrize("machine", ["mill_haas", "mill_siemens", "mill_heidenhain", "mill_grbl", "mill_pmac"])
+def test_controls_whose_posts_have_no_cycles_drill_move_by_move(machine):
+    planned = operation([hole("peck", 10, 10), hole("chip_break", 30, 10)])
+    _, moves = posted(machine, planned)
+    assert of_text(moves) == of_plan(planned)
+    with pytest.raises(PostError, match="dwell"):
+        posted(machine, operation([hole("dwell", 10, 10)]))
+
+
+def test_text_names_what_changes_and_nothing_else():
+    text, _ = posted("mill_fanuc", operation([hole("peck", 10, 10), hole("peck", 30, 10), hole("peck", 30, 25, bottom=-7.5)]))
+    lines = text.split("\n")
+    k = next(i for i, line in enumerate(lines) if "G83" in line)
+    assert lines[k:k + 4] == ["G98 G83 X10. Y10. Z-5. R3. Q2.5 F240.0", "X30. Y10.", "X30. Y25. Z-7.5", "G80"]
+
+
+def test_operations_before_and_after_find_the_state_that_they_wrote():
+    planned = operation([hole("drill", 10, 10), hole("chip_break", 30, 10), hole("chip_break", 5, 5, retract=4.0)])
+    text, moves = posted("mill_3axis", planned, operation([hole("dwell", 3, 4), hole("drill", 5, 6)], name="again"))
+    assert moves.operations == ("drill", "again")
+    bottoms = moves.end_mm[moves.kind == Kind.FEED]
+    assert {tuple(b) for b in bottoms[:, :2].tolist()} == {(10, 10), (30, 10), (5, 5), (3, 4), (5, 6)}
+    assert text.count("G80") == 3
+
+
+HEAD = "G21 G17 G90 G94 G40 G49 G80 G91.1\nG92.1\nG64 P0.01\nG54\nT3 M6\nG43 H3\nS900 M3\nG0 X0 Y0\nZ20\nF100\n"
+
+
+@pytest.mark.parametrize("text, why", [
+    ("G81 X1 Z-1", "without R"), ("G81 X1 R3", "without Z"), ("G83 X1 Z-1 R3", "without Q"), ("G82 X1 Z-1 R3", "without P"),
+    ("G81 X1 Z4 R3", "R is not above its Z"), ("G81 X1 Z-1 R25", "below its R plane"), ("G83 X1 Z-1 R3 Q0", "peck of nothing"),
+    ("G91 G81 X1 Z-1 R-3", "G91"), ("G18 G81 X1 Y1 Z-1 R3", "ZX plane"), ("G81 X1 Z-1 R3\nG99 X2", "while a canned cycle"),
+    ("G83 X1 Z-1 R3 Q0.0001", "pecks in a hole"), ("G81 X1 Z-1 R3\nG20\nX1", "while a canned cycle"),
+    ("G84 X1 Z-1 R3", "unknown word G84")])
+def test_a_cycle_that_is_half_said_is_refused(text, why):
+    with pytest.raises(ReadError, match=why):
+        read(f"{HEAD}G98\n{text}\nM2\n")
+
+
+def test_a_return_level_that_nobody_has_said_is_remarked():
+    remarks = lambda text: [r.advice for r in read(f"{HEAD}{text}\nG80\nM2\n").remarks]
+    assert "G98 is missing" in remarks("G81 X1 Z-1 R3")[0] and not remarks("G98 G81 X1 Z-1 R3")
+
+
+def test_cycles_that_make_no_sense_are_none():
+    for wrong in ({"retract": -6.0}, {"peck_mm": 1.0}, {"dwell_s": 1.0}):
+        with pytest.raises(ToolpathError):
+            hole("drill", 0, 0, **wrong)
+    with pytest.raises(ToolpathError, match="1000 pecks"):
+        hole("peck", 0, 0, peck_mm=0.001)
+
+
+def test_the_way_is_as_short_as_the_shortest_of_all():
+    from itertools import permutations
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        xy = rng.uniform(0, 100, (7, 2))
+        length = lambda order: np.linalg.norm(np.diff(xy[list(order)], axis=0), axis=1).sum()
+        found = shortest_way(xy)
+        assert sorted(found.tolist()) == list(range(7))
+        best = min(length((found[0], *rest)) for rest in permutations(sorted(set(range(7)) - {int(found[0])})))
+        assert length(found) <= 1.1 * best
