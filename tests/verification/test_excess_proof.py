@@ -87,7 +87,7 @@ def test_passes_askew_to_the_parameters_of_the_face_are_proven_as_well():
     (tool("bull_nose", 10, 2.0), 6.4, 2 - np.sqrt(4 - 0.2**2)), (tool("flat", 10), 8.0, 0.0)])
 def test_other_cutters_leave_no_more_than_they_do(cutter, step, cusp):
     p = proof(cut(raster((-6, 18), -0.3 + step * np.arange(3), 10.0), cutter))
-    assert is_close_above(p.height_mm, cusp) and p.is_complete
+    assert is_close_above(p.height_mm, cusp, ALLOWED) and p.is_complete
 
 
 def test_half_a_millimetre_that_was_missed_is_found_and_nothing_else():
