@@ -93,7 +93,7 @@ def test_more_than_one_turn_goes_out_in_pieces():
 @pytest.mark.parametrize("block, wanted", [
     ("M0", "line 14: a stop"), ("M1", "line 14: an optional stop"), ("G4 P2", "line 14: a dwell"), ("M4\nX9", "turns backwards"),
     ("M5\nX9", "while the spindle stands"), ("G56\nG0 X9 Y0 Z5\nG55\nG0 X0 Y0 Z5", "G55 and G56"), ("M7\nX9", "mist and flood"),
-    ("G83 X9", "unknown word G83"), ("X9 A90", "line 14")])
+    ("G86 X9", "unknown word G86"), ("X9 A90", "line 14")])
 def test_what_would_be_lost_is_refused(block, wanted):
     text = HEAD + f"G0 X0 Y0\nG0 Z5\nG1 Z-1 F100\n{block}\nG1 X10\nM2\n"
     with pytest.raises((InputError, ReadError), match=wanted):
