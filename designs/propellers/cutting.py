@@ -13,11 +13,10 @@ from cuspline.app.catalogue import find_library
 from cuspline.design import FixtureCylinder, Setup, StockSkin
 from cuspline.designs.propellers.blade import about_x
 from cuspline.kernel import brep
-from cuspline.planning.positions import directions, positions
+from cuspline.planning.positions import axes_along, directions, positions
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
-from cuspline.values.frames import Frame
 
 MACHINE = "mill_a_on_b"
 TOWARDS_TABLE_DEG = 45.0    # from square to the shaft towards the table, at the most
@@ -26,7 +25,7 @@ CUT_DEG = 62.0              # and where they are cut: positions overlap
 PLACES = 1500               # of a blade, that are looked at
 ARBOR_SHARE = 0.85          # of the hub's diameter
 GAP_MM = 0.5                # between hub and arbor: the casting's skin, faced before
-NEARLY = 1e-11              # unit vectors in setups have so many decimals
+NEARLY = 1e-9               # of a unit vector: a direction on the border belongs to those that are taken
 
 
 def cut(design, made, p):
@@ -34,11 +33,12 @@ def cut(design, made, p):
 
     Args:
         design: Design without setups.   made: solid.PropellerSolid.   p: design.PropellerParameters with `blades_cut`.
+    Raises:
+        DesignError: the hub reaches the table.
     """
-    blades = made.blade.table.blades if p.blades_cut == "all" else 1
-    ways = _ways(design, p)
-    turn = 2 * np.pi / made.blade.table.blades
-    setups = [_setup(k, j, fixed.matmul(about_x(k * turn), way), made, p) for k in range(blades) for j, way in enumerate(ways)]
+    blades, arbor = made.blade.table.blades if p.blades_cut == "all" else 1, _arbor(made.hub, p)
+    ways, turn = _ways(design, p), 2 * np.pi / made.blade.table.blades
+    setups = [_setup(k, j, fixed.matmul(about_x(k * turn), way), arbor) for k in range(blades) for j, way in enumerate(ways)]
     return replace(design, stock=StockSkin(skin_mm=p.skin_mm), setups=tuple(setups), machine=MACHINE)
 
 
@@ -62,17 +62,20 @@ def _names(blade):
     return (*(f"blade {blade} {part}" for part in ("face", "back", "leading edge", "trailing edge", "tip")), f"fillet {blade}")
 
 
-def _setup(k, j, way, made, p):
-    """Position j of blade k, both from 0."""
-    frame = Frame.along(way)
-    fore, table = made.hub.ends_mm[0], -p.arbor_mm
+def _arbor(hub, p):
+    """What holds the hub, from the table's face on."""
+    fore, table = hub.ends_mm[0], -p.arbor_mm
     if table >= fore - p.skin_mm - GAP_MM:
         raise DesignError(f"the hub begins {-fore:.1f} mm before the propeller's centre, the table's face stands {p.arbor_mm:g} mm "
                           "before it: enlarge arbor_mm, on a machine whose table stands so far away")
-    arbor = FixtureCylinder(name="arbor", from_mm=(table, 0, 0), to_mm=(fore - p.skin_mm - GAP_MM, 0, 0),
-                            diameter_mm=ARBOR_SHARE * 2 * float(made.hub.profile(np.array([fore]))[0]))
-    unit = lambda v: tuple((np.round(v, 12) + 0.0).tolist())
+    return FixtureCylinder(name="arbor", from_mm=(table, 0, 0), to_mm=(fore - p.skin_mm - GAP_MM, 0, 0),
+                           diameter_mm=ARBOR_SHARE * 2 * float(hub.profile(np.array([fore]))[0]))
+
+
+def _setup(k, j, way, arbor):
+    """Position j of blade k, both from 0."""
+    wcs_x, wcs_z = axes_along(way)
     return Setup(name=f"blade-{k + 1}-{j + 1}", faces=_names(k + 1), indexed=True, clamped_x=(1, 0, 0), clamped_z=(0, 0, 1),
-                 wcs_x=unit(frame.rotation[:, 0]), wcs_z=unit(way), fixtures=(arbor,),
+                 wcs_x=wcs_x, wcs_z=wcs_z, fixtures=(arbor,),
                  wcs_in_words="X along the shaft, Z along blade 1, zero in the propeller's centre",
                  operations=(Parallel(leave_steep=True, steep_deg=CUT_DEG),))

@@ -138,11 +138,11 @@ def _made(order, work, say):
     trial = _Trial(order=order, work=work, inputs=inputs, kept=kept, tell=tell)
     if order.last_stage == "plan":
         _write_json(work / "plan.json", plan_document(order, trial.planned(plans)))
-        return _finished(order, work, inputs, None)
+        return _finished(order, work, inputs, None, off)
     plans, job, first = trial.checked(plans)
     if order.last_stage == "gcode":
         _write_json(work / "plan.json", plan_document(order, plans))
-        return _finished(order, work, inputs, job)
+        return _finished(order, work, inputs, job, off)
     job, judged = trial.judged(plans, job, first)
     verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say, kept)}
     _stamp_verdict(work, job, verify)

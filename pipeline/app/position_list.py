@@ -11,10 +11,8 @@ from cuspline.kernel import brep
 from cuspline.planning.positions import directions, positions, turnable
 from cuspline.shop.practice import ShopFile
 from cuspline.values.errors import InputError
-from cuspline.values.frames import Frame
 
 DECIMALS = 3
-UNIT_DECIMALS = 11          # of directions: unit vectors as a setup takes them
 
 
 def position_rows(part, assignments, names, machine=None, cutters=None, steepest_deg=60.0):
@@ -57,9 +55,8 @@ def _indices_of(design, faces, names):
 
 
 def _row(number, position, found):
-    listed = lambda v: (np.round(v, UNIT_DECIMALS) + 0.0).tolist()
-    frame = Frame.along(position.direction)
-    return {"number": number, "wcs_z": listed(position.direction), "wcs_x": listed(frame.rotation[:, 0]),
+    wcs_x, wcs_z = position.axes
+    return {"number": number, "wcs_z": list(wcs_z), "wcs_x": list(wcs_x),
             "tool": position.tool.number, "name": position.tool.cutter.name,
             "sees_mm2": round(position.sees_mm2, DECIMALS), "adds_mm2": round(position.adds_mm2, DECIMALS),
             "adds_share": round(position.adds_mm2 / found.area_mm2, 6)}

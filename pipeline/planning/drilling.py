@@ -81,22 +81,26 @@ class Drilled:
         return self.tip_mm + self.tool.cutter.point_height_mm
 
 
-def drillable_faces(work):
+def drillable_faces(work, operation):
     """(walls that drills of the library make whole, other faces that they make with them): indices of the operation's faces.
 
     Through holes, and blind ones that end in the drill's own point, along the setup's Z.
+
+    Args:
+        work: PlanningContext.   operation: the strategies.drill.Drill that would make them.
     """
     walls, others = [], []
-    for hole in _upright_holes(work):
-        for wall in _walls_of(hole, work.wanted):
-            bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
-            with suppress(CamError):
-                made = _drilled(work, bore)
-                top = float(_stock_over(work, bore, made.tool).max())
-                if made.full_z_mm <= bore.low_z_mm + SAME_MM and max(top, bore.high_z_mm) - made.tip_mm <= (
-                        made.tool.cutter.flute_length_mm):
-                    walls += wall.faces
-                    others += _made_with(hole, made.tool)
+    found = [(hole, wall) for hole in _upright_holes(work) for wall in _walls_of(hole, work.wanted)]
+    work = work.on(operation, work.wanted, work.planned) if found else work
+    for hole, wall in found:
+        bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
+        with suppress(CamError):
+            made = _drilled(work, bore)
+            top = float(_stock_over(work, bore, made.tool).max())
+            if made.full_z_mm <= bore.low_z_mm + SAME_MM and max(top, bore.high_z_mm) - made.tip_mm <= (
+                    made.tool.cutter.flute_length_mm):
+                walls += wall.faces
+                others += _made_with(hole, made.tool)
     return walls, [i for i in others if i in set(work.wanted)]
 
 

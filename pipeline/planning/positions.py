@@ -25,6 +25,7 @@ LOOKED_AT = 5000            # places of the faces, spread over their samples, un
 LEAST_SHARE = 1e-3          # of the area: a direction that adds less is not worth its turn
 NEARLY_ALL = 0.99           # of what a direction adds: the largest ball that sees so much is named
 SEED = 20
+UNIT_DECIMALS = 11          # of directions: unit vectors as a setup takes them
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,6 +36,11 @@ class Position:
     tool: object                # Tool: the largest ball that sees nearly all that is added here
     sees_mm2: float
     adds_mm2: float             # to what the positions before it see
+
+    @property
+    def axes(self):
+        """`axes_along` its direction."""
+        return axes_along(self.direction)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,6 +86,12 @@ def directions():
         found.append(np.column_stack([fixed.sin(polar) * fixed.cos(around), fixed.sin(polar) * fixed.sin(around),
                                       np.full(count, fixed.cos(polar))]))
     return np.vstack(found)
+
+
+def axes_along(direction):
+    """(wcs_x, wcs_z) of a setup whose tool stands along a direction (3,), as it takes them: rounded, so that they can be pasted."""
+    frame = Frame.along(direction)
+    return tuple(tuple((np.round(v, UNIT_DECIMALS) + 0.0).tolist()) for v in (frame.rotation[:, 0], frame.rotation[:, 2]))
 
 
 def turnable(ways, chain, clamped):

@@ -57,7 +57,6 @@ FINEST_MM = 2e-4          # the finest that they are asked for
 SOLID_NODES = 40_000      # of the second verifier's grid: it holds against the first what no finer grid would show better
 REPLAY_NODES = 30_000     # between them bounds over whole cells hold
 MESH_TRIANGLES = 500_000  # of the design: on a longer part they lie farther off, and the bounds say so
-PARTS = 4                 # of a cell's side between its nodes, where all cuts came along the tool; cubes are no finer than cells
 COARSER = 10.0            # times the deviation: a mesh that tells how many triangles there will be
 DESIGN_PIN_MM = 1e-3      # radius of the pin that feels the design's height at a node
 SAME_DECIMALS = 6         # of a cosine: directions that look at a face as squarely
@@ -292,7 +291,8 @@ def _laid_out(programs, solid, judging):
     finish, ball_radius_mm, options, say = judging.finish, judging.ball_radius_mm, judging.options, judging.say
     exact = brep.faces_of(solid)
     named = [_indices(solid, [getattr(f, "shape", f) for f in p.faces]) for p in programs]
-    required = judged_once(named, programs, exact)
+    beside_of = _positions_beside(programs)
+    required = judged_once(named, [p.setup.frame.rotation[:, 2] for p in programs], beside_of, exact)
     if ball_radius_mm <= finish.plating_mm:
         raise InputError(f"plating_mm {finish.plating_mm:g} is no thinner than the smallest ball, of radius "
                          f"{ball_radius_mm:g} mm: correct it")
@@ -301,7 +301,7 @@ def _laid_out(programs, solid, judging):
     for k, program in enumerate(programs):
         say(f"{program.setup.name}: index over {len(program.posted):,} moves")
         before.append(metal)
-        fitted.append(_fitted(options, _area_mm2(exact, k, named, programs), *metal.box_in(program.setup.frame), finish))
+        fitted.append(_fitted(options, _area_mm2(exact, named, (k, *beside_of[k])), *metal.box_in(program.setup.frame), finish))
         paths = swept_paths(program.posted, judging.tools)
         metal = metal.after(program.setup.frame, paths)
         piece = piece.after(program.setup.frame, _as_plated(paths, finish))
@@ -314,7 +314,7 @@ def _laid_out(programs, solid, judging):
     drops = [drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles) for p in programs]
     holes = [_holes(solid, p, judging.tools) for p in programs]
     beside = lambda k: tuple(Beside(cut=piece.cuts[j], drops=drops[j], holes=holes[j], cuts_too=np.isin(required[k], named[j]))
-                             for j in _positions_beside(k, programs) if set(required[k]) & set(named[j]))
+                             for j in beside_of[k] if set(required[k]) & set(named[j]))
     clampings = [_Clamping(number=k, program=p, options=o, required=chosen, before=found,
                            sampled=SampledFaces(samples=sample_faces([exact[i] for i in chosen], o.spacing_mm),
                                                 spacing_mm=o.spacing_mm, ground=Ground.of_faces([exact[i] for i in chosen]),
@@ -337,37 +337,34 @@ def _holes(solid, program, tools):
     return holes_of(brep.faces_of(solid_in_wcs(solid, program.setup.frame)))
 
 
-def judged_once(named, programs, faces):
+def judged_once(named, axes, beside, faces):
     """Which faces each program answers for: one that several positions of a clamping cut is judged by that
     which looks at its middle most squarely.
 
     A position that is best for none keeps all that it names: each has something to answer for.
 
     Args:
-        named: [[index]] of the solid's faces, one list a program.   programs: SetupProgram.   faces: brep.Face of the solid.
+        named: [[index]] of the solid's faces, one list a program.   axes: (3,) of each program's tool, unit, part coordinates.
+        beside: [[number]] of the other programs in the clamping of each.   faces: brep.Face of the solid.
     Returns:
         [[index]], each sorted as it was.
     """
-    axes, kept = [p.setup.frame.rotation[:, 2] for p in programs], []
-    for k, mine in enumerate(named):
-        others = [j for j in _positions_beside(k, programs) if set(mine) & set(named[j])]
-        best = lambda i: max((j for j in (k, *others) if i in named[j]),
-                             key=lambda j: (round(float(fixed.matmul(faces[i].middle.normal[0], axes[j])), SAME_DECIMALS), -j))
-        kept.append([i for i in mine if best(i) == k] or mine)
-    return kept
+    def best(i, among):
+        square = lambda j: round(float(fixed.matmul(faces[i].middle.normal[0], axes[j])), SAME_DECIMALS)
+        return max((j for j in among if i in named[j]), key=lambda j: (square(j), -j))
+
+    return [[i for i in mine if best(i, (k, *beside[k])) == k] or mine for k, mine in enumerate(named)]
 
 
-def _positions_beside(k, programs):
-    """Numbers of the other programs in the clamping of the k-th."""
-    numbers = iter(range(len(programs)))
-    together = [[next(numbers) for _ in held] for held in by_clamping(programs)]
-    return [j for held in together if k in held for j in held if j != k]
+def _positions_beside(programs):
+    """[[number]] of the other programs in the clamping of each."""
+    together = by_clamping(list(enumerate(programs)), lambda before, item: item[1].setup.is_held_as(before[1].setup))
+    return [[j for j, _ in held if j != k] for held in together for k, _ in held]
 
 
-def _area_mm2(faces, k, named, programs):
-    """Of the faces that the k-th program's clamping cuts in any position."""
-    together = set(named[k]).union(*(named[j] for j in _positions_beside(k, programs)))
-    return sum(face_area_mm2(faces[i].shape) for i in together)
+def _area_mm2(faces, named, numbers):
+    """Of the faces that some programs name."""
+    return sum(face_area_mm2(faces[i].shape) for i in sorted(set().union(*(named[j] for j in numbers))))
 
 
 def _as_plated(paths, finish):
@@ -509,7 +506,8 @@ def _found_stock(part, c, tools):
     zmap = ZMap.over(low, high, c.options.replay_pitch_mm)
     return FoundStock(min_mm=low, max_mm=high, pitch_mm=c.options.replay_pitch_mm,
                       top_mm=None if before.fills_box_in(frame) else before.heights_mm(frame, zmap.xy_mm).reshape(zmap.shape),
-                      within_mm=partial(before.highest_within_mm, frame), parts=PARTS if before.is_cut_along(frame) else 1,
+                      within_mm=partial(before.highest_within_mm, frame),
+                      parts=FoundStock.parts if before.is_cut_along(frame) else 1,      # cubes are no finer than cells
                       within_before=lambda row: _within_before(c, tools, row),
                       standing_before=lambda row: partial(_stock_before(c, tools, row).standing_mm, frame),
                       is_stock=lambda points: before.is_stock(frame.out(points)),

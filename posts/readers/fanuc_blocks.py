@@ -6,11 +6,11 @@ parameter of the control (3401 bit 0), not of the text.
 
 import re
 
+from cuspline.posts.readers.plain_words import POINTLESS, without_brackets
 from cuspline.posts.readers.rs274_blocks import Block, lines_cut, refuse_block_delete
 from cuspline.posts.readers.rs274_expressions import Complaint, Scanner, value_at
 
 LONGEST_LINE = 252
-COMMENT = re.compile(r"\(([^()]*)\)")      # a ; is no comment: it ends a block, and another may follow
 PROGRAM = re.compile(r"(?:o|:)(\d{1,4})")
 CALL = re.compile(r"(?:n\d+)?(g65|m98)(?=p)(.*)")
 RETURN = re.compile(r"(?:n\d+)?m99")
@@ -21,7 +21,6 @@ LETTERS = NEEDS_POINT | WHOLE
 # G65, argument list I: letter -> variable
 ARGUMENTS = {"a": 1, "b": 2, "c": 3, "i": 4, "j": 5, "k": 6, "d": 7, "e": 8, "f": 9, "h": 11, "m": 13, "q": 17, "r": 18,
              "s": 19, "t": 20, "u": 21, "v": 22, "w": 23, "x": 24, "y": 25, "z": 26}
-POINTLESS = re.compile(r"[+-]?0*[1-9]\d*")
 
 
 def blocks_of(text):
@@ -30,21 +29,15 @@ def blocks_of(text):
     Raises:
         ReadError: a line that cannot be cut into words.
     """
-    return lines_cut(text, _block)
+    return lines_cut(text, _block, LONGEST_LINE)
 
 
 def _block(number, line):
-    if len(line) > LONGEST_LINE:
-        raise Complaint(f"{len(line)} characters", f"write at most {LONGEST_LINE} a line")
     if "\r" in line.rstrip("\r"):
         raise Complaint("a carriage return inside a line: it may end the block, or mean nothing",
                         "end every block with a line feed")
-    code = COMMENT.sub(" ", line)
-    if "(" in code or ")" in code or ";" in code:
-        raise Complaint("a comment that is not closed, one inside another, or a ;",
-                        "every ( needs its own ), every block its own line")
-    code = "".join(code.split()).lower()
-    block = Block(number, line, comments=tuple(COMMENT.findall(line)))
+    code, comments = without_brackets(line)          # a ; is no comment: it ends a block, and another may follow
+    block = Block(number, line, comments=comments)
     if code == "%":
         return block._replace(flow="%")
     refuse_block_delete(code)

@@ -25,12 +25,10 @@ def blocks_of(text):
     Raises:
         ReadError: a line that cannot be cut into words.
     """
-    return lines_cut(text, _block)
+    return lines_cut(text, _block, LONGEST_LINE)
 
 
 def _block(number, line):
-    if len(line) > LONGEST_LINE:
-        raise Complaint(f"{len(line)} characters", f"write at most {LONGEST_LINE} a line")
     code, comments = without_brackets(line)
     block = Block(number, line, comments=comments)
     if code == "%":

@@ -69,7 +69,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     >>> moves.center_mm[-1].tolist(), moves.line.tolist(), moves.ended
     ([2.0, 2.0, 3.0], [3, 5], True)
     """
-    blocks = lines_cut(text, _block)
+    blocks = lines_cut(text, _block, LONGEST_LINE)
     controller = Controller(work_offsets, tool_lengths, RULES)
     end = controller.run(_executed(blocks))
     if end is None or not any(block.flow == "%" for block in blocks[-3:]):
@@ -107,8 +107,6 @@ def _steps(words):
 
 
 def _block(number, line):
-    if len(line) > LONGEST_LINE:
-        raise Complaint(f"{len(line)} characters", f"write at most {LONGEST_LINE} a line")
     code, _, comment = line.partition(";")
     block = Block(number, line, comments=(comment,) if comment else ())
     code = code.strip().upper()

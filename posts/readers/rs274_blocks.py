@@ -44,10 +44,10 @@ def blocks_of(text):
     return lines_cut(text, _block)
 
 
-def lines_cut(text, cut):
+def lines_cut(text, cut, longest=None):
     """All lines of the text as the Blocks that `cut(number, line)` makes of them; its complaints get their line.
 
-    A line ends with a line feed, as for the control.
+    A line ends with a line feed, as for the control; `longest`: characters that it takes, None: `cut` looks itself.
     Raises:
         ReadError: a line that cannot be cut into words.
     """
@@ -55,6 +55,8 @@ def lines_cut(text, cut):
     for number, line in enumerate(text.split("\n"), 1):
         try:
             refuse_foreign(line)
+            if longest is not None and len(line) > longest:
+                raise Complaint(f"{len(line)} characters", f"write at most {longest} a line")
             blocks.append(cut(number, line))
         except Complaint as complaint:
             raise refusal(complaint, Block(number, line)) from None

@@ -17,7 +17,6 @@ TOOL_TABLE = None
 NEEDS_LENGTHS = True        # of tools: they stand in the program
 comment = in_brackets
 LENGTH_DECIMALS = {"mm": 5, "inch": 6}
-WORK_OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59")
 LARGEST_TOOL = 255
 
 
@@ -41,11 +40,10 @@ class _Grbl(Dialect):
     """RS-274 as far as Grbl has it."""
 
     point, end, one_tool_a_file = "", "M30", True
+    work_offsets = ("G54", "G55", "G56", "G57", "G58", "G59")
 
     def head(self, writer, program, file_number):
         """Comments, then a known state."""
-        if program.wcs not in WORK_OFFSETS:
-            raise PostError(f"{program.setup}: Grbl has no work offset {program.wcs}: choose one of {', '.join(WORK_OFFSETS)}")
         for line in program.header:
             writer.comment(line)
         writer.block(UNIT_WORD[writer.machine.control.units])

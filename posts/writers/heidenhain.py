@@ -14,11 +14,10 @@ import re
 
 import numpy as np
 
-from cuspline.posts.writers.program_files import Dialect, planes_of, posted
+from cuspline.posts.writers.program_files import Dialect, posted
 from cuspline.posts.writers.words import ARC_RADIUS_MISMATCH_MM, INCH_MM, Writer, behind_semicolon
 from cuspline.program.program import Kind, Plane
 from cuspline.values import fixed_math as fixed
-from cuspline.values.errors import PostError
 
 EXTENSION = "h"
 READER = "klartext_reader"
@@ -142,15 +141,10 @@ class _Blocks(Writer):
 class _Heidenhain(Dialect):
     """Klartext."""
 
-    point, end, comment = "", "M30", staticmethod(comment)
-
-    def writer(self, machine):
-        return _Blocks(machine, self.point, self.comment, machine.rotaries, planes_of(machine.control))
+    point, end, comment, writes, work_offsets = "", "M30", staticmethod(comment), _Blocks, tuple(PRESETS)
 
     def head(self, writer, program, file_number):
         """Name and unit, comments, the blank for the control's picture, then a known state."""
-        if program.wcs not in PRESETS:
-            raise PostError(f"{program.setup}: {program.wcs} has no preset: choose one of {', '.join(PRESETS)}")
         control = writer.machine.control
         writer.name = f"{re.sub(r'[^A-Z0-9]+', '_', program.setup.upper())} {UNIT_WORD[control.units]}"
         writer.block("BEGIN PGM", writer.name)

@@ -9,16 +9,14 @@ hangs on TA and TS of the set-up: the machine's file states it as path_tolerance
 are refused.
 """
 
-from cuspline.posts.writers.program_files import Dialect, planes_of, posted
+from cuspline.posts.writers.program_files import Dialect, posted
 from cuspline.posts.writers.program_numbers import program_number
 from cuspline.posts.writers.words import UNIT_WORD, Writer, behind_semicolon
 from cuspline.program.program import Kind, Plane
-from cuspline.values.errors import PostError
 
 EXTENSION = "pmc"
 READER = "pmac_reader"
 TOOL_TABLE = None
-WORK_OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59")
 comment = behind_semicolon
 
 
@@ -49,16 +47,10 @@ class _Pmac(Dialect):
     """A motion program, the integrator's sub-programs round it."""
 
     point, end, comment, unnumbered = "", "M30", staticmethod(comment), (";", "OPEN", "CLOSE")
-
-    def writer(self, machine):
-        writer = _Commands(machine, self.point, self.comment, machine.rotaries, planes_of(machine.control))
-        writer.number_bytes = super().writer(machine).number_bytes
-        return writer
+    writes, work_offsets = _Commands, ("G54", "G55", "G56", "G57", "G58", "G59")
 
     def head(self, writer, program, file_number):
         """The buffer opened, comments, then a known state."""
-        if program.wcs not in WORK_OFFSETS:
-            raise PostError(f"{program.setup}: {program.wcs} is no work offset here: choose one of {', '.join(WORK_OFFSETS)}")
         writer.block("CLOSE")
         writer.block(f"OPEN PROG {program_number(program, file_number)} CLEAR")
         for line in program.header:

@@ -51,12 +51,15 @@ class Dialect(ABC):
     tip_controls: tuple[str, ...] = ()      # words of Control.tip_control that it writes
     has_planes = False                      # indexed positions go out in tilted planes, where there is tip control
     cycle_words: dict[str, str] = {}        # drilling.CycleKind -> word; without them holes go out move by move
+    work_offsets: tuple[str, ...] | None = None     # that the control has; None: whatever a program names
+    writes: type[Writer] = Writer           # how moves become its words
     tip_rapid = "G0"                        # under tool-centre-point control; G1 where rapids do not heed the joints' speeds
 
     def writer(self, machine):
         """A Writer of this dialect."""
-        writer = Writer(machine, self.point, self.comment, machine.rotaries, planes_of(machine.control))
-        writer.number_bytes = len(f"N{LARGEST_NUMBER} ") if machine.control.block_numbers else 0
+        writer = self.writes(machine, self.point, self.comment, machine.rotaries, planes_of(machine.control))
+        if machine.control.block_numbers:
+            writer.number_bytes = max(writer.number_bytes, len(f"N{LARGEST_NUMBER} "))
         return writer
 
     @abstractmethod
@@ -193,6 +196,9 @@ class _Files:
         if machine.rotaries and not dialect.knows_rotaries:
             raise PostError(f"{machine.name} has the rotary axes {' and '.join(machine.rotaries)}, and the post "
                             f"{machine.control.post} writes no rotary words: choose another post, or a machine without them")
+        if dialect.work_offsets is not None and program.wcs not in dialect.work_offsets:
+            raise PostError(f"{program.setup}: {program.wcs} is no work offset of the post {machine.control.post}: choose one of "
+                            f"{', '.join(dialect.work_offsets)}")
         tip = machine.control.tip_control
         if tip is not None and tip not in dialect.tip_controls:
             raise PostError(f"{machine.name}: tip_control {tip} is no word of the post {machine.control.post}, which knows "

@@ -13,13 +13,11 @@ from types import SimpleNamespace
 
 from cuspline.posts.writers.program_files import Dialect, posted
 from cuspline.posts.writers.words import Writer, behind_semicolon, check_lines
-from cuspline.values.errors import PostError
 
 EXTENSION = "mpf"
 READER = "siemens_reader"
 TOOL_TABLE = "tools.spf"
 UNIT_WORD = {"mm": "G710", "inch": "G700"}
-WORK_OFFSETS = ("G54", "G55", "G56", "G57")
 TOLERANCE_DECIMALS = 7
 TOOL_TYPES = {"ball": 110, "flat": 120}
 BULL_NOSE = 121
@@ -65,6 +63,7 @@ class _Siemens(Dialect):
     """G-code as far as it goes, then words of its own."""
 
     point, end, comment, knows_rotaries, tip_controls = "", "M30", staticmethod(comment), True, ("TRAORI",)
+    work_offsets = ("G54", "G55", "G56", "G57")
 
     def writer(self, machine):
         writer = super().writer(machine)
@@ -73,9 +72,6 @@ class _Siemens(Dialect):
 
     def head(self, writer, program, file_number):
         """Comments, then a known state."""
-        if program.wcs not in WORK_OFFSETS:
-            raise PostError(f"{program.setup}: {program.wcs} is no work offset of this control: choose one of "
-                            f"{', '.join(WORK_OFFSETS)}")
         control = writer.machine.control
         for line in program.header:
             writer.comment(line)

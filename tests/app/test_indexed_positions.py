@@ -19,7 +19,7 @@ from cuspline.design import Setup
 from cuspline.design.job import read_job
 from cuspline.kernel import brep
 from cuspline.values.errors import DesignError, PlanError, ReadError
-from cuspline.verification.verdict import Options, judged_once
+from cuspline.verification.verdict import Options, _positions_beside, judged_once
 
 PART = Path(__file__).parents[1] / "parts" / "indexed_block.py"
 COARSE = Options(spacing_mm=0.5, solid_pitch_mm=0.5, replay_pitch_mm=0.5, tessellation_mm=0.01)
@@ -194,8 +194,10 @@ def test_a_face_that_several_positions_cut_is_judged_by_the_one_that_looks_at_it
     turned = [held.model_copy(update={**as_held, "name": name, "wcs_z": z, "wcs_x": x}) for name, z, x in (
         ("front", (0, -1, 0), (1, 0, 0)), ("right", (1, 0, 0), (0, 1, 0)), ("under", (0, 0, -1), (1, 0, 0)))]
     over = held.model_copy(update={"name": "over", "wcs_z": (0, 0, -1)})            # another clamping
-    programs = [SimpleNamespace(setup=s) for s in (held, *turned, over)]
-    kept = judged_once([all_six, all_six, all_six, [4], all_six], programs, faces)
+    setups = (held, *turned, over)
+    beside = _positions_beside([SimpleNamespace(setup=s) for s in setups])
+    assert beside == [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2], []]
+    kept = judged_once([all_six, all_six, all_six, [4], all_six], [s.frame.rotation[:, 2] for s in setups], beside, faces)
     looks = lambda i: tuple(np.round(faces[i].middle.normal[0]).astype(int).tolist())
     assert {looks(i) for i in kept[1]} == {(0, -1, 0)} and {looks(i) for i in kept[2]} == {(1, 0, 0)}
     assert {looks(i) for i in kept[0]} == {(0, 0, 1), (0, 1, 0), (-1, 0, 0)} | ({(0, 0, -1)} if looks(4) != (0, 0, -1) else set())

@@ -10,6 +10,7 @@ import pytest
 from cuspline.app import build as recipe
 from cuspline.app import catalogue, mending
 from cuspline.app.mending import Wants, mended, wants_of
+from cuspline.design import Figure, SolidReport
 from cuspline.kernel import brep
 from cuspline.program.program import Kind, Moves
 from cuspline.verification.reporter import allowed_mm
@@ -114,3 +115,11 @@ def test_what_could_not_be_mended_is_told_with_what_was_tried(order, plan, monke
     result = recipe.build(replace(order, last_stage="verify", out=order.out.with_name("stays")))
     assert not result.is_ok and {f.kind for f in result.findings} <= {"missing_area", "excess"}
     assert all("tried: nothing: no pass of T" in f.advice for f in result.findings)
+
+
+def test_a_solid_that_is_off_its_figures_is_refused_though_it_could_be_cut(order, tmp_path):
+    off = Figure(what="length", measured=10.1, wanted=10.0, allowed=0.05, unit="mm")
+    design = replace(order.design, measure=lambda solid: SolidReport(figures=(off,), facts={}))
+    made = recipe.build(replace(order, design=design, last_stage="plan", out=tmp_path / "dish"))
+    assert made.folder.name == "dish-rejected" and [f.kind for f in made.findings] == ["solid_off"]
+    assert not json.loads((made.folder / "solid.json").read_text())["ok"]

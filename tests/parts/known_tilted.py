@@ -8,10 +8,13 @@ from known_tools import tool
 
 from cuspline.app.catalogue import find_machine, reader_of
 from cuspline.posts.writers import linuxcnc
-from cuspline.program.program import MoveWriter, Operation, Plane, Program
+from cuspline.program.program import Kind, MoveWriter, Operation, Plane, Program
 
 BALL, FLAT = tool("ball", 6, number=7), tool("flat", 10, number=3)
 CLEARANCE_MM = 30.0
+LENGTHS = {7: BALL.length_mm, 3: FLAT.length_mm + 4.0}      # as the control has them: the flat cutter 4 mm longer
+ROUNDING_MM = 2e-4          # four decimals of a length, five of a degree 300 mm from a rotary
+ROUNDING_RAD = 2e-7
 
 
 def machine(name, **control):
@@ -57,6 +60,21 @@ def assert_ends_are_read(posted, moves, within_mm, within_rad, end=None):
         near = np.linalg.norm(posted.end_mm - moves.end_mm[k], axis=1)
         hit = np.nanargmin(np.where(np.linalg.norm(posted.end_axis - moves.axis[k], axis=1) < 1e-3, near, np.inf))
         assert near[hit] < within_mm and np.abs(posted.end_axis[hit] - moves.axis[k]).max() < within_rad
+
+
+def read_with_tools(mill, text, lengths=LENGTHS):
+    """PostedMoves of a text by its own reader."""
+    return reader_of(mill)(text, work_offsets={"G54": mill.wcs_origin_mm}, tool_lengths=lengths)
+
+
+def assert_plan_is_read(posted, moves, mill):
+    """Ends, axes, and the lines between: within half the path tolerance where joints are solved, else within rounding."""
+    assert posted.remarks == () and posted.ended
+    assert_ends_are_read(posted, moves, ROUNDING_MM, ROUNDING_RAD)
+    arc = int(np.flatnonzero(moves.kind > Kind.FEED)[0])
+    cut = np.flatnonzero((posted.kind == Kind.FEED) & (posted.end_mm[:, 0] < moves.end_mm[arc - 1, 0] - 1))
+    allowed = ROUNDING_MM + (0.5 * mill.control.path_tolerance_mm if mill.control.tip_control is None else 0.0)
+    assert len(cut) > 50 and off_lines(posted.end_mm[cut], moves.starts_mm[1:arc], moves.end_mm[1:arc]).max() < allowed
 
 
 def text_of(mill, *operations):

@@ -116,6 +116,13 @@ def test_what_the_control_cannot_do_is_refused_by_name(name):
         post.post(program(operation("rough", FLAT, roughing(), rpm=90000)), machine)
 
 
+@pytest.mark.parametrize("name, wcs, there", [("siemens", "G58", "G55, G56, G57$"), ("heidenhain", "G59.1", "G58, G59$"),
+                                              ("pmac", "G59.1", "G58, G59$"), ("grbl", "G59.1", "G58, G59$")])
+def test_a_work_offset_that_the_control_has_not_is_refused(name, wcs, there):
+    with pytest.raises(PostError, match=f"setup-1: {wcs} is no work offset of the post {name}: choose one of G54, .*{there}"):
+        catalogue.find_post(name).post(replace(program(), wcs=wcs), MACHINES[name])
+
+
 @EVERY
 def test_no_edit_of_one_character_breaks_the_reader(name):
     """It is read through, or refused with its line."""

@@ -6,16 +6,22 @@ import re
 import numpy as np
 import pytest
 from known_machines import FIVE_AXIS, leaning
-from known_tilted import BALL, FLAT, assert_ends_are_read, machine, off_lines, operation, program, rolling, upright
+from known_tilted import (
+    BALL,
+    FLAT,
+    ROUNDING_MM,
+    assert_plan_is_read,
+    machine,
+    operation,
+    program,
+    read_with_tools,
+    rolling,
+    upright,
+)
 
-from cuspline.app.catalogue import reader_of
 from cuspline.posts.writers import fanuc
 from cuspline.program.program import Kind, MoveWriter
 from cuspline.values.errors import PostError, ReadError
-
-ROUNDING_MM = 2e-4          # four decimals of a length, five of a degree 300 mm from a rotary
-ROUNDING_RAD = 2e-7
-LENGTHS = {7: BALL.length_mm, 3: FLAT.length_mm + 4.0}
 
 
 def mill(name="mill_trunnion_ac", tip=None, **control):
@@ -26,22 +32,12 @@ def text_of(mill, *operations):
     return fanuc.post(program(*operations), mill).text
 
 
-def read(mill, text, lengths=LENGTHS):
-    return reader_of(mill)(text, work_offsets={"G54": mill.wcs_origin_mm}, tool_lengths=lengths)
-
-
 @pytest.mark.parametrize("tip", (None, "G43.4"))
 @pytest.mark.parametrize("name", FIVE_AXIS)
 def test_what_is_read_back_is_what_was_planned(name, tip):
     """Ends, axes, and the lines between within half the path tolerance (solved) or rounding (G43.4)."""
     m, moves = mill(name, tip), rolling()
-    posted = read(m, text_of(m, operation("finish", moves)))
-    assert posted.remarks == () and posted.ended
-    assert_ends_are_read(posted, moves, ROUNDING_MM, ROUNDING_RAD)
-    arc = int(np.flatnonzero(moves.kind > Kind.FEED)[0])
-    cut = np.flatnonzero((posted.kind == Kind.FEED) & (posted.end_mm[:, 0] < moves.end_mm[arc - 1, 0] - 1))
-    allowed = ROUNDING_MM + (0.5 * m.control.path_tolerance_mm if tip is None else 0.0)
-    assert len(cut) > 50 and off_lines(posted.end_mm[cut], moves.starts_mm[1:arc], moves.end_mm[1:arc]).max() < allowed
+    assert_plan_is_read(read_with_tools(m, text_of(m, operation("finish", moves))), moves, m)
 
 
 def test_the_orientation_is_stated_after_every_tool_change_and_g43_4_comes_with_the_first_move():
@@ -55,15 +51,15 @@ def test_the_orientation_is_stated_after_every_tool_change_and_g43_4_comes_with_
     changes = [k for k, line in enumerate(lines) if line.endswith(" M6")]
     assert len(changes) == 3 and [lines[k + 1] for k in changes] == ["G53 G0 C0. A0.", lines[changes[1] + 1], "G53 G0 C0. A0."]
     assert {"C", "A"} <= {w[0] for w in lines[changes[1] + 1].split()}
-    assert read(m, text).remarks == ()
+    assert read_with_tools(m, text).remarks == ()
 
 
 def test_g43_4_holds_for_any_zero_and_tool():
     m = mill(tip="G43.4")
     text = text_of(m, operation("finish", rolling()))
-    here = read(m, text)
+    here = read_with_tools(m, text)
     x, y, z = m.wcs_origin_mm
-    there = read(m.model_copy(update={"wcs_origin_mm": (x - 2, y + 1, z + 3)}), text, {7: BALL.length_mm - 6})
+    there = read_with_tools(m.model_copy(update={"wcs_origin_mm": (x - 2, y + 1, z + 3)}), text, {7: BALL.length_mm - 6})
     begin = int(np.nanargmin(np.linalg.norm(here.end_mm - rolling().end_mm[1], axis=1)))
     assert np.abs(here.end_mm - there.end_mm)[begin:-2].max() < 1e-9
 
@@ -84,24 +80,24 @@ def spoilt(old, new, tip="G43.4", count=1):
 
 def test_without_g43_4_it_is_refused():
     with pytest.raises(ReadError, match="turns rotary axes under G94 without tool-centre-point control"):
-        read(*spoilt("G43.4 G0", "G43 G0"))
+        read_with_tools(*spoilt("G43.4 G0", "G43 G0"))
 
 
 def test_without_any_length_it_is_named():
     m, text = spoilt("G43.4 G0", "G0")
     with pytest.raises(ReadError, match="without tool-centre-point control|no code in this block uses H"):
-        read(m, text)
+        read_with_tools(m, text)
 
 
 def test_a_wrong_h_is_named_and_cuts_beside_the_plan():
-    posted = read(*spoilt(" H7", " H3"))
+    posted = read_with_tools(*spoilt(" H7", " H3"))
     assert {r.kind for r in posted.remarks} == {"wrong_length_offset"} and posted.remarks[0].amount_mm == pytest.approx(4.0)
     assert np.nanmin(np.linalg.norm(posted.end_mm - rolling().end_mm[6], axis=1)) > 1.0
 
 
 def test_a_missing_g49_is_refused():
     with pytest.raises(ReadError, match="G28 under tool-centre-point control"):
-        read(*spoilt("\nG49\n", "\n"))
+        read_with_tools(*spoilt("\nG49\n", "\n"))
 
 
 def test_rotary_words_in_inches_cut_elsewhere():
@@ -109,13 +105,13 @@ def test_rotary_words_in_inches_cut_elsewhere():
     m = mill(tip="G43.4")
     text = text_of(m, operation("finish", rolling()))
     scaled = re.sub(r"\b([AC])(-?[\d.]+)", lambda w: f"{w[1]}{float(w[2]) / 25.4:.5f}", text)
-    posted, meant = read(m, scaled), read(m, text)
+    posted, meant = read_with_tools(m, scaled), read_with_tools(m, text)
     assert np.abs(posted.rotary_deg[-5:] - meant.rotary_deg[-5:]).max() > 5
 
 
 def test_a_rotary_word_without_a_point_is_refused():
     with pytest.raises(ReadError, match="without a decimal point"):
-        read(mill(), "%\nO1\nG21\nG54\nG0 A10\nM30\n%\n")
+        read_with_tools(mill(), "%\nO1\nG21\nG54\nG0 A10\nM30\n%\n")
 
 
 def test_the_control_must_be_its_own():
@@ -153,7 +149,7 @@ def test_an_indexed_position_stands_in_a_tilted_plane(name, tilt_deg, azimuth_de
     assert lines[on + 1] == "G53.1" and re.fullmatch(r"G43 G0( [XYZ]\S+){3} H7", lines[on + 2])
     off = lines.index("G49", on)
     assert lines[off:off + 2] == ["G49", "G69"] and not any(re.search("[ABC]", line) for line in lines[on:off])
-    posted = read(m, text)
+    posted = read_with_tools(m, text)
     assert posted.remarks == () and posted.ended
     for end, axis in zip(side.moves.end_mm, side.moves.axis):
         near = np.linalg.norm(posted.end_mm - end, axis=1)
@@ -176,13 +172,13 @@ def test_what_a_tilted_plane_lacks_is_refused(old, new, message):
     m, text = tilted()
     assert old in text
     with pytest.raises(ReadError, match=message):
-        read(m, text.replace(old, new))
+        read_with_tools(m, text.replace(old, new))
 
 
 def test_a_plane_turned_about_its_own_axis_is_read_as_it_says():
     """K turns what is programmed about the tool."""
     m, text = tilted()
-    posted, meant = read(m, text.replace("K0.", "K90.")), read(m, text)
+    posted, meant = read_with_tools(m, text.replace("K0.", "K90.")), read_with_tools(m, text)
     axis = meant.end_axis[-6]
     off = posted.end_mm[-6] - meant.end_mm[-6]
     assert abs(off @ axis) < 1e-9 and np.linalg.norm(off) > 1.0

@@ -4,16 +4,21 @@ import re
 
 import numpy as np
 import pytest
-from known_tilted import BALL, FLAT, assert_ends_are_read, machine, off_lines, operation, program, rolling, upright
+from known_tilted import (
+    BALL,
+    FLAT,
+    assert_plan_is_read,
+    machine,
+    operation,
+    program,
+    read_with_tools,
+    rolling,
+    upright,
+)
 
-from cuspline.app.catalogue import reader_of
 from cuspline.posts.writers import fanuc, siemens
 from cuspline.program.program import Kind
 from cuspline.values.errors import PostError, ReadError
-
-ROUNDING_MM = 2e-4          # four decimals of a length, five of a degree 300 mm from a rotary
-ROUNDING_RAD = 2e-7
-LENGTHS = {7: BALL.length_mm, 3: FLAT.length_mm + 4.0}
 
 
 def mill(name="mill_trunnion_ac", tip="TRAORI", **control):
@@ -24,22 +29,12 @@ def text_of(mill, *operations):
     return siemens.post(program(*operations), mill).text
 
 
-def read(mill, text, lengths=LENGTHS):
-    return reader_of(mill)(text, work_offsets={"G54": mill.wcs_origin_mm}, tool_lengths=lengths)
-
-
 @pytest.mark.parametrize("tip", (None, "TRAORI"))
 @pytest.mark.parametrize("name", ("mill_trunnion_ac", "mill_head_table_bc", "mill_head_head"))
 def test_what_is_read_back_is_what_was_planned(name, tip):
     """Ends, axes, and the lines between within half the path tolerance (solved) or rounding (TRAORI)."""
     m, moves = mill(name, tip), rolling()
-    posted = read(m, text_of(m, operation("finish", moves)))
-    assert posted.remarks == () and posted.ended
-    assert_ends_are_read(posted, moves, ROUNDING_MM, ROUNDING_RAD)
-    arc = int(np.flatnonzero(moves.kind > Kind.FEED)[0])
-    cut = np.flatnonzero((posted.kind == Kind.FEED) & (posted.end_mm[:, 0] < moves.end_mm[arc - 1, 0] - 1))
-    allowed = ROUNDING_MM + (0.5 * m.control.path_tolerance_mm if tip is None else 0.0)
-    assert len(cut) > 50 and off_lines(posted.end_mm[cut], moves.starts_mm[1:arc], moves.end_mm[1:arc]).max() < allowed
+    assert_plan_is_read(read_with_tools(m, text_of(m, operation("finish", moves))), moves, m)
 
 
 @pytest.mark.parametrize("ours, theirs", [(None, None), ("TRAORI", "G43.4")])
@@ -47,7 +42,7 @@ def test_the_machine_goes_where_another_control_would_send_it(ours, theirs):
     """By posts and readers of two languages, joint for joint at every cut."""
     both = []
     for m, post in ((mill(tip=ours), siemens), (machine("mill_trunnion_ac", post="fanuc", tip_control=theirs), fanuc)):
-        posted = read(m, post.post(program(operation("rough", upright(), FLAT), operation("finish", rolling())), m).text)
+        posted = read_with_tools(m, post.post(program(operation("rough", upright(), FLAT), operation("finish", rolling())), m).text)
         cut = posted.kind != Kind.RAPID
         both.append(np.hstack([posted.machine_end_mm[cut], posted.rotary_deg[cut]]))
     assert len(both[0]) > 80 and np.abs(both[0] - both[1]).max() < 1e-9
@@ -60,16 +55,16 @@ def test_nothing_but_moves_of_the_tip_stands_under_traori_and_the_length_comes_b
     on, off = lines.index("TRAORI"), lines.index("TRAFOOF")
     assert lines[on - 1:on + 3] == ["D1", "TRAORI", "G54", "ORIAXES"] and lines[off + 1] == "G54" and lines.count("TRAORI") == 1
     assert not any(re.match(r"SUPA|M6|T\d|D", line) for line in lines[on + 3:off])
-    posted = read(m, text)
+    posted = read_with_tools(m, text)
     assert posted.remarks == () and posted.length_offset_on[posted.kind != Kind.RAPID].all()
 
 
 def test_it_holds_for_any_zero_and_tool():
     m = mill()
     text = text_of(m, operation("finish", rolling()))
-    here = read(m, text)
+    here = read_with_tools(m, text)
     x, y, z = m.wcs_origin_mm
-    there = read(m.model_copy(update={"wcs_origin_mm": (x - 2, y + 1, z + 3)}), text, {7: BALL.length_mm - 6})
+    there = read_with_tools(m.model_copy(update={"wcs_origin_mm": (x - 2, y + 1, z + 3)}), text, {7: BALL.length_mm - 6})
     begin = int(np.nanargmin(np.linalg.norm(here.end_mm - rolling().end_mm[1], axis=1)))
     assert np.abs(here.end_mm - there.end_mm)[begin:-2].max() < 1e-9
 
@@ -84,13 +79,13 @@ def test_what_traori_lacks_is_refused(old, new, message):
     text = text_of(m, operation("finish", rolling()))
     assert text.count(old) == 1
     with pytest.raises(ReadError, match=message):
-        read(m, text.replace(old, new))
+        read_with_tools(m, text.replace(old, new))
 
 
 def test_a_work_offset_that_is_not_named_again_is_a_remark():
     m = mill()
     text = text_of(m, operation("finish", rolling())).replace("TRAORI\nG54\n", "TRAORI\n")
-    assert {r.kind for r in read(m, text).remarks} == {"unknown_start"}
+    assert {r.kind for r in read_with_tools(m, text).remarks} == {"unknown_start"}
 
 
 def test_the_control_must_be_its_own():

@@ -54,7 +54,7 @@ class Auto(Finishing):
         return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.pass_angle_deg))
 
     def plan(self, work):
-        walls, points = drilling.drillable_faces(work.on(Drill(), work.wanted, work.planned))
+        walls, points = drilling.drillable_faces(work, Drill())
         if not walls:
             return self._shaped(work)
         drills, _ = Drill().plan(work.on(Drill(), walls, work.planned))
