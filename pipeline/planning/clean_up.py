@@ -81,6 +81,21 @@ def _touched(work, tool, foot, left_mm):
     return _fits(work, tool, foot) & (_missing_mm(work, tool, foot, left_mm) <= 0)
 
 
+def squarely_touched(work, operations, places_mm, left_mm):
+    """How squarely some ball that may clean up touches places of a part.
+
+    Args:
+        work, operations, places_mm, left_mm: see `clean_up`.
+    Returns:
+        (n,) cosine between normal and tool axis; -inf: no ball touches it.
+    """
+    foot = work.closest.closest_points(places_mm)
+    is_touched = np.zeros(len(places_mm), bool)
+    for tool in _balls(work, operations):
+        is_touched |= _touched(work, tool, foot, left_mm)
+    return np.where(is_touched, foot.normal[:, 2], -np.inf)
+
+
 def why_out_of_reach(work, operations, places_mm, left_mm):
     """In words, why no ball cleans up places (n, 3): the stick-out that would do, where that is all that is missing."""
     foot = work.closest.closest_points(places_mm)
