@@ -29,7 +29,6 @@ from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
 from cuspline.toolpaths.freeform.tip_paths import PathRules, tip_paths
 from cuspline.values import fixed_math as fixed
 from cuspline.values.clusters import clusters_of
-from cuspline.values.errors import ToolpathError
 
 BEYOND_STEPS = 0.75         # of the finish's own step: passes run that far beyond a place
 GROUP_STEPS = 6.0           # places nearer to each other than that are cut together
@@ -154,10 +153,7 @@ def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):
         low, high = tips.min(axis=0) - beyond, tips.max(axis=0) + beyond
         tree = cKDTree(places_mm[group])
         near = lambda points: tree.query(points)[0] <= beyond
-        try:
-            field = tip_field(dropper, work.wanted, (low + radius, high - radius), step / NODES_A_STEP)
-        except ToolpathError:
-            continue            # the box holds nothing that the ball touches: another ball's work
+        field = tip_field(dropper, work.wanted, (low + radius, high - radius), step / NODES_A_STEP, may_be_empty=True)
         paths = _from_above(field, near, ridge_mm, rules, step)
         paths += _round_walls(work, field, tips[:, 2] - radius, normals[group], near, step, tolerance)
         paths += _along_fillets(work, field, places_mm[group], tips, rules, step)
