@@ -201,7 +201,7 @@ def _fall_together(places_mm, middles_mm):
 
 
 def _chained(points_mm, gap_mm):
-    """[(k, 3)] points (n, 3) in rows from neighbour to neighbour, no two farther apart than a gap in plan; a lone one goes a bit on."""
+    """[(k, 3)] points (n, 3) in rows from neighbour to neighbour within a gap in plan; a lone one goes a bit on."""
     left, lines = np.ones(len(points_mm), bool), []
     while left.any():
         start = np.flatnonzero(left)
