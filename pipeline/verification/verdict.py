@@ -11,6 +11,8 @@ from OCP.TopExp import TopExp_Explorer
 from cuspline.design.design import by_clamping
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.tessellation import Tessellation, tessellate
+from cuspline.process.cut_of_operations import process_document
+from cuspline.process.engagement import engagement
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.replay import replay
 from cuspline.replay.replay_result import Replay
@@ -380,7 +382,10 @@ def _judged(part, c, found, own, judging, joined):
     finish, tools, machine = part.finish, judging.tools, judging.machine
     kept, say, moves = judging.kept, judging.say, f"{len(c.program.posted):,} moves"
     say(f"{c.name}: replay of {moves} on a grid of {c.options.replay_pitch_mm:.3f} mm")
-    history = _replayed(part, c, judging)
+    stock = _found_stock(part, c, tools)
+    history = _replayed(part, c, judging, stock)
+    say(f"{c.name}: what the edges meet on {moves}")
+    met = engagement(c.program.posted, tools, stock)
     say(f"{c.name}: certificate of {moves}")
     solid = solid_in_wcs(part.solid, c.program.setup.frame)
     proven = certify(c.program.posted, tools, ExactPart.of_solid(solid), solid=solid, kept=kept, skin_mm=finish.plating_mm,
@@ -411,7 +416,8 @@ def _judged(part, c, found, own, judging, joined):
                         numbers={**_numbers(found, view, finish, bounds, history, true_mm),
                                  **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
-                                 "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict())})
+                                 "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict()),
+                                 "process": process_document(c.program.posted, tools, met)})
 
 
 def _cusps(part, c, found):
@@ -486,10 +492,9 @@ def _affordable_mm(solid, deviation_mm):
     return deviation_mm * max(1.0, expected / MESH_TRIANGLES)
 
 
-def _replayed(part, c, judging):
-    """The program replayed on the stock that it finds."""
+def _replayed(part, c, judging, stock):
+    """The program replayed on the FoundStock that it finds."""
     program, options, mesh, frame = c.program, c.options, part.mesh, c.program.setup.frame
-    stock = _found_stock(part, c, judging.tools)
     top = drop_tips_mm(c.drops, stock.zmap.xy_mm, DESIGN_PIN_MM, 0.0)
     design = FinishedDesign(top_mm=np.where(np.isfinite(top), top, np.nan).reshape(stock.zmap.shape),
                             tree=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),
