@@ -168,7 +168,7 @@ def slotting_depth_mm(radius_mm, axial_step_mm, phi_rad):
     """
     phi = np.asarray(phi_rad, float)
     sine = np.abs(fixed.sin(phi))
-    free = np.maximum(sine, 1e-9) ** -2
+    free = 1 / np.maximum(sine * sine, 1e-18)
     on_ball = radius_mm + axial_step_mm * free - np.sqrt(np.maximum(
         radius_mm * radius_mm + axial_step_mm ** 2 * (free * free - free), 0.0))
     return np.where(sine > axial_step_mm / radius_mm, on_ball, axial_step_mm + (1 - sine) * radius_mm)

@@ -117,7 +117,7 @@ def _fill_least(number, levels, second, least):
     """Least number under each child, in the order of tree.build_blocks' blocks."""
     span, row = 1, len(least)
     for level in range(levels - 1, -1, -1):
-        count = second * tree.WIDTH ** (level - 1) if level > 0 else 1
+        count = second << 3 * (level - 1) if level > 0 else 1         # 1 << 3: tree.WIDTH
         row -= count
         for i in range(count * tree.WIDTH):
             for j in range(i * span, min((i + 1) * span, len(number))):
