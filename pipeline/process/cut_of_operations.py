@@ -1,6 +1,6 @@
 """What operations take off and where their edges cut, summed up out of the engagement of their moves; verify.json's "process"."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -78,8 +78,24 @@ def not_seen(posted, found):
     return [posted.operations[k] for k in np.unique(posted.operation[blind]).tolist()]
 
 
-def process_document(posted, tools, found):
-    """verify.json's "process" of one setup: {"operations": [...], "not_checked": "..."}."""
-    names = not_seen(posted, found)
-    told = {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
-    return {"operations": [cut.as_dict() for cut in cuts_of_operations(posted, tools, found)], **told}
+def process_document(posted, tools, found, loads=None, source=""):
+    """verify.json's "process" of one setup.
+
+    Args:
+        loads: forces.Forces at the places of `found`; None: they are not known.
+        source: where the material's figures come from, or why there are none.
+    Returns:
+        {"operations": [...], "forces": words, "not_checked": words where something is not looked at}.
+    """
+    names, rows = not_seen(posted, found), []
+    numbers = posted.operation[found.row]
+    for cut in cuts_of_operations(posted, tools, found):
+        mine = numbers == posted.operations.index(cut.name)
+        rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine))})
+    words = {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
+    return {"operations": rows, "forces": source if loads is not None else f"not checked: {source}", **words}
+
+
+def _largest(loads, mine):
+    """The largest of each force over an operation's places."""
+    return {f.name: round(float(getattr(loads, f.name)[mine].max(initial=0.0)), 6) for f in fields(loads)}

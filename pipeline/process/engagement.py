@@ -80,12 +80,16 @@ class Engagement:
     area_mm2: np.ndarray        # (n,) volume removed a length of way
     arcs: np.ndarray            # (n, rings, 2) widest arc of each ring in the cut, from the feed against the clock; NaN: none
     unseen: tuple[int, ...]     # numbers of the tools whose cuts are not looked at
+    ends_mm: np.ndarray         # (n, 2) lengths along the edge from the tip between which it cuts
+    feed: np.ndarray            # (n, 3) unit direction of the feed
+    look: Look                  # how closely it was looked
 
     def __post_init__(self):
         n = len(self.row)
-        for f in fields(self)[:-2]:
-            shape, dtype = ((n, 3), float) if f.name == "tip_mm" else ((n,), np.int64 if f.name == "row" else float)
-            object.__setattr__(self, f.name, frozen(getattr(self, f.name), shape, f.name, dtype))
+        wide = {"tip_mm": (n, 3), "feed": (n, 3), "ends_mm": (n, 2)}
+        for name in (f.name for f in fields(self) if f.name not in ("arcs", "unseen", "look")):
+            dtype = np.int64 if name == "row" else float
+            object.__setattr__(self, name, frozen(getattr(self, name), wide.get(name, (n,)), name, dtype))
         object.__setattr__(self, "arcs", frozen(self.arcs, (n, None, 2), "arcs", is_handed_over=True))
 
     @property
@@ -132,7 +136,8 @@ def engagement(posted, tools, stock, look=Look()):
     return Engagement(row=places.row, way_mm=places.way_mm, tip_mm=places.state[:, :3], lowest_mm=heights[:, 0],
                       highest_mm=heights[:, 1], lowest_radius_mm=radii[:, 0], highest_radius_mm=radii[:, 1],
                       immersion_rad=np.nan_to_num(out[:, WIDEST]), area_mm2=np.nan_to_num(out[:, RATE]),
-                      arcs=arcs[..., :ROUND].copy(), unseen=tuple(sorted((used - set(plain_tools(tools))) | leaning)))
+                      arcs=arcs[..., :ROUND].copy(), feed=places.state[:, FEED_X:], look=look, ends_mm=out[:, :WIDEST],
+                      unseen=tuple(sorted((used - set(plain_tools(tools))) | leaning)))
 
 
 # places along the way ---------------------------------------------------------------------------

@@ -335,7 +335,8 @@ def edge_rows(verify):
 def edges_not_checked(verify):
     """What verify.json's "process" says of operations that are not looked at, one text a setup."""
     parts = [(str(part.get("setup", DASH)), _process(part).get("not_checked")) for part in verify.get("setups") or ()]
-    return [f"{name}: {words}" for name, words in parts if words]
+    unknown = dict.fromkeys(str(_process(part).get("forces", "")) for part in verify.get("setups") or ())
+    return [f"{name}: {words}" for name, words in parts if words] + [f"Forces: {words}" for words in unknown if words]
 
 
 def _process(part):
@@ -350,6 +351,8 @@ def _edge_row(setup, op):
         "in_cut": percent(op.get("share_in_cut"), 1.0, 0), "tip": percent(op.get("tip_share"), 1.0, 0),
         "depth": decimal(op.get("depth_mm"), 2), "line": grouped(op.get("depth_line")), "arc": decimal(op.get("immersion_deg"), 0),
         "speed": f"{decimal(low, 0)} … {decimal(high, 0)}", "removed": decimal((number(op.get("removed_mm3")) or 0) / 1000, 2),
+        "axial": decimal(op.get("axial_n"), 0), "radial": decimal(op.get("radial_n"), 0), "power": decimal(op.get("power_kw"), 2),
+        "bend": decimal(op.get("deflection_mm"), 4),
         "rate": decimal(op.get("removal_cm3_per_h"), 1), "most": decimal(op.get("removal_most_cm3_per_h"), 1)}
 
 
