@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FLOORS = ({"values"}, {"splines", "scallop", "shop"}, {"kernel", "program"}, {"posts"}, {"surfaces", "stock"},
-          {"design", "replay"}, {"toolpaths"}, {"planning", "verification"}, {"report"}, {"app"}, {"designs"})
+          {"design", "replay"}, {"toolpaths", "process"}, {"planning", "verification"}, {"report"}, {"app"}, {"designs"})
 CATALOGUE = ("cuspline.app.catalogue", "cuspline.designs")      # finds designs by name
 RANK = {name: rank for rank, floor in enumerate(FLOORS) for name in floor}
 MOST_BARE = 250         # numbers that index something in kernels: the first place of a stack, the second side of a shape

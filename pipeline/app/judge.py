@@ -195,6 +195,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         extra += _program_findings(program, job.machine)
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     judging = Judging(tools=tools, stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
+                      material=job.material,
                       ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
     return Begun(job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
                  first=first_look(programs, solid, judging))

@@ -326,6 +326,36 @@ def _operation_row(setup, index, op, total_s):
     }
 
 
+def edge_rows(verify):
+    """One dict of texts per operation: what its edges meet, out of verify.json's "process"."""
+    return [_edge_row(str(part.get("setup", DASH)), op) for part in verify.get("setups") or ()
+            for op in _process(part).get("operations") or ()]
+
+
+def edges_not_checked(verify):
+    """What verify.json's "process" says of operations that are not looked at, one text a setup."""
+    parts = [(str(part.get("setup", DASH)), _process(part).get("not_checked")) for part in verify.get("setups") or ()]
+    unknown = dict.fromkeys(str(_process(part).get("forces", "")) for part in verify.get("setups") or ())
+    return [f"{name}: {words}" for name, words in parts if words] + [f"Forces: {words}" for words in unknown if words]
+
+
+def _process(part):
+    found = part.get("process")
+    return found if isinstance(found, dict) else {}
+
+
+def _edge_row(setup, op):
+    low, high = op.get("lowest_speed_m_per_min"), op.get("highest_speed_m_per_min")
+    return {
+        "setup": setup, "name": str(op.get("name", DASH)), "way": decimal((number(op.get("way_mm")) or 0) / 1000, 2, "m"),
+        "in_cut": percent(op.get("share_in_cut"), 1.0, 0), "tip": percent(op.get("tip_share"), 1.0, 0),
+        "depth": decimal(op.get("depth_mm"), 2), "line": grouped(op.get("depth_line")), "arc": decimal(op.get("immersion_deg"), 0),
+        "speed": f"{decimal(low, 0)} … {decimal(high, 0)}", "removed": decimal((number(op.get("removed_mm3")) or 0) / 1000, 2),
+        "axial": decimal(op.get("axial_n"), 0), "radial": decimal(op.get("radial_n"), 0), "power": decimal(op.get("power_kw"), 2),
+        "bend": decimal(op.get("deflection_mm"), 4),
+        "rate": decimal(op.get("removal_cm3_per_h"), 1), "most": decimal(op.get("removal_most_cm3_per_h"), 1)}
+
+
 def feed_text(feed):
     """A feed, a range of feeds, or feeds by name."""
     if isinstance(feed, dict):

@@ -50,7 +50,8 @@ def report_html(bundle, images, plots, left_out):
     return _template("page.html").render(
         **_common(bundle, images), left_out=left_out, limits=facts.limits(bundle), facts=facts.one_minute(bundle),
         first_findings=FIRST_FINDINGS,
-        operations=facts.operation_rows(bundle), candidates=facts.candidate_rows(bundle),
+        operations=facts.operation_rows(bundle), edge_rows=facts.edge_rows(bundle.verify),
+        edges_not_checked=facts.edges_not_checked(bundle.verify), candidates=facts.candidate_rows(bundle),
         unreachable=facts.unreachable(bundle), bounds=facts.error_bound_rows(bundle.verify),
         measures=facts.measure_rows(bundle), stock=facts.stock_rows(bundle.verify), files=facts.file_rows(bundle),
         cusps=facts.cusp_rows(bundle.verify), meshes=facts.mesh_rows(bundle.verify),

@@ -47,7 +47,8 @@ SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg
                 "drill": ("point_angle_deg",), "spot_drill": ("point_angle_deg",),
                 "chamfer_mill": ("point_angle_deg", "tip_diameter_mm")}
 ALL_SHAPE_FIELDS = tuple(dict.fromkeys(name for names in SHAPE_FIELDS.values() for name in names))
-OPTIONAL = (*ALL_SHAPE_FIELDS, "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth")
+OPTIONAL = (*ALL_SHAPE_FIELDS, "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth",
+            "bending_n")
 DRILLS = ("drill", "spot_drill")                    # types that cut along their axis alone
 POINTED = (*DRILLS, "chamfer_mill")                 # types that end in a cone
 CENTRE_CUTTING = ("ball", "tapered_ball", "lens", *DRILLS)  # types whose teeth meet in the middle, where a library does not say
@@ -92,6 +93,7 @@ class Cutter(Model):
         default=None, gt=0, description=f"deepest slot of its full width; left out: {SLOT_SHARE:g} of the diameter")
     plunge_mm_per_tooth: float | None = Field(
         default=None, gt=0, description=f"of a centre-cutting cutter; left out: {PLUNGE_SHARE:g} of the diameter")
+    bending_n: float | None = Field(default=None, gt=0, description="force across its axis that it stands; left out: not checked")
 
     @model_validator(mode="after")
     def _shape_is_consistent(self):

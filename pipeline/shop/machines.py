@@ -111,9 +111,15 @@ class Body(Model):
     shape: one_of(Box, Cylinder, StepBody)
 
 
-class Spindle(Model):
+class Spindle(Sparse):
+    """What it turns, and what it stands; a limit that is left out is not checked."""
+
+    LEFT_OUT = ("power_kw", "torque_n_m", "axial_n")
     min_rpm: float = Field(gt=0)
     max_rpm: float = Field(gt=0)
+    power_kw: float | None = Field(default=None, gt=0, description="at the tool, without end")
+    torque_n_m: float | None = Field(default=None, gt=0, description="the same, at every speed")
+    axial_n: float | None = Field(default=None, gt=0, description="force along its axis that its bearings stand")
 
 
 class Control(Sparse):

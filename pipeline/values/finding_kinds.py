@@ -91,6 +91,12 @@ KINDS = {
             "a feed per tooth far beyond what the material takes",
             "`F4000` where `F400` was meant: more than twice the material's feed per tooth (`cuspline materials`).",
             "Lower F, or raise S."),
+        "process_limit": (
+            "a cut takes more force, torque or power than spindle or cutter stand",
+            "Roughing takes 9 kW where the machine's file states `power_kw = 7.5` for its spindle; or a cutter is pushed "
+            "aside with 400 N, where its `bending_n` is 250.",
+            "Take a smaller stepdown or stepover, or a lower feed per tooth, in the operation that is named. It is checked where "
+            "the machine's file or the tool library state the limit and the material's cutting force is known."),
         "spindle_out_of_range": (
             "a spindle speed that machine or cutter do not allow",
             "`S24000` on a spindle that ends at 18 000 rpm, or with a cutter whose `max_rpm` is lower.",

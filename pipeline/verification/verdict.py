@@ -11,10 +11,14 @@ from OCP.TopExp import TopExp_Explorer
 from cuspline.design.design import by_clamping
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.tessellation import Tessellation, tessellate
+from cuspline.process.cut_of_operations import process_document
+from cuspline.process.engagement import engagement
+from cuspline.process.forces import forces
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.replay import replay
 from cuspline.replay.replay_result import Replay
 from cuspline.replay.scene import FinishedDesign, FoundStock, Surroundings, ZMap
+from cuspline.shop.cutting_forces import known_forces
 from cuspline.stock.stock_solids import StockSolids
 from cuspline.stock.swept import is_height_field, lowest_moves, stock_height_mm, swept_paths
 from cuspline.stock.workpiece import Workpiece
@@ -31,6 +35,7 @@ from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.in_process import PART
+from cuspline.verification.process_findings import limit_findings
 from cuspline.verification.reach import REACHABLE, drop_mesh
 from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
 from cuspline.verification.residuals import (
@@ -162,6 +167,7 @@ class Judging:
     finish: object                    # design.Finish
     ball_radius_mm: float             # smallest ball of the shop's library
     machine: object = None            # machines.Machine, or None: travel and table are not asked
+    material: str = ""                # name of the work material: of others than shop.cutting_forces knows forces are not checked
     options: Options = Options()
     kept: object = NOTHING            # kept.Kept, asked first for what takes long; NOTHING keeps nothing
     say: Callable = lambda text: None       # called with what is being done, and how large it is
@@ -380,7 +386,12 @@ def _judged(part, c, found, own, judging, joined):
     finish, tools, machine = part.finish, judging.tools, judging.machine
     kept, say, moves = judging.kept, judging.say, f"{len(c.program.posted):,} moves"
     say(f"{c.name}: replay of {moves} on a grid of {c.options.replay_pitch_mm:.3f} mm")
-    history = _replayed(part, c, judging)
+    stock = _found_stock(part, c, tools)
+    history = _replayed(part, c, judging, stock)
+    say(f"{c.name}: what the edges meet on {moves}")
+    met = engagement(c.program.posted, tools, stock)
+    material = known_forces().get(judging.material)
+    loads = None if material is None else forces(c.program.posted, tools, met, material)
     say(f"{c.name}: certificate of {moves}")
     solid = solid_in_wcs(part.solid, c.program.setup.frame)
     proven = certify(c.program.posted, tools, ExactPart.of_solid(solid), solid=solid, kept=kept, skin_mm=finish.plating_mm,
@@ -402,7 +413,8 @@ def _judged(part, c, found, own, judging, joined):
     true_mm = _once(partial(_true_mm, part, c, found))
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
-    findings = (*history.findings, *history.idle, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
+    limits = limit_findings(c.program.posted, tools, machine, met, loads, (c.name, c.program.setup.frame))
+    findings = (*history.findings, *history.idle, *limits, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
                 *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
     return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,
@@ -411,7 +423,14 @@ def _judged(part, c, found, own, judging, joined):
                         numbers={**_numbers(found, view, finish, bounds, history, true_mm),
                                  **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
-                                 "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict())})
+                                 "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict()),
+                                 "process": process_document(c.program.posted, tools, met, loads,
+                                                             _force_source(material, judging))})
+
+
+def _force_source(material, judging):
+    """Where forces come from, or why there are none."""
+    return (f"no cutting force is known of {judging.material or 'the material'}" if material is None else material.source)
 
 
 def _cusps(part, c, found):
@@ -486,10 +505,9 @@ def _affordable_mm(solid, deviation_mm):
     return deviation_mm * max(1.0, expected / MESH_TRIANGLES)
 
 
-def _replayed(part, c, judging):
-    """The program replayed on the stock that it finds."""
+def _replayed(part, c, judging, stock):
+    """The program replayed on the FoundStock that it finds."""
     program, options, mesh, frame = c.program, c.options, part.mesh, c.program.setup.frame
-    stock = _found_stock(part, c, judging.tools)
     top = drop_tips_mm(c.drops, stock.zmap.xy_mm, DESIGN_PIN_MM, 0.0)
     design = FinishedDesign(top_mm=np.where(np.isfinite(top), top, np.nan).reshape(stock.zmap.shape),
                             tree=ClearanceTree.of_triangles(frame.into(mesh.vertices_mm), mesh.triangles),

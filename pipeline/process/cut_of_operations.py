@@ -1,0 +1,101 @@
+"""What operations take off and where their edges cut, summed up out of the engagement of their moves; verify.json's "process"."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from cuspline.program.program import Kind
+from cuspline.values.amounts import counted
+
+NOT_SEEN = "not checked: the tool leans, drills, or is no ball, bull nose or flat cutter"
+
+
+@dataclass(frozen=True, kw_only=True)
+class OperationCut:
+    """Of one operation."""
+
+    name: str
+    tool: int
+    way_mm: float                   # of its cutting moves
+    share_in_cut: float             # of the way on which the edge meets stock
+    tip_share: float                # of the way on which the tip is in the cut
+    depth_mm: float                 # largest depth, and the line of its move
+    depth_line: int
+    immersion_deg: float            # widest arc
+    lowest_speed_m_per_min: float   # of the edge in the cut: nearest to the axis,
+    highest_speed_m_per_min: float  # and farthest from it
+    removed_mm3: float
+    removal_cm3_per_h: float        # on the way in the cut: mean
+    removal_most_cm3_per_h: float   # and largest
+
+    def as_dict(self):
+        """For verify.json, rounded."""
+        return {name: round(value, 4) if isinstance(value, float) else value for name, value in self.__dict__.items()}
+
+
+def cuts_of_operations(posted, tools, found):
+    """OperationCut of every operation whose cuts are seen, in the order of the program.
+
+    Args:
+        posted: PostedMoves.   tools: {number: cutters.Tool}.   found: engagement.Engagement of them.
+    """
+    numbers = posted.operation[found.row]
+    return tuple(_cut(posted, tools, found, np.flatnonzero(numbers == k), name)
+                 for k, name in enumerate(posted.operations) if (numbers == k).any())
+
+
+def _cut(posted, tools, found, mine, name):
+    row = found.row[mine]
+    tool = int(posted.tool[row[0]])
+    way, cuts = found.way_mm[mine], found.cuts[mine]
+    feed, rpm = posted.feed_mm_per_min[row], np.abs(posted.spindle_rpm[row])
+    speed = lambda radius: 2 * np.pi * np.nan_to_num(radius[mine]) * rpm / 1000
+    total, within = _sum(way), _sum(way[cuts])
+    volume = _sum(way * found.area_mm2[mine])
+    minutes = _sum(np.divide(way, feed, out=np.zeros(len(way)), where=cuts & (feed > 0)))
+    share = lambda part: part / total if total > 0 else 0.0
+    deepest = int(found.depth_mm[mine].argmax())
+    return OperationCut(
+        name=name, tool=tool, way_mm=total, share_in_cut=share(within),
+        tip_share=share(_sum(way[found.has_tip(tools[tool].cutter.radius_mm)[mine]])),
+        depth_mm=float(found.depth_mm[mine][deepest]), depth_line=int(posted.line[row[deepest]]),
+        immersion_deg=float(np.degrees(found.immersion_rad[mine].max())),
+        lowest_speed_m_per_min=float(speed(found.lowest_radius_mm)[cuts].min(initial=np.inf)) if cuts.any() else 0.0,
+        highest_speed_m_per_min=float(speed(found.highest_radius_mm)[cuts].max(initial=0.0)),
+        removed_mm3=volume, removal_cm3_per_h=0.06 * volume / minutes if minutes > 0 else 0.0,
+        removal_most_cm3_per_h=float((0.06 * found.area_mm2[mine] * feed).max()))
+
+
+def _sum(values):
+    """One after the other: the same on every processor."""
+    return float(np.cumsum(values)[-1]) if len(values) else 0.0
+
+
+def not_seen(posted, found):
+    """Names of operations whose cuts are not looked at."""
+    cutting = posted.kind != Kind.RAPID
+    blind = np.isin(posted.tool, found.unseen) & cutting & (posted.operation >= 0)
+    return [posted.operations[k] for k in np.unique(posted.operation[blind]).tolist()]
+
+
+def process_document(posted, tools, found, loads=None, source=""):
+    """verify.json's "process" of one setup.
+
+    Args:
+        loads: forces.Forces at the places of `found`; None: they are not known.
+        source: where the material's figures come from, or why there are none.
+    Returns:
+        {"operations": [...], "forces": words, "not_checked": words where something is not looked at}.
+    """
+    names, rows = not_seen(posted, found), []
+    numbers = posted.operation[found.row]
+    for cut in cuts_of_operations(posted, tools, found):
+        mine = numbers == posted.operations.index(cut.name)
+        rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine))})
+    words = {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
+    return {"operations": rows, "forces": source if loads is not None else f"not checked: {source}", **words}
+
+
+def _largest(loads, mine):
+    """The largest of each force over an operation's places."""
+    return {f.name: round(float(getattr(loads, f.name)[mine].max(initial=0.0)), 6) for f in fields(loads)}

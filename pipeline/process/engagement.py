@@ -1,0 +1,459 @@
+r"""What every cutting move meets: the stretch of the edge in the cut, how far round, how much it takes, measured on the stock.
+
+At places along the way, at most a share of the cutter's radius apart and wherever the path turns, rings round the cutter's
+axis are followed over its front, from one side of the feed to the other:
+
+       feed ▲            a ring leaves out what is surely clear: its next place is as far on as the stock is away, or as the
+          ╱‾‾‾╲          cut goes on.  Where that changes sign the edge enters or leaves the cut.
+         │  ·  │
+          ╲___╱          rings lie close together along the edge; the lowest and the highest in the cut are halved out.
+
+Chips thinner than THIN_MM are not seen, nor what lies between two rings or between two places.
+"""
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from cuspline.process.earlier_cuts import CutPieces, found_depth, found_for_kernel, plain_tools, swept_depth
+from cuspline.program.program import Kind
+from cuspline.stock import tree
+from cuspline.stock.distance_kernels import piece_distance
+from cuspline.stock.path_pieces import X0, X1
+from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import frozen
+from cuspline.values.compiled import njit
+from cuspline.values.rows import FROM, TO, put
+from cuspline.values.threads import in_blocks
+
+BEHIND = 0.1              # of the radius: what the cutter has swept on its last way is not taken for an earlier cut
+TURN_COSINE = 0.985       # of the angle between two moves, 10 degrees: from there on the end of the first is looked at
+END_RAD = np.radians(1.0)           # and where the end of the cut is looked for, which may be a point,
+BESIDE_RAD = np.radians(20.0)       # so far beside the nearest arc
+THIN_MM = 5e-4            # chips
+HALVINGS = 6              # of the distance of two rings,
+CLEAR = 0.2               # of a ring's radius: how much farther is clear is not asked, the next step is no longer
+CROSSINGS = 3             # halvings of the step in which a ring enters or leaves the cut
+LOOKED_AT = 32            # at so many places of a ring at most
+TIP_SHARE = 0.05          # of the radius: as near to its axis a ball does not cut but rub
+CORNER_MM, SAME = 1e-9, 1e-6    # beside a corner of the edge; sines that are the same
+CHUNK = 64                # places looked at one after the other
+IS_ARC, BEGINS, ENDS, AT_R, AT_Z = range(5)     # columns of an edge's parts: whether an arc, its stretch, first point or middle
+WAY_R, WAY_Z = ANGLE, BEND = range(5, 7)        # direction of a line; first angle and radius of an arc
+RADIUS, HEIGHT, OUT, UP, WIDTH, ALONG = range(6)                # of a ring: its radius and height, the normal there, width, place
+FIRST, LAST, ROUND, FORWARD, BEGIN, END = range(6)      # of a ring in the cut: ends of its widest arc; length and integral of the
+                                                        # cosine of all its arcs; where the first begins and the last ends
+LOWEST, HIGHEST, WIDEST, RATE = range(4)                        # of a place: lengths along the edge, see Engagement
+TIP_X, TIP_Y, TIP_Z, FEED_X, FEED_Y, FEED_Z = range(6)          # of a place
+TREE = 12                                                       # of the piece behind it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """How closely to look."""
+
+    apart: float = 0.5              # of the cutter's radius, between two places
+    most_places: int = 2_500        # of a program: a longer way has them farther apart; a quarter more where it turns
+    ring_rad: float = math.radians(10.0)    # between rings on a round edge
+    ring_share: float = 1 / 6       # of the radius, between rings on a straight one
+    round_rad: float = math.radians(6.0)    # the shortest step along a ring
+
+    @classmethod
+    def finer(cls, by):
+        """So many times as fine as usual."""
+        return cls(apart=cls.apart / by, ring_rad=cls.ring_rad / by, ring_share=cls.ring_share / by, round_rad=cls.round_rad / by)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Engagement:
+    """What the cutter meets at places along a program's cutting moves; one row a place, in the order of cutting."""
+
+    row: np.ndarray             # (n,) row of PostedMoves
+    way_mm: np.ndarray          # (n,) length of cutting way that the place stands for
+    tip_mm: np.ndarray          # (n, 3) WCS
+    lowest_mm: np.ndarray       # (n,) height over the tip from which on the edge cuts; NaN: it cuts air
+    highest_mm: np.ndarray      # (n,) up to which
+    lowest_radius_mm: np.ndarray    # (n,) distance from the axis there
+    highest_radius_mm: np.ndarray   # (n,)
+    immersion_rad: np.ndarray   # (n,) widest arc of any ring in the cut
+    area_mm2: np.ndarray        # (n,) volume removed a length of way
+    arcs: np.ndarray            # (n, rings, 2) widest arc of each ring in the cut, from the feed against the clock; NaN: none
+    unseen: tuple[int, ...]     # numbers of the tools whose cuts are not looked at
+    ends_mm: np.ndarray         # (n, 2) lengths along the edge from the tip between which it cuts
+    feed: np.ndarray            # (n, 3) unit direction of the feed
+    look: Look                  # how closely it was looked
+
+    def __post_init__(self):
+        n = len(self.row)
+        wide = {"tip_mm": (n, 3), "feed": (n, 3), "ends_mm": (n, 2)}
+        for name in (f.name for f in fields(self) if f.name not in ("arcs", "unseen", "look")):
+            dtype = np.int64 if name == "row" else float
+            object.__setattr__(self, name, frozen(getattr(self, name), wide.get(name, (n,)), name, dtype))
+        object.__setattr__(self, "arcs", frozen(self.arcs, (n, None, 2), "arcs", is_handed_over=True))
+
+    @property
+    def cuts(self):
+        """(n,) bool: the edge meets stock."""
+        return np.isfinite(self.lowest_mm)
+
+    @property
+    def depth_mm(self):
+        """(n,) a_m: stretch of the edge in the cut on its way round, along the axis; never less than at one moment."""
+        return np.nan_to_num(self.highest_mm - self.lowest_mm)
+
+    def has_tip(self, radius_mm):
+        """(n,) bool: the edge cuts nearer to the axis than TIP_SHARE of a radius, scalar or (n,)."""
+        return self.cuts & (self.lowest_radius_mm <= TIP_SHARE * np.asarray(radius_mm))
+
+
+def engagement(posted, tools, stock, look=Look()):
+    """Engagement of a program's cutting moves from the stock as it stands before each of them.
+
+    Seen are upright balls, bull noses and flat cutters; what other tools take off is not known here, and counts as standing.
+
+    Args:
+        posted: PostedMoves.   tools: {number: cutters.Tool}.   stock: scene.FoundStock.
+        look: Look.
+    """
+    cut = CutPieces.of(posted, tools)
+    places = _Places.of(posted, tools, cut, look)
+    found, n = found_for_kernel(stock), len(places.row)
+    edges = {number: edge_of(tools[number].cutter, look) for number in np.unique(cut.tool[places.piece]).tolist()}
+    rings = max((len(e[1]) for e in edges.values()), default=0)
+    arcs, out = np.full((n, rings, 6), np.nan), np.full((n, 4), np.nan)
+    radii = np.zeros((n, 2))
+    for number, (parts, ring) in edges.items():
+        mine = np.flatnonzero(cut.tool[places.piece] == number)
+        some, ways = np.full((len(mine), len(ring), 6), np.nan), np.full((len(mine), 4), np.nan)
+        in_blocks(_looked_at, len(mine), CHUNK, places.state[mine], places.before[mine], places.behind[mine], cut.world, found,
+                  (parts, ring), look.round_rad, some, ways)
+        arcs[mine, :len(ring)], out[mine] = some, ways
+        radii[mine] = _radii(parts, ways[:, :WIDEST])
+    used = {int(t) for t in np.unique(posted.tool[posted.kind != Kind.RAPID])}
+    leaning = {int(t) for t in np.unique(posted.tool[~posted.is_upright & (posted.kind != Kind.RAPID)])}
+    heights = _heights(places, cut, edges, out[:, :WIDEST])
+    return Engagement(row=places.row, way_mm=places.way_mm, tip_mm=places.state[:, :3], lowest_mm=heights[:, 0],
+                      highest_mm=heights[:, 1], lowest_radius_mm=radii[:, 0], highest_radius_mm=radii[:, 1],
+                      immersion_rad=np.nan_to_num(out[:, WIDEST]), area_mm2=np.nan_to_num(out[:, RATE]),
+                      arcs=arcs[..., :ROUND].copy(), feed=places.state[:, FEED_X:], look=look, ends_mm=out[:, :WIDEST],
+                      unseen=tuple(sorted((used - set(plain_tools(tools))) | leaning)))
+
+
+# places along the way ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Places:
+    """Where the cutter is looked at."""
+
+    row: np.ndarray         # (n,)
+    piece: np.ndarray       # (n,) of CutPieces
+    state: np.ndarray       # (n, 6) tip, direction of the feed (unit)
+    before: np.ndarray      # (n,) number of the first piece that does not count as an earlier cut
+    behind: np.ndarray      # (n, 13) the piece that ends behind the cutter, cut off there, and its tree; -1: there is none
+    way_mm: np.ndarray      # (n,)
+
+    @classmethod
+    def of(cls, posted, tools, cut, look):
+        g, row = cut.geometry, cut.row
+        way = g[:, X1:X1 + 3] - g[:, X0:X1]
+        length = np.sqrt((way * way).sum(axis=1))
+        feeds = posted.kind[row] != Kind.RAPID
+        length = np.where(feeds, length, 0.0)
+        radius = _of_tools(cut.tool, tools)
+        share = length / np.maximum(radius, 1e-9)
+        ends, mm = np.cumsum(share), np.cumsum(length)
+        spacing = max(look.apart, ends[-1] / look.most_places) if len(ends) else 1.0
+        run = np.cumsum(np.r_[True, (np.diff(cut.tool) != 0) | (np.diff(feeds.astype(int)) != 0) | (np.diff(row) > 1)])
+        piece, at = _marks(ends, share, spacing)
+        turns = _turning(way, length, row, run, look.most_places // 4)
+        piece, at = np.concatenate([piece, turns]), np.concatenate([at, np.ones(len(turns))])
+        order = np.lexsort((at, piece))
+        piece, at = piece[order], at[order]
+        direction = way[piece] / np.where(length[piece] > 0, length[piece], 1.0)[:, None]
+        tip = g[piece, X0:X1] + at[:, None] * way[piece]
+        here = mm[piece] - (1 - at) * length[piece]
+        first = np.searchsorted(run, run[piece])
+        back = here - BEHIND * radius[piece]
+        before = np.maximum(np.searchsorted(mm, back, side="right"), first)
+        kept = np.clip(back - (mm - length)[before], 0.0, length[before])
+        behind = np.column_stack([g[before], np.searchsorted(cut.world[3], cut.tool[before])])
+        part = np.divide(kept, length[before], out=np.zeros(len(kept)), where=length[before] > 0)
+        behind[:, X1:X1 + 3] = behind[:, X0:X1] + part[:, None] * way[before]
+        behind[kept <= 0, TREE] = -1
+        weight = _weights(here, run[piece], mm, run)
+        return cls(row=row[piece], piece=piece, state=np.column_stack([tip, direction]), before=before, behind=behind,
+                   way_mm=weight)
+
+
+def _of_tools(numbers, tools):
+    """(m,) radius of each one's cutter."""
+    known = {n: tools[n].cutter.radius_mm for n in np.unique(numbers).tolist()}
+    return np.array([known[n] for n in numbers.tolist()])
+
+
+def _marks(ends, share, spacing):
+    """(piece, share of it) of marks evenly along the way, each in the middle of its stretch."""
+    total = ends[-1] if len(ends) else 0.0
+    count = int(np.ceil(total / spacing - 1e-9)) if total > 0 else 0
+    marks = (np.arange(count) + 0.5) * (total / max(count, 1))
+    piece = np.searchsorted(ends, marks, side="left").clip(max=max(len(ends) - 1, 0))
+    return piece, np.clip(1 - (ends[piece] - marks) / np.maximum(share[piece], 1e-300), 0.0, 1.0)
+
+
+def _turning(way, length, row, run, most):
+    """Pieces at whose end the path turns by more than TURN_COSINE, within one run; where there are more, the sharpest turns."""
+    unit = way / np.where(length > 0, length, 1.0)[:, None]
+    cosine = (unit[:-1] * unit[1:]).sum(axis=1)
+    turns = np.flatnonzero((cosine < TURN_COSINE) & (run[:-1] == run[1:]) & (row[:-1] != row[1:])
+                           & (length[:-1] > 0) & (length[1:] > 0))
+    return turns[np.argsort(cosine[turns], kind="stable")[:most]]
+
+
+def _weights(here, run, mm, runs):
+    """(n,) way that each place stands for: half way to its neighbours, within its run."""
+    if not len(here):
+        return np.zeros(0)
+    last = mm[np.searchsorted(runs, run, side="right") - 1]
+    begin = np.searchsorted(runs, run)
+    first = np.where(begin > 0, mm[np.maximum(begin - 1, 0)], 0.0)
+    same = np.r_[run[1:] == run[:-1], False]
+    after = np.where(same, (here + np.r_[here[1:], 0.0]) / 2, last)
+    before = np.where(np.r_[False, same[:-1]], np.r_[0.0, after[:-1]], first)
+    return np.maximum(after - before, 0.0)
+
+
+# the edge ---------------------------------------------------------------------------------------
+
+
+def edge_of(cutter, look=Look()):
+    """(parts, rings) of a cutter's edge, see the columns above; from the tip up to where its flutes end."""
+    profile, parts, begins = cutter.profile, [], 0.0
+    for start, end, centre, rho, (first, last) in zip(profile.start_mm, profile.end_mm, profile.center_mm, profile.arc_radius_mm,
+                                                      profile.arc_angles_rad):
+        size = rho * (last - first) if rho > 0 else float(fixed.hypot(*(end - start)))
+        if rho > 0:
+            parts.append((1.0, begins, begins + size, *centre, first, rho))
+        else:
+            parts.append((0.0, begins, begins + size, *start, *((end - start) / size)))
+        begins += size
+    parts = np.array(parts)
+    steps = [look.ring_rad * p[BEND] if p[IS_ARC] else look.ring_share * cutter.radius_mm for p in parts]
+    along, joint = [], np.empty((2, 4))
+    for part, step in zip(parts, steps):
+        _edge_at(part[BEGINS], parts, joint[0])             # of the part below; and of this one:
+        _edge_at(part[BEGINS] + CORNER_MM, parts, joint[1])
+        if along and abs(joint[1, UP] - joint[0, UP]) > SAME:     # a corner: it cuts with both sides' normals
+            along.append([part[BEGINS]])
+        count = max(1, int(np.ceil((part[ENDS] - part[BEGINS]) / step - 1e-9)))
+        along.append(part[BEGINS] + CORNER_MM * bool(along) + (part[ENDS] - part[BEGINS]) * np.arange(count) / count)
+    along = np.concatenate([*along, [begins]])
+    rings, place = np.empty((len(along), 6)), np.empty(4)
+    for k, u in enumerate(along.tolist()):
+        _edge_at(u, parts, place)
+        rings[k, :4], rings[k, ALONG] = place, u
+    wide = np.diff(along)
+    rings[:, WIDTH] = (np.r_[wide, 0.0] + np.r_[0.0, wide]) / 2
+    return parts, rings
+
+
+@njit
+def _edge_at(u, parts, place):
+    """Radius, height and outward normal of the edge at a length from the tip."""
+    k = 0
+    while k < len(parts) - 1 and u > parts[k, ENDS]:
+        k += 1
+    s = u - parts[k, BEGINS]
+    if parts[k, IS_ARC] != 0.0:
+        rho = parts[k, BEND]
+        turn = parts[k, ANGLE] + s / rho
+        out, up = fixed.cos(turn), fixed.sin(turn)
+        place[RADIUS], place[HEIGHT], place[OUT], place[UP] = parts[k, AT_R] + rho * out, parts[k, AT_Z] + rho * up, out, up
+    else:
+        place[RADIUS], place[HEIGHT] = parts[k, AT_R] + s * parts[k, WAY_R], parts[k, AT_Z] + s * parts[k, WAY_Z]
+        place[OUT], place[UP] = parts[k, WAY_Z], -parts[k, WAY_R]
+
+
+def _radii(parts, along):
+    """(n, 2) radius of the edge at lengths from the tip (n, 2)."""
+    return _at(parts, along, RADIUS)
+
+
+def _at(parts, along, column):
+    out, place = np.full(along.shape, np.nan), np.empty(4)
+    for index in np.argwhere(np.isfinite(along)).tolist():
+        _edge_at(along[tuple(index)], parts, place)
+        out[tuple(index)] = place[column]
+    return out
+
+
+def _heights(places, cut, edges, along):
+    """(n, 2) height of the edge at lengths from the tip."""
+    out = np.full(along.shape, np.nan)
+    for number, (parts, _) in edges.items():
+        mine = np.flatnonzero(cut.tool[places.piece] == number)
+        out[mine] = _at(parts, along[mine], HEIGHT)
+    return out
+
+
+# rings ------------------------------------------------------------------------------------------
+
+
+@njit
+def _looked_at(state, before, behind, world, found, edge, shortest, arcs, ways, first, last):
+    """Fills in arcs (n, rings, 6) and ways (n, 4) of places first..last-1."""
+    stack, bounds = tree.work()
+    parts, rings = edge
+    place, arc, was, everywhere = np.empty(4), np.empty(6), np.zeros(6), np.array([-math.pi, math.pi])
+    for k in range(first, last):
+        here = state[k], before[k], behind[k], world, found
+        lowest, highest, widest, rate = -1, -1, 0.0, 0.0
+        was[ROUND] = 0.0
+        for j in range(len(rings)):
+            put(place, rings[j, :4])
+            _round(here, place, shortest, everywhere, arc, stack, bounds)
+            if arc[ROUND] > 0.0 and was[ROUND] > 0.0:
+                rate += _taken(state[k], parts, rings[j - 1, ALONG], was, rings[j, ALONG], arc)
+            put(was, arc)
+            if arc[ROUND] <= 0.0:
+                continue
+            lowest = j if lowest < 0 else lowest
+            highest = j
+            widest = max(widest, arc[LAST] - arc[FIRST])
+            put(arcs[k, j], arc)
+        if lowest < 0:
+            continue
+        ways[k, LOWEST], below = _end_of(here, edge, lowest, -1, arcs[k, lowest], stack, bounds)
+        ways[k, HIGHEST], above = _end_of(here, edge, highest, 1, arcs[k, highest], stack, bounds)
+        ways[k, WIDEST], ways[k, RATE] = widest, rate + below + above
+
+
+@njit
+def _taken(state, parts, begin, at_begin, end, at_end):
+    """Volume taken between two lengths along the edge, a length of way, out of what is in the cut at both."""
+    low, middle, high = np.empty(4), np.empty(4), np.empty(4)
+    _edge_at(begin, parts, low)
+    _edge_at(0.5 * (begin + end), parts, middle)
+    _edge_at(end, parts, high)
+    level = math.sqrt(state[FEED_X] * state[FEED_X] + state[FEED_Y] * state[FEED_Y])
+    side = (end - begin) / 6 * (low[RADIUS] * low[OUT] + 4 * middle[RADIUS] * middle[OUT] + high[RADIUS] * high[OUT])
+    bottom = 0.5 * (high[RADIUS] * high[RADIUS] - low[RADIUS] * low[RADIUS])
+    return (level * side * 0.5 * (at_begin[FORWARD] + at_end[FORWARD])
+            - state[FEED_Z] * bottom * 0.5 * (at_begin[ROUND] + at_end[ROUND]))
+
+
+@njit
+def _end_of(here, edge, ring, side, known, stack, bounds):
+    """Length from the tip at which the cut ends beyond a ring, below or above it, and what is taken between, a length of way."""
+    parts, rings = edge
+    other, place, arc, last = ring + side, np.empty(4), np.empty(6), known.copy()
+    if other < 0 or other >= len(rings):
+        return rings[ring, ALONG], 0.0
+    within, beyond, taken, halved = rings[ring, ALONG], rings[other, ALONG], 0.0, 0
+    middle = beyond                                     # it was looked at with longer steps: is it clear?
+    while halved < HALVINGS:
+        _edge_at(middle, parts, place)
+        window = np.array([last[BEGIN] - BESIDE_RAD, last[END] + BESIDE_RAD])
+        _round(here, place, max(END_RAD, (window[TO] - window[FROM]) / LOOKED_AT), window, arc, stack, bounds)
+        if arc[ROUND] > 0.0:
+            taken += side * _taken(here[0], parts, within, last, middle, arc)
+            within = middle
+            put(last, arc)
+            if middle == beyond:
+                other += side
+                if other < 0 or other >= len(rings):
+                    return within, taken
+                beyond = middle = rings[other, ALONG]
+                continue
+        else:
+            beyond = middle
+        halved += 1
+        middle = 0.5 * (within + beyond)
+    end = 0.5 * (within + beyond)
+    arc[ROUND], arc[FORWARD] = 0.75 * last[ROUND], 0.75 * last[FORWARD]     # it narrows to a point, or ends at once
+    return end, taken + side * _taken(here[0], parts, within, arc, end, arc)
+
+
+@njit
+def _round(here, place, shortest, window, arc, stack, bounds):
+    """Follows one ring over the front of the cutter, by steps no shorter than that; `arc` takes what is in the cut.
+
+    window: (2,) only from there to there.
+    """
+    state = here[0]
+    level = math.sqrt(state[FEED_X] * state[FEED_X] + state[FEED_Y] * state[FEED_Y])
+    cx, cy = (state[FEED_X] / level, state[FEED_Y] / level) if level > 1e-12 else (1.0, 0.0)
+    arc[FIRST], arc[LAST], arc[ROUND], arc[FORWARD], arc[BEGIN], arc[END] = math.nan, math.nan, 0.0, 0.0, math.nan, math.nan
+    forward, rise = place[OUT] * level, place[UP] * state[FEED_Z]
+    if forward + rise < 1e-9 and place[RADIUS] >= 1e-9:         # nothing of it goes on: a level bottom slides
+        return
+    half = math.pi
+    if rise < forward:
+        half = fixed.arccos(min(max(-rise / max(forward, 1e-300), -1.0), 1.0))
+    turn, end_of_way = max(-half, window[FROM]), min(half, window[TO])
+    hint, start, was, at_was, widest = -1, math.nan, 0.0, 0.0, -1.0
+    if place[RADIUS] < 1e-9:
+        depth, _ = _depth(state[TIP_X], state[TIP_Y], state[TIP_Z] + place[HEIGHT], 0.0, here, -1, stack, bounds)
+        if depth > THIN_MM:
+            arc[FIRST], arc[LAST], arc[ROUND], arc[FORWARD] = -half, half, 2 * half, 2 * fixed.sin(half)
+            arc[BEGIN], arc[END] = -half, half
+        return
+    is_first = True
+    while True:
+        over, hint = _over(here, place, turn, cx, cy, hint, stack, bounds)
+        crossing = turn
+        if not is_first and (over > 0.0) != (at_was > 0.0):
+            crossing, hint = _crossing(here, place, was, at_was, turn, over, cx, cy, hint, stack, bounds)
+        if over > 0.0 and math.isnan(start):
+            start = crossing
+        if not math.isnan(start) and (over <= 0.0 or turn >= end_of_way):
+            end = turn if over > 0.0 else crossing
+            arc[BEGIN], arc[END] = start if math.isnan(arc[BEGIN]) else arc[BEGIN], end
+            arc[ROUND] += end - start
+            arc[FORWARD] += fixed.sin(end) - fixed.sin(start)
+            if end - start > widest:
+                widest, arc[FIRST], arc[LAST] = end - start, start, end
+            start = math.nan
+        if turn >= end_of_way:
+            return
+        was, at_was, is_first = turn, over, False
+        turn = min(turn + max(abs(over) / place[RADIUS], shortest), end_of_way)
+
+
+@njit
+def _crossing(here, place, was, at_was, turn, at_turn, cx, cy, hint, stack, bounds):
+    """Where between two places of a ring the edge enters or leaves the cut: halved, then along a straight line."""
+    for _ in range(CROSSINGS):
+        middle = 0.5 * (was + turn)
+        over, hint = _over(here, place, middle, cx, cy, hint, stack, bounds)
+        if (over > 0.0) == (at_was > 0.0):
+            was, at_was = middle, over
+        else:
+            turn, at_turn = middle, over
+    return was + (turn - was) * at_was / (at_was - at_turn), hint
+
+
+@njit
+def _over(here, place, turn, cx, cy, hint, stack, bounds):
+    """How much deeper than a chip that is not seen a place of a ring is in the stock, and the piece that is nearest."""
+    state = here[0]
+    c, s = fixed.cos(turn), fixed.sin(turn)
+    x, y = state[TIP_X] + place[RADIUS] * (c * cx - s * cy), state[TIP_Y] + place[RADIUS] * (c * cy + s * cx)
+    depth, hint = _depth(x, y, state[TIP_Z] + place[HEIGHT], -CLEAR * place[RADIUS], here, hint, stack, bounds)
+    return depth - THIN_MM, hint
+
+
+@njit
+def _depth(px, py, pz, enough, here, hint, stack, bounds):
+    """How deep a place is in the stock in front of the cutter, and the piece that is nearest; see `swept_depth`."""
+    _, before, behind, world, found = here
+    best = found_depth(px, py, pz, found)
+    if best <= 0.0:
+        return best, hint
+    if behind[TREE] >= 0.0:
+        tools = world[0][3]
+        k = int(behind[TREE])
+        best = min(best, piece_distance(px, py, pz, behind, tools[k, tree.FLAT_RADIUS], tools[k, tree.CORNER_RADIUS]))
+    depth, piece = swept_depth(px, py, pz, before, best, enough, world, hint, stack, bounds)
+    return depth, piece if piece >= 0 else hint
