@@ -82,26 +82,26 @@ def _roughed(work, tool, sections):
     """The operation that takes what stands beside the walls; None where nothing does."""
     operation, cutter = work.operation, tool.cutter
     rpm, feed = work.speeds(tool, is_rough=True)
-    away = cutter.radius_mm + operation.allowance_mm + _left_mm(work)
+    away = cutter.radius_mm + operation.allowance_mm + left_mm(work)
     stepdown = min(operation.stepdown_mm or work.material.stepdown_share * cutter.diameter_mm,
                    SLOT_SHARE * cutter.deepest_slot_mm)
     made = []
     for section in sections:
         for chain in section.chains:
             path = _offset(work, chain, away)
-            top = float(_stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), cutter.radius_mm).max())
+            top = float(stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), cutter.radius_mm).max())
             if top > section.low_mm + STANDS_MM:
-                _refuse_blocked(work, tool, path, section.low_mm)
-                lay = _helical if path.is_closed else _level_by_level
+                refuse_blocked(work, tool, path, section.low_mm)
+                lay = helical if path.is_closed else _level_by_level
                 made.append(lay(work, tool, path, (top, section.low_mm), (stepdown, feed)))
     if not made:
         return None
-    facts = {"allowance_mm": round(operation.allowance_mm + _left_mm(work), 6), "stepdown_mm": round(stepdown, 6),
+    facts = {"allowance_mm": round(operation.allowance_mm + left_mm(work), 6), "stepdown_mm": round(stepdown, 6),
              "chains": len(made), "candidates": []}
     return work.measured(f"{operation.title} rough", tool, rpm, Moves.joined(made), facts)
 
 
-def _left_mm(work):
+def left_mm(work):
     """What the finishing pass takes off."""
     asked = work.operation.finish_allowance_mm
     return work.practice.rough_allowance_mm if asked is None else asked
@@ -114,8 +114,13 @@ def _offset(work, chain, away_mm):
         raise CutterDoesNotFit(f"{work.operation.title}: {error}") from None
 
 
-def _helical(work, tool, path, heights_mm, how):
-    """Moves round a closed path, down evenly: no cutter plunges."""
+def helical(work, tool, path, heights_mm, how):
+    """Moves round a closed path, down evenly: no cutter plunges.
+
+    Args:
+        work: PlanningContext of an operation with `ramp_deg`.   path: PlanChain of the cutter's middle.
+        heights_mm: (top of the stock there, bottom).   how: (deepest turn, feed).
+    """
     (top, low), (stepdown, feed) = heights_mm, how
     ramp = math.radians(min(work.operation.ramp_deg or work.practice.ramp_deg, math.degrees(tool.cutter.steepest_rad)))
     turn = min(stepdown, path.length_mm * float(fixed.tan(ramp)))
@@ -133,7 +138,7 @@ def _level_by_level(work, tool, path, heights_mm, how):
     (top, low), (stepdown, feed) = heights_mm, how
     elements, leads = _open_leads(work, tool, path, low)
     count = math.ceil((top - low) / stepdown - 1e-9)
-    parts = [_pass(work, elements, leads, z, feed) for z in np.linspace(top, low, count + 1)[1:].tolist()]
+    parts = [one_pass(work, elements, leads, z, feed) for z in np.linspace(top, low, count + 1)[1:].tolist()]
     return Moves.joined(parts)
 
 
@@ -150,21 +155,22 @@ def _finished(work, tool, candidates, sections):
         for chain in section.chains:
             path = _offset(work, chain, away)
             length += path.length_mm
-            _refuse_blocked(work, tool, path, section.low_mm)
-            elements, leads = (_closed_leads if path.is_closed else _open_leads)(work, tool, path, section.low_mm)
+            refuse_blocked(work, tool, path, section.low_mm)
+            elements, leads = (closed_leads if path.is_closed else _open_leads)(work, tool, path, section.low_mm)
             again = elements * (1 + operation.spring_passes) if path.is_closed else elements
             for z in heights:
-                made += [_pass(work, again, leads, z, feed)] * (1 if path.is_closed else 1 + operation.spring_passes)
-    facts = {"allowance_mm": operation.allowance_mm, "finish_allowance_mm": _left_mm(work),
+                made += [one_pass(work, again, leads, z, feed)] * (1 if path.is_closed else 1 + operation.spring_passes)
+    facts = {"allowance_mm": operation.allowance_mm, "finish_allowance_mm": left_mm(work),
              "heights_mm": [round(z, 6) for z in levels], "chains": sum(len(s.chains) for s in sections),
-             "contour_mm": round(length, 3), "spring_passes": operation.spring_passes, "strategy": operation.kind, "candidates": [c.as_dict() for c in candidates]}
+             "contour_mm": round(length, 3),
+             "spring_passes": operation.spring_passes, "strategy": operation.kind, "candidates": [c.as_dict() for c in candidates]}
     return work.measured(operation.title, tool, rpm, Moves.joined(made), facts)
 
 
-def _pass(work, elements, leads, height_mm, feed):
-    """Moves along elements at one height, from the clearance to the clearance."""
+def one_pass(work, elements, leads, height_mm, feed):
+    """Moves along elements with their Leads at one height, from the clearance to the clearance."""
     writer = MoveWriter((*leads.begin, work.clearance_z_mm))
-    over = max(float(_stock_over(work, leads.begin[None], 0.0).max()), height_mm) + work.practice.approach_mm
+    over = max(float(stock_over(work, leads.begin[None], 0.0).max()), height_mm) + work.practice.approach_mm
     writer.rapid((*leads.begin, min(over, work.clearance_z_mm)))
     writer.feed((*leads.begin, height_mm), feed)
     follow(writer, (*leads.way_in, *elements, *leads.way_out), height_mm, feed)
@@ -172,14 +178,14 @@ def _pass(work, elements, leads, height_mm, feed):
     return writer.moves()
 
 
-def _closed_leads(work, tool, path, low_mm):
+def closed_leads(work, tool, path, low_mm):
     """(the elements from the place where the path is met, Leads): lines first, then the longest."""
     radius = work.lead_radius_mm(tool.cutter.radius_mm)
     done, middles = 0.0, []
     for e in path.elements:
         middles.append((e.center is not None, -e.length_mm, done + e.length_mm / 2))
         done += e.length_mm
-    for high in (*(h * radius for h in HIGHS), min(_left_mm(work), radius)):
+    for high in (*(h * radius for h in HIGHS), min(left_mm(work), radius)):
         for _, _, along in sorted(middles)[:STARTS]:
             begun = path.begun_at(along)
             leads = arc_leads((begun.elements[0], 0.0), (begun.elements[-1], begun.elements[-1].length_mm), radius, high)
@@ -202,19 +208,19 @@ def _open_leads(work, tool, path, low_mm):
 
 def _no_way_in(work, tool, path, low_mm):
     x, y, z = work.in_part((*path.elements[0].start, low_mm))
-    return PlanError(f"{work.operation.title}: T{tool.number} {tool.cutter.name} finds no free place beside its path "
-                     f"near ({x:.3f}, {y:.3f}, {z:.3f}) to come down for its arc in: clear the stock there by an operation rough before, "
-                     "or lower lead_radius_mm")
+    return PlanError(f"{work.operation.title}: T{tool.number} {tool.cutter.name} finds no free place "
+                     f"beside its path near ({x:.3f}, {y:.3f}, {z:.3f}) to come down for its arc in: clear the "
+                     "stock there by an operation rough before, or lower lead_radius_mm")
 
 
 def _is_free(work, tool, leads, low_mm):
     """Whether the arcs pass the part, and nothing of the stock stands where the cutter comes down."""
-    if (_stock_over(work, leads.begin[None], tool.cutter.radius_mm) > low_mm + STANDS_MM).any():
+    if (stock_over(work, leads.begin[None], tool.cutter.radius_mm) > low_mm + STANDS_MM).any():
         return False
     return all(_blocked(work, tool, PlanChain(elements=(e,), is_closed=False), low_mm) is None for e in leads.elements)
 
 
-def _stock_over(work, xy_mm, radius_mm):
+def stock_over(work, xy_mm, radius_mm):
     """(n,) height of the stock under a cutter at places (n, 2)."""
     turn = 2 * math.pi * np.arange(SPOKES) / SPOKES
     around = (RINGS * radius_mm)[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
@@ -234,9 +240,10 @@ def _blocked(work, tool, path, low_mm):
     return places[int(held.argmax())] if held.any() else None
 
 
-def _refuse_blocked(work, tool, path, low_mm):
+def refuse_blocked(work, tool, path, low_mm):
     place = _blocked(work, tool, path, low_mm)
     if place is not None:
         x, y, z = work.in_part((*place, low_mm))
-        raise CutterDoesNotFit(f"{work.operation.title}: beside these walls T{tool.number} {tool.cutter.name} would cut other "
-                               f"faces, or a fixture, near ({x:.3f}, {y:.3f}, {z:.3f}): name the walls there too, or choose a smaller one")
+        raise CutterDoesNotFit(f"{work.operation.title}: beside these walls T{tool.number} {tool.cutter.name} would "
+                               f"cut other faces, or a fixture, near ({x:.3f}, {y:.3f}, {z:.3f}): name the walls there "
+                               "too, or choose a smaller one")
