@@ -90,7 +90,7 @@ def drillable_faces(work, operation):
         work: PlanningContext.   operation: the strategies.drill.Drill that would make them.
     """
     walls, others = [], []
-    found = [(hole, wall) for hole in _upright_holes(work) for wall in _walls_of(hole, work.wanted)]
+    found = [(hole, wall) for hole in upright_holes(work) for wall in walls_of(hole, work.wanted)]
     work = work.on(operation, work.wanted, work.planned) if found else work
     for hole, wall in found:
         bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
@@ -122,7 +122,7 @@ def drilled_holes(work):
             enough for, one with material of the part above it.
     """
     by_tool = {}
-    for bore in _bores(work):
+    for bore in bores_of(work):
         one = _drilled(work, bore)
         by_tool.setdefault(one.tool.number, []).append(one)
     reached = np.zeros(len(work.samples.area_mm2), bool)
@@ -139,7 +139,7 @@ def _drilled(work, bore):
     return Drilled(bore=bore, tool=tool, tip_mm=tip)
 
 
-def _upright_holes(work):
+def upright_holes(work):
     """Holes along the setup's Z that open upward."""
     for hole in holes_of(work.faces):
         hole = hole.turned_up() if hole.is_through and hole.axis[2] < 0 else hole
@@ -147,13 +147,17 @@ def _upright_holes(work):
             yield hole
 
 
-def _walls_of(hole, wanted):
+def walls_of(hole, wanted):
     """Its cylinders all of whose faces are wanted."""
     return [w for w in hole.walls if w.kind == "cylinder" and set(w.faces) <= set(wanted)]
 
 
-def _bores(work):
-    """Bore of every wall among the operation's faces."""
+def bores_of(work, besides=()):
+    """Bore of every wall among the operation's faces, but for those `besides` them.
+
+    Raises:
+        PlanError: a face that is no wall of a hole, a hole that leans or opens downward.
+    """
     title, wanted, found = work.operation.title, set(work.wanted), []
     for hole in holes_of(work.faces):
         hole = hole.turned_up() if hole.is_through and hole.axis[2] < 0 else hole
@@ -163,22 +167,23 @@ def _bores(work):
         place, up = work.in_part(hole.mouth_mm), float(hole.axis[2])
         if abs(abs(up) - 1.0) > PARALLEL:
             lean = math.degrees(fixed.arccos(min(abs(up), 1.0)))
-            raise PlanError(f"{title}: the hole at {_in_words(place)} leans {lean:.3f} degrees from the setup's Z: drill it in a "
+            raise PlanError(f"{title}: the hole at {in_words(place)} leans {lean:.3f} degrees from the setup's Z: drill it in a "
                             "setup, or an indexed position, whose Z runs along it")
         if up < 0:
-            raise PlanError(f"{title}: the hole at {_in_words(place)} opens downward, seen along the setup's Z: drill it from its "
+            raise PlanError(f"{title}: the hole at {in_words(place)} opens downward, seen along the setup's Z: drill it from its "
                             "other side")
         for wall in walls:
             found.append(Bore(hole=hole, wall=wall, place_mm=place))
     there = {i for b in found for i in b.wall.faces}
-    if missing := [i for i in work.wanted if i not in there]:
+    if missing := [i for i in work.wanted if i not in there and i not in besides]:
         place = work.in_part(work.faces[missing[0]].middle.point_mm[0])
-        raise PlanError(f"{title}: the {work.faces[missing[0]].kind} at {_in_words(place)} is no wall of a hole: a drill makes "
+        raise PlanError(f"{title}: the {work.faces[missing[0]].kind} at {in_words(place)} is no wall of a hole: a drill makes "
                         "cylinders that go all round; give the face to another operation")
     return found
 
 
-def _in_words(place):
+def in_words(place):
+    """A place for messages."""
     return f"({', '.join(f'{v:.3f}' for v in place)})"
 
 
@@ -190,7 +195,7 @@ def _drill_for(work, bore):
     if not fits:
         there = ", ".join(f"{t.cutter.diameter_mm:g}" for t in drills)
         raise CutterDoesNotFit(f"{work.operation.title}: no drill makes the hole of diameter {2 * wanted:.6g} mm at "
-                               f"{_in_words(bore.place_mm)}; there are {there} mm: add one of its diameter to the file of "
+                               f"{in_words(bore.place_mm)}; there are {there} mm: add one of its diameter to the file of "
                                "--cutters, or bore it with a smaller end mill")
     angle = bore.hole.point_angle_deg
     other = lambda t: 0.0 if angle is None else abs(t.cutter.point_angle_deg - angle)
@@ -208,7 +213,7 @@ def _tip_mm(work, bore, tool):
     above = float(drop_tips_mm(work.mesh, xy, SHARE * cutter.radius_mm, 0.0)[0])
     if above > bore.low_z_mm + OVER_MM and above > bore.floor_mm + cutter.point_height_mm + OVER_MM:
         raise PlanError(f"{work.operation.title}: the part stands {above - bore.low_z_mm:.3f} mm over the end of the hole at "
-                        f"{_in_words(bore.place_mm)}, seen along the setup's Z: drill it from its other side")
+                        f"{in_words(bore.place_mm)}, seen along the setup's Z: drill it from its other side")
     slope = cutter.point_height_mm / cutter.radius_mm
     below = float(drop_tips_mm(work.mesh, xy, THIN_MM, THIN_MM)[0]) if bore.hole.is_through else -math.inf
     ends = bore.floor_mm >= bore.low_z_mm - SAME_MM and bore.hole.is_through
@@ -224,7 +229,7 @@ def _refuse_short(work, bore, tool, tip_mm):
     if missing > SAME_MM:
         raise CutterDoesNotFit(
             f"{work.operation.title}: T{tool.number} {tool.cutter.name} is {missing:.3f} mm too short for the hole at "
-            f"{_in_words(bore.place_mm)}, which is {depth:.3f} mm deep with the drill's point: flutes "
+            f"{in_words(bore.place_mm)}, which is {depth:.3f} mm deep with the drill's point: flutes "
             f"{tool.cutter.flute_length_mm:g} mm, stick-out {tool.stick_out_mm:g} mm; take a longer drill")
 
 

@@ -8,6 +8,9 @@ from cuspline.app import catalogue
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.strategies.auto import Auto
+from cuspline.planning.strategies.bore import Bore
+from cuspline.program.program import Kind
+from cuspline.values.errors import PlanError
 
 MACHINE, SHOP = catalogue.find_machine("mill_3axis"), catalogue.find_library(None)
 X, Y, TOP, FLOOR = 110.0, 80.0, 12.0, 6.0
@@ -43,12 +46,42 @@ def test_a_plate_of_holes_is_drilled_and_nothing_else():
     assert plan.area_reached_mm2 == pytest.approx(plan.area_required_mm2)
 
 
-def test_a_hole_that_no_drill_makes_is_bored_by_a_flat_cutter():
-    odd = block().cut(at(-1, (20, 20)).circle(3.0).extrude(20)).cut(at(-1, (70, 40)).circle(9.3).extrude(20))
-    drill, *others, walls = planned(odd, scallop_mm=0.1, profile_tolerance_mm=0.02).operations
-    assert drill.name == "drill" and walls.name == "waterline" and others
-    away = np.hypot(*(walls.moves.end_mm[walls.moves.end_mm[:, 2] < 6.0, :2] - (70, 40)).T)
-    assert away.max() == pytest.approx(9.3 - walls.tool.cutter.radius_mm, abs=0.03)
+@pytest.fixture(scope="module")
+def bored_plan():
+    """A hole that no drill makes, and one with a counterbore."""
+    odd = block().cut(at(-1, (70, 40)).circle(9.3).extrude(20)).cut(at(-1, (20, 20)).circle(3.0).extrude(20))
+    return planned(odd.cut(at(8, (20, 20)).circle(7.0).extrude(20)), scallop_mm=0.1, profile_tolerance_mm=0.02)
+
+
+def test_holes_that_no_drill_makes_and_counterbores_are_bored(bored_plan):
+    assert [o.name for o in bored_plan.operations] == ["drill", "bore rough", "bore"]
+    assert bored_plan.area_reached_mm2 == pytest.approx(bored_plan.area_required_mm2)
+    bore = bored_plan.operations[2]
+    assert bore.facts["diameters_mm"] == [14.0, 18.6] and bore.facts["bottoms_mm"] == [-0.5, 8.0]
+
+
+def test_the_last_way_round_a_bore_is_its_circle(bored_plan):
+    moves, radius = bored_plan.operations[2].moves, bored_plan.operations[2].tool.cutter.radius_mm
+    for (x, y, r) in ((70, 40, 9.3), (20, 20, 7.0)):
+        away = np.hypot(*(moves.end_mm[:, :2] - (x, y)).T)
+        low = moves.end_mm[:, 2] < 8.0 + 1e-6
+        assert away[low & (away < 12)].max() == pytest.approx(r - radius, abs=1e-9)
+    assert (moves.kind == Kind.ARC_CCW).sum() >= 2 * 2 + 4              # inside, the material on the right
+
+
+def test_helices_go_down_no_steeper_than_the_ramp_and_leave_no_core(bored_plan):
+    moves = bored_plan.operations[1].moves
+    arcs = np.flatnonzero(moves.kind >= Kind.ARC_CW)
+    starts, ends = moves.starts_mm[arcs], moves.end_mm[arcs]
+    radius = np.hypot(*(starts[:, :2] - moves.center_mm[arcs, :2]).T)
+    slope = (starts[:, 2] - ends[:, 2]) / (np.pi * radius)
+    assert 0.0 < slope.max() <= np.tan(np.radians(3.0)) + 1e-9
+    assert radius.min() < bored_plan.operations[1].tool.cutter.radius_mm
+
+
+def test_the_wall_of_a_pocket_is_no_bore():
+    with pytest.raises(PlanError, match="is no wall of a hole"):
+        planned(tray().cut(at(-1, (X / 2, Y / 2)).circle(7.3).extrude(20)), Bore(faces=("inside",)))
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,12 @@ import numpy as np
 from pydantic import Field
 
 from cuspline.design.operations import Clearing, Finishing
-from cuspline.planning import drilling, freeform_finishing, level_finishing, roughing, section_finishing
+from cuspline.planning import boring, drilling, freeform_finishing, level_finishing, roughing, section_finishing
 from cuspline.planning.context import FinishingStage
 from cuspline.planning.cutter_choice import choose_ball, choose_cutter, choose_rest_ball, leftover_rows
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
+from cuspline.planning.strategies.bore import Bore
 from cuspline.planning.strategies.drill import Drill
 from cuspline.planning.strategies.floor import Floor
 from cuspline.planning.strategies.waterline import Waterline
@@ -26,8 +27,8 @@ ALONG = 0.98                # of a unit normal square to the section planes: pas
 
 
 class Auto(Finishing):
-    """Drills the holes that the library has drills for; then roughs, rest roughs, semi-finishes where that is needed, finishes
-    with one ball or the fastest chain of balls."""
+    """Drills the holes that the library has drills for, bores others and counterbores by helices; then roughs,
+    rest roughs, semi-finishes where that is needed, finishes with one ball or the fastest chain of balls."""
 
     kind = "auto"
     picture = """
@@ -54,16 +55,26 @@ class Auto(Finishing):
         return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.pass_angle_deg))
 
     def plan(self, work):
-        walls, points = drilling.drillable_faces(work, Drill())
-        if not walls:
+        made, taken = self._features(work)
+        if not taken:
             return self._shaped(work)
-        drills, _ = Drill().plan(work.on(Drill(), walls, work.planned))
-        made, reached = drills, np.isin(work.samples.face, [*walls, *points])
-        if left := [i for i in work.wanted if i not in {*walls, *points}]:
-            shaped, rows = self._shaped(work.on(self, left, [*work.planned, *drills]))
-            made, reached = [*drills, *shaped], reached.copy()
+        reached = np.isin(work.samples.face, taken)
+        if left := [i for i in work.wanted if i not in set(taken)]:
+            shaped, rows = self._shaped(work.on(self, left, [*work.planned, *made]))
+            made = [*made, *shaped]
             reached[np.isin(work.samples.face, left)] = rows
         return made, reached
+
+    def _features(self, work):
+        """(operations of the holes that drills and helices make, indices of the faces that these finish)."""
+        walls, points = drilling.drillable_faces(work, Drill())
+        made, taken = [], [*walls, *points]
+        if walls:
+            made, _ = Drill().plan(work.on(Drill(), walls, work.planned))
+        if bored := boring.borable_faces(work, Bore(), taken):
+            more, _ = Bore().plan(work.on(Bore(), bored, [*work.planned, *made]))
+            made, taken = [*made, *more], [*taken, *bored]
+        return made, taken
 
     def _shaped(self, work):
         """All that drills do not make."""

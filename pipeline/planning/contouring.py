@@ -1,0 +1,249 @@
+r"""Contours: upright walls cut by the side of a flat cutter, along their exact plan.
+
+    stock  ____          rough: round the chain by a helix (an open one level by level), finish_allowance_mm off it
+          |    |  |cut|  finish: at the foot, or as deep as the flutes, in and out by arcs,
+    part  |____|  |ter|          spring_passes times more
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.planning.context import path_tolerance_mm
+from cuspline.planning.freeform_finishing import TERRACE_SHARE
+from cuspline.program.program import Moves, MoveWriter
+from cuspline.toolpaths.prismatic.contour_moves import arc_leads, follow, helix, lengthened
+from cuspline.toolpaths.prismatic.plan_elements import PlanChain, chains_of, offset_chain
+from cuspline.toolpaths.prismatic.upright_walls import upright_walls
+from cuspline.values import fixed_math as fixed
+from cuspline.values.errors import CutterDoesNotFit, PlanError
+
+CURVE_SHARE = 0.4           # of the path tolerance, that arcs along general curves take
+LOOK_SHARE = 0.25           # of the radius, from place to place along a path
+WITHIN_MM = 0.01            # a cutter smaller by this on its radius must pass
+HIGH_MM = 1e-3              # what the exact part may stand over a level that a path runs at
+RINGS = np.array([0.0, 0.4, 0.75, 0.95])
+SPOKES = 16
+STANDS_MM = 0.01            # stock no higher is none
+SLOT_SHARE = 0.8            # of the deepest slot that a cutter takes
+HIGHS = (1.0, 0.5, 0.25)    # of the lead radius: how high above the path the cutter comes down
+FARTHER = (0.0, 1.0, 2.0, 3.0)      # diameters beyond the ends of an open chain where it may come down
+STARTS = 12                 # places along a closed chain that are looked at for its leads
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Section:
+    """Chains of walls between two heights."""
+
+    chains: tuple
+    high_mm: float
+    low_mm: float
+
+
+def contoured(work):
+    """The operations of a contour: ([PlannedOperation], (n,) bool of the samples that it reaches).
+
+    Args:
+        work: PlanningContext of an operation with the fields of strategies.contour.Contour.
+    Raises:
+        PlanError, CutterDoesNotFit: a face that does not stand upright, a cutter too large, no room for its way in.
+    """
+    walls = _walls(work)
+    tool, candidates, reached = work.chosen_tool("flat")
+    sections, before = _sections(walls), []
+    rough = _roughed(work, tool, sections)
+    if rough is not None:
+        before.append(rough)
+        work = work.on(work.operation, work.wanted, [*work.planned, rough])
+    return [*before, _finished(work, tool, candidates, sections)], reached
+
+
+def _walls(work):
+    title = work.operation.title
+    try:
+        return upright_walls(work.faces, work.wanted, CURVE_SHARE * path_tolerance_mm(work.finish))
+    except PlanError as error:
+        raise PlanError(f"{title}: {error}") from None
+
+
+def _sections(walls):
+    """Section values from the top: a wall counts in all that lie above its foot."""
+    lows = sorted({round(w.low_mm, 6) for w in walls}, reverse=True)
+    high, out = max(w.high_mm for w in walls), []
+    for low in lows:
+        chains = chains_of([w.element for w in walls if w.low_mm < low + HIGH_MM])
+        out.append(Section(chains=tuple(chains), high_mm=high, low_mm=low))
+        high = low
+    return out
+
+
+def _roughed(work, tool, sections):
+    """The operation that takes what stands beside the walls; None where nothing does."""
+    operation, cutter = work.operation, tool.cutter
+    rpm, feed = work.speeds(tool, is_rough=True)
+    away = cutter.radius_mm + operation.allowance_mm + left_mm(work)
+    stepdown = min(operation.stepdown_mm or work.material.stepdown_share * cutter.diameter_mm,
+                   SLOT_SHARE * cutter.deepest_slot_mm)
+    made = []
+    for section in sections:
+        for chain in section.chains:
+            path = _offset(work, chain, away)
+            top = float(stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), cutter.radius_mm).max())
+            if top > section.low_mm + STANDS_MM:
+                refuse_blocked(work, tool, path, section.low_mm)
+                lay = helical if path.is_closed else _level_by_level
+                made.append(lay(work, tool, path, (top, section.low_mm), (stepdown, feed)))
+    if not made:
+        return None
+    facts = {"allowance_mm": round(operation.allowance_mm + left_mm(work), 6), "stepdown_mm": round(stepdown, 6),
+             "chains": len(made), "candidates": []}
+    return work.measured(f"{operation.title} rough", tool, rpm, Moves.joined(made), facts)
+
+
+def left_mm(work):
+    """What the finishing pass takes off."""
+    asked = work.operation.finish_allowance_mm
+    return work.practice.rough_allowance_mm if asked is None else asked
+
+
+def _offset(work, chain, away_mm):
+    try:
+        return offset_chain(chain, away_mm)
+    except CutterDoesNotFit as error:
+        raise CutterDoesNotFit(f"{work.operation.title}: {error}") from None
+
+
+def helical(work, tool, path, heights_mm, how):
+    """Moves round a closed path, down evenly: no cutter plunges.
+
+    Args:
+        work: PlanningContext of an operation with `ramp_deg`.   path: PlanChain of the cutter's middle.
+        heights_mm: (top of the stock there, bottom).   how: (deepest turn, feed).
+    """
+    (top, low), (stepdown, feed) = heights_mm, how
+    ramp = math.radians(min(work.operation.ramp_deg or work.practice.ramp_deg, math.degrees(tool.cutter.steepest_rad)))
+    turn = min(stepdown, path.length_mm * float(fixed.tan(ramp)))
+    begin = path.elements[0].start
+    writer = MoveWriter((*begin, work.clearance_z_mm))
+    writer.rapid((*begin, min(top + work.practice.approach_mm, work.clearance_z_mm)))
+    writer.feed((*begin, top), work.practice.plunge_share * feed)
+    helix(writer, path, (top, low), turn, (feed, feed))
+    writer.rapid((*writer.here_mm[:2], work.clearance_z_mm))
+    return writer.moves()
+
+
+def _level_by_level(work, tool, path, heights_mm, how):
+    """Moves along an open path, each level from beside the stock."""
+    (top, low), (stepdown, feed) = heights_mm, how
+    elements, leads = _open_leads(work, tool, path, low)
+    count = math.ceil((top - low) / stepdown - 1e-9)
+    parts = [one_pass(work, elements, leads, z, feed) for z in np.linspace(top, low, count + 1)[1:].tolist()]
+    return Moves.joined(parts)
+
+
+def _finished(work, tool, candidates, sections):
+    """The finishing operation."""
+    operation, cutter = work.operation, tool.cutter
+    rpm, feed = work.speeds(tool, is_rough=False)
+    highest, away = TERRACE_SHARE * cutter.flute_length_mm, cutter.radius_mm + operation.allowance_mm
+    made, levels, length = [], [], 0.0
+    for section in sections:
+        count = max(1, math.ceil((section.high_mm - section.low_mm) / highest - 1e-9))
+        heights = np.linspace(section.high_mm, section.low_mm, count + 1)[1:].tolist()
+        levels += heights
+        for chain in section.chains:
+            path = _offset(work, chain, away)
+            length += path.length_mm
+            refuse_blocked(work, tool, path, section.low_mm)
+            elements, leads = (closed_leads if path.is_closed else _open_leads)(work, tool, path, section.low_mm)
+            again = elements * (1 + operation.spring_passes) if path.is_closed else elements
+            for z in heights:
+                made += [one_pass(work, again, leads, z, feed)] * (1 if path.is_closed else 1 + operation.spring_passes)
+    facts = {"allowance_mm": operation.allowance_mm, "finish_allowance_mm": left_mm(work),
+             "heights_mm": [round(z, 6) for z in levels], "chains": sum(len(s.chains) for s in sections),
+             "contour_mm": round(length, 3),
+             "spring_passes": operation.spring_passes, "strategy": operation.kind, "candidates": [c.as_dict() for c in candidates]}
+    return work.measured(operation.title, tool, rpm, Moves.joined(made), facts)
+
+
+def one_pass(work, elements, leads, height_mm, feed):
+    """Moves along elements with their Leads at one height, from the clearance to the clearance."""
+    writer = MoveWriter((*leads.begin, work.clearance_z_mm))
+    over = max(float(stock_over(work, leads.begin[None], 0.0).max()), height_mm) + work.practice.approach_mm
+    writer.rapid((*leads.begin, min(over, work.clearance_z_mm)))
+    writer.feed((*leads.begin, height_mm), feed)
+    follow(writer, (*leads.way_in, *elements, *leads.way_out), height_mm, feed)
+    writer.rapid((*writer.here_mm[:2], work.clearance_z_mm))
+    return writer.moves()
+
+
+def closed_leads(work, tool, path, low_mm):
+    """(the elements from the place where the path is met, Leads): lines first, then the longest."""
+    radius = work.lead_radius_mm(tool.cutter.radius_mm)
+    done, middles = 0.0, []
+    for e in path.elements:
+        middles.append((e.center is not None, -e.length_mm, done + e.length_mm / 2))
+        done += e.length_mm
+    for high in (*(h * radius for h in HIGHS), min(left_mm(work), radius)):
+        for _, _, along in sorted(middles)[:STARTS]:
+            begun = path.begun_at(along)
+            leads = arc_leads((begun.elements[0], 0.0), (begun.elements[-1], begun.elements[-1].length_mm), radius, high)
+            if _is_free(work, tool, leads, low_mm):
+                return begun.elements, leads
+    raise _no_way_in(work, tool, path, low_mm)
+
+
+def _open_leads(work, tool, path, low_mm):
+    """(the elements with straight ways before and behind, Leads), as short as they may be."""
+    radius = work.lead_radius_mm(tool.cutter.radius_mm)
+    for farther in FARTHER:
+        elements = lengthened(path, farther * tool.cutter.diameter_mm) if farther else path.elements
+        leads = arc_leads((elements[0], 0.0), (elements[-1], elements[-1].length_mm), radius, radius)
+        beyond = PlanChain(elements=elements, is_closed=False)
+        if _is_free(work, tool, leads, low_mm) and _blocked(work, tool, beyond, low_mm) is None:
+            return elements, leads
+    raise _no_way_in(work, tool, path, low_mm)
+
+
+def _no_way_in(work, tool, path, low_mm):
+    x, y, z = work.in_part((*path.elements[0].start, low_mm))
+    return PlanError(f"{work.operation.title}: T{tool.number} {tool.cutter.name} finds no free place "
+                     f"beside its path near ({x:.3f}, {y:.3f}, {z:.3f}) to come down for its arc in: clear the "
+                     "stock there by an operation rough before, or lower lead_radius_mm")
+
+
+def _is_free(work, tool, leads, low_mm):
+    """Whether the arcs pass the part, and nothing of the stock stands where the cutter comes down."""
+    if (stock_over(work, leads.begin[None], tool.cutter.radius_mm) > low_mm + STANDS_MM).any():
+        return False
+    return all(_blocked(work, tool, PlanChain(elements=(e,), is_closed=False), low_mm) is None for e in leads.elements)
+
+
+def stock_over(work, xy_mm, radius_mm):
+    """(n,) height of the stock under a cutter at places (n, 2)."""
+    turn = 2 * math.pi * np.arange(SPOKES) / SPOKES
+    around = (RINGS * radius_mm)[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
+    places = xy_mm[:, None] + around.reshape(1, -1, 2)
+    return work.stock_mm(places.reshape(-1, 2)).reshape(len(xy_mm), -1).max(axis=1)
+
+
+def _blocked(work, tool, path, low_mm):
+    """The first place (2,) of a path where the exact part, or a fixture, stands in the cutter's way; None: it is clear."""
+    cutter, places = tool.cutter, path.places(LOOK_SHARE * tool.cutter.radius_mm)
+    thinner = cutter.radius_mm - WITHIN_MM
+    held = work.dropper(thinner, 0.0, 0.0).tips_mm(places) > low_mm + HIGH_MM
+    for fixture in work.fixtures:
+        low, high = (np.asarray(corner)[:2] for corner in fixture.box_mm)
+        reach = cutter.radius_mm + work.practice.keep_out_mm
+        held |= (float(fixture.box_mm[1][2]) > low_mm) & ((places > low - reach) & (places < high + reach)).all(axis=1)
+    return places[int(held.argmax())] if held.any() else None
+
+
+def refuse_blocked(work, tool, path, low_mm):
+    place = _blocked(work, tool, path, low_mm)
+    if place is not None:
+        x, y, z = work.in_part((*place, low_mm))
+        raise CutterDoesNotFit(f"{work.operation.title}: beside these walls T{tool.number} {tool.cutter.name} would "
+                               f"cut other faces, or a fixture, near ({x:.3f}, {y:.3f}, {z:.3f}): name the walls there "
+                               "too, or choose a smaller one")
