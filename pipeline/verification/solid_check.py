@@ -121,7 +121,7 @@ def _beyond_gouge(made, k, by):
 
 
 def _above_mm3(solid, seen):
-    """Volume of what stands on faces that look up: under a thin blade its layers of the region hold what stands on its other side."""
+    """Volume of what stands on faces that look up; under a thin blade the region holds its other side too."""
     pieces = solids.bodies_of(solid, LEAST_MM3)
     if not pieces:
         return solid.volume()
