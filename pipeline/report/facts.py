@@ -336,7 +336,16 @@ def edges_not_checked(verify):
     """What verify.json's "process" says of operations that are not looked at, one text a setup."""
     parts = [(str(part.get("setup", DASH)), _process(part).get("not_checked")) for part in verify.get("setups") or ()]
     unknown = dict.fromkeys(str(_process(part).get("forces", "")) for part in verify.get("setups") or ())
-    return [f"{name}: {words}" for name, words in parts if words] + [f"Forces: {words}" for words in unknown if words]
+    strays = [(str(part.get("setup", DASH)), _process(part).get("drives")) for part in verify.get("setups") or ()]
+    return [f"{name}: {words}" for name, words in parts if words] + [f"Forces: {words}" for words in unknown if words] + [
+        f"{name}, drives: {_drives_in_words(found)}" for name, found in strays if found]
+
+
+def _drives_in_words(found):
+    if not isinstance(found, dict):
+        return str(found)
+    return (f"they stray from the path by up to {short_of_length(found.get('deviation_mm'))} where the surface is left, of "
+            f"{short_of_length(found.get('allowed_mm'))} that the control may")
 
 
 def _process(part):
