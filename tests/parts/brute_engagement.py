@@ -2,7 +2,8 @@
 
 import numpy as np
 
-STILL = 120             # balls along a move
+STILL = 120             # balls along a move; between them ridges stay that are lower than THIN of the radius
+THIN = 5e-4
 
 
 def stock_height(xy, moves, radius, top):
@@ -31,7 +32,7 @@ def met(tip, direction, moves, radius, box, rings=130, places=181):
     low, high = box
     within = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]) & (z > low[2])
     asked, cut = goes_on & within, np.zeros(x.shape, bool)
-    cut[asked] = z[asked] < stock_height(np.column_stack([x[asked], y[asked]]), moves, radius, high[2]) - 1e-4 * radius
+    cut[asked] = z[asked] < stock_height(np.column_stack([x[asked], y[asked]]), moves, radius, high[2]) - THIN * radius
     if not cut.any():
         return None
     longest = 0
