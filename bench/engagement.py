@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "parts"))
-from brute_engagement import met  # noqa: E402
+from brute_engagement import met, widest_arc  # noqa: E402
 from known_programs import feed, program, tool  # noqa: E402
 
 from cuspline.process.engagement import Look, engagement  # noqa: E402
@@ -37,7 +37,7 @@ def compared(rng, off, missed):
             missed.append(0.0 if wanted is None else (wanted[1] - wanted[0]) / RADIUS)
         else:
             off.append(((found.lowest_mm[k] - wanted[0]) / RADIUS, (found.highest_mm[k] - wanted[1]) / RADIUS,
-                        (found.immersion_rad[k] - wanted[2]) / (2 * np.pi)))
+                        (widest_arc(found.arcs[k], LOOK.ring_rad) - wanted[2]) / (2 * np.pi)))
 
 
 def main(moves):
