@@ -259,6 +259,29 @@ def translate(
         _write(out if len(done.texts) == 1 else out.with_name(f"{out.stem}-{k:02d}{out.suffix}"), whole, "--out")
 
 
+@app.command()
+def calibrate(machine: Annotated[str, typer.Option(help="machine by name or TOML file")] = "mill_3axis",
+              feed: Annotated[float, typer.Option(min=1, max=100_000, help="mm/min")] = 1000.0,
+              tool: Annotated[Optional[int], typer.Option(help="number of the tool that cuts the groove; none: the first")] = None,
+              cutters: Annotated[Optional[Path], typer.Option(help="tool library (JSON)")] = None,
+              corner_mm: Annotated[Optional[float], typer.Option(
+                  min=1e-4, max=100, help="as measured: how far the groove is from its corner, along the bisector")] = None,
+              out: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
+    """The L-shaped test of the drives: its program; with the measured corner, time constants for the machine's file."""
+    from cuspline.app import catalogue
+    from cuspline.app.calibrate import calibration_text, measured_text
+    if corner_mm is None:
+        library = catalogue.find_library(cutters)
+        chosen = library.tools[0] if tool is None else library.number(tool)
+        text = calibration_text(catalogue.find_machine(machine), chosen, feed)
+    else:
+        text = measured_text(corner_mm, feed)
+    if out is None:
+        print(text, end="")
+    else:
+        _write(out, text, "--out")
+
+
 def _write(path, text, option):
     try:
         path.write_text(text)

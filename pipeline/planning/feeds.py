@@ -1,7 +1,8 @@
 """Spindle speed, feed of every block, and the time a program takes.
 
 The feed of a block is the least of: what the cutter takes; half its length per time constant of the
-drives (the machine then follows within half a block, docs/formulas.md 4); what the axes can run; what their
+drives (the machine then follows within half a block, docs/formulas.md 4); its length times the blocks that the control
+runs in a time, where its file states them; what the axes can run; what their
 acceleration allows round an arc.  The time follows from speeds reached under that acceleration.
 """
 
@@ -68,6 +69,8 @@ def capped_feeds(moves, machine):
     lengths = move_lengths_mm(moves)
     by_lag = 60.0 * lengths / (2.0 * machine.time_constant_s)
     feeds = np.minimum(moves.feed_mm_per_min, np.minimum(by_lag, _axis_limit(moves, machine)))
+    if machine.control.blocks_per_s is not None:
+        feeds = np.minimum(feeds, 60.0 * lengths * machine.control.blocks_per_s)
     arcs = np.flatnonzero(moves.kind >= Kind.ARC_CW)
     for k in arcs:
         radius, _, _ = arc_shape(moves.starts_mm[k], moves.end_mm[k], moves.center_mm[k], moves.plane[k], moves.kind[k])

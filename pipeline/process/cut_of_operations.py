@@ -4,8 +4,10 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from cuspline.process.tool_life import change_points, edges_needed
 from cuspline.program.program import Kind
 from cuspline.values.amounts import counted
+from cuspline.values.errors import InputError
 
 NOT_SEEN = "not checked: the tool leans, drills, or is no ball, bull nose or flat cutter"
 
@@ -24,6 +26,7 @@ class OperationCut:
     immersion_deg: float            # widest arc
     lowest_speed_m_per_min: float   # of the edge in the cut: nearest to the axis,
     highest_speed_m_per_min: float  # and farthest from it
+    minutes_in_cut: float
     removed_mm3: float
     removal_cm3_per_h: float        # on the way in the cut: mean
     removal_most_cm3_per_h: float   # and largest
@@ -62,13 +65,44 @@ def _cut(posted, tools, found, mine, name):
         immersion_deg=float(np.degrees(found.immersion_rad[mine].max())),
         lowest_speed_m_per_min=float(speed(found.lowest_radius_mm)[cuts].min(initial=np.inf)) if cuts.any() else 0.0,
         highest_speed_m_per_min=float(speed(found.highest_radius_mm)[cuts].max(initial=0.0)),
-        removed_mm3=volume, removal_cm3_per_h=0.06 * volume / minutes if minutes > 0 else 0.0,
+        minutes_in_cut=minutes, removed_mm3=volume, removal_cm3_per_h=0.06 * volume / minutes if minutes > 0 else 0.0,
         removal_most_cm3_per_h=float((0.06 * found.area_mm2[mine] * feed).max()))
 
 
 def _sum(values):
     """One after the other: the same on every processor."""
     return float(np.cumsum(values)[-1]) if len(values) else 0.0
+
+
+def edge_changes(posted, found, life):
+    """What a setup's tools wear: {"T3": {...}}, or words where nothing is known of the material.
+
+    Edges are changed before the first line of a stretch between two rapids.
+
+    Args:
+        life: shop.tool_lives.ToolLife, or None.
+    """
+    if life is None:
+        return "not checked: no tool life is known of the material"
+    feed = posted.feed_mm_per_min[found.row]
+    minutes = np.divide(found.way_mm, feed, out=np.zeros(len(feed)), where=found.cuts & (feed > 0))
+    stretch, out = np.cumsum(posted.kind == Kind.RAPID)[found.row], {}
+    for tool in np.unique(posted.tool[found.row]).tolist():
+        mine = np.flatnonzero(posted.tool[found.row] == tool)
+        _, first, which = np.unique(stretch[mine], return_index=True, return_inverse=True)
+        times = np.bincount(which, weights=minutes[mine])
+        out[f"T{tool}"] = {"minutes_in_cut": round(_sum(times), 4), "life_min": life.life_min,
+                           "sets_of_edges": edges_needed(_sum(times), life.life_min),
+                           **_changes(posted, found, mine[first], times, life)}
+    return out
+
+
+def _changes(posted, found, first, times, life):
+    """Lines before which edges are changed, or why that cannot be."""
+    try:
+        return {"change_before_lines": posted.line[found.row[first[change_points(times.tolist(), life.life_min)]]].tolist()}
+    except InputError as error:
+        return {"change_before_lines": [], "too_long": str(error)}
 
 
 def not_seen(posted, found):

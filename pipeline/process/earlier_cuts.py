@@ -53,7 +53,7 @@ class CutPieces:
         known = cutting_rows(posted) & posted.is_upright & np.isin(posted.tool, plain_tools(tools))
         rows = np.flatnonzero(known)
         longest = LONGEST_RADII * np.array([tools[n].cutter.radius_mm for n in posted.tool[rows].tolist()])
-        geometry, row = _straight(posted, rows, longest)
+        geometry, row = straight_pieces(posted, rows, longest)
         tool = posted.tool[row].astype(np.int64)
         return cls(geometry=geometry, row=row, tool=tool, world=_world(geometry, tool, tools))
 
@@ -63,7 +63,7 @@ def plain_tools(tools):
     return [n for n, t in tools.items() if t.cutter.type in CLOSED_UPWARD and t.head is None]
 
 
-def _straight(posted, rows, longest_mm):
+def straight_pieces(posted, rows, longest_mm):
     """(m, 12) straight pieces of moves in the order of cutting, and their rows; `longest_mm` (k,) of each move's."""
     is_arc = posted.kind[rows] >= Kind.ARC_CW
     arcs = Arcs(posted, rows[is_arc]) if is_arc.any() else None

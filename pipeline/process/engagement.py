@@ -37,6 +37,7 @@ CLEAR = 0.2               # of a ring's radius: how much farther is clear is not
 CROSSINGS = 3             # halvings of the step in which a ring enters or leaves the cut
 LOOKED_AT = 32            # at so many places of a ring at most
 TIP_SHARE = 0.05          # of the radius: as near to its axis a ball does not cut but rub
+POINT_MM = 1e-9           # a ring with a smaller radius is a point
 CORNER_MM, SAME = 1e-9, 1e-6    # beside a corner of the edge; sines that are the same
 CHUNK = 64                # places looked at one after the other
 IS_ARC, BEGINS, ENDS, AT_R, AT_Z = range(5)     # columns of an edge's parts: whether an arc, its stretch, first point or middle
@@ -320,7 +321,8 @@ def _looked_at(state, before, behind, world, found, edge, shortest, arcs, ways, 
                 continue
             lowest = j if lowest < 0 else lowest
             highest = j
-            widest = max(widest, arc[LAST] - arc[FIRST])
+            if place[RADIUS] >= POINT_MM:                   # the tip itself has no arc
+                widest = max(widest, arc[LAST] - arc[FIRST])
             put(arcs[k, j], arc)
         if lowest < 0:
             continue
@@ -386,14 +388,14 @@ def _round(here, place, shortest, window, arc, stack, bounds):
     cx, cy = (state[FEED_X] / level, state[FEED_Y] / level) if level > 1e-12 else (1.0, 0.0)
     arc[FIRST], arc[LAST], arc[ROUND], arc[FORWARD], arc[BEGIN], arc[END] = math.nan, math.nan, 0.0, 0.0, math.nan, math.nan
     forward, rise = place[OUT] * level, place[UP] * state[FEED_Z]
-    if forward + rise < 1e-9 and place[RADIUS] >= 1e-9:         # nothing of it goes on: a level bottom slides
+    if forward + rise < 1e-9 and place[RADIUS] >= POINT_MM:         # nothing of it goes on: a level bottom slides
         return
     half = math.pi
     if rise < forward:
         half = fixed.arccos(min(max(-rise / max(forward, 1e-300), -1.0), 1.0))
     turn, end_of_way = max(-half, window[FROM]), min(half, window[TO])
     hint, start, was, at_was, widest = -1, math.nan, 0.0, 0.0, -1.0
-    if place[RADIUS] < 1e-9:
+    if place[RADIUS] < POINT_MM:
         depth, _ = _depth(state[TIP_X], state[TIP_Y], state[TIP_Z] + place[HEIGHT], 0.0, here, -1, stack, bounds)
         if depth > THIN_MM:
             arc[FIRST], arc[LAST], arc[ROUND], arc[FORWARD] = -half, half, 2 * half, 2 * fixed.sin(half)

@@ -336,7 +336,34 @@ def edges_not_checked(verify):
     """What verify.json's "process" says of operations that are not looked at, one text a setup."""
     parts = [(str(part.get("setup", DASH)), _process(part).get("not_checked")) for part in verify.get("setups") or ()]
     unknown = dict.fromkeys(str(_process(part).get("forces", "")) for part in verify.get("setups") or ())
-    return [f"{name}: {words}" for name, words in parts if words] + [f"Forces: {words}" for words in unknown if words]
+    strays = [(str(part.get("setup", DASH)), _process(part).get("drives")) for part in verify.get("setups") or ()]
+    return [f"{name}: {words}" for name, words in parts if words] + [f"Forces: {words}" for words in unknown if words] + [
+        f"{name}, drives: {_drives_in_words(found)}" for name, found in strays if found]
+
+
+def edge_sets(verify):
+    """One text a tool and setup whose edges are changed on the way, or a set of which is counted."""
+    rows = [(str(part.get("setup", DASH)), name, found) for part in verify.get("setups") or ()
+            for name, found in _edges(part).items()]
+    return [f"{setup}, {name}: {decimal(found.get('minutes_in_cut'), 0)} min in the cut, "
+            f"{counted(found.get('sets_of_edges', 1), 'set')} of edges" + _changes_in_words(found.get("change_before_lines"))
+            for setup, name, found in rows]
+
+
+def _edges(part):
+    found = _process(part).get("edges")
+    return found if isinstance(found, dict) else {}
+
+
+def _changes_in_words(lines):
+    return f", changed before line {', '.join(str(line) for line in lines)}" if lines else ""
+
+
+def _drives_in_words(found):
+    if not isinstance(found, dict):
+        return str(found)
+    return (f"they stray from the path by up to {short_of_length(found.get('deviation_mm'))} where the surface is left, of "
+            f"{short_of_length(found.get('allowed_mm'))} that the control may")
 
 
 def _process(part):

@@ -261,6 +261,22 @@ class RightAngleHead(Model):
         return (-1.0, 0.0, 0.0) if self.cutter_points == "+X" else (1.0, 0.0, 0.0)
 
 
+class Chatter(Model):
+    """How a tool in its holder and spindle yields at its tip, as measured by a hammer test: one figure, or modes."""
+
+    least_real_mm_per_n: float | None = Field(default=None, lt=0, description="min Re G, across the axis")
+    modes: tuple[tuple[float, float, float], ...] | None = Field(
+        default=None, min_length=1, description="frequency_hz, stiffness_n_per_mm, damping ratio of each")
+
+    @model_validator(mode="after")
+    def _says_one(self):
+        if (self.least_real_mm_per_n is None) == (self.modes is None):
+            raise ValueError("it has either least_real_mm_per_n or modes")
+        if any(not (f > 0 and k > 0 and 0 < z < 1) for f, k, z in self.modes or ()):
+            raise ValueError("modes have a frequency and a stiffness above 0 and a damping ratio between 0 and 1")
+        return self
+
+
 class Tool(Model):
     """A cutter in its holder, as it stands in the magazine."""
 
@@ -269,6 +285,7 @@ class Tool(Model):
     holder: Holder
     stick_out_mm: float = Field(gt=0, description="tip to holder nose")
     head: RightAngleHead | None = Field(default=None, description="that the holder sits in, in place of the spindle")
+    chatter: Chatter | None = Field(default=None, description="as measured; left out: depths are not checked against chatter")
 
     @model_validator(mode="after")
     def _stick_out_is_possible(self):
@@ -293,7 +310,7 @@ class Tool(Model):
     @model_serializer(mode="wrap")
     def _without_a_head_it_has_not(self, dump):
         row = dump(self)
-        return row if self.head is not None else {k: v for k, v in row.items() if k != "head"}
+        return {k: v for k, v in row.items() if v is not None or k not in ("head", "chatter")}
 
     @property
     def wheel_mm(self):

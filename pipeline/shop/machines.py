@@ -33,12 +33,15 @@ class Sparse(Model):
 class LinearAxis(Sparse):
     """One linear axis in machine coordinates: it counts as the tool moves, seen from the part."""
 
-    LEFT_OUT = ("direction",)
+    LEFT_OUT = ("direction", "time_constant_s", "backlash_mm")
     min_mm: Coordinate
     max_mm: Coordinate
     rapid_mm_per_min: float = Field(gt=0, description="largest axis speed")
     acceleration_mm_per_s2: float = Field(gt=0)
     direction: Point | None = Field(default=None, description="of the tool, seen from the part; left out: along its letter")
+    time_constant_s: float | None = Field(default=None, gt=0, le=1, description="first-order lag of its drive, measured by "
+                                          "`cuspline calibrate`; where X, Y and Z state it the posted path is checked")
+    backlash_mm: float = Field(default=0.0, ge=0, le=1, description="of its screw")
 
     @model_validator(mode="after")
     def _travel_is_positive(self):
@@ -125,7 +128,8 @@ class Spindle(Sparse):
 class Control(Sparse):
     """What the controller accepts."""
 
-    LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes", "canned_cycles")
+    LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes", "canned_cycles",
+                "blocks_per_s")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
@@ -144,6 +148,8 @@ class Control(Sparse):
                                "counts its own)")
     arc_planes: tuple[Literal["XY", "ZX", "YZ"], ...] = Field(
         default=("XY", "ZX", "YZ"), description="in which the control runs arcs; others, all where it is empty, go out as lines")
+    blocks_per_s: float | None = Field(default=None, gt=0, description="that the control runs; feeds of shorter blocks are lowered "
+                                       "to it; left out: not checked")
     optional_stops: bool = Field(default=False, description="M1 at the top of the machine before every tool but the first")
     path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: half of it "
                                      "goes out as LinuxCNC's G64 P, whose blends take up to twice that; what goes out as Haas's "

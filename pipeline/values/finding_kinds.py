@@ -110,6 +110,18 @@ KINDS = {
             "`G64 P0.05` in a program whose finish allows gouges of 0.003 mm; or no G64 at all on LinuxCNC.",
             "Write `G64 P… Q…` with a smaller tolerance before the moves. On a Fanuc control set the parameter, and state "
             "it as `path_tolerance_mm` in the machine's file."),
+        "chatter": (
+            "the edge is in the cut over more than the depth at which the tool begins to chatter",
+            "A ball of 8 mm whose limit is 3.5 mm takes a layer of 1 mm on a plane and on a slope of 68°: 1.0 and 3.4 mm; where "
+            "plane and slope meet it is 5.9 mm for a moment.",
+            "Take a smaller stepdown, or begin the slope from above. It is checked for tools whose `chatter` the library states, "
+            "in materials whose cutting force is known."),
+        "following_error": (
+            "the drives leave the path farther than the control may, where the surface is left",
+            "Axes with `time_constant_s = 0.033` cut a corner of a finishing pass at 1600 mm/min by 0.3 mm; the machine's "
+            "`path_tolerance_mm` is 0.01.",
+            "Lower F to the value that is named. It is checked where the machine's file states `time_constant_s` of X, Y and Z; "
+            "`cuspline calibrate` measures it."),
         "no_spindle": (
             "a feed move while the spindle stands, or turns backwards",
             "`M3` is missing after a tool change; or M5 while the flutes still touch the stock.",

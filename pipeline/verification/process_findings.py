@@ -1,8 +1,12 @@
-"""Findings of the process: cuts against what spindle and cutter stand."""
+"""Findings of the process: cuts against what spindle and cutter stand, chatter, drives against the posted path."""
 
 import numpy as np
 
+from cuspline.process.chatter import limits_mm
+from cuspline.process.drives import Drives, deviations_mm, following_error_mm
 from cuspline.process.forces import limits_of
+from cuspline.program.program import Kind
+from cuspline.values.amounts import counted
 from cuspline.values.findings import Finding
 
 
@@ -31,3 +35,61 @@ def limit_findings(posted, tools, machine, met, loads, around):
                         advice=f"{what} up to {amount:.4g} {unit}, where {where} states {limit:g} {unit}: take a smaller stepdown, "
                                "stepover or feed per tooth"))
     return tuple(found)
+
+
+def chatter_findings(posted, tools, met, material, around):
+    """Cuts deeper than a tool stands without chatter; one Finding an operation, at its deepest place.
+
+    Args:
+        material: shop.cutting_forces.CuttingForce, or None.   around: (setup's name, its frame).
+    Returns:
+        findings; what verify.json says of it.
+    """
+    limits, found, (setup, frame) = limits_mm(tools, material), [], around
+    operations, depth = posted.operation[met.row], met.depth_mm
+    for number, limit in limits.items():
+        for operation in np.unique(operations[posted.tool[met.row] == number]).tolist():
+            mine = np.flatnonzero((operations == operation) & (posted.tool[met.row] == number))
+            worst = mine[depth[mine].argmax()]
+            row = int(met.row[worst])
+            if depth[worst] > limit:
+                lines = np.unique(posted.line[met.row[mine[depth[mine] > limit]]])
+                found.append(Finding(
+                    kind="chatter", amount_mm=round(float(depth[worst]), 6), row=row, setup=setup,
+                    place_mm=tuple(round(float(v), 6) for v in frame.out(met.tip_mm[worst][None])[0]),
+                    operation=posted.operation_name(row), line=int(posted.line[row]),
+                    advice=f"the edge is in the cut over {depth[worst]:.3f} mm, T{number} begins to chatter at {limit:.3f} mm: "
+                           f"take a smaller stepdown, or begin the slope from above ({counted(len(lines), 'line')})"))
+    unknown = sorted({int(t) for t in np.unique(posted.tool[met.row])} - set(limits))
+    words = {"limit_mm": {f"T{n}": round(limit, 6) for n, limit in sorted(limits.items())}}
+    return tuple(found), {**words, **({"not_checked": [f"T{n}" for n in unknown]} if unknown else {})}
+
+
+def drive_findings(posted, machine, rows, setup):
+    """Moves that leave the final surface, and from which the drives stray farther than the machine's control may.
+
+    Args:
+        rows: of the moves that leave the surface; -1 is none.
+    Returns:
+        one Finding an operation, at its worst move; what verify.json says of it.
+    """
+    drives = Drives.of(machine)
+    if drives is None:
+        return (), "not checked: the machine's file states no time_constant_s of X, Y and Z, or the machine has rotary axes"
+    limit, found = machine.control.path_tolerance_mm, []
+    surface = np.zeros(len(posted), bool)
+    surface[rows[rows >= 0]] = True
+    surface &= posted.kind != Kind.RAPID
+    off = np.where(surface, deviations_mm(posted, drives), 0.0)
+    for operation in np.unique(posted.operation[surface]).tolist():
+        row = int(np.where(posted.operation == operation, off, 0.0).argmax())
+        if off[row] > limit:
+            kept = posted.feed_mm_per_min[row] * limit / off[row]
+            found.append(Finding(
+                kind="following_error", amount_mm=round(float(off[row]), 6), place_mm=None, row=row, setup=setup,
+                operation=posted.operation_name(row), line=int(posted.line[row]),
+                advice=f"the drives stray from the path by more than the {limit:g} mm that the control may: F{kept:.0f} keeps "
+                       "to it here"))
+    lag = following_error_mm(float(posted.feed_mm_per_min[surface].max(initial=0.0)), float(drives.time_constants_s.max()))
+    return tuple(found), {"deviation_mm": round(float(off.max(initial=0.0)), 6), "allowed_mm": limit,
+                          "line": int(posted.line[off.argmax()]) if len(off) else 0, "following_error_mm": round(lag, 6)}

@@ -11,7 +11,7 @@ from OCP.TopExp import TopExp_Explorer
 from cuspline.design.design import by_clamping
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.tessellation import Tessellation, tessellate
-from cuspline.process.cut_of_operations import process_document
+from cuspline.process.cut_of_operations import edge_changes, process_document
 from cuspline.process.engagement import engagement
 from cuspline.process.forces import forces
 from cuspline.replay.clearance import ClearanceTree
@@ -19,6 +19,7 @@ from cuspline.replay.replay import replay
 from cuspline.replay.replay_result import Replay
 from cuspline.replay.scene import FinishedDesign, FoundStock, Surroundings, ZMap
 from cuspline.shop.cutting_forces import known_forces
+from cuspline.shop.tool_lives import known_lives
 from cuspline.stock.stock_solids import StockSolids
 from cuspline.stock.swept import is_height_field, lowest_moves, stock_height_mm, swept_paths
 from cuspline.stock.workpiece import Workpiece
@@ -35,7 +36,7 @@ from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.in_process import PART
-from cuspline.verification.process_findings import limit_findings
+from cuspline.verification.process_findings import chatter_findings, drive_findings, limit_findings
 from cuspline.verification.reach import REACHABLE, drop_mesh
 from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
 from cuspline.verification.residuals import (
@@ -414,8 +415,10 @@ def _judged(part, c, found, own, judging, joined):
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     limits = limit_findings(c.program.posted, tools, machine, met, loads, (c.name, c.program.setup.frame))
-    findings = (*history.findings, *history.idle, *limits, *report.gouges(), *report.unseen_gouges(proven), *report.excess(),
-                *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
+    shaken, chatter = chatter_findings(c.program.posted, tools, met, material, (c.name, c.program.setup.frame))
+    strays, drives = drive_findings(c.program.posted, machine, found.row[found.is_own], c.name)
+    findings = (*history.findings, *history.idle, *limits, *shaken, *strays, *report.gouges(), *report.unseen_gouges(proven),
+                *report.excess(), *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
     return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,
                         cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings, stock=part.made,
@@ -424,8 +427,10 @@ def _judged(part, c, found, own, judging, joined):
                                  **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
                                  "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict()),
-                                 "process": process_document(c.program.posted, tools, met, loads,
-                                                             _force_source(material, judging))})
+                                 "process": {**process_document(c.program.posted, tools, met, loads,
+                                                                _force_source(material, judging)), "chatter": chatter,
+                                             "drives": drives, "edges": edge_changes(
+                                                 c.program.posted, met, known_lives().get(judging.material))}})
 
 
 def _force_source(material, judging):

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-STILL = 120             # balls along a move
+STILL = 120             # balls along a move; between them ridges stay that are lower than THIN of the radius
+THIN = 5e-4
+NEAREST_RAD = np.radians(9.99)      # to the tip that arcs are compared: on a way down they widen to a full turn there
 
 
 def stock_height(xy, moves, radius, top):
@@ -31,11 +33,18 @@ def met(tip, direction, moves, radius, box, rings=130, places=181):
     low, high = box
     within = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]) & (z > low[2])
     asked, cut = goes_on & within, np.zeros(x.shape, bool)
-    cut[asked] = z[asked] < stock_height(np.column_stack([x[asked], y[asked]]), moves, radius, high[2]) - 1e-4 * radius
+    cut[asked] = z[asked] < stock_height(np.column_stack([x[asked], y[asked]]), moves, radius, high[2]) - THIN * radius
     if not cut.any():
         return None
     longest = 0
-    for row in cut[cut.any(axis=1)]:
+    for row in cut[cut.any(axis=1) & (polar[:, 0] > NEAREST_RAD)]:
         edges = np.flatnonzero(np.diff(np.r_[False, row, False].astype(int)))
         longest = max(longest, (edges[1::2] - edges[::2]).max())
     return height[cut].min(), height[cut].max(), longest * 2 * np.pi / (places - 1)
+
+
+def widest_arc(arcs, ring_rad):
+    """Of a place's rings on a ball, so far apart, those that `met` compares; 0: none."""
+    wide = arcs[round(10 * np.pi / 180 / ring_rad):]
+    wide = wide[np.isfinite(wide[:, 0])]
+    return (wide[:, 1] - wide[:, 0]).max(initial=0.0)
