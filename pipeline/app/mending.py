@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.planning.clean_up import clean_up, why_out_of_reach
+from cuspline.design.design import by_clamping
+from cuspline.planning.clean_up import clean_up, squarely_touched, why_out_of_reach
 from cuspline.planning.plan import plan_setup
 from cuspline.values.amounts import counted
 from cuspline.values.errors import CamError
@@ -78,11 +79,43 @@ def mended(plans, wants, number, by):
         (plans, bool: something was changed).
     """
     out, changed = [], False
-    for plan, want in zip(plans, wants):
+    for plan, want in zip(plans, _dealt(plans, wants)):
         new = plan if want.is_none or not plan.is_mended else _mended(plan, want, number, by)
         changed |= new.operations is not plan.operations
         out.append(new)
     return out, changed
+
+
+def _dealt(plans, wants):
+    """The same Wants, each place with the position of its clamping that touches it most squarely.
+
+    A face that several positions cut is judged once, beside whichever of them: who is told is not who reaches the place.
+    """
+    wants, first = list(wants), 0
+    for held in by_clamping(plans):
+        numbers = [k for k in range(first, first + len(held)) if plans[k].is_mended]
+        high = [k for k in numbers if len(wants[k].places_mm)]
+        first += len(held)
+        if len(numbers) < 2 or not high:
+            continue
+        told = np.concatenate([np.full(len(wants[k].places_mm), k) for k in high])
+        places, left_mm = np.vstack([wants[k].places_mm for k in high]), max(wants[k].left_mm for k in high)
+        by = _most_squarely(plans, numbers, told, places, left_mm)
+        for k in numbers:
+            wants[k] = replace(wants[k], places_mm=places[by == k], left_mm=left_mm)
+    return wants
+
+
+def _most_squarely(plans, numbers, told, places_mm, left_mm):
+    """(n,) which of some plans touches each place (n, 3) most squarely; none: the one that was told of it."""
+    square = np.full((len(numbers), len(places_mm)), -np.inf)
+    for row, k in enumerate(numbers):
+        context = plans[k].context
+        own = context.setup.turn.into(places_mm)
+        mine = np.isin(context.closest.closest_points(own).face, context.wanted)
+        if mine.any():
+            square[row, mine] = squarely_touched(context, plans[k].operations, own[mine], left_mm)
+    return np.where(np.isfinite(square.max(axis=0)), np.array(numbers)[square.argmax(axis=0)], told)
 
 
 def with_reasons(verdict, plans):

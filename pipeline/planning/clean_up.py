@@ -5,6 +5,7 @@ the largest ball that touches them: the plan's own balls first, then smaller one
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -22,16 +23,20 @@ from cuspline.planning.freeform_finishing import (
 from cuspline.planning.tool_depth import missing_stick_outs_mm
 from cuspline.program.program import Moves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
+from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
 from cuspline.toolpaths.freeform.tip_field import tip_field
 from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
 from cuspline.toolpaths.freeform.tip_paths import PathRules, tip_paths
 from cuspline.values import fixed_math as fixed
 from cuspline.values.clusters import clusters_of
-from cuspline.values.errors import ToolpathError
 
 BEYOND_STEPS = 0.75         # of the finish's own step: passes run that far beyond a place
 GROUP_STEPS = 6.0           # places nearer to each other than that are cut together
 TOUCH_SHARE = 0.5           # of the cusp: a ball held off its place by less than this and a ridge of CLOSER leave less than it
+NEIGHBOURS = 9              # of a place, itself among them, whose balls are compared
+TOGETHER = 0.3              # of the places' distance: balls nearer to each other than this stand in a fillet as round as they are
+THIN_STEPS = 0.25           # of a step: middles nearer than this are one
+LONE_STEPS = 0.1            # that a pass through a single place is long
 CLOSER = 0.25               # of the finish's ridge in the first round, the square of it in the second
 
 
@@ -79,6 +84,21 @@ def _balls(work, operations):
 def _touched(work, tool, foot, left_mm):
     """(n,) bool: the ball touches the place, with nothing else in its way and its holder clear."""
     return _fits(work, tool, foot) & (_missing_mm(work, tool, foot, left_mm) <= 0)
+
+
+def squarely_touched(work, operations, places_mm, left_mm):
+    """How squarely some ball that may clean up touches places of a part.
+
+    Args:
+        work, operations, places_mm, left_mm: see `clean_up`.
+    Returns:
+        (n,) cosine between normal and tool axis; -inf: no ball touches it.
+    """
+    foot = work.closest.closest_points(places_mm)
+    is_touched = np.zeros(len(places_mm), bool)
+    for tool in _balls(work, operations):
+        is_touched |= _touched(work, tool, foot, left_mm)
+    return np.where(is_touched, foot.normal[:, 2], -np.inf)
 
 
 def why_out_of_reach(work, operations, places_mm, left_mm):
@@ -133,12 +153,10 @@ def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):
         low, high = tips.min(axis=0) - beyond, tips.max(axis=0) + beyond
         tree = cKDTree(places_mm[group])
         near = lambda points: tree.query(points)[0] <= beyond
-        try:
-            field = tip_field(dropper, work.wanted, (low + radius, high - radius), step / NODES_A_STEP)
-        except ToolpathError:
-            continue            # the box holds nothing that the ball touches: another ball's work
+        field = tip_field(dropper, work.wanted, (low + radius, high - radius), step / NODES_A_STEP, may_be_empty=True)
         paths = _from_above(field, near, ridge_mm, rules, step)
         paths += _round_walls(work, field, tips[:, 2] - radius, normals[group], near, step, tolerance)
+        paths += _along_fillets(work, field, places_mm[group], tips, rules, step)
         if paths:
             moves.append(moves_of_tip_paths(paths, link_rules(work, tool, field, tolerance, step, feed,
                                                               work.practice.rough_allowance_mm + left_mm)))
@@ -153,6 +171,49 @@ def _from_above(field, near, ridge_mm, rules, step_mm):
         return []
     region = field.narrowed(seeds, step_mm / 2)
     return tip_paths(parallel_curves(region, 0.0, ridge_mm), region, rules)
+
+
+def _along_fillets(work, field, places_mm, middles_mm, rules, step_mm):
+    """Passes whose ball stands in a fillet as round as itself: at all its places in the same middle, which no other pass comes by.
+
+    Args:
+        places_mm, middles_mm: (n, 3) places and the ball's middles where it touches them.
+    """
+    fall_together = _fall_together(places_mm, middles_mm)
+    if not fall_together.any():
+        return []
+    _, first = np.unique(np.floor(middles_mm[fall_together] / (THIN_STEPS * step_mm)), axis=0, return_index=True)
+    curves = [PlaneCurve(xy_mm=line[:, :2]) for line in _chained(middles_mm[fall_together][np.sort(first)], step_mm)]
+    anywhere = replace(field, wanted=tuple(range(len(work.faces))), rest_mm=np.zeros(field.rest_mm.shape),
+                       is_inside=np.ones(field.is_inside.shape, bool))
+    return tip_paths(curves, anywhere, rules)
+
+
+def _fall_together(places_mm, middles_mm):
+    """(n,) bool: the ball's middles lie much nearer to each other than some of the places round each."""
+    count = min(NEIGHBOURS, len(places_mm))
+    if count < 2:
+        return np.zeros(len(places_mm), bool)
+    apart, near = cKDTree(places_mm).query(places_mm, count)
+    apart, near = apart[:, 1:], near[:, 1:]
+    of_middles = np.linalg.norm(middles_mm[near] - middles_mm[:, None], axis=2)
+    return (of_middles < TOGETHER * apart).any(axis=1)
+
+
+def _chained(points_mm, gap_mm):
+    """[(k, 3)] points (n, 3) in rows from neighbour to neighbour within a gap in plan; a lone one goes a bit on."""
+    left, lines = np.ones(len(points_mm), bool), []
+    while left.any():
+        start = np.flatnonzero(left)
+        at = int(start[((points_mm[start] - points_mm[start].mean(axis=0)) ** 2).sum(axis=1).argmax()])
+        line = []
+        while at >= 0:
+            left[at] = False
+            line.append(points_mm[at])
+            away = np.where(left, np.sqrt(((points_mm[:, :2] - points_mm[at, :2]) ** 2).sum(axis=1)), np.inf)
+            at = int(away.argmin()) if away.min(initial=np.inf) <= gap_mm else -1
+        lines.append(np.array(line if len(line) > 1 else [*line, line[0] + (LONE_STEPS * gap_mm, 0.0, 0.0)]))
+    return lines
 
 
 def _round_walls(work, field, tips_z_mm, normals, near, step_mm, tolerance_mm):

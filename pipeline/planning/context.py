@@ -4,7 +4,7 @@ import math
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -280,7 +280,8 @@ class PlanningContext:
         dropper = self.dropper_of(tool.cutter, allowance_mm)
         if not self._is_short(tool):
             return dropper
-        return ShortToolDropper(dropper, partial(clear_tips_mm, tool, self.mesh, stock_mm=self.practice.rough_allowance_mm))
+        standing = self.practice.rough_allowance_mm
+        return ShortToolDropper(dropper, lambda xy_mm, tips_mm: clear_tips_mm(tool, self.mesh, xy_mm, standing, tips_mm))
 
     def _is_short(self, tool):
         """Whether a holder or shank would touch the part where its cutter touches the faces of the operation."""

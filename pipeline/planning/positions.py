@@ -11,11 +11,12 @@ import numpy as np
 
 from cuspline.kernel import brep
 from cuspline.planning.context import MESH_DEFLECTION_MM
-from cuspline.planning.cutter_choice import ball_reach
-from cuspline.planning.tool_depth import missing_stick_outs_mm
+from cuspline.planning.cutter_choice import TOUCH_MM
+from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM
+from cuspline.replay.clearance import ClearanceTree
 from cuspline.shop.rotary_way import shortest_way
 from cuspline.surfaces.curvature import sample_faces
-from cuspline.toolpaths.drop.dropcutter import DropMesh
+from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PostError
 from cuspline.values.frames import Frame
@@ -25,6 +26,9 @@ LOOKED_AT = 5000            # places of the faces, spread over their samples, un
 LEAST_SHARE = 1e-3          # of the area: a direction that adds less is not worth its turn
 NEARLY_ALL = 0.99           # of what a direction adds: the largest ball that sees so much is named
 SEED = 20
+NEARLY = 1e-9               # of a cosine: a place on the border counts
+BALL_MIDDLE = np.zeros((1, 5))      # as a segment of replay/clearance.py
+UP = (0.0, 0.0, 1.0)
 UNIT_DECIMALS = 11          # of directions: unit vectors as a setup takes them
 
 
@@ -72,7 +76,11 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
         raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
     some, ways = _some_samples(solid, indices, places), directions() if ways is None else ways
     mesh = brep.planning_mesh(solid, MESH_DEFLECTION_MM)
-    seen = np.array([_seen(way, some, mesh, balls, steepest_deg, standing_mm) for way in ways]).reshape(len(ways), len(balls), -1)
+    tree = ClearanceTree.of_triangles(mesh.vertices_mm, mesh.triangles)
+    on_tools = [_Ball.of_tool(tool, tree, some, standing_mm) for tool in balls]
+    is_gentle = fixed.matmul(some.normal, np.transpose(ways)) >= fixed.cos(np.radians(steepest_deg)) - NEARLY
+    seen = np.array([ball.seen_from(way, gentle) for way, gentle in zip(ways, is_gentle.T) for ball in on_tools])
+    seen = seen.reshape(len(ways), len(balls), -1)
     return _chosen(ways, seen, some, balls)
 
 
@@ -125,20 +133,28 @@ def _some_samples(solid, indices, most):
     return replace(samples, area_mm2=samples.area_mm2[pick] * raised, **part)
 
 
-def _seen(way, samples, mesh, balls, steepest_deg, standing_mm):
-    """(balls, n) bool: which samples each ball finishes from a direction."""
-    frame = Frame.along(way)
-    own = replace(samples, point_mm=frame.into(samples.point_mm), normal=frame.turn_into(samples.normal))
-    part = DropMesh.from_triangles(frame.into(mesh.vertices_mm), mesh.triangles)
-    gentle = own.normal[:, 2] >= fixed.cos(np.radians(steepest_deg)) - 1e-9
-    found = []
-    for tool in balls:
-        reach = ball_reach(own, part, tool.cutter.radius_mm)
-        is_seen = gentle & reach.is_reached
-        rows = np.flatnonzero(is_seen)
-        is_seen[rows] = missing_stick_outs_mm(tool, reach.tip_mm[rows], part, standing_mm) <= 0.0
-        found.append(is_seen)
-    return np.array(found)
+@dataclass(frozen=True, eq=False)
+class _Ball:
+    """A ball on its tool, where it touches the places that are looked at."""
+
+    search: AxisSearch
+    middles_mm: np.ndarray      # (n, 3)
+    fits: np.ndarray            # (n,) bool: the ball alone meets the part nowhere else
+
+    @classmethod
+    def of_tool(cls, tool, tree, samples, standing_mm):
+        radius = tool.cutter.radius_mm
+        middles = samples.point_mm + radius * samples.normal
+        away = tree.distances_mm(BALL_MIDDLE, middles, np.broadcast_to(UP, middles.shape), TOUCH_MM / 10)
+        return cls(AxisSearch.of_tool(tree, tool, into_mm=TOUCH_MM, keep_mm=standing_mm + SHANK_CLEARANCE_MM,
+                                      holder_mm=standing_mm + HOLDER_CLEARANCE_MM), middles, away >= radius - TOUCH_MM)
+
+    def seen_from(self, way, is_gentle):
+        """(n,) bool: which of places (n,) that lean little enough it finishes with its tool along a direction (3,)."""
+        is_seen = is_gentle & self.fits
+        middles = self.middles_mm[is_seen]
+        is_seen[is_seen] = self.search.is_clear(middles, np.broadcast_to(way, middles.shape))
+        return is_seen
 
 
 def _chosen(ways, seen, samples, balls):

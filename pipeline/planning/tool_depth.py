@@ -21,17 +21,20 @@ ROUNDING_MM = 1e-9          # heights that differ by less are the same
 SOME = 16                   # every so many-th place is looked at first: the rest seldom shows more
 
 
-def clear_tips_mm(tool, mesh, xy_mm, stock_mm):
-    """(n,) lowest tips over places (n, 2) at which holder and shank keep clear; -inf where nothing is in their way.
+def clear_tips_mm(tool, mesh, xy_mm, stock_mm, least_mm=-np.inf):
+    """(n,) lowest tips over places (n, 2) at which holder and shank keep clear.
 
     Args:
         tool: Tool.
         mesh: DropMesh of the part.
         stock_mm: thickness of the material that may still stand on the part.
+        least_mm: one or (n,): tips below it do not count, it stands for them; -inf where nothing is in their way.
     """
-    lowest = np.full(len(xy_mm), -np.inf)
+    lowest = np.array(np.broadcast_to(np.asarray(least_mm, float), (len(xy_mm),)))
     for z0, radius, clearance in _wide_frusta(tool, stock_mm):
-        lowest = np.maximum(lowest, drop_tips_mm(mesh, xy_mm, radius + clearance, 0.0) + clearance - z0)
+        higher = is_held_above(mesh, xy_mm, radius + clearance, 0.0, lowest + z0 - clearance)
+        tips = drop_tips_mm(mesh, xy_mm[higher], radius + clearance, 0.0) + clearance - z0
+        lowest[higher] = np.maximum(lowest[higher], tips)
     return lowest
 
 
@@ -79,16 +82,17 @@ class ShortToolDropper(Dropper):
         """
         Args:
             dropper: Dropper of the cutter alone.
-            lowest_mm: function (n, 2) -> (n,) lowest tips of the whole tool.
+            lowest_mm: function of places (n, 2) and tips (n,) -> (n,) lowest tips of the whole tool, those tips or above.
         """
         self.radius_mm, self.corner_radius_mm = dropper.radius_mm, dropper.corner_radius_mm
         self.allowance_mm, self._dropper, self._lowest_mm = dropper.allowance_mm, dropper, lowest_mm
 
     def tips_mm(self, xy_mm):
-        return np.maximum(self._dropper.tips_mm(xy_mm), self._lowest_mm(xy_mm))
+        return self._lowest_mm(np.asarray(xy_mm, float), self._dropper.tips_mm(xy_mm))
 
     def contacts(self, xy_mm):
-        found, lowest = self._dropper.contacts(xy_mm), self._lowest_mm(np.asarray(xy_mm, float))
+        found = self._dropper.contacts(xy_mm)
+        lowest = self._lowest_mm(np.asarray(xy_mm, float), found.tip_z_mm)
         short = lowest > found.tip_z_mm
         at = lambda column, value: np.where(short if column.ndim == 1 else short[:, None], value, column)
         return replace(found, tip_z_mm=at(found.tip_z_mm, lowest), contact_mm=at(found.contact_mm, np.nan),

@@ -19,6 +19,9 @@ PART = Frame(rotation=np.eye(3), origin_mm=np.zeros(3))
 SAME_MM = 1e-7            # a depth found again deeper by less is the same
 HELD_MM = 1e-3            # the part may stand out of its stock by the kernel's own tolerance
 UNCUT = -1
+THIN_MM = 1e-6            # of a column: less is rounding
+FIRST_RAY_MM = 0.5        # looked along first
+LONGER_RAY = 4.0          # the next as many times as long
 ABOVE_MM = 1e-3           # rays begin so far above the cells that hold all stock
 ENDLESS_MM = 1e5          # beyond any stock
 
@@ -174,14 +177,24 @@ class Workpiece:
         found, rows = bottom.copy(), np.flatnonzero(begin > bottom)
         if len(rows):
             begin, bottom = begin[rows], bottom[rows]
-            depth = self._depth_mm(frame, xy[rows], begin, float((begin - bottom).max()))
+            depth = self._depth_mm(frame, xy[rows], begin, begin - bottom)
             found[rows] = np.where(depth < 0, np.maximum(begin + depth, bottom), begin)
         return found
 
-    def _depth_mm(self, frame, xy, top, limit_mm):
-        """(n,) deviation along the tool axis at places (n, 2) of height `top` (n,), at the top of the material there."""
-        tops, up = np.column_stack([xy, top - SAME_MM]), np.tile((0.0, 0.0, 1.0), (len(xy), 1))
-        return self.deviations(frame.out(tops), frame.turn_out(up), limit_mm)[0]
+    def _depth_mm(self, frame, xy, top, most_mm):
+        """(n,) deviation along the tool axis at places (n, 2) of height `top` (n,), at the top of material so deep (n,); 0: uncut.
+
+        Long rays meet every move that passes above: short ones go first, and where all along one is gone a longer one follows.
+        """
+        depth, open_, reach = np.zeros(len(xy)), np.arange(len(xy)), FIRST_RAY_MM
+        up = frame.turn_out(np.array([[0.0, 0.0, 1.0]]))
+        while len(open_):
+            starts = np.column_stack([xy[open_], top[open_] + depth[open_] - SAME_MM])
+            found = self.deviations(frame.out(starts), np.repeat(up, len(open_), axis=0), reach)[0]
+            depth[open_] += np.minimum(found, 0.0)
+            open_ = open_[(found <= SAME_MM - reach) & (-depth[open_] < most_mm[open_])]
+            reach *= LONGER_RAY
+        return depth
 
     def _heights_in_columns(self, frame, xy, lowest):
         """`heights_mm` of a blank of any form: its columns are asked one after the other, from above."""
@@ -191,7 +204,7 @@ class Workpiece:
             rows = np.flatnonzero(is_open & np.isfinite(columns[:, k, 1]))
             bottom, top = columns[rows, k].T
             height = self._down_mm(frame, xy[rows], bottom, top, self._tops_in(frame)) if self.cuts else top
-            stands = height > bottom + SAME_MM
+            stands = height > bottom + THIN_MM
             found[rows[stands]] = height[stands]
             is_open[rows[stands]] = False
         return found

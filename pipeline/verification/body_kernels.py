@@ -25,6 +25,7 @@ RADIUS = 3                  # column of a sphere: middle and radius
 ORIGIN = 3                  # row of a pose: three of the rotation, then where the body's origin stands
 ROOT = 0                    # of a tree: the sphere round all of it
 FLAT = 1e-14                # of a triangle's sides squared: below, it has no inside
+PROVEN = 0.6                # of a distance beyond the margin, where only that it is clear is asked
 SPANS = 128                 # stretches of a block that may wait
 
 
@@ -238,32 +239,47 @@ def _gathered(corners, count, kept):
 
 
 @njit
-def distance(body, solid, m, margin, cap):
-    """(proven lower bound, distance found) of two bodies; beyond `cap` they are not told apart."""
-    here, there, top = np.zeros(STACK, np.int64), np.zeros(STACK, np.int64), 1
+def distance(body, solid, m, margin, cap, share):
+    """(proven lower bound, distance found) of two bodies; beyond `cap` they are not told apart.
+
+    Nearer spheres first; one that is beyond the margin by this share of what the best found is, is taken at its word: a share
+    of 1 finds the least distance, a smaller one proves that much of it sooner.
+    """
+    here, there, bounds, top = np.zeros(STACK, np.int64), np.zeros(STACK, np.int64), np.empty(STACK), 1
+    bounds[0] = _sphere_bound(body.nodes[ROOT], solid.nodes[ROOT], m)
     least, best = math.inf, math.inf
     while top > 0:
         top -= 1
         i, j = here[top], there[top]
-        u, s = body.nodes[i], solid.nodes[j]
-        if u[RADIUS] < 0.0 or s[RADIUS] < 0.0:
-            continue
-        x, y, z = _placed(m, u)
-        bound = math.sqrt((x - s[X]) ** 2 + (y - s[Y]) ** 2 + (z - s[Z]) ** 2) - u[RADIUS] - s[RADIUS] - ROUNDING_MM
-        if bound >= min(best, cap):
-            least = min(least, bound)
+        if bounds[top] >= min(best, margin + share * max(best - margin, 0.0), cap):
+            least = min(least, bounds[top])
             continue
         ends_here, ends_there = i >= body.leaves - 1, j >= solid.leaves - 1
         if ends_here and ends_there:
             low, found = piece_distance(body, i - body.leaves + 1, solid, j - solid.leaves + 1, m, margin)
             least, best = min(least, low), min(best, found)
             continue
-        divides_body = ends_there or (not ends_here and u[RADIUS] >= s[RADIUS])
+        divides_body = ends_there or (not ends_here and body.nodes[i, RADIUS] >= solid.nodes[j, RADIUS])
+        a, b, da, db = (2 * i + 1, j, 1, 0) if divides_body else (i, 2 * j + 1, 0, 1)
+        first = _sphere_bound(body.nodes[a], solid.nodes[b], m)
+        second = _sphere_bound(body.nodes[a + da], solid.nodes[b + db], m)
+        swap = 1 if second > first else 0               # the farther one waits below
         for side in range(2):
-            here[top] = 2 * i + 1 + side if divides_body else i
-            there[top] = j if divides_body else 2 * j + 1 + side
-            top += 1
+            k = swap if side == 0 else 1 - swap
+            bound = second if k == 1 else first
+            if bound < math.inf:
+                here[top], there[top], bounds[top] = a + k * da, b + k * db, bound
+                top += 1
     return least, best
+
+
+@njit(inline="always")
+def _sphere_bound(u, s, m):
+    """Points of two spheres are no nearer to each other; inf where one is empty."""
+    if u[RADIUS] < 0.0 or s[RADIUS] < 0.0:
+        return math.inf
+    x, y, z = _placed(m, u)
+    return math.sqrt((x - s[X]) ** 2 + (y - s[Y]) ** 2 + (z - s[Z]) ** 2) - u[RADIUS] - s[RADIUS] - ROUNDING_MM
 
 
 @njit
@@ -279,7 +295,7 @@ def over_blocks(body, solid, between, starts, ends, margin, cap, tolerance, is_c
         way = motion(between, starts[i], ends[i], sphere)
         if left - way < margin:
             pose(between, starts[i], m)
-            left, _ = distance(body, solid, m, margin, cap)
+            left, _ = distance(body, solid, m, margin, cap, PROVEN)
         if left - way < margin:
             is_clear[i] = _over_block(body, solid, between, starts[i], ends[i], margin, cap, tolerance, m)
             left = -math.inf
@@ -297,7 +313,7 @@ def _over_block(body, solid, between, q0, q1, margin, cap, tolerance, m):
         a, b, middle = q0 + low * (q1 - q0), q0 + high * (q1 - q0), 0.5 * (low + high)
         slack = 0.5 * motion(between, a, b, body.nodes[ROOT])
         pose(between, q0 + middle * (q1 - q0), m)
-        bound, found = distance(body, solid, m, margin, cap)
+        bound, found = distance(body, solid, m, margin, cap, PROVEN)
         if bound - slack >= margin:
             continue
         if found < margin or slack <= tolerance or top + 2 > SPANS:
@@ -338,7 +354,7 @@ def gaps(body, solid, between, starts, ends, poses, directions, margin, out):
         out[i] = math.inf
         for k in range(poses):
             pose(between, starts[i] + k / (poses - 1) * (ends[i] - starts[i]), m)
-            _, gap = distance(body, solid, m, margin, math.inf)
+            _, gap = distance(body, solid, m, margin, math.inf, 1.0)
             out[i] = min(out[i], gap if gap > 0.0 else -overlap(body, solid, m, directions))
 
 

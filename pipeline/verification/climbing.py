@@ -16,6 +16,7 @@ Gouges may be narrower still: they are looked for below every posted end, too.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -40,7 +41,8 @@ COMPASS = np.pi / 4 * np.arange(8)
 BETWEEN = np.pi / 36 * np.array([-4, -3, -2, -1, 1, 2, 3, 4])     # looked at around the best of these
 FLAT = 1e-4               # a rise of less than this, per step, is level
 RIM_MM = 0.01             # a top closer than this to the border is one of the rim
-GRID = 24                 # places a side, of every patch, by which a sample's parameters are found
+GRID = 24                 # places a side, of a face, by which a sample's parameters are found
+LEAST_GRID = 6            # of every patch of it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -69,13 +71,24 @@ class Ground:
         return u, v, found
 
     def _nearest_of_grid(self, face, points_mm):
+        if face not in self._grids:
+            self._grids[face] = self._grid(face)
+        tree, u, v = self._grids[face]
+        near = tree.query(points_mm)[1]
+        return u[near], v[near]
+
+    @cached_property
+    def _grids(self):
+        return {}
+
+    def _grid(self, face):
+        """(cKDTree of places all over a face, their u (n,), v (n,))."""
         first, nu, nv = self.patches.face[face, :3]
         u0, u1, v0, v1 = self.patches.span[first:first + nu * nv].T
-        share = (np.arange(GRID) + 0.5) / GRID
-        u = (u0[:, None, None] + (u1 - u0)[:, None, None] * share[:, None] + 0 * share).ravel()
-        v = (v0[:, None, None] + (v1 - v0)[:, None, None] * share + 0 * share[:, None]).ravel()
-        near = cKDTree(self.patches.derivatives(face, u, v)[:, 0]).query(points_mm)[1]
-        return u[near], v[near]
+        across, along = ((np.arange(k) + 0.5) / k for k in (max(GRID // n, LEAST_GRID) for n in (nu, nv)))
+        u = (u0[:, None, None] + (u1 - u0)[:, None, None] * across[:, None] + 0 * along).ravel()
+        v = (v0[:, None, None] + (v1 - v0)[:, None, None] * along + 0 * across[:, None]).ravel()
+        return cKDTree(self.patches.derivatives(face, u, v)[:, 0]), u, v
 
     def stepped(self, face, u, v, step_mm):
         """Parameters after tangent steps (n, 3), and whether they are still on the face."""

@@ -43,7 +43,7 @@ class SolidComparison:
     excess: Amount                    # stock left on the required faces
     gouge: Amount                     # taken away: of any sampled face, and bodies beyond tolerance anywhere
     bodies: tuple[SolidBody, ...]     # beyond tolerance
-    artefacts: int                    # bodies that the grid made and the exact height denies
+    artefacts: int                    # bodies that the grid made and the exact height denies, or that stand on faces left alone
     volumes: Volumes                  # held against those of the residuals
     tessellation_mm: float
     pitch_mm: float                   # of the grid
@@ -82,7 +82,7 @@ def compare(made, k, part, drops, required, residuals, limits):
     surface_mm = limits.surface_error_mm
     # one large solid stands at a time
     bodies, artefacts = _bodies("excess", (made.stock(frame, excess_mm) - design) ^ region,
-                                _beyond_excess(made, k, excess_mm), excess_mm, _Seen(found, frame, part), surface_mm)
+                                _beyond_excess(made, k, excess_mm), excess_mm, _Seen(found, frame, part, required), surface_mm)
     more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
                            _Seen(own, frame, part), surface_mm)
     held = volumes(lambda prism: ((made.stock(frame) ^ prism) - design) ^ region,
@@ -162,6 +162,7 @@ class _Seen:
     found: object             # Residuals
     frame: object             # the WCS seen from the part
     part: object              # see `compare`
+    faces: object = None      # indices of the faces whose places count; None: all.  What leans over them may stand on others
 
     def at_most(self, places):
         """Nearest sample (n,), and how far places (n, 3) lie off the design (n,), mm, along that sample's normal: the most that
@@ -173,7 +174,7 @@ class _Seen:
 
     def deepest(self, places, at_most):
         """(largest depth in mm, its row) of places (n, 3) in the WCS; the depth of one is `at_most` (n,) or its distance to
-        the nearest face, whichever is less.  Without places: -1 and row 0.
+        the nearest face, whichever is less; -1 where that face does not count.  Without places: -1 and row 0.
 
         Faces are asked from the deepest place on, a few at a time, until no other can be deeper: on a hole's axis, where
         all its wall is as near, an answer takes long.
@@ -187,16 +188,30 @@ class _Seen:
             depth = at_most[rows].copy()
             deep = depth > SURE_MM
             if deep.any():
-                away = self.part.surface.closest_points(self.frame.out(places[rows[deep]])).distance_mm
-                depth[deep] = np.minimum(depth[deep], away)
+                depth[deep] = np.minimum(depth[deep], self._off_mm(places[rows[deep]]))
             k = int(depth.argmax())
             if depth[k] > best:
                 best, row = float(depth[k]), int(rows[k])
         return best, row
 
+    def any_counts(self, places):
+        """Whether some of places (n, 3) in the WCS lie at a face that counts."""
+        return bool(len(places)) and (self.faces is None or bool((self._off_mm(places) >= 0.0).any()))
+
+    def _off_mm(self, places):
+        """(n,) distances of places (n, 3) from the nearest face; -1 where that is one that does not count."""
+        near = self.part.surface.closest_points(self.frame.out(places))
+        if self.faces is None:
+            return near.distance_mm
+        return np.where(near.is_edge | np.isin(near.face, self.faces), near.distance_mm, -1.0)
+
 
 def _bodies(kind, solid, beyond_mm, tolerance, seen, tessellation_mm):
-    """Real bodies, and how many were made by the grid: there the exact stock does not cross the design."""
+    """Real bodies, and how many are none.
+
+    One is real where the exact stock reaches beyond the design at one of its vertices: either the exact height passes a
+    vertex of the design, or a vertex of the grid, where its height is exact, lies off the design.
+    """
     pieces = solids.bodies_of(solid, LEAST_MM3)
     if not pieces:
         return [], 0
@@ -207,7 +222,9 @@ def _bodies(kind, solid, beyond_mm, tolerance, seen, tessellation_mm):
     real = []
     for piece, i, j in zip(pieces, ends, ends[1:]):
         depth_of = lambda rows: seen.deepest(vertices[i:j][rows], at_most[i:j][rows])
-        if _is_real(beyond[i:j], depth_of, max(2 * tessellation_mm, SURE_MM)) and not _is_hair(piece, tessellation_mm):
+        sure = max(2 * tessellation_mm, SURE_MM)
+        is_crossed = seen.any_counts(vertices[i:j][beyond[i:j] > sure])
+        if (is_crossed or depth_of(np.abs(beyond[i:j]) < EXACT_MM)[0] > sure) and not _is_hair(piece, tessellation_mm):
             depth, worst = depth_of(slice(None))
             real.append(_described(kind, piece, tolerance + depth, vertices[i + worst], np.unique(near[i:j]), seen.frame))
     return real, len(pieces) - len(real)
@@ -219,15 +236,6 @@ def _described(kind, piece, depth, place, samples, frame):
     return SolidBody(kind=kind, volume_mm3=piece.volume_mm3, area_mm2=piece.area_mm2, depth_mm=depth,
                      place_mm=tuple(corners[2].tolist()),
                      min_mm=tuple(low.tolist()), max_mm=tuple(high.tolist()), samples=samples)
-
-
-def _is_real(beyond, depth_of, sure):
-    """Whether the exact stock reaches beyond the design at one of a body's vertices.
-
-    Either the exact height passes a vertex of the design, or a vertex of the grid, where its
-    height is exact, lies off the design: `depth_of` gives the largest depth of some vertices.
-    """
-    return bool((beyond > sure).any() or depth_of(np.abs(beyond) < EXACT_MM)[0] > sure)
 
 
 def _is_hair(piece, tessellation_mm):

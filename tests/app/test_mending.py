@@ -3,15 +3,18 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cuspline.app import build as recipe
 from cuspline.app import catalogue, mending
-from cuspline.app.mending import Wants, mended, wants_of
-from cuspline.design import Figure, SolidReport
+from cuspline.app.mending import Wants, _dealt, mended, wants_of
+from cuspline.design import Figure, Setup, SolidReport
 from cuspline.kernel import brep
+from cuspline.planning.clean_up import squarely_touched
+from cuspline.planning.context import PlanningContext
 from cuspline.program.program import Kind, Moves
 from cuspline.verification.reporter import allowed_mm
 from cuspline.verification.verdict import Judging, Options, SetupProgram, first_look
@@ -86,6 +89,32 @@ def test_a_place_that_no_ball_touches_is_told(order, plan):
     (same,), is_changed = mended([plan], [Wants(places_mm=under, left_mm=1.0, gouge_mm=0.0)], 1, "the verdict")
     assert not is_changed and same.operations is plan.operations
     assert "no ball of the library touches these places" in same.mending[0]["done"]
+
+
+def test_places_are_dealt_to_the_position_that_touches_them_most_squarely(order):
+    """One face, judged with the first of three positions: what its normals lean towards decides, not who was told."""
+    top, lean = order.design.setups[0], np.radians(35.0)
+    leaning = lambda way: (way * float(np.sin(lean)), 0.0, float(np.cos(lean)))
+    setups = [top, *(Setup(name=name, faces=top.faces, indexed=True, clamped_x=top.wcs_x, clamped_z=top.wcs_z,
+                           wcs_in_words=top.wcs_in_words, wcs_x=(0, 1, 0), wcs_z=leaning(way))
+                     for name, way in (("left", -1), ("right", 1)))]
+    plans = [SimpleNamespace(setup=s, operations=(), is_mended=True,
+                             context=PlanningContext(order.design, s, order.machine, order.library)) for s in setups]
+    closest = plans[0].context.closest
+    places = np.array([[x, y, 9.0] for x in np.linspace(1, 13, 25) for y in (1.0, 5.0, 9.0)])
+    foot = closest.closest_points(places)
+    mine = np.isin(foot.face, plans[0].context.wanted) & ~foot.is_edge
+    told = Wants(places_mm=foot.point_mm[mine], left_mm=0.1, gouge_mm=0.0)
+    nothing = Wants(places_mm=np.zeros((0, 3)), left_mm=0.03, gouge_mm=0.0)
+    dealt = _dealt(plans, [told, nothing, nothing])
+    assert sum(len(w.places_mm) for w in dealt) == mine.sum() and all(len(w.places_mm) for w in dealt)
+    axes = np.array([s.wcs_z for s in setups])
+    for k, want in enumerate(dealt):
+        square = closest.closest_points(want.places_mm).normal @ axes.T
+        for j in range(3):
+            squarer = want.places_mm[square[:, j] > square[:, k] + 1e-9]
+            touches = squarely_touched(plans[j].context, (), setups[j].turn.into(squarer), 0.1) > 0.0
+            assert len(squarer) < 0.2 * len(square) and not touches.any()
 
 
 def test_a_round_that_did_not_help_is_the_last(plan):

@@ -38,7 +38,7 @@ def turn_of(axis, degrees):
 @pytest.mark.parametrize("at, distance", [((20, 5, 5), 9.0), ((13, 14, 5), np.sqrt(8)), ((-4, -6, -9), np.sqrt(61)),
                                           ((5, 5, 5), 0.0), ((11, 5, 5), 0.0)])
 def test_boxes_are_as_far_apart_as_their_sides_edges_and_corners(at, distance):
-    low, found = kernels.distance(box((-1, -2, -3), (1, 2, 3)), box((0, 0, 0), (10, 10, 10)), ON(at), 0.0, np.inf)
+    low, found = kernels.distance(box((-1, -2, -3), (1, 2, 3)), box((0, 0, 0), (10, 10, 10)), ON(at), 0.0, np.inf, 1.0)
     assert found == pytest.approx(distance, abs=1e-9) and low <= distance
     assert distance == 0 or low > 0.95 * distance - 1e-3
 
@@ -52,7 +52,7 @@ def test_a_turned_cylinder_beside_a_box_is_as_far_as_the_other_search_finds_it()
     for _ in range(40):
         rotation, way = turn_of(rng.normal(size=3), rng.uniform(0, 180)), rng.normal(size=3)
         at = rng.uniform(60, 120) * way / np.linalg.norm(way)
-        low, found = kernels.distance(cylinder, bodies.pieces_of(*block.mesh), np.vstack([rotation, at]), 0.0, np.inf)
+        low, found = kernels.distance(cylinder, bodies.pieces_of(*block.mesh), np.vstack([rotation, at]), 0.0, np.inf, 1.0)
         other = tree.distances_mm(segment, at[None], rotation[:, 2][None], 1e-4)[0]
         assert low <= other + 1e-3 and found >= other - 0.003       # the mesh stands 0.002 outside the cylinder
         assert found == 0.0 or found - low <= 0.05 * found + 1e-3
@@ -63,7 +63,7 @@ def test_a_body_that_is_not_convex_is_its_triangles():
     yoke = bodies._tree([*(p for low, high in (((0, 0, 0), (40, 10, 5)), ((0, 0, 5), (5, 10, 30)), ((35, 0, 5), (40, 10, 30)))
                            for p in [BoxShape(min_mm=low, max_mm=high).mesh[0]])])
     post = box((10, 2, 10), (30, 8, 60))
-    assert kernels.distance(post, yoke, UNMOVED, 0.0, np.inf)[1] == pytest.approx(5.0)
+    assert kernels.distance(post, yoke, UNMOVED, 0.0, np.inf, 1.0)[1] == pytest.approx(5.0)
     vertices, triangles = BoxShape(min_mm=(0, 0, 0), max_mm=(1, 1, 1)).mesh
     dented = np.vstack([vertices, [[0.5, 0.5, 0.5]]])
     assert len(bodies.pieces_of(vertices, triangles).first) == 2

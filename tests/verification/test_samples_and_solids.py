@@ -149,6 +149,21 @@ def test_a_place_on_the_top_beside_a_hole_is_not_deep():
     assert deepest(beside(3.03, 8.0)) == pytest.approx(0.03, rel=0.1)    # in the metal of the wall; normals 10 degrees off
 
 
+def test_what_leans_over_a_face_but_stands_on_another_does_not_count_there():
+    """Of places off a hole's wall and off the top beside it only those count whose nearest face is one that is cut."""
+    faces = brep.faces_of(BLOCK)
+    wall = [k for k, f in enumerate(faces) if f.kind == "cylinder"]
+    seen = _Seen(SimpleNamespace(samples=sample_faces([faces[k].shape for k in wall], 0.5)), Frame.shift((0.0, 0.0, 0.0)),
+                 SimpleNamespace(surface=ClosestTree.of_faces(faces)), wall)
+    off_wall, off_top = np.array([[15 + 2.8, 10.0, 8.0]]), np.array([[15 + 3.5, 10.0, 10.3]])
+    assert seen.any_counts(off_wall) and not seen.any_counts(off_top) and not seen.any_counts(off_top[:0])
+    far = np.array([0.5])
+    assert seen.deepest(off_wall, far)[0] == pytest.approx(0.2, rel=1e-6) and seen.deepest(off_top, far)[0] == -1.0
+    assert seen.deepest(np.vstack([off_top, off_wall]), np.array([0.5, 0.5]))[1] == 1
+    everywhere = _Seen(seen.found, seen.frame, seen.part)
+    assert everywhere.any_counts(off_top) and everywhere.deepest(off_top, far)[0] == pytest.approx(0.3, rel=1e-6)
+
+
 def test_the_deepest_of_many_places_is_that_of_all_but_few_are_asked():
     """A plug in a blind hole: deepest where its wall and its floor are as far; the faces are asked for some of its places."""
     faces, asked = brep.faces_of(BLOCK), []

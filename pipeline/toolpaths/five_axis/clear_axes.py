@@ -23,6 +23,7 @@ BLOCK = 512                 # rows that one thread takes at a time; neighbours h
 BEARINGS = 24               # looked at first over both angles, then between the best and its neighbours
 HALVINGS = 6                # of the way to these: to a quarter of a degree of bearing
 SAME_WAY = 1e-6             # a normal nearer to the axis than this spans no plane with it
+NEARLY_MM = 1e-9            # heights on a tool that differ by less are the same
 NEARLY = 0.9                # of a unit vector's X: along X
 
 
@@ -39,18 +40,20 @@ class AxisSearch:
         object.__setattr__(self, "segments", frozen(self.segments, (None, 5), "segments"))
 
     @classmethod
-    def of_tool(cls, tree, tool, *, spindle_head=(), into_mm=0.0, keep_mm=0.0, limit_rad=math.pi):
+    def of_tool(cls, tree, tool, *, spindle_head=(), into_mm=0.0, keep_mm=0.0, holder_mm=None, limit_rad=math.pi):
         """A ball cutter's own.
 
         Args:
             tree: ClearanceTree.   tool: shop.cutters.Tool.   spindle_head: (height_mm, diameter_mm) cylinders above the holder.
             into_mm: so deep may flutes come, which touch by design.   keep_mm: so far must all the rest stay off.
+            holder_mm: so far the holder and what is above it; None: as the rest.
         """
         radius = tool.cutter.radius_mm
         flutes = flute_segments(tool.cutter)
         flutes = flutes[~((flutes[:, BOTTOM] == flutes[:, TOP]) & (flutes[:, BOTTOM] <= radius))]     # the ball stands
         rest = tool_segments(tool, spindle_head, with_flutes=False)
-        return cls(tree=tree, segments=np.vstack([_grown(flutes, -into_mm), _grown(rest, keep_mm)]), radius_mm=radius,
+        off_mm = np.where(rest[:, BOTTOM] >= tool.stick_out_mm - NEARLY_MM, keep_mm if holder_mm is None else holder_mm, keep_mm)
+        return cls(tree=tree, segments=np.vstack([_grown(flutes, -into_mm), _grown(rest, off_mm)]), radius_mm=radius,
                    limit_rad=limit_rad)
 
     def angles_rad(self, middles_mm, axes, ways, most_rad):

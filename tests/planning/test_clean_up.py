@@ -1,0 +1,62 @@
+"""Clean-up where no other pass comes by: a hollow as round as the ball, which stands in it at one place only."""
+
+from types import SimpleNamespace
+
+import cadquery as cq
+import numpy as np
+import pytest
+
+from cuspline.app import catalogue
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.planning.clean_up import _chained, _fall_together, clean_up
+from cuspline.planning.context import PlanningContext
+
+RADIUS_MM = 4.0
+HIGH_MM, LONG_MM = 10.0, 16.0
+ASKED = Finish(scallop_mm=0.01, profile_tolerance_mm=0.0025, gouge_mm=0.003)
+
+
+@pytest.fixture(scope="module")
+def context():
+    """A block with a groove along X, of the same radius as the ball that is to cut it."""
+    groove = cq.Workplane("YZ").center(0, HIGH_MM + 1.0).circle(RADIUS_MM).extrude(LONG_MM)
+    block = cq.Workplane().box(LONG_MM, 16, HIGH_MM, centered=(False, True, False)).cut(groove)
+    setup = Setup(name="top", faces=("groove",), wcs_in_words="middle of the left edge, on the base")
+    design = Design(name="grooved", description="block with a groove", parameters=Parameters(), solid=block.val(), setups=(setup,),
+                    predicates=(FacePredicate(name="groove", count=1, kinds=("cylinder",)),), material="aluminium_6061",
+                    stock=StockBox(min_mm=(0, -8, 0), max_mm=(LONG_MM, 8, HIGH_MM)), finish=ASKED)
+    return PlanningContext(design, setup, catalogue.find_machine(design.machine), catalogue.find_library(None))
+
+
+def left_mm(moves, places_mm):
+    """(n,) distance of places from a ball that goes along moves, brute force."""
+    ends = np.vstack([moves.start_mm, moves.end_mm]) + (0, 0, RADIUS_MM)
+    start, way = ends[:-1], np.diff(ends, axis=0)
+    share = ((places_mm[:, None] - start) * way).sum(axis=2) / np.maximum((way * way).sum(axis=1), 1e-12)
+    on_way = start + np.clip(share, 0.0, 1.0)[..., None] * way
+    return np.linalg.norm(on_way - places_mm[:, None], axis=2).min(axis=1) - RADIUS_MM
+
+
+def test_a_groove_as_round_as_the_ball_is_cut_by_a_pass_along_its_middle(context):
+    """No step aside helps there: beside its middle the ball stands on the rims."""
+    ball = next(t for t in context.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
+    around, along = (a.ravel() for a in np.meshgrid(np.radians(np.linspace(-60, 60, 25)), np.linspace(5.0, 9.0, 33)))
+    places = np.column_stack([along, RADIUS_MM * np.sin(around), HIGH_MM + 1.0 - RADIUS_MM * np.cos(around)])
+    (added,), touched = clean_up(context, [SimpleNamespace(tool=ball)], places, 0.1, 1)
+    assert added.tool is ball and touched.all()
+    left = left_mm(added.moves, places)
+    assert left.max() < 0.3 * ASKED.scallop_mm and left.min() > -ASKED.gouge_mm
+    assert len(added.moves) < 200
+
+
+def test_only_middles_that_crowd_are_joined():
+    """Level places under their balls are as far apart as the balls; those across a groove are not."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(5.0), np.arange(5.0)))
+    level = np.column_stack([x, y, 0 * x])
+    assert not _fall_together(level, level + (0, 0, RADIUS_MM)).any()
+    turn = np.radians(15.0 * y)
+    bent = np.column_stack([x, RADIUS_MM * np.sin(turn), -RADIUS_MM * np.cos(turn)])
+    assert _fall_together(bent, np.column_stack([x, 0 * x, 0 * x])).all()
+    assert not _fall_together(level[:1], level[:1]).any()
+    rows = _chained(np.array([[3.0, 0, 0], [0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0], [9.0, 0, 0]]), 1.5)
+    assert sorted(len(row) for row in rows) == [2, 4] and np.abs(np.diff(max(rows, key=len)[:, 0])).max() == 1.0
