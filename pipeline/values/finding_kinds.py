@@ -91,6 +91,10 @@ KINDS = {
             "a feed per tooth far beyond what the material takes",
             "`F4000` where `F400` was meant: more than twice the material's feed per tooth (`cuspline materials`).",
             "Lower F, or raise S."),
+        "deep_hole": (
+            "a drill goes down too far before it lets its chips out",
+            "A hole of 5 mm, 40 mm deep, drilled by G81; without `unpecked_mm` 4 diameters are allowed.",
+            "Drill in pecks (G83, G73), or state `unpecked_mm` of a drill that is cooled through its inside."),
         "spindle_out_of_range": (
             "a spindle speed that machine or cutter do not allow",
             "`S24000` on a spindle that ends at 18 000 rpm, or with a cutter whose `max_rpm` is lower.",
