@@ -48,13 +48,14 @@ SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg
                 "chamfer_mill": ("point_angle_deg", "tip_diameter_mm")}
 ALL_SHAPE_FIELDS = tuple(dict.fromkeys(name for names in SHAPE_FIELDS.values() for name in names))
 OPTIONAL = (*ALL_SHAPE_FIELDS, "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth",
-            "bending_n")
+            "bending_n", "unpecked_mm")
 DRILLS = ("drill", "spot_drill")                    # types that cut along their axis alone
 POINTED = (*DRILLS, "chamfer_mill")                 # types that end in a cone
 CENTRE_CUTTING = ("ball", "tapered_ball", "lens", *DRILLS)  # types whose teeth meet in the middle, where a library does not say
 RAMP_DEG = 10.0             # of a cutter that does not cut at its centre: three times the ramp that is planned
 SLOT_SHARE = 0.5            # of the diameter: docs/decisions/physical_state.md
 PLUNGE_SHARE = 0.012        # of the diameter a tooth: half more than the largest feed of `planning.materials`
+UNPECKED_SHARE = 4.0        # the same of a drill's way at the feed before it comes up: docs/decisions/holes.md
 DRILL_SHARE = 0.02          # the same of drills: half more than their largest
 
 
@@ -94,6 +95,8 @@ class Cutter(Model):
     plunge_mm_per_tooth: float | None = Field(
         default=None, gt=0, description=f"of a centre-cutting cutter; left out: {PLUNGE_SHARE:g} of the diameter")
     bending_n: float | None = Field(default=None, gt=0, description="force across its axis that it stands; left out: not checked")
+    unpecked_mm: float | None = Field(default=None, gt=0, description="of a drill: farthest way down at the feed before it comes "
+                                      f"up; left out: {UNPECKED_SHARE:g} diameters")
 
     @model_validator(mode="after")
     def _shape_is_consistent(self):
@@ -161,6 +164,13 @@ class Cutter(Model):
     def deepest_slot_mm(self):
         """Deepest slot of its full width; narrower cuts may be deeper in proportion."""
         return SLOT_SHARE * self.diameter_mm if self.slot_depth_mm is None else self.slot_depth_mm
+
+    @property
+    def longest_peck_mm(self):
+        """Farthest way down at the feed before chips must be let out; inf of what is no drill."""
+        if self.type != "drill":
+            return float("inf")
+        return UNPECKED_SHARE * self.diameter_mm if self.unpecked_mm is None else self.unpecked_mm
 
     @property
     def largest_plunge_mm(self):

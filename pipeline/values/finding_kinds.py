@@ -97,6 +97,10 @@ KINDS = {
             "aside with 400 N, where its `bending_n` is 250.",
             "Take a smaller stepdown or stepover, or a lower feed per tooth, in the operation that is named. It is checked where "
             "the machine's file or the tool library state the limit and the material's cutting force is known."),
+        "deep_hole": (
+            "a drill goes down too far before it lets its chips out",
+            "A hole of 5 mm, 40 mm deep, drilled by G81; without `unpecked_mm` 4 diameters are allowed.",
+            "Drill in pecks (G83, G73), or state `unpecked_mm` of a drill that is cooled through its inside."),
         "spindle_out_of_range": (
             "a spindle speed that machine or cutter do not allow",
             "`S24000` on a spindle that ends at 18 000 rpm, or with a cutter whose `max_rpm` is lower.",

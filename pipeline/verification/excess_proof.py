@@ -194,8 +194,9 @@ class _Search:
         points, normals, face = self._middles(given)
         above, d, fair = given.reason == ABOVE, np.full(len(given), -np.inf), np.zeros(len(given), bool)
         known = np.flatnonzero(np.isfinite(normals).all(axis=1))
-        d[known] = self.deviation_of(points[known], normals[known])
         fair[known] = self.is_reachable(points[known], normals[known], face[known])
+        rows = np.flatnonzero(fair)                         # along the foot of a wall there are many more that no ball reaches
+        d[rows] = self.deviation_of(points[rows], normals[rows])
         excess = above & fair & (d > self.allowed + NOISE_MM)
         self.higher.append((points[excess], d[excess]))
         self.areas["excess"] += float(given.area_mm2[excess].sum())

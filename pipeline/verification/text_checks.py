@@ -28,7 +28,7 @@ def text_findings(posted, tools, *, setup, machine, finish, material):
     report = Reporter(posted, setup.name, setup.frame)
     remarks = [report.finding(r.kind, r.row, r.amount_mm, posted.end_mm[r.row], r.advice) for r in posted.remarks]
     return (*remarks, *_path_tolerances(report, machine, finish), *_speeds(report, tools, machine),
-            *_feeds(report, machine), *_chip_loads(report, tools, material))
+            *_feeds(report, machine), *_chip_loads(report, tools, material), *_deep_holes(report, tools))
 
 
 def tolerances_mm(posted, machine):
@@ -158,3 +158,19 @@ def _chip_loads(report, tools, material):
     yield from report.merged("chip_load", np.where(chip > allowed * (1 + RELATIVE), chip, 0.0), posted.end_mm,
                              ~report.is_rapid, f"so much a tooth breaks the cutter, {material.name} takes {share:g} of the "
                              f"diameter, {CHIP_FACTOR:g} times that is allowed: lower F, or raise S")
+
+
+def _deep_holes(report, tools):
+    """Drills that go down at the feed farther than they may without coming up."""
+    posted = report.posted
+    longest = np.array([tools[n].cutter.longest_peck_mm if n in tools else np.inf for n in posted.tool.tolist()])
+    if not np.isfinite(longest).any():
+        return
+    way = np.nan_to_num(posted.end_mm - posted.start_mm)
+    down = -(way * posted.end_axis).sum(axis=1)
+    is_down = (posted.kind == Kind.FEED) & (down > 0) & np.isfinite(longest)
+    so_far = np.cumsum(np.where(is_down, down, 0.0))
+    run = np.where(is_down, so_far - np.maximum.accumulate(np.where(is_down, 0.0, so_far)), 0.0)
+    yield from report.merged("deep_hole", np.where(run > longest * (1 + RELATIVE), run, 0.0), posted.end_mm, is_down,
+                             "so far down at the feed a drill chokes on its chips: drill in pecks (G83, G73), or state unpecked_mm "
+                             "of a drill that is cooled through its inside")

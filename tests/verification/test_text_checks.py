@@ -70,6 +70,17 @@ def test_an_axis_may_run_as_fast_as_it_can_along_every_move(way, feed):
     assert (kind, line) == ("feed_out_of_range", 10) and amount == pytest.approx(feed * 1.0001, rel=1e-6)
 
 
+def test_a_drill_may_go_so_far_down_before_it_comes_up():
+    """Four diameters at the feed, or what its library says; moves that follow one another count together."""
+    cutter = BALL.cutter.model_copy(update={"type": "drill", "point_angle_deg": 118.0, "corner_radius_mm": 0.0})
+    drill = BALL.model_copy(update={"cutter": cutter})
+    cooled = drill.model_copy(update={"cutter": cutter.model_copy(update={"unpecked_mm": 30.0})})
+    blocks = "S1000 M3\nG0 X0 Y0\nZ5\nG1 Z-10 F50\nZ{}\nG0 Z5"
+    assert found(blocks.format(-19), drill) == [] and found(blocks.format(-24), cooled) == []
+    assert found(blocks.format(-19.1), drill) == [("deep_hole", pytest.approx(24.1), 11)]
+    assert found(blocks.format("-10\nG0 Z-9\nG1 Z-30"), drill) == [] and found(blocks.format(-24)) == []
+
+
 def test_the_feed_per_tooth_has_a_limit_that_goes_with_the_diameter():
     limit = CHIP_FACTOR * known_materials()["aluminium_6061"].feed_per_tooth_share * 6.0        # mm per tooth; two teeth
     blocks = "S1000 M3\nG0 X0 Y0\nZ5\nG1 X9 F{:.4f}"

@@ -1,6 +1,7 @@
 """Auto: from the stock to the finish, all chosen by curvature: what a setup does that lists no operations."""
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 from typing import Literal
 
@@ -8,20 +9,23 @@ import numpy as np
 from pydantic import Field
 
 from cuspline.design.operations import Clearing, Finishing
-from cuspline.planning import boring, drilling, freeform_finishing, level_finishing, roughing, section_finishing
+from cuspline.planning import boring, chamfering, drilling, freeform_finishing, level_finishing, roughing, section_finishing
 from cuspline.planning.context import FinishingStage
 from cuspline.planning.cutter_choice import choose_ball, choose_cutter, choose_rest_ball, leftover_rows
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
 from cuspline.planning.strategies.bore import Bore
+from cuspline.planning.strategies.chamfer import Chamfer
+from cuspline.planning.strategies.contour import Contour
 from cuspline.planning.strategies.drill import Drill
 from cuspline.planning.strategies.floor import Floor
 from cuspline.planning.strategies.waterline import Waterline
-from cuspline.values.errors import CutterDoesNotFit, ToolpathError
+from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 
 SEMI, FINISHES = "semi-finish", ("semi-finish", "finish")     # names of the balls' operations
 HELIX_SHARE = 0.6           # of the tightest wall's radius: a cutter so small has room for its helix
 CORNER_SHARE = 0.01         # of the area: what samples may miss beside walls that a flat cutter does reach
+WIDEST_CHAMFER_MM = 4.0     # high: larger strips are faces
 SWEPT = 1e-6                # of a unit normal along the way on which a face is swept
 ALONG = 0.98                # of a unit normal square to the section planes: passes in them leave such a wall to the next plane
 
@@ -56,6 +60,15 @@ class Auto(Finishing):
 
     def plan(self, work):
         made, taken = self._features(work)
+        chosen = self.strategy or self._chosen(work).strategy
+        edges = () if chosen == "sections" or self.strategy else chamfering.chamfer_faces(work, Chamfer(), WIDEST_CHAMFER_MM)
+        if edges:
+            with suppress(PlanError, CutterDoesNotFit):
+                return self._with_others(work, made, [*taken, *edges], edges)
+        return self._with_others(work, made, taken, ())
+
+    def _with_others(self, work, made, taken, edges):
+        """All that is not `taken`, after what is `made`; then chamfers along `edges`."""
         if not taken:
             return self._shaped(work)
         reached = np.isin(work.samples.face, taken)
@@ -63,6 +76,9 @@ class Auto(Finishing):
             shaped, rows = self._shaped(work.on(self, left, [*work.planned, *made]))
             made = [*made, *shaped]
             reached[np.isin(work.samples.face, left)] = rows
+        if edges:
+            more, _ = Chamfer().plan(work.on(Chamfer(), edges, [*work.planned, *made]))
+            made = [*made, *more]
         return made, reached
 
     def _features(self, work):
@@ -159,7 +175,8 @@ def _free_form(work, may_take_floors=False):
 
 
 def _upright(work):
-    """Walls alone, of which nothing is seen from above: a flat cutter goes round them, as deep as its flutes."""
+    """Walls alone, of which nothing is seen from above: a flat cutter goes along their exact plan, or round them by
+    waterlines, as deep as its flutes."""
     standing, tightest = work.practice.rough_allowance_mm, work.hollow.radius_mm
     flats = [t for t in work.library.of_type("flat") if t.cutter.radius_mm <= HELIX_SHARE * tightest]
     if not flats:
@@ -170,6 +187,9 @@ def _upright(work):
     rough, _, _ = roughing.cleared(work, roughing.RoughingStage(name="rough", allowance_mm=standing), tool, candidates,
                                    work.stock_mm, leftover_rows(work.samples), Clearing())
     before = [rough] if rough is not None else []
+    with suppress(PlanError, CutterDoesNotFit):
+        sides, rows = Contour().plan(work.on(Contour(), work.wanted, [*work.planned, *before]))
+        return [*before, *sides], rows
     made = freeform_finishing.walls_alone(work.on(Waterline(), work.wanted, [*work.planned, *before]), tool, candidates)
     return [*before, *([made] if made is not None else [])], reached
 

@@ -87,11 +87,19 @@ def _line(face):
 
 
 def _arcs(face):
-    """One arc, or the two halves of a full turn."""
     location = face.adaptor.Cylinder().Axis().Location()
-    center = np.array([location.X(), location.Y()])
     u0, u1, v0, v1 = face.uv_bounds
-    at = lambda u: _plan(face.adaptor.Value(u, (v0 + v1) / 2))
+    return arcs_of_turn(face, np.array([location.X(), location.Y()]), (u0, u1), (v0 + v1) / 2)
+
+
+def arcs_of_turn(face, center, turn, v):
+    """[one arc, or the two halves of a full turn] of a face of revolution about Z.
+
+    Args:
+        face: brep.Face.   center: (2,).   turn: (first, last) parameter u.   v: at which it is cut.
+    """
+    u0, u1 = turn
+    at = lambda u: _plan(face.adaptor.Value(u, v))
     middle = face.middle
     is_hollow = float(((middle.point_mm[0, :2] - center) * middle.normal[0, :2]).sum()) < 0
     stops = [u0, u1] if u1 - u0 < 1.5 * math.pi else [u0, (u0 + u1) / 2, u1]

@@ -1,0 +1,50 @@
+"""A whole plate by `Auto`: drilled, bored, contoured and chamfered, verified as posted; what its program must not do is found."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from built_parts import ran
+
+from cuspline.app.judge import judge
+from cuspline.design.job import read_job
+from cuspline.verification.verdict import Options
+
+PART = Path(__file__).parent.parent / "parts" / "auto_plate.py"
+COARSE = Options(spacing_mm=1.0, solid_pitch_mm=1.0, replay_pitch_mm=0.5, tessellation_mm=0.01)
+
+
+@pytest.fixture(scope="module")
+def plate(tmp_path_factory):
+    """Output folder of the plate, posted; not to be edited."""
+    folder = tmp_path_factory.mktemp("plate") / "out"
+    done = ran("build", PART, "--out", folder, "--stage", "gcode")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+def test_a_plate_is_made_whole_at_the_first_try(plate):
+    text = (plate / "setup-1.ngc").read_text()
+    made = [line.split(": ")[1].split(",")[0] for line in text.splitlines() if line.startswith("(OPERATION")]
+    assert made == ["DRILL", "BORE ROUGH", "BORE", "ROUGH", "CONTOUR", "CHAMFER"]
+    assert judge(plate, read_job(plate), options=COARSE).findings == ()
+
+
+SPOILT = (("G1 X0\nG2 X-8 Y0 I0 J8\nG1 Y24\n", "G1 X0\nG2 X-8 Y0 I0 J8\n"
+           "G1 Z5.6\nX8\nY24\nX-8\nZ0\nY0\nY24\n"),                                                     # wrong side, shallow
+          ("G2 X37.4725 Y19 I0 J-6.4725\nG1 Y5\n", "G2 X37.4725 Y19 I0 J-6.4725\nG1 Z4.2275\nY5\nZ4.4275\n"))   # a chamfer
+FOUND = (("on the wrong side", lambda x, y, z: x < 9, 0.25, 0.45),
+         ("chamfer too deep", lambda x, y, z: x > 33, 0.2 * 0.5 ** 0.5 - 0.02, 0.2 * 0.5 ** 0.5 + 0.01))
+
+
+def test_a_wrong_side_and_a_chamfer_too_deep_are_found(plate, tmp_path):
+    folder = shutil.copytree(plate, tmp_path / "spoilt")
+    text = (folder / "setup-1.ngc").read_text()
+    for old, new in SPOILT:
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    (folder / "setup-1.ngc").write_text(text)
+    gouges = [f for f in judge(folder, read_job(folder), options=COARSE).findings if f.kind == "gouge"]
+    for what, is_there, least, most in FOUND:
+        here = [f.amount_mm for f in gouges if is_there(*f.place_mm)]
+        assert here and least < max(here) < most, (what, gouges)
