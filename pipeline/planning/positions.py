@@ -146,8 +146,8 @@ class _Ball:
         radius = tool.cutter.radius_mm
         middles = samples.point_mm + radius * samples.normal
         away = tree.distances_mm(BALL_MIDDLE, middles, np.broadcast_to(UP, middles.shape), TOUCH_MM / 10)
-        return cls(AxisSearch.of_tool(tree, tool, into_mm=TOUCH_MM, keep_mm=standing_mm + SHANK_CLEARANCE_MM,
-                                      holder_mm=standing_mm + HOLDER_CLEARANCE_MM), middles, away >= radius - TOUCH_MM)
+        return cls(AxisSearch.of_tool(tree, tool, into_mm=TOUCH_MM, keep_mm=standing_mm + np.array(
+            [SHANK_CLEARANCE_MM, HOLDER_CLEARANCE_MM])), middles, away >= radius - TOUCH_MM)
 
     def seen_from(self, way, is_gentle):
         """(n,) bool: which of places (n,) that lean little enough it finishes with its tool along a direction (3,)."""
