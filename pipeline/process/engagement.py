@@ -348,7 +348,7 @@ def _taken(state, parts, begin, at_begin, end, at_end):
 @njit
 def _end_of(here, edge, ring, side, known, stack, bounds):
     """Length from the tip at which the cut ends beyond a ring, below or above it, and what is taken between, a length of way."""
-    parts, rings = edge
+    (parts, rings), (state, _, _, _, _) = edge, here
     other, place, arc, last = ring + side, np.empty(4), np.empty(6), known.copy()
     if other < 0 or other >= len(rings):
         return rings[ring, ALONG], 0.0
@@ -359,7 +359,7 @@ def _end_of(here, edge, ring, side, known, stack, bounds):
         window = np.array([last[BEGIN] - BESIDE_RAD, last[END] + BESIDE_RAD])
         _round(here, place, max(END_RAD, (window[TO] - window[FROM]) / LOOKED_AT), window, arc, stack, bounds)
         if arc[ROUND] > 0.0:
-            taken += side * _taken(here[0], parts, within, last, middle, arc)
+            taken += side * _taken(state, parts, within, last, middle, arc)
             within = middle
             put(last, arc)
             if middle == beyond:
@@ -374,7 +374,7 @@ def _end_of(here, edge, ring, side, known, stack, bounds):
         middle = 0.5 * (within + beyond)
     end = 0.5 * (within + beyond)
     arc[ROUND], arc[FORWARD] = 0.75 * last[ROUND], 0.75 * last[FORWARD]     # it narrows to a point, or ends at once
-    return end, taken + side * _taken(here[0], parts, within, arc, end, arc)
+    return end, taken + side * _taken(state, parts, within, arc, end, arc)
 
 
 @njit
@@ -383,7 +383,7 @@ def _round(here, place, shortest, window, arc, stack, bounds):
 
     window: (2,) only from there to there.
     """
-    state = here[0]
+    state, _, _, _, _ = here
     level = math.sqrt(state[FEED_X] * state[FEED_X] + state[FEED_Y] * state[FEED_Y])
     cx, cy = (state[FEED_X] / level, state[FEED_Y] / level) if level > 1e-12 else (1.0, 0.0)
     arc[FIRST], arc[LAST], arc[ROUND], arc[FORWARD], arc[BEGIN], arc[END] = math.nan, math.nan, 0.0, 0.0, math.nan, math.nan
@@ -439,7 +439,7 @@ def _crossing(here, place, was, at_was, turn, at_turn, cx, cy, hint, stack, boun
 @njit
 def _over(here, place, turn, cx, cy, hint, stack, bounds):
     """How much deeper than a chip that is not seen a place of a ring is in the stock, and the piece that is nearest."""
-    state = here[0]
+    state, _, _, _, _ = here
     c, s = fixed.cos(turn), fixed.sin(turn)
     x, y = state[TIP_X] + place[RADIUS] * (c * cx - s * cy), state[TIP_Y] + place[RADIUS] * (c * cy + s * cx)
     depth, hint = _depth(x, y, state[TIP_Z] + place[HEIGHT], -CLEAR * place[RADIUS], here, hint, stack, bounds)
@@ -454,7 +454,7 @@ def _depth(px, py, pz, enough, here, hint, stack, bounds):
     if best <= 0.0:
         return best, hint
     if behind[TREE] >= 0.0:
-        tools = world[0][3]
+        (_, _, _, tools), _, _, _ = world
         k = int(behind[TREE])
         best = min(best, piece_distance(px, py, pz, behind, tools[k, tree.FLAT_RADIUS], tools[k, tree.CORNER_RADIUS]))
     depth, piece = swept_depth(px, py, pz, before, best, enough, world, hint, stack, bounds)
