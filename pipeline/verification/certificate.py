@@ -25,6 +25,7 @@ from cuspline.verification.certificate_side import SideViews
 PROVABLE = ("ball", "bull_nose", "flat")
 SIDE = "side"               # the same while its axis keeps its direction, whichever that is
 SAGITTA_SHARE = 0.1         # of the tolerance: what the chords of arcs may take of it
+MORE_MM = 1.0               # beyond the cutters' edges: a part's pieces that are looked at
 THICKNESS_SHARE = 1.0       # of the tolerance, of pieces of faces: thinner ones cost more to make than they save
 UPRIGHT = 1e-9              # an axis that leans by less stands upright
 
@@ -133,7 +134,7 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=
     leaning = (types != SIDE) & ~_stands_upright(posted)[known] | np.isin(types, POINTED)       # and cones, upright or not
     sagitta_mm = SAGITTA_SHARE * tolerance_mm
     bound, share, place = np.zeros(len(posted)), np.full(len(posted), 0.5), np.full((len(posted), 3), np.nan)
-    views = _Views(part, solid, THICKNESS_SHARE * tolerance_mm)
+    views = _Views(part, solid, THICKNESS_SHARE * tolerance_mm, _under(posted, tools, known[~leaning]))
     for number in np.unique(posted.tool[known]).tolist():
         own, cutter = known[(posted.tool[known] == number) & ~leaning], tools[number].cutter
         for axis in np.unique(posted.start_axis[own], axis=0) if cutter.type == SIDE else (None,):
@@ -179,11 +180,22 @@ def _stands_upright(posted):
     return np.abs(np.hstack([posted.start_axis, posted.end_axis]) - (0, 0, 1, 0, 0, 1)).max(axis=1, initial=0.0) < UPRIGHT
 
 
+def _under(posted, tools, rows):
+    """(low x, high x, low y, high y) of all that cutters come over in rows (k,)."""
+    radius = max((tools[n].cutter.largest_radius_mm for n in np.unique(posted.tool[rows]).tolist()), default=0.0) + MORE_MM
+    arcs = rows[posted.kind[rows] >= Kind.ARC_CW]
+    sides = 2.0 * np.abs(posted.start_mm[arcs] - posted.center_mm[arcs])[:, :2].max(initial=0.0)
+    ends = np.vstack([posted.start_mm[rows, :2], posted.end_mm[rows, :2]])
+    (low_x, low_y), (high_x, high_y) = ends.min(axis=0, initial=np.inf), ends.max(axis=0, initial=-np.inf)
+    more = radius + sides
+    return low_x - more, high_x + more, low_y - more, high_y + more
+
+
 class _Views:
     """The part as the cutters of a program meet it: each made when it is first asked for."""
 
-    def __init__(self, part, solid, thickness_mm):
-        self.part, self.solid, self.thickness_mm = part, solid, thickness_mm
+    def __init__(self, part, solid, thickness_mm, within_mm):
+        self.part, self.solid, self.thickness_mm, self.within_mm = part, solid, thickness_mm, within_mm
         self.made = {}
 
     def depths_of(self, cutter, axis, skin_mm, tolerance_mm, ask):
@@ -192,7 +204,7 @@ class _Views:
             view = self._once(tuple(axis.tolist()), lambda: SideViews(solid=self.solid, axis=tuple(axis.tolist()),
                                                                       thickness_mm=self.thickness_mm))
             return lambda start, end: view.depths(start, end, cutter, skin_mm, tolerance_mm, ask)
-        tree = self._once(None, lambda: DepthTree.of_part(self.part, self.thickness_mm))
+        tree = self._once(None, lambda: DepthTree.of_part(self.part, self.thickness_mm, self.within_mm))
         R, lift = cutter.radius_mm, np.array([0.0, 0.0, skin_mm])
         rc = {"ball": R, "flat": 0.0}.get(cutter.type, cutter.corner_radius_mm)
         return lambda start, end: ask(tree, start + lift, end + lift, R - skin_mm, max(rc - skin_mm, 0.0), tolerance_mm)

@@ -17,7 +17,8 @@ from cuspline.verification.volumes import Amount, Volumes, amount, volumes
 LAYERS = 12               # of the faces' height: what lies under a face by more than a layer is not theirs
 BELOW_MM = 0.01           # what is looked at begins so far below a face: deeper, under an overhang, no cutter comes
 LEAST_MM3 = 1e-6          # smaller bodies are rounding
-FEW = 64                   # places whose distance to the faces is asked at a time
+SOME = 16                  # places of a body by which it is told on which side of a face it stands
+FEW, MORE = 64, 2          # places whose distance to the faces is asked first, and how many times as many then
 SURE_MM = 1e-4            # a body counts when the exact height confirms it by more than this
 EXACT_MM = 1e-9
 
@@ -85,8 +86,8 @@ def compare(made, k, part, drops, required, residuals, limits):
                                 _beyond_excess(made, k, excess_mm), excess_mm, _Seen(found, frame, part, required), surface_mm)
     more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
                            _Seen(own, frame, part), surface_mm)
-    held = volumes(lambda prism: ((made.stock(frame) ^ prism) - design) ^ region,
-                   lambda prism: (design ^ prism) - field.solid, field,
+    held = volumes(lambda prism: _above_mm3(((made.stock(frame) ^ prism) - design) ^ region, _Seen(found, frame, part)),
+                   lambda prism: ((design ^ prism) - field.solid).volume(), field,
                    made.piece.cuts[k], drops, found, limits)
     errors = {"path_error_mm": limits.path_error_mm, "surface_error_mm": surface_mm + held.zmap_mm,
               "ball_radius_mm": limits.ball_radius_mm}
@@ -117,6 +118,17 @@ def _beyond_gouge(made, k, by):
     if not is_height_field(paths):
         return lambda points: -signed_distance_mm(paths, points)
     return lambda points: points[:, 2] - stock_height_mm(paths, points[:, :2], top)
+
+
+def _above_mm3(solid, seen):
+    """Volume of what stands on faces that look up; under a thin blade the region holds its other side too."""
+    pieces = solids.bodies_of(solid, LEAST_MM3)
+    if not pieces:
+        return solid.volume()
+    some = [p.vertices_mm[::len(p.vertices_mm) // SOME + 1] for p in pieces]
+    up = seen.looks_up(np.concatenate(some))
+    ends = np.cumsum([0] + [len(v) for v in some])
+    return solid.volume() - sum(p.volume_mm3 for p, i, j in zip(pieces, ends, ends[1:]) if up[i:j].mean() < 0.0)
 
 
 def _region(vertices, triangles, low, high):
@@ -180,11 +192,10 @@ class _Seen:
         all its wall is as near, an answer takes long.
         """
         order = np.argsort(-at_most, kind="stable")
-        best, row = -1.0, 0
-        for first in range(0, len(order), FEW):
-            rows = order[first:first + FEW]
-            if at_most[rows[0]] <= best:
-                break
+        best, row, first, few = -1.0, 0, 0, FEW
+        while first < len(order) and at_most[order[first]] > best:
+            rows = order[first:first + few]
+            first, few = first + few, MORE * few
             depth = at_most[rows].copy()
             deep = depth > SURE_MM
             if deep.any():
@@ -198,12 +209,21 @@ class _Seen:
         """Whether some of places (n, 3) in the WCS lie at a face that counts."""
         return bool(len(places)) and (self.faces is None or bool((self._off_mm(places) >= 0.0).any()))
 
+    def looks_up(self, places):
+        """(n,) height of the normal of the face that is nearest to each of places (n, 3) in the WCS."""
+        return np.nan_to_num(self.frame.turn_into(self.part.surface.closest_points(self.frame.out(places)).normal)[:, 2])
+
     def _off_mm(self, places):
         """(n,) distances of places (n, 3) from the nearest face; -1 where that is one that does not count."""
-        near = self.part.surface.closest_points(self.frame.out(places))
+        own = self.frame.out(places)
+        near = self.part.surface.closest_points(own)
         if self.faces is None:
             return near.distance_mm
-        return np.where(near.is_edge | np.isin(near.face, self.faces), near.distance_mm, -1.0)
+        counts = np.isin(near.face, self.faces)
+        edge = np.flatnonzero(near.is_edge & ~counts)
+        for face in self.faces:             # an edge belongs to both
+            counts[edge] |= self.part.surface.closest_points(own[edge], face).distance_mm <= near.distance_mm[edge] + EXACT_MM
+        return np.where(counts, near.distance_mm, -1.0)
 
 
 def _bodies(kind, solid, beyond_mm, tolerance, seen, tessellation_mm):

@@ -82,8 +82,8 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, limits):
     """Compare them.
 
     Args:
-        excess_of, gouge_of: functions of a Manifold in the clamping's WCS: what they hold of the excess, and of what
-            is gouged, within it.
+        excess_of, gouge_of: functions of a Manifold in the clamping's WCS: how much of the excess, and of what is
+            gouged, lies within it, mm3.
         field: stock_solids.Field of the clamping.   cut: its workpiece.Cut.   drops: DropMesh of the design in its WCS.
         found: Residuals of its faces.
         limits: solid_check.Limits: hollows tighter than its ball are not reachable.
@@ -105,7 +105,7 @@ def volumes(excess_of, gouge_of, field, cut, drops, found, limits):
     inside = good[at[:, 0], at[:, 1]] & (normal_z > 0.5)
     weight, d = found.samples.weight_mm2[inside], d[inside]
     prism = solids.prism_over([_square(field.low, cell, *c) for c in np.argwhere(good)], field.low[2] - 1, field.high[2] + 1)
-    left, taken = (made(prism).volume() for made in (excess_of, gouge_of))
+    left, taken = excess_of(prism), gouge_of(prism)
     facets, facet_scatter, zmap = _facets(field, cut, good, cell)
     triangles, triangle_scatter = _triangles(drops, points[inside], weight * normal_z[inside])
     above, below = float((weight * np.maximum(d, 0)).sum()), float((weight * np.maximum(-d, 0)).sum())

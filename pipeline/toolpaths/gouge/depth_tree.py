@@ -29,7 +29,9 @@ from cuspline.toolpaths.gouge.depth_bounds import NORMAL, SLANT, TOPMOST
 from cuspline.values.compiled import njit
 from cuspline.values.rows import W, X, Y, Z, put
 
-MOST_PIECES = 600_000     # a part that asks for more is cut four times as coarsely
+MOST_PIECES = 600_000     # a part that asks for more has them
+COARSER = 4.0               # times as thick
+EVERYWHERE = (-math.inf, math.inf, -math.inf, math.inf)
 PART_S, PART_T, PART_HS, PART_HT = range(4)
 UP = 1e-9                   # weight of the upward direction where a piece has none of its own
 
@@ -41,23 +43,28 @@ class DepthTree:
     arrays: tuple       # the part's arrays, then nodes (k, 11), first (k,), leaf of each piece (m,), pieces (m, 4)
 
     @classmethod
-    def of_part(cls, part, thickness_mm):
+    def of_part(cls, part, thickness_mm, within_mm=EVERYWHERE):
         """Of an exact_drop.ExactPart.
 
         Args:
             thickness_mm: of a piece's control hull along its normal, at most; thinner pieces answer faster near a
                 contact and slower elsewhere.
+            within_mm: (low x, high x, low y, high y): what lies beside it is left out where more is there; no cutter comes about.
         """
         tree = part.arrays
         most = tree.patch[:, [DEGREE_U, DEGREE_V]].max() + 1
         matrices = np.zeros((most, most, most))
         for n in range(most):
             matrices[n, :n + 1, :n + 1] = conversions(n)
+        within = np.array(within_mm, float)
         while True:
-            leaf, piece, points, first_point, normal = thin_pieces(tree, matrices, float(thickness_mm), MOST_PIECES)
-            if len(leaf) < MOST_PIECES:
+            leaf, piece, points, first_point, normal = thin_pieces(tree, matrices, float(thickness_mm), within, MOST_PIECES)
+            if not len(leaf):
+                within = np.array(EVERYWHERE)
+            elif len(leaf) < MOST_PIECES:
                 break
-            thickness_mm *= 4.0
+            else:
+                thickness_mm *= COARSER
         corners, two = _corners(points, first_point), 2 * np.arange(len(leaf) + 1)
         first = grow_tree(corners, two)[1]
         nodes = fill_nodes(first, points, first_point, normal)
@@ -90,8 +97,8 @@ def _longer(a):
 
 
 @njit(error_model="numpy")
-def thin_pieces(tree, matrices, thickness, most):
-    """Halve every leaf until it is thin.
+def thin_pieces(tree, matrices, thickness, within, most):
+    """Halve every leaf that reaches into a box (low x, high x, low y, high y) until it is thin.
 
     Returns:
         leaf (m,), piece (m, 4), hull points (h, 3), first hull point of each piece (m + 1,), normals (m, 3) times the
@@ -126,6 +133,8 @@ def thin_pieces(tree, matrices, thickness, most):
                 for j in range(dv + 1):
                     for a in range(3):
                         hull[i, j, a] = b[i, j, a] / b[i, j, W]
+            if level == 0 and _is_beside(hull, within):
+                continue
             area = _area_normal(hull, signs[tags[k, PATCH]], tags[k, KIND] == FACE, n)
             if tags[k, SHAPE] == CURVED and level < MOST_HALVINGS:
                 bend_s, bend_t, thick = _bends(hull, n, tags[k, KIND] == FACE)
@@ -148,6 +157,8 @@ def thin_pieces(tree, matrices, thickness, most):
                 more = np.empty(2 * count + 1, np.int64)
                 put(more, first_point[:count + 1])
                 first_point = more
+            n[Z] = max(n[Z], 0.0)               # what looks down is bounded from above all the same
+            _to_unit(n)
             used = first_point[count]
             while used + size > len(points):
                 points = _longer(points)
@@ -168,6 +179,13 @@ def thin_pieces(tree, matrices, thickness, most):
 
 
 @njit
+def _is_beside(hull, within):
+    """Whether no point of a hull (i, j, 3) stands over a box (low x, high x, low y, high y)."""
+    x, y = hull[:, :, X], hull[:, :, Y]
+    return x.max() < within[0] or x.min() > within[1] or y.max() < within[2] or y.min() > within[3]
+
+
+@njit
 def outside_trim(tree, leaf, s, t, hs, ht):
     """Does a box of a leaf's patch lie outside its face's trim?"""
     patch = tree.tags[leaf, PATCH]
@@ -180,14 +198,14 @@ def outside_trim(tree, leaf, s, t, hs, ht):
 
 @njit(error_model="numpy")
 def _area_normal(hull, sign, is_face, n):
-    """Unit upward direction of a piece into n (3,); its area.  Of an edge: square to it, as far up as can be."""
+    """Unit normal of a piece into n (3,), out of the material; its area.  Of an edge: square to it, as far up as can be."""
     a, b = len(hull) - 1, hull.shape[1] - 1
     area = 0.0
     if is_face:
         p, q = hull[a, b] - hull[0, 0], hull[0, b] - hull[a, 0]
         n[X] = 0.5 * sign * (p[Y] * q[Z] - p[Z] * q[Y])
         n[Y] = 0.5 * sign * (p[Z] * q[X] - p[X] * q[Z])
-        n[Z] = max(0.5 * sign * (p[X] * q[Y] - p[Y] * q[X]), 0.0)
+        n[Z] = 0.5 * sign * (p[X] * q[Y] - p[Y] * q[X])
         area = math.sqrt(n[X] * n[X] + n[Y] * n[Y] + n[Z] * n[Z])
     else:
         d = hull[a, 0] - hull[0, 0]
@@ -195,12 +213,18 @@ def _area_normal(hull, sign, is_face, n):
         n[X], n[Y], n[Z] = -d[X] * d[Z], -d[Y] * d[Z], d[X] * d[X] + d[Y] * d[Y]
         if not n[Z] > 1e-12 * square:
             n[X] = n[Y] = n[Z] = 0.0
+    _to_unit(n)
+    return area
+
+
+@njit(error_model="numpy")
+def _to_unit(n):
+    """n (3,) made a unit vector; upward where it has no length."""
     length = math.sqrt(n[X] * n[X] + n[Y] * n[Y] + n[Z] * n[Z])
     if length > 1e-30:
         n[X], n[Y], n[Z] = n[X] / length, n[Y] / length, n[Z] / length
     else:
         n[X], n[Y], n[Z] = 0.0, 0.0, 1.0
-    return area
 
 
 @njit(error_model="numpy")
