@@ -36,10 +36,13 @@ def cut(design, made, p):
     Raises:
         DesignError: the hub reaches the table.
     """
-    blades, arbor = made.blade.table.blades if p.blades_cut == "all" else 1, _arbor(made.hub, p)
-    ways, turn = _ways(design, p), 2 * np.pi / made.blade.table.blades
+    count, arbor = made.blade.table.blades, _arbor(made.hub, p)
+    blades = count if p.blades_cut == "all" else 1
+    ways, turn = _ways(design, p), 2 * np.pi / count
     setups = [_setup(k, j, fixed.matmul(about_x(k * turn), way), arbor) for k in range(blades) for j, way in enumerate(ways)]
-    return replace(design, stock=StockSkin(skin_mm=p.skin_mm), setups=tuple(setups), machine=MACHINE)
+    told = f"{blades} of {count} blades cut with {'its fillet' if blades == 1 else 'their fillets'}, all else stays as cast"
+    return replace(design, description=f"{design.description}; {told}", stock=StockSkin(skin_mm=p.skin_mm), setups=tuple(setups),
+                   machine=MACHINE)
 
 
 def _ways(design, p):

@@ -32,6 +32,7 @@ def test_blades_are_cut_from_directions_turned_with_them(whole):
         assert ways[k] == pytest.approx(ways[0] @ about_x(2 * np.pi * k / 3).T, abs=1e-11)
     assert [s.name for s in whole.setups[:2]] == ["blade-1-1", "blade-1-2"] and whole.setups[-1].name.startswith("blade-3-")
     assert all(f"blade {s.name[6]} face" in s.faces and f"fillet {s.name[6]}" in s.faces for s in whole.setups)
+    assert whole.description.endswith("; 3 of 3 blades cut with their fillets, all else stays as cast")
     assert all(s.indexed and s.clamped_x == (1, 0, 0) and s.clamped_z == (0, 0, 1) for s in whole.setups)
 
 
