@@ -184,7 +184,8 @@ def _under(posted, tools, rows):
     """(low x, high x, low y, high y) of all that cutters come over in rows (k,)."""
     radius = max((tools[n].cutter.largest_radius_mm for n in np.unique(posted.tool[rows]).tolist()), default=0.0) + MORE_MM
     arcs = rows[posted.kind[rows] >= Kind.ARC_CW]
-    sides = 2.0 * np.abs(posted.start_mm[arcs] - posted.center_mm[arcs])[:, :2].max(initial=0.0)
+    arms = np.nan_to_num(posted.start_mm[arcs] - posted.center_mm[arcs])            # along an arc's axis its centre says nothing
+    sides = 2.0 * np.sqrt((arms * arms).sum(axis=1)).max(initial=0.0)
     ends = np.vstack([posted.start_mm[rows, :2], posted.end_mm[rows, :2]])
     (low_x, low_y), (high_x, high_y) = ends.min(axis=0, initial=np.inf), ends.max(axis=0, initial=-np.inf)
     more = radius + sides

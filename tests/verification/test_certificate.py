@@ -124,6 +124,16 @@ def test_a_helix_round_a_post_touches_it_without_a_gouge(kind, corner):
         assert expected - 1e-9 <= bound <= expected + TOLERANCE_MM
 
 
+@pytest.mark.parametrize("start", [(1.0, 1.0), (1.0, 0.0), (-1.0, 1.0)])
+def test_a_post_in_the_way_of_a_circle_is_found_wherever_the_circle_begins(start):
+    """Of the part only what lies under the moves is looked at: a circle goes farther than its ends."""
+    ground = cq.Workplane().box(100, 100, 2, centered=(True, True, False)).translate((0, 0, -2))
+    part = ExactPart.of_solid(ground.union(cq.Workplane().center(-40, 0).circle(2).extrude(8)).val().wrapped)
+    begin = (*(40 * np.array(start) / np.hypot(*start)), 5.0)
+    bound = certify(program(begin, [arc(begin, (0, 0, 5.0), Plane.XY)]), BALL, part, tolerance_mm=TOLERANCE_MM).bound_mm[0]
+    assert bound == pytest.approx(3.0, abs=0.07)            # a fiftieth of the gouge
+
+
 def test_chords_stay_on_their_arcs():
     rng = np.random.default_rng(2)
     chords = chords_of(program((0.0, 10.0, 0.0), [arc((10.0, 0, 3.0), (0, 0, 0), Plane.XY)]), [0], 1e-3)
