@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline.planning.contouring import HIGH_MM, STANDS_MM, STARTS, WITHIN_MM, rings_of
 from cuspline.planning.drilling import in_words
 from cuspline.program.program import Moves, MoveWriter
 from cuspline.toolpaths.prismatic.chamfer_edges import chamfer_edges
@@ -22,13 +23,8 @@ from cuspline.values.errors import CamError, CutterDoesNotFit, PlanError
 SAME_RAD = math.radians(0.01)       # of the face's angle and the cutter's: 1 um on a chamfer of 6 mm
 BELOW_SHARE = 0.25                  # of the cone's height, that the tip is below the edge where nothing is stated
 DISCS = np.linspace(0.02, 1.0, 12)  # of the cone's height, at which it is held against the part
-WITHIN_MM = 0.01                    # a cone thinner by this must pass
-HIGH_MM = 1e-3
-STANDS_MM = 0.01
 RINGS = np.linspace(0.0, 1.0, 7)
-SPOKES = 16
 LOOK_MM = 0.8                       # from place to place along a path
-STARTS = 12
 MARGIN_MM = 0.5                     # the cone's distance from what is to be cut, where it comes down
 
 
@@ -69,7 +65,7 @@ def chamfer_faces(work, operation, widest_mm):
     found = []
     for i in work.wanted:
         edges = chamfer_edges(work.faces[i], i)
-        if edges and edges[0].high_mm - edges[0].low_mm <= widest_mm and _is_proud(work, i):
+        if edges and edges[0].high_mm - edges[0].low_mm <= widest_mm and _is_proud(work, i, edges[0]):
             found.append(i)
     while found:
         try:
@@ -90,17 +86,16 @@ class _Unfit(CutterDoesNotFit):
         self.faces = set(faces)
 
 
-def _is_proud(work, index):
+def _is_proud(work, index, edge):
     """Whether both level edges of a face stick out: what lies under the lower one is steeper, over the upper one flatter."""
     edges = work.edge_neighbours
     face = work.faces[index]
-    low, high = chamfer_edges(face, index)[0].low_mm, chamfer_edges(face, index)[0].high_mm
     near = edges.sides[(edges.sides == index).any(axis=1)]
     points = edges.tree.data[(edges.sides == index).any(axis=1)]
     other = np.where(near[:, 0] == index, near[:, 1], near[:, 0])
     up = np.array([float(work.faces[k].middle.normal[0, 2]) for k in other])
     mine = float(face.middle.normal[0, 2])
-    at_low, at_high = np.abs(points[:, 2] - low) < HIGH_MM, np.abs(points[:, 2] - high) < HIGH_MM
+    at_low, at_high = np.abs(points[:, 2] - edge.low_mm) < HIGH_MM, np.abs(points[:, 2] - edge.high_mm) < HIGH_MM
     level = lambda rows: rows & (other != index)
     return bool((up[level(at_low)] < mine + HIGH_MM).all() and (up[level(at_high)] > mine - HIGH_MM).all())
 
@@ -219,11 +214,7 @@ def _leads(work, way):
     cutter, path = way.tool.cutter, way.path
     wide = _cone_mm(cutter, way.high_mm - way.tip_mm) - _cone_mm(cutter, 0.0) + MARGIN_MM
     radius = max(work.lead_radius_mm(cutter.radius_mm), wide)
-    done, begins = 0.0, []
-    for e in path.elements:
-        begins.append((e.center is not None, -e.length_mm, done + e.length_mm / 2))
-        done += e.length_mm
-    for _, _, along in sorted(begins)[:STARTS if path.is_closed else 1]:
+    for along in path.starts_mm()[:STARTS if path.is_closed else 1]:
         elements = path.begun_at(along).elements if path.is_closed else lengthened(path, cutter.diameter_mm)
         for high in (radius, wide, 0.5 * wide):
             leads = arc_leads((elements[0], 0.0), (elements[-1], elements[-1].length_mm), radius, high)
@@ -238,9 +229,7 @@ def _leads(work, way):
 
 def _stock_under(work, cutter, place):
     """(n,) heights that the tip keeps over the stock at a place (2,), the cone held against rings of it."""
-    turn = 2 * math.pi * np.arange(SPOKES) / SPOKES
-    ways = np.column_stack([fixed.cos(turn), fixed.sin(turn)])
     tip, slope = (cutter.tip_diameter_mm or 0.0) / 2, fixed.tan(math.radians(cutter.point_angle_deg) / 2)
     radii = RINGS * cutter.radius_mm
-    stock = work.stock_mm((place + radii[:, None, None] * ways).reshape(-1, 2)).reshape(len(radii), SPOKES).max(axis=1)
+    stock = work.stock_mm((place + rings_of(radii)).reshape(-1, 2)).reshape(len(radii), -1).max(axis=1)
     return stock - np.maximum(radii - tip, 0.0) / slope

@@ -181,12 +181,8 @@ def one_pass(work, elements, leads, height_mm, feed):
 def closed_leads(work, tool, path, low_mm):
     """(the elements from the place where the path is met, Leads): lines first, then the longest."""
     radius = work.lead_radius_mm(tool.cutter.radius_mm)
-    done, middles = 0.0, []
-    for e in path.elements:
-        middles.append((e.center is not None, -e.length_mm, done + e.length_mm / 2))
-        done += e.length_mm
     for high in (*(h * radius for h in HIGHS), min(left_mm(work), radius)):
-        for _, _, along in sorted(middles)[:STARTS]:
+        for along in path.starts_mm()[:STARTS]:
             begun = path.begun_at(along)
             leads = arc_leads((begun.elements[0], 0.0), (begun.elements[-1], begun.elements[-1].length_mm), radius, high)
             if _is_free(work, tool, leads, low_mm):
@@ -222,10 +218,14 @@ def _is_free(work, tool, leads, low_mm):
 
 def stock_over(work, xy_mm, radius_mm):
     """(n,) height of the stock under a cutter at places (n, 2)."""
-    turn = 2 * math.pi * np.arange(SPOKES) / SPOKES
-    around = (RINGS * radius_mm)[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
-    places = xy_mm[:, None] + around.reshape(1, -1, 2)
+    places = xy_mm[:, None] + rings_of(RINGS * radius_mm).reshape(1, -1, 2)
     return work.stock_mm(places.reshape(-1, 2)).reshape(len(xy_mm), -1).max(axis=1)
+
+
+def rings_of(radii_mm):
+    """(rings, SPOKES, 2) places all round on rings of radii (rings,)."""
+    turn = 2 * math.pi * np.arange(SPOKES) / SPOKES
+    return radii_mm[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
 
 
 def _blocked(work, tool, path, low_mm):

@@ -1,11 +1,10 @@
 """What work materials resist an edge with: data/cutting_forces.toml.  Apart from materials.toml: programs do not depend on it."""
 
 from functools import cache
-from importlib import resources
 
 from pydantic import Field
 
-from cuspline.values.input_files import checked, toml_of
+from cuspline.shop.shipped import shipped
 from cuspline.values.models import Model
 
 
@@ -28,5 +27,4 @@ class CuttingForceFile(Model):
 @cache
 def known_forces():
     """{material: CuttingForce} of those that come with cuspline."""
-    path = resources.files("cuspline.shop") / "data" / "cutting_forces.toml"
-    return {f.material: f for f in checked(CuttingForceFile, toml_of(path, "cutting forces"), "cutting forces").forces}
+    return {f.material: f for f in shipped(CuttingForceFile, "cutting_forces.toml", "cutting forces").forces}

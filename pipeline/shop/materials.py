@@ -1,12 +1,11 @@
 """Cutting data of work materials: data/materials.toml, and what a shop's own file adds or replaces."""
 
 from functools import cache
-from importlib import resources
 
 from pydantic import Field
 
+from cuspline.shop.shipped import shipped
 from cuspline.values.errors import InputError
-from cuspline.values.input_files import checked, toml_of
 from cuspline.values.models import Model
 
 DRILL_SPEED_SHARE, DRILL_FEED_SHARE = 0.4, 0.01     # of a material that says nothing of drills
@@ -43,8 +42,7 @@ class MaterialFile(Model):
 @cache
 def known_materials():
     """{name: Material} of those that come with cuspline."""
-    path = resources.files("cuspline.shop") / "data" / "materials.toml"
-    return {m.name: m for m in checked(MaterialFile, toml_of(path, "materials"), "materials").materials}
+    return {m.name: m for m in shipped(MaterialFile, "materials.toml", "materials").materials}
 
 
 def material_named(name, own=()):

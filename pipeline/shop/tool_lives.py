@@ -1,11 +1,10 @@
 """How long edges last in work materials: data/tool_life.toml."""
 
 from functools import cache
-from importlib import resources
 
 from pydantic import Field
 
-from cuspline.values.input_files import checked, toml_of
+from cuspline.shop.shipped import shipped
 from cuspline.values.models import Model
 
 
@@ -27,5 +26,4 @@ class ToolLifeFile(Model):
 @cache
 def known_lives():
     """{material: ToolLife} of those that come with cuspline."""
-    path = resources.files("cuspline.shop") / "data" / "tool_life.toml"
-    return {t.material: t for t in checked(ToolLifeFile, toml_of(path, "tool lives"), "tool lives").lives}
+    return {t.material: t for t in shipped(ToolLifeFile, "tool_life.toml", "tool lives").lives}

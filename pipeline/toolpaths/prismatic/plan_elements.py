@@ -130,6 +130,12 @@ class PlanChain:
             along_mm -= element.length_mm
         return self.elements[-1], self.elements[-1].length_mm
 
+    def starts_mm(self):
+        """Lengths along the chain of its elements' middles: lines first, then the longest."""
+        ends = np.cumsum([e.length_mm for e in self.elements])
+        order = sorted((e.center is not None, -e.length_mm, end - e.length_mm / 2) for e, end in zip(self.elements, ends.tolist()))
+        return [along for _, _, along in order]
+
     def begun_at(self, along_mm):
         """The same closed chain, begun so far along it."""
         before, after, done = [], [], 0.0
