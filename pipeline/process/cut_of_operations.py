@@ -42,9 +42,13 @@ def cuts_of_operations(posted, tools, found):
     Args:
         posted: PostedMoves.   tools: {number: cutters.Tool}.   found: engagement.Engagement of them.
     """
+    return tuple(_cut(posted, tools, found, mine, name) for name, mine in _by_operation(posted, found))
+
+
+def _by_operation(posted, found):
+    """(name, rows of the places (k,)) of every operation with places."""
     numbers = posted.operation[found.row]
-    return tuple(_cut(posted, tools, found, np.flatnonzero(numbers == k), name)
-                 for k, name in enumerate(posted.operations) if (numbers == k).any())
+    return [(name, np.flatnonzero(numbers == k)) for k, name in enumerate(posted.operations) if (numbers == k).any()]
 
 
 def _cut(posted, tools, found, mine, name):
@@ -122,9 +126,7 @@ def process_document(posted, tools, found, loads=None, source=""):
         {"operations": [...], "forces": words, "not_checked": words where something is not looked at}.
     """
     names, rows = not_seen(posted, found), []
-    numbers = posted.operation[found.row]
-    for cut in cuts_of_operations(posted, tools, found):
-        mine = numbers == posted.operations.index(cut.name)
+    for cut, (_, mine) in zip(cuts_of_operations(posted, tools, found), _by_operation(posted, found)):
         rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine))})
     words = {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
     return {"operations": rows, "forces": source if loads is not None else f"not checked: {source}", **words}

@@ -52,10 +52,16 @@ class CutPieces:
         """Of PostedMoves and {number: cutters.Tool}; moves of other tools, and such as lean, are left out."""
         known = cutting_rows(posted) & posted.is_upright & np.isin(posted.tool, plain_tools(tools))
         rows = np.flatnonzero(known)
-        longest = LONGEST_RADII * np.array([tools[n].cutter.radius_mm for n in posted.tool[rows].tolist()])
+        longest = LONGEST_RADII * radii_mm(posted.tool[rows], tools)
         geometry, row = straight_pieces(posted, rows, longest)
         tool = posted.tool[row].astype(np.int64)
         return cls(geometry=geometry, row=row, tool=tool, world=_world(geometry, tool, tools))
+
+
+def radii_mm(numbers, tools):
+    """(m,) radius of the cutter of each of tool numbers (m,)."""
+    used, which = np.unique(numbers, return_inverse=True)
+    return np.array([tools[n].cutter.radius_mm for n in used.tolist()])[which]
 
 
 def plain_tools(tools):

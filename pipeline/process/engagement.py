@@ -16,7 +16,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from cuspline.process.earlier_cuts import CutPieces, found_depth, found_for_kernel, plain_tools, swept_depth
+from cuspline.process.earlier_cuts import CutPieces, found_depth, found_for_kernel, plain_tools, radii_mm, swept_depth
 from cuspline.program.program import Kind
 from cuspline.stock import tree
 from cuspline.stock.distance_kernels import piece_distance
@@ -162,7 +162,7 @@ class _Places:
         length = np.sqrt((way * way).sum(axis=1))
         feeds = posted.kind[row] != Kind.RAPID
         length = np.where(feeds, length, 0.0)
-        radius = _of_tools(cut.tool, tools)
+        radius = radii_mm(cut.tool, tools)
         share = length / np.maximum(radius, 1e-9)
         ends, mm = np.cumsum(share), np.cumsum(length)
         spacing = max(look.apart, ends[-1] / look.most_places) if len(ends) else 1.0
@@ -186,12 +186,6 @@ class _Places:
         weight = _weights(here, run[piece], mm, run)
         return cls(row=row[piece], piece=piece, state=np.column_stack([tip, direction]), before=before, behind=behind,
                    way_mm=weight)
-
-
-def _of_tools(numbers, tools):
-    """(m,) radius of each one's cutter."""
-    known = {n: tools[n].cutter.radius_mm for n in np.unique(numbers).tolist()}
-    return np.array([known[n] for n in numbers.tolist()])
 
 
 def _marks(ends, share, spacing):
@@ -281,11 +275,15 @@ def _radii(parts, along):
     return _at(parts, along, RADIUS)
 
 
+@njit
 def _at(parts, along, column):
+    """A column of `_edge_at` at lengths (n, 2) along the edge; NaN where they are."""
     out, place = np.full(along.shape, np.nan), np.empty(4)
-    for index in np.argwhere(np.isfinite(along)).tolist():
-        _edge_at(along[tuple(index)], parts, place)
-        out[tuple(index)] = place[column]
+    for i in range(len(along)):
+        for j in range(along.shape[1]):
+            if math.isfinite(along[i, j]):
+                _edge_at(along[i, j], parts, place)
+                out[i, j] = place[column]
     return out
 
 

@@ -1,13 +1,45 @@
-"""Findings of the process: cuts against what spindle and cutter stand, chatter, drives against the posted path."""
+"""What the edges meet, and findings of it: cuts against what spindle and cutter stand, chatter, drives against the posted path."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from cuspline.process.chatter import limits_mm
+from cuspline.process.cut_of_operations import edge_changes, process_document
 from cuspline.process.drives import Drives, deviations_mm, following_error_mm
-from cuspline.process.forces import limits_of
+from cuspline.process.engagement import engagement
+from cuspline.process.forces import forces, limits_of
 from cuspline.program.program import Kind
+from cuspline.shop.cutting_forces import known_forces
+from cuspline.shop.tool_lives import known_lives
 from cuspline.values.amounts import counted
 from cuspline.values.findings import Finding
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Process:
+    """Of one program."""
+
+    findings: tuple[Finding, ...]
+    document: dict              # verify.json's "process"
+
+
+def process_of(posted, judging, stock, rows, around):
+    """The Process of a program.
+
+    Args:
+        posted: PostedMoves.   judging: verdict.Judging: its tools, machine and material.   stock: scene.FoundStock.
+        rows: of the moves that leave the surface, see `drive_findings`.   around: (setup's name, its frame).
+    """
+    tools, machine, name = judging.tools, judging.machine, judging.material
+    met, material = engagement(posted, tools, stock), known_forces().get(name)
+    loads = None if material is None else forces(posted, tools, met, material)
+    source = f"no cutting force is known of {name or 'the material'}" if material is None else material.source
+    shaken, chatter = chatter_findings(posted, tools, met, material, around)
+    strays, drives = drive_findings(posted, machine, rows, around[0])
+    return Process(findings=(*limit_findings(posted, tools, machine, met, loads, around), *shaken, *strays),
+                   document={**process_document(posted, tools, met, loads, source), "chatter": chatter, "drives": drives,
+                             "edges": edge_changes(posted, met, known_lives().get(name))})
 
 
 def limit_findings(posted, tools, machine, met, loads, around):

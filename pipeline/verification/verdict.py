@@ -11,15 +11,10 @@ from OCP.TopExp import TopExp_Explorer
 from cuspline.design.design import by_clamping
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.tessellation import Tessellation, tessellate
-from cuspline.process.cut_of_operations import edge_changes, process_document
-from cuspline.process.engagement import engagement
-from cuspline.process.forces import forces
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.replay import replay
 from cuspline.replay.replay_result import Replay
 from cuspline.replay.scene import FinishedDesign, FoundStock, Surroundings, ZMap
-from cuspline.shop.cutting_forces import known_forces
-from cuspline.shop.tool_lives import known_lives
 from cuspline.stock.stock_solids import StockSolids
 from cuspline.stock.swept import is_height_field, lowest_moves, stock_height_mm, swept_paths
 from cuspline.stock.workpiece import Workpiece
@@ -36,7 +31,7 @@ from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.in_process import PART
-from cuspline.verification.process_findings import chatter_findings, drive_findings, limit_findings
+from cuspline.verification.process_findings import process_of
 from cuspline.verification.reach import REACHABLE, drop_mesh
 from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
 from cuspline.verification.residuals import (
@@ -390,9 +385,7 @@ def _judged(part, c, found, own, judging, joined):
     stock = _found_stock(part, c, tools)
     history = _replayed(part, c, judging, stock)
     say(f"{c.name}: what the edges meet on {moves}")
-    met = engagement(c.program.posted, tools, stock)
-    material = known_forces().get(judging.material)
-    loads = None if material is None else forces(c.program.posted, tools, met, material)
+    process = process_of(c.program.posted, judging, stock, found.row[found.is_own], (c.name, c.program.setup.frame))
     say(f"{c.name}: certificate of {moves}")
     solid = solid_in_wcs(part.solid, c.program.setup.frame)
     proven = certify(c.program.posted, tools, ExactPart.of_solid(solid), solid=solid, kept=kept, skin_mm=finish.plating_mm,
@@ -414,10 +407,7 @@ def _judged(part, c, found, own, judging, joined):
     true_mm = _once(partial(_true_mm, part, c, found))
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
-    limits = limit_findings(c.program.posted, tools, machine, met, loads, (c.name, c.program.setup.frame))
-    shaken, chatter = chatter_findings(c.program.posted, tools, met, material, (c.name, c.program.setup.frame))
-    strays, drives = drive_findings(c.program.posted, machine, found.row[found.is_own], c.name)
-    findings = (*history.findings, *history.idle, *limits, *shaken, *strays, *report.gouges(), *report.unseen_gouges(proven),
+    findings = (*history.findings, *history.idle, *process.findings, *report.gouges(), *report.unseen_gouges(proven),
                 *report.excess(), *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
     return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,
@@ -427,15 +417,7 @@ def _judged(part, c, found, own, judging, joined):
                                  **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
                                  "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict()),
-                                 "process": {**process_document(c.program.posted, tools, met, loads,
-                                                                _force_source(material, judging)), "chatter": chatter,
-                                             "drives": drives, "edges": edge_changes(
-                                                 c.program.posted, met, known_lives().get(judging.material))}})
-
-
-def _force_source(material, judging):
-    """Where forces come from, or why there are none."""
-    return (f"no cutting force is known of {judging.material or 'the material'}" if material is None else material.source)
+                                 "process": process.document})
 
 
 def _cusps(part, c, found):
