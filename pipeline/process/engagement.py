@@ -1,7 +1,7 @@
 r"""What every cutting move meets: the stretch of the edge in the cut, how far round, how much it takes, measured on the stock.
 
-At places along the way, at most a share of the cutter's radius apart where it is short, and where most is taken, rings round the cutter's
-axis are followed over its front, from one side of the feed to the other:
+At places along the way (a share of the cutter's radius apart where it is short, else evenly, and where a rough look says that most
+is taken) rings round the cutter's axis are followed over its front, from one side of the feed to the other:
 
        feed ▲            a ring leaves out what is surely clear: its next place is as far on as the stock is away, or as the
           ╱‾‾‾╲          cut goes on.  Where that changes sign the edge enters or leaves the cut.
