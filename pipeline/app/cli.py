@@ -433,6 +433,14 @@ def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an
 
 
 @app.command()
+def new(folder: Annotated[Path, typer.Argument(help="where nothing is yet: the repository's folder")]):
+    """Begin a repository of your own: a part, a Makefile, a workflow, the lock of the environment."""
+    from cuspline.app.own_repository import write_repository
+    names = write_repository(folder)
+    print(f"{folder}: {', '.join(names)}; `make` in it builds parts/trough.py")
+
+
+@app.command()
 def warm():
     """Compile the kernels once; later commands find them ready."""
     from cuspline.app.warm import compiled
