@@ -9,7 +9,7 @@ import os
 import shlex
 import sys
 import traceback
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -67,33 +67,11 @@ def build(
     """Build one design: STEP, plan, program, simulation, verdict, report."""
     with Stages() as stages:
         stages.show(f"{design}: reading")
-        from cuspline.app import build as recipe
-        from cuspline.app import catalogue
-        if stage not in recipe.STAGES:
-            raise InputError(f"--stage {stage!r}: it must be one of {', '.join(recipe.STAGES)}")
-        _refuse_unknown_kinds(accept)
-        source = catalogue.find_design(design)
-        if machine is not None:
-            catalogue.find_machine(machine)         # a wrong name is told before the part is built
-        practice, assignments = catalogue.find_shop(shop, [*_words(params), *param])
-        made = catalogue.make_design(source, assignments)
-        if measured is not None:
-            from cuspline.design.setup_alignment import read_measured, refixtured_setups
-            made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
-        chosen = catalogue.find_machine(machine if machine is not None else made.machine)
-        chosen = catalogue.with_post(chosen, post)
-        library = catalogue.find_library(cutters)
-        folder = out if out is not None else Path("outputs") / made.name
-        result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library, shop=practice,
-                                           accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), stages.say)
-    _tell(made.name, stage, result)
+        from cuspline.app.request import Request
+        order, result = Request(design=design, parameters=(*_words(params), *param), machine=machine, post=post, cutters=cutters,
+                                shop=shop, measured=measured, out=out, stage=stage, accept=tuple(accept)).built(stages.say)
+    _tell(order.design.name, stage, result)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
-
-
-def _refuse_unknown_kinds(accept):
-    from cuspline.values.finding_kinds import KINDS
-    for kind in sorted(set(accept) - set(KINDS)):
-        raise InputError(f"--accept {shortened(kind)}: {no_such(kind, KINDS)}; `cuspline findings` says what each means")
 
 
 def _words(text):
@@ -163,7 +141,8 @@ def verify(
             help="the .py file of the post that wrote the programs, where it is no post of ours")] = None,
         accept: Annotated[list[str], typer.Option(help="kind of finding to pass over this time, repeatable")] = []):
     """Judge posted files on disk again, against the STEP beside them; the exit status is the worst of all."""
-    _refuse_unknown_kinds(accept)
+    from cuspline.app.outcome import refuse_unknown_kinds
+    refuse_unknown_kinds(accept)
     worst = 0
     for folder in folders:
         try:
@@ -430,6 +409,15 @@ def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an
     rows = [{"kind": name, **asdict(found)} for name, found in KINDS.items() if kind in (None, name)]
     _print(rows, json, lambda f: [f"{f['kind']}: {f['meaning']}"] + (
         [] if kind is None else [f"  example: {f['example']}", f"  fix: {f['fix']}"]))
+
+
+@app.command()
+def schema(document: Annotated[str, typer.Argument(help="plan, verify or manifest")]):
+    """Print the JSON schema of plan.json, verify.json or manifest.json."""
+    from cuspline.app.documents import DOCUMENTS, schema_of
+    if document not in DOCUMENTS:
+        raise InputError(f"{shortened(document)}: {no_such(document, DOCUMENTS)}")
+    print(schema_of(document), end="")
 
 
 @app.command()
