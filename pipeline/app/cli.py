@@ -27,7 +27,7 @@ from cuspline.values.models import no_such, shortened
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
                   help="From a parametric design to a posted and verified program.")
-FINDINGS, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
+FINDINGS, DIFFERENT, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 1, 2, 3, 130
 SHOWN = 20                # findings told on the terminal; verify.json has all
 WORDS_OF_AN_INTERRUPTION = "interrupted, nothing half-written is left"
 NO_ROOM, NO_LEAVE = "make room on that disk", "name another folder, or get leave to write there"
@@ -186,6 +186,26 @@ def _verified(folder, measured, post, accept):
     _tell(job.design, "verify", Result(folder=folder, is_ok=not refused, findings=tuple(refused),
                                        figures=judged.figures_in_words, accepted=judged.passed_over(passed)))
     return FINDINGS if refused else 0
+
+
+@app.command()
+def diff(old: Annotated[Path, typer.Argument(help="folder of outputs")],
+         new: Annotated[Path, typer.Argument(help="another one")],
+         json: AsJson = False,
+         markdown: Annotated[bool, typer.Option("--markdown", help="for a pull request")] = False,
+         picture: Annotated[Optional[Path], typer.Option(help="write what changed in plan there (SVG)")] = None):
+    """Compare two folders of outputs, programs by their moves; exit status 0: the same, 1: something differs."""
+    from cuspline.app import comparison
+    from cuspline.app.comparison_picture import picture as drawn
+    found = comparison.compared(old, new)
+    drawing = drawn(found.programs) if picture is not None else ""
+    if drawing:
+        _write(picture, drawing, "--picture")
+    if json:
+        print(jsonlib.dumps(comparison.as_document(found), indent=1))
+    else:
+        print("\n".join(comparison.markdown(found, picture if drawing else None) if markdown else comparison.text(found)))
+    raise typer.Exit(0 if found.is_same else DIFFERENT)
 
 
 @app.command()
