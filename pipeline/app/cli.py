@@ -188,6 +188,35 @@ def _verified(folder, measured, post, accept):
     return FINDINGS if refused else 0
 
 
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+             help="Build variants of a design side by side: `cuspline sweep part.py -p a=1:5:9 -p b=2,4`, with all other options "
+                  "of `cuspline build`; a table of every figure, a gallery, time against cusp.")
+def sweep(
+        context: typer.Context,
+        param: Annotated[list[str], typer.Option("-p", "--param", help="name=from:to:count or name=value,value; repeatable")] = [],
+        sample: Annotated[Optional[int], typer.Option(min=1, help="only so many of all combinations, always the same ones")] = None,
+        workers: Annotated[Optional[int], typer.Option(min=1, max=1024, help="processes here; left out: one a core")] = None,
+        scheduler: Annotated[Optional[str], typer.Option(help="a dask.distributed scheduler, tcp://host:port")] = None,
+        out: Annotated[Optional[Path], typer.Option(help="folder; left out: outputs/<design>-sweep")] = None):
+    from cuspline.app.sweep_run import Sweep
+    request = _request_of(context.args)
+    folder = out if out is not None else Path("outputs") / f"{Path(request.design).stem}-sweep"
+    done = Sweep(request=request, texts=tuple(param), sample=sample, out=folder).run(workers, scheduler, print)
+    raise typer.Exit(done)
+
+
+def _request_of(arguments):
+    """The Request that `cuspline build` would make of its arguments.
+
+    Raises:
+        click's UsageError: an option that it has not.
+    """
+    from cuspline.app.request import Request
+    given = _command().commands["build"].make_context("cuspline sweep", list(arguments)).params
+    params, own = given.pop("params"), given.pop("param")
+    return Request(**{**given, "accept": tuple(given["accept"]), "parameters": (*_words(params), *own)})
+
+
 @app.command()
 def diff(old: Annotated[Path, typer.Argument(help="folder of outputs")],
          new: Annotated[Path, typer.Argument(help="another one")],
