@@ -16,8 +16,9 @@ from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.input_files import json_of
 
-SECTIONS = ("design", "parameters", "versions", "verdict", "findings", "plan", "tools", "stock", "programs")
+SECTIONS = ("design", "parameters", "versions", "part", "verdict", "findings", "plan", "tools", "stock", "programs")
 RUN_WITH = ("time_s", "length_mm", "blocks", "spindle_rpm", "feed_mm_per_min", "stepover_mm")      # of an operation
+VOLUME_DIGITS = 4
 WHERE = 2               # digits of a finding's place, that must agree for it to be the same finding
 FIGURES = tuple(name for name, field in Figures.model_fields.items() if name not in ("collisions", "findings"))
 
@@ -84,7 +85,7 @@ def compared(old, new):
                          {n: getattr(b.manifest, n) for n in ("design", "machine", "stage", "accepted")}),
                *_changes("parameters", a.manifest.parameters, b.manifest.parameters),
                *_changes("versions", a.manifest.versions, b.manifest.versions),
-               *_verdict(a, b), *_findings(a, b), *_operations(a, b),
+               *_part(a, b), *_verdict(a, b), *_findings(a, b), *_operations(a, b),
                *_changes("tools", _tools(a), _tools(b)), *others]
     return Comparison(old=old, new=new, changes=tuple(changes), programs=tuple(programs))
 
@@ -93,6 +94,33 @@ def _changes(section, old, new):
     """Change of every key whose values differ."""
     return [Change(section=section, what=name, old=old.get(name), new=new.get(name)) for name in dict.fromkeys((*old, *new))
             if old.get(name) != new.get(name)]
+
+
+def _part(a, b):
+    """What differs of the part itself, and of solid.json where it was measured."""
+    step = [outputs.manifest.files.get(outputs.step.name) for outputs in (a, b)]
+    solids = _changes("part", _solid(a), _solid(b)) if step[0] != step[1] else []
+    return [*solids, *_changes("part", _measured(a), _measured(b))]
+
+
+def _solid(outputs):
+    """{what: value} of the STEP file's solid."""
+    from cuspline.kernel import brep
+    solid = brep.the_solid(brep.read_step(outputs.step), outputs.step.name)
+    low, high = brep.bounding_box_mm(solid)
+    return {"volume mm³": round(brep.volume_mm3(solid), VOLUME_DIGITS), "faces": len(brep.faces_of(solid)),
+            **{f"{axis} {end} mm": round(float(value), WHERE + 2) for end, corner in (("from", low), ("to", high))
+               for axis, value in zip("XYZ", corner)}}
+
+
+def _measured(outputs):
+    """{what: figure} of solid.json."""
+    path = outputs.folder / "solid.json"
+    if not path.is_file():
+        return {}
+    document = json_of(path, "solid.json")
+    facts = {key: value for key, value in document.items() if isinstance(value, (int, float, str))}
+    return facts | {f["what"]: f["measured"] for f in document["figures"]}
 
 
 def _verdict(a, b):

@@ -135,7 +135,7 @@ def variants(request, texts, sample, out):
     Args:
         request: request.Request of what stays the same.   texts: of -p.   sample: see `grid`.   out: folder of the sweep.
     """
-    out, common = Path(out).resolve(), _inputs(request)
+    out, common, request = Path(out).resolve(), _inputs(request), _anywhere(request)
     made = []
     for number, values in enumerate(grid(texts, sample)):
         name = folder_name(values)
@@ -144,6 +144,12 @@ def variants(request, texts, sample, out):
         made.append(Variant(number=number, values=values, request=own, inputs_sha256=digest,
                             row_file=out / "rows" / f"{name}.json"))
     return made
+
+
+def _anywhere(request):
+    """The same, its files found from any folder."""
+    paths = {name: getattr(request, name) for name in ("design", "machine", "cutters", "shop", "measured")}
+    return replace(request, **{name: Path(path).resolve() for name, path in paths.items() if path is not None and Path(path).is_file()})
 
 
 def folder_name(values):

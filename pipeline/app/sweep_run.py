@@ -1,5 +1,6 @@
 """A sweep from its axes to its table: what stands is taken over, the rest is built, rows are written as they come."""
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,9 +39,12 @@ class Sweep:
         missing = [v for v in variants if v.number not in rows]
         if rows:
             say(f"{counted(len(rows), 'variant')} of {len(variants)} stand already")
-        for variant, row in self._built(missing, workers, scheduler):
-            rows[variant.number] = row
-            say(f"{len(rows)}/{len(variants)} {_in_words(row)}")
+        try:
+            for variant, row in self._built(missing, workers, scheduler):
+                rows[variant.number] = row
+                say(f"{len(rows)}/{len(variants)} {_in_words(row)}")
+        finally:
+            self._tidied()
         done = [rows[v.number] for v in variants]
         self._write(done, say)
         return 0 if all(r["verdict"] in (sweep.VERIFIED, sweep.MADE) for r in done) else 1
@@ -62,6 +66,11 @@ class Sweep:
         if self.out.exists() and (not self.out.is_dir() or any(self.out.iterdir()) and not (self.out / "rows").is_dir()):
             raise InputError(f"--out {self.out} exists and is no earlier sweep (it has no folder rows): name another folder")
         (self.out / "rows").mkdir(parents=True, exist_ok=True)
+
+    def _tidied(self):
+        """What builds that were ended have left goes; their rows are not there, so they are built again."""
+        for half in (*self.out.glob("variants/.*.part"), *self.out.glob("rows/*.part")):
+            shutil.rmtree(half, ignore_errors=True) if half.is_dir() else half.unlink(missing_ok=True)
 
     @staticmethod
     def _built(missing, workers, scheduler):

@@ -63,7 +63,7 @@ def test_revisions_that_differ_in_one_pass_are_said_to_differ_in_just_that(defau
     assert change["apart_mm"] == pytest.approx(0.05, abs=0.002)
     said = ran("diff", default_part, new).stdout.splitlines()
     assert said[1] == "programs:" and len(said) == 4 and "moved, paths up to 0.0" in said[2]
-    assert said[3] == "the same: design, parameters, versions, verdict, findings, plan, tools, stock"
+    assert said[3] == "the same: design, parameters, versions, part, verdict, findings, plan, tools, stock"
 
 
 def test_a_comment_and_numbers_written_otherwise_are_no_difference(default_part, revision):
@@ -111,3 +111,34 @@ def test_what_cannot_be_compared_is_refused_in_a_sentence(changes, words, defaul
 
 def test_a_folder_without_outputs_is_refused(default_part, tmp_path):
     assert "it has no manifest.json" in ran("diff", default_part, tmp_path).stderr
+
+
+def test_another_solid_is_said_with_its_volume_and_what_was_measured_of_it(tmp_path):
+    """Volumes by closed form: boxes."""
+    (tmp_path / "plug.py").write_text(PLUG)
+    for name, side in (("old", 10), ("new", 11)):
+        done = ran("build", tmp_path / "plug.py", "-p", f"side_mm={side}", "--stage", "step", "--out", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+        measured = {"mass_kg": 0.0027, "figures": [{"what": "side", "measured": side}]}
+        (tmp_path / name / "solid.json").write_text(json.dumps(measured))
+    changes = document(tmp_path / "old", tmp_path / "new", 1)["changes"]
+    found = {(c["section"], c["what"]): (c["old"], c["new"]) for c in changes}
+    assert found == {("parameters", "side_mm"): (10.0, 11.0), ("part", "volume mm³"): (1000.0, 1331.0), ("part", "side"): (10, 11),
+                     ("part", "X to mm"): (10.0, 11.0), ("part", "Y to mm"): (10.0, 11.0), ("part", "Z to mm"): (10.0, 11.0)}
+
+
+PLUG = """import cadquery as cq
+from cuspline.design import *
+
+
+class P(Parameters):
+    side_mm: float = 10.0
+
+
+def design(p: P):
+    return Design(name="plug", description="", parameters=p, solid=cq.Workplane().box(*3 * [p.side_mm], centered=False).val(),
+                  material="aluminium_6061", setups=(), predicates=(FacePredicate(name="top", count=1, normal=(0, 0, 1)),),
+                  stock=StockBox(min_mm=(0, 0, 0), max_mm=(12, 12, 12)),
+                  finish=Finish(scallop_mm=0.01, profile_tolerance_mm=0.002, gouge_mm=0.003),
+                  measure=lambda solid: SolidReport(figures=(), facts={}))
+"""

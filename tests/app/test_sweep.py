@@ -15,6 +15,7 @@ from sweep_stubs import StubRequest
 from cuspline.app import sweep, sweep_page, sweep_workers
 from cuspline.app.request import Request
 from cuspline.app.sweep import Variant, grid
+from cuspline.app.sweep_run import Sweep
 from cuspline.values.errors import InputError
 
 TROUGH = Path(__file__).parents[2] / "pipeline/app/repository/trough.py"
@@ -125,6 +126,20 @@ def test_a_rejected_variant_leaves_no_verified_one_of_other_inputs_beside_it(tmp
     variant = stub_variants(tmp_path)[3]
     variant.request.out.mkdir(parents=True)
     assert sweep.built(variant)["folder"].endswith("-rejected") and not variant.request.out.exists()
+
+
+def test_an_interrupted_sweep_leaves_nothing_half_written_and_keeps_what_stands(tmp_path, monkeypatch):
+    def stopped(self, missing, workers, scheduler):
+        yield missing[0], sweep.built(missing[0])
+        (self.out / "variants/.b.part").mkdir()
+        (self.out / "rows/b.77.part").touch()
+        raise KeyboardInterrupt
+    monkeypatch.setattr(Sweep, "_built", stopped)
+    monkeypatch.setattr(Sweep, "_checked", lambda self: stub_variants(tmp_path))
+    with pytest.raises(KeyboardInterrupt):
+        Sweep(request=None, texts=(), sample=None, out=tmp_path).run(None, None, print)
+    assert sorted(p.name for p in (*tmp_path.glob("variants/*"), *tmp_path.glob("rows/*"))) == ["a=1+b=2", "a=1+b=2.json"]
+    assert stub_variants(tmp_path)[0].row() is not None
 
 
 # tables and page -------------------------------------------------------------------------------
