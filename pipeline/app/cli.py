@@ -10,7 +10,7 @@ import shlex
 import sys
 import traceback
 from dataclasses import asdict
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Optional
@@ -203,6 +203,15 @@ def sweep(
     folder = out if out is not None else Path("outputs") / f"{Path(request.design).stem}-sweep"
     done = Sweep(request=request, texts=tuple(param), sample=sample, out=folder).run(workers, scheduler, print)
     raise typer.Exit(done)
+
+
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+             help="Build a part again whenever it is saved, and show it on a page of this machine; takes all options of "
+                  "`cuspline build`.")
+def watch(context: typer.Context,
+          port: Annotated[int, typer.Option(min=0, max=65535, help="of the page; 0: any that is free")] = 0):
+    from cuspline.app.watch import watched
+    watched(_request_of(context.args), port, partial(print, flush=True))
 
 
 def _request_of(arguments):

@@ -149,7 +149,8 @@ def variants(request, texts, sample, out):
 def _anywhere(request):
     """The same, its files found from any folder."""
     paths = {name: getattr(request, name) for name in ("design", "machine", "cutters", "shop", "measured")}
-    return replace(request, **{name: Path(path).resolve() for name, path in paths.items() if path is not None and Path(path).is_file()})
+    return replace(request, **{name: Path(path).resolve() for name, path in paths.items()
+                               if path is not None and Path(path).is_file()})
 
 
 def folder_name(values):

@@ -38,3 +38,25 @@ class StubRequest:
             for file in sorted(Path(self.deadly[2]).iterdir())[:1]:
                 file.unlink()
                 os.kill(os.getpid(), signal.SIGKILL)
+
+
+def stub_solid(request, say):
+    """What a part's file says, in no time."""
+    text = request.design.read_text()
+    if "wrong" in text:
+        raise InputError(f"{request.design.name} cannot be loaded")
+    return {"words": text, "svg": f"<svg>{text}</svg>"}
+
+
+def stub_build(request, say):
+    """A build that takes long, unless the part's file says quick; a crash where it says so."""
+    text = request.design.read_text()
+    say("plan setup-1")
+    if "crash" in text:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if "quick" not in text:
+        signal.pause()
+    folder = request.design.parent / "outputs"
+    folder.mkdir(exist_ok=True)
+    (folder / "report.html").write_text(f"<p>{text}")
+    return {"words": f"VERIFIED {text}", "folder": str(folder)}
