@@ -137,6 +137,16 @@ def test_make_without_the_wheel_says_what_is_missing(tmp_path):
     assert done.returncode == 2 and "put the wheel of cuspline into vendor/ first" in done.stderr
 
 
+@pytest.mark.parametrize("status, code", [(0, 0), (1, 0), (2, 2)])
+def test_make_diff_of_a_new_repository_fails_only_where_nothing_can_be_compared(status, code, tmp_path):
+    assert cli.run(["new", str(tmp_path / "parts")]) == 0
+    (tmp_path / "stub").write_text(f"#!/bin/sh\necho \"$@\"\nexit {status}\n")
+    (tmp_path / "stub").chmod(0o755)
+    done = subprocess.run(["make", "diff", "BASE=../old", f"CUSPLINE={tmp_path}/stub"], cwd=tmp_path / "parts", capture_output=True,
+                          text=True)
+    assert (done.returncode, done.stdout) == (code, "diff ../old/outputs/trough outputs/trough --markdown\n")
+
+
 def test_a_new_repository_overwrites_nothing(tmp_path, capsys):
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/mine.txt").write_text("mine")

@@ -160,6 +160,7 @@ class Watch:
     lock: object = field(default_factory=threading.Lock)
     known: dict = field(default_factory=lambda: {"save": 0, SOLID: {}, BUILD: {}})
     svg: str = ""
+    begun_s: float = 0.0            # when the last save was seen
     folder: Path | None = None      # of the last outputs
 
     def run(self, is_wanted=lambda: True):
