@@ -233,16 +233,19 @@ def diff(old: Annotated[Path, typer.Argument(help="folder of outputs")],
          markdown: Annotated[bool, typer.Option("--markdown", help="for a pull request")] = False,
          picture: Annotated[Optional[Path], typer.Option(help="write what changed in plan there (SVG)")] = None):
     """Compare two folders of outputs, programs by their moves; exit status 0: the same, 1: something differs."""
-    from cuspline.app import comparison
+    from cuspline.app import comparison_words
+    from cuspline.app.comparison import compared
     from cuspline.app.comparison_picture import picture as drawn
-    found = comparison.compared(old, new)
+    found = compared(old, new)
     drawing = drawn(found.programs) if picture is not None else ""
     if drawing:
         _write(picture, drawing, "--picture")
     if json:
-        print(jsonlib.dumps(comparison.as_document(found), indent=1))
+        print(jsonlib.dumps(comparison_words.as_document(found), indent=1))
+    elif markdown:
+        print("\n".join(comparison_words.markdown(found, picture if drawing else None)))
     else:
-        print("\n".join(comparison.markdown(found, picture if drawing else None) if markdown else comparison.text(found)))
+        print("\n".join(comparison_words.text(found)))
     raise typer.Exit(0 if found.is_same else DIFFERENT)
 
 

@@ -4,6 +4,7 @@ import math
 import os
 import signal
 from dataclasses import dataclass, field
+from importlib import import_module
 from multiprocessing import connection, get_context
 
 from cuspline.app.sweep import FAULT, built
@@ -11,6 +12,7 @@ from cuspline.values import interruption
 from cuspline.values.errors import InputError
 
 TRIES = 3                       # of one variant, whose process died
+STILLBORN = 20                  # processes that may die one after the other while they import
 LOOK_S = 0.2                    # how often Ctrl-C is looked for
 DIED = "its process was ended {tries} times, by signal or for want of memory"
 
@@ -21,7 +23,7 @@ def in_processes(variants, count, threads):
     Args:
         variants: sweep.Variant values.   count: processes.   threads: of each.
     """
-    pool = _Pool(threads=threads)
+    pool = _Pool(threads=threads, needs=type(variants[0].request).__module__)
     try:
         for _ in range(min(count, len(variants))):
             pool.begin()
@@ -35,7 +37,10 @@ class _Pool:
     """Processes that stay; each holds at most one variant."""
 
     threads: int
+    needs: str                                          # the module that a process imports before it takes a variant
     workers: dict = field(default_factory=dict)         # connection -> process
+    beginning: set = field(default_factory=set)         # connections of those that are importing
+    stillborn: int = 0                                  # how many have died so, one after the other
     held: dict = field(default_factory=dict)            # connection -> variant
     tries: dict = field(default_factory=dict)           # variant's number -> how often its process has died
 
@@ -43,21 +48,42 @@ class _Pool:
         """One process more."""
         context = get_context("spawn")
         here, there = context.Pipe()
-        process = context.Process(target=_work, args=(there, self.threads), daemon=True)
+        process = context.Process(target=_work, args=(there, self.threads, self.needs), daemon=True)
         process.start()
         there.close()
         self.workers[here] = process
+        self.beginning.add(here)
 
     def run(self, waiting):
-        """(Variant, row) of all, in the order in which they are done."""
+        """(Variant, row) of all, in the order in which they are done.
+
+        Raises:
+            InputError: no process comes to its work.
+        """
         waiting = waiting[::-1]
         while waiting or self.held:
-            for idle in [c for c in self.workers if c not in self.held]:
+            for idle in [c for c in self.workers if c not in self.held and c not in self.beginning]:
                 if waiting:
                     self._hand_out(idle, waiting)
-            for ready in connection.wait(list(self.held), LOOK_S):
-                yield from self._taken(ready, waiting)
+            for ready in connection.wait([*self.held, *self.beginning], LOOK_S):
+                if ready in self.beginning:
+                    self._begun(ready)
+                else:
+                    yield from self._taken(ready, waiting)
             interruption.stop_if_asked()
+
+    def _begun(self, worker):
+        """A process is ready, or has died before it was: that is no variant's fault."""
+        self.beginning.discard(worker)
+        try:
+            worker.recv()
+            self.stillborn = 0
+        except (EOFError, OSError):
+            self.stillborn += 1
+            if self.stillborn >= STILLBORN:
+                raise InputError(f"{STILLBORN} processes of the sweep have ended one after the other before they began: look for "
+                                 "want of memory, or take fewer --workers") from None
+            self._replace(worker)
 
     def _hand_out(self, worker, waiting):
         variant = waiting.pop()
@@ -77,7 +103,7 @@ class _Pool:
             self._replace(worker)
             self.tries[variant.number] = self.tries.get(variant.number, 0) + 1
             if self.tries[variant.number] < TRIES:
-                waiting.append(variant)
+                waiting.insert(0, variant)          # behind all others
             else:
                 yield variant, variant.failed(FAULT, DIED.format(tries=TRIES))
 
@@ -95,10 +121,12 @@ class _Pool:
             worker.close()
 
 
-def _work(pipe, threads):
-    """In a process: build what comes until nothing more does.  Ctrl-C is its parent's business."""
+def _work(pipe, threads, needs):
+    """In a process: import what builds need, then build what comes until nothing more does.  Ctrl-C is its parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["NUMBA_NUM_THREADS"] = str(threads)      # read when the first kernel is imported, which is later
+    import_module(needs)
+    pipe.send("ready")
     while True:
         try:
             variant = pipe.recv()

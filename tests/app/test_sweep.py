@@ -85,7 +85,7 @@ def test_two_processes_one_of_them_killed_come_to_the_same_table_byte_for_byte(o
 
 
 def test_a_process_that_is_killed_from_outside_while_it_waits_or_works_is_replaced(one_by_one, tmp_path):
-    variants, pool, rows = stub_variants(tmp_path), sweep_workers._Pool(threads=1), []
+    variants, pool, rows = stub_variants(tmp_path), sweep_workers._Pool(threads=1, needs="sweep_stubs"), []
     try:
         pool.begin()
         for variant, row in pool.run(list(variants)):
@@ -97,6 +97,35 @@ def test_a_process_that_is_killed_from_outside_while_it_waits_or_works_is_replac
     finally:
         pool.end()
     assert table_of(variants, rows) == one_by_one
+
+
+def test_processes_that_die_before_they_begin_cost_no_variant_a_try(one_by_one, tmp_path):
+    variants, pool = stub_variants(tmp_path), sweep_workers._Pool(threads=1, needs="sweep_stubs")
+    try:
+        pool.begin()
+        for _ in range(sweep_workers.TRIES + 1):
+            (beginning, process), = pool.workers.items()
+            process.kill()
+            process.join()
+            while beginning.poll():             # it may have been quick
+                try:
+                    beginning.recv()
+                except EOFError:
+                    break
+            pool._begun(beginning)
+        assert table_of(variants, list(pool.run(list(variants)))) == one_by_one and pool.tries == {}
+    finally:
+        pool.end()
+
+
+def test_a_sweep_whose_processes_cannot_begin_says_so(tmp_path):
+    with pytest.MonkeyPatch.context() as change:
+        change.setattr(sweep_workers, "STILLBORN", 2)
+        pool = sweep_workers._Pool(threads=1, needs="no_such_module_of_a_sweep")
+        pool.begin()
+        with pytest.raises(InputError, match="2 processes of the sweep have ended one after the other"):
+            list(pool.run(stub_variants(tmp_path)))
+        pool.end()
 
 
 def test_a_variant_that_kills_every_process_is_a_fault_and_the_others_are_built(one_by_one, tmp_path):
