@@ -96,7 +96,7 @@ def drillable_faces(work, operation):
         bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
         with suppress(CamError):
             made = _drilled(work, bore)
-            top = float(_stock_over(work, bore, made.tool).max())
+            top = float(stock_over(work, bore, made.tool.cutter.radius_mm).max())
             if made.full_z_mm <= bore.low_z_mm + SAME_MM and max(top, bore.high_z_mm) - made.tip_mm <= (
                     made.tool.cutter.flute_length_mm):
                 walls += wall.faces
@@ -254,13 +254,13 @@ def _operation(work, made, number):
 def _retract_mm(work, bore, tool):
     """Height over a hole where feeding begins: above the stock that stands there."""
     above = work.operation.retract_mm or work.practice.approach_mm
-    return min(max(float(_stock_over(work, bore, tool).max()), bore.high_z_mm) + above, work.clearance_z_mm)
+    return min(max(float(stock_over(work, bore, tool.cutter.radius_mm).max()), bore.high_z_mm) + above, work.clearance_z_mm)
 
 
-def _stock_over(work, bore, tool):
+def stock_over(work, bore, radius_mm):
     """(n,) heights of the stock under a drill over its hole."""
     turn = 2 * math.pi * np.arange(SPOKES) / SPOKES
-    rings = (RINGS * tool.cutter.radius_mm)[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
+    rings = (RINGS * radius_mm)[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
     return work.stock_mm(np.array(bore.xy_mm) + rings.reshape(-1, 2))
 
 
