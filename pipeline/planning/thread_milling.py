@@ -22,6 +22,7 @@ AIM_SHARE = 1 / 3           # of the pitch diameter's tolerance, above its least
 ROOM_MM = 0.1               # between the tooth and the wall, while it stands in the middle
 NECK_MM = 0.02              # between the neck and the wall
 LEAD_TURNS = 0.25           # of the helix that an arc in or out stands for
+ABOVE_MM = 1.0              # of rapids over the wall's foot: the drill's point may have left something below
 CHIP_PITCH_MM = 1.0         # of a pass: coarser threads take more
 
 
@@ -114,7 +115,8 @@ def _one(work, tool, bore, one, feed):
     writer = MoveWriter((*middle, clear))
     for radius in _radii(work, bore, one, cutter):
         slow = feed * radius / (radius + cutter.radius_mm)
-        writer.rapid((*middle, min(begin - lead, clear)))
+        writer.rapid((*middle, min(max(begin - lead, bore.low_z_mm + ABOVE_MM), clear)))
+        writer.feed((*middle, min(begin - lead, clear)), slow)
         _half(writer, middle, middle + (radius, 0.0), begin, slow)
         for k in range(1, 2 * turns + 1):
             side = -radius if k % 2 else radius

@@ -22,7 +22,7 @@ from cuspline.values.findings import Finding
 SAME_MM = 2e-3              # heights and radii that are the same, roundings of posts included
 BESIDE_MM = 0.05            # of a tool from a hole's axis, that is another place
 PITCH_OFF = 2e-3            # of the pitch: what F and S and their roundings may be off
-RING_MM = 0.02              # of a thread mill's path, within which it cuts its full depth
+RING_MM = 0.004             # of a thread mill's path, within which it cuts its full depth
 SAMPLES = 24                # of an arc
 TURN_SHARE = 0.995          # of a full turn, that is one
 
