@@ -85,7 +85,8 @@ class Cutter(Model):
     corner_center_radius_mm: float | None = Field(default=None, description="APT e")
     corner_center_height_mm: float | None = Field(default=None, description="APT f")
     tip_radius_mm: float | None = Field(default=None, gt=0, description="lens: the large radius of its bottom")
-    point_angle_deg: float | None = Field(default=None, gt=10, lt=180, description="of the cone at the tip, from side to side")
+    point_angle_deg: float | None = Field(default=None, gt=10, le=180, description="of the cone at the tip, from side to side; "
+                                          "180: a drill with a flat bottom, for counterbores")
     tip_diameter_mm: float | None = Field(default=None, ge=0, description="chamfer mill: of the flat below its cone; 0: a point")
     shaft_segments: tuple[HolderSegment, ...] | None = Field(
         default=None, min_length=1, description="a neck that is no cylinder: from the flutes' end to the reach")

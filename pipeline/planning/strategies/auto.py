@@ -85,8 +85,8 @@ class Auto(Finishing):
             if set(one.wall.faces) <= set(work.wanted) and one.hole.axis[2] > 1.0 - PARALLEL:
                 named.setdefault((one.name, one.thread), []).extend(one.wall.faces)
         for (_, thread), faces in named.items():
-            more, rows = _threads(work, [*work.planned, *made], thread, faces)
-            made, reached = [*made, *more], reached | rows
+            made = [*made, *_threads(work, [*work.planned, *made], thread, faces)]
+            reached = reached | np.isin(work.samples.face, faces)
         return made, reached
 
     def _with_others(self, work, made, taken, edges):
@@ -144,17 +144,16 @@ class Auto(Finishing):
 
 
 def _threads(work, planned, thread, faces):
-    """Operations of one thread's holes, and the samples on their walls."""
-    on = lambda operation: operation.plan(work.on(operation, faces, planned))
+    """Operations of one thread's holes."""
+    on = lambda operation: operation.plan(work.on(operation, faces, planned))[0]
     try:
         return on(Tap())
     except (PlanError, CutterDoesNotFit) as error:
         why = str(error)
     try:
-        made, rows = on(ThreadMill())
+        return [_told(o, why) for o in on(ThreadMill())]
     except (PlanError, CutterDoesNotFit) as error:
         raise CutterDoesNotFit(f"thread {thread.in_words}: it can neither be tapped ({why}) nor milled ({error})") from None
-    return [_told(o, why) for o in made], rows
 
 
 def _told(operation, why):
