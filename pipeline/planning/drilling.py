@@ -28,7 +28,6 @@ SPOKES = 12
 SAME_MM = 1e-6
 OVER_MM = 0.05              # what may seem to stand over a wall's end: the planning mesh
 REACHED_MM = 1e-4
-FLAT_DEG = 179.0            # from here on a drill's bottom is flat
 LEVEL = 1.0 - 1e-9          # of a normal's Z
 SAME_DEG = 0.5              # of a cone and the drill that leaves it
 
@@ -109,7 +108,7 @@ def drillable_faces(work, operation):
 def _made_with(work, bore, tool):
     """Faces that a drill makes beside its wall: the cone of its own angle that the hole ends in, of a flat drill what is level."""
     angle = bore.hole.point_angle_deg
-    if tool.cutter.point_angle_deg > FLAT_DEG:
+    if tool.cutter.has_flat_bottom:
         return level_faces(work, bore)
     return bore.hole.walls[0].faces if angle is not None and abs(angle - tool.cutter.point_angle_deg) < SAME_DEG else ()
 
@@ -224,7 +223,7 @@ def _drill_for(work, bore):
                                f"{in_words(bore.place_mm)}; there are {there} mm: add one of its diameter to the file of "
                                "--cutters, or bore it with a smaller end mill")
     angle = _angle_deg(bore)
-    other = lambda t: float(t.cutter.point_angle_deg > FLAT_DEG) if angle is None else abs(t.cutter.point_angle_deg - angle)
+    other = lambda t: float(t.cutter.has_flat_bottom) if angle is None else abs(t.cutter.point_angle_deg - angle)
     return min(fits, key=lambda t: (round(abs(t.cutter.radius_mm - wanted), 6), round(other(t), 3), -t.cutter.flute_length_mm,
                                     t.number))
 

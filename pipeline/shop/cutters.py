@@ -51,6 +51,7 @@ SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg
 ALL_SHAPE_FIELDS = tuple(dict.fromkeys(name for names in SHAPE_FIELDS.values() for name in names))
 OPTIONAL = (*ALL_SHAPE_FIELDS, "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth",
             "bending_n", "unpecked_mm")
+FLAT_DEG = 179.0            # from here on a drill's bottom is flat
 DRILLS = ("drill", "spot_drill")                    # types that cut along their axis alone
 POINTED = (*DRILLS, "chamfer_mill")                 # types that end in a cone
 THREADING = ("tap", "thread_mill")                   # types whose teeth leave a thread, simulated without them
@@ -195,6 +196,11 @@ class Cutter(Model):
     def drills(self):
         """Whether it cuts along its axis alone."""
         return self.type in DRILLS
+
+    @property
+    def has_flat_bottom(self):
+        """Whether it is a drill whose point is none: it leaves what a flat cutter leaves."""
+        return self.type in DRILLS and self.point_angle_deg > FLAT_DEG
 
     @property
     def threads(self):

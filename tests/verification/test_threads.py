@@ -169,3 +169,25 @@ def test_threads_that_cannot_be_are_refused(threads, why):
 def test_a_machine_that_does_not_tap_is_told_to_mill():
     with pytest.raises(CamError, match="mill_grbl does not tap"):
         Posted(changed(), catalogue.find_machine("mill_grbl"))
+
+
+@pytest.mark.parametrize("machine, last", [("mill_3axis", ["tap", "tap", "tap"]), ("mill_grbl", ["thread mill"] * 3)])
+def test_auto_taps_or_mills_what_it_has_drilled_and_says_why(machine, last):
+    setup = threaded_plate.design(threaded_plate.Parameters()).setups[0].model_copy(update={"operations": ()})
+    threads = {"m6": "M6", "m4": Thread(size="M4", depth_mm=7), "m8": "M8"}
+    posted = Posted(changed(threads=threads, setups=(setup,)), catalogue.find_machine(machine))
+    made = posted.plan.operations
+    assert [o.name for o in made][3:] == last and all("drill" in o.name for o in made[:3])
+    assert posted.found() == {} if machine == "mill_3axis" else all("does not tap" in o.facts["instead_of"] for o in made[3:])
+
+
+def test_a_counterbore_with_its_flat_drill_is_drilled():
+    import cadquery as cq
+    hole = cq.Workplane("XY").box(30, 20, 14, centered=False).faces(">Z").workplane(origin=(15, 10, 0)).cboreHole(6.6, 11, 6.4)
+    inside = threaded_plate.FacePredicate(name="hole", count=3, center_min_mm=(5, 5, 0.1), center_max_mm=(25, 15, 13.9))
+    setup = threaded_plate.Setup(name="setup-1", faces=("hole",), wcs_in_words="corner")
+    plan = plan_setup(changed(solid=hole.val(), predicates=(inside,), threads={}, setups=(setup,)), setup, MACHINE, SHOP)
+    assert sorted(o.name for o in plan.operations) == ["drill 11", "drill 6.6"]
+    flat = next(o for o in plan.operations if o.tool.cutter.diameter_mm == 11)
+    assert flat.tool.cutter.has_flat_bottom and flat.moves.end_mm[:, 2].min() == pytest.approx(14 - 6.4)
+    assert plan.area_reached_mm2 == pytest.approx(plan.area_required_mm2)
