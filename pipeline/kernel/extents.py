@@ -36,19 +36,22 @@ def extents_mm(shape):
         return low, high
     sure = [f for f in explore(shape, TopAbs_FACE) if not any(f.IsSame(g) for g in loose)]
     inner_low, inner_high = _box([*sure, *explore(shape, TopAbs_EDGE)])
-    return (-_sides(-low, -inner_low, loose, -1.0), _sides(high, inner_high, loose, 1.0))
+    if (low > inner_low - LOOSE_MM).all() and (high < inner_high + LOOSE_MM).all():
+        return low, high
+    lows, highs = np.array([_box([f]) for f in loose]).transpose(1, 0, 2)
+    return (-_sides(-low, -inner_low, loose, -lows, -1.0), _sides(high, inner_high, loose, highs, 1.0))
 
 
-def _sides(kernels, least, faces, sign):
+def _sides(kernels, least, faces, reach, sign):
     """Three upper sides of a box: the kernel's, or where faces inside their borders come to, if that is clearly less.
 
     Args:
         kernels: (3,) the kernel's.   least: (3,) what is surely reached.   faces: those that may be boxed loosely.
-        sign: -1 where the shape is looked at mirrored.
+        reach: (len(faces), 3) the kernel's of each of them.   sign: -1 where the shape is looked at mirrored.
     """
     sides = kernels.copy()
     for axis in np.flatnonzero(kernels > least + LOOSE_MM):
-        tops = [_highest(f, axis, sign) for f in faces if _reach(f, axis, sign) > least[axis] + LOOSE_MM]
+        tops = [_highest(f, axis, sign) for f, far in zip(faces, reach[:, axis]) if far > least[axis] + LOOSE_MM]
         tight = max([least[axis], *tops])
         sides[axis] = tight if tight < kernels[axis] - LOOSE_MM else kernels[axis]
     return sides
@@ -63,12 +66,6 @@ def _box(shapes):
             BRepBndLib.Add_s(shape, box, False)
     box.SetGap(0.0)
     return tuple(np.array([p.X(), p.Y(), p.Z()]) for p in (box.CornerMin(), box.CornerMax()))
-
-
-def _reach(face, axis, sign):
-    """The kernel's box of one face, on one side."""
-    low, high = _box([face])
-    return high[axis] if sign > 0 else -low[axis]
 
 
 def _highest(face, axis, sign):

@@ -15,32 +15,47 @@ from cuspline.values import fixed_math as fixed
 
 def surface_points(face, uv):
     """(n, 3) exact points of a face's surface at parameters (n, 2)."""
-    surface, uv = BRepAdaptor_Surface(face, False), np.asarray(uv, float).reshape(-1, 2)
-    if surface.GetType() in ROUND:
-        return _round(surface, uv)[0]
-    spline = _spline_of(surface)
-    if spline is not None:
-        return spline.points(*uv.T)
-    p, rows = gp_Pnt(), []
-    for u, v in uv.tolist():
-        surface.D0(u, v, p)
-        rows.append(p.Coord())
-    return np.array(rows).reshape(-1, 3)
+    return FaceSurface(face).points(uv)
 
 
 def surface_tangents(face, uv):
     """Exact points and the derivatives along u and v, (n, 3) each."""
-    surface, uv = BRepAdaptor_Surface(face, False), np.asarray(uv, float).reshape(-1, 2)
-    if surface.GetType() in ROUND:
-        return _round(surface, uv)
-    spline = _spline_of(surface)
-    if spline is not None:
-        return tuple(spline.derivatives(*uv.T)[:, :3].transpose(1, 0, 2).copy())
-    p, a, b, rows = gp_Pnt(), gp_Vec(), gp_Vec(), []
-    for u, v in uv.tolist():
-        surface.D1(u, v, p, a, b)
-        rows.append((*p.Coord(), *a.Coord(), *b.Coord()))
-    return tuple(np.array(rows).reshape(-1, 3, 3).transpose(1, 0, 2).copy())
+    return FaceSurface(face).tangents(uv)
+
+
+class FaceSurface:
+    """A face's own surface, read once for many questions."""
+
+    def __init__(self, face):
+        self._surface = BRepAdaptor_Surface(face, False)
+        self._is_round = self._surface.GetType() in ROUND
+        self._spline = None if self._is_round else _spline_of(self._surface)
+
+    def points(self, uv):
+        """(n, 3) exact points at parameters (n, 2)."""
+        uv = np.asarray(uv, float).reshape(-1, 2)
+        if self._is_round:
+            return _round(self._surface, uv)[0]
+        if self._spline is not None:
+            return self._spline.points(*uv.T)
+        p, rows = gp_Pnt(), []
+        for u, v in uv.tolist():
+            self._surface.D0(u, v, p)
+            rows.append(p.Coord())
+        return np.array(rows).reshape(-1, 3)
+
+    def tangents(self, uv):
+        """Exact points and the derivatives along u and v at parameters (n, 2), (n, 3) each."""
+        uv = np.asarray(uv, float).reshape(-1, 2)
+        if self._is_round:
+            return _round(self._surface, uv)
+        if self._spline is not None:
+            return tuple(self._spline.derivatives(*uv.T)[:, :3].transpose(1, 0, 2).copy())
+        p, a, b, rows = gp_Pnt(), gp_Vec(), gp_Vec(), []
+        for u, v in uv.tolist():
+            self._surface.D1(u, v, p, a, b)
+            rows.append((*p.Coord(), *a.Coord(), *b.Coord()))
+        return tuple(np.array(rows).reshape(-1, 3, 3).transpose(1, 0, 2).copy())
 
 
 def _spline_of(surface):

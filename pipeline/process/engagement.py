@@ -1,7 +1,7 @@
 r"""What every cutting move meets: the stretch of the edge in the cut, how far round, how much it takes, measured on the stock.
 
-At places along the way, at most a share of the cutter's radius apart and wherever the path turns, rings round the cutter's
-axis are followed over its front, from one side of the feed to the other:
+At places along the way (a share of the cutter's radius apart where it is short, else evenly, and where a rough look says that most
+is taken) rings round the cutter's axis are followed over its front, from one side of the feed to the other:
 
        feed ▲            a ring leaves out what is surely clear: its next place is as far on as the stock is away, or as the
           ╱‾‾‾╲          cut goes on.  Where that changes sign the edge enters or leaves the cut.
@@ -55,7 +55,9 @@ class Look:
     """How closely to look."""
 
     apart: float = 0.5              # of the cutter's radius, between two places
-    most_places: int = 2_500        # of a program: a longer way has them farther apart; a quarter more where it turns
+    most_places: int = 500          # of a program: a longer way has them farther apart
+    screened: int = 4_000           # places of a longer way that are looked at roughly first, a quarter of them where it turns;
+    closer: int = 8                 # of each operation so many with the deepest and so many with the largest cuts are looked at
     ring_rad: float = math.radians(10.0)    # between rings on a round edge
     ring_share: float = 1 / 6       # of the radius, between rings on a straight one
     round_rad: float = math.radians(6.0)    # the shortest step along a ring
@@ -66,12 +68,15 @@ class Look:
         return cls(apart=cls.apart / by, ring_rad=cls.ring_rad / by, ring_share=cls.ring_share / by, round_rad=cls.round_rad / by)
 
 
+ROUGHLY = Look(ring_rad=math.radians(30.0), ring_share=1.0, round_rad=math.radians(25.0))       # at places that are screened
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Engagement:
     """What the cutter meets at places along a program's cutting moves; one row a place, in the order of cutting."""
 
     row: np.ndarray             # (n,) row of PostedMoves
-    way_mm: np.ndarray          # (n,) length of cutting way that the place stands for
+    way_mm: np.ndarray          # (n,) length of cutting way that the place stands for; 0: it was looked at for what it may take
     tip_mm: np.ndarray          # (n, 3) WCS
     lowest_mm: np.ndarray       # (n,) height over the tip from which on the edge cuts; NaN: it cuts air
     highest_mm: np.ndarray      # (n,) up to which
@@ -118,30 +123,121 @@ def engagement(posted, tools, stock, look=Look()):
         look: Look.
     """
     cut = CutPieces.of(posted, tools)
-    places = _Places.of(posted, tools, cut, look)
-    found, n = found_for_kernel(stock), len(places.row)
-    edges = {number: edge_of(tools[number].cutter, look) for number in np.unique(cut.tool[places.piece]).tolist()}
-    rings = max((len(e[1]) for e in edges.values()), default=0)
-    arcs, out = np.full((n, rings, 6), np.nan), np.full((n, 4), np.nan)
-    radii = np.zeros((n, 2))
-    for number, (parts, ring) in edges.items():
-        mine = np.flatnonzero(cut.tool[places.piece] == number)
-        some, ways = np.full((len(mine), len(ring), 6), np.nan), np.full((len(mine), 4), np.nan)
-        in_blocks(_looked_at, len(mine), CHUNK, places.state[mine], places.before[mine], places.behind[mine], cut.world, found,
-                  (parts, ring), look.round_rad, some, ways)
-        arcs[mine, :len(ring)], out[mine] = some, ways
-        radii[mine] = _radii(parts, ways[:, :WIDEST])
+    way = _Way.of(posted, tools, cut, look)
+    tools_seen, found = {n: tools[n].cutter for n in np.unique(cut.tool[way.length_mm > 0]).tolist()}, found_for_kernel(stock)
+    edges = {number: edge_of(cutter, look) for number, cutter in tools_seen.items()}
+    even, others = way.marks(), way.candidates()
+    if len(others[0]) > look.most_places // 4:
+        rough = {number: edge_of(cutter, ROUGHLY) for number, cutter in tools_seen.items()}
+        amounts = _screened_at(_Places.at(way, cut, *others), cut, rough, found)
+        worst = _largest(amounts, way.operation[others[0]], look.closer)
+        others = others[0][worst], others[1][worst]
+    piece, at = (np.concatenate(both) for both in zip(even, others))
+    order = np.lexsort((at, piece))
+    places = _Places.at(way, cut, piece[order], at[order])
+    stands_for = way.stands_for_mm(piece, np.arange(len(piece)) < len(even[0]))[order]
+    arcs, out, radii = _seen(places, cut, edges, found, look)
     used = {int(t) for t in np.unique(posted.tool[posted.kind != Kind.RAPID])}
     leaning = {int(t) for t in np.unique(posted.tool[~posted.is_upright & (posted.kind != Kind.RAPID)])}
     heights = _heights(places, cut, edges, out[:, :WIDEST])
-    return Engagement(row=places.row, way_mm=places.way_mm, tip_mm=places.state[:, :3], lowest_mm=heights[:, 0],
+    return Engagement(row=places.row, way_mm=stands_for, tip_mm=places.state[:, :3], lowest_mm=heights[:, 0],
                       highest_mm=heights[:, 1], lowest_radius_mm=radii[:, 0], highest_radius_mm=radii[:, 1],
                       immersion_rad=np.nan_to_num(out[:, WIDEST]), area_mm2=np.nan_to_num(out[:, RATE]),
                       arcs=arcs[..., :ROUND].copy(), feed=places.state[:, FEED_X:], look=look, ends_mm=out[:, :WIDEST],
                       unseen=tuple(sorted((used - set(plain_tools(tools))) | leaning)))
 
 
+def _seen(places, cut, edges, found, look):
+    """arcs (n, rings, 6), ways (n, 4) and radii (n, 2) of places, see the columns above; NaN: not in the cut."""
+    n, rings = len(places.row), max((len(e[1]) for e in edges.values()), default=0)
+    arcs, out, radii = np.full((n, rings, 6), np.nan), np.full((n, 4), np.nan), np.zeros((n, 2))
+    for number, (parts, ring) in edges.items():
+        mine = np.flatnonzero(cut.tool[places.piece] == number)
+        some, ways = np.full((len(mine), len(ring), 6), np.nan), np.full((len(mine), 4), np.nan)
+        in_blocks(_looked_at, len(mine), CHUNK, *places.of_rows(mine), cut.world, found, (parts, ring), look.round_rad, some, ways)
+        arcs[mine, :len(ring)], out[mine] = some, ways
+        radii[mine] = _radii(parts, ways[:, :WIDEST])
+    return arcs, out, radii
+
+
+def _screened_at(places, cut, edges, found):
+    """(n, 2) stretch of the edge in the cut and volume removed a length of way, roughly."""
+    out = np.zeros((len(places.row), 2))
+    for number, (_, rings) in edges.items():
+        mine = np.flatnonzero(cut.tool[places.piece] == number)
+        some = np.zeros((len(mine), 2))
+        in_blocks(_screened, len(mine), CHUNK, *places.of_rows(mine), cut.world, found, rings, ROUGHLY.round_rad, some)
+        out[mine] = some
+    return out
+
+
+def _largest(amounts, operation, count):
+    """Rows, ascending, of so many largest of each column (n, k) in each operation (n,)."""
+    rows = [mine[np.argsort(-amounts[mine, column], kind="stable")[:count]]
+            for mine in (np.flatnonzero(operation == k) for k in np.unique(operation)) for column in range(amounts.shape[1])]
+    return np.unique(np.concatenate(rows))
+
+
 # places along the way ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Way:
+    """The way of the cutters of a program, piece by piece; a share is a length over the cutter's radius."""
+
+    way: np.ndarray         # (m, 3) of each piece
+    length_mm: np.ndarray   # (m,) of those that cut; of rapids 0
+    radius_mm: np.ndarray   # (m,)
+    operation: np.ndarray   # (m,)
+    ends: np.ndarray        # (m,) shares to the end of each piece
+    ends_mm: np.ndarray     # (m,)
+    run: np.ndarray         # (m,) number of the stretch of one tool, without rapids and what is not seen
+    turns: np.ndarray       # (k,) pieces at whose end the path turns
+    look: Look
+
+    @classmethod
+    def of(cls, posted, tools, cut, look):
+        g, row = cut.geometry, cut.row
+        way = g[:, X1:X1 + 3] - g[:, X0:X1]
+        feeds = posted.kind[row] != Kind.RAPID
+        length = np.where(feeds, np.sqrt((way * way).sum(axis=1)), 0.0)
+        radius = radii_mm(cut.tool, tools)
+        run = np.cumsum(np.r_[True, (np.diff(cut.tool) != 0) | (np.diff(feeds.astype(int)) != 0) | (np.diff(row) > 1)])
+        return cls(way=way, length_mm=length, radius_mm=radius, operation=posted.operation[row], run=run, look=look,
+                   ends=np.cumsum(length / np.maximum(radius, 1e-9)), ends_mm=np.cumsum(length),
+                   turns=_turning(way, length, row, run, look.screened // 4))
+
+    @property
+    def share(self):
+        """(m,)"""
+        return self.length_mm / np.maximum(self.radius_mm, 1e-9)
+
+    def marks(self):
+        """(piece, share of it) of places evenly along the way, each in the middle of its stretch."""
+        return self._even(self.look.most_places)
+
+    def candidates(self):
+        """(piece, share of it) of places between them that may take more: at turns, and evenly where the way is long."""
+        total = self.ends[-1] if len(self.ends) else 0.0
+        far = total > self.look.apart * self.look.most_places
+        piece, at = self._even(self.look.screened - self.look.screened // 4) if far else (self.turns[:0], np.zeros(0))
+        return np.concatenate([piece, self.turns]), np.concatenate([at, np.ones(len(self.turns))])
+
+    def _even(self, most):
+        total = self.ends[-1] if len(self.ends) else 0.0
+        count = int(np.ceil(total / max(self.look.apart, total / most) - 1e-9)) if total > 0 else 0
+        marks = (np.arange(count) + 0.5) * (total / max(count, 1))
+        piece = np.searchsorted(self.ends, marks, side="left").clip(max=max(len(self.ends) - 1, 0))
+        return piece, np.clip(1 - (self.ends[piece] - marks) / np.maximum(self.share[piece], 1e-300), 0.0, 1.0)
+
+    def stands_for_mm(self, piece, is_even):
+        """(n,) of places at pieces (n,): even ones share out the way of their operation, as others do where there are none."""
+        operation, count = self.operation[piece] + 1, int(self.operation.max(initial=-1)) + 2
+        even = np.where(is_even, self.radius_mm[piece], 0.0)
+        alone = np.bincount(operation, weights=even, minlength=count)[operation] == 0
+        even = np.where(alone, 1.0, even)
+        whole = np.bincount(self.operation + 1, weights=self.length_mm, minlength=count)
+        return even * (whole / np.maximum(np.bincount(operation, weights=even, minlength=count), 1e-300))[operation]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -153,48 +249,25 @@ class _Places:
     state: np.ndarray       # (n, 6) tip, direction of the feed (unit)
     before: np.ndarray      # (n,) number of the first piece that does not count as an earlier cut
     behind: np.ndarray      # (n, 13) the piece that ends behind the cutter, cut off there, and its tree; -1: there is none
-    way_mm: np.ndarray      # (n,)
 
     @classmethod
-    def of(cls, posted, tools, cut, look):
-        g, row = cut.geometry, cut.row
-        way = g[:, X1:X1 + 3] - g[:, X0:X1]
-        length = np.sqrt((way * way).sum(axis=1))
-        feeds = posted.kind[row] != Kind.RAPID
-        length = np.where(feeds, length, 0.0)
-        radius = radii_mm(cut.tool, tools)
-        share = length / np.maximum(radius, 1e-9)
-        ends, mm = np.cumsum(share), np.cumsum(length)
-        spacing = max(look.apart, ends[-1] / look.most_places) if len(ends) else 1.0
-        run = np.cumsum(np.r_[True, (np.diff(cut.tool) != 0) | (np.diff(feeds.astype(int)) != 0) | (np.diff(row) > 1)])
-        piece, at = _marks(ends, share, spacing)
-        turns = _turning(way, length, row, run, look.most_places // 4)
-        piece, at = np.concatenate([piece, turns]), np.concatenate([at, np.ones(len(turns))])
-        order = np.lexsort((at, piece))
-        piece, at = piece[order], at[order]
-        direction = way[piece] / np.where(length[piece] > 0, length[piece], 1.0)[:, None]
-        tip = g[piece, X0:X1] + at[:, None] * way[piece]
-        here = mm[piece] - (1 - at) * length[piece]
-        first = np.searchsorted(run, run[piece])
-        back = here - BEHIND * radius[piece]
-        before = np.maximum(np.searchsorted(mm, back, side="right"), first)
+    def at(cls, along, cut, piece, at):
+        """At shares (n,) of pieces (n,) of a _Way."""
+        g, mm, length = cut.geometry, along.ends_mm, along.length_mm
+        direction = along.way[piece] / np.where(length[piece] > 0, length[piece], 1.0)[:, None]
+        tip = g[piece, X0:X1] + at[:, None] * along.way[piece]
+        back = mm[piece] - (1 - at) * length[piece] - BEHIND * along.radius_mm[piece]
+        before = np.maximum(np.searchsorted(mm, back, side="right"), np.searchsorted(along.run, along.run[piece]))
         kept = np.clip(back - (mm - length)[before], 0.0, length[before])
         behind = np.column_stack([g[before], np.searchsorted(cut.world[3], cut.tool[before])])
         part = np.divide(kept, length[before], out=np.zeros(len(kept)), where=length[before] > 0)
-        behind[:, X1:X1 + 3] = behind[:, X0:X1] + part[:, None] * way[before]
+        behind[:, X1:X1 + 3] = behind[:, X0:X1] + part[:, None] * along.way[before]
         behind[kept <= 0, TREE] = -1
-        weight = _weights(here, run[piece], mm, run)
-        return cls(row=row[piece], piece=piece, state=np.column_stack([tip, direction]), before=before, behind=behind,
-                   way_mm=weight)
+        return cls(row=cut.row[piece], piece=piece, state=np.column_stack([tip, direction]), before=before, behind=behind)
 
-
-def _marks(ends, share, spacing):
-    """(piece, share of it) of marks evenly along the way, each in the middle of its stretch."""
-    total = ends[-1] if len(ends) else 0.0
-    count = int(np.ceil(total / spacing - 1e-9)) if total > 0 else 0
-    marks = (np.arange(count) + 0.5) * (total / max(count, 1))
-    piece = np.searchsorted(ends, marks, side="left").clip(max=max(len(ends) - 1, 0))
-    return piece, np.clip(1 - (ends[piece] - marks) / np.maximum(share[piece], 1e-300), 0.0, 1.0)
+    def of_rows(self, rows):
+        """state, before and behind of some, for the kernels."""
+        return self.state[rows], self.before[rows], self.behind[rows]
 
 
 def _turning(way, length, row, run, most):
@@ -204,19 +277,6 @@ def _turning(way, length, row, run, most):
     turns = np.flatnonzero((cosine < TURN_COSINE) & (run[:-1] == run[1:]) & (row[:-1] != row[1:])
                            & (length[:-1] > 0) & (length[1:] > 0))
     return turns[np.argsort(cosine[turns], kind="stable")[:most]]
-
-
-def _weights(here, run, mm, runs):
-    """(n,) way that each place stands for: half way to its neighbours, within its run."""
-    if not len(here):
-        return np.zeros(0)
-    last = mm[np.searchsorted(runs, run, side="right") - 1]
-    begin = np.searchsorted(runs, run)
-    first = np.where(begin > 0, mm[np.maximum(begin - 1, 0)], 0.0)
-    same = np.r_[run[1:] == run[:-1], False]
-    after = np.where(same, (here + np.r_[here[1:], 0.0]) / 2, last)
-    before = np.where(np.r_[False, same[:-1]], np.r_[0.0, after[:-1]], first)
-    return np.maximum(after - before, 0.0)
 
 
 # the edge ---------------------------------------------------------------------------------------
@@ -327,6 +387,22 @@ def _looked_at(state, before, behind, world, found, edge, shortest, arcs, ways, 
         ways[k, LOWEST], below = _end_of(here, edge, lowest, -1, arcs[k, lowest], stack, bounds)
         ways[k, HIGHEST], above = _end_of(here, edge, highest, 1, arcs[k, highest], stack, bounds)
         ways[k, WIDEST], ways[k, RATE] = widest, rate + below + above
+
+
+@njit
+def _screened(state, before, behind, world, found, rings, shortest, out, first, last):
+    """Fills in out (n, 2) of places first..last-1: stretch of the edge in the cut, volume removed a length of level way."""
+    stack, bounds = tree.work()
+    place, arc, everywhere = np.empty(4), np.empty(6), np.array([-math.pi, math.pi])
+    for k in range(first, last):
+        here, lowest = (state[k], before[k], behind[k], world, found), -1
+        for j in range(len(rings)):
+            put(place, rings[j, :4])
+            _round(here, place, shortest, everywhere, arc, stack, bounds)
+            if arc[ROUND] > 0.0:
+                lowest = j if lowest < 0 else lowest
+                out[k, 0] = rings[j, ALONG] - rings[lowest, ALONG] + rings[j, WIDTH]
+                out[k, 1] += rings[j, WIDTH] * rings[j, RADIUS] * arc[FORWARD]
 
 
 @njit

@@ -28,7 +28,7 @@ CLOSED_UPWARD = ("ball", "bull_nose", "flat")     # types that a SweptPath knows
 LONGEST_RADII = 2.0       # pieces are at most this many cutter radii long: boxes stay tight
 
 FEW_INTERVALS = 4         # room for intervals of stock on a line; lines with more are asked again, all together
-_WORLDS = WeakKeyDictionary()       # first path -> the other paths, and what `_world` gives of all
+_WORLDS = WeakKeyDictionary()       # first path -> the other paths, and what `kept_world` gives of all
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -157,7 +157,7 @@ def world_of(paths):
     return forest_of(upright_paths(paths)) + posed_forest([p for p in paths if isinstance(p, PosedPath)])
 
 
-def _world(paths):
+def kept_world(paths):
     """Rows of PostedMoves of all pieces (-1 at the end), their forest, and for rays.py both forests: None without PosedPath.
 
     Kept for as long as the first path is: whoever climbs asks a few points at a time, and the arrays are large.
@@ -202,7 +202,7 @@ def signed_distance_mm(paths, points_mm):
 
 def nearest_moves(paths, points_mm):
     """Signed distances (n,) and the row of PostedMoves (n,) each belongs to; -1: nothing moves."""
-    points, (rows, forest, world) = _rows3(points_mm, "points_mm"), _world(paths)
+    points, (rows, forest, world) = _rows3(points_mm, "points_mm"), kept_world(paths)
     ask = lambda order: tree.distances(points[order], forest) if world is None else rays.distances(points[order], world)
     d, piece = in_morton_order(points, ask)
     return d, rows[piece]
@@ -227,7 +227,7 @@ def stock_height_mm(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
 def lowest_moves(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
     """Heights (n,) as `stock_height_mm`, and the row of PostedMoves (n,) that left each; -1: uncut."""
     xy = for_kernel(frozen(xy_mm, (None, 2), "xy_mm"))
-    rows, forest, world = _world([p.grown(inflate_mm) for p in paths] if inflate_mm else paths)
+    rows, forest, world = kept_world([p.grown(inflate_mm) for p in paths] if inflate_mm else paths)
     flat = np.column_stack([xy, np.zeros(len(xy))])
     ask = lambda order: (tree.heights(xy[order], forest, float(top_mm)) if world is None else
                          rays.highest_stock(xy[order], float(top_mm), float(bottom_mm), world))
@@ -255,7 +255,7 @@ def deviation_mm(paths, stock_min, stock_max, points_mm, normals, limit_mm):
 
 def deviations_and_moves(paths, stock_min, stock_max, points_mm, normals, limit_mm):
     """Deviations (n,) as `deviation_mm`, and the row of PostedMoves (n,) nearest to each point."""
-    points, normals, (rows, forest, world) = _rows3(points_mm, "points_mm"), _rows3(normals, "normals"), _world(paths)
+    points, normals, (rows, forest, world) = _rows3(points_mm, "points_mm"), _rows3(normals, "normals"), kept_world(paths)
     low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
     trace, cut = (tracing.deviations, forest) if world is None else (rays.deviations, world)
     ask = lambda order: trace(points[order], normals[order], low, high, float(limit_mm), cut)

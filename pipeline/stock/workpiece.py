@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cuspline.stock.extremes import heights_over
 from cuspline.stock.shape_rays import Stretch
 from cuspline.stock.shapes import BoxShape, Shape
 from cuspline.stock.stock_cells import StockCells
@@ -83,6 +84,14 @@ class Workpiece:
         """(n,) signed distance to everything cut away: positive where material is left; the billet does not count."""
         found = [nearest_moves(c.paths, c.frame.into(points_mm))[0] for c in self.cuts]
         return np.min([np.full(len(points_mm), np.inf), *found], axis=0)
+
+    def heights(self, sign):
+        """Places by `cut_distance_mm` times a sign, 1 or -1; see extremes.py."""
+        return heights_over(self.cuts, sign, lambda p: sign * self.cut_distance_mm(p))
+
+    def only(self, number):
+        """The blank with one of the cuts alone."""
+        return Workpiece(blank=self.blank, cuts=(self.cuts[number],))
 
     def is_stock(self, points_mm):
         """(n,) bool: within the blank, and not cut away."""

@@ -144,17 +144,17 @@ def hill_rows(points_mm, face, heights_mm, cell_mm):
     return rows[order[first]]
 
 
-def walked(ground, tops, height_of, first_mm, along=None, last_mm=CLOSE_MM):
+def walked(ground, tops, heights, first_mm, along=None, last_mm=CLOSE_MM):
     """Tops after a walk uphill.
 
     Args:
         ground: Ground.   tops: where to start.
-        height_of: function of points (n, 3) to heights (n,).
+        heights: extremes.CutHeight or AnyHeight.
         first_mm: first step, scalar > 0.   last_mm: steps shorter than this are not taken.
         along: (n, 3) directions in which alone to walk, to and fro; None: every direction.
     """
     face, u, v, height = tops.face, tops.u.copy(), tops.v.copy(), tops.height_mm.copy()
-    step, live = np.full(len(u), float(first_mm)), np.arange(len(u))
+    step, live, hints = np.full(len(u), float(first_mm)), np.arange(len(u)), heights.hints(len(u))
     for turn in range(LONGEST):
         live = live[step[live] >= last_mm]
         if not len(live):
@@ -163,9 +163,11 @@ def walked(ground, tops, height_of, first_mm, along=None, last_mm=CLOSE_MM):
         stays, way = live, np.zeros(len(live))
         for angles in (compass,) if along is not None else (compass, BETWEEN):
             frame = _frame(ground, face[stays], u[stays], v[stays], None if along is None else along[stays])
-            place = face[stays], u[stays], v[stays]
-            found, way = _best_step(ground, height_of, place, step[stays], frame, way[:, None] + angles)
-            gains = found[2] > height[stays] + FLAT * step[stays]
+            place, near = (face[stays], u[stays], v[stays]), hints[stays]
+            least = height[stays] + FLAT * step[stays]
+            found, way = _best_step(ground, (heights, near), place, (step[stays], least), frame, way[:, None] + angles)
+            hints[stays] = near
+            gains = found[2] > least
             up = stays[gains]
             u[up], v[up], height[up] = (a[gains] for a in found)
             stays, way = stays[~gains], way[~gains]
@@ -182,21 +184,22 @@ def _frame(ground, face, u, v, along):
     return first, np.cross(normal, first)
 
 
-def _best_step(ground, height_of, place, step_mm, frame, angles):
-    """(u, v, height) of the highest of several places at a step's distance, -inf where none is on the face; its angle.
+def _best_step(ground, heights, place, steps, frame, angles):
+    """(u, v, height) of the highest of several places at a step's distance, see `AnyHeight.highest`; its angle.
 
     Args:
-        place: face, u, v (n,).   step_mm: (n,).   frame: `_frame`.   angles: (n, k) from the first tangent.
+        heights: CutHeight or AnyHeight, and its hints.   place: face, u, v (n,).
+        steps: their lengths, and what is a gain (n,).   frame: `_frame`.   angles: (n, k) from the first tangent.
     """
-    n, k = angles.shape
+    (n, k), (step_mm, least_mm), (heights, hints) = angles.shape, steps, heights
     each = lambda a: np.repeat(a, k, axis=0)
     way = fixed.cos(angles).reshape(-1, 1) * each(frame[0]) + fixed.sin(angles).reshape(-1, 1) * each(frame[1])
     face, *uv = (each(a) for a in place)
     u, v, inside = ground.stepped(face, *uv, each(step_mm)[:, None] * way)
-    height = np.full(n * k, -np.inf)
-    height[inside] = height_of(ground.patches.derivatives(face[inside], u[inside], v[inside])[:, 0])
-    best = np.arange(n) * k + height.reshape(n, k).argmax(axis=1)
-    return (u[best], v[best], height[best]), angles.ravel()[best]
+    points = ground.patches.derivatives(face, u, v)[:, 0].reshape(n, k, 3)
+    height, which = heights.highest(points, inside.reshape(n, k), least_mm, hints)
+    best = np.arange(n) * k + which
+    return (u[best], v[best], height), angles.ravel()[best]
 
 
 def unit(a):
@@ -204,14 +207,14 @@ def unit(a):
     return a / np.linalg.norm(a, axis=1, keepdims=True).clip(1e-300)
 
 
-def tops_of(ground, points_mm, face, heights_mm, feeds, height_of, spacing_mm):
+def tops_of(ground, points_mm, face, heights_mm, feeds, heights, spacing_mm):
     """Tops of the hills that samples (n,) stand on.
 
     Args:
         ground: Ground.   points_mm: (n, 3).   face: (n,).
         heights_mm: (n,) at the samples; -inf: no start.
         feeds: (n, 3) direction of the pass beside each; zero: not known.
-        height_of: function of points (n, 3) to heights (n,).
+        heights: extremes.CutHeight or AnyHeight.
         spacing_mm: of the samples.
     Returns:
         Tops, more than one of a hill perhaps.
@@ -223,10 +226,10 @@ def tops_of(ground, points_mm, face, heights_mm, feeds, height_of, spacing_mm):
     begin = Tops(face=face[rows], u=u, v=v, height_mm=heights_mm[rows])
     normal = ground.places(begin.face, u, v).normal
     first = FIRST * spacing_mm
-    across = walked(ground, begin, height_of, first, along=np.cross(feeds[rows], normal),
+    across = walked(ground, begin, heights, first, along=np.cross(feeds[rows], normal),
                     last_mm=first / 2 ** (ACROSS_ROUNDS - 1))
     best = _best_of(points_mm[rows], across.face, across.height_mm, WIDE * spacing_mm, PROMISING)
-    return walked(ground, across.only(best), height_of, first / 2)
+    return walked(ground, across.only(best), heights, first / 2)
 
 
 def _best_of(points_mm, face, heights_mm, cell_mm, count):
@@ -236,34 +239,37 @@ def _best_of(points_mm, face, heights_mm, cell_mm, count):
     return np.union1d(best[:count], best[np.unique(cells, axis=0, return_index=True)[1]])
 
 
-def bottoms_of(ground, samples_mm, normals, face, centers, depth_of, spacing_mm):
+def bottoms_of(ground, samples_mm, normals, face, centers, depths, spacing_mm):
     """Bottoms of the gouges that cutters standing over a face have made, however narrow.
 
     Args:
         ground: Ground.   samples_mm, normals: (n, 3).   face: (n,).
         centers: [(tips (m, 3), tool axes (m, 3) or (3,), flat radius, corner radius)], one a tool.
-        depth_of: function of points (n, 3) to depths (n,), positive below the face.
+        depths: extremes.CutHeight or AnyHeight, positive below the face; a start is as deep as its own cutter stands.
         spacing_mm: of the samples.
     Returns:
         Tops whose heights are depths.
     """
-    tree, rows, feet = cKDTree(samples_mm), [], []
+    tree, rows, over, reach = cKDTree(samples_mm), [], [], []
     for tips, axes, flat, corner in centers:
         axes = np.broadcast_to(axes, tips.shape)
         near = tree.query(tips + corner * axes, distance_upper_bound=flat + corner + spacing_mm)[1]
         there = np.flatnonzero(near < len(samples_mm))
         axis, normal = axes[there], normals[near[there]]
         rows.append(near[there])
-        feet.append(tips[there] + corner * axis - flat * unit(normal - (normal * axis).sum(axis=1)[:, None] * axis))
-    rows, feet = np.concatenate([np.zeros(0, np.int64), *rows]), np.concatenate([np.zeros((0, 3)), *feet])
+        over.append(tips[there] + corner * axis - flat * unit(normal - (normal * axis).sum(axis=1)[:, None] * axis))
+        reach.append(np.full(len(there), corner))
+    rows, over, reach = (np.concatenate(column) for column in zip((np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)),
+                                                                  *zip(rows, over, reach)))
     seen, back = np.unique(rows, return_inverse=True)
     u, v, found = ground.parameters(samples_mm[seen], face[seen])
-    u, v, at = refined(ground.patches, face[rows], u[back], v[back], feet)
+    u, v, at = refined(ground.patches, face[rows], u[back], v[back], over)
     good = np.flatnonzero(found[back] & ground.trims.is_inside(face[rows], u, v))
-    depth = depth_of(at[good])
+    way = over[good] - at[good]
+    depth = reach[good] - np.copysign(np.linalg.norm(way, axis=1), np.einsum("ij,ij->i", way, normals[rows[good]]))
     deepest = np.argsort(-depth, kind="stable")
     cell = np.unique(np.floor(at[good[deepest]] / spacing_mm).astype(np.int64), axis=0, return_index=True)[1]
     chosen = deepest[np.union1d(np.arange(min(PROMISING, len(deepest))), np.sort(cell)[:PROMISING])]
     chosen = chosen[depth[chosen] > 0]
     begin = Tops(face=face[rows[good[chosen]]], u=u[good[chosen]], v=v[good[chosen]], height_mm=depth[chosen])
-    return walked(ground, begin, depth_of, FIRST * spacing_mm)
+    return walked(ground, begin, depths, FIRST * spacing_mm)

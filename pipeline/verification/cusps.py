@@ -82,13 +82,13 @@ class SampledStock:
     feed: np.ndarray          # (n, 3) direction of the pass beside each sample
 
 
-def measured_cusps(sampled, cut, posted, height_of, exact_of, face_numbers):
+def measured_cusps(sampled, cut, posted, heights, exact_of, face_numbers):
     """Cusps of the faces of one clamping.
 
     Args:
         sampled: SampledStock.
         cut: workpiece.Cut.   posted: PostedMoves of the same clamping.
-        height_of: function of points (n, 3) to heights, quick.   exact_of: of points and normals, exact along these.
+        heights: extremes.CutHeight or AnyHeight, quick.   exact_of: of points and normals, exact along these.
         face_numbers: (f,) of the faces in the solid.
     Returns:
         Cusps; ridges between passes of one ball only.
@@ -100,7 +100,7 @@ def measured_cusps(sampled, cut, posted, height_of, exact_of, face_numbers):
     rows = rows[found]
     begin = Tops(face=samples.face[rows], u=u[found], v=v[found], height_mm=sampled.height_mm[rows])
     across = unit(np.cross(ground.places(begin.face, begin.u, begin.v).normal, sampled.feed[rows]))
-    tops = walked(ground, begin, height_of, FIRST * spacing_mm, along=across)
+    tops = walked(ground, begin, heights, FIRST * spacing_mm, along=across)
     inside = np.flatnonzero(~ground.is_at_rim(tops.face, tops.u, tops.v) & (np.abs(across).sum(axis=1) > 0))
     tops, across = tops.only(inside), across[inside]
     place = ground.places(tops.face, tops.u, tops.v)

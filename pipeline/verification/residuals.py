@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.stock.swept import deviations_and_moves, is_height_field, nearest_moves, signed_distance_mm, upright_paths
+from cuspline.stock.swept import deviations_and_moves, is_height_field, signed_distance_mm, upright_paths
 from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.clusters import clusters_of
@@ -177,14 +177,14 @@ def _tops(piece, k, looked, feeds, sampled):
     final, ground, samples, spacing_mm = looked.final[k], sampled.ground, sampled.samples, sampled.spacing_mm
     beside = lambda j: np.where((looked.rows[k][j] >= 0)[:, None], feeds[j][looked.rows[k][j]], 0.0)
     feed = np.array([beside(j) for j in range(len(feeds))])[looked.maker[k], np.arange(len(samples))]
-    hills = [(np.where(looked.reach[k] == REACHABLE, final, -np.inf), feed, piece.cut_distance_mm),
-             (-final, feed, lambda p: -piece.cut_distance_mm(p))]
+    left, deep = piece.heights(1.0), piece.heights(-1.0)
+    alone = [deep] if len(piece.cuts) == 1 else [piece.only(j).heights(-1.0) for j in range(len(piece.cuts))]
+    hills = [(np.where(looked.reach[k] == REACHABLE, final, -np.inf), feed, left), (-final, feed, deep)]
     if len(piece.cuts) > 1:
-        hills += [(-looked.each[k][j], beside(j), lambda p, c=c: -nearest_moves(c.paths, c.frame.into(p))[0])
-                  for j, c in enumerate(piece.cuts)]
+        hills += [(-looked.each[k][j], beside(j), depths) for j, depths in enumerate(alone)]
     tops = [tops_of(ground, samples.points_mm, samples.face, *hill, spacing_mm) for hill in hills]
-    tops += [bottoms_of(ground, samples.points_mm, samples.normals, samples.face, _stands(c),
-                        lambda p, c=c: -nearest_moves(c.paths, c.frame.into(p))[0], spacing_mm) for c in piece.cuts]
+    tops += [bottoms_of(ground, samples.points_mm, samples.normals, samples.face, _stands(c), depths, spacing_mm)
+             for c, depths in zip(piece.cuts, alone)]
     face, u, v = (np.concatenate([getattr(t, name) for t in tops]) for name in ("face", "u", "v"))
     places = ground.places(face, u, v)
     good = np.flatnonzero(places.is_regular)

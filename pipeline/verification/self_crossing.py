@@ -8,6 +8,7 @@ Three questions, none of which knows how the solid was built:
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -19,7 +20,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_IN, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS
 
 from cuspline.kernel import brep
-from cuspline.kernel.tessellation import surface_tangents
+from cuspline.kernel.surface_places import FaceSurface
 from cuspline.stock.tree import halved_order
 from cuspline.surfaces.folds import folds_of
 from cuspline.values.errors import DesignError
@@ -88,11 +89,11 @@ def _crossing_faces(faces, names, mesh):
     boxes = boxes_of(corners)
     pairs, places = crossing_pairs(corners, ids, boxes, tree_over(boxes, levels_over(len(corners))), PAIRS)
     rows = np.unique(np.linspace(0, len(pairs) - 1, min(len(pairs), LOOKED_AT)).astype(int)) if len(pairs) else []
-    at = {}
+    at, surface_of = {}, cache(lambda k: FaceSurface(faces[k].shape))
     for (i, j), place in zip(pairs[rows], places[rows]):
         key = tuple(sorted(int(mesh.face_index[triangles[k, 0]]) for k in (i, j)))
         if len(at.get(key, ())) < 3:
-            met = _common_point(faces, mesh, triangles[[i, j]], place)
+            met = _common_point(faces, surface_of, mesh, triangles[[i, j]], place)
             if met is not None:
                 at.setdefault(key, []).append(met)
     say = lambda a, b: f"{names[a]} crosses itself" if a == b else f"{names[a]} and {names[b]} cross"
@@ -114,13 +115,13 @@ def _in_order(mesh):
     return triangles, np.ascontiguousarray(points[triangles]), np.ascontiguousarray(same[triangles])
 
 
-def _common_point(faces, mesh, two, place):
+def _common_point(faces, surface_of, mesh, two, place):
     """(3,) point in which the exact surfaces of two facets cross, near a place of both; None: they do not."""
     owner = [int(mesh.face_index[t[0]]) for t in two]
-    shapes = [faces[k].shape for k in owner]
+    shapes, surfaces = [faces[k].shape for k in owner], [surface_of(k) for k in owner]
     uv = [_parameters_at(mesh, t, place) for t in two]
     for _ in range(STEPS):
-        (p, pu, pv), (q, qu, qv) = ([a[0] for a in surface_tangents(s, at[None])] for s, at in zip(shapes, uv))
+        (p, pu, pv), (q, qu, qv) = ([a[0] for a in s.tangents(at)] for s, at in zip(surfaces, uv))
         gap = p - q
         if _dot(gap, gap) < TOGETHER_MM ** 2 / 100:
             break
@@ -135,7 +136,7 @@ def _common_point(faces, mesh, two, place):
     if not _dot(turned, turned) > LEAST_SINE ** 2 * _dot(normals[0], normals[0]) * _dot(normals[1], normals[1]):
         return None
     if owner[0] == owner[1]:
-        way = surface_tangents(shapes[0], np.linspace(*uv, 9))[0]
+        way = surfaces[0].points(np.linspace(*uv, 9))
         return p if np.linalg.norm(np.diff(way, axis=0), axis=1).sum() > APART_MM else None
     return None if _is_at_common_border(*shapes, p) else p
 

@@ -428,7 +428,7 @@ def _cusps(part, c, found):
     sampled = SampledStock(ground=c.sampled.ground, samples=found.samples.first(count), spacing_mm=found.spacing_mm,
                            height_mm=np.where(fair, d, -np.inf),
                            feed=np.where((row >= 0)[:, None], c.sampled.feeds[row], 0.0))
-    return measured_cusps(sampled, piece.cuts[c.number], c.program.posted, piece.cut_distance_mm,
+    return measured_cusps(sampled, piece.cuts[c.number], c.program.posted, piece.heights(1.0),
                           lambda p, n: piece.deviations(p, n, LIMIT_MM)[0], c.required)
 
 

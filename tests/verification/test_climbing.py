@@ -30,7 +30,7 @@ def found(moves, tools, faces=TOP, spacing=SPACING, sign=1):
     heights, rows = (a[0] for a in piece.deviations_of_cuts(s.points_mm, s.normals, 2.0))
     way = (posted.end_mm - posted.start_mm)[rows]
     ground = Ground.of_faces(faces)
-    tops = tops_of(ground, s.points_mm, s.face, sign * heights, way, lambda p: sign * piece.cut_distance_mm(p), spacing)
+    tops = tops_of(ground, s.points_mm, s.face, sign * heights, way, piece.heights(sign), spacing)
     places = ground.places(tops.face, tops.u, tops.v)
     exact = piece.deviations(places.point_mm, places.normal, 2.0)[0]
     return places.point_mm, sign * exact, (sign * heights).max(), piece
@@ -83,7 +83,7 @@ def test_the_bottom_of_a_gouge_that_no_sample_sees_is_found():
     s, ground = sample_faces(TOP, SPACING), Ground.of_faces(TOP)
     tips = np.array([m[1] for m in moves])
     below = bottoms_of(ground, s.points_mm, s.normals, s.face, [(tips, np.array([0, 0, 1.0]), 0.0, R)],
-                       lambda p: -piece.cut_distance_mm(p), SPACING)
+                       piece.heights(-1), SPACING)
     best = below.height_mm.argmax()
     place = ground.places(below.face, below.u, below.v).point_mm[best]
     assert abs(below.height_mm[best] - deep) < 1e-7 and np.hypot(*(place[:2] - (at, 4.0))) < 0.002
@@ -120,7 +120,7 @@ def test_a_sphere_cut_in_rings_shows_the_cusp_of_the_formula():
     heights, rows = (a[0] for a in piece.deviations_of_cuts(s.points_mm, s.normals, 2.0))
     ground = Ground.of_faces(faces)
     tops = tops_of(ground, s.points_mm, s.face, np.where(near, heights, -np.inf), (posted.end_mm - posted.start_mm)[rows],
-                   piece.cut_distance_mm, SPACING)
+                   piece.heights(1), SPACING)
     places = ground.places(tops.face, tops.u, tops.v)
     inner = np.arccos(np.clip(places.point_mm[:, 2] / 12, -1, 1)) < polar[-2]
     exact = piece.deviations(places.point_mm, places.normal, 2.0)[0][inner]

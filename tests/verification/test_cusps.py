@@ -29,7 +29,7 @@ def measured(faces, moves, high):
     feeds = (posted.end_mm - posted.start_mm)[row]
     sampled = SampledStock(ground=Ground.of_faces(faces), samples=s, spacing_mm=SPACING, feed=feeds,
                            height_mm=np.where(height < 0.05, height, -np.inf))
-    return measured_cusps(sampled, piece.cuts[0], posted, piece.cut_distance_mm, lambda p, n: piece.deviations(p, n, 2.0)[0], [7])
+    return measured_cusps(sampled, piece.cuts[0], posted, piece.heights(1.0), lambda p, n: piece.deviations(p, n, 2.0)[0], [7])
 
 
 def test_uneven_steps_are_measured_one_by_one():
