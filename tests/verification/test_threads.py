@@ -171,14 +171,15 @@ def test_a_machine_that_does_not_tap_is_told_to_mill():
         Posted(changed(), catalogue.find_machine("mill_grbl"))
 
 
-@pytest.mark.parametrize("machine, last", [("mill_3axis", ["tap", "tap", "tap"]), ("mill_grbl", ["thread mill"] * 3)])
-def test_auto_taps_or_mills_what_it_has_drilled_and_says_why(machine, last):
+@pytest.mark.parametrize("taps, last", [(True, ["tap"] * 3), (False, ["thread mill"] * 3)])
+def test_auto_taps_or_mills_what_it_has_drilled_and_says_why(taps, last):
+    machine = MACHINE.model_copy(update={"control": MACHINE.control.model_copy(update={"rigid_tapping": taps})})
     setup = threaded_plate.design(threaded_plate.Parameters()).setups[0].model_copy(update={"operations": ()})
     threads = {"m6": "M6", "m4": Thread(size="M4", depth_mm=7), "m8": "M8"}
-    posted = Posted(changed(threads=threads, setups=(setup,)), catalogue.find_machine(machine))
+    posted = Posted(changed(threads=threads, setups=(setup,)), machine)
     made = posted.plan.operations
     assert [o.name for o in made][3:] == last and all("drill" in o.name for o in made[:3])
-    assert posted.found() == {} if machine == "mill_3axis" else all("does not tap" in o.facts["instead_of"] for o in made[3:])
+    assert posted.found() == {} and all(taps or "does not tap" in o.facts["instead_of"] for o in made[3:])
 
 
 def test_a_counterbore_with_its_flat_drill_is_drilled():
