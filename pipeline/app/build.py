@@ -35,6 +35,7 @@ from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import clamping_program, plan_setup
 from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
 from cuspline.report.pictures import render_shape
+from cuspline.shop.cutters import simulated
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
 from cuspline.shop.tool_table import dropped_fields
@@ -207,7 +208,7 @@ def _planned(order, say):
         if setup is not design.setups[-1]:
             say(f"{design.name}: stock after {setup.name}")
             tools = {o.tool.number: o.tool for o in plan.operations}
-            piece = piece.after(setup.frame, swept_paths(_as_posted(order, by_clamping(plans)[-1]), tools))
+            piece = piece.after(setup.frame, swept_paths(_as_posted(order, by_clamping(plans)[-1]), simulated(tools)))
     return plans
 
 
@@ -378,7 +379,7 @@ def _posted(order, plans, work, inputs):
               predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
               cutting_data=material_named(order.design.material, order.shop.materials),
               machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
-              accepted=order.accepted)
+              accepted=order.accepted, threads=order.design.threads)
     line = job_line(digest_of(job.model_dump(mode="json")))
     for name, text in written.items():
         (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))

@@ -24,6 +24,7 @@ from cuspline.design.stock import Stock
 from cuspline.shop.cutters import library_from_json
 from cuspline.shop.machines import machine_from_toml
 from cuspline.shop.practice import shop_file
+from cuspline.shop.threads import Thread
 from cuspline.values.errors import CamError, DesignError, InputError
 from cuspline.values.input_files import checked, refuse_irregular, toml_of
 from cuspline.values.models import Model, complaints, name_fault
@@ -171,6 +172,7 @@ class _Job(Model):
     finish: Finish
     faces: tuple[FacePredicate, ...] = Field(min_length=1)
     setups: tuple[Setup, ...] = Field(min_length=1)
+    threads: dict[str, Thread] = Field(default={}, description="of holes, by the names of their faces")
 
 
 class _NoParameters(Parameters):
@@ -189,7 +191,7 @@ def _from_job(path):
         return Design(name=path.stem, description=job.description or f"STEP part {job.step}", parameters=parameters,
                       solid=brep.chosen_solid(brep.read_step(step), job.solid, job.step), predicates=job.faces,
                       material=job.material,
-                      stock=job.stock, finish=job.finish, setups=job.setups)
+                      stock=job.stock, finish=job.finish, setups=job.setups, threads=job.threads)
 
     return DesignSource(name=path.stem, path=path, parameters=_NoParameters, make=make)
 

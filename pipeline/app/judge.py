@@ -18,6 +18,7 @@ from cuspline.program.positions import by_position
 from cuspline.program.posted import PostedMoves
 from cuspline.replay.replay_checks import Reporter
 from cuspline.replay.scene import Fixture, SolidFixture
+from cuspline.shop.cutters import simulated
 from cuspline.shop.materials import known_materials
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
@@ -29,9 +30,11 @@ from cuspline.verification.in_process import stock_states
 from cuspline.verification.machine_bodies import bodies_at
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
+from cuspline.verification.threads import thread_findings
 from cuspline.verification.turning import swinging_findings, turning_findings
 from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProgram, Verdict, first_look, verify_setups
 
+OF_BODIES = ("idle_operation", "plunge", "overload")       # kinds that say how a cutter takes stock off
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
 
 
@@ -193,12 +196,15 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted,
                                      fixtures=(*_fixtures(setup), *_bodies(program, job.machine))))
         extra += _program_findings(program, job.machine)
+    tops = [job.stock.shape.box_in(p.setup.frame)[1][2] for p in programs]
+    threads = thread_findings(programs, solid, job.threads, job.predicates, tools, tops)
+    read = tuple(replace(p, findings=(*p.findings, *own)) for p, own in zip(read, threads))
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
-    judging = Judging(tools=tools, stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
+    judging = Judging(tools=simulated(tools), stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
                       material=job.material,
                       ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
     return Begun(job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
-                 first=first_look(programs, solid, judging))
+                 first=first_look(programs, solid, judging), tools=tools)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -211,6 +217,7 @@ class Begun:
     programs: tuple[SetupProgram, ...]      # one a setup
     extra: tuple[Finding, ...]              # about the programs as files
     first: FirstLook
+    tools: dict                             # number -> Tool, as they are
 
     def judged(self):
         """Judged: the verdict, once all verifiers have looked."""
@@ -221,10 +228,20 @@ class Begun:
             judging.say("the two verifiers differ: both look closer")
             closer = replace(options, finer=CLOSER * options.finer)
             setups = verify_setups(self.programs, self.solid, replace(judging, options=closer))
-        setups = tuple(replace(v, findings=_placed((*p.findings, *v.findings), p, self.job.machine, judging.tools))
-                       for v, p in zip(setups, self.read))
+        setups = tuple(replace(v, findings=self._placed(v.findings, p)) for v, p in zip(setups, self.read))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
                       extra=self.extra, stock=self.job.stock, read=self.read)
+
+    def _placed(self, findings, program):
+        """Of one program, those that the text alone shows before."""
+        mine = (*program.findings, *_cutting(findings, program.posted, self.tools))
+        return _placed(mine, program, self.job.machine, self.tools)
+
+
+def _cutting(findings, posted, tools):
+    """Findings without what is said of taps and thread mills as if their bodies cut: verification.threads looks at them."""
+    is_thread = lambda f: (number := int(posted.tool[f.row])) in tools and tools[number].cutter.threads
+    return tuple(f for f in findings if f.kind not in OF_BODIES or f.row < 0 or not is_thread(f))
 
 
 def _file_findings(folder, job, tools, published):

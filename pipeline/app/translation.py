@@ -92,6 +92,9 @@ def translated(text, *, name, source, target, tools=None):
     if tools is None and getattr(catalogue.find_post(target.control.post), "NEEDS_LENGTHS", False):
         raise InputError(f"the post {target.control.post} writes tool lengths into the program: give the tools by --cutters")
     moves = _read(text, source, tools)
+    if (tied := np.flatnonzero(moves.pitch_mm)).size:
+        raise InputError(f"{name}, line {moves.line[tied[0]]}: a thread is tapped, the feed tied to the spindle: that is not "
+                         "translated; plan the part for the other machine")
     program = program_of(moves, name, source.control.post, tools)
     store = target.control.model_copy(update={"program_store_bytes": LARGEST_STORE_BYTES})
     target = target.model_copy(update={"control": store})

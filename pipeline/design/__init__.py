@@ -15,7 +15,8 @@ from cuspline.design.design import (
 )
 from cuspline.design.fixtures import FixtureBox, FixtureCylinder, FixtureSolid
 from cuspline.design.stock import StockAllowance, StockBox, StockCylinder, StockMesh, StockSkin, StockSolid
+from cuspline.shop.threads import Thread
 
 __all__ = ["DEFAULT_MACHINE", "Companion", "Design", "FacePredicate", "Figure", "Finish", "FixtureBox", "FixtureCylinder",
            "FixtureSolid", "Marker", "Parameters", "Refixturing", "Setup", "SolidReport", "StockAllowance", "StockBox",
-           "StockCylinder", "StockMesh", "StockSkin", "StockSolid"]
+           "StockCylinder", "StockMesh", "StockSkin", "StockSolid", "Thread"]

@@ -1,19 +1,20 @@
 """A Design: the B-rep with what must be known to cut it. The truth is the B-rep."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, Callable, Literal
 
 import numpy as np
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, ValidationError, model_serializer, model_validator
 
 from cuspline.design.fixtures import Fixture
 from cuspline.design.operations import AnyOperation
 from cuspline.design.stock import StockAllowance
+from cuspline.shop.threads import Thread
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 from cuspline.values.frames import Frame
-from cuspline.values.models import FileName, Model, Point, name_fault, shortened
+from cuspline.values.models import FileName, Model, Point, complaints, name_fault, shortened
 
 UNIT = 1e-9               # how exact unit vectors must be
 COARSEST_MM = 5.0         # nobody finishes a part more coarsely
@@ -181,6 +182,20 @@ class Setup(Model):
                                        "clamped_z": base.clamped_z if base.indexed else base.wcs_z})
 
 
+def as_thread(value, name):
+    """A Thread as it is, or by its size.
+
+    Raises:
+        DesignError: it is neither.
+    """
+    if isinstance(value, Thread):
+        return value
+    try:
+        return Thread(size=value)
+    except ValidationError as error:
+        raise DesignError(f"thread of {name}: {complaints(error)}") from None
+
+
 def _are_square(x, z):
     """Whether vectors (3,) are units, square to each other."""
     return abs(fixed.matmul(x, x) - 1) < UNIT and abs(fixed.matmul(z, z) - 1) < UNIT and abs(fixed.matmul(x, z)) < UNIT
@@ -267,6 +282,7 @@ class Design:
     material: str                           # a name in planning/materials
     finish: Finish
     setups: tuple[Setup, ...]
+    threads: dict = field(default_factory=dict)     # {name of faces: shop.threads.Thread, or its size}: holes that get one
     stock: object = StockAllowance()        # a value of design.stock; left out: the box round the part and an allowance
     guides: tuple = ()                      # values that strategies ask for by their type, see `guide_of`
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
@@ -293,6 +309,9 @@ class Design:
                 if missing := [f for f in faces if f not in known]:
                     raise DesignError(f"design {self.name}, {who}: faces {missing} are named by no predicate; "
                                       f"there are {sorted(known)}")
+        object.__setattr__(self, "threads", {name: as_thread(t, name) for name, t in self.threads.items()})
+        if missing := sorted(set(self.threads) - known):
+            raise DesignError(f"design {self.name}: threads of {missing[0]!r}, a name of no predicate; there are {sorted(known)}")
 
     @cached_property
     def _known(self):

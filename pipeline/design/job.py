@@ -8,7 +8,7 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import Field, model_serializer
 
 from cuspline.design import FacePredicate, Finish, Setup
 from cuspline.design.fixtures import fixtures_beside
@@ -17,6 +17,7 @@ from cuspline.design.stock import Stock
 from cuspline.shop.cutters import ToolLibrary
 from cuspline.shop.machines import Machine
 from cuspline.shop.materials import Material
+from cuspline.shop.threads import Thread
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
 from cuspline.values.models import FileName, Model, WrittenName
@@ -51,6 +52,11 @@ class Job(Model):
     posted: tuple[PostedFile, ...]
     smallest_ball_radius_mm: float = Field(gt=0)
     accepted: tuple[str, ...] = ()
+    threads: dict[str, Thread] = Field(default={}, description="of holes, by the names of their faces")
+
+    @model_serializer(mode="wrap")
+    def _without_threads_it_has_not(self, dump):
+        return {k: v for k, v in dump(self).items() if k != "threads" or v}
 
     @property
     def program_names(self):

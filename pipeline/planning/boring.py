@@ -22,7 +22,7 @@ from cuspline.planning.contouring import (
     refuse_blocked,
     stock_over,
 )
-from cuspline.planning.drilling import SAME_MM, Bore, bores_of, in_words, upright_holes, walls_of
+from cuspline.planning.drilling import SAME_MM, Bore, bores_of, in_words, level_faces, upright_holes, walls_of
 from cuspline.planning.freeform_finishing import LEVEL, TERRACE_SHARE
 from cuspline.planning.tool_depth import missing_stick_out_mm
 from cuspline.program.program import Moves
@@ -72,7 +72,7 @@ def borable_faces(work, operation, taken):
             _bored(work, bore)
         except (CutterDoesNotFit, PlanError):
             continue
-        out += [*wall.faces, *(i for i in _floors(work, bore) if i in set(wanted))]
+        out += [*wall.faces, *(i for i in level_faces(work, bore) if i in set(wanted))]
     return sorted(set(out))
 
 
@@ -90,7 +90,7 @@ def bored_holes(work):
     by_tool, floors = {}, set()
     for one in (_bored(work, bore) for bore in bores):
         by_tool.setdefault(one.tool.number, []).append(one)
-        floors.update(_floors(work, one.bore))
+        floors.update(level_faces(work, one.bore))
     if stray := [i for i in level if i not in floors]:
         place = in_words(work.in_part(work.faces[stray[0]].middle.point_mm[0]))
         raise PlanError(f"{work.operation.title}: the plane at {place} is no ledge or flat bottom of the holes: give "
@@ -103,19 +103,6 @@ def bored_holes(work):
         made.append(_finished(work.on(work.operation, work.wanted, [*work.planned, *made]), mine, name))
     reached = np.isin(work.samples.face, [*(i for b in bores for i in b.wall.faces), *floors])
     return made, reached
-
-
-def _floors(work, bore):
-    """Indices of level faces at the wall's foot within it."""
-    x, y = bore.xy_mm
-    out = []
-    for i, face in enumerate(work.faces):
-        if face.kind == "plane" and face.middle.normal[0, 2] > LEVEL and abs(
-                float(face.middle.point_mm[0, 2]) - bore.low_z_mm) < 1e-4:
-            px, py = face.middle.point_mm[0, :2]
-            if math.hypot(px - x, py - y) < bore.radius_mm + 1e-4:
-                out.append(i)
-    return out
 
 
 def _bored(work, bore):

@@ -32,6 +32,7 @@ from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.surfaces.sections import SectionPlane
+from cuspline.surfaces.threaded_walls import threaded_walls
 from cuspline.surfaces.trims import TrimSet
 from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
 from cuspline.toolpaths.drop.exact_drop import ExactPart
@@ -68,7 +69,7 @@ class PlannedOperation:
     @cached_property
     def swept_mm(self):
         """Height field (function (n, 2) -> (n,)) of the lowest that its cutter comes to, in the frame of its moves."""
-        cutter = self.tool.cutter
+        cutter = self.tool.simulated.cutter
         if self.tool.head is not None:      # a disc beside the spindle: nothing is counted on
             return lambda xy_mm, at_most_mm=np.inf: np.broadcast_to(at_most_mm, len(xy_mm))
         leans = (self.moves.axis != UPRIGHT).any()      # then a ball, whose lowest places are those of the upright one
@@ -185,6 +186,14 @@ class PlanningContext:
         hollow = self.design.once(("tightest", tuple(self.wanted)),
                                   lambda: tightest_hollow(self._faces_of_part, self.wanted, geometry=self._geometry_of_part))
         self.hollow = replace(hollow, place_mm=tuple(self.setup.turn.into(np.array([hollow.place_mm]))[0].tolist()))
+
+    @cached_property
+    def threaded(self):
+        """ThreadedWall of all holes of the part that get a thread, upward where they open upward or go through."""
+        faces, predicates = self._faces_of_part, self.design.predicates
+        named = {name: (thread, brep.indices_of(faces, brep.named_faces(faces, predicates, (name,))))
+                 for name, thread in self.design.threads.items()}
+        return [w.turned_up() if w.hole.is_through and w.hole.axis[2] < 0 else w for w in threaded_walls(self.faces, named)]
 
     @property
     def face_names(self):
@@ -443,6 +452,10 @@ class PlanningContext:
         dwells_s = sum(c.dwell_s for c in cycles)
         return replace(made, cycles=tuple(replace(c, feed_mm_per_min=feed) for c in cycles),
                        facts={**made.facts, "time_s": round(made.facts["time_s"] + dwells_s, 1)})
+
+    def measured_taps(self, name, tool, rpm, moves, cycles, facts):
+        """The same for tapped holes: the spindle's speed and the pitch are the feed."""
+        return replace(self._measured(name, tool, rpm, moves, facts), cycles=cycles)
 
     def measured_passes(self, name, tool, rpm, passes, facts):
         """The same for templated passes: each feed register gets the lowest of the capped feeds it stands for."""

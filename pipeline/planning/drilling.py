@@ -28,6 +28,7 @@ SPOKES = 12
 SAME_MM = 1e-6
 OVER_MM = 0.05              # what may seem to stand over a wall's end: the planning mesh
 REACHED_MM = 1e-4
+LEVEL = 1.0 - 1e-9          # of a normal's Z
 SAME_DEG = 0.5              # of a cone and the drill that leaves it
 
 
@@ -96,18 +97,42 @@ def drillable_faces(work, operation):
         bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
         with suppress(CamError):
             made = _drilled(work, bore)
-            top = float(_stock_over(work, bore, made.tool).max())
+            top = float(stock_over(work, bore, made.tool.cutter.radius_mm).max())
             if made.full_z_mm <= bore.low_z_mm + SAME_MM and max(top, bore.high_z_mm) - made.tip_mm <= (
                     made.tool.cutter.flute_length_mm):
                 walls += wall.faces
-                others += _made_with(hole, made.tool)
+                others += _made_with(work, bore, made.tool)
     return walls, [i for i in others if i in set(work.wanted)]
 
 
-def _made_with(hole, tool):
-    """Faces of the cone that a hole ends in, where that is the drill's own."""
-    angle = hole.point_angle_deg
-    return hole.walls[0].faces if angle is not None and abs(angle - tool.cutter.point_angle_deg) < SAME_DEG else ()
+def _made_with(work, bore, tool):
+    """Faces that a drill makes beside its wall: the cone of its own angle that the hole ends in, of a flat drill what is level."""
+    angle = bore.hole.point_angle_deg
+    if tool.cutter.has_flat_bottom:
+        return level_faces(work, bore)
+    return bore.hole.walls[0].faces if angle is not None and abs(angle - tool.cutter.point_angle_deg) < SAME_DEG else ()
+
+
+def level_faces(work, bore):
+    """Indices of level faces at the wall's foot within it."""
+    x, y = bore.xy_mm
+    out = []
+    for i, face in enumerate(work.faces):
+        if face.kind == "plane" and face.middle.normal[0, 2] > LEVEL and abs(
+                float(face.middle.point_mm[0, 2]) - bore.low_z_mm) < REACHED_MM:
+            px, py = face.middle.point_mm[0, :2]
+            if math.hypot(px - x, py - y) < bore.radius_mm + REACHED_MM:
+                out.append(i)
+    return out
+
+
+def _angle_deg(bore):
+    """Of the point that leaves the wall's end as it is drawn; None: any point does, but a flat one finds no middle."""
+    lowest = bore.wall == bore.hole.walls[0]
+    if lowest and bore.hole.floor or not lowest and any(
+            abs(w.high_mm - bore.wall.low_mm) < SAME_MM and w.high_radius_mm < bore.radius_mm - SAME_MM for w in bore.hole.walls):
+        return 180.0
+    return bore.hole.point_angle_deg
 
 
 def drilled_holes(work):
@@ -197,8 +222,8 @@ def _drill_for(work, bore):
         raise CutterDoesNotFit(f"{work.operation.title}: no drill makes the hole of diameter {2 * wanted:.6g} mm at "
                                f"{in_words(bore.place_mm)}; there are {there} mm: add one of its diameter to the file of "
                                "--cutters, or bore it with a smaller end mill")
-    angle = bore.hole.point_angle_deg
-    other = lambda t: 0.0 if angle is None else abs(t.cutter.point_angle_deg - angle)
+    angle = _angle_deg(bore)
+    other = lambda t: float(t.cutter.has_flat_bottom) if angle is None else abs(t.cutter.point_angle_deg - angle)
     return min(fits, key=lambda t: (round(abs(t.cutter.radius_mm - wanted), 6), round(other(t), 3), -t.cutter.flute_length_mm,
                                     t.number))
 
@@ -254,13 +279,13 @@ def _operation(work, made, number):
 def _retract_mm(work, bore, tool):
     """Height over a hole where feeding begins: above the stock that stands there."""
     above = work.operation.retract_mm or work.practice.approach_mm
-    return min(max(float(_stock_over(work, bore, tool).max()), bore.high_z_mm) + above, work.clearance_z_mm)
+    return min(max(float(stock_over(work, bore, tool.cutter.radius_mm).max()), bore.high_z_mm) + above, work.clearance_z_mm)
 
 
-def _stock_over(work, bore, tool):
+def stock_over(work, bore, radius_mm):
     """(n,) heights of the stock under a drill over its hole."""
     turn = 2 * math.pi * np.arange(SPOKES) / SPOKES
-    rings = (RINGS * tool.cutter.radius_mm)[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
+    rings = (RINGS * radius_mm)[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
     return work.stock_mm(np.array(bore.xy_mm) + rings.reshape(-1, 2))
 
 

@@ -1,6 +1,6 @@
 """Holes as drills make them: a canned cycle a hole, and the moves that it stands for.
 
-    level  ──► across ──┐                        "drill": down at the feed, up by a rapid
+    level  ──► across ──┐                        "drill": down at the feed, up by a rapid; "tap": up at the feed too
                         ▼                        "dwell": the same, standing still at the bottom
     retract (R) ────────┬───── begin to feed     "peck": up to R after every peck, back to a little above the last
                         ┊ pecks                  "chip_break": up by a little after every peck
@@ -15,7 +15,7 @@ import numpy as np
 from cuspline.program.program import Kind, MoveWriter
 from cuspline.values.errors import ToolpathError
 
-CycleKind = Literal["drill", "dwell", "peck", "chip_break"]
+CycleKind = Literal["drill", "dwell", "peck", "chip_break", "tap"]
 PECKS = ("peck", "chip_break")
 CLEARANCE_MM = 0.5          # above the last peck, to which rapids come back; a control has its own
 MOST_PECKS = 1000
@@ -31,6 +31,7 @@ class DrillCycle:
     retract_z_mm: float             # the R plane: from here on it feeds
     peck_mm: float = 0.0            # of "peck" and "chip_break"
     dwell_s: float = 0.0            # at the bottom, of "dwell"
+    pitch_mm: float = 0.0           # of "tap": way a turn of the spindle, below 0 of a left-hand thread
     stays_low: bool = False         # it ends in the R plane (G99), not where it began (G98)
     feed_mm_per_min: float
     first: int                      # of the operation's moves it stands for `first` to `end`
@@ -42,8 +43,15 @@ class DrillCycle:
         if (self.kind in PECKS) != (self.peck_mm > 0) or (self.kind == "dwell") != (self.dwell_s > 0):
             raise ToolpathError(f"a cycle {self.kind!r} with pecks of {self.peck_mm:g} mm and a dwell of {self.dwell_s:g} s: "
                                 f"pecks belong to {' and '.join(PECKS)}, a dwell to dwell")
+        if (self.kind == "tap") != (self.pitch_mm != 0):
+            raise ToolpathError(f"a cycle {self.kind!r} with a pitch of {self.pitch_mm:g} mm: a pitch belongs to tap")
         if self.peck_mm and (self.retract_z_mm - self.bottom_z_mm) / self.peck_mm > MOST_PECKS:
             raise ToolpathError(f"more than {MOST_PECKS} pecks of {self.peck_mm:g} mm in one hole: raise the peck")
+
+    @property
+    def word(self):
+        """Its kind, of a left-hand tap "tap left": which word a control has for it."""
+        return "tap left" if self.pitch_mm < 0 else self.kind
 
     def shifted(self, by_mm):
         """The same, its places moved by (3,)."""
@@ -68,6 +76,8 @@ def cycle_way(cycle, clearance_mm, top_z_mm):
         yield Kind.RAPID, depth + clearance_mm
         depth -= cycle.peck_mm
     yield Kind.FEED, cycle.bottom_z_mm
+    if cycle.kind == "tap":
+        yield Kind.FEED, cycle.retract_z_mm
     yield Kind.RAPID, top_z_mm
 
 

@@ -83,6 +83,8 @@ class PostedMoves:
     rotary_deg: np.ndarray | None = None    # (n, r) where the rotary axes stand at the end; NaN: unknown; left out: there are none
     coolant: np.ndarray | None = None       # (n,) MIST and FLOOD added; left out: 0, off
     work_offsets: tuple[str, ...] = ()      # in force at moves that are not in machine coordinates, in the order of their use
+    pitch_mm: np.ndarray | None = None      # (n,) way down a turn where the feed is tied to the spindle: above 0 as a right-hand
+                                            # thread runs, below as a left-hand one; left out: 0, not tied
 
     def __post_init__(self):
         n = len(self.kind)
@@ -94,7 +96,7 @@ class PostedMoves:
                 ("line", (n,), np.int32), ("operation", (n,), np.int32)):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
         for name, dtype in (("path_tolerance_mm", float), ("speed_line", np.int32), ("call_line", np.int32),
-                            ("coolant", np.int8)):
+                            ("coolant", np.int8), ("pitch_mm", float)):
             given = getattr(self, name)
             object.__setattr__(self, name, frozen(np.zeros(n) if given is None else given, (n,), name, dtype))
         given = np.zeros((n, 0)) if self.rotary_deg is None else self.rotary_deg

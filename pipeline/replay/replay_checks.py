@@ -139,8 +139,9 @@ class Reporter:
         """Spindle and tool length offset: both on whenever the tool feeds, the offset below the stock top too."""
         posted, feeds = self.posted, ~self.is_rapid
         low = np.fmin(posted.start_mm[:, 2], posted.end_mm[:, 2]) < top_mm
+        turns = np.where(posted.pitch_mm < 0, -posted.spindle_rpm, posted.spindle_rpm) > 0     # a left-hand tap turns backwards
         for kind, wrong, relevant, advice in (
-                ("no_spindle", feeds & ~(posted.spindle_rpm > 0), feeds, "start the spindle (M3 S) before this move"),
+                ("no_spindle", feeds & ~turns, feeds, "start the spindle (M3 S) before this move"),
                 ("no_length_offset", (feeds | low) & ~posted.length_offset_on, feeds | low,
                  "switch the tool length offset on (G43 H) before this move")):
             for group in self._gathered(self.runs(wrong, relevant)):

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
 from cuspline.shop.cutter_profile import apt_profile, lens_profile, point_profile, side_profile, tangent_corner
+from cuspline.shop.threads import MINOR_SHARE
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
@@ -45,12 +46,15 @@ SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg
                 "lens": ("tip_radius_mm",), "side": (),
                 "apt": ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm"),
                 "drill": ("point_angle_deg",), "spot_drill": ("point_angle_deg",),
-                "chamfer_mill": ("point_angle_deg", "tip_diameter_mm")}
+                "chamfer_mill": ("point_angle_deg", "tip_diameter_mm"),
+                "tap": ("pitch_mm", "hand", "chamfer_threads"), "thread_mill": ()}
 ALL_SHAPE_FIELDS = tuple(dict.fromkeys(name for names in SHAPE_FIELDS.values() for name in names))
 OPTIONAL = (*ALL_SHAPE_FIELDS, "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth",
             "bending_n", "unpecked_mm")
+FLAT_DEG = 179.0            # from here on a drill's bottom is flat
 DRILLS = ("drill", "spot_drill")                    # types that cut along their axis alone
 POINTED = (*DRILLS, "chamfer_mill")                 # types that end in a cone
+THREADING = ("tap", "thread_mill")                   # types whose teeth leave a thread, simulated without them
 CENTRE_CUTTING = ("ball", "tapered_ball", "lens", *DRILLS)  # types whose teeth meet in the middle, where a library does not say
 RAMP_DEG = 10.0             # of a cutter that does not cut at its centre: three times the ramp that is planned
 SLOT_SHARE = 0.5            # of the diameter: docs/decisions/physical_state.md
@@ -68,7 +72,7 @@ class Cutter(Model):
 
     name: str
     type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "side", "apt", "drill", "spot_drill",
-                  "chamfer_mill"]
+                  "chamfer_mill", "tap", "thread_mill"]
     diameter_mm: float = Field(gt=0)
     corner_radius_mm: float = Field(ge=0, description="0 flat, diameter/2 ball")
     flutes: int = Field(ge=1, le=100)
@@ -82,7 +86,8 @@ class Cutter(Model):
     corner_center_radius_mm: float | None = Field(default=None, description="APT e")
     corner_center_height_mm: float | None = Field(default=None, description="APT f")
     tip_radius_mm: float | None = Field(default=None, gt=0, description="lens: the large radius of its bottom")
-    point_angle_deg: float | None = Field(default=None, gt=10, lt=180, description="of the cone at the tip, from side to side")
+    point_angle_deg: float | None = Field(default=None, gt=10, le=180, description="of the cone at the tip, from side to side; "
+                                          "180: a drill with a flat bottom, for counterbores")
     tip_diameter_mm: float | None = Field(default=None, ge=0, description="chamfer mill: of the flat below its cone; 0: a point")
     shaft_segments: tuple[HolderSegment, ...] | None = Field(
         default=None, min_length=1, description="a neck that is no cylinder: from the flutes' end to the reach")
@@ -98,11 +103,16 @@ class Cutter(Model):
     unpecked_mm: float | None = Field(default=None, gt=0, description="of a drill: farthest way down at the feed before it comes "
                                       f"up; left out: {UNPECKED_SHARE:g} diameters")
 
+    pitch_mm: float | None = Field(default=None, gt=0, le=20, description="of a tap: from thread to thread")
+    hand: Literal["right", "left"] | None = Field(default=None, description="of a tap")
+    chamfer_threads: float | None = Field(default=None, ge=0, le=20, description="of a tap: threads of its chamfer, that leave no "
+                                          "full thread")
+
     @model_validator(mode="after")
     def _shape_is_consistent(self):
         self._says_its_shape()
         half = self.diameter_mm / 2
-        wanted = {"ball": half, "tapered_ball": half, "flat": 0.0, **dict.fromkeys(POINTED, 0.0)}.get(self.type)
+        wanted = {"ball": half, "tapered_ball": half, "flat": 0.0, **dict.fromkeys((*POINTED, *THREADING), 0.0)}.get(self.type)
         if wanted is not None and abs(self.corner_radius_mm - wanted) > 1e-9:
             raise ValueError(f"a {self.type} cutter of diameter {self.diameter_mm} mm has corner_radius_mm {wanted}")
         if self.type == "bull_nose" and not 0 < self.corner_radius_mm < half:
@@ -137,6 +147,10 @@ class Cutter(Model):
             raise ValueError(f"a {self.type} cutter has taper_deg > 0")
         if self.type == "chamfer_mill" and self.tip_diameter_mm >= self.diameter_mm:
             raise ValueError("a chamfer_mill has tip_diameter_mm below diameter_mm")
+        if self.type == "tap" and self.pitch_mm >= self.diameter_mm / 2:
+            raise ValueError("a tap has pitch_mm below half of its diameter_mm")
+        if self.type == "thread_mill" and self.neck_diameter_mm >= self.diameter_mm:
+            raise ValueError("a thread_mill has neck_diameter_mm below diameter_mm: its tooth stands out beyond the neck")
         if self.type in POINTED and self.point_height_mm > self.flute_length_mm:
             raise ValueError(f"the cone of the point is {self.point_height_mm:.6g} mm high, flute_length_mm must be no less")
 
@@ -184,6 +198,36 @@ class Cutter(Model):
         return self.type in DRILLS
 
     @property
+    def has_flat_bottom(self):
+        """Whether it is a drill whose point is none: it leaves what a flat cutter leaves."""
+        return self.type in DRILLS and self.point_angle_deg > FLAT_DEG
+
+    @property
+    def threads(self):
+        """Whether its teeth leave a thread, which is judged by itself and simulated as the plain wall it had."""
+        return self.type in THREADING
+
+    @property
+    def body(self):
+        """What is simulated of it: itself; of a tap its core, of a thread mill its neck down to the tip, as a flat cutter.
+
+        A tap's core is as wide as the minor diameter of its thread: it touches no wall of a hole within limits.
+        """
+        if not self.threads:
+            return self
+        wide = self.diameter_mm - MINOR_SHARE * self.pitch_mm if self.type == "tap" else self.neck_diameter_mm
+        return self.model_copy(update={
+            "type": "flat", "diameter_mm": wide, "neck_diameter_mm": min(wide, self.neck_diameter_mm),
+            **dict.fromkeys(SHAPE_FIELDS["tap"])})
+
+    @property
+    def chamfer_mm(self):
+        """Height of a tap's chamfer above its tip; of a thread mill the middle of its tooth; 0 of others."""
+        if self.type == "thread_mill":
+            return self.flute_length_mm / 2
+        return self.chamfer_threads * self.pitch_mm if self.type == "tap" else 0.0
+
+    @property
     def point_height_mm(self):
         """Height of the cone at the tip; 0 of cutters without one."""
         if self.type not in POINTED:
@@ -198,7 +242,7 @@ class Cutter(Model):
             InputError: a lens cutter, whose bottom is no straight line; a side cutter, whose two rims are round; a chamfer mill,
                 which has three lines.
         """
-        if self.type in ("lens", "side", "chamfer_mill"):
+        if self.type in ("lens", "side", "chamfer_mill", *THREADING):
             raise InputError(f"{self.name}: a {self.type} cutter has no seven-parameter form")
         d, r = self.diameter_mm, self.corner_radius_mm
         alpha, beta = np.radians(self.tip_angle_deg or 0.0), np.radians(self.taper_deg or 0.0)
@@ -220,6 +264,8 @@ class Cutter(Model):
         """
         if self.type == "side":
             return side_profile(self.diameter_mm, self.corner_radius_mm, self.flute_length_mm)
+        if self.threads:
+            return self.body.profile
         if self.type in POINTED:
             return point_profile(self.diameter_mm, self.tip_diameter_mm or 0.0, self.point_height_mm, self.flute_length_mm)
         if self.type == "lens":
@@ -323,6 +369,11 @@ class Tool(Model):
         return {k: v for k, v in row.items() if v is not None or k not in ("head", "chatter")}
 
     @property
+    def simulated(self):
+        """The same with its cutter's `body`."""
+        return self.model_copy(update={"cutter": self.cutter.body}) if self.cutter.threads else self
+
+    @property
     def wheel_mm(self):
         """Radius of the circle on which the middles of a side cutter's teeth run."""
         return self.cutter.radius_mm - self.cutter.corner_radius_mm
@@ -406,6 +457,11 @@ class ToolLibrary(Model):
                 return t
         raise InputError(f"tool T{number} is not in the library; it holds "
                          + ", ".join(f"T{t.number}" for t in self.tools))
+
+
+def simulated(tools):
+    """{number: Tool} with what is simulated of each."""
+    return {n: t.simulated for n, t in tools.items()}
 
 
 def library_from_json(path):

@@ -129,7 +129,7 @@ class Control(Sparse):
     """What the controller accepts."""
 
     LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes", "canned_cycles",
-                "blocks_per_s")
+                "blocks_per_s", "rigid_tapping")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
@@ -144,6 +144,7 @@ class Control(Sparse):
     program_store_bytes: int = Field(gt=0)
     sub_programs: bool = Field(default=True, description="repeated passes as sub-programs and calls; false: move by move")
     canned_cycles: bool = Field(default=True, description="holes as G81 G82 G83 G73; false: move by move")
+    rigid_tapping: bool = Field(default=True, description="it taps with the spindle tied to the feed; false: threads are milled")
     block_numbers: int = Field(default=0, ge=0, le=100, description="step of the N words before blocks; 0: none (Klartext always "
                                "counts its own)")
     arc_planes: tuple[Literal["XY", "ZX", "YZ"], ...] = Field(

@@ -103,7 +103,7 @@ def swept_paths(posted, tools):
     paths = []
     for number in (int(n) for n in np.unique(posted.tool[known]) if int(n) in tools):
         rows, tool = np.flatnonzero(known & (posted.tool == number)), tools[number]
-        plain = posted.is_upright[rows] & (tool.cutter.type in CLOSED_UPWARD)
+        plain = posted.is_upright[rows] & (tool.cutter.type in CLOSED_UPWARD or tool.cutter.has_flat_bottom)
         paths += [make(posted, some, tool) for make, some in ((_swept, rows[plain]), (posed_path, rows[~plain]))
                   if len(some)]
     return tuple(paths)

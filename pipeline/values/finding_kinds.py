@@ -101,6 +101,38 @@ KINDS = {
             "a drill goes down too far before it lets its chips out",
             "A hole of 5 mm, 40 mm deep, drilled by G81; without `unpecked_mm` 4 diameters are allowed.",
             "Drill in pecks (G83, G73), or state `unpecked_mm` of a drill that is cooled through its inside."),
+        "thread_missing": (
+            "a thread of the design that nothing cuts",
+            "The design states `threads={\"m6\": \"M6\"}`, and no operation taps or mills the hole.",
+            "Tap it or mill it (`Tap`, `ThreadMill`), or take it out of the design's threads."),
+        "thread_hole": (
+            "the hole that a thread is cut into is none, too narrow or too wide",
+            "M6 is tapped where a drill of 5.2 mm was, for another pitch; or before the hole is drilled.",
+            "Drill it before, with the drill of this thread: its nominal diameter less the pitch."),
+        "thread_bottom": (
+            "a tap goes deeper than its hole is at the full width",
+            "A hole 11 mm deep, and the tap of M4 sent 11.5 mm down.",
+            "Drill deeper, or tap less deep: the threads of the chamfer count too."),
+        "thread_pitch": (
+            "a tap or thread mill goes down by another pitch than the thread's, or its feed is not tied to the spindle",
+            "`F750` at `S1000` for M6, whose pitch is 1 mm; or G1 in place of G84.",
+            "Write F as pitch times S, or K as the pitch; tap by G84, G74, G33.1 or G331."),
+        "thread_hand": (
+            "a thread runs the other way round",
+            "G74 where the design's thread is right-hand; a thread mill going round clockwise on its way up.",
+            "Take the other word, M3 for M4, or the tap of that hand; let the helix run the other way."),
+        "thread_diameter": (
+            "a tap of another size, or a milled thread wider or narrower than its class allows",
+            "A thread mill runs on a radius 0.1 mm too large: the pitch diameter of M6 comes to 5.55 mm, 6H ends at 5.5.",
+            "Correct the radius of its path, or the diameter that the tool library states."),
+        "thread_depth": (
+            "the full thread is not as deep as stated",
+            "8 mm are stated, the tap's chamfer ends 7 mm below the mouth.",
+            "Go deeper by the amount that is named, or state less `depth_mm`."),
+        "thread_beside": (
+            "a tap or thread mill is not where a thread is",
+            "A tap goes down 0.2 mm beside the axis of its hole, or where the design states no thread.",
+            "Move it to its hole; or state the thread in the design."),
         "spindle_out_of_range": (
             "a spindle speed that machine or cutter do not allow",
             "`S24000` on a spindle that ends at 18 000 rpm, or with a cutter whose `max_rpm` is lower.",

@@ -149,7 +149,7 @@ def _chip_loads(report, tools, material):
     if material is None:
         return
     posted, share = report.posted, material.feed_per_tooth_share
-    cutters = {n: t.cutter for n, t in tools.items()}
+    cutters = {n: t.cutter for n, t in tools.items() if t.cutter.type != "tap"}         # whose pitch is its feed
     teeth, allowed = (np.array([value(cutters[n]) if n in cutters else np.inf for n in posted.tool.tolist()])
                       for value in (lambda c: c.flutes, lambda c: CHIP_FACTOR * share * c.diameter_mm))
     speed = np.abs(posted.spindle_rpm)

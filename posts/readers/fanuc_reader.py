@@ -11,7 +11,7 @@ from cuspline.posts.readers.fanuc_codes import code_of
 from cuspline.posts.readers.fanuc_flow import executed
 from cuspline.posts.readers.fanuc_tools import read_tool_table
 from cuspline.posts.readers.rs274_blocks import refusal
-from cuspline.posts.readers.rs274_cycles import CYCLES
+from cuspline.posts.readers.rs274_cycles import EVERY
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules
 from cuspline.posts.readers.rs274_reader import Controller
@@ -21,7 +21,7 @@ __all__ = ["read_program", "read_tool_table"]
 # I J K are always distances; how far corners may be cut is a parameter of the control, whichever mode is in force; a
 # G92 is taken back by hand, or by an option of the control
 RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"arc distance", "path control", "axis offset"},
-              takes_own_length=False, moves_z_alone=True, path_tolerance_mm=nan, cycles=CYCLES)
+              takes_own_length=False, moves_z_alone=True, path_tolerance_mm=nan, cycles=EVERY, needs_rigid=True)
 
 
 def read_program(text, *, work_offsets, tool_lengths, chain=None):

@@ -2,8 +2,8 @@
 
 It knows nothing of any post.  What it does not know it refuses, with the line and the remedy.  Facts by the Haas Mill Operator's
 Manual: G28 switches the tool length off for what follows, G53 heeds it not; G187 E bounds how far corners are rounded, without E
-setting 85 does; G52 counts by setting 33, so that only taking it back is read.  Which radii an arc may have at its ends the manual
-does not say: they are held to 0.005 mm.
+setting 85 does; G84 and G74 tie the spindle to the feed and start it themselves; G52 counts by setting 33, so that only taking
+it back is read.  Which radii an arc may have at its ends the manual does not say: they are held to 0.005 mm.
 """
 
 from math import nan
@@ -13,7 +13,8 @@ from cuspline.posts.readers.fanuc_tools import read_tool_table
 from cuspline.posts.readers.haas_blocks import blocks_of
 from cuspline.posts.readers.rs274_arcs import CLOSE_BOUNDS
 from cuspline.posts.readers.rs274_blocks import refusal
-from cuspline.posts.readers.rs274_codes import ARC_LETTERS, finder, named_codes
+from cuspline.posts.readers.rs274_codes import ARC_LETTERS, TAP_CODES, finder, named_codes
+from cuspline.posts.readers.rs274_cycles import TAPS
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules
 from cuspline.posts.readers.rs274_reader import Controller
@@ -23,6 +24,8 @@ __all__ = ["read_program", "read_tool_table"]
 BY_NAME = {
     **named_codes("motion", "G0", "G1", says="canned cycle"),
     **named_codes("motion", "G2", "G3", takes=ARC_LETTERS.replace("p", ""), says="canned cycle"),
+    **TAP_CODES,
+    **named_codes("return level", "G98", "G99"),
     **named_codes("non-modal", "G4", takes="p"),
     **named_codes("plane", "G17", "G18", "G19"),
     **named_codes("units", "G20", "G21"),
@@ -72,6 +75,7 @@ def _go_home(controller, name, values):
 RULES = Rules(code_of=finder(BY_NAME, ADVICE), modes=frozenset(UNSAID) - {"arc distance", "axis offset"},
               takes_own_length=False, moves_z_alone=False, path_tolerance_mm=nan, bounds=(CLOSE_BOUNDS, CLOSE_BOUNDS),
               words={"path control": ("G187 E", "how far the control may leave the path")},
+              cycles=frozenset(TAPS),
               actions={"path control": _smooth, "corner mode": _corner_mode, "reference": _go_home})
 
 

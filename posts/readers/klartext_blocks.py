@@ -12,8 +12,8 @@ from cuspline.posts.readers.rs274_expressions import Complaint
 LONGEST_LINE = 255
 NUMBER = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)"
 COORDINATE = re.compile(rf"(I?[XYZ]|IPA)({NUMBER})")
-STATEMENTS = ("BEGIN PGM", "END PGM", "BLK FORM 0.1", "BLK FORM 0.2", "TOOL CALL", "TOOL DEF", "CYCL DEF", "STOP", "CC", "CP",
-              "CR", "C", "L", "M")
+STATEMENTS = ("BEGIN PGM", "END PGM", "BLK FORM 0.1", "BLK FORM 0.2", "TOOL CALL", "TOOL DEF", "CYCL DEF", "CYCL CALL", "STOP",
+              "CC", "CP", "CR", "C", "L", "M")
 
 
 class Statement(NamedTuple):
@@ -64,7 +64,10 @@ def _split(line):
     if len(line) > LONGEST_LINE:
         raise Complaint(f"{len(line)} characters", f"write at most {LONGEST_LINE} a line")
     code, _, comment = line.partition(";")
-    return code.strip().upper(), comment
+    code = code.strip().upper()
+    if code and comment.rstrip().endswith("~"):         # what a word means stands between it and the ~
+        return code + "~", ""
+    return code, comment
 
 
 def _block(block, parts, comment):

@@ -4,9 +4,12 @@ It knows nothing of any post.  What it does not know it refuses, with the line a
 for Klartext Programming: TOOL CALL takes the tool's length with it; FMAX is its block's alone; M5, M9, M0, M2 and M30 act at the
 end of their block; M91 heeds neither preset, datum shift nor tool length; preset 1 stands for G54, 6 for G59; IPA and DR have one
 sign.  CC says by its axes in which main plane circles run, DR is the mathematical sense there: from X to Y, from Y to Z, from Z to
-X (angle reference axis).  A circle whose radii differ by more than 0.005 mm is refused (circleDeviation).
+X (angle reference axis).  Cycle 207 taps with the spindle tied to the feed: Q239 above 0 is right-hand, then to the set-up
+clearance Q200 and the second one Q204, both over Q203.  A circle whose radii differ by more than 0.005 mm is refused
+(circleDeviation).
 """
 
+import re
 from math import cos, hypot, isfinite, nan, radians, sin
 
 from cuspline.posts.readers.klartext_blocks import blocks_of, number, path_words
@@ -25,6 +28,7 @@ __all__ = ["read_program", "read_tool_table"]
 # the controller's own table: what the statements are brought to
 BY_NAME = {
     **named_codes("motion", "G0", "G1", "G2", "G3", takes=ARC_LETTERS),
+    **named_codes("motion", "G331", "G332", takes="k"),
     **named_codes("non-modal", "G53"),
     **named_codes("non-modal", "G92.1", says="axis offset"),
     **named_codes("plane", "G17", "G18", "G19"),
@@ -44,6 +48,8 @@ AT_THE_BEGIN = (3, 4, 7, 8)
 BOTH = {13: (3, 8), 14: (4, 8)}         # spindle and coolant
 MACHINE_DATUM = 91
 IJK = dict(zip("XYZ", "ijk"))
+TAP_WORDS = {"Q200", "Q201", "Q239", "Q203", "Q204"}
+BELOW_MM = 1e-6             # that is rounding
 UNITS = {"MM": ("g", 21.0), "INCH": ("g", 20.0)}
 
 
@@ -107,6 +113,7 @@ class _Tnc:
     def __init__(self, controller):
         self.controller, self.name = controller, None
         self.pole, self.plane = None, Plane.XY      # {"X": place, ...} of the last CC, and the plane of its axes
+        self.tapping = {}               # Q parameters of cycle 207, where it was the last that CYCL CALL may run
         self.shifts = set()             # axes whose datum shift has been taken back since cycle 7 began
 
     def executed(self, blocks):
@@ -128,7 +135,8 @@ class _Tnc:
             raise Complaint("text before BEGIN PGM" if self.name is None else "a second BEGIN PGM",
                             "begin with BEGIN PGM, a name and MM or INCH, once")
         other = {"BEGIN PGM": self._begin, "END PGM": self._end, "BLK FORM 0.1": self._drawn, "BLK FORM 0.2": self._drawn,
-                 "TOOL CALL": self._call, "TOOL DEF": self._drawn, "CYCL DEF": self._cycle, "CC": self._center}.get(kind)
+                 "TOOL CALL": self._call, "TOOL DEF": self._drawn, "CYCL DEF": self._cycle, "CYCL CALL": self._tap,
+                 "CC": self._center}.get(kind)
         return other(rest) if other else self._moves(kind, path_words(rest))
 
     # the frame ----------------------------------------------------------------------------------
@@ -167,6 +175,8 @@ class _Tnc:
         cycle, words = rest[0] if rest else "", rest[1:]
         if cycle == "247":
             return self._preset(words)
+        if cycle == "207":
+            return self._define_taps(words)
         if cycle.startswith("7."):
             return self._shift(int(cycle[2:]) if cycle[2:].isdigit() else -1, words)
         if cycle == "32.1":
@@ -176,7 +186,28 @@ class _Tnc:
         if cycle in ("32.0", "32.2"):
             return [()]
         raise Complaint(f"cycle {cycle or 'without a number'}",
-                        "known are 7 (all zero), 32 and 247: write other cycles out as moves")
+                        "known are 7 (all zero), 32, 207 and 247: write other cycles out as moves")
+
+    def _define_taps(self, words):
+        found = [re.fullmatch(r"(Q\d+)=(.*)", word) for word in words]
+        given = {m[1]: number(m[2]) for m in found if m and _is_number(m[2])}
+        if given.keys() != TAP_WORDS or not (given["Q200"] > 0 > given["Q201"] and given["Q239"]):
+            raise Complaint("cycle 207 without all of its parameters, or with one that makes no sense",
+                            "write Q200 above 0, Q201 below 0, Q239, Q203 and Q204")
+        self.tapping = given
+        return [()]
+
+    def _tap(self, rest):
+        """Cycle 207 where the tool stands: to the set-up clearance, down and back by the pitch, to the second one."""
+        if not self.tapping or rest:
+            raise Complaint("CYCL CALL without cycle 207 before it, or with other words",
+                            "define the cycle, then write CYCL CALL alone")
+        q = self.tapping
+        low, high = q["Q203"] + q["Q200"], q["Q203"] + max(q["Q204"], q["Q200"])
+        if self.controller.tip[2] < low * self.controller.length_unit_mm() - BELOW_MM:
+            raise Complaint("cycle 207 is called below its set-up clearance", "go up before CYCL CALL")
+        return [(("g", 0.0), ("z", low)), (("g", 331.0), ("z", q["Q203"] + q["Q201"]), ("k", q["Q239"])),
+                (("g", 332.0), ("z", low), ("k", q["Q239"])), (("g", 0.0), ("z", high))]
 
     def _preset(self, words):
         given = [w.removeprefix("Q339=") for w in words if w.startswith("Q339=")]

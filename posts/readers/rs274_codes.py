@@ -9,7 +9,7 @@ from cuspline.posts.readers.rs274_expressions import Complaint
 
 ORDER = ("kinematics", "tilted plane", "feed mode", "feed", "speed", "select tool", "tool change", "spindle", "coolant", "plane",
          "units", "cutter compensation", "tool length", "work offset", "path control", "corner mode", "distance",
-         "reference", "arc distance", "return level", "canned cycle", "non-modal", "motion", "move", "stopping")
+         "reference", "arc distance", "return level", "rigid tapping", "canned cycle", "non-modal", "motion", "move", "stopping")
 
 
 class Code(NamedTuple):
@@ -36,9 +36,11 @@ CYCLE_CODES = {
     **named_codes("motion", "G73", "G83", takes="rq", says="canned cycle"),
     **named_codes("return level", "G98", "G99"),
 }
+TAP_CODES = named_codes("motion", "G74", "G84", takes="r", says="canned cycle")
 BY_NAME = {
     **named_codes("motion", "G0", "G1", says="canned cycle"),
     **named_codes("motion", "G2", "G3", takes=ARC_LETTERS, says="canned cycle"),
+    **named_codes("motion", "G33.1", takes="k", says="canned cycle"),
     **CYCLE_CODES,
     **named_codes("non-modal", "G4", takes="p"),
     **named_codes("non-modal", "G53"),
@@ -70,6 +72,8 @@ MOVE = Code("move", "move")
 TAKEN_ALWAYS = frozenset(BY_LETTER)
 MOVING_LETTERS = frozenset("xyzijkr")
 ADVICE = {
+    ("g", 74): "its spindle is not tied to the feed: write G33.1 under M4",
+    ("g", 84): "its spindle is not tied to the feed: write G33.1",
     ("g", 41): "let the post write the compensated path",
     ("g", 42): "let the post write the compensated path",
     ("g", 92): "use a work offset, G54 to G59.3",

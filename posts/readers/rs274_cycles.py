@@ -4,6 +4,7 @@
     G81 G82     down to Z at the feed; G82 stands still there for P
     G83         by Q at a time, each time up to R and by a rapid back to a little above where it was
     G73         by Q at a time, each time up by a little
+    G84 G74     down to Z and back to R by the pitch F / S, the spindle tied to the feed: right-hand, left-hand
     and up by a rapid: under G98 to where the tool stood when the first cycle began, under G99 to R
 """
 
@@ -12,8 +13,10 @@ from typing import NamedTuple
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.program.program import Kind
 
-NEEDED = {"G81": "", "G82": "p", "G83": "q", "G73": "q"}        # letters beside Z and R
-CYCLES = frozenset(NEEDED)
+NEEDED = {"G81": "", "G82": "p", "G83": "q", "G73": "q", "G84": "", "G74": ""}      # letters beside Z and R
+TAPS = {"G84": 1.0, "G74": -1.0}            # which way the spindle turns on the way down
+EVERY = frozenset(NEEDED)
+CYCLES = EVERY - TAPS.keys()                # that controls have alike
 LEVELS = ("G98", "G99")
 MOST_PECKS = 10_000
 
@@ -91,4 +94,6 @@ def way_of(cycle, here, place_xy, is_low, clearance_mm):
         yield Kind.RAPID, at(depth + clearance_mm)
         depth -= cycle.q
     yield Kind.FEED, at(cycle.z)
+    if cycle.name in TAPS:
+        yield Kind.FEED, at(cycle.r)
     yield Kind.RAPID, at(cycle.r if is_low else max(cycle.level, cycle.r))

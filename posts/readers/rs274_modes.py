@@ -40,6 +40,7 @@ class Rules(NamedTuple):
     actions: Mapping = MappingProxyType({})     # {group of codes: function (controller, name, values)} that it does its own way
     peck_clearance_mm: float = 0.254        # above the last peck, to which G83 comes back by a rapid and G73 goes up
     cycles: frozenset = frozenset()         # names of the canned cycles that it has
+    needs_rigid: bool = False               # G84 and G74 tie the spindle to the feed only behind M29
 
 
 def relied_on_by_cycle(values):

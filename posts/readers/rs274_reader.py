@@ -18,7 +18,7 @@ from cuspline.posts.readers.rs274_arcs import (
 )
 from cuspline.posts.readers.rs274_blocks import blocks_of, refusal
 from cuspline.posts.readers.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, TAKEN_ALWAYS, code_of, in_order
-from cuspline.posts.readers.rs274_cycles import CYCLES, begun, way_of, with_words
+from cuspline.posts.readers.rs274_cycles import CYCLES, EVERY, TAPS, begun, way_of, with_words
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, refuse_text_after
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on, relied_on_by_cycle
@@ -38,9 +38,10 @@ UNKNOWN = (nan, nan, nan)
 SAME_SHIFT_MM = 6e-4        # half the last of three decimals, and a little
 SAME_LENGTH_MM = 2e-5       # half the last of six decimals of an inch: a length written out is no nearer
 NO_OFFSET = (0.0, 0.0, 0.0)
+SYNCHRONISED = ("G33.1", "G331", "G332")        # feeds tied to the spindle
 CYCLE_MM = 5e-4             # what one servo cycle adds to a blend at least; 0.33 um measured at 2500 mm/s^2
 PLANE_RAD = 1e-5            # between the tool and the normal of a tilted plane: rounded angles
-COLUMNS = 25                # numbers kept of a move
+COLUMNS = 26                # numbers kept of a move
 RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True, moves_z_alone=False,
               path_tolerance_mm=inf, cycles=CYCLES)
 
@@ -94,7 +95,8 @@ class Controller:
         self.taken_by_motion = {"": TAKEN_ALWAYS | self.moving} | {
             code.name: TAKEN_ALWAYS | set("xyz") | set(self.rotaries) | code.takes
             for code in (self.code_of("g", k) for k in range(4))} | {
-            name: TAKEN_ALWAYS | set("xyz") | self.code_of("g", int(name[1:])).takes for name in rules.cycles}
+            name: TAKEN_ALWAYS | set("xyz") | self.code_of("g", int(name[1:])).takes for name in rules.cycles} | {
+            name: TAKEN_ALWAYS | set("xyzk") for name in SYNCHRONISED}
         self.work_offsets = work_offsets
         self.tool_offsets = {n: NO_OFFSET[:2] + (float(v),) if np.ndim(v) == 0 else tuple(map(float, v))
                              for n, v in tool_lengths.items()}
@@ -103,6 +105,8 @@ class Controller:
         self.bounds = rules.bounds[0]
         self.motion = ""
         self.cycle, self.return_level = None, "G98"     # rs274_cycles.Cycle in force
+        self.pitch_mm = 0.0                 # of the move that comes, where the feed is tied to the spindle
+        self.is_rigid = not rules.needs_rigid           # taps may go down: M29 was said
         self.plane = Plane.XY
         self.is_absolute, self.is_center_absolute, self.is_inverse_time = True, False, False
         self.wcs, self.offset = "G54", tuple(work_offsets.get("G54", UNKNOWN))
@@ -391,14 +395,22 @@ class Controller:
         self.is_center_absolute = name == "G90.1"
 
     def cancel_cycle(self, name, values):
+        if self.cycle is not None and self.cycle.name in TAPS:
+            self.turning, self.is_rigid = 0, not self.rules.needs_rigid
         self.motion, self.cycle = "", None
+
+    def tie_spindle(self, name, values):
+        """M29: the tapping cycle behind it is rigid."""
+        if "s" not in values:
+            raise Complaint("M29 without S", "write the spindle's speed in its block")
+        self.is_rigid = True
 
     def set_return_level(self, name, values):
         self.return_level = name
 
     def set_motion(self, name, values):
         self.motion = name
-        if name not in CYCLES:
+        if name not in EVERY:
             self.cycle = None
 
     def stop(self, name, values):
@@ -414,8 +426,11 @@ class Controller:
     # moves ------------------------------------------------------------------------------------------
 
     def move(self, name, values):
-        if self.motion in CYCLES:
+        if self.motion in EVERY:
             self._drill(values)
+            return
+        if self.motion in SYNCHRONISED:
+            self._tap(values)
             return
         if not self.motion:
             raise Complaint("axis words, but no G0 G1 G2 G3 is active", "write the motion code in this block")
@@ -475,11 +490,48 @@ class Controller:
         if self.motion in ("G83", "G73") and not cycle.q > 0:
             raise Complaint(f"{self.motion} with a peck of nothing", "write Q above 0")
         self._require_known(self.tip, (*end[:2], cycle.z))
+        tied_mm = self._tied_mm() if cycle.name in TAPS else 0.0
         for kind, place in way_of(cycle, self.tip, end[:2], self.return_level == "G99", self.rules.peck_clearance_mm):
             length_mm = hypot(*(e - s for s, e in zip(self.tip, place)))
             feed = self._feed(length_mm, values) if kind != Kind.RAPID else 0.0
             self.minutes = length_mm / feed if feed else 0.0
+            self.pitch_mm = tied_mm if kind != Kind.RAPID else 0.0
             self._add(kind, self.tip, place, UNKNOWN, 0, feed)
+        self.pitch_mm = 0.0
+
+    def _tied_mm(self):
+        """Way a turn of a tapping cycle, below 0 where the spindle turns backwards on the way down."""
+        if not self.is_rigid:
+            raise Complaint(f"{self.motion} without M29: it would count on a holder that gives way", "write M29 S before it")
+        if not self.speed > 0:
+            raise Complaint(f"{self.motion} without a spindle speed", "write S before it")
+        self.turning = int(TAPS[self.motion])
+        return TAPS[self.motion] * self._feed(0.0, {}) / self.speed
+
+    def _tap(self, values):
+        """G33.1 down and back, G331 down, G332 back: along Z by K a turn of the spindle."""
+        self._refuse_cycle_here()
+        self._rely_on(relied_on(Kind.FEED, values, False))
+        self._remark_offsets(needs_length=True)
+        self.used_offsets[self.wcs] = True
+        start, end = self.tip, self._end(values)
+        self._require_known(start, end)
+        if "z" not in values or start[:2] != end[:2] or not values.get("k"):
+            raise Complaint(f"{self.motion} without Z or K, or with a way across", "go over the hole by G0, then write Z and K")
+        k_mm = values["k"] * self.length_unit_mm()
+        if self.motion != "G33.1":
+            self.turning = 1 if k_mm > 0 else -1
+        elif k_mm < 0 or not self.turning:
+            raise Complaint("G33.1 with K below 0, or while the spindle stands", "K is a length: M3 or M4 says the hand")
+        if not self.speed > 0:
+            raise Complaint(f"{self.motion} without a spindle speed", "write S before it")
+        self.pitch_mm, feed = self.turning * abs(k_mm), abs(k_mm) * self.speed
+        for a, b in ((start, end), (end, start)) if self.motion == "G33.1" else ((start, end),):
+            self.minutes = abs(b[2] - a[2]) / feed
+            self._add(Kind.FEED, a, b, UNKNOWN, 0, feed)
+        self.pitch_mm = 0.0
+        if self.motion == "G332":
+            self.turning = 0
 
     def _refuse_cycle_here(self):
         """What cycles do then differs from control to control."""
@@ -524,7 +576,7 @@ class Controller:
             start, end = self.tilted.out(np.array([start, end])).tolist()
         self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
                           self.turning * self.speed, self.tool, self.is_length_on, *machine, self.line,
-                          self.operation, self.path_tolerance_mm, self.speed_line, self.call_line, self.coolant))
+                          self.operation, self.path_tolerance_mm, self.speed_line, self.call_line, self.coolant, self.pitch_mm))
         if self.rotaries:
             length_mm = self.tool_offsets[self.tool][2] if self.tool else self.tool_offset[2]
             self.joint_rows.extend((*self.turned_before, *self.turned, self.minutes, length_mm, *self.offset,
@@ -655,14 +707,14 @@ class Controller:
         """All moves as one value."""
         table = np.frombuffer(self.rows).reshape(-1, COLUMNS)
         (kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line, operation, tolerance,
-         speed_line, call_line, coolant) = np.split(
-            table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23, 24), axis=1)
+         speed_line, call_line, coolant, pitch) = np.split(
+            table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23, 24, 25), axis=1)
         read = PostedMoves(
             kind=kind[:, 0], start_mm=start, end_mm=end, center_mm=center, plane=plane[:, 0], turns=turns[:, 0],
             feed_mm_per_min=feed[:, 0], spindle_rpm=speed[:, 0], tool=tool[:, 0],
             length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
             operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
-            path_tolerance_mm=tolerance[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
+            path_tolerance_mm=tolerance[:, 0], pitch_mm=pitch[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
             coolant=coolant[:, 0], work_offsets=tuple(self.used_offsets), remarks=tuple(self.remarks), stops=tuple(self.stops))
         return read.through_joints(self.chain, self._joint_blocks(start, end, machine)) if self.rotaries else read
 
@@ -705,7 +757,7 @@ ACTIONS = {
     "work offset": Controller.set_wcs, "path control": Controller.set_path_control,
     "corner mode": Controller.set_corner_mode, "reference": Controller.go_home,
     "distance": Controller.set_distance, "arc distance": Controller.set_arc_distance,
-    "canned cycle": Controller.cancel_cycle, "return level": Controller.set_return_level,
+    "canned cycle": Controller.cancel_cycle, "rigid tapping": Controller.tie_spindle, "return level": Controller.set_return_level,
     "non-modal": Controller.do_once, "motion": Controller.set_motion,
     "move": Controller.move, "stopping": Controller.stop,
 }

@@ -3,7 +3,8 @@
 It knows nothing of any post.  What it does not know it refuses, with the line and the remedy.  Facts by the SINUMERIK 840D sl
 Programming Manual: D takes the length of the tool in the spindle; SUPA leaves frames out, not the tool length; TRANS without axes
 takes back programmed frames; TURN counts whole turns beside the arc; CTOL bounds what G642 rounds, ADIS what G641 does, G60 stops
-exactly, G64 leaves it to the machine data; a circle's radii may differ by MD21000 (0.01 mm) or MD21010 (a thousandth).
+exactly, G64 leaves it to the machine data; G331 goes down by K a turn of a spindle that SPOS has positioned, above 0 right-hand,
+G332 back by the same K; a circle's radii may differ by MD21000 (0.01 mm) or MD21010 (a thousandth).
 """
 
 from math import inf, nan
@@ -26,6 +27,7 @@ BOUNDS = ArcBounds(radius_error_mm=0.01, largest_error_mm=inf, smallest_radius_m
 BY_NAME = {
     **named_codes("motion", "G0", "G1", says="canned cycle"),
     **named_codes("motion", "G2", "G3", takes=ARC_LETTERS, says="canned cycle"),
+    **named_codes("motion", "G331", "G332", takes="k", says="canned cycle"),
     **named_codes("non-modal", "G4", takes="p"),
     **named_codes("non-modal", "G53"),
     **named_codes("non-modal", "G92.1", says="axis offset"),
@@ -123,6 +125,7 @@ class _Channel:
     def __init__(self, controller):
         self.controller = controller
         self.is_evenly = False                  # ORIAXES: rotary axes run evenly under TRAORI
+        self.is_positioned = False              # SPOS has taken the spindle to an angle: G331 may turn it
         self.is_cip = False                     # circles through a point between, until another motion code
         self.smoothing, self.contour, self.distance = "", nan, nan      # G642 and its like; CTOL; ADIS
 
@@ -144,6 +147,7 @@ class _Channel:
         if "CIP" in said.keywords or {"G0", "G1", "G2", "G3"} & set(names):
             self.is_cip = "CIP" in said.keywords
         words = [word for (letter, number), name in zip(said.codes, names) for word in self._code(letter.lower(), number, name)]
+        self._position(names, values)
         words += self._path_control(names, values)
         words += self._tool(values, "M6" in names)
         words += [TIP[keyword] for keyword in said.keywords if keyword in TIP]
@@ -170,6 +174,16 @@ class _Channel:
             return []
         known = ", ".join([*sorted(SAME), *UNITS, *SMOOTHING])
         raise Complaint(f"unknown word {name}", ADVICE.get(name, f"known are {known}"))
+
+    def _position(self, names, values):
+        """SPOS, which G331 and G332 need; M3, M4, M5 and a tool change end it."""
+        if {"M3", "M4", "M5", "M6"} & set(names):
+            self.is_positioned = False
+        if "SPOS" in values:
+            values.pop("SPOS")
+            self.is_positioned = True
+        if {"G331", "G332"} & set(names) and not self.is_positioned:
+            raise Complaint("G331 or G332 while the spindle is not positioned", "write SPOS=0 before")
 
     def _path_control(self, names, values):
         """G642 with how far it may round, where the block says either."""

@@ -1,26 +1,31 @@
 """Drilled holes as canned cycles: G98 G81 X Y Z R F, then X Y a hole, then G80; or move by move where a control has none.
 
-G98 leads back to where the first cycle began, G99 to R; all words of a cycle stay in force until G80.
+G98 leads back to where the first cycle began, G99 to R; all words of a cycle stay in force until G80.  Tapped holes have no
+moves of their own to go out as: G84 and G74, or what the control has in their place.
 """
 
 from cuspline.posts.writers.joint_words import PlainMoves
+from cuspline.program.program import Kind
 
 
 class DrilledMoves(PlainMoves):
     """An operation of drilled holes, the spindle upright."""
 
     def __init__(self, operation, rotaries, has_cycles):
-        """`has_cycles`: whether the control takes them."""
+        """`has_cycles`: whether the control takes them; tapping ones it does in any case."""
         super().__init__(operation.moves, rotaries)
-        self.cycles, self.has_cycles = operation.cycles, has_cycles
+        self.cycles, self.has_cycles, self.rpm = operation.cycles, has_cycles, operation.spindle_rpm
 
     def write(self, writer, first, end, dialect):
         at = first
         for k, cycle in enumerate(self.cycles):
             super().write(writer, at, cycle.first, dialect)
-            if not self.has_cycles:
-                self._spelled_out(writer, cycle, dialect)
+            is_tap = cycle.kind == "tap"
+            if cycle.word not in dialect.cycle_words or not (self.has_cycles or is_tap):
+                (self._tapped if is_tap else self._spelled_out)(writer, cycle, dialect)
             else:
+                if is_tap and not (k and at == cycle.first):
+                    dialect.before_taps(writer, self.rpm)
                 _begin_or_go_on(writer, cycle, self.cycles[k - 1] if k and at == cycle.first else None, dialect)
                 if k + 1 == len(self.cycles) or self.cycles[k + 1].first != cycle.end:
                     self._leave(writer, cycle)
@@ -33,6 +38,14 @@ class DrilledMoves(PlainMoves):
         if cycle.dwell_s:
             writer.block("G4", dialect.dwell(cycle.dwell_s))
         super().write(writer, cycle.end - 1, cycle.end, dialect)
+
+    def _tapped(self, writer, cycle, dialect):
+        """Over the hole, the control's own words for the thread, and up."""
+        feeds = cycle.first + (self.moves.kind[cycle.first:cycle.end] == Kind.RAPID).argmin()
+        super().write(writer, cycle.first, int(feeds), dialect)
+        dialect.tap(writer, cycle, self.rpm, float(self.moves.end_mm[cycle.end - 1, 2]))
+        writer.motion = writer.feed = None
+        super().write(writer, int(feeds) + 2, cycle.end, dialect)
 
     def _leave(self, writer, cycle):
         """G80, and where the tool stands then."""
@@ -56,7 +69,7 @@ def _begin_or_go_on(writer, cycle, before, dialect):
 
 def _modal_words(writer, cycle, dialect):
     """[return level, cycle, Z, R, and what its kind has]."""
-    words = ["G99" if cycle.stays_low else "G98", dialect.cycle_words[cycle.kind], "Z" + writer.length(cycle.bottom_z_mm),
+    words = ["G99" if cycle.stays_low else "G98", dialect.cycle_words[cycle.word], "Z" + writer.length(cycle.bottom_z_mm),
              "R" + writer.length(cycle.retract_z_mm)]
     if cycle.peck_mm:
         words.append("Q" + writer.length(cycle.peck_mm))

@@ -57,7 +57,7 @@ class _Fanuc(Dialect):
 
     point, end, knows_rotaries, tip_controls = ".", "M30", True, ("G43.4",)
     has_planes = holds_beside = True
-    cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73"}
+    cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73", "tap": "G84", "tap left": "G74"}
     variables = Variables(arguments=tuple(LETTERS), locals=(*range(27, 34), 10, 12, 14, 15, 16), deepest_brackets=5)
 
     def head(self, writer, program, file_number):
@@ -94,6 +94,10 @@ class _Fanuc(Dialect):
     def dwell(self, seconds):
         """Milliseconds, without a point."""
         return f"P{1000 * seconds:.0f}"
+
+    def before_taps(self, writer, rpm):
+        """Rigid: the spindle is tied to the feed."""
+        writer.block("M29", f"S{rpm:.0f}")
 
     def tip_on(self, writer, tool):
         writer.pending_z = (), ()

@@ -52,6 +52,7 @@ class _Haas(Dialect):
     """Its own words for path tolerance and home."""
 
     point, end, coolants = ".", "M30", COOLANT_WORD
+    cycle_words = {"tap": "G84", "tap left": "G74"}
 
     def head(self, writer, program, file_number):
         """% and O-number, comments, then a known state."""

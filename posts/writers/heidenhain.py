@@ -14,7 +14,7 @@ import re
 
 import numpy as np
 
-from cuspline.posts.writers.program_files import Dialect, posted
+from cuspline.posts.writers.program_files import Dialect, posted, spindle_word
 from cuspline.posts.writers.words import ARC_RADIUS_MISMATCH_MM, INCH_MM, Writer, behind_semicolon
 from cuspline.program.program import Kind, Plane
 from cuspline.values import fixed_math as fixed
@@ -27,6 +27,7 @@ UNIT_WORD = {"mm": "MM", "inch": "INCH"}
 ANGLE_DECIMALS = 4
 HALF_ANGLE_RAD = math.radians(0.5e-4)     # half a step of the last one
 TOLERANCE_DECIMALS = 5
+SET_UP_MM = 1.0             # over the surface that cycle 207 is told of
 LEAST_SIDE_MM = 1.0         # of BLK FORM, which the control draws and nothing else
 TABLE = (("T", 8), ("NAME", 32), ("L", 14), ("R", 14), ("R2", 14), ("DL", 8), ("DR", 8))
 comment = behind_semicolon
@@ -176,9 +177,22 @@ class _Heidenhain(Dialect):
         if rpm != writer.rpm:
             writer.block("TOOL CALL", "Z", rpm)
             writer.rpm = rpm
-        writer.block("M3")
+        writer.block(spindle_word(operation))
         self.cool(writer, operation)
         writer.feed = None
+
+    def tap(self, writer, cycle, rpm, top_z_mm):
+        """Cycle 207, its surface SET_UP_MM below where it begins to feed; a pitch below 0 is left-hand."""
+        writer.count_rounding((*cycle.xy_mm, cycle.bottom_z_mm))
+        surface = cycle.retract_z_mm - SET_UP_MM
+        rows = (("Q200", SET_UP_MM, "SET-UP CLEARANCE"), ("Q201", cycle.bottom_z_mm - surface, "DEPTH OF THREAD"),
+                ("Q239", cycle.pitch_mm, "THREAD PITCH"), ("Q203", surface, "SURFACE COORDINATE"),
+                ("Q204", top_z_mm - surface, "2ND SET-UP CLEARANCE"))
+        writer.block("CYCL DEF 207 RIGID TAPPING ~")
+        for k, (name, value, what) in enumerate(rows, 1):
+            writer.block(f"  {name}={writer.length(value, TOLERANCE_DECIMALS)} ;{what}" + ("" if k == len(rows) else " ~"))
+        writer.block("CYCL CALL")
+        writer.words((*cycle.xy_mm, top_z_mm), (2,))
 
     def approach(self, writer, start_mm):
         writer.block("L", *writer.words(start_mm, (0, 1)), "R0", "FMAX")

@@ -91,6 +91,12 @@ class _LinuxCNC(Dialect):
         writer.forget_position()
         writer.is_tip = is_tip
 
+    def tap(self, writer, cycle, rpm, top_z_mm):
+        """G33.1 goes down and back by K a turn; the spindle's sense, M3 or M4, is the thread's."""
+        writer.count_rounding((*cycle.xy_mm, cycle.bottom_z_mm))
+        pitch = writer.length(abs(cycle.pitch_mm), TOLERANCE_DECIMALS)
+        writer.block("G33.1", "Z" + writer.length(cycle.bottom_z_mm), "K" + pitch)
+
     def sub_program(self, writer, label, comment, blocks):
         writer.comment(comment.upper())
         writer.block(f"o{label} sub")

@@ -50,7 +50,7 @@ class Dialect(ABC):
     one_tool_a_file = False                 # the control changes no tool: every tool has a file of its own
     tip_controls: tuple[str, ...] = ()      # words of Control.tip_control that it writes
     has_planes = False                      # indexed positions go out in tilted planes, where there is tip control
-    cycle_words: dict[str, str] = {}        # drilling.CycleKind -> word; without them holes go out move by move
+    cycle_words: dict[str, str] = {}        # DrillCycle.word -> the control's; without it holes go out move by move
     work_offsets: tuple[str, ...] | None = None     # that the control has; None: whatever a program names
     writes: type[Writer] = Writer           # how moves become its words
     tip_rapid = "G0"                        # under tool-centre-point control; G1 where rapids do not heed the joints' speeds
@@ -86,7 +86,7 @@ class Dialect(ABC):
 
     def run(self, writer, operation):
         """Spindle and coolant on."""
-        writer.block(f"S{operation.spindle_rpm:.0f}", "M3")
+        writer.block(f"S{operation.spindle_rpm:.0f}", spindle_word(operation))
         self.cool(writer, operation)
 
     def cool(self, writer, operation):
@@ -129,6 +129,18 @@ class Dialect(ABC):
         """The P word of a dwell, behind G4 and in a canned cycle."""
         raise PostError(f"{type(self).__name__} writes no dwell: take another cycle than dwell")
 
+    def before_taps(self, writer, rpm):
+        """What stands before the first word of a tapping cycle."""
+
+    def tap(self, writer, cycle, rpm, top_z_mm):
+        """Down and up again by the pitch, the spindle tied to the feed, where the control has no word for it in `cycle_words`.
+
+        Args:
+            cycle: drilling.DrillCycle; the tool stands over the hole at its retract_z_mm.   top_z_mm: where it goes next.
+        """
+        raise PostError(f"{type(self).__name__[1:]} has no rigid tapping: mill the thread (thread_mill), or choose a machine that "
+                        "taps")
+
     def foot(self, writer):
         """The end of the program; what must stand behind it is in `writer.tail`."""
         self.stop(writer)
@@ -161,6 +173,11 @@ class Dialect(ABC):
     def setting(self, block, comment):
         """The block that sets a register, with what it is."""
         return f"{block} {self.comment(comment)}"
+
+
+def spindle_word(operation):
+    """M3; of left-hand taps M4."""
+    return "M4" if any(cycle.pitch_mm < 0 for cycle in operation.cycles) else "M3"
 
 
 def planes_of(control):
@@ -264,8 +281,7 @@ class _Files:
     def _laid(self, operation):
         """PlainMoves, DrilledMoves, SolvedMoves, TipMoves or TiltedMoves of an operation."""
         if operation.cycles and not leans(operation.moves):
-            has_cycles = self.machine.control.canned_cycles and bool(self.dialect.cycle_words)
-            return DrilledMoves(operation, self.machine.rotaries, has_cycles)
+            return DrilledMoves(operation, self.machine.rotaries, self.machine.control.canned_cycles)
         if not leans(operation.moves):
             return PlainMoves(operation.moves, self.machine.rotaries)
         if self.machine.control.tip_control is None:

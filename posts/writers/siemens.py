@@ -104,6 +104,14 @@ class _Siemens(Dialect):
             self.length_on(writer, None)
         super().approach(writer, start_mm)
 
+    def tap(self, writer, cycle, rpm, top_z_mm):
+        """What CYCLE84 is made of: the spindle positioned, down by G331, back by G332; K below 0 is left-hand."""
+        writer.count_rounding((*cycle.xy_mm, cycle.bottom_z_mm))
+        pitch = "K" + writer.length(cycle.pitch_mm, TOLERANCE_DECIMALS)
+        writer.block("SPOS=0")
+        writer.block("G331", "Z" + writer.length(cycle.bottom_z_mm), pitch, f"S{rpm:.0f}")
+        writer.block("G332", "Z" + writer.length(cycle.retract_z_mm), pitch)
+
     def tip_on(self, writer, tool):
         if writer.is_length_off:
             self.length_on(writer, tool)

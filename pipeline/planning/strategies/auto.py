@@ -1,7 +1,6 @@
 """Auto: from the stock to the finish, all chosen by curvature: what a setup does that lists no operations."""
 
 import math
-from contextlib import suppress
 from dataclasses import replace
 from typing import Literal
 
@@ -19,7 +18,10 @@ from cuspline.planning.strategies.chamfer import Chamfer
 from cuspline.planning.strategies.contour import Contour
 from cuspline.planning.strategies.drill import Drill
 from cuspline.planning.strategies.floor import Floor
+from cuspline.planning.strategies.tap import Tap
+from cuspline.planning.strategies.thread_mill import ThreadMill
 from cuspline.planning.strategies.waterline import Waterline
+from cuspline.surfaces.holes import PARALLEL
 from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 
 SEMI, FINISHES = "semi-finish", ("semi-finish", "finish")     # names of the balls' operations
@@ -32,7 +34,8 @@ ALONG = 0.98                # of a unit normal square to the section planes: pas
 
 class Auto(Finishing):
     """Drills the holes that the library has drills for, bores others and counterbores by helices; then roughs,
-    rest roughs, semi-finishes where that is needed, finishes with one ball or the fastest chain of balls."""
+    rest roughs, semi-finishes where that is needed, finishes with one ball or the fastest chain of balls; last it taps threads,
+    or mills them."""
 
     kind = "auto"
     picture = """
@@ -62,10 +65,29 @@ class Auto(Finishing):
         made, taken = self._features(work)
         chosen = self.strategy or self._chosen(work).strategy
         edges = () if chosen == "sections" or self.strategy else chamfering.chamfer_faces(work, Chamfer(), WIDEST_CHAMFER_MM)
+        return self._with_threads(work, *self._with_edges(work, made, taken, edges))
+
+    def _with_edges(self, work, made, taken, edges):
+        """All but threads; where the edges cannot be chamfered they are faces like others, and plan.json says why."""
+        why = ""
         if edges:
-            with suppress(PlanError, CutterDoesNotFit):
+            try:
                 return self._with_others(work, made, [*taken, *edges], edges)
-        return self._with_others(work, made, taken, ())
+            except (PlanError, CutterDoesNotFit) as error:
+                why = f"chamfer: {error}"
+        shaped, reached = self._with_others(work, made, taken, ())
+        return [*shaped[:len(made)], *(_told(o, why) for o in shaped[len(made):])] if why else shaped, reached
+
+    def _with_threads(self, work, made, reached):
+        """All that is made, then the threads of its holes: tapped where that can be, else milled."""
+        named = {}
+        for one in work.threaded:
+            if set(one.wall.faces) <= set(work.wanted) and one.hole.axis[2] > 1.0 - PARALLEL:
+                named.setdefault((one.name, one.thread), []).extend(one.wall.faces)
+        for (_, thread), faces in named.items():
+            made = [*made, *_threads(work, [*work.planned, *made], thread, faces)]
+            reached = reached | np.isin(work.samples.face, faces)
+        return made, reached
 
     def _with_others(self, work, made, taken, edges):
         """All that is not `taken`, after what is `made`; then chamfers along `edges`."""
@@ -119,6 +141,25 @@ class Auto(Finishing):
             if (np.abs(work.samples.normal[:, across]) < SWEPT).all():
                 return as_sections(plane)
         return self.model_copy(update={"strategy": "parallel"})
+
+
+def _threads(work, planned, thread, faces):
+    """Operations of one thread's holes."""
+    on = lambda operation: operation.plan(work.on(operation, faces, planned))[0]
+    try:
+        return on(Tap())
+    except (PlanError, CutterDoesNotFit) as error:
+        why = str(error)
+    try:
+        return [_told(o, why) for o in on(ThreadMill())]
+    except (PlanError, CutterDoesNotFit) as error:
+        raise CutterDoesNotFit(f"thread {thread.in_words}: it can neither be tapped ({why}) nor milled ({error})") from None
+
+
+def _told(operation, why):
+    """An operation that says in plan.json what it stands for."""
+    before = operation.facts.get("instead_of")
+    return replace(operation, facts={**operation.facts, "instead_of": f"{before}; {why}" if before else why})
 
 
 def _instead(work, why):
@@ -187,11 +228,13 @@ def _upright(work):
     rough, _, _ = roughing.cleared(work, roughing.RoughingStage(name="rough", allowance_mm=standing), tool, candidates,
                                    work.stock_mm, leftover_rows(work.samples), Clearing())
     before = [rough] if rough is not None else []
-    with suppress(PlanError, CutterDoesNotFit):
+    try:
         sides, rows = Contour().plan(work.on(Contour(), work.wanted, [*work.planned, *before]))
         return [*before, *sides], rows
+    except (PlanError, CutterDoesNotFit) as error:
+        why = str(error)
     made = freeform_finishing.walls_alone(work.on(Waterline(), work.wanted, [*work.planned, *before]), tool, candidates)
-    return [*before, *([made] if made is not None else [])], reached
+    return [*before, *([_told(made, why)] if made is not None else [])], reached
 
 
 def _with_floors(work, floor):

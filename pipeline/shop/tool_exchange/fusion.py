@@ -1,8 +1,8 @@
 """Tool libraries of Autodesk Fusion: .json, or .tools (a zip that holds tools.json).
 
 Lengths stand in the tool's own unit, a holder's in the holder's own; TA is the side's angle to the axis, SIG a drill's
-point from side to side; LB is the length below the holder; holder segments run from the nose up, those above the gauge
-line last.
+point from side to side, TP a tap's pitch; LB is the length below the holder; holder segments run from the nose up, those
+above the gauge line last.
 """
 
 import zipfile
@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from cuspline.shop.cutters import Holder
+from cuspline.shop.threads import MINOR_SHARE
 from cuspline.shop.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import InputError
@@ -20,7 +21,9 @@ from cuspline.values.models import complaints, shortened
 
 UNITS_MM = {"millimeters": 1.0, "inches": 25.4}
 POINTS = {"drill": "drill", "spot drill": "spot_drill", "chamfer mill": "chamfer_mill"}
-TYPES = ("flat end mill", "ball end mill", "bull nose end mill", "tapered mill", "dovetail mill", *POINTS)
+HANDS = {"tap right hand": "right", "tap left hand": "left"}
+TAP_CHAMFER = 3.0           # threads, which the format does not say: form C has two to three
+TYPES = ("flat end mill", "ball end mill", "bull nose end mill", "tapered mill", "dovetail mill", *POINTS, *HANDS, "thread mill")
 SEGMENT = ("height", "lower-diameter", "upper-diameter")
 
 
@@ -99,8 +102,12 @@ def _cutter(fields, foreign_type, mm):
     shape = _shape(fields, foreign_type, d, mm)
     if (flutes := fields.number("geometry", "NOF")) is None:
         fields.assume("flutes = 1, for the slowest feed (NOF is missing)")
+    neck = _neck(fields, d, flute, shank, mm)
+    if shape["type"] == "tap" and neck["neck_diameter_mm"] > (core := d - MINOR_SHARE * shape["pitch_mm"]):
+        fields.assume(f"neck_diameter_mm = {core:.6g}, the thread's core (the neck that is stated would not follow it)")
+        neck = {**neck, "neck_diameter_mm": core} if "shaft_segments" not in neck else neck
     return {**shape, "flutes": int(flutes or 1), "flute_length_mm": flute, "shank_diameter_mm": shank,
-            "overall_length_mm": overall, **_neck(fields, d, flute, shank, mm)}
+            "overall_length_mm": overall, **neck}
 
 
 def _shape(fields, foreign_type, d, mm):
@@ -115,6 +122,12 @@ def _shape(fields, foreign_type, d, mm):
         return {"type": "ball", "diameter_mm": d, "corner_radius_mm": d / 2}
     if foreign_type == "bull nose end mill":
         return {"type": "bull_nose", "diameter_mm": d, "corner_radius_mm": fields.needed("geometry", "RE") * mm}
+    if foreign_type in HANDS:
+        fields.assume(f"chamfer_threads = {TAP_CHAMFER:g} (a tap's chamfer is not stated)")
+        return {"type": "tap", "diameter_mm": d, "corner_radius_mm": 0.0, "hand": HANDS[foreign_type],
+                "pitch_mm": fields.needed("geometry", "TP") * mm, "chamfer_threads": TAP_CHAMFER}
+    if foreign_type == "thread mill":
+        return {"type": "thread_mill", "diameter_mm": d, "corner_radius_mm": 0.0}
     if foreign_type in POINTS:
         return _pointed(fields, POINTS[foreign_type], d, mm)
     taper = fields.needed("geometry", "TA")

@@ -168,6 +168,14 @@ class _Listing:
     def straight_feed(self, line, values):
         self._add(1, line, [v * MM_PER_INCH for v in values[:3]])
 
+    def rigid_tap(self, line, values):
+        """Down and back; how fast, the module does not say."""
+        above, feed = self.end_mm, self.feed
+        self.feed = np.nan
+        self._add(1, line, [v * MM_PER_INCH for v in values[:3]])
+        self._add(1, line, above)
+        self.feed = feed
+
     def arc_feed(self, line, values):
         first, second, third = ((0, 1, 2), (2, 0, 1), (1, 2, 0))[self.plane]
         a, b, center_a, center_b, rotation, along = (v * MM_PER_INCH for v in values[:6])

@@ -82,6 +82,20 @@ def test_drills_and_chamfer_mills_come_with_their_points(tmp_path):
     assert read.library.tools[0].cutter.point_angle_deg == 140.0 and "as thick as the drill" in read.rows[0].assumed[0]
 
 
+def test_taps_and_thread_mills_come_with_pitch_and_hand(tmp_path):
+    same = {"DC": 6.0, "SFDM": 6.0, "shoulder-length": None, "shoulder-diameter": None}
+    path = fusion_library(tmp_path / "shop.json", fusion_tool("tap right hand", 1, TP=1.0, **same),
+                          fusion_tool("tap left hand", 2, TP=0.75, **same), fusion_tool("tap right hand", 3, **same),
+                          fusion_tool("thread mill", 4, **{**same, "shoulder-length": 30.0, "shoulder-diameter": 4.0}))
+    read = import_tools(path)
+    right, left, mill = (t.cutter for t in read.library.tools)
+    assert (right.type, right.pitch_mm, right.hand) == ("tap", 1.0, "right") and (left.pitch_mm, left.hand) == (0.75, "left")
+    assert right.neck_diameter_mm == pytest.approx(right.body.diameter_mm)
+    assert "chamfer_threads = 3" in " ".join(read.rows[0].assumed)
+    assert "TP is missing" in read.rows[2].skipped_because
+    assert mill.type == "thread_mill" and mill.neck_diameter_mm == 4.0
+
+
 def test_everything_dropped_or_assumed_is_listed(tmp_path):
     tool = fusion_tool(NOF=None, **{"shoulder-diameter": None})
     row = import_tools(fusion_library(tmp_path / "shop.json", tool)).rows[0]
