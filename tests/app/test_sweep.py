@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import pickle
 import signal
 import sys
 from dataclasses import replace
@@ -210,7 +211,11 @@ def test_the_page_shows_every_variant_with_its_picture_and_what_it_came_to(tmp_p
 # the command -----------------------------------------------------------------------------------
 
 
-def test_a_sweep_of_a_part_is_taken_up_where_it_was_and_built_anew_when_the_part_changes(tmp_path):
+def test_a_sweep_of_a_part_is_taken_up_where_it_was_and_built_anew_when_the_part_changes(tmp_path, monkeypatch):
+    """In this process, which has imported CAD already; what goes to another one goes there and back."""
+    there_and_back = lambda value: pickle.loads(pickle.dumps(value))
+    monkeypatch.setattr(sweep_workers, "in_processes", lambda variants, count, threads: (
+        (v, there_and_back(sweep.built(there_and_back(v)))) for v in variants))
     part = tmp_path / "parts/trough.py"
     part.parent.mkdir()
     part.write_text(TROUGH.read_text())
