@@ -42,7 +42,7 @@ $(error PARAMS belong to one design: make $(firstword $(DESIGNS)) PARAMS='name=v
 endif
 endif
 
-.PHONY: all test lint help step doctor bench corpus lock clean distclean FORCE $(DESIGNS)
+.PHONY: all test lint help step doctor bench corpus lock wheel clean distclean FORCE $(DESIGNS)
 .PRECIOUS: $(PUBLISHED) $(STEPS)
 
 all: $(PUBLISHED) ## set-up, then every design with default parameters into outputs/<design>/
@@ -71,14 +71,18 @@ corpus: .venv/.kernels ## parts that nothing was tuned for, each built once: ben
 lock: .venv/.environment ## requirements.lock anew from pyproject.toml, known pins kept; ARGS=--upgrade takes newer ones
 	cp requirements.lock requirements.lock.new
 	$(UV) pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
-	    --python-version 3.11 --group dev --extra mesh-quality $(ARGS) pyproject.toml -o requirements.lock.new
+	    --python-version 3.11 --group dev --extra build123d --extra mesh-quality $(ARGS) pyproject.toml -o requirements.lock.new
 	@if grep -nE '://|^ *--[a-z-]*(index|links)' requirements.lock.new; then \
 	    echo "requirements.lock.new names a host: not taken" >&2; exit 1; fi
 	@if cmp -s requirements.lock.new requirements.lock; then rm requirements.lock.new; echo "requirements.lock stays as it is"; \
 	 else mv requirements.lock.new requirements.lock; fi
 
-clean: ## remove outputs/
-	rm -rf outputs build
+wheel: .venv/.environment ## the package as dist/cuspline-<version>-py3-none-any.whl, for other environments
+	@rm -rf build
+	$(BIN)/python -c "from setuptools import build_meta; print('dist/' + build_meta.build_wheel('dist'))"
+
+clean: ## remove outputs/ and the wheel
+	rm -rf outputs build dist
 
 distclean: clean ## remove the environment and the compiled kernels too
 	rm -rf .venv .pytest_cache .hypothesis *.egg-info

@@ -28,9 +28,9 @@ def default_part(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def whole_default_part(tmp_path_factory):
-    """Output folder of the default part as wide as it is, posted; not to be edited."""
-    return built_once(tmp_path_factory, "whole", "z_profile", "--stage", "gcode")
+def wide_default_part(tmp_path_factory):
+    """Output folder of the default part wide enough for passes that begin and end apart, posted; not to be edited."""
+    return built_once(tmp_path_factory, "whole", "z_profile", "-p", "width_mm=36", "--stage", "gcode")
 
 
 @pytest.fixture(scope="session")

@@ -3,10 +3,13 @@
 import ast
 import doctest
 import re
+import shlex
 from pathlib import Path
 
 import pytest
+import typer
 
+from cuspline.app import cli
 from cuspline.values.finding_kinds import KINDS
 
 ROOT = Path(__file__).parents[1]
@@ -115,6 +118,39 @@ def test_messages_speak_the_words_of_the_trade(folder):
 def test_pages_speak_the_words_of_the_trade(name):
     prose = re.sub(r"`[^`]*`|```.*?```|\{[{%].*?[}%]\}", "", (ROOT / name).read_text(), flags=re.S)
     assert NOT_SAID.findall(prose) == []
+
+
+# commands ---------------------------------------------------------------------------------------
+
+PAGES = ["README.md", "pipeline/app/repository/README.md",
+         *sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md"))]
+PREFIX, WORDS = r"(?:\.venv/bin/)?cuspline ", r"((?:--)?[a-z][^`{end}]*)"
+COMMAND = re.compile(f"^    {PREFIX}{WORDS.format(end=chr(10))}$|`{PREFIX}{WORDS.format(end='')}`", re.M)
+LEFT_TO_THE_READER = {"...": "x", "DIR": "x"}
+
+
+def commands_shown(name):
+    """(words behind `cuspline`, whether arguments are shown) of every command on a page; a name alone is a mention."""
+    for on_a_line, in_text in COMMAND.findall((ROOT / name).read_text()):
+        words = shlex.split((on_a_line or in_text).partition(" #")[0].replace("\\|", "|"))
+        yield [LEFT_TO_THE_READER.get(w, w) for w in words], len(words) > 1
+
+
+@pytest.mark.parametrize("name", [name for name in PAGES if any(commands_shown(name))])
+def test_every_command_shown_is_one_that_the_command_line_takes(name):
+    command = typer.main.get_command(cli.app)
+    for words, has_arguments in commands_shown(name):
+        if words[0].startswith("-"):
+            assert any(words[0] in p.opts for p in command.params), words
+            continue
+        assert words[0] in command.commands, f"{name}: cuspline {' '.join(words)}"
+        if has_arguments:
+            command.commands[words[0]].make_context(words[0], words[1:])       # raises what the command line would say
+
+
+def test_every_command_of_the_command_line_is_on_the_front_page():
+    assert {name for name in typer.main.get_command(cli.app).commands if f"cuspline {name}" not in README
+            and f"`{name}`" not in README} == set()
 
 
 # front page -------------------------------------------------------------------------------------

@@ -17,7 +17,8 @@ def modules():
     """{dotted name: path} of all that is imported as `cuspline`."""
     tops = {"pipeline": "cuspline", "designs": "cuspline.designs", "posts": "cuspline.posts"}
     return {".".join([package, *path.relative_to(ROOT / top).with_suffix("").parts]): path
-            for top, package in tops.items() for path in sorted((ROOT / top).rglob("*.py")) if path.name != "__init__.py"}
+            for top, package in tops.items() for path in sorted((ROOT / top).rglob("*.py"))
+            if path.name not in ("__init__.py", "__main__.py")}
 
 
 @cache

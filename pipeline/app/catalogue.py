@@ -9,7 +9,7 @@ import importlib
 import importlib.util
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -60,7 +60,7 @@ class DesignSource:
     make: Callable
 
     def design(self, assignments):
-        """Make the Design from ["name=value", ...]; what is not named keeps its default.
+        """Make the Design from ["name=value", ...], or from {name: value}; what is not named keeps its default.
 
         Raises:
             InputError: an unknown parameter, or a value that the model refuses; names it.
@@ -69,6 +69,8 @@ class DesignSource:
 
     def validated(self, assignments):
         """The parameter model's value."""
+        if isinstance(assignments, Mapping):
+            return checked(self.parameters, dict(assignments), f"design {self.name}")
         given = [_assignment(a) for a in assignments]
         names = [name for name, _ in given]
         twice = sorted({n for n in names if names.count(n) > 1})

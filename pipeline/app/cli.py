@@ -9,8 +9,8 @@ import os
 import shlex
 import sys
 import traceback
-from dataclasses import asdict, replace
-from functools import cache
+from dataclasses import asdict
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Optional
@@ -27,7 +27,7 @@ from cuspline.values.models import no_such, shortened
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
                   help="From a parametric design to a posted and verified program.")
-FINDINGS, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
+FINDINGS, DIFFERENT, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 1, 2, 3, 130
 SHOWN = 20                # findings told on the terminal; verify.json has all
 WORDS_OF_AN_INTERRUPTION = "interrupted, nothing half-written is left"
 NO_ROOM, NO_LEAVE = "make room on that disk", "name another folder, or get leave to write there"
@@ -67,33 +67,11 @@ def build(
     """Build one design: STEP, plan, program, simulation, verdict, report."""
     with Stages() as stages:
         stages.show(f"{design}: reading")
-        from cuspline.app import build as recipe
-        from cuspline.app import catalogue
-        if stage not in recipe.STAGES:
-            raise InputError(f"--stage {stage!r}: it must be one of {', '.join(recipe.STAGES)}")
-        _refuse_unknown_kinds(accept)
-        source = catalogue.find_design(design)
-        if machine is not None:
-            catalogue.find_machine(machine)         # a wrong name is told before the part is built
-        practice, assignments = catalogue.find_shop(shop, [*_words(params), *param])
-        made = catalogue.make_design(source, assignments)
-        if measured is not None:
-            from cuspline.design.setup_alignment import read_measured, refixtured_setups
-            made = replace(made, setups=refixtured_setups(made.setups, read_measured(measured)))
-        chosen = catalogue.find_machine(machine if machine is not None else made.machine)
-        chosen = catalogue.with_post(chosen, post)
-        library = catalogue.find_library(cutters)
-        folder = out if out is not None else Path("outputs") / made.name
-        result = recipe.build(recipe.Order(source=source, design=made, machine=chosen, library=library, shop=practice,
-                                           accepted=tuple(sorted(set(accept))), out=folder, last_stage=stage), stages.say)
-    _tell(made.name, stage, result)
+        from cuspline.app.request import Request
+        order, result = Request(design=design, parameters=(*_words(params), *param), machine=machine, post=post, cutters=cutters,
+                                shop=shop, measured=measured, out=out, stage=stage, accept=tuple(accept)).built(stages.say)
+    _tell(order.design.name, stage, result)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
-
-
-def _refuse_unknown_kinds(accept):
-    from cuspline.values.finding_kinds import KINDS
-    for kind in sorted(set(accept) - set(KINDS)):
-        raise InputError(f"--accept {shortened(kind)}: {no_such(kind, KINDS)}; `cuspline findings` says what each means")
 
 
 def _words(text):
@@ -163,7 +141,8 @@ def verify(
             help="the .py file of the post that wrote the programs, where it is no post of ours")] = None,
         accept: Annotated[list[str], typer.Option(help="kind of finding to pass over this time, repeatable")] = []):
     """Judge posted files on disk again, against the STEP beside them; the exit status is the worst of all."""
-    _refuse_unknown_kinds(accept)
+    from cuspline.app.outcome import refuse_unknown_kinds
+    refuse_unknown_kinds(accept)
     worst = 0
     for folder in folders:
         try:
@@ -207,6 +186,67 @@ def _verified(folder, measured, post, accept):
     _tell(job.design, "verify", Result(folder=folder, is_ok=not refused, findings=tuple(refused),
                                        figures=judged.figures_in_words, accepted=judged.passed_over(passed)))
     return FINDINGS if refused else 0
+
+
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+             help="Build variants of a design side by side: `cuspline sweep part.py -p a=1:5:9 -p b=2,4`, with all other options "
+                  "of `cuspline build`; a table of every figure, a gallery, time against cusp.")
+def sweep(
+        context: typer.Context,
+        param: Annotated[list[str], typer.Option("-p", "--param", help="name=from:to:count or name=value,value; repeatable")] = [],
+        sample: Annotated[Optional[int], typer.Option(min=1, help="only so many of all combinations, always the same ones")] = None,
+        workers: Annotated[Optional[int], typer.Option(min=1, max=1024, help="processes here; left out: one a core")] = None,
+        scheduler: Annotated[Optional[str], typer.Option(help="a dask.distributed scheduler, tcp://host:port")] = None,
+        out: Annotated[Optional[Path], typer.Option(help="folder; left out: outputs/<design>-sweep")] = None):
+    from cuspline.app.sweep_run import Sweep
+    request = _request_of(context.args)
+    folder = out if out is not None else Path("outputs") / f"{Path(request.design).stem}-sweep"
+    done = Sweep(request=request, texts=tuple(param), sample=sample, out=folder).run(workers, scheduler, print)
+    raise typer.Exit(done)
+
+
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+             help="Build a part again whenever it is saved, and show it on a page of this machine; takes all options of "
+                  "`cuspline build`.")
+def watch(context: typer.Context,
+          port: Annotated[int, typer.Option(min=0, max=65535, help="of the page; 0: any that is free")] = 0):
+    from cuspline.app.watch import watched
+    watched(_request_of(context.args), port, partial(print, flush=True))
+
+
+def _request_of(arguments):
+    """The Request that `cuspline build` would make of its arguments.
+
+    Raises:
+        click's UsageError: an option that it has not.
+    """
+    from cuspline.app.request import Request
+    given = _command().commands["build"].make_context("cuspline sweep", list(arguments)).params
+    params, own = given.pop("params"), given.pop("param")
+    return Request(**{**given, "accept": tuple(given["accept"]), "parameters": (*_words(params), *own)})
+
+
+@app.command()
+def diff(old: Annotated[Path, typer.Argument(help="folder of outputs")],
+         new: Annotated[Path, typer.Argument(help="another one")],
+         json: AsJson = False,
+         markdown: Annotated[bool, typer.Option("--markdown", help="for a pull request")] = False,
+         picture: Annotated[Optional[Path], typer.Option(help="write what changed in plan there (SVG)")] = None):
+    """Compare two folders of outputs, programs by their moves; exit status 0: the same, 1: something differs."""
+    from cuspline.app import comparison_words
+    from cuspline.app.comparison import compared
+    from cuspline.app.comparison_picture import picture as drawn
+    found = compared(old, new)
+    drawing = drawn(found.programs) if picture is not None else ""
+    if drawing:
+        _write(picture, drawing, "--picture")
+    if json:
+        print(jsonlib.dumps(comparison_words.as_document(found), indent=1))
+    elif markdown:
+        print("\n".join(comparison_words.markdown(found, picture if drawing else None)))
+    else:
+        print("\n".join(comparison_words.text(found)))
+    raise typer.Exit(0 if found.is_same else DIFFERENT)
 
 
 @app.command()
@@ -430,6 +470,23 @@ def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an
     rows = [{"kind": name, **asdict(found)} for name, found in KINDS.items() if kind in (None, name)]
     _print(rows, json, lambda f: [f"{f['kind']}: {f['meaning']}"] + (
         [] if kind is None else [f"  example: {f['example']}", f"  fix: {f['fix']}"]))
+
+
+@app.command()
+def schema(document: Annotated[str, typer.Argument(help="plan, verify or manifest")]):
+    """Print the JSON schema of plan.json, verify.json or manifest.json."""
+    from cuspline.app.documents import DOCUMENTS, schema_of
+    if document not in DOCUMENTS:
+        raise InputError(f"{shortened(document)}: {no_such(document, DOCUMENTS)}")
+    print(schema_of(document), end="")
+
+
+@app.command()
+def new(folder: Annotated[Path, typer.Argument(help="where nothing is yet: the repository's folder")]):
+    """Begin a repository of your own: a part, a Makefile, a workflow, the lock of the environment."""
+    from cuspline.app.own_repository import write_repository
+    names = write_repository(folder)
+    print(f"{folder}: {', '.join(names)}; `make` in it builds parts/trough.py")
 
 
 @app.command()

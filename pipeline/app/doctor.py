@@ -15,8 +15,8 @@ def complaints():
         from OCP.IVtkOCC import IVtkOCC_Shape  # noqa: F401  (the symbol that the wrong one lacks)
     except ImportError as error:
         found.append((f"OCP lacks IVtkOCC_Shape ({error})", "remove .venv and run make"))
-    for name, wanted in (("build123d", "0.12"), ("cadquery", "2.8")):
-        if not _is_installed(name) or not importlib.metadata.version(name).startswith(wanted):
+    for name, wanted, is_needed in (("build123d", "0.12", False), ("cadquery", "2.8", True)):
+        if not (importlib.metadata.version(name).startswith(wanted) if _is_installed(name) else not is_needed):
             found.append((f"{name} {wanted} is not installed", "remove .venv and run make"))
     return found
 
@@ -24,6 +24,8 @@ def complaints():
 def notes():
     """What is missing without doing harm."""
     missing = []
+    if not _is_installed("build123d"):
+        missing.append("build123d is not installed: parts in CadQuery and STEP parts only")
     if not _is_installed("pymeshlab"):
         missing.append("pymeshlab is not installed: no Hausdorff distance, no coloured mesh")
     if shutil.which("chromium") is None:

@@ -1,6 +1,8 @@
 """What the `cuspline` command runs first: Ctrl-C is listened for before anything that takes time is imported."""
 
+import os
 import sys
+from contextlib import suppress
 
 from cuspline.values import interruption
 
@@ -15,4 +17,10 @@ def main():
             raise
         print("cuspline: interrupted, nothing half-written is left", file=sys.stderr)
         sys.exit(130)
-    command()
+    try:
+        command()
+    except SystemExit as end:
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError):
+                stream.flush()
+        os._exit(end.code)      # Python would take the CAD library down piece by piece, as long as a small command takes

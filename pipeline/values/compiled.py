@@ -22,12 +22,13 @@ from pathlib import Path
 import numba
 import numpy as np
 from numba.core import types
-from numba.core.caching import FunctionCache, NullCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 
+from cuspline.values.kernel_folders import KernelLocator, folder_of
 from cuspline.values.kernel_parts import PartCacheImpl, PartCompiler
 from cuspline.values.known_calls import KnownCalls
 
@@ -72,7 +73,7 @@ class CompiledOnce(CPUDispatcher):
             if tuple(getattr(sig, "args", sig)) in self.overloads:
                 return super().compile(sig)
             if type(self._cache) is NullCache:      # at first use: what it calls may stand below it in the file
-                self._cache = self._kept_at() if Path(self.py_func.__code__.co_filename).exists() else NotKept()
+                self._cache = self._kept_at() if is_kept(self.py_func) else NotKept()
             with self._cache.turn(sig, self.targetctx), _rare_collections(), KNOWN_CALLS.within(self.typingctx):
                 return super().compile(sig)
 
@@ -168,21 +169,34 @@ def _rare_collections():
 
 
 class NotKept(NullCache):
-    """For a function without a file, as in a doctest."""
+    """For a function without a file, as in a doctest, and where nothing can be written."""
 
     def turn(self, sig, target_context):
         return nullcontext()
 
 
+def is_kept(function):
+    """Whether the compiled code of a function can be kept."""
+    file = function.__code__.co_filename
+    return Path(file).exists() and folder_of(function.__module__, file)[0] is not None
+
+
+class KernelCacheImpl(CompileResultCacheImpl):
+    """Kernels on their way to disk and back."""
+
+    _locator_classes = [KernelLocator]
+
+
 class KernelCache(FunctionCache):
     """What numba asks for compiled code, and hands it to."""
 
-    suffix = ""
+    _impl_class, suffix = KernelCacheImpl, ""
 
     def __init__(self, kernel):
         super().__init__(kernel.py_func)
         name = self._impl.filename_base.rpartition("-")[0] + self.suffix
-        self._cache_file = KernelFiles(Path(self._cache_path), name, fingerprint(kernel))
+        _, states = folder_of(kernel.py_func.__module__, kernel.py_func.__code__.co_filename)
+        self._cache_file = KernelFiles(Path(self._cache_path), name, fingerprint(kernel), states)
 
     def _index_key(self, sig, codegen):
         return repr((sig, list(_fields(sig)), codegen.magic_tuple()))
@@ -209,8 +223,8 @@ def _fields(sig):
 class KernelFiles:
     """The compiled files of one kernel: <kernel>.<checksum of its sources>.<checksum of the types>.kernel."""
 
-    def __init__(self, folder, name, sources):
-        self.folder, self.name, self.sources = folder, name, sources
+    def __init__(self, folder, name, sources, states=1):
+        self.folder, self.name, self.sources, self.states = folder, name, sources, states
 
     def load(self, key):
         """What `save` was given, or None."""
@@ -220,17 +234,29 @@ class KernelFiles:
             return None
 
     def save(self, key, data):
-        """Write a file, remove those of other sources.  Where there is no room for it the next process compiles anew."""
+        """Write a file, remove those of the oldest sources.  Where there is no room for it the next process compiles anew."""
         path = self._path(key)
         beside = path.with_suffix(f".{uuid.uuid4().hex[:LETTERS]}")
         try:
             beside.write_bytes(dumps(data))
             os.replace(beside, path)
-            for other in self.folder.glob(f"{self.name}.*{SUFFIX}"):
-                if not other.name.startswith(f"{self.name}.{self.sources}."):
-                    other.unlink(missing_ok=True)
+            self._remove_oldest()
         except OSError:
             beside.unlink(missing_ok=True)
+
+    def _remove_oldest(self):
+        """Leave the files of as many states of the sources as may stay, the present one among them."""
+        of_others = {}
+        for path in self._files():
+            sources = path.name.split(".")[-3]
+            if sources != self.sources:
+                of_others.setdefault(sources, []).append(path)
+        if len(of_others) < self.states:
+            return
+        newest_first = sorted(of_others.values(), key=lambda files: max(_written_ns(f) for f in files), reverse=True)
+        for files in newest_first[self.states - 1:]:
+            for path in files:
+                path.unlink(missing_ok=True)
 
     @contextmanager
     def turn(self, key):
@@ -257,11 +283,24 @@ class KernelFiles:
 
     def flush(self):
         """Remove the files of this kernel."""
-        for path in self.folder.glob(f"{self.name}.*{SUFFIX}"):
+        for path in self._files():
             path.unlink(missing_ok=True)
+
+    def _files(self):
+        """Those of this kernel, not of one within it (`one.rows`)."""
+        return [path for path in self.folder.glob(f"{self.name}.*{SUFFIX}")
+                if path.name.count(".") == self.name.count(".") + 3]
 
     def _path(self, key):
         return self.folder / f"{self.name}.{self.sources}.{_checksum(key)}{SUFFIX}"
+
+
+def _written_ns(path):
+    """When a file was written; 0: another process has removed it."""
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return 0
 
 
 def _is_mine(lock):

@@ -12,6 +12,8 @@ from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.typed_passes import NativeLowering
 
+from cuspline.values.kernel_folders import KernelLocator
+
 
 class Place:
     """Stands for a part where numba asks for the function that Python calls."""
@@ -65,6 +67,8 @@ class PartCompiler(CompilerBase):
 
 class PartCacheImpl(CompileResultCacheImpl):
     """Parts on their way to disk and back."""
+
+    _locator_classes = [KernelLocator]
 
     def reduce(self, cres):
         cres.fndesc.typemap = cres.fndesc.calltypes = None              # as numba itself: not to be pickled

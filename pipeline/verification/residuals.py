@@ -183,7 +183,7 @@ def _tops(piece, k, looked, feeds, sampled):
     if len(piece.cuts) > 1:
         hills += [(-looked.each[k][j], beside(j), depths) for j, depths in enumerate(alone)]
     tops = [tops_of(ground, samples.points_mm, samples.face, *hill, spacing_mm) for hill in hills]
-    tops += [bottoms_of(ground, samples.points_mm, samples.normals, samples.face, _stands(c), depths, spacing_mm)
+    tops += [bottoms_of(ground, samples.points_mm, samples.normals, samples.face, _stands(c, spacing_mm), depths, spacing_mm)
              for c, depths in zip(piece.cuts, alone)]
     face, u, v = (np.concatenate([getattr(t, name) for t in tops]) for name in ("face", "u", "v"))
     places = ground.places(face, u, v)
@@ -192,11 +192,17 @@ def _tops(piece, k, looked, feeds, sampled):
                    face=face[good], is_border=ground.is_at_rim(face, u, v)[good])
 
 
-def _stands(cut):
-    """Where a clamping's tools have stood: [(tips (n, 3), axis (3,), flat radius, corner radius)], part coordinates."""
-    ends = lambda g: np.concatenate([g[:, :3], g[:, 3:6], (g[g[:, 11] == 0, :3] + g[g[:, 11] == 0, 3:6]) / 2])
-    return [(cut.frame.out(np.unique(ends(p.geometry), axis=0)), cut.frame.rotation[:, 2], p.flat_radius_mm,
-             p.corner_radius_mm) for p in upright_paths(cut.paths) if p.corner_radius_mm > 0]
+def _stands(cut, apart_mm):
+    """Where a clamping's tools have stood: [(tips (n, 3), axis (3,), flat radius, corner radius)], part coordinates.
+
+    Ends of pieces, and the middles of straight ones that are longer than `apart_mm`.
+    """
+    def tips(g):
+        way = g[:, 3:6] - g[:, :3]
+        long = (g[:, 11] == 0) & ((way * way).sum(axis=1) > apart_mm * apart_mm)
+        return np.concatenate([g[:, :3], g[:, 3:6], g[long, :3] + way[long] / 2])
+    return [(cut.frame.out(np.unique(tips(p.geometry), axis=0)), cut.frame.rotation[:, 2], p.flat_radius_mm, p.corner_radius_mm)
+            for p in upright_paths(cut.paths) if p.corner_radius_mm > 0]
 
 
 def _at_rims(deviation, samples, paths, frame):

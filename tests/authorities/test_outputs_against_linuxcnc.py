@@ -53,13 +53,13 @@ def test_the_controller_leaves_the_narrow_part_by_no_more_than_the_error_bound_c
 
 
 @pytest.mark.controller
-def test_the_controller_keeps_the_path_tolerance_and_the_predicted_time(whole_default_part):
+def test_the_controller_keeps_the_path_tolerance_and_the_predicted_time(wide_default_part):
     machine = find_machine("mill_3axis")
-    tools = {n: t.length_mm for n, t in read_tools(whole_default_part).items()}
-    run = run_on_controller(whole_default_part / "setup-1.ngc", tools, machine)
+    tools = {n: t.length_mm for n, t in read_tools(wide_default_part).items()}
+    run = run_on_controller(wide_default_part / "setup-1.ngc", tools, machine)
     assert run.is_finished and run.errors == ()
-    operations = json.loads((whole_default_part / "plan.json").read_text())["setups"][0]["operations"]
-    lines = (whole_default_part / "setup-1.ngc").read_text().splitlines()
+    operations = json.loads((wide_default_part / "plan.json").read_text())["setups"][0]["operations"]
+    lines = (wide_default_part / "setup-1.ngc").read_text().splitlines()
     finishing = next(k for k, line in enumerate(lines, 1) if line.startswith(FINISHING))
     predicted_s = sum(o["time_s"] for o in operations)
     print(f"deviation {run.deviation_mm:.6f} mm at line {run.deviation_line}, moving {run.moving_s:.1f} s, "

@@ -9,7 +9,7 @@ import pytest
 from numba.core import types
 from numba.core.registry import cpu_target
 
-from cuspline.values import compiled
+from cuspline.values import compiled, kernel_folders
 from cuspline.values.compiled import fingerprint, njit
 
 CALLED = """
@@ -218,3 +218,61 @@ def test_a_constant_that_cannot_be_told_apart_is_refused():
 def test_the_checksum_of_a_kernel_does_not_depend_on_the_process():
     """Sets of words are in another order in every process."""
     assert compiled._constant(frozenset({"b", "a", "c"})) == "[\"'a'\", \"'b'\", \"'c'\"]"
+
+
+# where compiled code is kept ---------------------------------------------------------------------
+
+OWN = """
+from cuspline.values.compiled import njit
+
+
+@njit
+def own(x):
+    return x + 3.0
+"""
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """installed(environment, text): the kernel of a package installed into an environment, as a new process would import it."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+    def load(environment, text=OWN):
+        folder = tmp_path / environment / "package"
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "own_kernels.py").write_text(text)
+        monkeypatch.setattr(kernel_folders, "PACKAGE", folder)
+        spec = importlib.util.spec_from_file_location("own_kernels", folder / "own_kernels.py")
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "own_kernels", module)
+        spec.loader.exec_module(module)
+        return module.own
+    return load
+
+
+def test_what_one_environment_has_compiled_is_found_in_the_next(installed, tmp_path):
+    assert was_compiled(installed("first"), 1.0) and not was_compiled(installed("second"), 1.0)
+    assert [p.parent for p in tmp_path.rglob("*.kernel")] == [tmp_path / "cache/cuspline/kernels/own_kernels"]
+
+
+def test_environments_of_other_versions_do_not_remove_each_other_s_code(installed, tmp_path):
+    texts = [OWN.replace("3.0", f"{k}.0") for k in range(kernel_folders.SHARED + 2)]
+    for text in texts[:2]:
+        installed("first", text)(1.0)
+    assert not was_compiled(installed("first", texts[0]), 1.0) and not was_compiled(installed("first", texts[1]), 1.0)
+    for text in texts:
+        installed("first", text)(1.0)
+    assert len(list(tmp_path.rglob("*.kernel"))) == kernel_folders.SHARED
+
+
+def test_a_checkout_that_cannot_be_written_uses_the_user_s_cache_and_without_one_nothing_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    source = tmp_path / "sources/own_kernels.py"
+    source.parent.mkdir()
+    source.write_text(OWN)
+    assert kernel_folders.folder_of("own", source) == (source.parent / "__pycache__", kernel_folders.OF_ITS_OWN)
+    source = tmp_path / "a file/own_kernels.py"
+    source.parent.write_text("where no folder can be made")
+    assert kernel_folders.folder_of("own", source) == (tmp_path / "cache/cuspline/kernels/own", kernel_folders.SHARED)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(source.parent))
+    assert kernel_folders.folder_of("own", source) == (None, kernel_folders.SHARED)

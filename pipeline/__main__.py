@@ -1,0 +1,5 @@
+"""`python -m cuspline`: the command line."""
+
+from cuspline.app.entry import main
+
+main()

@@ -1,0 +1,154 @@
+"""plan.json, verify.json and manifest.json as typed values; what other programs rely on, published as JSON schemas.
+
+More may stand in a file than is named here; what is named here stands in it.  Lengths in mm, times in s.
+"""
+
+import json
+
+from pydantic import BaseModel, ConfigDict, Field
+
+SCHEMA = "https://json-schema.org/draft/2020-12/schema"
+Place = tuple[float, float, float]
+
+
+class Document(BaseModel):
+    """Frozen; unknown keys are passed over, so that a file of a later version can be read."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+
+class FindingRow(Document):
+    """One thing wrong with a program."""
+
+    kind: str = Field(description="one of `cuspline findings`")
+    amount_mm: float = Field(description="how much; 0 where a length makes no sense")
+    place_mm: Place | None = Field(description="part coordinates")
+    operation: str = Field(description="empty where it belongs to none")
+    line: int = Field(description="of the posted text; 0 unknown")
+    setup: str
+    advice: str = Field(description="how to fix it")
+    accepted: bool = Field(default=False, description="whether the program was published in spite of it")
+
+
+class Figures(Document):
+    """What a setup, or all together, came to."""
+
+    ok: bool = Field(description="no finding that was not accepted by name")
+    gouge_max_mm: float = Field(description="deepest cut below the design, measured")
+    gouge_proven_mm: float | None = Field(description="no move cuts deeper, proven; null: not proven")
+    excess_max_mm: float = Field(description="highest material left where a cutter reaches, measured")
+    excess_proven_mm: float | None = Field(description="nothing stands higher, proven; null: not proven")
+    cusp_max_mm: float = Field(description="highest cusp")
+    cusp_p99_mm: float = Field(description="99 % of the cusps are no higher")
+    error_bound_mm: float | None = Field(description="of the amounts measured; null: unknown")
+    gouge_volume_mm3: float
+    gouge_volume_bound_mm3: float
+    excess_volume_mm3: float
+    excess_volume_bound_mm3: float
+    points_checked: int
+    area_required_mm2: float
+    area_reached_mm2: float
+    area_unreachable_mm2: float
+    collisions: tuple[FindingRow, ...]
+    findings: tuple[FindingRow, ...]
+
+
+class SetupFigures(Figures):
+    """The same of one setup, or of one indexed position."""
+
+    setup: str
+
+
+class StockRow(Document):
+    """The stock after an operation, as the posted text leaves it."""
+
+    setup: str
+    operation: str
+    file: str = Field(description="STL file beside this one")
+    volume_mm3: float
+    sha256: str
+
+
+class VerifyDocument(Figures):
+    """verify.json: the verdict in numbers."""
+
+    setups: tuple[SetupFigures, ...]
+    accepted: tuple[str, ...] = Field(description="kinds of findings that were accepted by name")
+    stock: tuple[StockRow, ...] = Field(description="in the order of cutting")
+
+
+class ToolRow(Document):
+    """A tool as an operation uses it."""
+
+    number: int
+    name: str
+    type: str
+    diameter_mm: float
+    corner_radius_mm: float = 0.0
+    stick_out_mm: float
+
+
+class CandidateRow(Document):
+    """A cutter that was looked at."""
+
+    tool: int
+    name: str
+    chosen: bool
+    reason: str
+
+
+class OperationRow(Document):
+    """One operation of a plan."""
+
+    name: str
+    tool: ToolRow
+    spindle_rpm: float
+    feed_mm_per_min: tuple[float, float] = Field(description="slowest and fastest in the cut")
+    blocks: int
+    time_s: float
+    length_mm: float
+    stepover_mm: float | None = None
+    candidates: tuple[CandidateRow, ...] = ()
+
+
+class SetupPlanRow(Document):
+    """One setup of a plan."""
+
+    name: str
+    operations: tuple[OperationRow, ...]
+    time_s: float = Field(description="tool changes with it")
+    clearance_z_mm: float
+    area_required_mm2: float
+    area_reached_mm2: float
+
+
+class PlanDocument(Document):
+    """plan.json: per operation the cutter, why it was chosen, stepover, feeds and time."""
+
+    design: str
+    machine: str
+    material: str
+    min_concave_radius_mm: float | None = Field(description="null: nothing is concave")
+    setups: tuple[SetupPlanRow, ...]
+
+
+class ManifestDocument(Document):
+    """manifest.json: what the outputs were made of, and a SHA-256 of every file."""
+
+    design: str
+    stage: str
+    inputs_sha256: str
+    parameters: dict[str, object]
+    machine: str
+    accepted: tuple[str, ...]
+    left_out: str
+    versions: dict[str, str]
+    files: dict[str, str] = Field(description="file name: SHA-256")
+
+
+DOCUMENTS = {"plan": PlanDocument, "verify": VerifyDocument, "manifest": ManifestDocument}
+
+
+def schema_of(name):
+    """The JSON schema of one of DOCUMENTS, as text."""
+    return json.dumps({"$schema": SCHEMA, **DOCUMENTS[name].model_json_schema(mode="validation")}, indent=1) + "\n"

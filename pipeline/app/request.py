@@ -1,0 +1,76 @@
+"""What a build was asked for, in names and files: the command line, Python and sweeps all make their orders of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from cuspline.app import catalogue
+from cuspline.app.build import STAGES, Order, build
+from cuspline.app.outcome import refuse_unknown_kinds
+from cuspline.design import Design
+from cuspline.design.fixtures import fixtures_beside
+from cuspline.shop.machines import Machine
+from cuspline.values.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """A design and what it is to be made with; None: as `cuspline build` chooses without a word."""
+
+    design: object                                  # a name, a file, or a Design
+    parameters: Mapping | tuple = ()                # {name: value}, or ("name=value", ...)
+    machine: object = None                          # a name, a TOML file, or a Machine
+    post: str | None = None
+    cutters: object = None                          # a JSON file
+    shop: object = None                             # a TOML file
+    measured: object = None                         # a CSV file
+    out: object = None                              # a folder
+    stage: str = "report"
+    accept: tuple = ()
+
+    def order(self):
+        """build.Order of it.
+
+        Raises:
+            InputError: something that is named is not there, or is wrong; DesignError: the design cannot be made.
+        """
+        if self.stage not in STAGES:
+            raise InputError(f"--stage {self.stage!r}: it must be one of {', '.join(STAGES)}")
+        refuse_unknown_kinds(self.accept)
+        source = None if isinstance(self.design, Design) else catalogue.find_design(str(self.design))
+        if self.machine is not None:
+            _machine_of(self.machine)               # a wrong name is told before the part is built
+        practice, parameters = self._of_the_shop()
+        made = _as_it_stands(self.design, parameters) if source is None else catalogue.make_design(source, parameters)
+        if self.measured is not None:
+            from cuspline.design.setup_alignment import read_measured, refixtured_setups
+            made = replace(made, setups=refixtured_setups(made.setups, read_measured(self.measured)))
+        chosen = catalogue.with_post(_machine_of(self.machine if self.machine is not None else made.machine), self.post)
+        library = catalogue.find_library(self.cutters)
+        out = Path(self.out) if self.out is not None else Path("outputs") / made.name
+        return Order(source=source, design=made, machine=chosen, library=library, shop=practice,
+                     accepted=tuple(sorted(set(self.accept))), out=out, last_stage=self.stage)
+
+    def _of_the_shop(self):
+        """(ShopFile, the design's own parameters)."""
+        if isinstance(self.parameters, Mapping):
+            return catalogue.find_shop(self.shop, [])[0], self.parameters
+        return catalogue.find_shop(self.shop, self.parameters)
+
+    def built(self, say=lambda text: None):
+        """(Order, outcome.Result): see `build`."""
+        order = self.order()
+        return order, build(order, say)
+
+
+def _machine_of(machine):
+    return machine if isinstance(machine, Machine) else catalogue.find_machine(str(machine))
+
+
+def _as_it_stands(design, parameters):
+    """A Design that was made already; files of its stock and fixtures are looked for in the folder that is worked in."""
+    if parameters:
+        raise InputError(f"design {design.name} is made already: give the parameters {', '.join(map(str, parameters))} to the "
+                         "function that makes it")
+    here = Path.cwd()
+    return replace(design, stock=design.stock.beside(here), setups=tuple(fixtures_beside(s, here) for s in design.setups))

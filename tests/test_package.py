@@ -1,0 +1,158 @@
+"""The wheel works in an empty folder; `cuspline new` makes a repository whose make and workflow run with it."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+import yaml
+
+from cuspline.app import cli
+from cuspline.app.own_repository import FILES
+
+ROOT = Path(__file__).parents[1]
+NOT_SOURCES = shutil.ignore_patterns(".git", ".venv", "outputs", "build", "dist", "__pycache__", "*.egg-info", ".*_cache",
+                                     ".hypothesis", "tests", "bench", "docs")
+# python3 as it is, but for packages: what would be fetched is only looked at
+PYTHON = """#!/bin/sh
+case "$*" in
+    "-m venv .venv") mkdir -p .venv/bin; cp "$0" .venv/bin/python ;;
+    *"pip install"*" -r requirements.lock") grep -q -- --hash=sha256: requirements.lock ;;
+    *"pip install"*.whl)
+        for wheel; do :; done
+        [ -f "$wheel" ] && printf '#!/bin/sh\\nexec "%s" -m cuspline "$@"\\n' "$(pwd)/.venv/bin/python" > .venv/bin/cuspline
+        chmod +x .venv/bin/cuspline ;;
+    *) exec {python} "$@" ;;
+esac
+"""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """The package, built from a copy of the tree without a network."""
+    tree = tmp_path_factory.mktemp("tree") / "cuspline"
+    shutil.copytree(ROOT, tree, symlinks=True, ignore=NOT_SOURCES)
+    build = "from setuptools import build_meta; print(build_meta.build_wheel('dist'))"
+    done = subprocess.run([sys.executable, "-c", build], cwd=tree, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return next((tree / "dist").glob("*.whl"))
+
+
+@pytest.fixture(scope="module")
+def environment(wheel, tmp_path_factory):
+    """Variables of a process that finds the installed wheel, and the kernels that were compiled here in the user's cache."""
+    folder = tmp_path_factory.mktemp("installed")
+    done = subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps",
+                           "--no-index", "--no-compile", "--target", str(folder / "site"), str(wheel)],
+                          capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    for path in (*(ROOT / "pipeline").rglob("*.kernel"), *(ROOT / "posts").rglob("*.kernel")):
+        inside = path.parent.parent.relative_to(ROOT / "pipeline" if "pipeline" in path.parts else ROOT).parts
+        cache = folder / "cache/cuspline/kernels" / ".".join(("cuspline", *inside, path.name.split(".")[0]))
+        cache.mkdir(parents=True, exist_ok=True)
+        (cache / path.name).symlink_to(path)
+    return {**os.environ, "PYTHONPATH": str(folder / "site"), "XDG_CACHE_HOME": str(folder / "cache"),
+            "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+def ran(environment, folder, *arguments):
+    return subprocess.run([sys.executable, "-m", "cuspline", *arguments], cwd=folder, env=environment, capture_output=True,
+                          text=True)
+
+
+def test_every_file_of_the_tree_is_in_the_wheel(wheel):
+    tops = {"pipeline": "cuspline", "designs": "cuspline/designs", "posts": "cuspline/posts"}
+    wanted = {f"{package}/{path.relative_to(ROOT / top).as_posix()}" for top, package in tops.items()
+              for path in (ROOT / top).rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    assert {Path(name).suffix for name in wanted} >= {".py", ".toml", ".json", ".csv", ".js", ".html", ".css", ".lock"}
+    inside = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    assert inside == wanted
+
+
+def test_the_wheel_asks_for_no_package_that_brings_the_other_ocp(wheel):
+    archive = zipfile.ZipFile(wheel)
+    metadata, = (archive.read(name).decode() for name in archive.namelist() if name.endswith("/METADATA"))
+    always = [line for line in metadata.splitlines() if line.startswith("Requires-Dist:") and "extra ==" not in line]
+    assert any("cadquery" in line for line in always) and not any("build123d" in line for line in always)
+
+
+def test_the_installed_package_runs_in_an_empty_folder(environment, tmp_path):
+    assert re.fullmatch(r"cuspline \d+\.\d+\.\d+\n", ran(environment, tmp_path, "--version").stdout)
+    where = subprocess.run([sys.executable, "-c", "import cuspline; print(cuspline.__file__)"], cwd=tmp_path, env=environment,
+                           capture_output=True, text=True).stdout
+    assert where.startswith(environment["PYTHONPATH"])
+    done = ran(environment, tmp_path, "materials")
+    assert "aluminium_6061" in done.stdout, done.stderr
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+def test_the_workflow_of_a_new_repository_runs_with_the_wheel(wheel, environment, tmp_path):
+    made = ran(environment, tmp_path, "new", "my-parts")
+    assert made.returncode == 0, made.stderr
+    repository = tmp_path / "my-parts"
+    assert {p.relative_to(repository).as_posix() for p in repository.rglob("*") if p.is_file()} == set(FILES.values())
+    assert (repository / "requirements.lock").read_bytes() == (ROOT / "requirements.lock").read_bytes()
+    assert (repository / "README.md").read_text().startswith("# my-parts\n")
+
+    tools, variables = tmp_path / "bin", {**environment, "HOME": str(tmp_path), "STAGE": "plan"}
+    tools.mkdir()
+    (tools / "python3").write_text(PYTHON.replace("{python}", sys.executable))
+    (tools / "sudo").write_text("#!/bin/sh\n[ \"$1\" = apt-get ]\n")
+    for tool in tools.iterdir():
+        tool.chmod(0o755)
+    variables["PATH"] = f"{tools}:{os.environ['PATH']}"
+    (repository / "vendor").mkdir()
+    shutil.copy(wheel, repository / "vendor")
+
+    job, = yaml.safe_load((repository / ".github/workflows/build.yml").read_text())["jobs"].values()
+    done = [step_done(step, repository, variables) for step in job["steps"]]
+    assert done.count("run") == 3 and "trough" in os.listdir(repository / "outputs")
+    assert {"plan.json", "manifest.json", "trough.step"} <= set(os.listdir(repository / "outputs/trough"))
+    assert list(Path(environment["PYTHONPATH"]).rglob("*.kernel")) == []
+    again = subprocess.run(["make"], cwd=repository, env=variables, capture_output=True, text=True)
+    assert (again.returncode, "Nothing to be done" in again.stdout) == (0, True)
+
+
+def step_done(step, repository, variables):
+    """One step of a workflow, here: its commands, or what it uses as far as that can be seen."""
+    if "run" in step:
+        done = subprocess.run(["bash", "-eo", "pipefail", "-c", step["run"]], cwd=repository, env=variables, capture_output=True,
+                              text=True)
+        assert done.returncode == 0, f"{step['name']}: {done.stdout}{done.stderr}"
+        return "run"
+    action = step["uses"].split("@")[0]
+    if action == "actions/upload-artifact":
+        assert any((repository / step["with"]["path"]).iterdir())
+    assert action.startswith("actions/")
+    return action
+
+
+def test_make_without_the_wheel_says_what_is_missing(tmp_path):
+    assert cli.run(["new", str(tmp_path / "parts")]) == 0
+    done = subprocess.run(["make", "setup"], cwd=tmp_path / "parts", capture_output=True, text=True)
+    assert done.returncode == 2 and "put the wheel of cuspline into vendor/ first" in done.stderr
+
+
+@pytest.mark.parametrize("status, code", [(0, 0), (1, 0), (2, 2)])
+def test_make_diff_of_a_new_repository_fails_only_where_nothing_can_be_compared(status, code, tmp_path):
+    assert cli.run(["new", str(tmp_path / "parts")]) == 0
+    (tmp_path / "stub").write_text(f"#!/bin/sh\necho \"$@\"\nexit {status}\n")
+    (tmp_path / "stub").chmod(0o755)
+    done = subprocess.run(["make", "diff", "BASE=../old", f"CUSPLINE={tmp_path}/stub"], cwd=tmp_path / "parts", capture_output=True,
+                          text=True)
+    assert (done.returncode, done.stdout) == (code, "diff ../old/outputs/trough outputs/trough --markdown\n")
+
+
+def test_a_new_repository_overwrites_nothing(tmp_path, capsys):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/mine.txt").write_text("mine")
+    assert cli.run(["new", str(tmp_path / "parts")]) == 2
+    assert "exists and is not empty: nothing is overwritten; name a new folder" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == ["parts"] and os.listdir(tmp_path / "parts") == ["mine.txt"]
+    assert cli.run(["new", str(tmp_path / "a*b")]) == 2 and "choose another name" in capsys.readouterr().err
+    (tmp_path / "parts/mine.txt").unlink()
+    assert cli.run(["new", str(tmp_path / "parts")]) == 0
