@@ -32,6 +32,7 @@ SPLIT_MM = 0.02           # cells of which one clamping has cut a part and anoth
 NOISE_MM = 1e-6           # a height is exceeded only by more than this
 ROUNDS = 60               # of raising the height, and of halving what cannot be reached
 BATCH = 4000              # roots that there is room for at a time
+MOST_AT_RIMS = 4096       # of the cells given up as too small, whose heights are looked at: they lie side by side
 REASONS = ("excess", "unreachable", "rim", "inside")
 
 
@@ -117,6 +118,14 @@ def _is_known(path):
     return isinstance(path, SweptPath) or path.is_steady
 
 
+def _some(chosen, most):
+    """(n,) bool: of the rows that are chosen every so many-th, no more than so many."""
+    rows = np.flatnonzero(chosen)
+    out = np.zeros(len(chosen), bool)
+    out[rows[::max(1, -(-len(rows) // most))]] = True
+    return out
+
+
 class _Search:
     """One run of the proof."""
 
@@ -195,7 +204,7 @@ class _Search:
         above, d, fair = given.reason == ABOVE, np.full(len(given), -np.inf), np.zeros(len(given), bool)
         known = np.flatnonzero(np.isfinite(normals).all(axis=1))
         fair[known] = self.is_reachable(points[known], normals[known], face[known])
-        rows = np.flatnonzero(fair)                         # along the foot of a wall there are many more that no ball reaches
+        rows = np.flatnonzero(fair & (above | _some(~above & fair, MOST_AT_RIMS)))     # along a rim there are very many more
         d[rows] = self.deviation_of(points[rows], normals[rows])
         excess = above & fair & (d > self.allowed + NOISE_MM)
         self.higher.append((points[excess], d[excess]))

@@ -1,5 +1,6 @@
 """A whole plate by `Auto`: drilled, bored, contoured and chamfered, verified as posted; what its program must not do is found."""
 
+import math
 import shutil
 from pathlib import Path
 
@@ -32,12 +33,15 @@ def test_a_plate_is_made_whole_at_the_first_try(plate):
 
 SPOILT = (("G1 X0\nG2 X-8 Y0 I0 J8\nG1 Y24\n", "G1 X0\nG2 X-8 Y0 I0 J8\n"
            "G1 Z5.6\nX8\nY24\nX-8\nZ0\nY0\nY24\n"),                                                     # wrong side, shallow
-          ("G2 X37.4725 Y19 I0 J-6.4725\nG1 Y5\n", "G2 X37.4725 Y19 I0 J-6.4725\nG1 Z4.2275\nY5\nZ4.4275\n"))   # a chamfer
-FOUND = (("on the wrong side", lambda x, y, z: x < 9, 0.25, 0.45),
+          ("G2 X37.4725 Y19 I0 J-6.4725\nG1 Y5\n", "G2 X37.4725 Y19 I0 J-6.4725\nG1 Z4.2275\nY5\nZ4.4275\n"),   # a chamfer
+          ("X26 Y12 I2 J0\nX24 Y14 I-2 J0\nX23", "X26 Y12 I2 J0\nG1 X26.05\nG3 X21.95 I-2.05 J0\nX26.05 I2.05 J0\nG1 X26\n"
+           "G3 X24 Y14 I-2 J0\nX23"))                                                                       # a bore, 0.1 mm wider
+FOUND = (("bored too wide", lambda x, y, z: abs(math.hypot(x - 24, y - 12) - 7) < 0.2, 0.047, 0.053),
+         ("on the wrong side", lambda x, y, z: x < 9, 0.25, 0.45),
          ("chamfer too deep", lambda x, y, z: x > 33, 0.2 * 0.5 ** 0.5 - 0.02, 0.2 * 0.5 ** 0.5 + 0.01))
 
 
-def test_a_wrong_side_and_a_chamfer_too_deep_are_found(plate, tmp_path):
+def test_a_wrong_side_a_chamfer_too_deep_and_a_bore_too_wide_are_found(plate, tmp_path):
     folder = shutil.copytree(plate, tmp_path / "spoilt")
     text = (folder / "setup-1.ngc").read_text()
     for old, new in SPOILT:

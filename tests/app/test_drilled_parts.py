@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from built_parts import ran
 
-from cuspline.app.judge import judge
+from cuspline.app.judge import judge, judge_text
 from cuspline.design.job import read_job
 from cuspline.values.errors import CamError
 from cuspline.verification.verdict import Options
@@ -108,6 +108,15 @@ def test_a_spoilt_program_is_found_with_its_place_and_amount(plate, tmp_path, na
     for (kind, near), amount in FOUND[name].items():
         here = [f.amount_mm for f in found if f.kind == kind and abs(f.place_mm[0] - near) < 6]
         assert here and (amount is None or max(here) == pytest.approx(amount, rel=0.07, abs=0.003)), (kind, near, found)
+
+
+def test_a_hole_drilled_deeper_than_four_diameters_without_a_peck_is_found(plate, tmp_path):
+    folder = shutil.copytree(plate, tmp_path / "deep")
+    text = (folder / "setup-1.ngc").read_text()
+    assert "G98 G81 X10 Y30 Z-1.4099 R13" in text
+    (folder / "setup-1.ngc").write_text(text.replace("G98 G81 X10 Y30 Z-1.4099 R13", "G0 Z30\nG98 G81 X10 Y30 Z-1.4099 R19"))
+    found = [f for f in judge_text(folder, read_job(folder)) if f.kind == "deep_hole"]
+    assert [f.amount_mm for f in found] == [pytest.approx(19 + 1.4099)] and found[0].place_mm[:2] == (10, 30)
 
 
 def test_a_hole_drilled_from_the_wrong_side_is_found(plate, tmp_path):
