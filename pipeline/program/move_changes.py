@@ -8,8 +8,10 @@ from scipy.spatial import cKDTree
 
 from cuspline.program.arcs import Arc
 from cuspline.program.program import Kind, Plane
+from cuspline.values import fixed_math as fixed
 
 SAME_MM = 1e-6                  # ends closer than that are the same place
+NOT_KNOWN = -float(2 ** 62)      # stands for a coordinate that is not known
 POINTS, FINEST_MM = 20_000, 0.02        # along the moves of a place that are held against each other; how close they stand
 
 
@@ -131,7 +133,7 @@ def _rows(moves, name):
 
 def _keys(moves, rows):
     """What each move does, as bytes: kind, tool, end, axis, of arcs centre, plane and turns."""
-    whole = lambda values: np.where(np.isfinite(values), np.round(np.nan_to_num(values) / SAME_MM), -2.0 ** 62).astype(np.int64)
+    whole = lambda values: np.where(np.isfinite(values), np.round(np.nan_to_num(values) / SAME_MM), NOT_KNOWN).astype(np.int64)
     columns = [moves.kind[rows, None], moves.tool[rows, None], whole(moves.end_mm[rows]), whole(moves.center_mm[rows]),
                moves.plane[rows, None] * (moves.kind[rows, None] > Kind.FEED), moves.turns[rows, None], whole(moves.end_axis[rows])]
     table = np.ascontiguousarray(np.hstack([np.asarray(c, np.int64) for c in columns]))
@@ -170,7 +172,7 @@ def points_along(moves, row, every_mm):
     """(k, 3) points of a move, its start and end among them, no farther apart than a length, WCS."""
     start, end = moves.start_mm[row], moves.end_mm[row]
     if moves.kind[row] <= Kind.FEED:
-        count = max(int(np.ceil(np.linalg.norm(end - start) / every_mm)), 1)
+        count = max(int(np.ceil(fixed.length(end - start) / every_mm)), 1)
         return start + np.linspace(0, 1, count + 1)[:, None] * (end - start)
     arc = Arc(start, end, moves.center_mm[row], Plane(moves.plane[row]), moves.kind[row])
     sweep_rad = arc.sweep_rad + 2 * np.pi * int(moves.turns[row])

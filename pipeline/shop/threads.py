@@ -15,6 +15,7 @@ from typing import Literal
 
 from pydantic import Field, field_validator, model_serializer
 
+from cuspline.values import fixed_math as fixed
 from cuspline.values.models import Model
 
 PITCH_SHARE = 0.649519      # 3 sqrt(3) / 8: how much of the pitch the pitch diameter is below the nominal one
@@ -111,9 +112,9 @@ def _unified(size, name, per_inch, series):
     if per_inch not in standard or series not in (None, SERIES[standard.index(per_inch)]):
         raise ValueError(f"thread {size!r}: {name} is {name}-{standard[0]} UNC or {name}-{standard[1]} UNF")
     p = 1.0 / per_inch
-    pitch_2a = 0.0015 * math.cbrt(d) + 0.0015 * math.sqrt(d) + 0.015 * math.cbrt(p * p)
+    pitch_2a = 0.0015 * fixed.cbrt(d) + 0.0015 * math.sqrt(d) + 0.015 * fixed.cbrt(p * p)
     large = 0.25 * p - 0.4 * p * p
-    minor = large if d >= LARGE_IN else min(max(0.05 * math.cbrt(p * p) + 0.03 * p / d - 0.002, large), 0.394 * p)
+    minor = large if d >= LARGE_IN else min(max(0.05 * fixed.cbrt(p * p) + 0.03 * p / d - 0.002, large), 0.394 * p)
     return ThreadForm(name=f"{name}-{per_inch} {SERIES[standard.index(per_inch)]}", nominal_mm=d * INCH_MM, pitch_mm=p * INCH_MM,
                       minor_tolerance_mm=round(minor * INCH_MM, 4), pitch_tolerance_mm=round(CLASS_2B * pitch_2a * INCH_MM, 4))
 

@@ -67,7 +67,7 @@ def _touches(places, hole, wall, drill):
     tip = max(wall.low_mm - drill.point_height_mm, hole.lowest_tip_mm(wall, drill.radius_mm, slope))
     away = np.sqrt((places[:, :2] ** 2).sum(axis=1))
     high = places[:, 2] - tip
-    side = (np.abs(away - drill.radius_mm) < DRILLED_MM) & (high > drill.point_height_mm - DRILLED_MM)
-    within = -DRILLED_MM if drill.has_flat_bottom else DRILLED_MM    # a ledge's rim may be beside it: rounded words
-    point = (away < drill.radius_mm + within) & (np.abs(high - slope * away) < DRILLED_MM * (1.0 + slope))
+    aside = -DRILLED_MM if drill.has_flat_bottom else DRILLED_MM        # the rim of a ledge may be beside it: rounded words
+    side = (np.abs(away - drill.radius_mm) < DRILLED_MM) & (high > drill.point_height_mm - aside)
+    point = (away < drill.radius_mm + aside) & (np.abs(high - slope * away) < DRILLED_MM * (1.0 + slope))
     return (side | point) & (places[:, 2] < wall.high_mm + DRILLED_MM)
