@@ -4,6 +4,7 @@ import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cuspline.app import catalogue
@@ -12,7 +13,9 @@ from cuspline.design import Design, Thread
 from cuspline.kernel import brep
 from cuspline.planning.plan import plan_setup
 from cuspline.shop.threads import thread_form
+from cuspline.surfaces.holes import holes_of
 from cuspline.values.errors import CamError
+from cuspline.verification.reach import is_drilled
 from cuspline.verification.threads import thread_findings
 from cuspline.verification.verdict import SetupProgram
 
@@ -192,3 +195,14 @@ def test_a_counterbore_with_its_flat_drill_is_drilled():
     flat = next(o for o in plan.operations if o.tool.cutter.diameter_mm == 11)
     assert flat.tool.cutter.has_flat_bottom and flat.moves.end_mm[:, 2].min() == pytest.approx(14 - 6.4)
     assert plan.area_reached_mm2 == pytest.approx(plan.area_required_mm2)
+
+
+def test_a_flat_drill_is_held_to_the_rim_of_its_ledge_by_neither_side():
+    """The hole of a post that rounds lies 0.5 um beside it: a ray from the rim would run up or along its whole depth."""
+    import cadquery as cq
+    block = cq.Workplane("XY").box(30, 20, 14, centered=False).faces(">Z").workplane(origin=(15, 10, 0)).cboreHole(6.6, 11, 6.4)
+    holes = holes_of(brep.faces_of(brep.the_solid(block.val())))
+    flat = next(t.cutter for t in SHOP.tools if t.cutter.diameter_mm == 11 and t.cutter.has_flat_bottom)
+    from_axis = np.array([(5.4995, 0.0), (5.5005, 0.0), (5.5, 0.0005), (4.5, 0.0), (5.5, 1.0)])
+    places = np.column_stack([15 + from_axis[:, 0], np.full(5, 10.0), 7.6 + from_axis[:, 1]])
+    assert is_drilled(places, holes, [flat]).tolist() == [False, False, False, True, True]
