@@ -503,7 +503,7 @@ class PlanningMesh:
 def planning_mesh(solid, deflection_mm):
     """Tessellate a copy of the solid (OCCT may exceed the asked deflection up to threefold)."""
     BRepTools.Clean_s(solid)
-    BRepMesh_IncrementalMesh(solid, deflection_mm, False, 0.35, True)
+    BRepMesh_IncrementalMesh(solid, deflection_mm, False, 0.35, False)      # by threads, a forked process would wait for ever
     vertices, triangles, owners, base = [], [], [], 0
     for index, face in enumerate(explore(solid, TopAbs_FACE)):
         location = TopLoc_Location()
