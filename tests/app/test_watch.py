@@ -35,13 +35,13 @@ def watched(tmp_path_factory):
 
 
 def get(address, host=None):
-    with urllib.request.urlopen(urllib.request.Request(address, headers={"Host": host} if host else {}), timeout=5) as answer:
+    with urllib.request.urlopen(urllib.request.Request(address, headers={"Host": host} if host else {}), timeout=60) as answer:
         return answer.read().decode()
 
 
 def state_when(address, is_wanted):
     """The state that the page sees, once it is as wanted."""
-    until = time.monotonic() + 30
+    until = time.monotonic() + 120
     while time.monotonic() < until:
         state = json.loads(get(f"{address}/state"))
         if is_wanted(state):
