@@ -18,7 +18,10 @@ from json import dumps
 from multiprocessing import connection, get_context
 from pathlib import Path
 
+import numpy as np
+
 from cuspline.app.sweep import FILES_OF_DESIGNS
+from cuspline.values import fixed_math as fixed
 from cuspline.values import interruption
 from cuspline.values.errors import CamError, InputError
 
@@ -27,8 +30,9 @@ PATIENCE_S = 60.0                       # with a process that says nothing, befo
 PAGE = Path(__file__).with_name("watch.html")
 SOLID, BUILD = "solid", "build"
 TYPES = {".html": "text/html", ".svg": "image/svg+xml", ".png": "image/png", ".json": "application/json"}
-WIDTH_PX, ALONG = 640.0, 24             # of the drawing; points along an edge
-RIGHT, UP = (0.8660254, -0.5), (0.5, 0.2886751)         # of x and y of the part, seen from a corner above
+WIDTH_PX, MARGIN_PX, ALONG = 640.0, 10.0, 24            # of the drawing, round it; points along an edge
+ON_PAGE = np.array([[0.8660254, 0.5], [0.8660254, -0.5], [0.0, -1.0]])     # right and down, of the part's x, y and z: isometric,
+                                                                           # seen from the corner above x and -y
 
 
 # what the processes do -------------------------------------------------------------------------
@@ -61,14 +65,13 @@ def finished(request, say):
 
 
 def edges_svg(lines):
-    """SVG of lines (n, 3), seen from a corner above."""
-    flat = [[(p[0] * RIGHT[0] + p[1] * RIGHT[1] * -1.7320508, -p[2] - p[0] * UP[0] + p[1] * UP[1] * -1.7320508) for p in line]
-            for line in lines]
-    xs, ys = zip(*(p for line in flat for p in line))
-    scale = WIDTH_PX / max(max(xs) - min(xs), max(ys) - min(ys), 1e-6)
-    at = lambda p: f"{(p[0] - min(xs)) * scale + 10:.1f},{(p[1] - min(ys)) * scale + 10:.1f}"
-    ways = "".join(f'<polyline points="{" ".join(map(at, line))}"/>' for line in flat)
-    width, height = ((max(v) - min(v)) * scale + 20 for v in (xs, ys))
+    """SVG of lines (n, 3) in mm, seen from a corner above."""
+    flat = [fixed.matmul(line, ON_PAGE) for line in lines]
+    low, high = (f(np.vstack(flat), axis=0) for f in (np.min, np.max))
+    scale = WIDTH_PX / max(*(high - low), 1e-6)
+    drawn = [(line - low) * scale + MARGIN_PX for line in flat]
+    ways = "".join(f'<polyline points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in line.tolist())}"/>' for line in drawn)
+    width, height = (high - low) * scale + 2 * MARGIN_PX
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}"><g fill="none" stroke="#1f2328" '
             f'stroke-width="1.2">{ways}</g></svg>')
 

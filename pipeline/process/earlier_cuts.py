@@ -19,10 +19,8 @@ import numpy as np
 from cuspline.program.program import Kind
 from cuspline.replay.scene import FoundStock
 from cuspline.stock import tree
-from cuspline.stock.distance_kernels import child_distances, piece_distance
 from cuspline.stock.path_pieces import X0, X1, Arcs, repeated_parts
 from cuspline.stock.swept import CLOSED_UPWARD, LONGEST_RADII, cutting_rows
-from cuspline.stock.tree import CORNER_RADIUS, FIRST_PIECE, FLAT_RADIUS, PIECES, SLACK_MM
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.compiled import njit
@@ -165,37 +163,15 @@ def swept_depth(px, py, pz, before, best, enough, world, hint, stack, bounds):
     Below `enough` (negative: so deep in what one piece has swept) nothing deeper is looked for.
     """
     forest, number, least, _ = world
-    geometry, blocks, trees, tools = forest
+    _, _, trees, _ = forest
     found = -1
-    for pick in range(2):                    # first the hint alone, then all trees
-        for k in range(len(trees)):
-            a, rc, first, count = tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS], trees[k, FIRST_PIECE], trees[k, PIECES]
-            if pick == 0:
-                if first <= hint < first + count and number[hint] < before:
-                    d = piece_distance(px, py, pz, geometry[hint], a, rc)
-                    if d < best:
-                        best, found = d, hint
-                        if best <= enough:
-                            return best, found
-                continue
-            top = tree.open_root(stack, bounds) if count > 0 else 0
-            while top > 0:
-                top -= 1
-                if bounds[top] - SLACK_MM >= best:
-                    continue
-                code = stack[top]
-                t = tree.piece_of(code, trees[k])
-                if t >= 0:
-                    d = piece_distance(px, py, pz, geometry[t], a, rc)
-                    if d < best:
-                        best, found = d, t
-                        if best <= enough:
-                            return best, found
-                    continue
-                block = tree.block_of(code, trees[k])
-                child_distances(px, py, pz, blocks[block], a, rc, bounds[tree.DEPTH:])
-                for j in range(tree.WIDTH):
-                    if least[block, j] >= before:
-                        bounds[tree.DEPTH + 8 * tree.WIDTH + j] = math.inf
-                top = tree.push_children(code, best + SLACK_MM, top, stack, bounds)
+    if hint >= 0 and number[hint] < before:             # first the hint alone, then all trees
+        d = tree.one_piece_distance(px, py, pz, hint, forest)
+        if d < best:
+            best, found = d, hint
+    for k in range(len(trees)):
+        if best <= enough:
+            break
+        best, t = tree.nearest_in(k, px, py, pz, forest, least, before, enough, best, stack, bounds)
+        found = t if t >= 0 else found
     return best, found

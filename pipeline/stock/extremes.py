@@ -11,9 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.stock import tree
-from cuspline.stock.distance_kernels import child_distances, piece_distance
 from cuspline.stock.swept import forest_of, kept_world, upright_paths
-from cuspline.stock.tree import CORNER_RADIUS, FIRST_PIECE, FLAT_RADIUS, PIECES, SLACK_MM
 from cuspline.values.compiled import njit
 from cuspline.values.rows import X, Y, Z, put
 from cuspline.values.threads import in_blocks
@@ -124,35 +122,20 @@ def _nearest(at, forest, setup, hints, enough, best, stack, bounds):
 
     One that is no more than `enough` ends the search, whatever is nearer.
     """
-    geometry, blocks, trees, tools = forest
-    found, hinted = -1, math.inf
+    _, _, trees, _ = forest
+    found, hinted, none = -1, math.inf, trees[:0]
     for hint in hints:
-        for k in range(len(trees)):
-            if trees[k, FIRST_PIECE] <= hint < trees[k, FIRST_PIECE] + trees[k, PIECES]:
-                px, py, pz = at[setup[k], X], at[setup[k], Y], at[setup[k], Z]
-                d = piece_distance(px, py, pz, geometry[hint], tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS])
-                hinted = min(hinted, d)
-                if d < best:
-                    best, found = d, hint
-    if best <= enough:
-        return best, found, hinted
+        k = tree.tree_of(hint, trees)
+        if k >= 0:
+            place = at[setup[k]]
+            d = tree.one_piece_distance(place[X], place[Y], place[Z], hint, forest)
+            hinted = min(hinted, d)
+            if d < best:
+                best, found = d, hint
     for k in range(len(trees)):
-        px, py, pz = at[setup[k], X], at[setup[k], Y], at[setup[k], Z]
-        a, rc = tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS]
-        top = tree.open_root(stack, bounds) if trees[k, PIECES] > 0 else 0
-        while top > 0:
-            top -= 1
-            if bounds[top] - SLACK_MM >= best:
-                continue
-            code = stack[top]
-            t = tree.piece_of(code, trees[k])
-            if t >= 0:
-                d = piece_distance(px, py, pz, geometry[t], a, rc)
-                if d < best:
-                    best, found = d, t
-                    if best <= enough:
-                        return best, found, hinted
-                continue
-            child_distances(px, py, pz, blocks[tree.block_of(code, trees[k])], a, rc, bounds[tree.DEPTH:])
-            top = tree.push_children(code, best + SLACK_MM, top, stack, bounds)
+        if best <= enough:
+            break
+        place = at[setup[k]]
+        best, t = tree.nearest_in(k, place[X], place[Y], place[Z], forest, none, 0, enough, best, stack, bounds)
+        found = t if t >= 0 else found
     return best, found, hinted

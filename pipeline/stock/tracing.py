@@ -23,6 +23,7 @@ from cuspline.stock.tree import (
     open_root,
     piece_of,
     push_children,
+    tree_of,
     work,
 )
 from cuspline.values.compiled import njit
@@ -146,10 +147,8 @@ def _exit(p, n, start, limit, forest, piece, stack, bounds):
         if piece < 0:
             break
         deepest = piece if deepest < 0 else deepest
-        for k in range(len(trees)):
-            if trees[k, FIRST_PIECE] <= piece < trees[k, FIRST_PIECE] + trees[k, PIECES]:
-                t = max(_leave(p, n, t, d, limit, geometry[piece], tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS]),
-                        t + CLOSE_MM)
+        k = tree_of(piece, trees)
+        t = max(_leave(p, n, t, d, limit, geometry[piece], tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS]), t + CLOSE_MM)
     return min(t, limit), deepest
 
 

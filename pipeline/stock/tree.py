@@ -284,18 +284,63 @@ def push_children(code, limit, top, stack, bounds):
 
 
 @njit
-def one_piece_distance(px, py, pz, piece, forest):
-    """Signed distance of a point to what is swept along one piece of the forest."""
-    geometry, _, trees, tools = forest
+def nearest_in(k, px, py, pz, forest, least, before, enough, best, stack, bounds):
+    """Least signed distance of a point to what tree k has swept, below `best`, and its piece (-1: none is).
+
+    One that is no more than `enough` ends the search, whatever is nearer.  Nodes whose `least` (blocks, WIDTH) number is no
+    earlier than `before` are left out; an array without rows leaves out none.
+    """
+    geometry, blocks, trees, tools = forest
+    tree, a, rc, found = trees[k], tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS], -1
+    top = open_root(stack, bounds) if tree[PIECES] > 0 else 0
+    while top > 0:
+        top -= 1
+        if bounds[top] - SLACK_MM >= best:
+            continue
+        code = stack[top]
+        t = piece_of(code, tree)
+        if t >= 0:
+            d = piece_distance(px, py, pz, geometry[t], a, rc)
+            if d < best:
+                best, found = d, t
+                if best <= enough:
+                    return best, found
+            continue
+        block = block_of(code, tree)
+        child_distances(px, py, pz, blocks[block], a, rc, bounds[DEPTH:])
+        if len(least) > 0:
+            for j in range(WIDTH):
+                if least[block, j] >= before:
+                    bounds[DEPTH + 8 * WIDTH + j] = math.inf
+        top = push_children(code, best + SLACK_MM, top, stack, bounds)
+    return best, found
+
+
+@njit
+def tree_of(piece, trees):
+    """Which tree a piece of the forest is in; -1: there is no such piece."""
     for k in range(len(trees)):
         if trees[k, FIRST_PIECE] <= piece < trees[k, FIRST_PIECE] + trees[k, PIECES]:
-            return piece_distance(px, py, pz, geometry[piece], tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS])
-    return math.inf
+            return k
+    return -1
+
+
+@njit
+def one_piece_distance(px, py, pz, piece, forest):
+    """Signed distance of a point to what is swept along one piece of the forest; inf: there is no such piece."""
+    geometry, _, trees, tools = forest
+    k = tree_of(piece, trees)
+    if k < 0:
+        return math.inf
+    return piece_distance(px, py, pz, geometry[piece], tools[k, FLAT_RADIUS], tools[k, CORNER_RADIUS])
 
 
 @njit
 def nearest_piece(px, py, pz, forest, hint, stack, bounds, best):
-    """Least signed distance of a point to anything swept, and the piece it belongs to (-1: nothing below `best`)."""
+    """Least signed distance of a point to anything swept, and the piece it belongs to (-1: nothing below `best`).
+
+    Most of the simulation's time: by `nearest_in` it takes 8 % longer.
+    """
     geometry, blocks, trees, tools = forest
     found = -1
     for pick in range(2):                    # first the hint alone, then all trees

@@ -19,7 +19,7 @@ from cuspline.stock.distance_kernels import piece_distance
 from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X1, Z0, Z1
 from cuspline.stock.rays import UPRIGHT_ARRAYS, nearest, scratch
 from cuspline.stock.tilted_tree import one_distance
-from cuspline.stock.tree import CORNER_RADIUS, FIRST_PIECE, FLAT_RADIUS, PIECES
+from cuspline.stock.tree import CORNER_RADIUS, FLAT_RADIUS, tree_of
 from cuspline.surfaces.enclosures import S_HIGH, S_LOW, T_HIGH, T_LOW
 from cuspline.surfaces.face_pieces import ACROSS, INSIDE, OUTSIDE, trim_state
 from cuspline.surfaces.offset_pieces import MIDDLE, OFF_BY, SHIFT, SIDE_S, SIDE_T, offset_of_piece
@@ -65,15 +65,6 @@ def _straightened(g, rc, px, py, pz, out):
 
 
 @njit
-def _tool_of(piece, world):
-    trees = world[2]
-    for k in range(len(trees)):
-        if trees[k, FIRST_PIECE] <= piece < trees[k, FIRST_PIECE] + trees[k, PIECES]:
-            return k
-    return 0
-
-
-@njit
 def _remembered(piece, near):
     """Put a piece among those remembered (count first, then the place of the oldest); False: it was there."""
     for i in range(near[COUNT]):
@@ -103,7 +94,7 @@ def _made_convex(piece, x, y, z, world, line):
     geometry, tools = world[0], world[3]
     if piece >= len(geometry):
         return np.zeros(2)
-    tool = tools[_tool_of(piece, world)]
+    tool = tools[tree_of(piece, world[2])]
     _straightened(geometry[piece], tool[CORNER_RADIUS], x, y, z, line)
     return tool
 

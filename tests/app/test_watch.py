@@ -102,6 +102,7 @@ def test_edges_are_drawn_in_true_proportion_upright_up():
     drawn = [np.array([p.split(",") for p in part.split('"')[0].split(" ")], float) for part in text.split('points="')[1:]]
     lengths = [np.linalg.norm(line[1] - line[0]) for line in drawn]
     assert len(drawn) == 12 and max(lengths) - min(lengths) < 0.2
+    assert len({tuple(p) for line in drawn for p in line.round(0)}) == 7       # of eight corners, two stand behind each other
     upright = [line for edge, line in zip(edges, drawn) if edge[0][2] != edge[1][2]]
     assert all(abs(line[1][0] - line[0][0]) < 0.11 and line[1][1] < line[0][1] for line in upright)
 
