@@ -2,12 +2,13 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from cuspline.app.catalogue import reader_of
 from cuspline.app.documents import Figures
+from cuspline.app.judge import joined_files, lines_of, moves_of_file
 from cuspline.app.outputs import read_outputs
 from cuspline.design.job import read_job, read_tools
 from cuspline.program.move_changes import ProgramChanges, program_changes
@@ -199,34 +200,41 @@ def _programs(a, b):
     changes = [c for c in _changes("programs", {s: " ".join(n) for s, n in a.programs.items()},
                                    {s: " ".join(n) for s, n in b.programs.items()}) if c.old is None or c.new is None]
     both = [setup for setup in a.programs if setup in b.programs]
-    return [_compared(setup, a, b) for setup in both], changes
+    old, new = (_moves(outputs, both) for outputs in (a, b))
+    return [_compared(setup, (a, old[setup]), (b, new[setup])) for setup in both], changes
 
 
-def _compared(setup, a, b):
-    texts = [{name: outputs.texts[name] for name in outputs.programs[setup]} for outputs in (a, b)]
-    old, new = (_moves(setup, outputs, own) for outputs, own in zip((a, b), texts))
-    return ProgramComparison(setup=setup, old=old, new=new, changes=program_changes(old, new), old_files=_files(texts[0]),
-                             new_files=_files(texts[1]))
+def _compared(setup, old, new):
+    """ProgramComparison of a setup's (Outputs, PostedMoves)."""
+    files = [_files([(name, outputs.texts[name]) for name in outputs.programs[setup]]) for outputs, _ in (old, new)]
+    return ProgramComparison(setup=setup, old=old[1], new=new[1], changes=program_changes(old[1], new[1]), old_files=files[0],
+                             new_files=files[1])
 
 
-def _moves(setup, outputs, texts):
-    """PostedMoves of a setup's files by the reader of the machine that they were posted for."""
+def _moves(outputs, setups):
+    """{setup: PostedMoves} by the reader of the machine that the programs were posted for."""
+    if not setups:
+        return {}
     job, tools = read_job(outputs.folder), read_tools(outputs.folder)
     if job.machine.control.post.endswith(".py"):
         raise InputError(f"{outputs.folder}: its programs were written by the post {job.machine.control.post}: a folder of outputs "
                          "does not choose which code is run, so these programs are not compared")
-    frame = next(p.setup for p in job.posted if p.setup.name == setup)
-    read, lengths = reader_of(job.machine), {n: t.offset_mm for n, t in tools.items()}
+    read = {p.setup.name: partial(moves_of_file, setup=p.setup, machine=job.machine, tools=tools) for p in job.posted}
+    return {name: _read(outputs, outputs.programs[name], read[name], tools) for name in setups}
+
+
+def _read(outputs, names, read, tools):
+    """PostedMoves of a set of files; `read`: of the text of one."""
     parts = []
-    for name, text in texts.items():
+    for name in names:
         try:
-            parts.append(read(text, work_offsets={frame.wcs: job.machine.wcs_origin_mm}, tool_lengths=lengths))
+            parts.append(read(outputs.texts[name]))
         except ReadError as error:
             raise ReadError(f"{outputs.folder / name}: {error}", rows=error.rows) from None
-    return PostedMoves.joined(parts, [text.count("\n") for text in texts.values()])
+    return joined_files(parts, [outputs.texts[name] for name in names], tools)
 
 
 def _files(texts):
-    """(name, lines before it) of the files of a set."""
-    before = np.concatenate([[0], np.cumsum([text.count("\n") for text in texts.values()])])
-    return tuple(zip(texts, before.tolist()))
+    """(name, lines before it) of the files (name, text) of a set."""
+    before = np.cumsum([0, *(len(lines_of(text)) for _, text in texts)])
+    return tuple((name, int(k)) for (name, _), k in zip(texts, before))

@@ -115,7 +115,7 @@ def read_programs(folder, job, tools):
     for held in by_clamping(job.posted):
         texts = {name: _text(Path(folder) / name) for name in held[0].files}
         parts = [_read(name, text, held[0].setup, job, tools) for name, text in texts.items()]
-        moves = _joined(parts, texts.values(), tools)
+        moves = joined_files(parts, texts.values(), tools)
         found = text_findings(moves, tools, setup=held[0].setup, machine=job.machine, finish=job.finish,
                               material=job.cutting_data or known_materials().get(job.material))
         setups = [item.setup for item in held]
@@ -284,7 +284,7 @@ def posted_moves(texts, setup, machine, tools):
 
     Tools on heads are seen as they hang: their axis turned, their tip where it is while their middle is driven.
     """
-    return _joined([_moves_of(text, setup, machine, tools) for text in texts], texts, tools)
+    return joined_files([moves_of_file(text, setup, machine, tools) for text in texts], texts, tools)
 
 
 def posted_positions(texts, setups, machine, tools):
@@ -300,7 +300,7 @@ def _by_position(moves, setups):
     return by_position(moves, [s.frame for s in setups], setups[0].clamped_frame)
 
 
-def _moves_of(text, setup, machine, tools):
+def moves_of_file(text, setup, machine, tools):
     """PostedMoves of one file, heads left out."""
     return reader_of(machine)(text, work_offsets={setup.wcs: machine.wcs_origin_mm},
                               tool_lengths={n: t.offset_mm for n, t in tools.items()})
@@ -309,14 +309,14 @@ def _moves_of(text, setup, machine, tools):
 def _read(name, text, setup, job, tools):
     """The same, of a file that can be simulated; what is refused is named with the file."""
     try:
-        moves = _moves_of(text, setup, job.machine, tools)
+        moves = moves_of_file(text, setup, job.machine, tools)
         refuse_what_cannot_be_simulated(moves, tools, setup, job.machine, job.stock)
     except ReadError as error:
         raise ReadError(f"{name}: {error}", rows=error.rows) from None
     return moves
 
 
-def _joined(parts, texts, tools):
+def joined_files(parts, texts, tools):
     """PostedMoves of files run one after the other, tools on heads as they hang."""
     moves = PostedMoves.joined(parts, [len(lines_of(text)) for text in texts])
     for number, tool in tools.items():

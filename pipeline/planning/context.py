@@ -32,7 +32,7 @@ from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.surfaces.sections import SectionPlane
-from cuspline.surfaces.threaded_walls import threaded_walls
+from cuspline.surfaces.threaded_walls import faces_with_threads, threaded_walls
 from cuspline.surfaces.trims import TrimSet
 from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
 from cuspline.toolpaths.drop.exact_drop import ExactPart
@@ -190,9 +190,7 @@ class PlanningContext:
     @cached_property
     def threaded(self):
         """ThreadedWall of all holes of the part that get a thread, upward where they open upward or go through."""
-        faces, predicates = self._faces_of_part, self.design.predicates
-        named = {name: (thread, brep.indices_of(faces, brep.named_faces(faces, predicates, (name,))))
-                 for name, thread in self.design.threads.items()}
+        named = faces_with_threads(self._faces_of_part, self.design.threads, self.design.predicates)
         return [w.turned_up() if w.hole.is_through and w.hole.axis[2] < 0 else w for w in threaded_walls(self.faces, named)]
 
     @property

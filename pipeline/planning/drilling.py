@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.planning.context import THIN_MM
+from cuspline.planning.freeform_finishing import LEVEL
 from cuspline.planning.tool_depth import missing_stick_out_mm
 from cuspline.program.drilling import PECKS, DrillCycle, drilled, shortest_way
 from cuspline.surfaces.holes import PARALLEL, holes_of
@@ -28,7 +29,6 @@ SPOKES = 12
 SAME_MM = 1e-6
 OVER_MM = 0.05              # what may seem to stand over a wall's end: the planning mesh
 REACHED_MM = 1e-4
-LEVEL = 1.0 - 1e-9          # of a normal's Z
 SAME_DEG = 0.5              # of a cone and the drill that leaves it
 
 

@@ -124,11 +124,11 @@ def engagement(posted, tools, stock, look=Look()):
     """
     cut = CutPieces.of(posted, tools)
     way = _Way.of(posted, tools, cut, look)
-    tools_seen, found = {n: tools[n].cutter for n in np.unique(cut.tool[way.length_mm > 0]).tolist()}, found_for_kernel(stock)
-    edges = {number: edge_of(cutter, look) for number, cutter in tools_seen.items()}
+    cutters, found = {n: tools[n].cutter for n in np.unique(cut.tool[way.length_mm > 0]).tolist()}, found_for_kernel(stock)
+    edges = {number: edge_of(cutter, look) for number, cutter in cutters.items()}
     even, others = way.marks(), way.candidates()
     if len(others[0]) > look.most_places // 4:
-        rough = {number: edge_of(cutter, ROUGHLY) for number, cutter in tools_seen.items()}
+        rough = {number: edge_of(cutter, ROUGHLY) for number, cutter in cutters.items()}
         amounts = _screened_at(_Places.at(way, cut, *others), cut, rough, found)
         worst = _largest(amounts, way.operation[others[0]], look.closer)
         others = others[0][worst], others[1][worst]

@@ -23,6 +23,11 @@ class Arc:
         sweep = self.side * (fixed.arctan2(v, u) - self.from_rad) % (2 * math.pi)
         self.sweep_rad = sweep if sweep > 1e-9 else 2 * math.pi
 
+    @classmethod
+    def of_posted(cls, moves, row):
+        """Of a row of PostedMoves; whole turns beside it are not counted."""
+        return cls(moves.start_mm[row], moves.end_mm[row], moves.center_mm[row], Plane(moves.plane[row]), moves.kind[row])
+
     def at(self, share):
         """Point after a share of the sweep."""
         a, b, third = self.plane.axes

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline.program.arcs import Arc
-from cuspline.program.program import Kind, Plane
+from cuspline.program.program import Kind
 from cuspline.values import fixed_math as fixed
 
 SAME_MM = 1e-6                  # ends closer than that are the same place
@@ -174,7 +174,7 @@ def points_along(moves, row, every_mm):
     if moves.kind[row] <= Kind.FEED:
         count = max(int(np.ceil(fixed.length(end - start) / every_mm)), 1)
         return start + np.linspace(0, 1, count + 1)[:, None] * (end - start)
-    arc = Arc(start, end, moves.center_mm[row], Plane(moves.plane[row]), moves.kind[row])
+    arc = Arc.of_posted(moves, row)
     sweep_rad = arc.sweep_rad + 2 * np.pi * int(moves.turns[row])
     count = max(int(np.ceil(sweep_rad * arc.radius_mm / every_mm)), 1)
     return np.array([arc.at(k / count * sweep_rad / arc.sweep_rad) for k in range(count)] + [end])

@@ -17,10 +17,10 @@ from pydantic import Field, field_validator, model_serializer
 
 from cuspline.values import fixed_math as fixed
 from cuspline.values.models import Model
+from cuspline.values.units import MM
 
 PITCH_SHARE = 0.649519      # 3 sqrt(3) / 8: how much of the pitch the pitch diameter is below the nominal one
 MINOR_SHARE = 1.082532      # 5 sqrt(3) / 8: the same of the minor diameter
-INCH_MM = 25.4
 CLASS_2B = 1.3              # times the tolerance of class 2A
 RUN_OUT = 5.0               # pitches at the end of a blind hole that get no full thread, where nobody states the depth
 LARGE_IN = 0.25             # from here on another formula holds for the minor diameter
@@ -111,12 +111,12 @@ def _unified(size, name, per_inch, series):
     d, *standard = UNIFIED_IN[name]
     if per_inch not in standard or series not in (None, SERIES[standard.index(per_inch)]):
         raise ValueError(f"thread {size!r}: {name} is {name}-{standard[0]} UNC or {name}-{standard[1]} UNF")
-    p = 1.0 / per_inch
+    p, inch = 1.0 / per_inch, MM["inch"]
     pitch_2a = 0.0015 * fixed.cbrt(d) + 0.0015 * math.sqrt(d) + 0.015 * fixed.cbrt(p * p)
     large = 0.25 * p - 0.4 * p * p
     minor = large if d >= LARGE_IN else min(max(0.05 * fixed.cbrt(p * p) + 0.03 * p / d - 0.002, large), 0.394 * p)
-    return ThreadForm(name=f"{name}-{per_inch} {SERIES[standard.index(per_inch)]}", nominal_mm=d * INCH_MM, pitch_mm=p * INCH_MM,
-                      minor_tolerance_mm=round(minor * INCH_MM, 4), pitch_tolerance_mm=round(CLASS_2B * pitch_2a * INCH_MM, 4))
+    return ThreadForm(name=f"{name}-{per_inch} {SERIES[standard.index(per_inch)]}", nominal_mm=d * inch, pitch_mm=p * inch,
+                      minor_tolerance_mm=round(minor * inch, 4), pitch_tolerance_mm=round(CLASS_2B * pitch_2a * inch, 4))
 
 
 class Thread(Model):

@@ -28,15 +28,11 @@ class AnyHeight:
 
     height_of: object
 
-    def hints(self, count):
-        """(count, HINTS) for `highest`."""
-        return np.full((count, HINTS), -1)
-
     def highest(self, points_mm, offered, least_mm, hints):
         """Height (n,) and number (n,) of the highest of places (n, k, 3) that are offered (n, k); -inf: none is.
 
         Where none is higher than `least_mm` (n,), the one that may come nearest to it, and about how high it is.
-        `hints` (n, HINTS) are what was nearest to these starts before, and takes what is now.
+        `hints` (n, HINTS), at first `no_hints`, are what was nearest to these starts before, and take what is now.
         """
         height = np.full(offered.shape, -np.inf)
         height[offered] = self.height_of(points_mm[offered])
@@ -53,10 +49,6 @@ class CutHeight:
     setup: np.ndarray       # (t,) which of them each tree belongs to
     sign: float             # 1: material left above them; -1: their depth in what was cut
 
-    def hints(self, count):
-        """As AnyHeight's."""
-        return np.full((count, HINTS), -1)
-
     def highest(self, points_mm, offered, least_mm, hints):
         """As AnyHeight's."""
         n, k = offered.shape
@@ -71,14 +63,20 @@ class CutHeight:
         return height, which
 
 
-def heights_over(cuts, sign, otherwise):
-    """CutHeight of workpiece.Cut values; where a tool leans or is no ball, bull nose or flat cutter, AnyHeight of `otherwise`."""
+def no_hints(count):
+    """(count, HINTS) for `highest`."""
+    return np.full((count, HINTS), -1)
+
+
+def forest_of_cuts(cuts):
+    """(forest of all paths of workpiece.Cut values, see tree.py; (t,) number of the cut that each tree is of).
+
+    None where a tool leans or is no ball, bull nose or flat cutter.
+    """
     if any(len(upright_paths(cut.paths)) < len(cut.paths) for cut in cuts):
-        return AnyHeight(height_of=otherwise)
-    paths = [path for cut in cuts for path in cut.paths]
-    forest = kept_world(cuts[0].paths)[1] if len(cuts) == 1 else forest_of(paths)
+        return None
     setup = np.repeat(np.arange(len(cuts)), [len(cut.paths) for cut in cuts])
-    return CutHeight(cuts=tuple(cuts), forest=forest, setup=setup, sign=float(sign))
+    return kept_world(cuts[0].paths)[1] if len(cuts) == 1 else forest_of([p for cut in cuts for p in cut.paths]), setup
 
 
 @njit

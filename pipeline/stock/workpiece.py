@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cuspline.stock.extremes import heights_over
+from cuspline.stock.extremes import AnyHeight, CutHeight, forest_of_cuts
 from cuspline.stock.shape_rays import Stretch
 from cuspline.stock.shapes import BoxShape, Shape
 from cuspline.stock.stock_cells import StockCells
@@ -86,8 +86,15 @@ class Workpiece:
         return np.min([np.full(len(points_mm), np.inf), *found], axis=0)
 
     def heights(self, sign):
-        """Places by `cut_distance_mm` times a sign, 1 or -1; see extremes.py."""
-        return heights_over(self.cuts, sign, lambda p: sign * self.cut_distance_mm(p))
+        """Places by `cut_distance_mm` times a sign, 1 or -1: extremes.CutHeight, or AnyHeight where it does not know the tools."""
+        if self._forest is None:
+            return AnyHeight(height_of=lambda p: sign * self.cut_distance_mm(p))
+        forest, setup = self._forest
+        return CutHeight(cuts=self.cuts, forest=forest, setup=setup, sign=float(sign))
+
+    @cached_property
+    def _forest(self):
+        return forest_of_cuts(self.cuts)
 
     def only(self, number):
         """The blank with one of the cuts alone."""

@@ -5,6 +5,7 @@ The solid has the plain wall, no helix: what a thread is, its size says.
 
 from dataclasses import dataclass
 
+from cuspline.kernel import brep
 from cuspline.surfaces.holes import Hole, Wall, holes_of
 from cuspline.values.errors import DesignError
 
@@ -45,6 +46,17 @@ class ThreadedWall:
         hole = self.hole.turned_up()
         return ThreadedWall(name=self.name, thread=self.thread, hole=hole,
                             wall=next(w for w in hole.walls if w.faces == self.wall.faces))
+
+
+def faces_with_threads(faces, threads, predicates):
+    """{name: (Thread, indices of faces)}, as `threaded_walls` takes it.
+
+    Args:
+        faces: all brep.Face values of a solid as it was designed.   threads: {name of faces: shop.threads.Thread}.
+        predicates: design.FacePredicate values.
+    """
+    return {name: (thread, brep.indices_of(faces, brep.named_faces(faces, predicates, (name,))))
+            for name, thread in threads.items()}
 
 
 def threaded_walls(faces, named):

@@ -22,6 +22,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline.splines.nurbs import local_shape
+from cuspline.stock.extremes import no_hints
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection import refined
 from cuspline.surfaces.trims import TrimSet
@@ -154,7 +155,7 @@ def walked(ground, tops, heights, first_mm, along=None, last_mm=CLOSE_MM):
         along: (n, 3) directions in which alone to walk, to and fro; None: every direction.
     """
     face, u, v, height = tops.face, tops.u.copy(), tops.v.copy(), tops.height_mm.copy()
-    step, live, hints = np.full(len(u), float(first_mm)), np.arange(len(u)), heights.hints(len(u))
+    step, live, hints = np.full(len(u), float(first_mm)), np.arange(len(u)), no_hints(len(u))
     for turn in range(LONGEST):
         live = live[step[live] >= last_mm]
         if not len(live):

@@ -11,11 +11,11 @@ import numpy as np
 
 from cuspline.kernel import brep
 from cuspline.program.arcs import Arc
-from cuspline.program.program import Kind, Plane
+from cuspline.program.program import Kind
 from cuspline.replay.replay_checks import Reporter
 from cuspline.shop.threads import PITCH_SHARE
 from cuspline.surfaces.holes import PARALLEL
-from cuspline.surfaces.threaded_walls import threaded_walls
+from cuspline.surfaces.threaded_walls import faces_with_threads, threaded_walls
 from cuspline.values import fixed_math as fixed
 from cuspline.values.findings import Finding
 
@@ -80,9 +80,8 @@ def thread_findings(programs, solid, threads, predicates, tools, tops_mm):
     Raises:
         DesignError: a thread of faces that are no holes, or holes of another width.
     """
-    faces = brep.faces_of(solid)
-    named = {n: (t, brep.indices_of(faces, brep.named_faces(faces, predicates, (n,)))) for n, t in threads.items()}
-    walls = [(one, _State()) for one in threaded_walls(faces, named)]
+    faces = brep.faces_of(solid) if threads else ()
+    walls = [(one, _State()) for one in threaded_walls(faces, faces_with_threads(faces, threads, predicates))]
     found, last = [], {}
     for k, (program, top) in enumerate(zip(programs, tops_mm)):
         places = [p for p in (_Place(one, state, program.setup.frame) for one, state in walls) if p.is_upright]
@@ -110,17 +109,18 @@ class _Look:
     def findings(self):
         """All of this program; what it makes of the walls is noted in their states."""
         posted, low = self.posted, np.minimum(self.posted.start_mm[:, 2], self.posted.end_mm[:, 2])
-        types = {n: t.cutter.type for n, t in self.tools.items()}
-        kinds = np.array([types.get(n, "") for n in posted.tool.tolist()], dtype=object)
-        is_thread = np.isin(kinds, ("tap", "thread_mill"))
+        is_tap, is_mill = (np.isin(posted.tool, [n for n, t in self.tools.items() if t.cutter.type == kind])
+                           for kind in ("tap", "thread_mill"))
+        is_thread = is_tap | is_mill
         owner = np.full(len(posted), -1)
         for number, place in enumerate(self.places):
             reach = self._reach_mm(place)
             inside = self.is_known & (reach < place.radius_mm)
             owner[inside] = number
             yield from self._made(place, np.flatnonzero(inside & ~is_thread & (posted.kind != Kind.RAPID)), reach, low)
-            yield from self._taps(place, np.flatnonzero(inside & (kinds == "tap") & (low < place.mouth_mm - SAME_MM)), reach)
-            yield from self._mills(place, np.flatnonzero(inside & (kinds == "thread_mill") & (low < place.mouth_mm - SAME_MM)))
+            below = inside & (low < place.mouth_mm - SAME_MM)
+            yield from self._taps(place, np.flatnonzero(below & is_tap), reach)
+            yield from self._mills(place, np.flatnonzero(below & is_mill), reach)
         yield from self._elsewhere(is_thread & (owner < 0) & (low < self.top_mm - SAME_MM) & self.is_known)
 
     def _reach_mm(self, place):
@@ -206,14 +206,14 @@ class _Look:
 
     # thread mills ------------------------------------------------------------------------------------
 
-    def _mills(self, place, rows):
+    def _mills(self, place, rows, reach):
         """The groove that a thread mill's tooth leaves in one hole."""
         if not len(rows):
             return
         posted = self.posted
         tool = self.tools[int(posted.tool[rows[0]])].cutter
         fast = rows[posted.kind[rows] == Kind.RAPID]
-        touch = self._reach_mm(place)[fast] + tool.radius_mm - place.radius_mm
+        touch = reach[fast] + tool.radius_mm - place.radius_mm
         if len(fast) and touch.max() > SAME_MM:
             yield self._finding("thread_beside", fast[int(touch.argmax())], touch.max(), "a thread mill goes by a rapid through "
                                 "the wall of its hole: go to its middle before", place)
@@ -238,10 +238,9 @@ class _Look:
         """(rows (k,), places (k, 3)) along moves, arcs in between too."""
         out, numbers = [], []
         for k in rows.tolist():
-            posted = self.posted
-            places = [posted.start_mm[k], posted.end_mm[k]]
-            if posted.kind[k] >= Kind.ARC_CW:
-                arc = Arc(posted.start_mm[k], posted.end_mm[k], posted.center_mm[k], Plane(posted.plane[k]), posted.kind[k])
+            places = [self.posted.start_mm[k], self.posted.end_mm[k]]
+            if self.posted.kind[k] >= Kind.ARC_CW:
+                arc = Arc.of_posted(self.posted, k)
                 places = [arc.at(share) for share in np.linspace(0.0, 1.0, SAMPLES + 1).tolist()]
             out += places
             numbers += [k] * len(places)
