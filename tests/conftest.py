@@ -16,6 +16,9 @@ from durations import (  # noqa: E402, F401
     pytest_runtest_makereport,
 )
 
+for outer in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS"):    # what `make test` would tell every make that a test runs
+    os.environ.pop(outer, None)
+
 settings.register_profile("same", derandomize=True, deadline=None)     # a red run can be repeated
 settings.register_profile("search", derandomize=False, deadline=None)  # what it finds goes into the test as an @example
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))

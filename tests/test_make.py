@@ -36,9 +36,7 @@ def project_files():
 
 
 def make(folder, *arguments):
-    """Run make without what an outer make has put into the environment."""
-    environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS")}
-    return subprocess.run(["make", "-C", str(folder), *arguments], capture_output=True, text=True, env=environment)
+    return subprocess.run(["make", "-C", str(folder), *arguments], capture_output=True, text=True)
 
 
 # lock ------------------------------------------------------------------------------------------
