@@ -1,15 +1,19 @@
 """What the `cuspline` command runs first: Ctrl-C is listened for before anything that takes time is imported."""
 
+import gc
 import os
 import sys
 from contextlib import suppress
 
 from cuspline.values import interruption
 
+SELDOM = 100_000        # new objects between two looks for cycles: imports make a million that stay, our arrays make no cycles
+
 
 def main():
     """The command line; ends the process."""
     interruption.listen()
+    gc.set_threshold(SELDOM, 20, 20)
     try:
         from cuspline.app.cli import main as command
     except BaseException:

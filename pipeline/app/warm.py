@@ -1,13 +1,23 @@
 """Compiles the kernels of every build once, in several processes, so that the first one does not wait for it.
 
 What few builds need (tilted cutters, transverse arcs) is compiled by the first of those.  The compiled code is kept
-beside the sources (values/compiled.py): what has not changed is not compiled again.
+beside the sources (values/compiled.py): what has not changed is not compiled again.  So is Python's byte code of all that
+a command imports, also where the environment forbids Python to keep it as it goes: it is half the time of a start.
 """
 
+import importlib
+import importlib.util
+import pkgutil
+import py_compile
+import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import suppress
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
+
+LATE = ("cadquery", "build123d", "matplotlib.backends.backend_svg", "pymeshlab")      # what functions import, or users' parts
 
 
 def compiled(processes):
@@ -26,12 +36,30 @@ def _run(number):
 
 def _steps():
     """(what, function) pairs, those that take longest first; each function makes its kernels compile."""
-    return (("simulation and comparison", _simulation), ("drop-cutter on exact surfaces", _exact_drop),
+    return (("byte code", _byte_code), ("simulation and comparison", _simulation), ("drop-cutter on exact surfaces", _exact_drop),
             ("planning of a small part", _planning),
             ("certificate", _certificate), ("closest points", _closest_points), ("clearance", _clearance),
             ("drop-cutter on triangles", _drop_cutter), ("arc fitting", _arcs), ("arithmetic", _arithmetic),
             ("solids that cross themselves", _self_crossing), ("stock of any form", _shapes),
             ("surface evaluation", _surfaces), ("feeds", _feeds))
+
+
+def _byte_code():
+    """Keep the byte code of every module of ours and of what they import, where it is missing or older than its source."""
+    import cuspline
+    ours = [found.name for found in pkgutil.walk_packages(cuspline.__path__, "cuspline.") if not found.name.endswith("__main__")]
+    for name in (*ours, *LATE):
+        with suppress(ImportError):         # what is optional may be missing
+            importlib.import_module(name)
+    for module in list(sys.modules.values()):
+        source, kept = getattr(module, "__file__", None), getattr(module, "__cached__", None)
+        if source and kept and source.endswith(".py") and not _is_newer(kept, source):
+            with suppress(py_compile.PyCompileError, OSError):      # it still runs from its source
+                py_compile.compile(source, kept, doraise=True)
+
+
+def _is_newer(kept, source):
+    return Path(kept).exists() and Path(kept).stat().st_mtime >= Path(source).stat().st_mtime
 
 
 def _arithmetic():
