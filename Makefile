@@ -51,6 +51,7 @@ $(DESIGNS): %: outputs/%$(VARIANT)/manifest.json
 
 step: $(STEPS) ## only the STEP files, into outputs/<design>-step/
 
+test: export PYTHONDONTWRITEBYTECODE =       # as set-up does: collecting the tests takes half as long
 test: .venv/.kernels ## set-up, then the whole test suite; FAST=1 leaves out what takes long, ARGS="-k arcs" narrows it
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope --no-loadscope-reorder $(if $(FAST),--fast) $(ARGS)
 

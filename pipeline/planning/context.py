@@ -209,6 +209,11 @@ class PlanningContext:
         return self.shop.practice
 
     @property
+    def semi_scallop_mm(self):
+        """Largest cusp of a semi-finish: the shop's, but more than the path's tolerance, which is a part of it."""
+        return max(self.practice.semi_scallop_mm, 2.0 * self.finish.profile_tolerance_mm)
+
+    @property
     def finishing_library(self):
         """The library as far as its balls may finish: all, or those that the operation asks for.
 

@@ -8,7 +8,7 @@ from eight_operations import JOB, Block, design, solid
 from pydantic import ValidationError
 
 from cuspline.app.catalogue import find_design, find_library, find_machine, find_shop
-from cuspline.design import Setup
+from cuspline.design import Finish, Setup
 from cuspline.design.operations import REGISTERED, ToolWish
 from cuspline.kernel import brep
 from cuspline.planning.context import PlanningContext
@@ -81,6 +81,13 @@ def test_each_operation_sees_its_own_faces_and_finish(context):
     work = context.of(part.setups[0].operations[5], ())
     assert work.finish.scallop_mm == 0.04 and part.finish.scallop_mm == 0.05
     assert set(work.wanted) < set(context.wanted) and len(work.samples.area_mm2) < len(context.samples.area_mm2)
+
+
+@pytest.mark.parametrize("tolerance_mm, semi_mm", [(0.01, 0.05), (0.05, 0.1)])
+def test_a_semi_finish_may_leave_more_than_its_paths_tolerance(tolerance_mm, semi_mm):
+    part = design(Block())
+    loose = part.model_copy(update={"finish": Finish(scallop_mm=0.5, profile_tolerance_mm=tolerance_mm, gouge_mm=0.05)})
+    assert PlanningContext(loose, loose.setups[0], MACHINE, LIBRARY).semi_scallop_mm == semi_mm
 
 
 @pytest.mark.parametrize("operation, error, said", [

@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from OCP.BRepGProp import BRepGProp
+from OCP.GProp import GProp_GProps
 from scipy.interpolate import BSpline
 
 from cuspline.app import build, catalogue
@@ -260,16 +262,22 @@ def assert_sound(made):
     assert volume_mm3 == pytest.approx(extrapolated_volume_mm3(made), rel=1e-5)
     assert definition_deviation_mm(made) <= 0.002
     assert [f for f in fillet_figures(made, brep.faces_of(made.solid)) if not f.is_kept] == []
-    return volume_mm3
 
 
-def assert_sound_as_read_back(made, volume_mm3, path):
+def summed_mm3(solid):
+    """Volume by the kernel's plain sums: not the true one, but the same of the same faces."""
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(solid, properties)
+    return properties.Mass()
+
+
+def assert_sound_as_read_back(made, path):
     """What comes back from a STEP file is the same solid of the same volume, whose blade keeps its table."""
     brep.write_step(made.solid, path, "propeller")
     read = brep.the_solid(brep.read_step(path))
     faces = brep.faces_of(read)
     assert len(TrimSet.of_faces(faces).face) == len(brep.faces_of(made.solid))
-    assert brep.volume_mm3(read) == pytest.approx(volume_mm3, rel=1e-9)
+    assert summed_mm3(read) == pytest.approx(summed_mm3(made.solid), rel=1e-9)
     assert [f for f in blade_figures(made, faces)[0] if not f.is_kept] == []
 
 
@@ -285,7 +293,8 @@ def assert_sound_as_read_back(made, volume_mm3, path):
          "B7-85, 1 m"])
 def test_the_family_is_sound(make, ratio, radii, tmp_path):
     made = made_of(make(), ratio, radii)
-    assert_sound_as_read_back(made, assert_sound(made), tmp_path / "propeller.step")
+    assert_sound(made)
+    assert_sound_as_read_back(made, tmp_path / "propeller.step")
 
 
 @pytest.mark.parametrize("blades, area", [(4, 0.55), (5, 0.75), (3, 0.5), (7, 0.85)])

@@ -169,8 +169,8 @@ def _instead(work, why):
     return [replace(o, facts={**o.facts, "instead_of": f"sections: {why}"}) for o in made], reached
 
 
-def _semi_finish(practice):
-    return FinishingStage(name=SEMI, allowance_mm=practice.semi_allowance_mm, scallop_mm=practice.semi_scallop_mm)
+def _semi_finish(work):
+    return FinishingStage(name=SEMI, allowance_mm=work.practice.semi_allowance_mm, scallop_mm=work.semi_scallop_mm)
 
 
 def _finish(work):
@@ -182,7 +182,7 @@ def _by_sections(work):
     practice, finishing = work.practice, work.finishing_work()
     ball, candidates, reach = choose_ball(work.finishing_library, work.samples, work.hollow.radius_mm, work.mesh,
                                           practice.rough_allowance_mm, finishing)
-    semi = lambda: section_finishing.finish(work, _semi_finish(practice), ball, (), reach)
+    semi = lambda: section_finishing.finish(work, _semi_finish(work), ball, (), reach)
     operations = roughed(work, ball, reach.is_reached, semi)
     operations.append(section_finishing.finish(work, _finish(work), ball, candidates, reach))
     rest, candidates, adds = choose_rest_ball(work.library, work.samples, reach, work.mesh, ball.cutter.radius_mm,
@@ -206,7 +206,7 @@ def _free_form(work, may_take_floors=False):
     floor = level_finishing.faster_floor_cutter(work, tools[0]) if may_take_floors else None
     if floor is not None:
         return _with_floors(work, floor)
-    semi = lambda: freeform_finishing.finish(work, _semi_finish(practice), tools[0], ())
+    semi = lambda: freeform_finishing.finish(work, _semi_finish(work), tools[0], ())
     operations = roughed(work, tools[0], chain[0].adds, semi)
     finishing = [freeform_finishing.finish(work, _finish(work), tools[0], candidates)]
     for tool in tools[1:]:

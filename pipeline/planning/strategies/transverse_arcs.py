@@ -105,7 +105,7 @@ def _rest(work, ball_and_reach, left, left_out):
     """Sections where the arcs' map and their cusps together leave more than the finish, and where no arcs go."""
     ball, reach = ball_and_reach
     semi = FinishingStage(name="rest semi-finish", allowance_mm=work.operation.allowance_mm,
-                          scallop_mm=work.practice.semi_scallop_mm)
+                          scallop_mm=work.semi_scallop_mm)
     finish = FinishingStage(name="rest finish", allowance_mm=0.0, scallop_mm=work.finish.scallop_mm)
     return [section_finishing.finish(work, stage, ball, (), reach, within)
             for stage, within in ((semi, left_out), (finish, (*left, *left_out))) if within]
