@@ -11,6 +11,7 @@ Stages stop where planning would begin: what is fuzzed is what reads, checks and
 """
 
 import contextlib
+import gc
 import io
 import json
 import math
@@ -124,6 +125,7 @@ def fuzzed(case, inputs, seed, longest_s=LONGEST_S):
 
 def _work(case, numbers, seed, board, scratch, notes):
     """In the worker: one input after the other, each in an empty folder."""
+    gc.freeze()             # what the parent holds stays as it is: looking through it would copy all of it
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)        # kernels of C++ may print
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     begin = _resident_bytes()

@@ -1,3 +1,4 @@
+import gc
 import os
 import sys
 from pathlib import Path
@@ -16,8 +17,17 @@ from durations import (  # noqa: E402, F401
     pytest_runtest_makereport,
 )
 
+from cuspline.app.entry import SELDOM  # noqa: E402
+
 for outer in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS"):    # what `make test` would tell every make that a test runs
     os.environ.pop(outer, None)
+
+gc.set_threshold(SELDOM, 20, 20)        # as the command does
+
+
+def pytest_collection_finish():
+    gc.freeze()             # thousands of tests and all that they import are not looked through for cycles again
+
 
 settings.register_profile("same", derandomize=True, deadline=None)     # a red run can be repeated
 settings.register_profile("search", derandomize=False, deadline=None)  # what it finds goes into the test as an @example

@@ -1,6 +1,7 @@
 """Operations as values: what they accept, how they are written in job files, and one part cut by eight of them."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from built_parts import ran
@@ -86,7 +87,7 @@ def test_each_operation_sees_its_own_faces_and_finish(context):
 @pytest.mark.parametrize("tolerance_mm, semi_mm", [(0.01, 0.05), (0.05, 0.1)])
 def test_a_semi_finish_may_leave_more_than_its_paths_tolerance(tolerance_mm, semi_mm):
     part = design(Block())
-    loose = part.model_copy(update={"finish": Finish(scallop_mm=0.5, profile_tolerance_mm=tolerance_mm, gouge_mm=0.05)})
+    loose = replace(part, finish=Finish(scallop_mm=0.5, profile_tolerance_mm=tolerance_mm, gouge_mm=0.05))
     assert PlanningContext(loose, loose.setups[0], MACHINE, LIBRARY).semi_scallop_mm == semi_mm
 
 
