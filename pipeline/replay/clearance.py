@@ -39,6 +39,10 @@ class ToolMoves:
         return cls(start_tips_mm=tips, end_tips_mm=tips + geometry[:, WAY:AXIS], start_axes=unit(axes),
                    end_axes=unit(axes + geometry[:, AXIS_WAY:LENGTH]))
 
+    def only(self, rows):
+        """The chosen ones."""
+        return ToolMoves(**{name: value[rows] for name, value in vars(self).items()})
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MoveClearance:

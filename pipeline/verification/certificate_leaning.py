@@ -28,6 +28,7 @@ CLOSE_SHARE = 0.1           # of the tolerance: how closely flanks are looked at
 CONE_SHARE = 0.75           # of the tolerance: how deep a cone may seem to touch what it has made, the triangles' chords counted
 CONE_CLOSE_SHARE = 0.2      # of it: how closely that is looked at
 DEEPER = 4.0                # times as deep a bound is looked for where one does not hold
+SAME_LINE_MM, SAME_AXIS = 1e-7, 1e-9    # moves along one line
 MOST_TRIANGLES = 500_000    # of the faces; coarser ones are used where there would be more
 
 
@@ -96,15 +97,22 @@ class LeaningViews:
         n = len(moves.start_tips_mm)
         depth, place = np.zeros(n), np.full((n, 3), np.nan)
         tree, off = self._mesh
-        left, less, most = np.arange(n), skin_mm + CONE_SHARE * self.tolerance_mm, float(segments.max())
+        less, most = skin_mm + CONE_SHARE * self.tolerance_mm, float(segments.max())
+        closely = lambda less: CONE_CLOSE_SHARE * max(self.tolerance_mm, less - skin_mm)
+        inner = _smaller(segments, less)
+        plunges, of_plunge = _plunges(moves)
+        in_one = np.flatnonzero(of_plunge >= 0)
+        if len(inner) and len(in_one):
+            found = tree.certified_clearance(inner, plunges, off, tolerance_mm=closely(less))
+            depth[in_one], place[in_one] = less - skin_mm, found.place_mm[of_plunge[in_one]]
+            of_plunge[in_one[~found.is_clear[of_plunge[in_one]]]] = -1
+        left = np.flatnonzero(of_plunge < 0)
         while len(left):
             inner = _smaller(segments, less)
             if not len(inner):
                 depth[left] = most
                 break
-            some = ToolMoves(**{name: value[left] for name, value in vars(moves).items()})
-            closely = CONE_CLOSE_SHARE * max(self.tolerance_mm, less - skin_mm)
-            found = tree.certified_clearance(inner, some, off, tolerance_mm=closely)
+            found = tree.certified_clearance(inner, moves.only(left), off, tolerance_mm=closely(less))
             depth[left], place[left] = np.where(found.is_clear, less - skin_mm, most), found.place_mm
             left = left[~found.is_clear]
             less = skin_mm + DEEPER * (less - skin_mm)
@@ -119,14 +127,36 @@ class LeaningViews:
         tree, off = self._mesh
         left, allowed, most = np.arange(n), 0.0, float(segments.max())
         while len(left) and allowed < most:
-            some = ToolMoves(**{name: value[left] for name, value in vars(moves).items()})
-            found = tree.certified_clearance(segments, some, off - skin_mm - allowed, tolerance_mm=max(
+            found = tree.certified_clearance(segments, moves.only(left), off - skin_mm - allowed, tolerance_mm=max(
                 CLOSE_SHARE * self.tolerance_mm, CLOSE_SHARE * allowed))
             clear = found.is_clear
             depth[left] = np.where(clear, np.maximum(off - skin_mm - found.clearance_mm, 0.0), most)
             place[left] = found.place_mm
             left, allowed = left[~clear], DEEPER * allowed if allowed else self.tolerance_mm / 2
         return depth, place
+
+
+def _plunges(moves):
+    """Moves along the tool's own axis, those on one line together: (ToolMoves from the highest tip to the lowest, one a line;
+    (n,) which of them each move is a part of, -1: of none).
+
+    A hole is pecked in dozens of moves that sweep parts of what the deepest one does.
+    """
+    axis, way = moves.start_axes, moves.end_tips_mm - moves.start_tips_mm
+    is_axial = (np.abs(np.cross(way, axis)).max(axis=1) < SAME_LINE_MM) & (np.abs(moves.end_axes - axis).max(axis=1) < SAME_AXIS)
+    along = np.einsum("ic,ic->i", moves.start_tips_mm, axis)
+    line = np.column_stack([(moves.start_tips_mm - along[:, None] * axis) / SAME_LINE_MM, axis / SAME_AXIS]).round()
+    rows = np.flatnonzero(is_axial)
+    _, first, of_row = np.unique(line[rows], axis=0, return_index=True, return_inverse=True)
+    of_plunge, first, of_row = np.full(len(axis), -1), rows[first], of_row.reshape(-1)
+    of_plunge[rows] = of_row
+    low, high = np.full(len(first), np.inf), np.full(len(first), -np.inf)
+    for tips in (moves.start_tips_mm, moves.end_tips_mm):
+        height = np.einsum("ic,ic->i", tips[rows] - moves.start_tips_mm[first][of_row], axis[rows])
+        np.minimum.at(low, of_row, height)
+        np.maximum.at(high, of_row, height)
+    ends = (moves.start_tips_mm[first] + h[:, None] * axis[first] for h in (high, low))
+    return ToolMoves(**dict(zip(("start_tips_mm", "end_tips_mm"), ends)), start_axes=axis[first], end_axes=axis[first]), of_plunge
 
 
 def _smaller(segments, by_mm):

@@ -126,7 +126,7 @@ def _near(way, obstacle, *, told, report, tools, machine):
     numbers = report.posted.tool[rows]
     for number in np.unique(numbers).tolist():
         mine = np.flatnonzero(numbers == number)
-        own = ToolMoves(**{name: value[mine] for name, value in vars(moves).items()})
+        own = moves.only(mine)
         clear = tree.certified_clearance(tool_segments(tools[number], machine.spindle_head), own, margin)
         for k in np.flatnonzero(~clear.is_clear):
             row = rows[mine[k]]
