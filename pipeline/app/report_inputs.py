@@ -3,6 +3,7 @@
 import hashlib
 import json
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -99,9 +100,14 @@ def _view_deviation(judged, view, indices):
     rows = np.flatnonzero(np.isin(view.face_index, indices))
     points = np.vstack([s.residuals.samples.points_mm for s in judged.verdict.setups])
     found = np.concatenate([s.residuals.deviation_mm for s in judged.verdict.setups])
-    for row, near in zip(rows, cKDTree(points).query_ball_point(view.vertices_mm[rows], WORST_WITHIN_MM)):
-        if near:
-            deviation[row] = max(found[near], key=abs)
+    near = cKDTree(points).query_ball_point(view.vertices_mm[rows], WORST_WITHIN_MM)
+    count = np.array([len(n) for n in near], np.int64)
+    some = count > 0
+    values = found[np.fromiter(chain.from_iterable(near), np.int64, count.sum())]
+    first = np.cumsum(count[some]) - count[some]
+    if len(first):
+        high, low = np.maximum.reduceat(values, first), np.minimum.reduceat(values, first)
+        deviation[rows[some]] = np.where(high >= -low, high, low)
     return deviation
 
 

@@ -53,8 +53,8 @@ class Residuals:
 
 
 def default_spacing_mm(area_mm2):
-    """Sample spacing that gives about TARGET samples, between 0.1 and 1 mm."""
-    return float(np.clip(np.sqrt(PER_SPACING2 * area_mm2 / TARGET), 0.1, 1.0))
+    """Sample spacing that gives about TARGET samples, between 0.1 and 2 mm."""
+    return float(np.clip(np.sqrt(PER_SPACING2 * area_mm2 / TARGET), 0.1, 2.0))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
