@@ -298,6 +298,18 @@ def repost(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
 
 
 @app.command()
+def monitor(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
+            to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
+    """What a monitor at the machine is to expect of every operation (JSON): forces, power, bands in which the teeth strike."""
+    from cuspline.app.monitor import expected
+    text = jsonlib.dumps(expected(folder), indent=1) + "\n"
+    if to is None:
+        print(text, end="")
+    else:
+        _write(to, text, "--to")
+
+
+@app.command()
 def translate(
         program: Annotated[Path, typer.Argument(help="a program in another control's words")],
         to: Annotated[str, typer.Option(help="post that writes the new words")],
@@ -475,14 +487,29 @@ def materials(file: Annotated[Optional[Path], typer.Argument(help="a shop's own 
     """List the work materials with their cutting data, and where these come from."""
     from cuspline.shop.materials import known_materials
     from cuspline.shop.practice import shop_file
-    there = {**known_materials(), **{m.name: m for m in shop_file(file).materials}}
+    own = shop_file(file)
+    there = {**known_materials(), **{m.name: m for m in own.materials}}
     _print([m.model_dump(mode="json") for m in there.values()], json, lambda m: [
         f"{m['name']}: {m['description']}",
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "
         f"stepdown {m['stepdown_share']:g} of the diameter, coolant {m['coolant']}",
         "  drills {:g} m/min, {:g} of the diameter a turn".format(*there[m["name"]].drilling),
-        f"  source: {m['source']}"])
+        f"  source: {m['source']}", *_of_the_process(m["name"], own)])
+
+
+def _of_the_process(material, own):
+    """What is known of a material's resistance and of the life of edges in it, with their sources."""
+    from cuspline.shop.cutting_forces import force_of
+    from cuspline.shop.tool_lives import life_of
+    force, life = force_of(material, own.forces), life_of(material, own.lives)
+    if force is not None:
+        yield (f"  resists with {force.force_n_per_mm2:g} N/mm² and {force.edge_n_per_mm:g} N/mm, {force.force_angle_deg:g} degrees "
+               "to the surface")
+        yield f"  source: {force.source}"
+    if life is not None:
+        yield f"  edges last {life.life_min:g} min in the cut, {life.time_factor:g} times the time of aluminium"
+        yield f"  source: {life.source}"
 
 
 @app.command()

@@ -21,7 +21,7 @@ from cuspline.program.arcs import Arc
 from cuspline.program.posted import PostedMoves
 from cuspline.program.program import Kind, Moves, Plane
 from cuspline.replay.scene import FoundStock, ZMap
-from cuspline.shop.cutting_forces import known_forces
+from cuspline.shop.cutting_forces import force_of
 
 LOOK = Look(apart=0.2, most_places=4000, screened=4, ring_rad=np.radians(15.0), ring_share=1 / 3, round_rad=np.radians(10.0))
 BLOCKS = 2.0              # times those planned, at most
@@ -280,7 +280,7 @@ def _feed_factors(plan, feed, is_full, along, met, mine):
 
 def _stood(plan, met, mine, full_mm_per_min):
     """(k,) factor of the full feed at which places reach KEPT_SHARE of what spindle and cutter stand; inf where it is not known."""
-    material, stands = known_forces().get(plan.context.design.material), np.full(len(mine), np.inf)
+    material, stands = force_of(plan.context.design.material, plan.context.shop.forces), np.full(len(mine), np.inf)
     limits = limits_of(plan.context.machine, met.tools[int(met.posted.tool[met.found.row[mine[0]]])])
     if material is None or not limits:
         return stands

@@ -332,6 +332,12 @@ def edge_rows(verify):
             for op in _process(part).get("operations") or ()]
 
 
+def along_setups(verify):
+    """[(setup, verify.json's `process.along`)] of setups whose edges were looked at."""
+    found = [(str(part.get("setup", DASH)), _process(part).get("along")) for part in verify.get("setups") or ()]
+    return [(name, along) for name, along in found if along]
+
+
 def edges_not_checked(verify):
     """What verify.json's "process" says of operations that are not looked at, one text a setup."""
     parts = [(str(part.get("setup", DASH)), _process(part).get("not_checked")) for part in verify.get("setups") or ()]

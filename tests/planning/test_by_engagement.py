@@ -19,7 +19,7 @@ from cuspline.process.cutting_speed import contact_radius_mm, effective_radius_m
 from cuspline.process.engagement import engagement
 from cuspline.program.program import Kind, MoveWriter, Operation, Program
 from cuspline.replay.scene import FoundStock
-from cuspline.shop.practice import Practice
+from cuspline.shop.practice import Practice, ShopFile
 from cuspline.stock.workpiece import Workpiece
 from cuspline.verification.in_process import PART
 
@@ -56,8 +56,8 @@ def planned(moves, has_speed=False, has_feed=False, rpm=4775.0, cutter=None, ask
                     is_speed_constant=has_speed, is_fed_by_engagement=has_feed)
     operation = PlannedOperation(name="cut", tool=cutter or tool("ball", 10), rpm=rpm, coolant="off", moves=moves, wishes=wishes,
                                  facts={"time_s": round(float(times_s(moves, machine).sum()), 1)})
-    context = SimpleNamespace(machine=machine, practice=Practice(**practice), design=SimpleNamespace(material="aluminium_6061"),
-                              piece=Workpiece(blank=StockBox(min_mm=BOX[0], max_mm=BOX[1]).shape),
+    context = SimpleNamespace(machine=machine, practice=Practice(**practice), shop=ShopFile(),
+                              design=SimpleNamespace(material="aluminium_6061"), piece=Workpiece(blank=StockBox(min_mm=BOX[0], max_mm=BOX[1]).shape),
                               setup=SimpleNamespace(turn=PART))
     return Plan(context=context, operations=(operation,))
 
