@@ -310,6 +310,28 @@ def monitor(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
 
 
 @app.command()
+def lobes(cutters: Annotated[Path, typer.Option(help="tool library (JSON), its tools with `chatter` modes")],
+          tool: Annotated[int, typer.Option(help="number of the tool")],
+          material: Annotated[str, typer.Option(help="work material, whose cutting force is known")],
+          machine: Annotated[str, typer.Option(help="machine by name or TOML file")] = "mill_3axis",
+          shop: Annotated[Optional[Path], typer.Option(help="a shop's own file (TOML)")] = None, json: AsJson = False):
+    """Spindle speeds at which a tool cuts deepest in a groove without chatter, from its stability lobes."""
+    from cuspline.app import catalogue
+    from cuspline.process.chatter import best_speeds, limits_mm
+    from cuspline.shop.cutting_forces import force_of
+    from cuspline.shop.practice import shop_file
+    chosen, force = catalogue.find_library(cutters).number(tool), force_of(material, shop_file(shop).forces)
+    if force is None:
+        raise InputError(f"no cutting force is known of {material}: give one as [[forces]] in a shop's file (--shop)")
+    if chosen.chatter is None or chosen.chatter.modes is None:
+        raise InputError(f"T{tool} states no modes: lobes need frequency, stiffness and damping ratio of each (`chatter.modes`)")
+    always, found = limits_mm({tool: chosen}, force)[tool], best_speeds(chosen, force, catalogue.find_machine(machine).spindle)
+    rows = [{"rpm": round(rpm), "depth_mm": round(depth, 4), "at_every_speed_mm": round(always, 4)} for rpm, depth in found]
+    _print(rows, json, lambda r: [
+        f"{r['rpm']} rpm: {r['depth_mm']:g} mm in a groove, {r['at_every_speed_mm']:g} mm at every speed"])
+
+
+@app.command()
 def translate(
         program: Annotated[Path, typer.Argument(help="a program in another control's words")],
         to: Annotated[str, typer.Option(help="post that writes the new words")],
@@ -504,8 +526,8 @@ def _of_the_process(material, own):
     from cuspline.shop.tool_lives import life_of
     force, life = force_of(material, own.forces), life_of(material, own.lives)
     if force is not None:
-        yield (f"  resists with {force.force_n_per_mm2:g} N/mm² and {force.edge_n_per_mm:g} N/mm, {force.force_angle_deg:g} degrees "
-               "to the surface")
+        yield (f"  resists with {force.force_n_per_mm2:g} N/mm² and {force.edge_n_per_mm:g} N/mm, "
+               f"{force.force_angle_deg:g} degrees to the surface")
         yield f"  source: {force.source}"
     if life is not None:
         yield f"  edges last {life.life_min:g} min in the cut, {life.time_factor:g} times the time of aluminium"

@@ -89,6 +89,8 @@ def process_words(operation, met):
     for name, key in (("cutting_speed", "constant_speed"), ("feed", "feed_by_engagement")):
         said.setdefault(name, f"not used: neither operation nor shop sets {key}")
     share = None if met is None else met["tip_share"]
+    if isinstance(said["cutting_speed"], dict) and met is not None:
+        said["cutting_speed"] = {**said["cutting_speed"], "came_out_m_per_min": met["speeds_m_per_min"]}
     return {"process": {**said, "tip_share": share, "tip": _tip_in_words(operation, share)}}
 
 

@@ -383,10 +383,16 @@ def _edge_row(setup, op):
         "setup": setup, "name": str(op.get("name", DASH)), "way": decimal((number(op.get("way_mm")) or 0) / 1000, 2, "m"),
         "in_cut": percent(op.get("share_in_cut"), 1.0, 0), "tip": percent(op.get("tip_share"), 1.0, 0),
         "depth": decimal(op.get("depth_mm"), 2), "line": grouped(op.get("depth_line")), "arc": decimal(op.get("immersion_deg"), 0),
-        "speed": f"{decimal(low, 0)} … {decimal(high, 0)}", "removed": decimal((number(op.get("removed_mm3")) or 0) / 1000, 2),
+        "speed": f"{decimal(low, 0)} … {decimal(high, 0)}" + _half_in_words(op.get("speeds_m_per_min")),
+        "removed": decimal((number(op.get("removed_mm3")) or 0) / 1000, 2),
         "axial": decimal(op.get("axial_n"), 0), "radial": decimal(op.get("radial_n"), 0), "power": decimal(op.get("power_kw"), 2),
         "bend": decimal(op.get("deflection_mm"), 4),
         "rate": decimal(op.get("removal_cm3_per_h"), 1), "most": decimal(op.get("removal_most_cm3_per_h"), 1)}
+
+
+def _half_in_words(speeds):
+    """The speed at the largest radius in the cut that half of the way is below."""
+    return f", half below {decimal(speeds[1], 0)}" if isinstance(speeds, list) and len(speeds) == 3 else ""
 
 
 def feed_text(feed):

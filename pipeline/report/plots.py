@@ -255,13 +255,13 @@ def process_plot(along):
     rows = [(name, label) for name, label in (("depth_mm", "depth [mm]"), ("speed_m_per_min", "speed [m/min]"),
                                               ("removal_cm3_per_h", "removal [cm³/h]"), ("radial_n", "force [N]")) if name in along]
     way, operation = np.array(along["way_m"], float), np.array(along["operation"], int)
-    figure = Figure(figsize=(7.2, 1.15 * len(rows) + 0.6))
+    figure, begin = Figure(figsize=(7.2, 1.15 * len(rows) + 0.6)), np.r_[0.0, way[:-1]]
     for k, (name, label) in enumerate(rows, 1):
         axes = figure.add_subplot(len(rows), 1, k)
         for number_ in np.unique(operation).tolist():
             mine = operation == number_
-            axes.fill_between(way, 0, np.where(mine, np.array(along[name], float), np.nan), step="pre", lw=0,
-                              color=OPERATION_COLOURS[number_ % len(OPERATION_COLOURS)])
+            axes.bar(begin[mine], np.array(along[name], float)[mine], (way - begin)[mine], align="edge", lw=0,
+                     color=OPERATION_COLOURS[number_ % len(OPERATION_COLOURS)])
         axes.set(xlim=(0, way[-1]), ylabel=label)
         axes.yaxis.label.set_fontsize(7)
         axes.set_ylim(bottom=0)

@@ -57,8 +57,8 @@ def planned(moves, has_speed=False, has_feed=False, rpm=4775.0, cutter=None, ask
     operation = PlannedOperation(name="cut", tool=cutter or tool("ball", 10), rpm=rpm, coolant="off", moves=moves, wishes=wishes,
                                  facts={"time_s": round(float(times_s(moves, machine).sum()), 1)})
     context = SimpleNamespace(machine=machine, practice=Practice(**practice), shop=ShopFile(),
-                              design=SimpleNamespace(material="aluminium_6061"), piece=Workpiece(blank=StockBox(min_mm=BOX[0], max_mm=BOX[1]).shape),
-                              setup=SimpleNamespace(turn=PART))
+                              design=SimpleNamespace(material="aluminium_6061"), setup=SimpleNamespace(turn=PART),
+                              piece=Workpiece(blank=StockBox(min_mm=BOX[0], max_mm=BOX[1]).shape))
     return Plan(context=context, operations=(operation,))
 
 
