@@ -338,7 +338,7 @@ def plan_document(order, plans, cuts=None):
     setups = []
     for plan, met in zip(plans, [()] * len(plans) if cuts is None else cuts):
         rows = {row["name"]: row for row in met}
-        operations = [_operation_document(o) | process_words(o, rows.get(o.name)) for o in plan.operations]
+        operations = [_operation_document(o) | process_words(o, rows.get(o.name), plan.context.material) for o in plan.operations]
         lies = plan.setup.refixturing
         setups.append({"name": plan.setup.name, "operations": operations,
                        "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,

@@ -29,6 +29,7 @@ STEP_SHARE = 0.125        # of the radius: no part is shorter
 FACTORS = np.cumprod([0.1, *[1.1] * 30])         # of feeds: in steps, so that few blocks differ
 FACTORS /= FACTORS[np.abs(FACTORS - 1).argmin()]        # one of them is 1
 KEPT_SHARE = 0.9          # of what spindle, cutter and drives stand, that feeds keep to
+HARD_HRC = 45             # from here on a steel counts as hardened
 STOCK_NODES = 15_000      # of the grid over the stock that the setup finds
 FULL_FEED = 0.999         # of the operation's largest feed: what runs slower goes down into stock, or in and out
 
@@ -79,11 +80,11 @@ def met_by(plan):
     return cuts_of_operations(posted, tools, engagement(posted, tools, found_stock(plan.context)))
 
 
-def process_words(operation, met):
-    """What plan.json says of the process of a PlannedOperation: what was used, and why not where not.
+def process_words(operation, met, material=None):
+    """What plan.json says of the process of a PlannedOperation: what was used, and why not where not; advice with its reason.
 
     Args:
-        met: row of verify.json's "process"; None: its edges were not looked at.
+        met: row of verify.json's "process"; None: its edges were not looked at.   material: shop.materials.Material.
     """
     said = dict(operation.facts.get("process", {}))
     for name, key in (("cutting_speed", "constant_speed"), ("feed", "feed_by_engagement")):
@@ -91,7 +92,16 @@ def process_words(operation, met):
     share = None if met is None else met["tip_share"]
     if isinstance(said["cutting_speed"], dict) and met is not None:
         said["cutting_speed"] = {**said["cutting_speed"], "came_out_m_per_min": met["speeds_m_per_min"]}
-    return {"process": {**said, "tip_share": share, "tip": _tip_in_words(operation, share)}}
+    return {"process": {**said, "tip_share": share, "tip": _tip_in_words(operation, share),
+                        **_coolant_advice(operation, material)}}
+
+
+def _coolant_advice(operation, material):
+    """Coolant on edges that enter and leave a hardened steel with every turn; nothing where there is nothing to say."""
+    if material is None or (material.hardness_hrc or 0) < HARD_HRC or operation.coolant == "off":
+        return {}
+    return {"advice": f"{operation.coolant} in {material.name}, {material.hardness_hrc:g} HRC: milling is an interrupted cut, and "
+            "edges that are cooled between two cuts chip; air or nothing keeps them longer (L. Xu, University of Florida 1996)"}
 
 
 def _tip_in_words(operation, share):

@@ -1,12 +1,11 @@
 """Constant cutting speed and feeds by engagement, on three grooves and a step: planned, posted, read back, looked at again."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from known_programs import tool
-from small_program import changed
 
 from cuspline.app import catalogue
 from cuspline.app.judge import posted_moves
@@ -19,6 +18,7 @@ from cuspline.process.cutting_speed import contact_radius_mm, effective_radius_m
 from cuspline.process.engagement import engagement
 from cuspline.program.program import Kind, MoveWriter, Operation, Program
 from cuspline.replay.scene import FoundStock
+from cuspline.shop.materials import known_materials
 from cuspline.shop.practice import Practice, ShopFile
 from cuspline.stock.workpiece import Workpiece
 from cuspline.verification.in_process import PART
@@ -151,4 +151,11 @@ def test_what_cannot_follow_says_why_and_what_wishes_nothing_stays():
     row, = met_by(plan)
     words = process_words(plan.operations[0], row.as_dict())["process"]
     assert words["tip_share"] > 0.5 and "in the cut on" in words["tip"]
-    assert changed(MACHINE).spindle.change_rpm_per_s is None
+
+
+def test_coolant_in_hardened_steel_is_advised_against():
+    operation, hard = planned(grooves()).operations[0], known_materials()["steel_h13_48hrc"]
+    wet = replace(operation, coolant="flood")
+    assert "chip" in process_words(wet, None, hard)["process"]["advice"]
+    assert "advice" not in process_words(operation, None, hard)["process"]
+    assert "advice" not in process_words(wet, None, known_materials()["aluminium_6061"])["process"]
