@@ -112,8 +112,10 @@ def _tip_in_words(operation, share):
         return "of no concern: the cutter's bottom is flat"
     if share == 0:
         return "out of the cut"
-    asked = operation.facts.get("bearing", "as laid")
-    return f"in the cut on {100 * share:.1f} % of the way; passes {asked}"
+    bearing = operation.facts.get("bearing")
+    why = f"passes run {bearing}" if bearing else (
+        "passes as laid: step-up and uphill are options of patterns (`bearing`), a leaning axis one of five-axis machines")
+    return f"in the cut on {100 * share:.1f} % of the way; {why}"
 
 
 def _wished(operation):
