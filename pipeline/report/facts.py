@@ -347,10 +347,10 @@ def edges_not_checked(verify):
         f"{name}, drives: {_drives_in_words(found)}" for name, found in strays if found]
 
 
-def edge_sets(verify):
-    """One text a tool and setup whose edges are changed on the way, or a set of which is counted."""
+def edge_sets(verify, setup=None):
+    """One text a tool and setup whose edges are changed on the way, or a set of which is counted; `setup`: of one alone."""
     rows = [(str(part.get("setup", DASH)), name, found) for part in verify.get("setups") or ()
-            for name, found in _edges(part).items()]
+            if setup in (None, part.get("setup")) for name, found in _edges(part).items()]
     return [f"{setup}, {name}: {decimal(found.get('minutes_in_cut'), 0)} min in the cut, "
             f"{counted(found.get('sets_of_edges', 1), 'set')} of edges" + _changes_in_words(found.get("change_before_lines"))
             for setup, name, found in rows]
