@@ -274,7 +274,8 @@ def restart(program: Annotated[Path, typer.Argument(help="a posted program, or o
 
 @app.command()
 def repost(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
-           line: Annotated[Optional[int], typer.Argument(min=1, help="it begins at the last restart point not behind it; none: list all")] = None,
+           line: Annotated[Optional[int], typer.Argument(
+               min=1, help="it begins at the last restart point not behind it; none: list all")] = None,
            tool: Annotated[Optional[int], typer.Option(help="number of the ball that was changed")] = None,
            diameter: Annotated[Optional[float], typer.Option(min=0.01, max=200, help="its diameter as measured, mm")] = None,
            setup: Annotated[Optional[str], typer.Option(help="its name, where the folder has several")] = None,
