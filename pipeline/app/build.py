@@ -51,6 +51,8 @@ from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.verdict import Options
 
 STAGES = ("step", "plan", "gcode", "verify", "report")
+DRAFT = "draft"               # plan, program and a first look at it, in place of all that follows
+DRAFT_OPTIONS = Options(finer=0.5, tessellation_mm=0.01)        # a quarter of the sample points; triangles tell what is in reach
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
 
@@ -91,7 +93,7 @@ def build(order, say=lambda text: None):
         raise InputError(f"--out {order.out}: cannot be written ({error.strerror}); name another folder") from None
     try:
         result = _made(order, work, say)
-        target = order.out if result.is_ok else _rejected(order.out)
+        target = order.out if result.is_ok or order.last_stage == DRAFT else _rejected(order.out)
         with held_off():
             _swap_in(work, target)
             if result.is_ok:
@@ -137,6 +139,8 @@ def _made(order, work, say):
     kept, tell = kept_beside(order.out), lambda text: say(f"{design.name}: {text}")
     plans = _planned(order, say)
     trial = _Trial(order=order, work=work, inputs=inputs, kept=kept, tell=tell)
+    if order.last_stage == DRAFT:
+        return trial.drafted(plans, off)
     if order.last_stage == "plan":
         _write_json(work / "plan.json", plan_document(order, trial.planned(plans)))
         return _finished(order, work, inputs, None, off)
@@ -265,6 +269,17 @@ class _Trial:
         for path in set(self.work.iterdir()) - before:
             path.unlink()
         return plans
+
+    def drafted(self, plans, off):
+        """Result of a first look at what the plans come to, as they are; `off`: findings about the solid."""
+        job = self.posted(plans)
+        found = begun(self.work, job, self.tell, DRAFT_OPTIONS).drafted()
+        document = found.as_dict()
+        _write_json(self.work / "draft.json", document)
+        _stamp(self.work, job, draft_in_words(document).upper(), "DRAFT, NOTHING PROVEN: NOT FOR THE MACHINE")
+        refused = (f for f in found.findings if f.kind not in self.order.accepted)
+        return replace(_finished(self.order, self.work, self.inputs, job, (*off, *refused)),
+                       figures=draft_in_words(document))
 
     def judged(self, plans, job, first):
         """(Job, Judged) of what is posted, mended and judged again while that helps; arguments as `checked` returns."""
@@ -452,7 +467,21 @@ def _stamp_verdict(work, job, verify):
     """Put the verdict into each program's header, in place of the line that says there is none yet."""
     verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
     short = f"VERDICT: {verdict}" + (f" WITH {counted(passed, 'accepted finding').upper()}" if passed else "")
-    whole = f"{short}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} checked".upper()
+    _stamp(work, job, f"{short}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} checked".upper(), short)
+
+
+def draft_in_words(found):
+    """What a draft's numbers come to, in a few words; `found`: draft.json.
+
+    >>> draft_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "points_checked": 1200})
+    'draft, nothing proven: gouge 0.0022, cusp 0.0096 mm at 1,200 points'
+    """
+    return (f"draft, nothing proven: gouge {found['gouge_max_mm']:.4f}, cusp {found['cusp_max_mm']:.4f} mm at "
+            f"{counted(found['points_checked'], 'point')}")
+
+
+def _stamp(work, job, whole, short):
+    """Put words into each program's header in place of the line that says there is no verdict; the short ones where it is narrow."""
     comment = post_module(job.machine).comment
     line = comment(whole if len(comment(whole)) < job.machine.control.line_length else short)
     for name in job.program_names:

@@ -63,14 +63,17 @@ def build(
         measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their setups (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
+        draft: Annotated[bool, typer.Option("--draft", help="only a first look at what the program would cut, nothing proven, into "
+                                            "<folder>-draft")] = False,
         accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
     """Build one design: STEP, plan, program, simulation, verdict, report."""
     with Stages() as stages:
         stages.show(f"{design}: reading")
         from cuspline.app.request import Request
         order, result = Request(design=design, parameters=(*_words(params), *param), machine=machine, post=post, cutters=cutters,
-                                shop=shop, measured=measured, out=out, stage=stage, accept=tuple(accept)).built(stages.say)
-    _tell(order.design.name, stage, result)
+                                shop=shop, measured=measured, out=out, stage=stage, draft=draft,
+                                accept=tuple(accept)).built(stages.say)
+    _tell(order.design.name, order.last_stage, result)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
 
 
@@ -530,6 +533,9 @@ def _tell(name, stage, result):
         verdict = f"REJECTED, {counted(len(findings), 'finding')}" if findings else f"VERIFIED{passed}"
         print(f"{name}: {verdict}"
               f"{', ' + figures if figures else ''} ({result.folder})")
+    elif figures:
+        print(f"{name}: {figures.upper()[0]}{figures[1:]}" + (f", {counted(len(findings), 'finding')}" if findings else "")
+              + f" ({result.folder})")
     else:
         print(f"{name}: {stage} made, nothing verified ({result.folder})")
     for mark, shown in (("", findings), ("accepted: ", accepted)):

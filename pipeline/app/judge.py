@@ -35,6 +35,8 @@ from cuspline.verification.turning import swinging_findings, turning_findings
 from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProgram, Verdict, first_look, verify_setups
 
 OF_BODIES = ("idle_operation", "plunge", "overload")       # kinds that say how a cutter takes stock off
+DRAFTED_WORST = ("gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm")
+DRAFTED_SUMS = ("points_checked", "area_required_mm2", "area_reached_mm2", "area_unreachable_mm2")
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
 
 
@@ -232,10 +234,33 @@ class Begun:
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
                       extra=self.extra, stock=self.job.stock, read=self.read)
 
+    def drafted(self):
+        """Drafted: what the first verifier and the replay show, nothing proven."""
+        drafts = self.first.drafts()
+        return Drafted(setups=drafts, findings=(
+            *self.extra, *(f for d, p in zip(drafts, self.read) for f in self._placed(d.findings, p))))
+
     def _placed(self, findings, program):
         """Of one program, those that the text alone shows before."""
         mine = (*program.findings, *_cutting(findings, program.posted, self.tools))
         return _placed(mine, program, self.job.machine, self.tools)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Drafted:
+    """A first look at programs."""
+
+    setups: tuple                           # verdict.SetupDraft, one a setup
+    findings: tuple[Finding, ...]
+
+    def as_dict(self):
+        """draft.json: the contract's numbers as far as samples tell them, and the findings."""
+        numbers = [d.numbers for d in self.setups]
+        return {"draft": True, "ok": not self.findings,
+                **{k: max((n[k] for n in numbers), default=0.0) for k in DRAFTED_WORST},
+                **{k: round(sum(n[k] for n in numbers), 6) for k in DRAFTED_SUMS},
+                "findings": [f.as_dict() for f in self.findings],
+                "setups": [{"setup": d.setup, **d.numbers} for d in self.setups]}
 
 
 def _cutting(findings, posted, tools):

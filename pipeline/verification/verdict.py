@@ -145,6 +145,15 @@ def _largest(bounds):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class SetupDraft:
+    """What the samples and the replay show of one setup; nothing between the samples is proven."""
+
+    setup: str
+    numbers: dict                     # of the contract of verify.json those that the samples tell
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SetupProgram:
     """One clamping's program, read back from the text."""
 
@@ -225,6 +234,10 @@ class FirstLook:
                        fade_mm=float(np.sqrt(2.0 * self.part.largest_radius_mm * finished_mm)))
         return tuple(_judged(self.part, c, found, own, self.judging, joined)
                      for c, (found, own), joined in zip(self.clampings, self.residuals, steps))
+
+    def drafts(self):
+        """What this look and the replay show by themselves; one SetupDraft a program."""
+        return tuple(_drafted(self.part, c, found, own, self.judging) for c, (found, own) in zip(self.clampings, self.residuals))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -420,6 +433,16 @@ def _judged(part, c, found, own, judging, joined):
                                  "process": process.document})
 
 
+def _drafted(part, c, found, own, judging):
+    """SetupDraft of clamping c; residuals as for `_judged`."""
+    judging.say(f"{c.name}: replay of {len(c.program.posted):,} moves on a grid of {c.options.replay_pitch_mm:.3f} mm")
+    history = _replayed(part, c, judging, _found_stock(part, c, judging.tools))
+    true_mm = _once(partial(_true_mm, part, c, found))
+    report = Reporter(c.program, part.finish, found, own, true_mm)
+    return SetupDraft(setup=c.name, numbers=_tidy(_on_faces(found, part.finish, true_mm)),
+                      findings=(*history.findings, *history.idle, *report.gouges(), *report.excess()))
+
+
 def _cusps(part, c, found):
     """Cusps beside the samples that are no tops, where clamping c finished the face."""
     count, piece = len(c.samples), part.piece
@@ -553,33 +576,38 @@ def _largest_mm(found, is_beyond, is_side, true_mm):
     return float(amount), more
 
 
-def _numbers(found, solid_view, finish, bounds, history, true_mm):
-    """verify.json's numbers of one setup."""
+def _on_faces(found, finish, true_mm):
+    """verify.json's numbers of one setup that its samples tell."""
     d, fair = found.deviation_mm, found.is_reachable
     gouge, excess = (_largest_mm(found, np.abs(d) > allowed + NOISE_MM, side, true_mm) for allowed, side in (
         (finish.gouge_mm, d < 0), (allowed_mm(finish), fair & (d > 0))))
     finished = fair & (d <= MISSED * allowed_mm(finish))
     area = found.area_mm2
-    clearance, held = history.holder_clearance_mm, solid_view.volumes
-    numbers = {
+    return {
         "gouge_max_mm": gouge[0], "excess_max_mm": excess[0],
         "at_least": [name for name, (_, more) in (("gouge_max_mm", gouge), ("excess_max_mm", excess)) if more],
         **({"plating_mm": finish.plating_mm} if finish.plating_mm else {}),
         "cusp_max_mm": max(0.0, d[finished].max(initial=0.0)),
         "cusp_p99_mm": max(0.0, weighted_percentile(d[finished], found.samples.weight_mm2[finished], 0.99)),
+        "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
+        "area_reached_mm2": area(fair & (d <= allowed_mm(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair)}
+
+
+def _numbers(found, solid_view, finish, bounds, history, true_mm):
+    """verify.json's numbers of one setup."""
+    clearance, held = history.holder_clearance_mm, solid_view.volumes
+    return _tidy({
+        **_on_faces(found, finish, true_mm),
         "gouge_volume_mm3": solid_view.gouge.mm3, "gouge_volume_bound_mm3": solid_view.gouge.bound_mm3,
         "excess_volume_mm3": solid_view.excess.mm3, "excess_volume_bound_mm3": solid_view.excess.bound_mm3,
         "error_bound_mm": _sum([bounds[k] for k in OF_THE_RESULT if k in bounds]),
-        "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
-        "area_reached_mm2": area(fair & (d <= allowed_mm(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
         "unreachable": unreachable_places(found),
         "holder_clearance_mm": clearance if np.isfinite(clearance) else None,
         "clearance_not_proven_lines": [int(line) for line in history.undecided_lines],
         "verifiers": {
             "compared_area_mm2": held.area_mm2, "bound_mm3": held.bound_mm3, "net_bound_mm3": held.net_bound_mm3,
             "excess_mm3": list(held.excess_mm3), "gouge_mm3": list(held.gouge_mm3), "net_mm3": list(held.net_mm3),
-            "bodies_beyond_tolerance": len(solid_view.bodies), "grid_artefacts": solid_view.artefacts}}
-    return _tidy(numbers)
+            "bodies_beyond_tolerance": len(solid_view.bodies), "grid_artefacts": solid_view.artefacts}})
 
 
 def _sum(bounds):
