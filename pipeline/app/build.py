@@ -481,7 +481,7 @@ def draft_in_words(found):
 
 
 def _stamp(work, job, whole, short):
-    """Put words into each program's header in place of the line that says there is no verdict; the short ones where it is narrow."""
+    """Put words into each program's header where it says that there is no verdict; the short ones where lines are narrow."""
     comment = post_module(job.machine).comment
     line = comment(whole if len(comment(whole)) < job.machine.control.line_length else short)
     for name in job.program_names:
