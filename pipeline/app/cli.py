@@ -366,7 +366,7 @@ def strategies(json: AsJson = False):
     rows = []
     for kind, strategy in sorted(REGISTERED.items()):
         fields = strategy.model_json_schema()["properties"]
-        rows.append({"kind": kind, "description": (strategy.__doc__ or "").split("\n")[0],
+        rows.append({"kind": kind, "description": " ".join((strategy.__doc__ or "").partition("\n\n")[0].split()),
                      "class": f"{strategy.__module__}.{strategy.__name__}", "picture": strategy.picture.strip("\n"),
                      "parameters": [_parameter_row(n, f) for n, f in fields.items()]})
     _print(rows, json, lambda r: [f"{r['kind']}: {r['description']}  ({r['class']})", "", *r["picture"].split("\n"), ""] + [
