@@ -82,8 +82,8 @@ def main(folder, outputs):
 def written_pages():
     """Page of every Markdown file that readers are meant for."""
     docs = ROOT / "docs"
-    sources = [ROOT / "README.md", *(path for where in ("guides/*.md", "*.md", "decisions/*.md") for path in sorted(docs.glob(where))),
-               ROOT / "bench" / "RESULTS.md"]
+    found = [path for where in ("guides/*.md", "*.md", "decisions/*.md") for path in sorted(docs.glob(where))]
+    sources = [ROOT / "README.md", *found, ROOT / "bench" / "RESULTS.md"]
     return [_written(path.relative_to(ROOT).as_posix(), path.read_text()) for path in sources]
 
 

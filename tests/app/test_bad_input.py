@@ -345,7 +345,7 @@ def test_of_a_setup_with_a_wrong_operation_the_operation_alone_is_told(run, tmp_
     job.write_text(job.read_text() + 'operations = [{ kind = "watrline" }]\n')
     done = run("build", job)
     assert_refused(done, "setups.0.operations.0", "watrline")
-    assert "at least 1 item" not in done.stderr
+    assert "at least 1 item" not in done[1]
 
 
 @pytest.mark.parametrize("share", [0.2, 0.6, 0.97])
