@@ -25,6 +25,7 @@ from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
 from cuspline.values.input_files import refuse_irregular
 from cuspline.verification.body_clearance import body_findings
+from cuspline.verification.feeding import feeding_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.machine_bodies import bodies_at
@@ -120,6 +121,7 @@ def read_programs(folder, job, tools):
         moves = joined_files(parts, texts.values(), tools)
         found = text_findings(moves, tools, setup=held[0].setup, machine=job.machine, finish=job.finish,
                               material=job.cutting_data or known_materials().get(job.material))
+        found = (*found, *feeding_findings(moves, texts.values(), job.machine, held[0].setup.name))
         setups = [item.setup for item in held]
         if len(held) == 1 and not held[0].setup.indexed:
             position = np.zeros(len(moves), np.int64)

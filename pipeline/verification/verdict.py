@@ -47,11 +47,11 @@ from cuspline.verification.residuals import (
 from cuspline.verification.samples import face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import Limits, SolidComparison, compare
-from cuspline.verification.text_checks import path_tolerance_mm
+from cuspline.verification.text_checks import increments_mm, path_tolerance_mm
 from cuspline.verification.true_depths import largest_true_mm
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
-OF_THE_RESULT = ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm", "gaps_mm")     # bounds of gouge and cusp
+OF_THE_RESULT = ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm", "gaps_mm", "increments_mm")   # of gouge and cusp
 TRACING_MM = 1e-7         # length of a traced ray
 PROVEN_SHARE = 1 / 3      # of the allowed gouge: how near to the truth the certificate's bounds come
 FINEST_MM = 2e-4          # the finest that they are asked for
@@ -415,7 +415,8 @@ def _judged(part, c, found, own, judging, joined):
               "path_tolerance_mm": path_tolerance_mm(c.program.posted, machine),
               "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm,
               **({"stock_mm": part.piece.blank.error_mm} if part.piece.blank.error_mm else {}),
-              **({"gaps_mm": part.gap_mm} if part.gap_mm else {})}
+              **({"gaps_mm": part.gap_mm} if part.gap_mm else {}),
+              **({"increments_mm": steps_mm} if (steps_mm := increments_mm(machine)) else {})}
     bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
     true_mm = _once(partial(_true_mm, part, c, found))
     report = Reporter(c.program, finish, found, own, true_mm)
