@@ -13,7 +13,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ from cuspline.design.stock import FromFile, settled, stock_in_words
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.glb import write_glb
 from cuspline.kernel.solids import stl_of
+from cuspline.planning.by_engagement import follows_engagement, met_by, process_words
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import clamping_program, plan_setup
 from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
@@ -142,11 +143,11 @@ def _made(order, work, say):
     if order.last_stage == DRAFT:
         return trial.drafted(plans, off)
     if order.last_stage == "plan":
-        _write_json(work / "plan.json", plan_document(order, trial.planned(plans)))
+        trial.write_plan(trial.planned(plans), trial.planned_cuts)
         return _finished(order, work, inputs, None, off)
     plans, job, first = trial.checked(plans)
     if order.last_stage == "gcode":
-        _write_json(work / "plan.json", plan_document(order, plans))
+        trial.write_plan(plans, trial.planned_cuts)
         return _finished(order, work, inputs, job, off)
     job, judged = trial.judged(plans, job, first)
     verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say, kept)}
@@ -232,14 +233,31 @@ class _Trial:
     inputs: str
     kept: object
     tell: Callable
+    known: dict = field(default_factory=dict)       # plans -> what `as_run` has made of them
+
+    def as_run(self, plan):
+        """The SetupPlan with speeds and feeds by what its edges meet, worked out once."""
+        if id(plan) not in self.known:
+            self.known[id(plan)] = plan, follows_engagement(plan)
+        return self.known[id(plan)][1]
+
+    def write_plan(self, plans, cuts=None):
+        """plan.json.   cuts: function of the plans as run -> what the edges of each meet, one list of rows a plan."""
+        plans = [self.as_run(plan) for plan in plans]
+        _write_json(self.work / "plan.json", plan_document(self.order, plans, None if cuts is None else cuts(plans)))
+
+    @staticmethod
+    def planned_cuts(plans):
+        """What the edges of plans meet, as they are planned: the programs are not judged."""
+        return [[cut.as_dict() for cut in met_by(plan)] for plan in plans]
 
     def posted(self, plans, instead_of=None):
         """plan.json, programs and tools on disk; Job."""
         for name in instead_of.program_names if instead_of else ():
             (self.work / name).unlink()
-        _write_json(self.work / "plan.json", plan_document(self.order, plans))
+        self.write_plan(plans)
         self.tell(f"post for {self.order.machine.name}")
-        return _posted(self.order, plans, self.work, self.inputs)
+        return _posted(self.order, [self.as_run(plan) for plan in plans], self.work, self.inputs)
 
     def begun(self, job):
         """The first part of the verdict."""
@@ -293,7 +311,7 @@ class _Trial:
                 break
             self.tell(f"corrected, round {number} of {mending.ROUNDS}")
             job, first = self.posted(plans, instead_of=job), None
-        _write_json(self.work / "plan.json", plan_document(self.order, plans))
+        self.write_plan(plans, lambda held: [v.numbers["process"]["operations"] for v in judged.verdict.setups])
         return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans),
                             extra=(*judged.extra, *(f for plan in plans for f in plan.idle)))
 
@@ -326,11 +344,16 @@ def _finished(order, work, inputs, job, findings=(), left_out=""):
 # plan and program ------------------------------------------------------------------------------
 
 
-def plan_document(order, plans):
-    """plan.json: per operation cutter, step, feeds, time, and the candidates rejected."""
+def plan_document(order, plans, cuts=None):
+    """plan.json: per operation cutter, step, feeds, time, and the candidates rejected.
+
+    Args:
+        cuts: what the edges of each plan's operations meet, rows of verify.json's "process"; None: not known yet.
+    """
     setups = []
-    for plan in plans:
-        operations = [_operation_document(o) for o in plan.operations]
+    for plan, met in zip(plans, [()] * len(plans) if cuts is None else cuts):
+        rows = {row["name"]: row for row in met}
+        operations = [_operation_document(o) | process_words(o, rows.get(o.name)) for o in plan.operations]
         lies = plan.setup.refixturing
         setups.append({"name": plan.setup.name, "operations": operations,
                        "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,

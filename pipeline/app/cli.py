@@ -276,6 +276,31 @@ def restart(program: Annotated[Path, typer.Argument(help="a posted program, or o
 
 
 @app.command()
+def repost(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
+           line: Annotated[Optional[int], typer.Argument(min=1, help="of the program: a restart point; none: list them")] = None,
+           tool: Annotated[Optional[int], typer.Option(help="number of the ball that was changed")] = None,
+           diameter: Annotated[Optional[float], typer.Option(min=0.01, max=200, help="its diameter as measured, mm")] = None,
+           setup: Annotated[Optional[str], typer.Option(help="its name, where the folder has several")] = None,
+           to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
+    """The rest of a program from any retract on, for a ball of another measured diameter: edges or cutter were changed."""
+    from cuspline.app.reposting import reposted, restart_lines
+    if line is None:
+        print(" ".join(str(n) for n in restart_lines(folder, setup)))
+        return
+    if (tool is None) != (diameter is None):
+        raise InputError("--tool and --diameter go together: which ball was changed, and what it measures")
+    done = reposted(folder, line, number=tool, diameter_mm=diameter, setup=setup)
+    print(f"tips moved by up to {1000 * done.moved_mm:.2f} um", file=sys.stderr)
+    if to is None and len(done.texts) > 1:
+        raise InputError(f"it takes {len(done.texts)} files: name them by --to")
+    if to is None:
+        print(done.texts[0], end="")
+        return
+    for k, text in enumerate(done.texts, 1):
+        _write(to if len(done.texts) == 1 else to.with_name(f"{to.stem}-{k:02d}{to.suffix}"), text, "--to")
+
+
+@app.command()
 def translate(
         program: Annotated[Path, typer.Argument(help="a program in another control's words")],
         to: Annotated[str, typer.Option(help="post that writes the new words")],

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from cuspline.shop.kinematics import Chain
 from cuspline.values.input_files import checked, toml_of
-from cuspline.values.models import Coordinate, Model, Point, one_of
+from cuspline.values.models import Coordinate, Model, Point, Sparse, one_of
 from cuspline.values.units import MM
 
 BED = "bed"                         # stands still, between what moves the part and what moves the tool
@@ -16,18 +16,8 @@ UPRIGHT = (0.0, 0.0, 1.0)
 ALONG = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": UPRIGHT}
 ROTARIES = "ABC"
 MOST_TURNS = 40
+CHANGE_RPM_PER_S = 1000.0           # of a spindle whose file does not say it: from 0 to 10,000 rpm in ten seconds, which is slow
 PARALLEL = 1e-3                     # sine of the angle below which two directions count as one
-
-
-class Sparse(Model):
-    """What a file leaves out is left out where the value is written out again: keys that came later change no older file."""
-
-    LEFT_OUT: ClassVar[tuple[str, ...]] = ()
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_usual(self, dump):
-        usual = {name: type(self).model_fields[name].default for name in self.LEFT_OUT}
-        return {k: v for k, v in dump(self).items() if k not in usual or getattr(self, k) != usual[k]}
 
 
 class LinearAxis(Sparse):
@@ -118,12 +108,19 @@ class Body(Model):
 class Spindle(Sparse):
     """What it turns, and what it stands; a limit that is left out is not checked."""
 
-    LEFT_OUT = ("power_kw", "torque_n_m", "axial_n")
+    LEFT_OUT = ("power_kw", "torque_n_m", "axial_n", "change_rpm_per_s")
     min_rpm: float = Field(gt=0)
     max_rpm: float = Field(gt=0)
     power_kw: float | None = Field(default=None, gt=0, description="at the tool, without end")
     torque_n_m: float | None = Field(default=None, gt=0, description="the same, at every speed")
     axial_n: float | None = Field(default=None, gt=0, description="force along its axis that its bearings stand")
+    change_rpm_per_s: float | None = Field(default=None, gt=0, description="how fast it changes its speed in the cut; left out: "
+                                           "taken to be 1000")
+
+    @property
+    def turns_faster_rpm_per_s(self):
+        """How fast it changes its speed, as stated or taken to be."""
+        return CHANGE_RPM_PER_S if self.change_rpm_per_s is None else self.change_rpm_per_s
 
 
 class Feeding(Model):

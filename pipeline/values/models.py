@@ -5,7 +5,7 @@ import re
 import typing
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_serializer
 
 FAR_MM = 1e6                # no machine, stock or fixture reaches so far
 SHOWN = 60                  # characters of a value, and
@@ -25,6 +25,17 @@ class Model(BaseModel):
     """Frozen; an unknown key is an error, and so is a number that is not finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Sparse(Model):
+    """What a file leaves out is left out where the value is written out again: keys that came later change no older file."""
+
+    LEFT_OUT: typing.ClassVar[tuple[str, ...]] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_usual(self, dump):
+        usual = {name: type(self).model_fields[name].default for name in self.LEFT_OUT}
+        return {k: v for k, v in dump(self).items() if k not in usual or getattr(self, k) != usual[k]}
 
 
 def one_of(*models):

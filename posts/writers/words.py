@@ -90,6 +90,7 @@ class Writer:
         self.here_mm = np.zeros(3)
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
         self.plane, self.feed, self.coolant = Plane.XY, None, "M9"
+        self.speed = ""                                 # the S word in force
         self.rotaries = rotaries
         self.is_tip = False                             # under tool-centre-point control, or
         self.is_tilted = False                          # in a tilted plane
