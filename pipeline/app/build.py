@@ -417,7 +417,7 @@ def _posted(order, plans, work, inputs):
               predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
               cutting_data=material_named(order.design.material, order.shop.materials),
               machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
-              accepted=order.accepted, threads=order.design.threads)
+              accepted=order.accepted, threads=order.design.threads, dimensions=order.design.dimensions)
     line = job_line(digest_of(job.model_dump(mode="json")))
     for name, text in written.items():
         (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))

@@ -29,6 +29,7 @@ from cuspline.verification.feeding import feeding_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.machine_bodies import bodies_at
+from cuspline.verification.measuring import measured, tolerance_findings
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.threads import thread_findings
@@ -52,6 +53,7 @@ class Judged:
     extra: tuple[Finding, ...]              # about the programs as files
     stock: object                           # a value of design.stock, its file found
     read: tuple["ReadProgram", ...]         # one a setup
+    dimensions: tuple = ()                  # measuring.Measured, on the stock after all of them
 
     @property
     def posted(self):
@@ -88,7 +90,8 @@ class Judged:
         in_setups = (f for s in numbers["setups"] for name in ("findings", "collisions") for f in s[name])
         for row in (*rows, *numbers["collisions"], *in_setups):
             row["accepted"] = row["kind"] in accepted
-        return {**numbers, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows}
+        sizes = {"dimensions": [m.as_dict() for m in self.dimensions]} if self.dimensions else {}
+        return {**numbers, **sizes, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -233,8 +236,10 @@ class Begun:
             closer = replace(options, finer=CLOSER * options.finer)
             setups = verify_setups(self.programs, self.solid, replace(judging, options=closer))
         setups = tuple(replace(v, findings=self._placed(v.findings, p)) for v, p in zip(setups, self.read))
+        sizes = measured(self.job.dimensions, self.first.part.piece, self.solid, self.job.predicates, options.post_rounding_mm)
+        extra = (*self.extra, *tolerance_findings(sizes, self.read[-1].setup.name))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
-                      extra=self.extra, stock=self.job.stock, read=self.read)
+                      extra=extra, stock=self.job.stock, read=self.read, dimensions=sizes)
 
     def drafted(self):
         """Drafted: what the first verifier and the replay show, nothing proven."""

@@ -21,6 +21,15 @@ SAME_MM = 1e-6              # measures that are the same
 REGISTERED = {}             # kind -> class
 
 
+def understood(*fields):
+    """Validator of fields that name a tool."""
+    def check(wish):
+        if isinstance(wish, str):
+            ToolWish.of(wish)
+        return wish
+    return field_validator(*fields)(check)
+
+
 class Operation(Model):
     """What every operation says."""
 
@@ -55,12 +64,7 @@ class Operation(Model):
         if "kind" in cls.__dict__:
             REGISTERED[cls.kind] = cls
 
-    @field_validator("tool")
-    @classmethod
-    def _tool_is_understood(cls, wish):
-        if isinstance(wish, str):
-            ToolWish.of(wish)
-        return wish
+    _tool_is_understood = understood("tool")
 
     @model_serializer(mode="wrap")
     def _with_its_kind(self, dump):
