@@ -99,6 +99,8 @@ class Refixturing(Model):
     turn_deg: tuple[float, float, float] = Field(description="of the WCS about X, then Y, then Z")
     shift_mm: tuple[float, float, float] = Field(description="of the WCS's zero, along its axes as designed")
     residual_mm: dict[str, float] = Field(description="each marker's distance from where the fit puts it")
+    far_error_mm: float | None = Field(default=None, description="how well the place that is cut farthest from the markers is "
+                                       "known, root mean square; None: no place was asked for")
 
 
 class Setup(Model):
@@ -119,6 +121,8 @@ class Setup(Model):
     fixtures: tuple[Fixture, ...] = Field(default=(), description="what holds the part: jaws, clamps, posts")
     markers: tuple[Marker, ...] = Field(default=(), description="what is measured to find how the part sits")
     marker_limit_mm: float = Field(default=0.02, gt=0, description="how far a measured marker may be from the rigid part")
+    marker_error_mm: float = Field(default=0.002, gt=0, description="of one measured coordinate of a marker, root mean square")
+    far_limit_mm: float = Field(default=0.010, gt=0, description="how uncertain what is cut far from the markers may be")
     refixturing: Refixturing | None = Field(default=None, description="what measured markers came to; None: as designed")
     indexed: bool = Field(default=False, description="an indexed position (3+2): the rotary axes turn the part to it as "
                           "the setup before holds it, in the same program; zero, fixtures and markers are that setup's")
@@ -128,9 +132,10 @@ class Setup(Model):
     clamped_z: Direction | None = Field(default=None, description="the same of its Z")
 
     @model_serializer(mode="wrap")
-    def _without_positions_it_has_not(self, dump):
-        row = dump(self)
-        return row if self.indexed else {k: v for k, v in row.items() if k not in ("indexed", "clamped_x", "clamped_z")}
+    def _without_what_it_has_not(self, dump):
+        unsaid = () if self.indexed else ("indexed", "clamped_x", "clamped_z")
+        as_ever = [n for n in ("marker_error_mm", "far_limit_mm") if getattr(self, n) == type(self).model_fields[n].default]
+        return {k: v for k, v in dump(self).items() if k not in (*unsaid, *as_ever)}
 
     @model_validator(mode="after")
     def _axes_make_a_frame(self):
