@@ -28,6 +28,7 @@ from cuspline.verification.body_clearance import body_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.machine_bodies import bodies_at
+from cuspline.verification.regions import regions
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.threads import thread_findings
@@ -49,6 +50,7 @@ class Judged:
     extra: tuple[Finding, ...]              # about the programs as files
     stock: object                           # a value of design.stock, its file found
     read: tuple["ReadProgram", ...]         # one a setup
+    names: dict                             # of faces that setups cut -> their numbers in the solid
 
     @property
     def posted(self):
@@ -85,7 +87,8 @@ class Judged:
         in_setups = (f for s in numbers["setups"] for name in ("findings", "collisions") for f in s[name])
         for row in (*rows, *numbers["collisions"], *in_setups):
             row["accepted"] = row["kind"] in accepted
-        return {**numbers, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows}
+        return {**numbers, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows,
+                "regions": regions(self.verdict.setups, self.names)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -230,7 +233,13 @@ class Begun:
             setups = verify_setups(self.programs, self.solid, replace(judging, options=closer))
         setups = tuple(replace(v, findings=self._placed(v.findings, p)) for v, p in zip(setups, self.read))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
-                      extra=self.extra, stock=self.job.stock, read=self.read)
+                      extra=self.extra, stock=self.job.stock, read=self.read, names=self._names)
+
+    @property
+    def _names(self):
+        """{name: numbers of its faces in the solid} of all that setups cut."""
+        faces, used = brep.faces_of(self.solid), {name for p in self.programs for name in p.setup.faces}
+        return {p.name: tuple(brep.indices_of(faces, brep.select_faces(faces, p))) for p in self.job.predicates if p.name in used}
 
     def _placed(self, findings, program):
         """Of one program, those that the text alone shows before."""

@@ -84,6 +84,7 @@ class SetupVerdict:
 
     setup: str
     finish: object                    # design.Finish
+    required: tuple[int, ...]         # numbers of the solid's faces that it answers for
     residuals: Residuals
     solids: SolidComparison
     replay: Replay
@@ -410,9 +411,9 @@ def _judged(part, c, found, own, judging, joined):
     findings = (*history.findings, *history.idle, *process.findings, *report.gouges(), *report.unseen_gouges(proven),
                 *report.excess(), *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
-    return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,
-                        cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings, stock=part.made,
-                        mesh=part.mesh,
+    return SetupVerdict(setup=c.name, finish=finish, required=tuple(c.required), residuals=found, solids=view, replay=history,
+                        certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,
+                        stock=part.made, mesh=part.mesh,
                         numbers={**_numbers(found, view, finish, bounds, history, true_mm),
                                  **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),

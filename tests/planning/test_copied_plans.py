@@ -70,7 +70,7 @@ def test_what_stands_too_high_in_a_copy_is_mended_in_the_original_where_it_lies_
 
 def test_a_setup_that_sees_another_part_is_refused(plans):
     right = plans[2].setup
-    with pytest.raises(PlanError, match="right is to be cut as front is, but from there its faces lie .* mm elsewhere: correct its wcs_x"):
+    with pytest.raises(PlanError, match="right is to be cut as front is, but from there its faces lie .* mm elsewhere: correct"):
         copied(plans[1], right.model_copy(update={"wcs_x": (0.0, 0.0, 1.0)}))
     with pytest.raises(PlanError, match="its faces are 2, not 1"):
         copied(plans[1], right.model_copy(update={"faces": ("right", "top")}))
