@@ -62,7 +62,7 @@ def blade_order(count, order):
     >>> blade_order(4, "around"), blade_order(4, "apart"), blade_order(7, "apart")
     ([0, 1, 2, 3], [0, 2, 1, 3], [0, 2, 4, 6, 1, 3, 5])
     """
-    return list(range(count)) if order == "around" else [*range(0, count, 2), *range(1, count, 2)]
+    return list(range(count)) if order == "around" or count == 3 else [*range(0, count, 2), *range(1, count, 2)]
 
 
 def _balls(p):

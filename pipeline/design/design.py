@@ -100,7 +100,7 @@ class Refixturing(Model):
     shift_mm: tuple[float, float, float] = Field(description="of the WCS's zero, along its axes as designed")
     residual_mm: dict[str, float] = Field(description="each marker's distance from where the fit puts it")
     far_error_mm: float | None = Field(default=None, description="how well the place that is cut farthest from the markers "
-                                       "is known, root mean square; None: no place was asked for")
+                                       "is known, root mean square; None: no place was looked at")
 
 
 class Setup(Model):

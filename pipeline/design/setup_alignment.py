@@ -159,7 +159,7 @@ def refixtured_setups(setups, measured, places_of=lambda setups: ()):
     found = []
     for held in by_clamping(setups, lambda before, setup: setup.is_held_as(before)):
         if within := [s.name for s in held[1:] if s.name in measured]:
-            raise InputError(f"markers measured in {within[0]}, an indexed position in the clamping of {held[0].name}: measure "
+            raise InputError(f"markers measured in {within[0]}, an indexed position held as {held[0].name} is: measure "
                              f"them once, and write {held[0].name}")
         name = held[0].name
         found += _refixtured_clamping(held, measured[name], places_of(held)) if name in measured else held

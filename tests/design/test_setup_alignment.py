@@ -164,7 +164,7 @@ def test_indexed_positions_follow_their_clamping_and_look_at_the_part_as_before(
         assert np.allclose(after.clamped_frame.out(np.array(list(measured.values()))), SQUARE, atol=1e-9)
         assert after.refixturing.turn_deg == pytest.approx((0.02, -0.05, 0.3), abs=1e-9)
     assert turned.is_held_as(held)
-    with pytest.raises(InputError, match="setup-3, an indexed position in the clamping of setup-2: measure them once"):
+    with pytest.raises(InputError, match="setup-3, an indexed position held as setup-2 is: measure them once"):
         refixtured_setups(positions(), {"setup-3": measured})
 
 
