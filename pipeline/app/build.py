@@ -32,6 +32,7 @@ from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.glb import write_glb
 from cuspline.kernel.solids import stl_of
 from cuspline.planning.by_engagement import follows_engagement, met_by, process_words
+from cuspline.planning.copied_plans import copied
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import clamping_program, plan_setup
 from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
@@ -203,25 +204,35 @@ def _measured_solid(order, work, say):
 
 
 def _planned(order, say):
-    """SetupPlan of every setup; each begins with the stock that the programs before it leave, as they are posted."""
-    design, plans = order.design, []
+    """SetupPlan of every setup; each begins with the stock that the programs before it leave, as they are posted.
+
+    Of copies that is asked only where one that is planned for itself comes after them.
+    """
+    design, plans, cut = order.design, [], 0
     piece = Workpiece(blank=design.stock.shape)
     for setup in design.setups:
+        if setup.planned_as is not None:
+            plans.append(copied(next(p for p in plans if p.setup.name == setup.planned_as), setup))
+            continue
+        while cut < len(plans):
+            say(f"{design.name}: stock after {plans[cut].setup.name}")
+            piece, cut = _cut_by(order, piece, plans[cut]), cut + 1
         say(f"{design.name}: plan {setup.name}")
-        plan = plan_setup(design, setup, order.machine, order.library, piece, order.shop)
-        plans.append(plan)
-        if setup is not design.setups[-1]:
-            say(f"{design.name}: stock after {setup.name}")
-            tools = {o.tool.number: o.tool for o in plan.operations}
-            piece = piece.after(setup.frame, swept_paths(_as_posted(order, by_clamping(plans)[-1]), simulated(tools)))
+        plans.append(plan_setup(design, setup, order.machine, order.library, piece, order.shop))
     return plans
 
 
-def _as_posted(order, held):
-    """PostedMoves of the last of a clamping's plans: all posted as text and read back."""
-    tools = {o.tool.number: o.tool for plan in held for o in plan.operations}
-    texts = post_module(order.machine).post(clamping_program(held, (), held[0].setup.name), order.machine).texts
-    return posted_positions(texts, [plan.setup for plan in held], order.machine, tools)[-1]
+def _cut_by(order, piece, plan):
+    """What a plan leaves of a Workpiece, as it is posted."""
+    tools = {o.tool.number: o.tool for o in plan.operations}
+    return piece.after(plan.setup.frame, swept_paths(_as_posted(order, plan), simulated(tools)))
+
+
+def _as_posted(order, plan):
+    """PostedMoves of a plan: posted as text and read back; of an indexed position without those before it in its clamping."""
+    tools = {o.tool.number: o.tool for o in plan.operations}
+    texts = post_module(order.machine).post(clamping_program([plan], (), plan.setup.name), order.machine).texts
+    return posted_positions(texts, [plan.setup], order.machine, tools)[-1]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

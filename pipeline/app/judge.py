@@ -30,6 +30,7 @@ from cuspline.verification.file_checks import changed_files, changed_job, progra
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.machine_bodies import bodies_at
 from cuspline.verification.measuring import measured, tolerance_findings
+from cuspline.verification.regions import regions
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.threads import thread_findings
@@ -54,6 +55,7 @@ class Judged:
     stock: object                           # a value of design.stock, its file found
     read: tuple["ReadProgram", ...]         # one a setup
     dimensions: tuple = ()                  # measuring.Measured, on the stock after all of them
+    names: dict                             # of faces that setups cut -> their numbers in the solid
 
     @property
     def posted(self):
@@ -91,7 +93,8 @@ class Judged:
         for row in (*rows, *numbers["collisions"], *in_setups):
             row["accepted"] = row["kind"] in accepted
         sizes = {"dimensions": [m.as_dict() for m in self.dimensions]} if self.dimensions else {}
-        return {**numbers, **sizes, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows}
+        return {**numbers, **sizes, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows,
+                "regions": regions(self.verdict.setups, self.names)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -239,13 +242,19 @@ class Begun:
         sizes = measured(self.job.dimensions, self.first.part.piece, self.solid, self.job.predicates, options.post_rounding_mm)
         extra = (*self.extra, *tolerance_findings(sizes, self.read[-1].setup.name))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
-                      extra=extra, stock=self.job.stock, read=self.read, dimensions=sizes)
+                      extra=extra, stock=self.job.stock, read=self.read, dimensions=sizes, names=self._names)
 
     def drafted(self):
         """Drafted: what the first verifier and the replay show, nothing proven."""
         drafts = self.first.drafts()
         return Drafted(setups=drafts, findings=(
             *self.extra, *(f for d, p in zip(drafts, self.read) for f in self._placed(d.findings, p))))
+
+    @property
+    def _names(self):
+        """{name: numbers of its faces in the solid} of all that setups cut."""
+        faces, used = brep.faces_of(self.solid), {name for p in self.programs for name in p.setup.faces}
+        return {p.name: tuple(brep.indices_of(faces, brep.select_faces(faces, p))) for p in self.job.predicates if p.name in used}
 
     def _placed(self, findings, program):
         """Of one program, those that the text alone shows before."""

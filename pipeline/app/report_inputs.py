@@ -125,7 +125,7 @@ def _setup_bundle(work, judged, k, item, drawn, job):
     origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
     lies = item.setup.refixturing
     return SetupBundle(
-        markers=tuple((m.name, _triple(item.setup.frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
+        markers=tuple((m.name, _triple(item.setup.clamped_frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
         turned_in_words=_turned_in_words(posted, item.setup, machine, is_held_as_before), is_held_as_before=is_held_as_before,
         swings_in_words=_swings_in_words(judged.read[k].whole, machine),

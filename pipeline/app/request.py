@@ -2,15 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from cuspline.app import catalogue
 from cuspline.app.build import DRAFT, STAGES, Order, build
 from cuspline.app.outcome import refuse_unknown_kinds
 from cuspline.design import Design
 from cuspline.design.fixtures import fixtures_beside
+from cuspline.kernel import brep
 from cuspline.shop.machines import Machine
 from cuspline.values.errors import InputError
+from cuspline.values.frames import box_corners
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +53,7 @@ class Request:
         made = _as_it_stands(self.design, parameters) if source is None else catalogue.make_design(source, parameters)
         if self.measured is not None:
             from cuspline.design.setup_alignment import read_measured, refixtured_setups
-            made = replace(made, setups=refixtured_setups(made.setups, read_measured(self.measured)))
+            made = replace(made, setups=refixtured_setups(made.setups, read_measured(self.measured), partial(_farthest_of, made)))
         chosen = catalogue.with_post(_machine_of(self.machine if self.machine is not None else made.machine), self.post)
         library = catalogue.find_library(self.cutters)
         out = Path(self.out) if self.out is not None else Path("outputs") / made.name
@@ -70,6 +75,14 @@ class Request:
         """(Order, outcome.Result): see `build`."""
         order = self.order()
         return order, build(order, say)
+
+
+def _farthest_of(design, setups):
+    """(8 k, 3) corners of the boxes round the faces that some setups cut."""
+    faces = brep.faces_of(brep.the_solid(design.solid, f"design {design.name}"))
+    names = dict.fromkeys(name for s in setups for name in s.faces)
+    boxes = [brep.bounding_box_mm(f.shape) for f in brep.named_faces(faces, design.predicates, tuple(names))]
+    return np.vstack([box_corners(low, high) for low, high in boxes])
 
 
 def _machine_of(machine):

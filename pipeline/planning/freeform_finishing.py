@@ -58,6 +58,7 @@ TERRACE_SHARE = 0.8         # of its flutes a flat cutter goes deep beside an up
 RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls by 0.13 of its radius, whatever stands there
 LEVEL = 1 - 1e-9            # of a unit normal's z: level ground
 SAME_MM = 1e-6              # heights that are the same
+COARSER = 3.0               # times the pitch: a grid that tells within which box something is left
 OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
 
 
@@ -108,12 +109,27 @@ def passes_over(work, tool, candidates, swept=()):
     if tool.cutter.corner_radius_mm == 0.0:
         raise PlanError(f"{operation.title}: T{tool.number} {tool.cutter.name} has a sharp corner: on faces that are not level "
                         "it leaves steps, no cusps; take a ball or bull nose, or the operations floor and waterline")
-    cut = lambda field: field
+    cut, box = lambda field: field, None
     if swept:
         step = flat_step_mm(tool, ridge_for_step_mm(operation.title, scallop_mm, work.finish))
         cut = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
+        if operation.steepest_deg < 90.0:           # a position among others, that see most of the faces better
+            box = _box_left(work, tool, COARSER * step / NODES_A_STEP, cut)
+            if box is None:
+                return None
     stage = FinishingStage(name=operation.title, allowance_mm=operation.allowance_mm, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, work.standing_mm(tool), cut, swept)
+    return _operation(work, stage, tool, candidates, work.standing_mm(tool), cut, swept, box)
+
+
+def _box_left(work, tool, pitch_mm, cut):
+    """((2,), (2,)) lowest and highest x, y within which `cut` leaves something of a coarse region; None: nowhere."""
+    field = _field(work, tool, work.operation.allowance_mm, pitch_mm, may_be_empty=True)
+    field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0) if field.is_inside.any() else None
+    left = field and cut(field)
+    if left is None:
+        return None
+    at = left.node_xy_mm[left.is_inside]
+    return at.min(axis=0) - pitch_mm, at.max(axis=0) + pitch_mm
 
 
 def walls_alone(work, tool, candidates):
@@ -142,8 +158,8 @@ def walls_alone(work, tool, candidates):
     return work.measured(operation.title, tool, rpm, made.moves, facts, made.left)
 
 
-def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
-    """One operation over the region that `cut` makes of the whole one; None where nothing of it is left."""
+def _operation(work, stage, tool, candidates, left_mm, cut, before=(), box=None):
+    """One operation over the region that `cut` makes of the whole one, or of what a box holds; None where nothing of it is left."""
     name, allowance_mm, scallop_mm = stage.name, stage.allowance_mm, stage.scallop_mm
     tolerance, ridge_mm = middle_tolerance_mm(work), ridge_for_step_mm(name, scallop_mm, work.finish)
     if allowance_mm > 0.0:
@@ -151,7 +167,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
     if (widest := work.operation.stepover_mm) is not None:
         ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(tool.cutter.corner_radius_mm, widest, 0.0)[0]))
     step = flat_step_mm(tool, ridge_mm)
-    field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP))
+    field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP, box is not None, box))
     if field is not None and work.operation.steepest_deg < 90.0:
         field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0)
     if field is None:
@@ -211,10 +227,12 @@ def flat_step_mm(tool, ridge_mm):
     return float(stepover_for_scallop_mm(radius_mm, ridge_mm, 0.0)[0])
 
 
-def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False):
-    """Where the ball touches the faces wanted."""
-    boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
-    low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False, box=None):
+    """Where the ball touches the faces wanted; `box`: ((2,), (2,)) of places that are looked at, all of them unless given."""
+    if box is None:
+        boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
+        box = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+    low, high = box
     run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
     dropper = work.dropper_with(tool, allowance_mm) if work.tool_axis is None else work.dropper_of(tool.cutter, allowance_mm)
     return tip_field(dropper, work.wanted, (low[:2], high[:2]), pitch_mm, run_over, may_be_empty)

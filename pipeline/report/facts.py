@@ -482,6 +482,15 @@ def dimension_rows(verify):
             for row in verify.get("dimensions") or ()]
 
 
+def region_rows(verify):
+    """One dict of texts a named region: area required, reached, out of reach and why; cusps and gouge in um."""
+    um = lambda mm: decimal(1000 * mm, 2)
+    return [{"name": row["name"], "required": decimal(row["area_required_mm2"], 1),
+             "reached": percent(row["area_reached_mm2"], row["area_required_mm2"]),
+             "unreachable": decimal(row["area_unreachable_mm2"], 1), "why": row["why"] or DASH, "cusp": um(row["cusp_max_mm"]),
+             "most": um(row["cusp_p99_mm"]), "gouge": um(row["gouge_max_mm"])} for row in verify.get("regions") or ()]
+
+
 def cusp_rows(verify):
     """One dict of texts a face and operation, in um: asked, measured, and what the formula gives for the local step."""
     rows = []

@@ -48,7 +48,7 @@ from cuspline.verification.samples import face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import Limits, SolidComparison, compare
 from cuspline.verification.text_checks import increments_mm, path_tolerance_mm
-from cuspline.verification.true_depths import largest_true_mm
+from cuspline.verification.true_depths import SEARCHED, largest_true_mm
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
 OF_THE_RESULT = ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm", "gaps_mm", "increments_mm")   # of gouge and cusp
@@ -84,6 +84,7 @@ class SetupVerdict:
 
     setup: str
     finish: object                    # design.Finish
+    required: tuple[int, ...]         # numbers of the solid's faces that it answers for
     residuals: Residuals
     solids: SolidComparison
     replay: Replay
@@ -424,9 +425,9 @@ def _judged(part, c, found, own, judging, joined):
     findings = (*history.findings, *history.idle, *process.findings, *report.gouges(), *report.unseen_gouges(proven),
                 *report.excess(), *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
-    return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,
-                        cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings, stock=part.made,
-                        mesh=part.mesh,
+    return SetupVerdict(setup=c.name, finish=finish, required=tuple(c.required), residuals=found, solids=view, replay=history,
+                        certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,
+                        stock=part.made, mesh=part.mesh,
                         numbers={**_numbers(found, view, finish, bounds, history, true_mm),
                                  **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
@@ -545,24 +546,28 @@ def _found_stock(part, c, tools):
                       columns=None if before.blank.fills_box_in(frame) else before.blank.columns(frame, zmap.xy_mm))
 
 
-def _true_mm(part, c, found, residuals, rows):
+def _true_mm(part, c, found, residuals, rows, is_brief):
     """True amount of a group of samples of clamping c: (amount, row, whether it may be more)."""
     piece, far = part.piece, part.piece.blank.size_mm
     left = piece if residuals is found else Workpiece(blank=piece.blank, cuts=(piece.cuts[c.number],))
     is_proud = residuals.deviation_mm[rows[0]] > 0
     belongs = lambda p: left.is_stock(p) if is_proud else left.cut_distance_mm(p) < 0
     return largest_true_mm(residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0],
-                           part.surface, belongs, residuals.spacing_mm)
+                           part.surface, belongs, residuals.spacing_mm, is_brief=is_brief)
 
 
 def _once(true_mm):
-    """The same function of residuals and rows, run once for each: findings and numbers ask for the same groups."""
-    known = {}
+    """The same function of residuals and rows, run once for each: findings and numbers ask for the same groups.
 
-    def asked(residuals, rows):
+    After SEARCHED samples it is brief, but where the largest of all is asked for.
+    """
+    known, searched = {}, []
+
+    def asked(residuals, rows, is_of_all=False):
         key = id(residuals), rows.tobytes()
         if key not in known:
-            known[key] = true_mm(residuals, rows)
+            known[key] = true_mm(residuals, rows, is_brief=sum(searched) >= SEARCHED and not is_of_all)
+            searched.append(len(rows))
         return known[key]
     return asked
 
@@ -572,7 +577,7 @@ def _largest_mm(found, is_beyond, is_side, true_mm):
     size = np.abs(found.deviation_mm)
     amount, more = size[is_side & ~is_beyond].max(initial=0.0), False
     if (is_side & is_beyond).any():
-        true, _, more = true_mm(found, np.flatnonzero(is_side & is_beyond))
+        true, _, more = true_mm(found, np.flatnonzero(is_side & is_beyond), is_of_all=True)
         amount = max(amount, true)
     return float(amount), more
 
