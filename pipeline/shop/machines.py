@@ -143,7 +143,7 @@ class Control(Sparse):
     """What the controller accepts."""
 
     LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes", "canned_cycles",
-                "blocks_per_s", "rigid_tapping", "feeding")
+                "blocks_per_s", "rigid_tapping", "feeding", "arc_centres")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
@@ -163,6 +163,8 @@ class Control(Sparse):
                                "counts its own)")
     arc_planes: tuple[Literal["XY", "ZX", "YZ"], ...] = Field(
         default=("XY", "ZX", "YZ"), description="in which the control runs arcs; others, all where it is empty, go out as lines")
+    arc_centres: Literal["IJK", "R"] = Field(default="IJK", description="what an arc states beside its end: its centre, or its "
+                                             "radius (arcs of more than 120 degrees in two blocks or more)")
     blocks_per_s: float | None = Field(default=None, gt=0, description="that the control runs; feeds of shorter blocks are lowered "
                                        "to it; left out: not checked")
     feeding: Feeding | None = Field(default=None, description="programs are sent while they run: checked for waits in the cut; "
