@@ -253,6 +253,25 @@ def diff(old: Annotated[Path, typer.Argument(help="folder of outputs")],
 
 
 @app.command()
+def send(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
+         to: Annotated[str, typer.Option(help="tcp://host:port, or a serial device as /dev/ttyUSB0")],
+         baud: Annotated[int, typer.Option(help="of a serial device; 8 bits, no parity")] = 9600,
+         handshake: Annotated[str, typer.Option(help="xon: the control holds with XOFF, goes on with XON; ok: it answers every "
+                                                "line, as Grbl")] = "xon",
+         unverified: Annotated[bool, typer.Option("--unverified", help="send it though its header does not say VERIFIED")] = False):
+    """Send a program to a control that runs it while it comes."""
+    from cuspline.app.sending import refuse_unverified, sent
+    if handshake not in ("xon", "ok"):
+        raise InputError(f"--handshake {shortened(handshake)}: it must be xon or ok")
+    text = text_of(program, "program", encoding="ascii", largest_bytes=LARGEST_PROGRAM_BYTES)
+    if not unverified:
+        refuse_unverified(text, program.name)
+    with Stages() as stages:
+        count = sent(text, to, baud=baud, handshake=handshake, say=stages.say)
+    print(f"{program.name}: {counted(count, 'line')} sent")
+
+
+@app.command()
 def restart(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
             point: Annotated[Optional[str], typer.Argument(
                 help="restart point, as N2003, or an operation, as OP3; none: list them")] = None,

@@ -47,7 +47,9 @@ def test_random_arcs_come_back_on_their_circles(name):
         for operation in told.operations:
             o = operation.moves
             for k in np.flatnonzero(o.kind != Kind.RAPID):
-                arc = Arc(o.starts_mm[k], o.end_mm[k], o.center_mm[k], Plane(o.plane[k]), Kind(o.kind[k])) if o.kind[k] > 1 else None
+                arc = None
+                if o.kind[k] >= Kind.ARC_CW:
+                    arc = Arc(o.starts_mm[k], o.end_mm[k], o.center_mm[k], Plane(o.plane[k]), o.kind[k])
                 while True:
                     row, at = rows[at], at + 1
                     if arc is not None and moves.kind[row] > Kind.FEED:
