@@ -71,6 +71,7 @@ class Order:
     accepted: tuple[str, ...]
     out: Path
     last_stage: str
+    revision: str = ""          # of the repository, where whoever builds says it; "" nobody does
 
 
 def build(order, say=lambda text: None):
@@ -344,6 +345,7 @@ def _finished(order, work, inputs, job, findings=(), left_out=""):
     asked = None if job is None else job.model_dump(mode="json")
     manifest = {
         "design": order.design.name, "stage": order.last_stage, "inputs_sha256": inputs,
+        **({"revision": order.revision} if order.revision else {}),
         "parameters": order.design.parameters.model_dump(mode="json"), "machine": order.machine.name,
         "accepted": list(order.accepted), "left_out": left_out,
         "versions": {"cuspline": cuspline.__version__, **{n: _version(n) for n in VERSIONED}},
@@ -444,7 +446,7 @@ def _header(order, held, inputs):
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
     lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
              UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
-             f"INPUTS SHA-256 {inputs[:32]}", job_line(""),
+             f"INPUTS SHA-256 {inputs[:32]}", *([f"REVISION {order.revision}"] if order.revision else []), job_line(""),
              f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
              f"{setup.wcs}: {setup.wcs_in_words}",
              f"STOCK {design.material}: {_stock_in_words(design.stock)}{show(low)} TO {show(high)}",

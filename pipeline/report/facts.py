@@ -531,4 +531,5 @@ def file_rows(bundle):
     """[(file, full SHA-256)] that tie this paper to the files."""
     programs = dict(row for s in bundle.setups for row in ((s.program_file, s.program_sha256), *s.continued)).items()
     return [(bundle.step_file, bundle.step_sha256), *programs,
-            ("inputs (parameters, machine, cutters)", bundle.inputs_sha256)]
+            ("inputs (parameters, machine, cutters)", bundle.inputs_sha256),
+            *([("revision of the repository", bundle.revision)] if bundle.revision else [])]
