@@ -23,7 +23,6 @@ from cuspline.values.models import shortened
 REVISION = "CUSPLINE_REVISION"      # of the environment: CI states it; it stands in header, manifest and report
 
 
-
 @dataclass(frozen=True, kw_only=True)
 class Request:
     """A design and what it is to be made with; None: as `cuspline build` chooses without a word."""
