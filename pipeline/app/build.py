@@ -366,7 +366,7 @@ def plan_document(order, plans, cuts=None):
     setups = []
     for plan, met in zip(plans, [()] * len(plans) if cuts is None else cuts):
         rows = {row["name"]: row for row in met}
-        operations = [_operation_document(o) | process_words(o, rows.get(o.name)) for o in plan.operations]
+        operations = [_operation_document(o) | process_words(o, rows.get(o.name), plan.context.material) for o in plan.operations]
         lies = plan.setup.refixturing
         setups.append({"name": plan.setup.name, "operations": operations,
                        "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
@@ -430,7 +430,9 @@ def _posted(order, plans, work, inputs):
               predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
               cutting_data=material_named(order.design.material, order.shop.materials),
               machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
-              accepted=order.accepted, threads=order.design.threads, dimensions=order.design.dimensions)
+              accepted=order.accepted, threads=order.design.threads, dimensions=order.design.dimensions,
+              force=next((f for f in order.shop.forces if f.material == order.design.material), None),
+              life=next((t for t in order.shop.lives if t.material == order.design.material), None))
     line = job_line(digest_of(job.model_dump(mode="json")))
     for name, text in written.items():
         (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))

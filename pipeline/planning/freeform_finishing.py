@@ -196,6 +196,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=(), box=None)
              "passes": len(paths), "wall_passes": len(walls), "touch_ups": len(touched),
              "grid_mm": round(field.pitch_mm, 6),
              "region_mm2": round(float(field.is_inside.sum()) * field.pitch_mm ** 2, 1), "links": work.operation.passes,
+             **({} if link.bearing is None else {"bearing": link.bearing}),
              "min_concave_radius_mm": finite(work.hollow.radius_mm),
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
              "candidates": [c.as_dict() for c in candidates], **made.facts}
@@ -430,4 +431,4 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
         approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
         plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm, surface_link_mm=LINK_STEPS * step_mm,
         hop_mm=HOP_RADII * radius, lead_radius_mm=work.lead_radius_mm(radius), is_one_way=work.operation.passes == "one-way",
-        steepest_rad=tool.cutter.steepest_rad)
+        steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None))

@@ -173,7 +173,9 @@ class Judging:
     finish: object                    # design.Finish
     ball_radius_mm: float             # smallest ball of the shop's library
     machine: object = None            # machines.Machine, or None: travel and table are not asked
-    material: str = ""                # name of the work material: of others than shop.cutting_forces knows forces are not checked
+    material: str = ""                # name of the work material
+    force: object = None              # shop.cutting_forces.CuttingForce of it, or None: forces and chatter are not checked
+    life: object = None               # shop.tool_lives.ToolLife of it, or None: edges are not counted
     options: Options = Options()
     kept: object = NOTHING            # kept.Kept, asked first for what takes long; NOTHING keeps nothing
     say: Callable = lambda text: None       # called with what is being done, and how large it is
