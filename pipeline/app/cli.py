@@ -102,10 +102,19 @@ def faces(part: Annotated[str, typer.Argument(help="a STEP file, a design or a j
     _print(face_rows(solid), json, lambda f: [
         f"{f['number']}  {f['kind']}  {f['area_mm2']:g} mm²  normal {_triple(f['normal'])}  middle {_triple(f['middle_mm'])}"
         + (f"  {f['name']}" if f["name"] else "") + (f"  colour {_triple(f['color'])}" if f["color"] else "")
-        + _hole_in_words(f["hole"]),
+        + _hole_in_words(f["hole"]) + _feature_in_words(f["feature"]),
         *("  " + line for line in f["toml" if toml else "python"].split("\n"))])
     if pictures is not None:
         print(draw_faces(solid, pictures), file=sys.stderr)
+
+
+def _feature_in_words(feature):
+    """What `faces` says behind a face of a pocket, step, boss or chamfer."""
+    if feature is None:
+        return ""
+    size = {"chamfer": "wide", "boss": "high"}.get(feature["kind"], "deep")
+    part = "" if feature["kind"] == "chamfer" else f", {'top' if size == 'high' else 'floor'}" if feature["is_floor"] else ", wall"
+    return f"  {feature['name']}{part}, {feature['size_mm']:g} mm {size}, seen along {_triple(feature['axis'])}"
 
 
 @app.command()
