@@ -8,7 +8,7 @@ from hypothesis import settings
 
 sys.path.append(str(Path(__file__).parent / "parts"))       # for known_parts, built_parts
 
-from built_parts import NARROW, built_once  # noqa: E402
+from built_parts import NARROW, built_once, saddle_job  # noqa: E402
 from durations import (  # noqa: E402, F401
     pytest_addoption,
     pytest_collection_modifyitems,
@@ -51,3 +51,10 @@ def default_part_in_inches(tmp_path_factory):
     """The same for the machine set to inches, posted; not to be edited."""
     return built_once(tmp_path_factory, "inch", "z_profile", "-p", NARROW, "--machine", "mill_3axis_inch",
                       "--stage", "gcode")
+
+
+@pytest.fixture(scope="session")
+def saddle(tmp_path_factory):
+    """Outputs of a small STEP part with a job file; not to be edited."""
+    job = saddle_job(tmp_path_factory.mktemp("saddle"))
+    return built_once(tmp_path_factory, "saddle", job, "--stage", "verify")

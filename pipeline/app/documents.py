@@ -69,6 +69,22 @@ class StockRow(Document):
     sha256: str
 
 
+class DimensionRow(Document):
+    """One dimension of one feature, as measured on the simulated stock."""
+
+    name: str
+    kind: str = Field(description="diameter, distance or position")
+    place_mm: Place = Field(description="part coordinates")
+    nominal_mm: float
+    lower_mm: float = Field(description="limits")
+    upper_mm: float
+    least_mm: float = Field(description="of all points that were probed")
+    most_mm: float
+    fitted_mm: float = Field(description="of the circle, axis or plane through them")
+    points: int
+    ok: bool
+
+
 class RegionRow(Document):
     """The faces of one name, after all setups."""
 
@@ -84,6 +100,8 @@ class RegionRow(Document):
 
 class VerifyDocument(Figures):
     """verify.json: the verdict in numbers."""
+
+    dimensions: tuple[DimensionRow, ...] = Field(default=(), description="that the design states with limits")
 
     setups: tuple[SetupFigures, ...]
     accepted: tuple[str, ...] = Field(description="kinds of findings that were accepted by name")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cuspline.app import catalogue
-from cuspline.app.build import STAGES, Order, build
+from cuspline.app.build import DRAFT, STAGES, Order, build
 from cuspline.app.outcome import refuse_unknown_kinds
 from cuspline.design import Design
 from cuspline.design.fixtures import fixtures_beside
@@ -31,6 +31,7 @@ class Request:
     measured: object = None                         # a CSV file
     out: object = None                              # a folder
     stage: str = "report"
+    draft: bool = False                             # a first look into `<out>-draft` instead of the stages behind the program
     accept: tuple = ()
 
     def order(self):
@@ -41,6 +42,9 @@ class Request:
         """
         if self.stage not in STAGES:
             raise InputError(f"--stage {self.stage!r}: it must be one of {', '.join(STAGES)}")
+        if self.draft and self.stage != STAGES[-1]:
+            raise InputError(f"--draft with --stage {self.stage}: a draft ends with its own look at the program: leave one of "
+                             "them out")
         refuse_unknown_kinds(self.accept)
         source = None if isinstance(self.design, Design) else catalogue.find_design(str(self.design))
         if self.machine is not None:
@@ -53,8 +57,13 @@ class Request:
         chosen = catalogue.with_post(_machine_of(self.machine if self.machine is not None else made.machine), self.post)
         library = catalogue.find_library(self.cutters)
         out = Path(self.out) if self.out is not None else Path("outputs") / made.name
+        if self.draft:
+            if not made.setups:
+                raise InputError(f"--draft: design {made.name} has no setup, so no program to look at: leave it out")
+            out = out.parent / f"{out.name}-{DRAFT}"
         return Order(source=source, design=made, machine=chosen, library=library, shop=practice,
-                     accepted=tuple(sorted(set(self.accept))), out=out, last_stage=self.stage)
+                     accepted=tuple(sorted(set(self.accept))), out=out,
+                     last_stage=DRAFT if self.draft else self.stage)
 
     def _of_the_shop(self):
         """(ShopFile, the design's own parameters)."""

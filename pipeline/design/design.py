@@ -291,6 +291,7 @@ class Design:
     finish: Finish
     setups: tuple[Setup, ...]
     threads: dict = field(default_factory=dict)     # {name of faces: shop.threads.Thread, or its size}: holes that get one
+    dimensions: tuple = ()                  # values of design.dimensions: sizes and positions with their limits
     stock: object = StockAllowance()        # a value of design.stock; left out: the box round the part and an allowance
     guides: tuple = ()                      # values that strategies ask for by their type, see `guide_of`
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
@@ -321,6 +322,11 @@ class Design:
         object.__setattr__(self, "threads", {name: as_thread(t, name) for name, t in self.threads.items()})
         if missing := sorted(set(self.threads) - known):
             raise DesignError(f"design {self.name}: threads of {missing[0]!r}, a name of no predicate; there are {sorted(known)}")
+        for dimension in self.dimensions:
+            named = {dimension.faces, getattr(dimension, "from_faces", dimension.faces)}
+            if missing := sorted(named - known):
+                raise DesignError(f"design {self.name}, {dimension.title}: {missing[0]!r} is a name of no predicate; there are "
+                                  f"{sorted(known)}")
 
     def _refuse_copies(self):
         """A setup cut as one that was not planned before, or by other operations."""

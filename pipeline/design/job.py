@@ -11,6 +11,7 @@ from pathlib import Path
 from pydantic import Field, model_serializer
 
 from cuspline.design import FacePredicate, Finish, Setup
+from cuspline.design.dimensions import Dimension
 from cuspline.design.fixtures import fixtures_beside
 from cuspline.design.setup_alignment import refixtured_setups
 from cuspline.design.stock import Stock
@@ -53,10 +54,11 @@ class Job(Model):
     smallest_ball_radius_mm: float = Field(gt=0)
     accepted: tuple[str, ...] = ()
     threads: dict[str, Thread] = Field(default={}, description="of holes, by the names of their faces")
+    dimensions: tuple[Dimension, ...] = Field(default=(), description="with tolerances, judged on the simulated stock")
 
     @model_serializer(mode="wrap")
-    def _without_threads_it_has_not(self, dump):
-        return {k: v for k, v in dump(self).items() if k != "threads" or v}
+    def _without_what_it_has_not(self, dump):
+        return {k: v for k, v in dump(self).items() if k not in ("threads", "dimensions") or v}
 
     @property
     def program_names(self):

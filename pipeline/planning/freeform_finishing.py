@@ -5,6 +5,7 @@ about the cusp: there the ball goes round at constant height instead.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -21,6 +22,7 @@ from cuspline.surfaces.sampling import samples_of_faces
 from cuspline.toolpaths.freeform.clean_up_passes import region_left
 from cuspline.toolpaths.freeform.iso_scallop_passes import boundary_curves, constant_scallop_curves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
+from cuspline.toolpaths.freeform.scallop_metric import Across
 from cuspline.toolpaths.freeform.scallop_region import ground_of
 from cuspline.toolpaths.freeform.spiral_passes import spiral_curve
 from cuspline.toolpaths.freeform.tip_field import tip_field
@@ -59,6 +61,8 @@ RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls b
 LEVEL = 1 - 1e-9            # of a unit normal's z: level ground
 SAME_MM = 1e-6              # heights that are the same
 COARSER = 3.0               # times the pitch: a grid that tells within which box something is left
+WIDEST_RADII = 1.0          # of a leaning cutter's radius: beyond, its silhouette is no longer the circle at its contact
+ROLL_OVER_SHARE = 0.7       # of its radius, that a ball which stands for such a cutter goes over outer edges
 OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
 
 
@@ -106,12 +110,12 @@ def passes_over(work, tool, candidates, swept=()):
         PlannedOperation, or None where nothing is left.
     """
     operation, scallop_mm = work.operation, work.finish.scallop_mm
-    if tool.cutter.corner_radius_mm == 0.0:
+    if tool.cutter.corner_radius_mm == 0.0 and work.corner_of(tool.cutter) is None:
         raise PlanError(f"{operation.title}: T{tool.number} {tool.cutter.name} has a sharp corner: on faces that are not level "
                         "it leaves steps, no cusps; take a ball or bull nose, or the operations floor and waterline")
     cut, box = lambda field: field, None
     if swept:
-        step = flat_step_mm(tool, ridge_for_step_mm(operation.title, scallop_mm, work.finish))
+        step = _step_mm(work, tool, ridge_for_step_mm(operation.title, scallop_mm, work.finish))
         cut = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
         if operation.steepest_deg < 90.0:           # a position among others, that see most of the faces better
             box = _box_left(work, tool, COARSER * step / NODES_A_STEP, cut)
@@ -165,8 +169,8 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=(), box=None)
     if allowance_mm > 0.0:
         tolerance, ridge_mm = SEMI_TOLERANCE_MM, scallop_mm - SEMI_TOLERANCE_MM
     if (widest := work.operation.stepover_mm) is not None:
-        ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(tool.cutter.corner_radius_mm, widest, 0.0)[0]))
-    step = flat_step_mm(tool, ridge_mm)
+        ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(_across_mm(work, tool), widest, 0.0)[0]))
+    step = _step_mm(work, tool, ridge_mm)
     field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP, box is not None, box))
     if field is not None and work.operation.steepest_deg < 90.0:
         field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0)
@@ -174,11 +178,11 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=(), box=None)
         return None
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=BRIDGE_STEPS * step)
     gentle = _gentle(field, math.radians(work.operation.waterline_deg), OVERLAP_STEPS * step)
-    curves, pattern = _curves(work.operation, gentle, tool.cutter, ridge_mm)
+    curves, pattern = _curves(work.operation, gentle, _seen_as(work, tool.cutter), ridge_mm)
     paths = tip_paths(curves, gentle, rules) if curves else []
     walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step) if work.operation.steepest_deg == 90.0 else []
     touched = []
-    if paths and allowance_mm == 0.0:
+    if paths and allowance_mm == 0.0 and field.across is None:
         touched = _touch_up(gentle, [*paths, *walls], before, scallop_mm, ridge_mm, step, rules)
     paths += touched
     if not paths and not walls:
@@ -227,12 +231,41 @@ def flat_step_mm(tool, ridge_mm):
     return float(stepover_for_scallop_mm(radius_mm, ridge_mm, 0.0)[0])
 
 
+def _step_mm(work, tool, ridge_mm):
+    """The same of a tool that may lean."""
+    corner = work.corner_of(tool.cutter)
+    if corner is None:
+        return flat_step_mm(tool, ridge_mm)
+    return min(float(stepover_for_scallop_mm(corner.across_mm, ridge_mm, 0.0)[0]), WIDEST_RADII * corner.radius_mm)
+
+
+def _across_mm(work, tool):
+    """Radius of what a tool cuts across its feed, as far as its step goes by that."""
+    corner = work.corner_of(tool.cutter)
+    return tool.cutter.corner_radius_mm if corner is None else corner.across_mm
+
+
+def _seen_as(work, cutter):
+    """The cutter that passes are laid for: of one that leans and touches with its corner the ball that stands for it."""
+    corner = work.corner_of(cutter)
+    if corner is None:
+        return cutter
+    radius = corner.ball_radius_mm
+    return cutter.model_copy(update={"type": "ball", "diameter_mm": 2 * radius, "corner_radius_mm": radius})
+
+
 def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False, box=None):
     """Where the ball touches the faces wanted; `box`: ((2,), (2,)) of places that are looked at, all of them unless given."""
     if box is None:
         boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
         box = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     low, high = box
+    corner = work.corner_of(tool.cutter)
+    if corner is not None:
+        ball = corner.ball_radius_mm
+        found = tip_field(work.dropper(ball, ball, allowance_mm), work.wanted, (low[:2], high[:2]), pitch_mm,
+                          ROLL_OVER_SHARE * ball, may_be_empty)
+        return replace(found, across=Across(radius_mm=corner.across_mm, widest_mm=WIDEST_RADII * corner.radius_mm))
     run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
     dropper = work.dropper_with(tool, allowance_mm) if work.tool_axis is None else work.dropper_of(tool.cutter, allowance_mm)
     return tip_field(dropper, work.wanted, (low[:2], high[:2]), pitch_mm, run_over, may_be_empty)
@@ -391,9 +424,9 @@ def _terraces(samples, steep, tool, ridge_mm, tolerance_mm):
 
 def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
     """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part."""
-    radius = field.dropper.radius_mm
+    radius = field.dropper.radius_mm if field.across is None else tool.cutter.radius_mm
     return TipLinkRules(
-        field=field, stock=work.dropper(radius, field.dropper.corner_radius_mm, left_mm), clearance_z_mm=work.clearance_z_mm,
+        field=field, stock=work.dropper(field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm), clearance_z_mm=work.clearance_z_mm,
         approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
         plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm, surface_link_mm=LINK_STEPS * step_mm,
         hop_mm=HOP_RADII * radius, lead_radius_mm=work.lead_radius_mm(radius), is_one_way=work.operation.passes == "one-way",

@@ -475,6 +475,13 @@ def _setups_of(column):
     return [s for s in column.get("setups") or [column] if isinstance(s, dict)]
 
 
+def dimension_rows(verify):
+    """One dict of texts a dimension and feature that the design states limits for."""
+    return [{"name": row["name"], "place": place(row["place_mm"]), "verdict": "within" if row["ok"] else "out of tolerance",
+             "sizes": [decimal(row[f"{n}_mm"], 4) for n in ("nominal", "lower", "upper", "least", "most", "fitted")]}
+            for row in verify.get("dimensions") or ()]
+
+
 def region_rows(verify):
     """One dict of texts a named region: area required, reached, out of reach and why; cusps and gouge in um."""
     um = lambda mm: decimal(1000 * mm, 2)

@@ -8,12 +8,13 @@ from pydantic import Field
 
 from cuspline.shop.materials import Material
 from cuspline.values.input_files import checked, toml_of
-from cuspline.values.models import Model
+from cuspline.values.models import Model, Sparse
 
 
-class Practice(Model):
+class Practice(Sparse):
     """Values of a shop for every job; lengths in millimetres."""
 
+    LEFT_OUT = ("constant_speed", "feed_by_engagement", "feed_most")
     rough_allowance_mm: float = Field(default=0.3, ge=0, le=20, description="roughing leaves it on the faces")
     semi_allowance_mm: float = Field(default=0.1, ge=0, le=5, description="a semi-finish leaves it")
     semi_scallop_mm: float = Field(default=0.05, gt=0, le=5, description="largest cusp of a semi-finish")
@@ -32,6 +33,9 @@ class Practice(Model):
     stock_allowance_mm: float = Field(default=2.0, ge=0, le=500,
                                       description="material all round the part where a design states no stock")
     tool_change_s: float = Field(default=60.0, ge=0, le=3600, description="what one more tool costs: its change, approach, overlap")
+    constant_speed: bool = Field(default=False, description="S words that keep the cutting speed where the edge cuts")
+    feed_by_engagement: bool = Field(default=False, description="feeds that keep the thickness of chips on the stock as it stands")
+    feed_most: float = Field(default=1.5, ge=1, le=2, description="times the feed per tooth: the most where chips are thin")
 
 
 class ShopFile(Model):

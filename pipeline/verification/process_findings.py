@@ -37,8 +37,9 @@ def process_of(posted, judging, stock, rows, around):
     source = f"no cutting force is known of {name or 'the material'}" if material is None else material.source
     shaken, chatter = chatter_findings(posted, tools, met, material, around)
     strays, drives = drive_findings(posted, machine, rows, around[0])
+    change = None if machine is None else machine.spindle.turns_faster_rpm_per_s
     return Process(findings=(*limit_findings(posted, tools, machine, met, loads, around), *shaken, *strays),
-                   document={**process_document(posted, tools, met, loads, source), "chatter": chatter, "drives": drives,
+                   document={**process_document(posted, tools, met, loads, source, change), "chatter": chatter, "drives": drives,
                              "edges": edge_changes(posted, met, known_lives().get(name))})
 
 
