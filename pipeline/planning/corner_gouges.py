@@ -14,6 +14,7 @@ from cuspline.values.errors import CutterDoesNotFit
 
 AZIMUTHS, MERIDIANS, RINGS = 24, 3, 2   # places on the bottom
 LEVEL = 1e-9                            # of what is square to an axis
+SQUARE = 0.999                          # cosine of the angle to a face's normal: the nearest place is no edge
 MOST_ROWS = 4000                        # looked at, evenly taken of all in the cut
 FLAT_CORNER_MM = 1e-3                   # a sharp corner counts as bent so tightly
 
@@ -68,7 +69,7 @@ def least_bend_per_mm(faces, contacts_mm, normals, axes, corner):
 
 
 def bottom_depths_mm(part, tips_mm, axes, corner):
-    """(n,) how deep places of a cutter's bottom lie in the part at most.
+    """(n,) how deep places of a cutter's bottom lie in the part at most; beside its edges nothing is said.
 
     Args:
         part: ClosestTree of all faces.   tips_mm, axes: (n, 3).   corner: CornerContact.
@@ -80,5 +81,7 @@ def bottom_depths_mm(part, tips_mm, axes, corner):
     depth = np.zeros(len(axes))
     for place in bottom:
         points = tips_mm + place[0] * x + place[1] * y + place[2] * axes
-        depth = np.maximum(depth, -part.signed_distances_mm(points))
+        near = part.closest_points(points)
+        inward = -((points - near.point_mm) * near.normal).sum(axis=1)
+        depth = np.maximum(depth, np.where(inward > SQUARE * near.distance_mm, inward, 0.0))       # a sharp edge has no side
     return depth

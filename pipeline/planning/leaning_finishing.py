@@ -43,9 +43,13 @@ FITS_MM = 0.01              # a ball that meets other faces by less fits
 SPARES_MM = (0.05, 0.2, 0.5)    # that a turned axis keeps beyond the margin at its stations, for the moves between them
 
 
-def middle_tolerance_mm(work):
-    """What the path of a ball's middle may deviate: with a turning axis part of it is kept for what it leaves its line."""
-    return path_tolerance_mm(work.finish) * (1.0 - (BULGE_SHARE if work.tool_axis is not None else 0.0))
+def middle_tolerance_mm(work, tool):
+    """What the path of a ball's middle may deviate: with a turning axis part of it is kept for what it leaves its line.
+
+    A corner leaves it toward the material as well.
+    """
+    kept = 0.0 if work.tool_axis is None else BULGE_SHARE * (1.0 if work.corner_of(tool.cutter) is None else 2.0)
+    return path_tolerance_mm(work.finish) * (1.0 - kept)
 
 
 class ToolInTheWay(PlanError):
@@ -76,16 +80,24 @@ def leaned(work, runs, link, tool):
     """
     if work.tool_axis is None:
         return Leaned(moves=_laid(runs, link), facts={})
-    tolerance, radius = path_tolerance_mm(work.finish), link.field.dropper.radius_mm
-    rules = LeaningRules(
-        tool_axis=work.tool_axis, radius_mm=radius, bulge_mm=BULGE_SHARE * tolerance, corner=work.corner_of(tool.cutter),
-        ground=_Faces(work, radius + link.field.dropper.allowance_mm + TOUCHING_SHARES * tolerance))
-    if rules.corner is not None:
-        link = replace(link, lead_radius_mm=0.0)            # a ball's arc over an edge would lead the flat bottom into it
+    rules = _rules(work, link, tool)
     if isinstance(work.tool_axis, ClearingAxis):
         return _clearing(work, runs, link, tool, rules)
     moves, facts, _ = _turned(work, runs, link, tool, rules)
     return Leaned(moves=moves, facts=facts)
+
+
+def as_laid(work, runs, link, tool):
+    """Leaning of runs, nothing of it looked at."""
+    return leaning(_laid(runs, link), _rules(work, link, tool))
+
+
+def _rules(work, link, tool):
+    """LeaningRules of an operation."""
+    tolerance, radius = path_tolerance_mm(work.finish), link.field.dropper.radius_mm
+    return LeaningRules(
+        tool_axis=work.tool_axis, radius_mm=radius, bulge_mm=BULGE_SHARE * tolerance, corner=work.corner_of(tool.cutter),
+        ground=_Faces(work, radius + link.field.dropper.allowance_mm + TOUCHING_SHARES * tolerance))
 
 
 def _laid(runs, link):

@@ -411,7 +411,7 @@ def _turned_evenly(rows, is_feed, rules):
     off = -(rules.radius_mm * axis) if rules.corner is None else between(rows.off)
     first = lambda column, rest: np.concatenate([column[:1], rest])
     return _Rows(middle=first(rows.middle, between(rows.middle)), move=first(rows.move, rows.move[row + 1]),
-                 axis=first(rows.axis, axis), normal=first(rows.normal, np.where(whole, rows.normal[row + 1], np.nan)),
+                 axis=first(rows.axis, axis), normal=first(rows.normal, between(rows.normal)),
                  off=first(rows.off, off), is_held=first(rows.is_held, rows.is_held[row + 1]))
 
 
