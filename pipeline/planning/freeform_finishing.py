@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from cuspline.kernel.brep import bounding_box_mm
 from cuspline.planning.context import FinishingStage, finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ROUND
+from cuspline.planning.leaning_choice import compared
 from cuspline.planning.leaning_cusps import cusps_mm
 from cuspline.planning.leaning_finishing import as_laid, leaned, middle_tolerance_mm
 from cuspline.scallop.stepover import scallop_for_stepover_mm, stepover_for_scallop_mm
@@ -20,6 +21,7 @@ from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.sampling import samples_of_faces
+from cuspline.toolpaths.five_axis.tool_axes import LeadTilt
 from cuspline.toolpaths.freeform.clean_up_passes import region_left
 from cuspline.toolpaths.freeform.iso_scallop_passes import boundary_curves, constant_scallop_curves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
@@ -189,6 +191,8 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
             passes, lambda paths: cusps_mm(
                 as_laid(work, [walls, paths], link, tool), work.corner_of(tool.cutter), tool.cutter, step), tool.cutter, ridge_mm)
     made = leaned(work, [walls, paths], link, tool)
+    if isinstance(work.tool_axis, LeadTilt):
+        pattern = {**pattern, "compared": compared(work, ridge_mm, WIDEST_RADII)}
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), **pattern,
              "passes": len(paths), "wall_passes": len(walls), "touch_ups": touched,
@@ -446,12 +450,15 @@ def _terraces(samples, steep, tool, ridge_mm, tolerance_mm):
 def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
     """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part.
 
-    A ball's arc over an edge would lead a leaning flat bottom into it: what touches with its corner comes and goes along its axis.
+    A ball's arc over an edge would lead a leaning flat bottom into it: what touches with its corner comes and goes along its
+    axis.
     """
     radius = field.dropper.radius_mm if field.across is None else tool.cutter.radius_mm
     return TipLinkRules(
-        field=field, stock=work.dropper(field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm), clearance_z_mm=work.clearance_z_mm,
+        field=field, stock=work.dropper(field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm),
+        clearance_z_mm=work.clearance_z_mm,
         approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
         plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm, surface_link_mm=LINK_STEPS * step_mm,
-        hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius), is_one_way=work.operation.passes == "one-way",
+        hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
+        is_one_way=work.operation.passes == "one-way",
         steepest_rad=tool.cutter.steepest_rad)

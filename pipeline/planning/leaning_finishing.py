@@ -154,7 +154,7 @@ def _clearing(work, runs, link, tool, rules):
 
 def _swing(work, tool, link, spare_mm):
     """ClearingSwing of an operation: margins as `_refuse_contact` holds them, and something to spare between two stations."""
-    into, keep = _margins_mm(work)
+    into, keep = margins_mm(work)
     limit = work.tool_axis.limit_deg
     search = AxisSearch.of_tool(
         work.obstacle_tree, tool, spindle_head=work.machine.spindle_head, into_mm=into - ROUNDED_MM, keep_mm=keep + spare_mm,
@@ -274,7 +274,7 @@ class _Faces(Ground):
         return foot, rolling, at_edge
 
 
-def _margins_mm(work):
+def margins_mm(work):
     """(how deep flutes may come where they touch by design, how far all the rest must stay off)."""
     into = MESH_DEFLECTION_MM + path_tolerance_mm(work.finish) + SAGITTA_MM + ROUNDED_MM
     return into, work.practice.rough_allowance_mm + MESH_DEFLECTION_MM
@@ -284,7 +284,7 @@ def _refuse_contact(work, moves, tool):
     """The ball is on the part by design; its flutes may touch no more than it does, shank, holder and spindle head nothing."""
     axes = np.vstack([moves.axis[:1], moves.axis])
     way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
-    into, keep = _margins_mm(work)
+    into, keep = margins_mm(work)
     for what, segments, margin in (
             ("flutes", tool_segments(tool), -into),
             ("shank or holder", tool_segments(tool, work.machine.spindle_head, with_flutes=False), keep)):
