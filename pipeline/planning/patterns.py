@@ -17,7 +17,8 @@ class Pattern(Finishing):
     tool_axis: AnyAxis | None = Field(
         default=None, description="left out: the setup's Z, which a unit vector towards the spindle may state too, part "
         "coordinates; a table: how the axis turns along the passes, on a machine with rotary axes: "
-        "lead_tilt (which bull nose and flat cutters take too), of a ball also fixed, through_point, along_line, between_guides, clearing (any of them, turned out of the way)")
+        "lead_tilt (which bull nose and flat cutters take too), of a ball also fixed, through_point, along_line, "
+        "between_guides, clearing (any of them, turned out of the way)")
     leave_steep: bool = Field(default=False, description="walls steeper than steep_deg are left to other operations, or to indexed "
                               "positions that see them better")
 
