@@ -19,7 +19,7 @@ from durations import (  # noqa: E402, F401
 
 from cuspline.app.entry import SELDOM  # noqa: E402
 
-for outer in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS", "CUSPLINE_REVISION"):    # what `make test` or CI would tell every make that a test runs
+for outer in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS", "CUSPLINE_REVISION"):     # what make and CI would tell what a test runs
     os.environ.pop(outer, None)
 
 gc.set_threshold(SELDOM, 20, 20)        # as the command does

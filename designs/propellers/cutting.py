@@ -89,7 +89,7 @@ def _ways(design, p, balls):
     every = directions()
     ways = every[every[:, 0] >= -fixed.sin(np.radians(TOWARDS_TABLE_DEG)) - NEARLY]
     found = positions(solid, indices, find_library(None).model_copy(update={"tools": tuple(balls)}), ways=ways,
-                      steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, places=PLACES, mesh_mm=MESH_MM)
+                      steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM))
     return [q.direction for q in found.positions]
 
 

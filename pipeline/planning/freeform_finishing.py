@@ -85,7 +85,7 @@ def finish(work, stage, tool, candidates):
     practice = work.practice
     left_mm = (practice.rough_allowance_mm + practice.finish_depth_share * tool.cutter.diameter_mm if stage.allowance_mm == 0.0
                else TERRACE_MM)
-    return _operation(work, stage, tool, candidates, left_mm, lambda field: field)
+    return _operation(work, stage, tool, candidates, left_mm, (lambda field: field, None))
 
 
 def rest(work, before, tool, candidates):
@@ -102,7 +102,7 @@ def rest(work, before, tool, candidates):
     region = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
     left_mm = before[-1].tool.cutter.radius_mm
     stage = FinishingStage(name="rest finish", allowance_mm=0.0, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, left_mm, region, swept)
+    return _operation(work, stage, tool, candidates, left_mm, (region, None), swept)
 
 
 def passes_over(work, tool, candidates, swept=()):
@@ -129,7 +129,7 @@ def passes_over(work, tool, candidates, swept=()):
             if box is None:
                 return None
     stage = FinishingStage(name=operation.title, allowance_mm=operation.allowance_mm, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, work.standing_mm(tool), cut, swept, box)
+    return _operation(work, stage, tool, candidates, work.standing_mm(tool), (cut, box), swept)
 
 
 def _box_left(work, tool, pitch_mm, cut):
@@ -169,8 +169,12 @@ def walls_alone(work, tool, candidates):
     return work.measured(operation.title, tool, rpm, made.moves, facts, made.left)
 
 
-def _operation(work, stage, tool, candidates, left_mm, cut, before=(), box=None):
-    """One operation over the region that `cut` makes of the whole one, or of what a box holds; None where nothing of it is left."""
+def _operation(work, stage, tool, candidates, left_mm, where, before=()):
+    """One operation; None where nothing of its region is left.
+
+    `where`: the function that makes the region of the whole one, and the box that holds it, None: not known.
+    """
+    cut, box = where
     name, allowance_mm, scallop_mm = stage.name, stage.allowance_mm, stage.scallop_mm
     tolerance, ridge_mm = middle_tolerance_mm(work, tool), ridge_for_step_mm(name, scallop_mm, work.finish)
     if allowance_mm > 0.0:

@@ -243,8 +243,8 @@ def distance(body, solid, m, margin, cap, share):
     """(proven lower bound, distance found) of two bodies; beyond `cap` they are not told apart.
 
     Nearer spheres first; one that is beyond the margin by this share of what the best found is, is taken at its word: a share
-    of 1 finds the least distance, a smaller one proves that much of it sooner, or that it is below the margin.  The sphere round a long piece, a spindle's, says
-    little: the piece itself is held against the obstacle's spheres.
+    of 1 finds the least distance, a smaller one proves that much of it sooner, or that it is below the margin.  The sphere round
+    a long piece, a spindle's, says little: the piece itself is held against the obstacle's spheres.
     """
     middle = Pieces(np.empty((1, 3)), np.array([0, 1]), solid.nodes[:1], 1)
     here, there, bounds, top = np.zeros(STACK, np.int64), np.zeros(STACK, np.int64), np.empty(STACK), 1
