@@ -63,14 +63,17 @@ def build(
         measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their setups (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
+        draft: Annotated[bool, typer.Option("--draft", help="only a first look at what the program would cut, nothing proven, into "
+                                            "<folder>-draft")] = False,
         accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
     """Build one design: STEP, plan, program, simulation, verdict, report."""
     with Stages() as stages:
         stages.show(f"{design}: reading")
         from cuspline.app.request import Request
         order, result = Request(design=design, parameters=(*_words(params), *param), machine=machine, post=post, cutters=cutters,
-                                shop=shop, measured=measured, out=out, stage=stage, accept=tuple(accept)).built(stages.say)
-    _tell(order.design.name, stage, result)
+                                shop=shop, measured=measured, out=out, stage=stage, draft=draft,
+                                accept=tuple(accept)).built(stages.say)
+    _tell(order.design.name, order.last_stage, result)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
 
 
@@ -99,10 +102,19 @@ def faces(part: Annotated[str, typer.Argument(help="a STEP file, a design or a j
     _print(face_rows(solid), json, lambda f: [
         f"{f['number']}  {f['kind']}  {f['area_mm2']:g} mm²  normal {_triple(f['normal'])}  middle {_triple(f['middle_mm'])}"
         + (f"  {f['name']}" if f["name"] else "") + (f"  colour {_triple(f['color'])}" if f["color"] else "")
-        + _hole_in_words(f["hole"]),
+        + _hole_in_words(f["hole"]) + _feature_in_words(f["feature"]),
         *("  " + line for line in f["toml" if toml else "python"].split("\n"))])
     if pictures is not None:
         print(draw_faces(solid, pictures), file=sys.stderr)
+
+
+def _feature_in_words(feature):
+    """What `faces` says behind a face of a pocket, step, boss or chamfer."""
+    if feature is None:
+        return ""
+    size = {"chamfer": "wide", "boss": "high"}.get(feature["kind"], "deep")
+    part = "" if feature["kind"] == "chamfer" else f", {'top' if size == 'high' else 'floor'}" if feature["is_floor"] else ", wall"
+    return f"  {feature['name']}{part}, {feature['size_mm']:g} mm {size}, seen along {_triple(feature['axis'])}"
 
 
 @app.command()
@@ -247,6 +259,25 @@ def diff(old: Annotated[Path, typer.Argument(help="folder of outputs")],
     else:
         print("\n".join(comparison_words.text(found)))
     raise typer.Exit(0 if found.is_same else DIFFERENT)
+
+
+@app.command()
+def send(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
+         to: Annotated[str, typer.Option(help="tcp://host:port, or a serial device as /dev/ttyUSB0")],
+         baud: Annotated[int, typer.Option(help="of a serial device; 8 bits, no parity")] = 9600,
+         handshake: Annotated[str, typer.Option(help="xon: the control holds with XOFF, goes on with XON; ok: it answers every "
+                                                "line, as Grbl")] = "xon",
+         unverified: Annotated[bool, typer.Option("--unverified", help="send it though its header does not say VERIFIED")] = False):
+    """Send a program to a control that runs it while it comes."""
+    from cuspline.app.sending import refuse_unverified, sent
+    if handshake not in ("xon", "ok"):
+        raise InputError(f"--handshake {shortened(handshake)}: it must be xon or ok")
+    text = text_of(program, "program", encoding="ascii", largest_bytes=LARGEST_PROGRAM_BYTES)
+    if not unverified:
+        refuse_unverified(text, program.name)
+    with Stages() as stages:
+        count = sent(text, to, baud=baud, handshake=handshake, say=stages.say)
+    print(f"{program.name}: {counted(count, 'line')} sent")
 
 
 @app.command()
@@ -423,7 +454,7 @@ def strategies(json: AsJson = False):
     rows = []
     for kind, strategy in sorted(REGISTERED.items()):
         fields = strategy.model_json_schema()["properties"]
-        rows.append({"kind": kind, "description": (strategy.__doc__ or "").split("\n")[0],
+        rows.append({"kind": kind, "description": " ".join((strategy.__doc__ or "").partition("\n\n")[0].split()),
                      "class": f"{strategy.__module__}.{strategy.__name__}", "picture": strategy.picture.strip("\n"),
                      "parameters": [_parameter_row(n, f) for n, f in fields.items()]})
     _print(rows, json, lambda r: [f"{r['kind']}: {r['description']}  ({r['class']})", "", *r["picture"].split("\n"), ""] + [
@@ -605,6 +636,9 @@ def _tell(name, stage, result):
         verdict = f"REJECTED, {counted(len(findings), 'finding')}" if findings else f"VERIFIED{passed}"
         print(f"{name}: {verdict}"
               f"{', ' + figures if figures else ''} ({result.folder})")
+    elif figures:
+        print(f"{name}: {figures.upper()[0]}{figures[1:]}" + (f", {counted(len(findings), 'finding')}" if findings else "")
+              + f" ({result.folder})")
     else:
         print(f"{name}: {stage} made, nothing verified ({result.folder})")
     for mark, shown in (("", findings), ("accepted: ", accepted)):

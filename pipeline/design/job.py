@@ -11,6 +11,7 @@ from pathlib import Path
 from pydantic import Field, model_serializer
 
 from cuspline.design import FacePredicate, Finish, Setup
+from cuspline.design.dimensions import Dimension
 from cuspline.design.fixtures import fixtures_beside
 from cuspline.design.setup_alignment import refixtured_setups
 from cuspline.design.stock import Stock
@@ -55,12 +56,13 @@ class Job(Model):
     smallest_ball_radius_mm: float = Field(gt=0)
     accepted: tuple[str, ...] = ()
     threads: dict[str, Thread] = Field(default={}, description="of holes, by the names of their faces")
+    dimensions: tuple[Dimension, ...] = Field(default=(), description="with tolerances, judged on the simulated stock")
     force: CuttingForce | None = Field(default=None, description="the shop's own of the material; None: what cuspline knows of it")
     life: ToolLife | None = Field(default=None, description="the same of tool life")
 
     @model_serializer(mode="wrap")
     def _without_what_it_has_not(self, dump):
-        return {k: v for k, v in dump(self).items() if k not in ("threads", "force", "life") or v}
+        return {k: v for k, v in dump(self).items() if k not in ("threads", "dimensions", "force", "life") or v}
 
     @property
     def program_names(self):

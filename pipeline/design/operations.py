@@ -14,11 +14,20 @@ from cuspline.values.models import Model, Point, by_kind
 TYPES = {"ball": "ball", "flat": "flat", "bull": "bull_nose", "bull nose": "bull_nose", "bull_nose": "bull_nose",
          "tapered ball": "tapered_ball", "tapered_ball": "tapered_ball", "drill": "drill", "spot drill": "spot_drill",
          "spot_drill": "spot_drill", "chamfer mill": "chamfer_mill", "chamfer_mill": "chamfer_mill", "tap": "tap",
-         "thread mill": "thread_mill", "thread_mill": "thread_mill"}
+         "thread mill": "thread_mill", "thread_mill": "thread_mill", "reamer": "reamer"}
 WISH = re.compile(r"(?P<type>[a-z_ ]+?)\s*(?:(?P<rule><=|>=|<|>)?\s*(?P<diameter>\d+(?:\.\d+)?))?"
                   r"(?:\s+r\s*(?P<corner>\d+(?:\.\d+)?))?")
 SAME_MM = 1e-6              # measures that are the same
 REGISTERED = {}             # kind -> class
+
+
+def understood(*fields):
+    """Validator of fields that name a tool."""
+    def check(wish):
+        if isinstance(wish, str):
+            ToolWish.of(wish)
+        return wish
+    return field_validator(*fields)(check)
 
 
 class Operation(Model):
@@ -55,12 +64,7 @@ class Operation(Model):
         if "kind" in cls.__dict__:
             REGISTERED[cls.kind] = cls
 
-    @field_validator("tool")
-    @classmethod
-    def _tool_is_understood(cls, wish):
-        if isinstance(wish, str):
-            ToolWish.of(wish)
-        return wish
+    _tool_is_understood = understood("tool")
 
     @model_serializer(mode="wrap")
     def _with_its_kind(self, dump):

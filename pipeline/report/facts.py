@@ -487,6 +487,22 @@ def _setups_of(column):
     return [s for s in column.get("setups") or [column] if isinstance(s, dict)]
 
 
+def dimension_rows(verify):
+    """One dict of texts a dimension and feature that the design states limits for."""
+    return [{"name": row["name"], "place": place(row["place_mm"]), "verdict": "within" if row["ok"] else "out of tolerance",
+             "sizes": [decimal(row[f"{n}_mm"], 4) for n in ("nominal", "lower", "upper", "least", "most", "fitted")]}
+            for row in verify.get("dimensions") or ()]
+
+
+def region_rows(verify):
+    """One dict of texts a named region: area required, reached, out of reach and why; cusps and gouge in um."""
+    um = lambda mm: decimal(1000 * mm, 2)
+    return [{"name": row["name"], "required": decimal(row["area_required_mm2"], 1),
+             "reached": percent(row["area_reached_mm2"], row["area_required_mm2"]),
+             "unreachable": decimal(row["area_unreachable_mm2"], 1), "why": row["why"] or DASH, "cusp": um(row["cusp_max_mm"]),
+             "most": um(row["cusp_p99_mm"]), "gouge": um(row["gouge_max_mm"])} for row in verify.get("regions") or ()]
+
+
 def cusp_rows(verify):
     """One dict of texts a face and operation, in um: asked, measured, and what the formula gives for the local step."""
     rows = []
@@ -527,4 +543,5 @@ def file_rows(bundle):
     """[(file, full SHA-256)] that tie this paper to the files."""
     programs = dict(row for s in bundle.setups for row in ((s.program_file, s.program_sha256), *s.continued)).items()
     return [(bundle.step_file, bundle.step_sha256), *programs,
-            ("inputs (parameters, machine, cutters)", bundle.inputs_sha256)]
+            ("inputs (parameters, machine, cutters)", bundle.inputs_sha256),
+            *([("revision of the repository", bundle.revision)] if bundle.revision else [])]

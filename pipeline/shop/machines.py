@@ -23,7 +23,7 @@ PARALLEL = 1e-3                     # sine of the angle below which two directio
 class LinearAxis(Sparse):
     """One linear axis in machine coordinates: it counts as the tool moves, seen from the part."""
 
-    LEFT_OUT = ("direction", "time_constant_s", "backlash_mm")
+    LEFT_OUT = ("direction", "time_constant_s", "backlash_mm", "increment_mm")
     min_mm: Coordinate
     max_mm: Coordinate
     rapid_mm_per_min: float = Field(gt=0, description="largest axis speed")
@@ -32,6 +32,7 @@ class LinearAxis(Sparse):
     time_constant_s: float | None = Field(default=None, gt=0, le=1, description="first-order lag of its drive, measured by "
                                           "`cuspline calibrate`; where X, Y and Z state it the posted path is checked")
     backlash_mm: float = Field(default=0.0, ge=0, le=1, description="of its screw")
+    increment_mm: float = Field(default=0.0, ge=0, le=0.1, description="smallest step it can make; half of it counts as error")
 
     @model_validator(mode="after")
     def _travel_is_positive(self):
@@ -122,11 +123,27 @@ class Spindle(Sparse):
         return CHANGE_RPM_PER_S if self.change_rpm_per_s is None else self.change_rpm_per_s
 
 
+class Feeding(Model):
+    """How a program comes to a control that runs it while it is sent, through a memory of a few blocks."""
+
+    request_on_blocks: int = Field(ge=1, description="fewer behind the running one: more are requested")
+    request_off_blocks: int = Field(ge=1, description="more behind it: no more are taken")
+    bytes_per_s: float = Field(gt=0, description="that the line carries: 960 at 9600 baud")
+    refill_s: float = Field(default=0.0, ge=0, description="from a request to its first byte")
+
+    @model_validator(mode="after")
+    def _stops_above_where_it_begins(self):
+        if self.request_off_blocks < self.request_on_blocks:
+            raise ValueError(f"request_off_blocks {self.request_off_blocks} must not be below request_on_blocks "
+                             f"{self.request_on_blocks}")
+        return self
+
+
 class Control(Sparse):
     """What the controller accepts."""
 
     LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes", "canned_cycles",
-                "blocks_per_s", "rigid_tapping")
+                "blocks_per_s", "rigid_tapping", "feeding", "arc_centres")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
@@ -146,8 +163,12 @@ class Control(Sparse):
                                "counts its own)")
     arc_planes: tuple[Literal["XY", "ZX", "YZ"], ...] = Field(
         default=("XY", "ZX", "YZ"), description="in which the control runs arcs; others, all where it is empty, go out as lines")
+    arc_centres: Literal["IJK", "R"] = Field(default="IJK", description="what an arc states beside its end: its centre, or its "
+                                             "radius (arcs of more than 120 degrees in two blocks or more)")
     blocks_per_s: float | None = Field(default=None, gt=0, description="that the control runs; feeds of shorter blocks are lowered "
                                        "to it; left out: not checked")
+    feeding: Feeding | None = Field(default=None, description="programs are sent while they run: checked for waits in the cut; "
+                                    "left out: the control holds the whole program")
     optional_stops: bool = Field(default=False, description="M1 at the top of the machine before every tool but the first")
     path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: half of it "
                                      "goes out as LinuxCNC's G64 P, whose blends take up to twice that; what goes out as Haas's "
@@ -155,6 +176,13 @@ class Control(Sparse):
                                      "Fanuc control for G64 (corners, smoothing), in Grbl as $12")
     arc_max_radius_mm: float = Field(default=1e4, gt=0, description="flatter arcs go out as lines")
     arc_min_length_mm: float = Field(default=1e-3, gt=0, description="shorter arcs go out as lines")
+
+    @model_validator(mode="after")
+    def _what_is_fed_has_no_sub_programs(self):
+        if self.feeding is not None and self.sub_programs:
+            raise ValueError("a program that is sent while it runs cannot call sub-programs: write sub_programs = false beside "
+                             "feeding")
+        return self
 
     @property
     def decimals(self):

@@ -98,9 +98,15 @@ def complaints(error, model=None):
     """
     if not isinstance(error, ValidationError):
         return " ".join(str(error).split()) or type(error).__name__
-    found = [_complaint(e, model) for e in error.errors()]
+    found = [_complaint(e, model) for e in _causes(error.errors())]
     more = f"; and {len(found) - MOST_SHOWN} more" if len(found) > MOST_SHOWN else ""
     return "; ".join(found[:MOST_SHOWN]) + more
+
+
+def _causes(errors):
+    """Errors of pydantic's without those that a list is too short, where it is only because its items are wrong."""
+    within = lambda short: any(len(e["loc"]) > len(short) and e["loc"][:len(short)] == short for e in errors)
+    return [e for e in errors if e["type"] != "too_short" or not within(e["loc"])]
 
 
 def no_such(name, names):

@@ -45,6 +45,7 @@ class Dialect(ABC):
     variables: Variables | None = None      # of sub-programs; None: repeated passes go out move by move
     comment = staticmethod(in_brackets)     # how a text is told to the operator alone
     knows_rotaries = False                  # whether it writes rotary words
+    knows_radii = False                     # whether it can write arcs by their radius, R
     holds_beside = False                    # whether it can shift the zero for a tool beside the spindle's axis
     unnumbered = ("(", ";", "%", "O", "o", "N")     # how lines begin that get no block number
     one_tool_a_file = False                 # the control changes no tool: every tool has a file of its own
@@ -223,6 +224,9 @@ class _Files:
         if dialect.work_offsets is not None and program.wcs not in dialect.work_offsets:
             raise PostError(f"{program.setup}: {program.wcs} is no work offset of the post {machine.control.post}: choose one of "
                             f"{', '.join(dialect.work_offsets)}")
+        if machine.control.arc_centres == "R" and not dialect.knows_radii:
+            raise PostError(f"{machine.name}: the post {machine.control.post} writes arcs by their centres alone: leave out "
+                            "arc_centres")
         tip = machine.control.tip_control
         if tip is not None and tip not in dialect.tip_controls:
             raise PostError(f"{machine.name}: tip_control {tip} is no word of the post {machine.control.post}, which knows "
@@ -233,6 +237,9 @@ class _Files:
         if self.subs is not None and self.subs.templates and machine.control.block_numbers:
             raise PostError(f"{machine.name}: block_numbers would stand among the numbers of restart points: leave them out, or "
                             "write sub_programs = false")
+        if self.subs is not None and self.subs.templates and machine.control.arc_centres == "R":
+            raise PostError(f"{machine.name}: sub-programs write arcs by their centres: leave out arc_centres, or write "
+                            "sub_programs = false")
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
         foot = dialect.writer(machine)
         dialect.foot(foot)
