@@ -85,6 +85,19 @@ class DimensionRow(Document):
     ok: bool
 
 
+class RegionRow(Document):
+    """The faces of one name, after all setups."""
+
+    name: str
+    area_required_mm2: float
+    area_reached_mm2: float
+    area_unreachable_mm2: float
+    why: str = Field(description="some of it cannot be reached; empty: all can")
+    cusp_max_mm: float
+    cusp_p99_mm: float
+    gouge_max_mm: float
+
+
 class VerifyDocument(Figures):
     """verify.json: the verdict in numbers."""
 
@@ -93,6 +106,7 @@ class VerifyDocument(Figures):
     setups: tuple[SetupFigures, ...]
     accepted: tuple[str, ...] = Field(description="kinds of findings that were accepted by name")
     stock: tuple[StockRow, ...] = Field(description="in the order of cutting")
+    regions: tuple[RegionRow, ...] = Field(default=(), description="of the names of faces that setups cut")
 
 
 class ToolRow(Document):
@@ -156,6 +170,7 @@ class ManifestDocument(Document):
     design: str
     stage: str
     inputs_sha256: str
+    revision: str | None = Field(default=None, description="of the repository, where the environment stated it")
     parameters: dict[str, object]
     machine: str
     accepted: tuple[str, ...]

@@ -46,6 +46,12 @@ class Operation(Model):
         "left out: chosen by the faces' curvature")
     spindle_rpm: float | None = Field(default=None, gt=0, description="left out: from the material's cutting speed")
     feed_mm_per_min: float | None = Field(default=None, gt=0, description="left out: from the material's feed a tooth")
+    cutting_speed_m_per_min: float | None = Field(default=None, gt=0, le=2000, description="left out: the material's; on the full "
+                                                  "diameter, with constant_speed where the edge cuts; spindle_rpm goes before it")
+    constant_speed: bool | None = Field(default=None, description="S words keep the cutting speed where the edge cuts; left out: "
+                                        "the shop's")
+    feed_by_engagement: bool | None = Field(default=None, description="feeds keep the thickness of chips on the stock as it "
+                                            "stands; left out: the shop's")
     coolant: Literal["flood", "mist", "off"] | None = Field(default=None, description="left out: the material's")
     clearance_mm: float | None = Field(default=None, gt=0, le=500, description="rapids of the setup run at least so far above "
                                        "stock and fixtures; left out: the shop's")

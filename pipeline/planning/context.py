@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from cuspline.design.fixtures import placed_fixtures
-from cuspline.design.operations import Finishing
+from cuspline.design.operations import Clearing, Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
-from cuspline.planning.cutter_choice import ROUND, choose_cutter, cutter_reach
+from cuspline.planning.cutter_choice import ROUND, ball_reach, choose_cutter, cutter_reach
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
 from cuspline.planning.tool_depth import (
@@ -37,11 +37,12 @@ from cuspline.surfaces.trims import TrimSet
 from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
 from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.toolpaths.drop.exact_dropper import EdgeNeighbours, ExactDropper
+from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.toolpaths.five_axis.leaning_moves import upright_again
-from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, ToolAxis
+from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, LeadTilt, ToolAxis
 from cuspline.toolpaths.roughing.stock_fields import lines_of_moves, swept_by_lines
 from cuspline.values import fixed_math as fixed
-from cuspline.values.errors import CutterDoesNotFit, PlanError
+from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 
 MESH_DEFLECTION_MM = 0.01
 FAR_MM = 1000.0             # beyond any stock
@@ -65,6 +66,8 @@ class PlannedOperation:
     cycles: tuple = ()          # drilling.DrillCycle that come to some of the moves
     passes: object = None       # pass_templates.TemplatedPasses that come to the moves; None: only the moves
     left: object = None         # Left; None: it cuts all that its cutter reaches
+    rpm_changes: tuple = ()     # (move, spindle speed from there on)
+    wishes: object = None       # Wishes; None: speed and feeds are as they are
 
     @cached_property
     def swept_mm(self):
@@ -72,8 +75,13 @@ class PlannedOperation:
         cutter = self.tool.simulated.cutter
         if self.tool.head is not None:      # a disc beside the spindle: nothing is counted on
             return lambda xy_mm, at_most_mm=np.inf: np.broadcast_to(at_most_mm, len(xy_mm))
-        leans = (self.moves.axis != UPRIGHT).any()      # then a ball, whose lowest places are those of the upright one
-        moves = upright_again(self.moves, cutter.radius_mm) if leans else self.moves
+        leans, is_ball = (self.moves.axis != UPRIGHT).any(), cutter.type == "ball"
+        if leans and cutter.corner_radius_mm == 0.0:
+            return lambda xy_mm, at_most_mm=np.inf: np.broadcast_to(at_most_mm, len(xy_mm))
+        # the lowest places of a ball are those of the upright one; of a bull nose the ball in its middle is counted on
+        moves = upright_again(self.moves, cutter.corner_radius_mm) if leans else self.moves
+        if leans and not is_ball:
+            return swept_by_lines(lines_of_moves(moves), cutter.corner_radius_mm, cutter.corner_radius_mm)
         lines = [line + (0.0, 0.0, cutter.point_height_mm) for line in lines_of_moves(moves)]   # beside the cone is not counted on
         return swept_by_lines(lines, cutter.radius_mm, cutter.corner_radius_mm)
 
@@ -86,6 +94,16 @@ class Left:
     area_mm2: float
     reaching: object            # (diameter_mm, stick_out_mm) of a ball that would reach them, None: none does
     why: str                    # with its area, a place, and that cutter
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Wishes:
+    """How speed and feeds of an operation are to follow what its edges meet."""
+
+    feed_mm_per_min: np.ndarray     # (n,) of its moves, before the machine's limits; 0 on rapids
+    speed_m_per_min: float          # cutting speed
+    is_speed_constant: bool
+    is_fed_by_engagement: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,6 +195,25 @@ class PlanningContext:
         """The operation's ToolAxis as seen from the part as it lies in the setup; None: it stands along Z."""
         axis = self.operation.tool_axis
         return axis.seen_from(self.setup.turn) if isinstance(axis, ToolAxis) else None
+
+    def corner_of(self, cutter):
+        """CornerContact of a cutter of the operation that leans and is no ball; None: it is one, or stands upright.
+
+        Raises:
+            PlanError: its axis leans by no lead and tilt, or hardly leans.
+        """
+        axis = self.tool_axis
+        if axis is None or cutter.type == "ball":
+            return None
+        where = f"{self.setup.name}, {self.operation.title}: {cutter.name}"
+        if not isinstance(axis, LeadTilt) or axis.limit_deg is not None:
+            raise PlanError(f"{where} touches with its corner, which only a lead_tilt axis without a limit_deg keeps on the faces: "
+                            "take that, or a ball")
+        try:
+            return CornerContact(radius_mm=cutter.radius_mm, corner_radius_mm=cutter.corner_radius_mm,
+                                 lead_rad=math.radians(axis.lead_deg), tilt_rad=math.radians(axis.tilt_deg))
+        except ToolpathError as error:
+            raise PlanError(f"{where}: {error}") from None
 
     def _look_at(self, names):
         """The faces of some predicates: their indices, samples and tightest concave place."""
@@ -414,7 +451,9 @@ class PlanningContext:
         Where the axis turns out of the way nothing is lacking; what is left as steep to other positions, what the holder keeps
         this tool from is left to them too.
         """
-        reach, standing = cutter_reach(self.samples, self.mesh, tool.cutter), self.practice.rough_allowance_mm
+        corner, standing = self.corner_of(tool.cutter), self.practice.rough_allowance_mm
+        reach = (cutter_reach(self.samples, self.mesh, tool.cutter) if corner is None else
+                 ball_reach(self.samples, self.mesh, corner.ball_radius_mm))
         if isinstance(self.operation.tool_axis, ClearingAxis):
             return reach.is_reached, 0.0
         if getattr(self.operation, "steepest_deg", 90.0) == 90.0:
@@ -430,10 +469,11 @@ class PlanningContext:
         m = self.material
         if tool.cutter.drills:
             speed, share = m.drilling
+            speed = self.operation.cutting_speed_m_per_min or speed
             rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
             share = share / tool.cutter.flutes
             return rpm, self.operation.feed_mm_per_min or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share, self.machine)
-        speed = m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min
+        speed = self.operation.cutting_speed_m_per_min or (m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min)
         rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
         feed = self.operation.feed_mm_per_min
         return rpm, feed or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, m.feed_per_tooth_share, self.machine)
@@ -445,7 +485,26 @@ class PlanningContext:
 
     def measured(self, name, tool, rpm, moves, facts, left=None):
         """Cap the feeds, measure length and time.   left: Left."""
-        return replace(self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts), left=left)
+        made = self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts)
+        return replace(made, left=left, wishes=self._wishes(tool, rpm, moves))
+
+    def _wishes(self, tool, rpm, moves):
+        """Wishes of the operation, else of the shop; None: neither has any."""
+        own = {name: getattr(self.practice, name) if getattr(self.operation, name) is None else getattr(self.operation, name)
+               for name in ("constant_speed", "feed_by_engagement")}
+        if not any(own.values()):
+            return None
+        return Wishes(feed_mm_per_min=moves.feed_mm_per_min, speed_m_per_min=self._cutting_speed_m_per_min(tool, rpm),
+                      is_speed_constant=own["constant_speed"], is_fed_by_engagement=own["feed_by_engagement"])
+
+    def _cutting_speed_m_per_min(self, tool, rpm):
+        """The cutting speed that a speed of the spindle was chosen for."""
+        m, asked = self.material, self.operation.cutting_speed_m_per_min
+        if self.operation.spindle_rpm:
+            return math.pi * tool.cutter.diameter_mm * rpm / 1000
+        both = (m.rough_speed_m_per_min, m.finish_speed_m_per_min)
+        chosen = [v for v in both if feeds.spindle_rpm(tool.cutter, v, self.machine.spindle) == rpm]
+        return asked or (chosen or both)[0 if isinstance(self.operation, Clearing) else -1]
 
     def measured_holes(self, name, tool, rpm, moves, cycles, facts):
         """The same for drilled holes: one feed, the least of the capped ones; `cycles`: drilling.DrillCycle of the moves."""

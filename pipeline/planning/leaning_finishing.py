@@ -1,4 +1,7 @@
-"""Finishing with a ball whose axis turns: the passes of the upright one, leaned, and the whole tool clear of the part."""
+"""Finishing with an axis that turns: the passes of an upright ball, leaned, and the whole tool clear of the part.
+
+Balls lean by any tool axis; a bull nose or flat cutter by lead and tilt, on the passes of the ball that stands for it.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -18,6 +21,7 @@ from cuspline.planning.clearing_axes import (
     split,
 )
 from cuspline.planning.context import MESH_DEFLECTION_MM, Left, path_tolerance_mm
+from cuspline.planning.corner_gouges import refuse_gouges
 from cuspline.program.program import Kind, Moves, tilt_rad
 from cuspline.replay.clearance import SAGITTA_MM, ToolMoves, tool_segments
 from cuspline.shop.rotary_way import shortest_way
@@ -39,9 +43,13 @@ FITS_MM = 0.01              # a ball that meets other faces by less fits
 SPARES_MM = (0.05, 0.2, 0.5)    # that a turned axis keeps beyond the margin at its stations, for the moves between them
 
 
-def middle_tolerance_mm(work):
-    """What the path of a ball's middle may deviate: with a turning axis part of it is kept for what it leaves its line."""
-    return path_tolerance_mm(work.finish) * (1.0 - (BULGE_SHARE if work.tool_axis is not None else 0.0))
+def middle_tolerance_mm(work, tool):
+    """What the path of a ball's middle may deviate: with a turning axis part of it is kept for what it leaves its line.
+
+    A corner leaves it toward the material as well.
+    """
+    kept = 0.0 if work.tool_axis is None else BULGE_SHARE * (1.0 if work.corner_of(tool.cutter) is None else 2.0)
+    return path_tolerance_mm(work.finish) * (1.0 - kept)
 
 
 class ToolInTheWay(PlanError):
@@ -72,14 +80,24 @@ def leaned(work, runs, link, tool):
     """
     if work.tool_axis is None:
         return Leaned(moves=_laid(runs, link), facts={})
-    tolerance, radius = path_tolerance_mm(work.finish), tool.cutter.radius_mm
-    rules = LeaningRules(
-        tool_axis=work.tool_axis, radius_mm=radius, bulge_mm=BULGE_SHARE * tolerance,
-        ground=_Faces(work, radius + link.field.dropper.allowance_mm + TOUCHING_SHARES * tolerance))
+    rules = _rules(work, link, tool)
     if isinstance(work.tool_axis, ClearingAxis):
         return _clearing(work, runs, link, tool, rules)
     moves, facts, _ = _turned(work, runs, link, tool, rules)
     return Leaned(moves=moves, facts=facts)
+
+
+def as_laid(work, runs, link, tool):
+    """Leaning of runs, nothing of it looked at."""
+    return leaning(_laid(runs, link), _rules(work, link, tool))
+
+
+def _rules(work, link, tool):
+    """LeaningRules of an operation."""
+    tolerance, radius = path_tolerance_mm(work.finish), link.field.dropper.radius_mm
+    return LeaningRules(
+        tool_axis=work.tool_axis, radius_mm=radius, bulge_mm=BULGE_SHARE * tolerance, corner=work.corner_of(tool.cutter),
+        ground=_Faces(work, radius + link.field.dropper.allowance_mm + TOUCHING_SHARES * tolerance))
 
 
 def _laid(runs, link):
@@ -94,6 +112,8 @@ def _turned(work, runs, link, tool, rules):
     if is_lifted:
         found = leaning(_laid(runs, _lifting(link)), rules)
     moves = lifted(work, found, tool)
+    if rules.corner is not None:
+        refuse_gouges(work, found, rules, tool)
     _refuse_contact(work, moves, tool)
     links = {"links": "lifted: the rotaries go back between passes"} if is_lifted else {}
     return moves, {**_facts(work, found, tool), **_rotary_facts(found, _rotary_use(work, link), tool), **links}, found
@@ -134,7 +154,7 @@ def _clearing(work, runs, link, tool, rules):
 
 def _swing(work, tool, link, spare_mm):
     """ClearingSwing of an operation: margins as `_refuse_contact` holds them, and something to spare between two stations."""
-    into, keep = _margins_mm(work)
+    into, keep = margins_mm(work)
     limit = work.tool_axis.limit_deg
     search = AxisSearch.of_tool(
         work.obstacle_tree, tool, spindle_head=work.machine.spindle_head, into_mm=into - ROUNDED_MM, keep_mm=keep + spare_mm,
@@ -186,7 +206,7 @@ def _facts(work, found, tool):
             "lean_deg": [round(float(np.degrees(v)), 3) for v in (lean.min(), lean.max())],
             "largest_turn_deg": round(float(np.degrees(turns[found.is_cut].max(initial=0.0))), 3),
             "held_at_limit_mm": round(float(length[found.is_held & found.is_cut].sum()), 3),
-            "normal_error": normal_error(tool.cutter.radius_mm)}
+            "normal_error": normal_error(tool.cutter)}
 
 
 def _rotary_facts(found, use, tool):
@@ -194,8 +214,7 @@ def _rotary_facts(found, use, tool):
 
     A share above 1 says that the feed is lowered there; a reversal is a rotary that turns round within a run.
     """
-    radius, m = tool.cutter.radius_mm, found.moves
-    middles = np.vstack([m.start_mm, m.end_mm]) + radius * np.vstack([m.axis[:1], m.axis])
+    radius, m, middles = tool.cutter.radius_mm, found.moves, found.middle_mm
     edges = np.flatnonzero(np.diff(np.concatenate([[False], found.is_cut, [False]]).astype(int))).reshape(-1, 2)
     axes, shares, reversals = np.vstack([m.axis[:1], m.axis]), [0.0], 0
     for first, end in edges:
@@ -210,15 +229,16 @@ def _rotary_facts(found, use, tool):
     return {"rotary_share": round(most, 3) if math.isfinite(most) else None, "rotary_reversals": reversals}
 
 
-def normal_error(radius_mm):
-    """What an error of the normal by one degree does with a ball, for plan.json: the tip moves by R delta, along the surface but
-    for R delta²/2.
+def normal_error(cutter):
+    """What an error of the normal by one degree does, for plan.json: the tip of a ball moves by R delta, along the surface but
+    for R delta²/2; so does what touches with its corner of radius rc, turned about the corner's middle.
 
-    >>> normal_error(4.0)
+    >>> from types import SimpleNamespace
+    >>> normal_error(SimpleNamespace(radius_mm=4.0, corner_radius_mm=4.0))
     {'tip_mm_per_degree': 0.069813, 'depth_mm_at_one_degree': 0.000609}
     """
-    return {"tip_mm_per_degree": round(math.radians(radius_mm), 6),
-            "depth_mm_at_one_degree": round(float(radius_mm * (1.0 - fixed.cos(math.radians(1.0)))), 6)}
+    return {"tip_mm_per_degree": round(math.radians(cutter.radius_mm), 6),
+            "depth_mm_at_one_degree": round(float(cutter.corner_radius_mm * (1.0 - fixed.cos(math.radians(1.0)))), 6)}
 
 
 class _Faces(Ground):
@@ -236,16 +256,25 @@ class _Faces(Ground):
         return self.part.closest_points(middles_mm).distance_mm <= self.touching_mm
 
     def normals(self, middles_mm):
+        foot, rolling, at_edge = self._standing(middles_mm)
+        return np.where(at_edge[:, None], foot.normal, rolling)
+
+    def beyond_mm(self, middles_mm, normals):
+        foot, _, at_edge = self._standing(middles_mm)
+        return np.where(at_edge, foot.distance_mm - ((middles_mm - foot.point_mm) * normals).sum(axis=1), 0.0)
+
+    def _standing(self, middles_mm):
+        """(ClosestPoints, (n, 3) from there to the middles, (n,) bool: the ball rolls over an outer edge)."""
         foot = self.faces.closest_points(middles_mm)
         arm = middles_mm - foot.point_mm
         rolling = arm / np.maximum(np.sqrt((arm * arm).sum(axis=1)), LEAST_MM)[:, None]
         at_edge = np.sqrt(((rolling - foot.normal) ** 2).sum(axis=1)) > LEANING
         beside = self.neighbours.beside(foot.point_mm[at_edge], self.wanted[foot.face[at_edge]])
         at_edge[at_edge] = ~np.isin(beside, self.wanted)
-        return np.where(at_edge[:, None], foot.normal, rolling)
+        return foot, rolling, at_edge
 
 
-def _margins_mm(work):
+def margins_mm(work):
     """(how deep flutes may come where they touch by design, how far all the rest must stay off)."""
     into = MESH_DEFLECTION_MM + path_tolerance_mm(work.finish) + SAGITTA_MM + ROUNDED_MM
     return into, work.practice.rough_allowance_mm + MESH_DEFLECTION_MM
@@ -255,7 +284,7 @@ def _refuse_contact(work, moves, tool):
     """The ball is on the part by design; its flutes may touch no more than it does, shank, holder and spindle head nothing."""
     axes = np.vstack([moves.axis[:1], moves.axis])
     way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
-    into, keep = _margins_mm(work)
+    into, keep = margins_mm(work)
     for what, segments, margin in (
             ("flutes", tool_segments(tool), -into),
             ("shank or holder", tool_segments(tool, work.machine.spindle_head, with_flutes=False), keep)):
@@ -273,15 +302,19 @@ def _refuse_contact(work, moves, tool):
 
 def lifted(work, found, tool):
     """Moves at the approach height and above, higher by what a leaning holder reaches below the ball."""
-    m, r = found.moves, tool.cutter.radius_mm
-    frusta = tool_segments(tool, work.machine.spindle_head, with_flutes=False)
+    m, r, is_ball = found.moves, found.ball_radius_mm, tool.cutter.type == "ball"
+    frusta = tool_segments(tool, work.machine.spindle_head, with_flutes=not is_ball)
     ends = np.vstack([frusta[:, :2], frusta[:, 2:4]])           # height above the tip, radius
     level = np.sqrt(np.maximum(1.0 - m.axis[:, 2] ** 2, 0.0))
-    below = (ends[:, 1] * level[:, None] - (ends[:, 0] - r) * m.axis[:, 2:]).max() - r
+    axes, tips = np.vstack([m.axis[:1], m.axis]), np.vstack([m.start_mm, m.end_mm])
+    if is_ball:
+        below = (ends[:, 1] * level[:, None] - (ends[:, 0] - r) * m.axis[:, 2:]).max() - r
+        lowest = tips[:, 2] + r * axes[:, 2] - r
+    else:
+        lowest = found.middle_mm[:, 2] - r
+        below = (lowest[1:, None] - tips[1:, 2:] + ends[:, 1] * level[:, None] - ends[:, 0] * m.axis[:, 2:]).max()
     if below <= 0.0:
         return m
     approach = work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm
-    axes, tips = np.vstack([m.axis[:1], m.axis]), np.vstack([m.start_mm, m.end_mm])
-    lowest = tips[:, 2] + r * axes[:, 2] - r
     tips[:, 2] += np.where(lowest >= approach - HIGH_MM, below, 0.0)
     return type(m)(**{**m.__dict__, "start_mm": tips[0], "end_mm": tips[1:]})

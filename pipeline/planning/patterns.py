@@ -1,13 +1,14 @@
 """What finishing operations that are laid out as seen from above have in common."""
 
 from abc import abstractmethod
+from typing import Literal
 
 from pydantic import Field
 
 from cuspline.design.operations import Finishing
 from cuspline.planning import freeform_finishing, roughing
 from cuspline.planning.context import left_as_steep
-from cuspline.toolpaths.five_axis.tool_axes import AnyAxis, ToolAxis
+from cuspline.toolpaths.five_axis.tool_axes import AnyAxis, LeadTilt, ToolAxis
 
 
 class Pattern(Finishing):
@@ -15,10 +16,15 @@ class Pattern(Finishing):
 
     tool_axis: AnyAxis | None = Field(
         default=None, description="left out: the setup's Z, which a unit vector towards the spindle may state too, part "
-        "coordinates; a table: how a ball's axis turns along the passes, on a machine with rotary axes: "
-        "lead_tilt, fixed, through_point, along_line, between_guides, clearing (any of them, turned out of the way)")
+        "coordinates; a table: how the axis turns along the passes, on a machine with rotary axes: "
+        "lead_tilt (which bull nose and flat cutters take too), of a ball also fixed, through_point, along_line, "
+        "between_guides, clearing (any of them, turned out of the way)")
     leave_steep: bool = Field(default=False, description="walls steeper than steep_deg are left to other operations, or to indexed "
                               "positions that see them better")
+
+    bearing: Literal["step-up", "uphill"] | None = Field(
+        default=None, description="how passes keep the tip out of the cut: step-up, the lowest pass first; uphill, each from "
+        "its lower end; left out: the nearest next")
 
     @property
     def waterline_deg(self):
@@ -41,7 +47,9 @@ class Pattern(Finishing):
     @property
     def types(self):
         """Cutter types that it can use, the first of them unless others are asked for."""
-        return ("ball",) if self.turns else ("ball", "bull_nose", "tapered_ball", "flat")
+        if self.turns:
+            return ("ball", "bull_nose", "flat") if isinstance(self.tool_axis, LeadTilt) else ("ball",)
+        return ("ball", "bull_nose", "tapered_ball", "flat")
 
     @abstractmethod
     def curves(self, field, cutter, ridge_mm):

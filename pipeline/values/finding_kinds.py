@@ -163,6 +163,12 @@ KINDS = {
             "`path_tolerance_mm` is 0.01.",
             "Lower F to the value that is named. It is checked where the machine's file states `time_constant_s` of X, Y and Z; "
             "`cuspline calibrate` measures it."),
+        "late_blocks": (
+            "the control waits in the cut for blocks that have not arrived",
+            "Blocks of 0.05 mm at 2000 mm/min come at 9600 baud, 25 bytes each: the control runs 660 in a second, the line carries "
+            "38. The cutter stands in the cut and leaves marks.",
+            "Lower F to the value that is named, write fewer blocks (a larger `profile_tolerance_mm`, arcs), or take a faster "
+            "line. It is checked where the machine's file states `feeding`."),
         "no_spindle": (
             "a feed move while the spindle stands, or turns backwards",
             "`M3` is missing after a tool change; or M5 while the flutes still touch the stock.",

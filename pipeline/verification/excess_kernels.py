@@ -3,7 +3,8 @@
 A piece of path sweeps a convex volume; of an arc that bulges upward its tangent is taken, which sweeps less.  So does a
 sub-step of any convex cutter whose axis keeps its direction (stock/outlines.py); both kinds come in one world (stock/rays.py).
 Signed distance to a convex volume is convex: over a parallelogram it is largest in a corner, and so is every weighted
-mean of several such distances.  A mean that is nowhere positive has no point outside all of the volumes:
+mean of several such distances.  What a cutter sweeps whose axis turns is convex but for a little, which is added in
+the corners (`_bulge`).  A mean that is nowhere positive has no point outside all of the volumes:
 
       piece a   \\    / piece b        over a ridge the one distance rises as the other falls: their mean hardly
                  \\  /                 changes, and a cell may be as wide as its sagitta allows
@@ -18,6 +19,7 @@ import numpy as np
 from cuspline.stock.distance_kernels import piece_distance
 from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X1, Z0, Z1
 from cuspline.stock.rays import UPRIGHT_ARRAYS, nearest, scratch
+from cuspline.stock.tilted_pieces import LENGTH, TIP, TURN, UNEVEN, WAY
 from cuspline.stock.tilted_tree import one_distance
 from cuspline.stock.tree import CORNER_RADIUS, FLAT_RADIUS, tree_of
 from cuspline.surfaces.enclosures import S_HIGH, S_LOW, T_HIGH, T_LOW
@@ -41,6 +43,7 @@ BEYOND = 1.5              # pieces are looked for this far out at corners
 LIFT_MM = 1.0
 THIN = 16.0               # sides of a cell: beyond this ratio the longer one is halved
 DEEPEST = 48              # halvings
+JUNG = 0.62               # of a set's width, that its points stray from their mean at most (sqrt(3/8))
 STEEP = 0.05              # an arc whose tangent is steeper than 1 in this is taken for the one place that is nearest
 
 
@@ -89,6 +92,45 @@ def _convex_distance(x, y, z, piece, line, tool, world, search):
 
 
 @njit
+def _half_side(cell, side):
+    return math.sqrt(cell[side + X] * cell[side + X] + cell[side + Y] * cell[side + Y] + cell[side + Z] * cell[side + Z])
+
+
+@njit
+def _bulge(g, first, last, width, away):
+    r"""How far the distance to a sub-step whose axis turns may be above the mean of corners, found at shares first .. last of it.
+
+    Seen from the tool, points y at turns d stand at Rot(-d) y.  Taken at the mean turn the mean point is where the mean of them
+    is, but for sum(w d (y - mean y)), at most half the spread of d times JUNG the spread of y; for d²/2 |y|, d² at most a
+    quarter of its spread squared; and for turns that do not run evenly.
+
+    Args:
+        g: (14,) the sub-step.   width: of the cell, mm.   away: of its farthest place from the tip.
+    """
+    turn, span = g[TURN], (last - first) * g[TURN]
+    spread = width + (last - first) * g[LENGTH]
+    return 0.5 * span * JUNG * spread + 0.125 * span * span * away + 2.0 * UNEVEN * (0.5 * turn) ** 3 * (1.0 + turn) * away
+
+
+@njit
+def _posed_corners(x, y, z, cell, piece, world, search, out):
+    """Distances (4,) of a cell's corners to a sub-step, no mean of them below the distance within."""
+    forest, first, last = world[UPRIGHT_ARRAYS:], math.inf, -math.inf
+    for j in range(4):
+        s, t = (1.0 if j & 1 else -1.0), (1.0 if j & 2 else -1.0)
+        out[j], at = one_distance(x + s * cell[SIDE_S + X] + t * cell[SIDE_T + X], y + s * cell[SIDE_S + Y] + t * cell[SIDE_T + Y],
+                                  z + s * cell[SIDE_S + Z] + t * cell[SIDE_T + Z], piece, forest, math.inf, search[2])
+        first, last = min(first, at), max(last, at)
+    g = forest[0][piece]
+    if g[TURN] > 0.0:
+        reach = _half_side(cell, SIDE_S) + _half_side(cell, SIDE_T)
+        dx, dy, dz = x - g[TIP + X] - 0.5 * g[WAY + X], y - g[TIP + Y] - 0.5 * g[WAY + Y], z - g[TIP + Z] - 0.5 * g[WAY + Z]
+        more = _bulge(g, first, last, 2.0 * reach, math.sqrt(dx * dx + dy * dy + dz * dz) + reach + 0.5 * g[LENGTH])
+        for j in range(4):
+            out[j] += more
+
+
+@njit
 def _made_convex(piece, x, y, z, world, line):
     """Radii of the tool of an upright piece, and what stands for it near a place into line; zeros for others."""
     geometry, tools = world[0], world[3]
@@ -111,6 +153,10 @@ def _corner_distances(cell, near, world, search, line, corners):
         piece = near[REMEMBERED + i]
         tool = _made_convex(piece, x, y, z, world, line)
         if _convex_distance(x, y, z, piece, line, tool, world, search) > reach:
+            continue
+        if piece >= len(world[0]):
+            _posed_corners(x, y, z, cell, piece - len(world[0]), world, search, corners[count])
+            count += 1
             continue
         for j in range(4):
             s, t = (1.0 if j & 1 else -1.0), (1.0 if j & 2 else -1.0)
@@ -260,11 +306,6 @@ def _state(trims, face, span, box, place):
               (v0 + v1 + box[T_LOW] * (v1 - v0)) / 2, (v0 + v1 + box[T_HIGH] * (v1 - v0)) / 2)
     place[U], place[V] = (around[S_LOW] + around[S_HIGH]) / 2, (around[T_LOW] + around[T_HIGH]) / 2
     return trim_state(trims, face, around)
-
-
-@njit
-def _half_side(cell, side):
-    return math.sqrt(cell[side + X] * cell[side + X] + cell[side + Y] * cell[side + Y] + cell[side + Z] * cell[side + Z])
 
 
 @njit

@@ -9,8 +9,8 @@ its parts are.  A middle that is not cut away is a place that stands higher: it 
 
 What is left without a proof, and counted: cells whose middle is excess, or cannot be reached; cells as small as
 FLOOR_MM, which lie at rims where passes end with the face, round excess, at poles, and where what two clampings have
-cut meets (each is asked alone).  A proof knows upright ball, bull nose and flat cutters, any cutter while its axis keeps its
-direction, and the ball of a ball cutter however it turns, not what others cut.
+cut meets (each is asked alone).  A proof knows every cutter: of a ball cutter that turns its ball, of others what is nearly
+convex of each sub-step (excess_kernels.py).
 Pieces of path lie off the posted path by its `error_mm`.
 """
 
@@ -40,16 +40,15 @@ REASONS = ("excess", "unreachable", "rim", "inside")
 class ExcessProof:
     """What is proven of the stock on some faces, part coordinates."""
 
-    height_mm: float          # no place stands higher, but for the areas below; NaN: no cutter it knows, nothing proven
+    height_mm: float          # no place stands higher, but for the areas below; NaN: nothing was cut, nothing proven
     cells: int                # looked at
     unproven_mm2: dict        # reason -> area, at most: see REASONS
     higher_mm: np.ndarray     # (n, 3) places that stand higher than allowed
     amount_mm: np.ndarray     # (n,) how high they stand
-    uncovered: tuple = ()     # cutters and axes of which nothing is proven: what they alone have cut counts as unproven
 
     def as_dict(self):
         """For verify.json."""
-        return {"cells": self.cells, "unproven_mm2": self.unproven_mm2, "not_covered": list(self.uncovered)}
+        return {"cells": self.cells, "unproven_mm2": self.unproven_mm2, "not_covered": []}
 
     @property
     def is_complete(self):
@@ -97,25 +96,20 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
         known_mm: a height that is known to be reached, scalar >= 0.   allowed_mm: higher places are excess.
         deviation_of: function of points and normals (n, 3), part coordinates, to exact deviations (n,).
         is_reachable: function of the same and faces (n,) to (n,) bool.
-        area_mm2: of the faces: all of it is unproven where no cutter is known.
+        area_mm2: of the faces: all of it is unproven where nothing was cut.
     Returns:
         ExcessProof.
     """
-    seen = [replace(c, paths=tuple(p if _is_known(p) else p.of_its_ball() or p for p in c.paths)) for c in cuts]
-    turning = {p.tool.number: p.tool.cutter.type for c in seen for p in c.paths if not _is_known(p)}
-    uncovered = tuple(f"T{n}, {kind}: its axis turns as it moves, which the proof does not know"
-                      for n, kind in sorted(turning.items()))
-    search = _Search(ground, allowed_mm, deviation_of, is_reachable)
-    known = [replace(c, paths=tuple(p for p in c.paths if _is_known(p))) for c in seen if any(map(_is_known, c.paths))]
+    known = [replace(c, paths=tuple(map(_of_balls, c.paths))) for c in cuts if c.paths]
     if not known:
         return ExcessProof(height_mm=np.nan, cells=0, higher_mm=np.zeros((0, 3)), amount_mm=np.zeros(0),
-                           unproven_mm2={**dict.fromkeys(REASONS, 0.0), "inside": area_mm2}, uncovered=uncovered)
-    return replace(search.run(known, min(known_mm, allowed_mm)), uncovered=uncovered)
+                           unproven_mm2={**dict.fromkeys(REASONS, 0.0), "inside": area_mm2})
+    return _Search(ground, allowed_mm, deviation_of, is_reachable).run(known, min(known_mm, allowed_mm))
 
 
-def _is_known(path):
-    """Whether what each piece of a path sweeps is convex."""
-    return isinstance(path, SweptPath) or path.is_steady
+def _of_balls(path):
+    """A path; of a ball whose axis turns that of its ball, whose sub-steps are convex."""
+    return path if isinstance(path, SweptPath) or path.is_steady else path.of_its_ball() or path
 
 
 def _some(chosen, most):

@@ -79,20 +79,17 @@ class Reporter:
                           f"{self.finish.gouge_mm:g} mm are allowed; {counted(len(moves), 'move')} from line "
                           f"{self.posted.line[moves[0].row]}: lower `profile_tolerance_mm` of the finish")
 
-    def unproven(self, proven, proof):
-        """What nothing proves of tools that lean or turn in the cut: samples alone speak for it."""
+    def unproven(self, proven):
+        """Moves of tools that lean or turn in the cut that nothing proves: samples alone speak for them."""
         posted = self.posted
         leans = ~posted.is_upright & (posted.kind != Kind.RAPID)
         rows = [row for row, _ in proven.uncovered if leans[row]]
-        told = [(rows[0], f"that {counted(len(rows), 'move')} from here on keep out of the part")] if rows else []
-        if proof.uncovered and leans.any():
-            told.append((int(leans.argmax()), f"how much is left between the sample points ({'; '.join(proof.uncovered)})"))
-        for row, what in told:
-            place = self.frame.out(posted.end_mm[[row]])[0].round(6)
+        if rows:
+            row, place = rows[0], self.frame.out(posted.end_mm[[rows[0]]])[0].round(6)
             yield Finding(kind="surface_not_proven", amount_mm=0.0, place_mm=tuple(place.tolist()),
                           operation=posted.operation_name(row), line=int(posted.line[row]), setup=self.setup, row=row,
-                          advice=f"not proven, only looked at in samples: {what}; finish with a ball whose flutes are as long as "
-                          "it is thick, or let the tool keep its direction")
+                          advice=f"not proven, only looked at in samples: that {counted(len(rows), 'move')} from here on keep out "
+                          "of the part; finish with a cutter that the certificate knows: a ball, a bull nose, a flat cutter")
 
     def excess(self):
         """One finding a connected area that a ball could finish and that was left proud."""

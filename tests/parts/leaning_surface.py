@@ -1,4 +1,4 @@
-"""A block with a dome, a saddle or a twisted blade-like surface on top, roughed upright, finished with a leaning ball."""
+"""A block with a dome, a saddle or a twisted blade-like surface on top, roughed upright, finished with a leaning cutter."""
 
 from typing import Literal
 
@@ -28,6 +28,10 @@ class Surface(Parameters):
     lead_deg: float = Field(default=12.0, ge=-60, le=60, description="of the finishing ball")
     tilt_deg: float = Field(default=-15.0, ge=-60, le=60, description="of the finishing ball")
     machine: str = "mill_trunnion_ac"
+    tool: str = Field(default="ball 8", description="that finishes; a bull nose or flat cutter touches with its corner")
+    passes: Literal["zig-zag", "one-way"] = "zig-zag"
+    scallop_mm: float = Field(default=0.3, gt=0, le=1)
+    tolerance_mm: float = Field(default=0.02, gt=0, le=0.1, description="of the profile and of gouges")
 
 
 def poles_mm(form):
@@ -49,10 +53,10 @@ def solid(form):
 def design(p: Surface) -> Design:
     x, y = HALF_MM.tolist()
     return Design(
-        name="leaning_surface", description="free form finished by a leaning ball", parameters=p, solid=solid(p.form),
+        name="leaning_surface", description="free form finished by a leaning cutter", parameters=p, solid=solid(p.form),
         predicates=(FacePredicate(name="top", count=1, normal=(0, 0, 1), normal_within_deg=50),),
         material="aluminium_6061", machine=p.machine, stock=StockBox(min_mm=(-x, -y, 0), max_mm=(x, y, TOP_MM)),
-        finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.02, gouge_mm=0.02),
+        finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.tolerance_mm, gouge_mm=p.tolerance_mm),
         setups=(Setup(name="setup-1", faces=("top",), wcs_in_words="middle of the base", operations=(
-            Rough(tool="flat 10"), Parallel(tool="ball 8", name="finish", tool_axis=LeadTilt(
+            Rough(tool="flat 10"), Parallel(tool=p.tool, name="finish", passes=p.passes, tool_axis=LeadTilt(
                 lead_deg=p.lead_deg, tilt_deg=p.tilt_deg)))),))

@@ -149,6 +149,7 @@ def test_nothing_that_clears_is_an_error_that_says_so():
 
 
 def test_an_error_of_the_normal_moves_the_tip_by_the_radius_times_it():
-    facts = beside_the_wall().operations[-1].facts["normal_error"]
-    assert facts == normal_error(4.0)
+    planned_ = beside_the_wall().operations[-1]
+    facts = planned_.facts["normal_error"]
+    assert facts == normal_error(planned_.tool.cutter)
     assert facts["tip_mm_per_degree"] == pytest.approx(4.0 * math.radians(1.0), abs=1e-6)

@@ -10,13 +10,17 @@ from OCP.BRepTools import BRepTools
 
 from cuspline.kernel import brep
 from cuspline.program.program import Plane
+from cuspline.scallop.cusp import Stance, cutter_scallop_mm
 from cuspline.stock.distance_kernels import piece_distance
+from cuspline.stock.rays import UPRIGHT_ARRAYS, scratch
 from cuspline.stock.shapes import BoxShape
-from cuspline.stock.swept import swept_paths
+from cuspline.stock.swept import swept_paths, world_of
+from cuspline.stock.tilted_tree import one_distance
 from cuspline.stock.workpiece import Workpiece
+from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.values.frames import Frame
 from cuspline.verification.climbing import Ground
-from cuspline.verification.excess_kernels import _straightened, least_largest
+from cuspline.verification.excess_kernels import _posed_corners, _straightened, least_largest
 from cuspline.verification.excess_proof import LEAST_SHARE, prove_excess
 
 R, STEP = 5.0, 0.6
@@ -201,7 +205,7 @@ def leaning(start_axis, end_axis, flute=20.0):
 
 def test_a_ball_that_leans_and_keeps_its_axis_is_proven_as_an_upright_one_is():
     p = proof(leaning((0.6, 0.0, 0.8), (0.6, 0.0, 0.8)), known=CUSP)
-    assert is_close_above(p.height_mm, CUSP) and p.is_complete and p.uncovered == ()
+    assert is_close_above(p.height_mm, CUSP) and p.is_complete
 
 
 def turned(degrees):
@@ -212,13 +216,59 @@ def turned(degrees):
 def test_a_ball_whose_axis_turns_is_proven_as_an_upright_one_is():
     """By a degree in every move: its middle then leaves the line by R w^2 / 8, 0.07 um."""
     p = proof(leaning(turned(0.0), turned(1.0)), known=CUSP)
-    assert is_close_above(p.height_mm, CUSP) and p.is_complete and p.uncovered == ()
+    assert is_close_above(p.height_mm, CUSP) and p.is_complete
 
 
-def test_nothing_is_proven_of_a_turning_cutter_that_is_no_whole_ball():
-    p = proof(leaning(turned(0.0), turned(1.0), flute=8.0))
-    assert np.isnan(p.height_mm) and not p.is_complete and p.cells == 0
-    assert p.uncovered == ("T1, ball: its axis turns as it moves, which the proof does not know",)
+def turning_corner(step, lead_deg=(10.0, 13.0)):
+    """A bull nose of R5 r1 over the plane, its lead between these two along every pass, in moves of 3 mm; touching it."""
+    cutter, x = tool("bull_nose", 10, 1.0), np.linspace(-6.0, 18.0, 9)
+    corner = CornerContact(radius_mm=5.0, corner_radius_mm=1.0, lead_rad=0.2, tilt_rad=0.0)
+    lead = np.radians(np.linspace(*lead_deg, len(x)))
+    axis, up = np.column_stack([np.sin(lead), 0 * x, np.cos(lead)]), np.tile([0.0, 0.0, 1.0], (len(x), 1))
+    moves, axes = [], []
+    for y in np.arange(-1.0, 11.0, step):
+        tips = np.column_stack([x, 0 * x + y, 0 * x + 11.0]) + corner.tips_off(up, axis)
+        moves += [feed(*tips[0][:2], 30.0), *(feed(*tip) for tip in tips), feed(*tips[-1][:2], 30.0)]
+        axes += [axis[0], *axis, axis[-1]]
+    posted = program((-9, -9, 40), moves, start_axis=np.array([axes[0], *axes[:-1]]), end_axis=np.array(axes))
+    return Workpiece(blank=BoxShape(min_mm=(0, 0, 0), max_mm=(12, 9, 12))).after(HERE, swept_paths(posted, {1: cutter}))
+
+
+def test_a_bull_nose_whose_axis_turns_is_proven_as_far_as_it_cuts():
+    """Its silhouette is flattest where it leans least: R_e = 1 + 4 / sin 10."""
+    step = 1.6
+    piece = turning_corner(step)
+    truth = cutter_scallop_mm(tool("bull_nose", 10, 1.0).cutter.profile, step, 0.0, Stance(lead_rad=np.radians(12.5)))[0]
+    p = proof(piece, known=0.9 * truth, allowed=0.1)
+    assert p.is_complete and not len(p.higher_mm)
+    assert 0.9 * truth < p.height_mm < 1.1 * truth and p.cells < 100_000
+
+
+def test_a_bull_nose_whose_axis_turns_and_leaves_too_much_is_found():
+    piece = turning_corner(1.6)
+    p = proof(piece, known=0.0, allowed=0.008)
+    assert len(p.higher_mm) and 0.008 < p.amount_mm.max() < 0.02
+
+
+def test_the_bulge_of_a_turning_sub_step_covers_its_distances():
+    """Distances to one sub-step at random places between a cell's corners, beside the mean of the corners' and its bulge."""
+    path, = turning_corner(3.0).cuts[0].paths
+    world, rng = world_of((path,)), np.random.default_rng(5)
+    turning = np.flatnonzero((path.geometry[:, 13] > 1e-4) & (np.abs(path.geometry[:, 5]) < 0.2))
+    work, corners, cell = scratch(), np.empty(4), np.zeros(13)
+    most = 0.0
+    for piece in rng.choice(turning, 200):
+        g = path.geometry[piece]
+        cell[3:6], cell[6:9] = rng.normal(0.0, 0.3, 3), rng.normal(0.0, 0.3, 3)
+        middle = g[:3] + 0.5 * g[3:6] + rng.normal(0.0, 3.0, 3)
+        _posed_corners(*middle, cell, piece, world, work, corners)
+        for s, t in rng.uniform(-1.0, 1.0, (20, 2)):
+            weights = np.array([(1 + a * s) * (1 + b * t) / 4 for b in (-1, 1) for a in (-1, 1)])
+            there = middle + s * cell[3:6] + t * cell[6:9]
+            d = one_distance(*there, piece, world[UPRIGHT_ARRAYS:], np.inf, work[2])[0]
+            assert d <= weights @ corners + 1e-9
+            most = max(most, weights @ corners - d)
+    assert most > 0.01
 
 
 def test_a_tangent_sweeps_no_more_than_its_arc_and_as_much_at_the_place():

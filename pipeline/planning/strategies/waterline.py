@@ -27,7 +27,7 @@ class Waterline(Pattern):
     @property
     def types(self):
         """A flat cutter too, on upright walls."""
-        return super().types if self.turns else ("ball", "bull_nose", "flat")
+        return ("ball",) if self.turns else ("ball", "bull_nose", "flat")
 
     def curves(self, field, cutter, ridge_mm):
         return []

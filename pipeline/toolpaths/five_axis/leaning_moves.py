@@ -15,16 +15,21 @@ within a pass, it turns in steps of as many rows as in the cut.
 
 A `Swing` turns the axis further, to clear what is in the way.  Then the ways into the part and out of it run along the axis:
 a tool that is clear at the end of a pass stays clear when it is drawn out lengthwise, unless it is narrower above.
+
+A cutter that touches with its corner (corner_contact.py) comes and goes along its axis too, and runs on the passes of the ball
+that stands for it: its tip goes where normal and axis say, and over an outer edge of the faces it runs straight on, for a flat
+bottom that rolled over would cut the edge.
 """
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from cuspline.program.program import Kind, Moves, Plane
 from cuspline.toolpaths.five_axis.clear_axes import swung
+from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.toolpaths.five_axis.tool_axes import ToolAxis, limited
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
@@ -51,6 +56,10 @@ class Ground(ABC):
     @abstractmethod
     def normals(self, middles_mm):
         """(n, 3) unit, out of the material, by which the axis leans."""
+
+    def beyond_mm(self, middles_mm, normals):
+        """(n,) how far the ball has sunk along these normals where it rolls over an outer edge; 0: it does not."""
+        return np.zeros(len(middles_mm))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,11 +121,31 @@ class LeaningRules:
     radius_mm: float
     bulge_mm: float             # how far the ball's middle may leave its line between two rows
     swing: Swing | None = None
+    corner: CornerContact | None = None     # what the ball stands for; None: for itself
+
+    @property
+    def arm_mm(self):
+        """From the contact to the tip, about."""
+        return self.radius_mm if self.corner is None else self.corner.radius_mm
 
     @property
     def most_turn_rad(self):
         """From row to row."""
-        return min(math.sqrt(8.0 * self.bulge_mm / self.radius_mm), MOST_TURN_RAD)
+        return min(math.sqrt(8.0 * self.bulge_mm / self.arm_mm), MOST_TURN_RAD)
+
+    def tips_off(self, middles, normals, axes):
+        """(n, 3) from the ball's middle to the tip."""
+        if self.corner is None:
+            return -(self.radius_mm * axes)
+        return self.corner.tips_off(normals, axes) + self.ground.beyond_mm(middles, normals)[:, None] * normals
+
+    def turns(self, axes, off):
+        """(n - 1,) from row to row, of the axis or of the way from contact to tip."""
+        turned = _turns(axes)
+        if self.corner is None:
+            return turned
+        moved = np.diff(off, axis=0)
+        return np.maximum(turned, np.sqrt((moved * moved).sum(axis=1)) / self.arm_mm)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,11 +155,16 @@ class Leaning:
     moves: Moves
     is_cut: np.ndarray          # (n,) bool: the ball is on the part from end to end
     is_held: np.ndarray         # (n,) bool: the axis would lean beyond its limit
+    middle_mm: np.ndarray       # (n + 1, 3) of the ball, at the start and the ends of moves
+    normal: np.ndarray          # (n + 1, 3) by which the axis leans there; NaN off the part
+    ball_radius_mm: float
     turns: tuple = ()           # Turn of every run, where a Swing turns it
 
     def __post_init__(self):
         for name in ("is_cut", "is_held"):
             object.__setattr__(self, name, frozen(getattr(self, name), (len(self.moves),), name, bool))
+        for name in ("middle_mm", "normal"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (len(self.moves) + 1, 3), name))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -140,7 +174,14 @@ class _Rows:
     middle: np.ndarray          # (n, 3)
     move: np.ndarray            # (n,) upright move that leads to it; row 0: -1
     axis: np.ndarray            # (n, 3) NaN off the part
+    normal: np.ndarray          # (n, 3) the same
+    off: np.ndarray             # (n, 3) from the middle to the tip, the same
     is_held: np.ndarray         # (n,)
+
+    @classmethod
+    def joined(cls, several):
+        """Those of several, one after the other."""
+        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in several]) for f in fields(cls)})
 
 
 def leaning(moves, rules):
@@ -161,8 +202,8 @@ def leaning(moves, rules):
     if not cuts.any():
         raise ToolpathError("no move touches the part: the axis has nothing to turn by")
     found, turns = _with_axes(middles, cuts, rules)
-    rows = _held_off_the_part(found, along_axis=rules.swing is not None)
-    return _assembled(moves, _turned_evenly(rows, moves.kind == Kind.FEED, rules.most_turn_rad), cuts, rules, turns)
+    rows = _held_off_the_part(found, along_axis=rules.swing is not None or rules.corner is not None)
+    return _assembled(moves, _turned_evenly(rows, moves.kind == Kind.FEED, rules), cuts, turns, rules)
 
 
 def stations_along(tips_mm, rules, spacing_mm):
@@ -188,14 +229,15 @@ def _with_axes(middles, cuts, rules):
         pieces += [_without_axes(middles, done, first), replace(found, move=first + found.move)]
         done = end + 1
     pieces.append(_without_axes(middles, done, len(middles)))
-    rows = _Rows(**{name: np.concatenate([getattr(p, name) for p in pieces]) for name in ("middle", "move", "axis", "is_held")})
-    return rows, tuple(p.turn for p in passes if p.turn is not None)
+    return _Rows.joined(pieces), tuple(p.turn for p in passes if p.turn is not None)
 
 
 def _without_axes(middles, first, end):
     """_Rows of places off the part."""
     n = end - first
-    return _Rows(middle=middles[first:end], move=np.arange(first, end) - 1, axis=np.full((n, 3), np.nan), is_held=np.zeros(n, bool))
+    nowhere = np.full((n, 3), np.nan)
+    return _Rows(middle=middles[first:end], move=np.arange(first, end) - 1, axis=nowhere, normal=nowhere, off=nowhere,
+                 is_held=np.zeros(n, bool))
 
 
 class _Pass:
@@ -204,7 +246,7 @@ class _Pass:
     def __init__(self, middles, rules):
         self.middles = middles
         self.at = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(middles, axis=0) ** 2).sum(axis=1)))])
-        self.reach = FEED_REACH * rules.radius_mm
+        self.reach = FEED_REACH * rules.arm_mm
         self.turn = None
 
     def evenly(self, spacing_mm):
@@ -227,7 +269,7 @@ def _refined(passes, rules):
     if rules.swing is not None:
         stations, axes = _put_in([p.turn.corners_mm for p in passes], stations, axes, passes, rules)
     while True:
-        more = [s.between(a, rules.most_turn_rad) for s, (a, _) in zip(stations, axes)]
+        more = [s.between(rules.turns(a, off), rules.most_turn_rad) for s, (a, _, off, _) in zip(stations, axes)]
         if not any(len(m) for m in more):
             break
         stations, axes = _put_in(more, stations, axes, passes, rules)
@@ -247,9 +289,9 @@ class _Stations:
     def __init__(self, pass_, along, move):
         self.pass_, self.along, self.move = pass_, along, move
 
-    def between(self, axes, most_rad):
-        """Lengths to put in: none where rows are SHORTEST_MM apart."""
-        parts = np.ceil(_turns(axes) / most_rad - ROUNDED).astype(int)
+    def between(self, turns, most_rad):
+        """Lengths to put in, of turns (n - 1,) from row to row: none where rows are SHORTEST_MM apart."""
+        parts = np.ceil(turns / most_rad - ROUNDED).astype(int)
         room = np.maximum((np.diff(self.along) / SHORTEST_MM).astype(int), 1)
         parts = np.minimum(np.maximum(parts, 1), room)
         row = np.repeat(np.arange(len(parts)), parts - 1)
@@ -257,15 +299,15 @@ class _Stations:
         return self.along[row] + step / parts[row] * np.diff(self.along)[row]
 
     def with_more(self, more, axes, extra):
-        """(_Stations, (axes, is_held)) with rows put in."""
+        """(_Stations, columns of `_axes`) with rows put in."""
         order = np.argsort(np.concatenate([self.along, more]), kind="stable")
         led = np.concatenate([self.move, self.move[np.searchsorted(self.along, more)]])[order]
         both = tuple(np.concatenate([a, e])[order] for a, e in zip(axes, extra))
         return _Stations(self.pass_, np.concatenate([self.along, more])[order], led), both
 
-    def rows(self, axes, is_held):
+    def rows(self, axes, normals, off, is_held):
         """_Rows of them."""
-        return _Rows(middle=self.pass_.places(self.along), move=self.move, axis=axes, is_held=is_held)
+        return _Rows(middle=self.pass_.places(self.along), move=self.move, axis=axes, normal=normals, off=off, is_held=is_held)
 
 
 def _swing(passes, rules):
@@ -287,7 +329,7 @@ def _standing(along, passes, rules):
 
 
 def _axes(along, passes, rules):
-    """[(axes, is_held)] at lengths along passes."""
+    """[(axes, normals, ways from middle to tip, is_held)] at lengths along passes."""
     found = []
     for pass_, stations in zip(passes, _standing(along, passes, rules)):
         free = stations.axis if pass_.turn is None else pass_.turn.turned(stations)
@@ -295,7 +337,7 @@ def _axes(along, passes, rules):
         if rules.tool_axis.limit_deg is not None:
             axes = limited(free, math.radians(rules.tool_axis.limit_deg))
             is_held = np.sqrt(((axes - free) ** 2).sum(axis=1)) > SAME_RAD
-        found.append((axes, is_held))
+        found.append((axes, stations.normal, rules.tips_off(stations.middle_mm, stations.normal, axes), is_held))
     return found
 
 
@@ -334,10 +376,8 @@ def _held_off_the_part(rows, along_axis):
 
     along_axis: the ways up and down follow the axis.
     """
-    axes, like = rows.axis.copy(), np.arange(len(rows.axis))
-    known = np.isfinite(axes[:, 0])
-    at = np.flatnonzero(known)
-    axes[:at[0]], axes[at[-1] + 1:] = axes[at[0]], axes[at[-1]]
+    like = np.arange(len(rows.axis))
+    at = np.flatnonzero(np.isfinite(rows.axis[:, 0]))
     like[:at[0]], like[at[-1] + 1:] = at[0], at[-1]
     for before, after in zip(at[:-1], at[1:]):
         if after == before + 1:
@@ -346,10 +386,10 @@ def _held_off_the_part(rows, along_axis):
         low = np.minimum(rows.middle[gap, 2], rows.middle[gap - 1, 2])
         across = np.sqrt(((rows.middle[gap, :2] - rows.middle[gap - 1, :2]) ** 2).sum(axis=1))
         turning = gap[np.lexsort((-across, -low))[0]]
-        axes[before + 1:turning], axes[turning:after] = axes[before], axes[after]
         like[before + 1:turning], like[turning:after] = before, after
+    axes = rows.axis[like]
     middle = _drawn_out(rows.middle, axes, like) if along_axis else rows.middle
-    return replace(rows, axis=axes, middle=middle)
+    return replace(rows, axis=axes, middle=middle, off=rows.off[like])
 
 
 def _drawn_out(middle, axes, like):
@@ -359,30 +399,34 @@ def _drawn_out(middle, axes, like):
     return middle + rise[:, None] * slope
 
 
-def _turned_evenly(rows, is_feed, most_rad):
+def _turned_evenly(rows, is_feed, rules):
     """_Rows, those put in that a link at feed needs to turn its axis in steps.   is_feed: (m,) of the upright moves."""
-    parts = np.where(is_feed[rows.move[1:]], np.ceil(_turns(rows.axis) / most_rad - ROUNDED), 1.0).astype(int)
+    turns = rules.turns(rows.axis, rows.off)
+    parts = np.where(is_feed[rows.move[1:]], np.ceil(turns / rules.most_turn_rad - ROUNDED), 1.0).astype(int)
     parts = np.maximum(parts, 1)
     row = np.repeat(np.arange(len(parts)), parts)
     share = (np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts) + 1) / parts[row]
     whole = (share == 1.0)[:, None]
-    middle = np.where(whole, rows.middle[row + 1], rows.middle[row] + share[:, None] * (rows.middle[row + 1] - rows.middle[row]))
+    between = lambda column: np.where(whole, column[row + 1], column[row] + share[:, None] * (column[row + 1] - column[row]))
     axis = np.where(whole, rows.axis[row + 1], on_great_circle(rows.axis[row], rows.axis[row + 1], share))
+    off = -(rules.radius_mm * axis) if rules.corner is None else between(rows.off)
     first = lambda column, rest: np.concatenate([column[:1], rest])
-    return _Rows(middle=first(rows.middle, middle), move=first(rows.move, rows.move[row + 1]), axis=first(rows.axis, axis),
-                 is_held=first(rows.is_held, rows.is_held[row + 1]))
+    return _Rows(middle=first(rows.middle, between(rows.middle)), move=first(rows.move, rows.move[row + 1]),
+                 axis=first(rows.axis, axis), normal=first(rows.normal, between(rows.normal)),
+                 off=first(rows.off, off), is_held=first(rows.is_held, rows.is_held[row + 1]))
 
 
-def _assembled(moves, rows, cuts, rules, turns):
+def _assembled(moves, rows, cuts, turns, rules):
     """Leaning of rows with all their axes."""
-    axes, tips = rows.axis, rows.middle - rules.radius_mm * rows.axis
+    axes, tips = rows.axis, rows.middle + rows.off
     move, n = rows.move[1:], len(rows.move) - 1
     run = np.sqrt((np.diff(tips, axis=0) ** 2).sum(axis=1))
     of_middle = np.sqrt((np.diff(rows.middle, axis=0) ** 2).sum(axis=1))
     share = np.clip(run / np.maximum(of_middle, 1e-12), LEAST_FEED_SHARE, 1.0)
     turned = Moves(start_mm=tips[0], kind=moves.kind[move], end_mm=tips[1:], center_mm=np.full((n, 3), np.nan),
                    plane=np.full(n, Plane.XY), axis=axes[1:], feed_mm_per_min=moves.feed_mm_per_min[move] * share)
-    return Leaning(moves=turned, is_cut=cuts[move], is_held=rows.is_held[1:], turns=turns)
+    return Leaning(moves=turned, is_cut=cuts[move], is_held=rows.is_held[1:], turns=turns, middle_mm=rows.middle,
+                   normal=rows.normal, ball_radius_mm=rules.radius_mm)
 
 
 def upright_again(moves, radius_mm):

@@ -73,13 +73,14 @@ def allowed_steps_mm(field, bearing, scallop_mm):
     d = field.dropper
     left = field.contact_mm + d.allowance_mm * field.normal         # what the true cutter touches
     metric = scallop_metric(np.swapaxes(left, 0, 1), np.swapaxes(field.normal, 0, 1), field.pitch_mm,
-                            radius_mm=d.radius_mm, corner_radius_mm=d.corner_radius_mm, scallop_mm=scallop_mm)
+                            radius_mm=d.radius_mm, corner_radius_mm=d.corner_radius_mm, scallop_mm=scallop_mm, across=field.across)
     metric = np.where(field.is_inside[..., None], np.swapaxes(metric, 0, 1), np.nan)
     uu, uv, vv = (_form(metric, a, b) for a, b in ((bearing.along, bearing.along), (bearing.along, bearing.across),
                                                    (bearing.across, bearing.across)))
     with np.errstate(invalid="ignore", divide="ignore"):
         asked = np.sqrt(np.nan_to_num(np.maximum(vv - uv ** 2 / uu, 0.0)))
-    asked = np.maximum(grey_opening(asked, size=SMALLEST_PATCH), 1.0 / (2 * d.radius_mm))
+    asked = np.maximum(grey_opening(asked, size=SMALLEST_PATCH), 1.0 / (2 * d.radius_mm if field.across is None else
+                                                                       field.across.widest_mm))
     asked *= 2.0 / (1.0 + _one_sided(field, bearing, metric))
     return np.where(field.is_inside, 1.0 / asked, np.nan)
 

@@ -14,6 +14,8 @@ of the surface but contacts.  Where the cutter rolls over an edge the contact st
 can form; where it bridges a hollow the contact jumps and what it jumps over is out of reach.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from cuspline.values import fixed_math as fixed
@@ -24,7 +26,15 @@ TIGHTEST = 50.0             # a hollow within 2 % of the cutter's radius counts 
 JUMP = 3.0                  # a contact that moves this much faster than on both sides of it jumps
 
 
-def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=None, scallop_mm):
+@dataclass(frozen=True, kw_only=True)
+class Across:
+    """A cutter that leans, on the passes of the ball that stands for it."""
+
+    radius_mm: float            # of what it cuts, across its feed
+    widest_mm: float            # no step is wider, however flat it cuts
+
+
+def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=None, scallop_mm, across=None):
     """Metric in which neighbouring passes lie one apart.
 
     Args:
@@ -34,6 +44,7 @@ def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=N
         radius_mm: cutter radius R.
         corner_radius_mm: rc; None: a ball.
         scallop_mm: scallop height wanted, far below the corner radius.
+        across: Across of the cutter that leaves the scallops; None: the one that touches.
     Returns:
         (ny, nx, 3) xx, xy, yy in 1/mm² of the tip's plan (x, y); NaN where there is no contact.  The error
         of a step is of order step_mm² on smooth faces, and of scallop / radius (a ball on a flat: none).
@@ -44,13 +55,15 @@ def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=N
     if not 0.0 < rc <= radius_mm:
         raise ToolpathError(f"a cutter of radius {radius_mm} mm with a corner of {rc} mm leaves no round scallops; "
                             "constant scallop height needs a ball or a bull-nose cutter")
-    if not 0.0 < scallop_mm < 0.2 * rc:
-        raise ToolpathError(f"scallop height {scallop_mm} mm is not small beside the corner radius {rc} mm")
+    R, cuts, widest = (radius_mm, rc, ROLLING_STEP_RADII * radius_mm) if across is None else (
+        across.radius_mm, across.radius_mm, across.widest_mm)
+    if not 0.0 < scallop_mm < 0.2 * cuts:
+        raise ToolpathError(f"scallop height {scallop_mm} mm is not small beside the corner radius {cuts} mm")
     steps = [_along(contact_mm, normal, step_mm, axis, radius_mm, rc) for axis in (1, 0)]
-    height = 8.0 * scallop_mm * (1.0 - scallop_mm / (2.0 * rc))
-    gap = np.stack([_gap(a, b, normal, radius_mm, rc) for a, b in _pairs(steps)], axis=-1) / height
+    height = 8.0 * scallop_mm * (1.0 - scallop_mm / (2.0 * cuts))
+    gap = np.stack([_gap(a, b, normal, R, cuts) for a, b in _pairs(steps)], axis=-1) / height
     tip = np.stack([np.einsum("...k,...k", a[2], b[2]) for a, b in _pairs(steps)], axis=-1)
-    return _clipped(gap, tip, 1.0 / (ROLLING_STEP_RADII * radius_mm) ** 2, TIGHTEST / (rc * height))
+    return _clipped(gap, tip, 1.0 / widest ** 2, TIGHTEST / (cuts * height))
 
 
 def contact_jumps(contact_mm, normal, *, radius_mm, corner_radius_mm=None):

@@ -86,7 +86,7 @@ def ground_of(field, *, radius_mm, scallop_mm, corner_radius_mm=None):
     step = float(field.x_mm[1] - field.x_mm[0])
     contact, normal = (np.swapaxes(a, 0, 1) for a in (field.contact_mm, field.normal))
     metric = scallop_metric(contact, normal, step, radius_mm=radius_mm, corner_radius_mm=corner_radius_mm,
-                            scallop_mm=scallop_mm)
+                            scallop_mm=scallop_mm, across=field.across)
     jumps = contact_jumps(contact, normal, radius_mm=radius_mm, corner_radius_mm=corner_radius_mm)
     return Ground.of(field.x_mm, field.y_mm, metric, field.is_inside.T, contact[..., :2], jumps, field.beyond_mm.T > 0)
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from cuspline.toolpaths.drop.droppers import Dropper
+from cuspline.toolpaths.freeform.scallop_metric import Across
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import ToolpathError
 
@@ -36,6 +37,7 @@ class TipField:
     beyond_mm: np.ndarray       # (nx, ny) distance in plan from the wanted faces' contacts, up to a pitch short
     rest_mm: np.ndarray         # (nx, ny) distance in plan from the nearest node to be cut, margin taken off
     is_inside: np.ndarray       # (nx, ny) the region
+    across: Across | None = None    # the leaning cutter that the dropper's ball stands for; None: it stands for itself
 
     def __post_init__(self):
         put = lambda name, shape, dtype=float: object.__setattr__(
