@@ -5,6 +5,8 @@ about the cusp: there the ball goes round at constant height instead.
 """
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from dataclasses import replace
 
 import numpy as np
@@ -78,7 +80,7 @@ def finish(work, stage, tool, candidates):
     practice = work.practice
     left_mm = (practice.rough_allowance_mm + practice.finish_depth_share * tool.cutter.diameter_mm if stage.allowance_mm == 0.0
                else TERRACE_MM)
-    return _operation(work, stage, tool, candidates, left_mm, lambda field: field)
+    return _operation(work, stage, tool, candidates, left_mm, _Region())
 
 
 def rest(work, before, tool, candidates):
@@ -95,7 +97,7 @@ def rest(work, before, tool, candidates):
     region = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
     left_mm = before[-1].tool.cutter.radius_mm
     stage = FinishingStage(name="rest finish", allowance_mm=0.0, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, left_mm, region, swept)
+    return _operation(work, stage, tool, candidates, left_mm, _Region(cut=region), swept)
 
 
 def passes_over(work, tool, candidates, swept=()):
@@ -122,7 +124,7 @@ def passes_over(work, tool, candidates, swept=()):
             if box is None:
                 return None
     stage = FinishingStage(name=operation.title, allowance_mm=operation.allowance_mm, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, work.standing_mm(tool), cut, swept, box)
+    return _operation(work, stage, tool, candidates, work.standing_mm(tool), _Region(cut=cut, box=box), swept)
 
 
 def _box_left(work, tool, pitch_mm, cut):
@@ -162,8 +164,16 @@ def walls_alone(work, tool, candidates):
     return work.measured(operation.title, tool, rpm, made.moves, facts, made.left)
 
 
-def _operation(work, stage, tool, candidates, left_mm, cut, before=(), box=None):
-    """One operation over the region that `cut` makes of the whole one, or of what a box holds; None where nothing of it is left."""
+@dataclass(frozen=True, kw_only=True)
+class _Region:
+    """What of the places where a cutter touches the faces an operation goes over."""
+
+    cut: Callable = lambda field: field         # TipField -> its part, None: nothing of it
+    box: tuple | None = None                    # ((2,), (2,)) lowest and highest x, y of what is looked at; None: all
+
+
+def _operation(work, stage, tool, candidates, left_mm, region, before=()):
+    """One operation over a _Region; None where nothing of it is left."""
     name, allowance_mm, scallop_mm = stage.name, stage.allowance_mm, stage.scallop_mm
     tolerance, ridge_mm = middle_tolerance_mm(work), ridge_for_step_mm(name, scallop_mm, work.finish)
     if allowance_mm > 0.0:
@@ -171,7 +181,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=(), box=None)
     if (widest := work.operation.stepover_mm) is not None:
         ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(_across_mm(work, tool), widest, 0.0)[0]))
     step = _step_mm(work, tool, ridge_mm)
-    field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP, box is not None, box))
+    field = region.cut(_field(work, tool, allowance_mm, step / NODES_A_STEP, region.box is not None, region.box))
     if field is not None and work.operation.steepest_deg < 90.0:
         field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0)
     if field is None:

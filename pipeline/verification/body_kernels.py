@@ -243,8 +243,8 @@ def distance(body, solid, m, margin, cap, share):
     """(proven lower bound, distance found) of two bodies; beyond `cap` they are not told apart.
 
     Nearer spheres first; one that is beyond the margin by this share of what the best found is, is taken at its word: a share
-    of 1 finds the least distance, a smaller one proves that much of it sooner, or that it is below the margin.  The sphere round a long piece, a spindle's, says
-    little: the piece itself is held against the obstacle's spheres.
+    of 1 finds the least distance, a smaller one proves that much of it sooner, or that it is below the margin.  The sphere round
+    a long piece, a spindle's, says little: the piece itself is held against the obstacle's spheres.
     """
     middle = Pieces(np.empty((1, 3)), np.array([0, 1]), solid.nodes[:1], 1)
     here, there, bounds, top = np.zeros(STACK, np.int64), np.zeros(STACK, np.int64), np.empty(STACK), 1
@@ -272,7 +272,7 @@ def distance(body, solid, m, margin, cap, share):
             k = swap if side == 0 else 1 - swap
             bound = second if k == 1 else first
             if ends_here and bound < min(best, cap):
-                put(middle.points[0], solid.nodes[b + k * db, :RADIUS])
+                put(middle.points[ROOT], solid.nodes[b + k * db, :RADIUS])
                 low, _ = piece_distance(body, i - body.leaves + 1, middle, 0, m, margin)
                 bound = max(bound, low - solid.nodes[b + k * db, RADIUS])
             if bound < math.inf:

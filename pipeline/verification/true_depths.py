@@ -27,7 +27,7 @@ LAST_MM = 1e-5            # step at which the search ends
 MOST_STEPS = 100
 
 
-def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, step_mm, *, is_brief=False):
+def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, step_mm):
     """The true amount of a group of samples that are all proud, or all gouged.
 
     Args:
@@ -36,7 +36,6 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
         closest: ClosestTree of the whole part.
         belongs: function of places (m, 3) to (m,) bool: cut away, where the samples are gouged; stock, where they are proud.
         step_mm: distance of the samples.
-        is_brief: no search, some rays alone.
     Returns:
         (amount in mm > 0 outside the part for proud samples, inside it for gouged ones; row of `samples`; whether it may
         be more because not all samples were asked).
@@ -44,8 +43,8 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
     sign = 1.0 if deviation_mm[rows[0]] > 0 else -1.0
     size = np.abs(deviation_mm[rows])
     is_capped = size >= LIMIT_MM - AT_CAP_MM
-    if is_brief or (sign > 0 and size.max() > FAR_PROUD_MM):
-        return _at_least(samples, size, rows, sign, followed, closest)
+    if sign > 0 and size.max() > FAR_PROUD_MM:
+        return at_least_mm(samples, deviation_mm, rows, followed, closest)
     order = np.concatenate([_spread(rows[is_capped]), rows[~is_capped][np.argsort(-size[~is_capped], kind="stable")]])
     found, best = [], -np.inf
     for first in range(0, min(len(order), MOST), BATCH):
@@ -69,8 +68,9 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
     return best, at, bool(len(rest)) and bool(is_capped.sum() > MOST or np.abs(deviation_mm[rest]).max() > best)
 
 
-def _at_least(samples, size, rows, sign, followed, closest):
-    """(amount, row, True) of the highest, or deepest, of FEW of the farthest samples, on their own rays."""
+def at_least_mm(samples, deviation_mm, rows, followed, closest):
+    """The same without a search: of FEW of the farthest samples, on their own rays."""
+    sign, size = (1.0 if deviation_mm[rows[0]] > 0 else -1.0), np.abs(deviation_mm[rows])
     capped = np.flatnonzero(size >= LIMIT_MM - AT_CAP_MM)
     some = capped[::max(1, -(-len(capped) // FEW))] if len(capped) else np.argsort(-size, kind="stable")[:FEW]
     points, normals = samples.points_mm[rows[some]], samples.normals[rows[some]]

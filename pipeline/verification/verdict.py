@@ -48,7 +48,7 @@ from cuspline.verification.samples import face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import Limits, SolidComparison, compare
 from cuspline.verification.text_checks import increments_mm, path_tolerance_mm
-from cuspline.verification.true_depths import SEARCHED, largest_true_mm
+from cuspline.verification.true_depths import SEARCHED, at_least_mm, largest_true_mm
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
 OF_THE_RESULT = ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm", "gaps_mm", "increments_mm")   # of gouge and cusp
@@ -552,8 +552,8 @@ def _true_mm(part, c, found, residuals, rows, is_brief):
     left = piece if residuals is found else Workpiece(blank=piece.blank, cuts=(piece.cuts[c.number],))
     is_proud = residuals.deviation_mm[rows[0]] > 0
     belongs = lambda p: left.is_stock(p) if is_proud else left.cut_distance_mm(p) < 0
-    return largest_true_mm(residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0],
-                           part.surface, belongs, residuals.spacing_mm, is_brief=is_brief)
+    asked = residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0], part.surface
+    return at_least_mm(*asked) if is_brief else largest_true_mm(*asked, belongs, residuals.spacing_mm)
 
 
 def _once(true_mm):
