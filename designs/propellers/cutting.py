@@ -27,6 +27,7 @@ TOWARDS_TABLE_DEG = 45.0    # from square to the shaft towards the table, at the
 SEEN_DEG = 58.0             # between the faces' normals and the tool where positions are chosen
 CUT_DEG = 62.0              # and where they are cut: positions overlap
 PLACES = 1500               # of a blade, that are looked at
+MESH_MM = 0.02              # of the triangles that are looked at, off the part: a ball counts as touching within more
 ARBOR_SHARE = 0.85          # of the hub's diameter
 GAP_MM = 0.5                # between hub and arbor: the casting's skin, faced before
 NEARLY = 1e-9               # of a unit vector: a direction on the border belongs to those that are taken
@@ -88,7 +89,7 @@ def _ways(design, p, balls):
     every = directions()
     ways = every[every[:, 0] >= -fixed.sin(np.radians(TOWARDS_TABLE_DEG)) - NEARLY]
     found = positions(solid, indices, find_library(None).model_copy(update={"tools": tuple(balls)}), ways=ways,
-                      steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, places=PLACES)
+                      steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM))
     return [q.direction for q in found.positions]
 
 

@@ -71,6 +71,7 @@ class Order:
     accepted: tuple[str, ...]
     out: Path
     last_stage: str
+    revision: str = ""          # of the repository, where whoever builds says it; "" nobody does
 
 
 def build(order, say=lambda text: None):
@@ -344,6 +345,7 @@ def _finished(order, work, inputs, job, findings=(), left_out=""):
     asked = None if job is None else job.model_dump(mode="json")
     manifest = {
         "design": order.design.name, "stage": order.last_stage, "inputs_sha256": inputs,
+        **({"revision": order.revision} if order.revision else {}),
         "parameters": order.design.parameters.model_dump(mode="json"), "machine": order.machine.name,
         "accepted": list(order.accepted), "left_out": left_out,
         "versions": {"cuspline": cuspline.__version__, **{n: _version(n) for n in VERSIONED}},
@@ -364,7 +366,7 @@ def plan_document(order, plans, cuts=None):
     setups = []
     for plan, met in zip(plans, [()] * len(plans) if cuts is None else cuts):
         rows = {row["name"]: row for row in met}
-        operations = [_operation_document(o) | process_words(o, rows.get(o.name)) for o in plan.operations]
+        operations = [_operation_document(o) | process_words(o, rows.get(o.name), plan.context.material) for o in plan.operations]
         lies = plan.setup.refixturing
         setups.append({"name": plan.setup.name, "operations": operations,
                        "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
@@ -428,7 +430,9 @@ def _posted(order, plans, work, inputs):
               predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
               cutting_data=material_named(order.design.material, order.shop.materials),
               machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
-              accepted=order.accepted, threads=order.design.threads, dimensions=order.design.dimensions)
+              accepted=order.accepted, threads=order.design.threads, dimensions=order.design.dimensions,
+              force=next((f for f in order.shop.forces if f.material == order.design.material), None),
+              life=next((t for t in order.shop.lives if t.material == order.design.material), None))
     line = job_line(digest_of(job.model_dump(mode="json")))
     for name, text in written.items():
         (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))
@@ -444,7 +448,7 @@ def _header(order, held, inputs):
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
     lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
              UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
-             f"INPUTS SHA-256 {inputs[:32]}", job_line(""),
+             f"INPUTS SHA-256 {inputs[:32]}", *([f"REVISION {order.revision}"] if order.revision else []), job_line(""),
              f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
              f"{setup.wcs}: {setup.wcs_in_words}",
              f"STOCK {design.material}: {_stock_in_words(design.stock)}{show(low)} TO {show(high)}",

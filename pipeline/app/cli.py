@@ -102,10 +102,19 @@ def faces(part: Annotated[str, typer.Argument(help="a STEP file, a design or a j
     _print(face_rows(solid), json, lambda f: [
         f"{f['number']}  {f['kind']}  {f['area_mm2']:g} mm²  normal {_triple(f['normal'])}  middle {_triple(f['middle_mm'])}"
         + (f"  {f['name']}" if f["name"] else "") + (f"  colour {_triple(f['color'])}" if f["color"] else "")
-        + _hole_in_words(f["hole"]),
+        + _hole_in_words(f["hole"]) + _feature_in_words(f["feature"]),
         *("  " + line for line in f["toml" if toml else "python"].split("\n"))])
     if pictures is not None:
         print(draw_faces(solid, pictures), file=sys.stderr)
+
+
+def _feature_in_words(feature):
+    """What `faces` says behind a face of a pocket, step, boss or chamfer."""
+    if feature is None:
+        return ""
+    size = {"chamfer": "wide", "boss": "high"}.get(feature["kind"], "deep")
+    part = "" if feature["kind"] == "chamfer" else f", {'top' if size == 'high' else 'floor'}" if feature["is_floor"] else ", wall"
+    return f"  {feature['name']}{part}, {feature['size_mm']:g} mm {size}, seen along {_triple(feature['axis'])}"
 
 
 @app.command()
@@ -296,7 +305,8 @@ def restart(program: Annotated[Path, typer.Argument(help="a posted program, or o
 
 @app.command()
 def repost(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
-           line: Annotated[Optional[int], typer.Argument(min=1, help="of the program: a restart point; none: list them")] = None,
+           line: Annotated[Optional[int], typer.Argument(
+               min=1, help="it begins at the last restart point not behind it; none: list all")] = None,
            tool: Annotated[Optional[int], typer.Option(help="number of the ball that was changed")] = None,
            diameter: Annotated[Optional[float], typer.Option(min=0.01, max=200, help="its diameter as measured, mm")] = None,
            setup: Annotated[Optional[str], typer.Option(help="its name, where the folder has several")] = None,
@@ -317,6 +327,40 @@ def repost(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
         return
     for k, text in enumerate(done.texts, 1):
         _write(to if len(done.texts) == 1 else to.with_name(f"{to.stem}-{k:02d}{to.suffix}"), text, "--to")
+
+
+@app.command()
+def monitor(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
+            to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
+    """What a monitor at the machine is to expect of every operation (JSON): forces, power, bands in which the teeth strike."""
+    from cuspline.app.monitor import expected
+    text = jsonlib.dumps(expected(folder), indent=1) + "\n"
+    if to is None:
+        print(text, end="")
+    else:
+        _write(to, text, "--to")
+
+
+@app.command()
+def lobes(cutters: Annotated[Path, typer.Option(help="tool library (JSON), its tools with `chatter` modes")],
+          tool: Annotated[int, typer.Option(help="number of the tool")],
+          material: Annotated[str, typer.Option(help="work material, whose cutting force is known")],
+          machine: Annotated[str, typer.Option(help="machine by name or TOML file")] = "mill_3axis",
+          shop: Annotated[Optional[Path], typer.Option(help="a shop's own file (TOML)")] = None, json: AsJson = False):
+    """Spindle speeds at which a tool cuts deepest in a groove without chatter, from its stability lobes."""
+    from cuspline.app import catalogue
+    from cuspline.process.chatter import best_speeds, limits_mm
+    from cuspline.shop.cutting_forces import force_of
+    from cuspline.shop.practice import shop_file
+    chosen, force = catalogue.find_library(cutters).number(tool), force_of(material, shop_file(shop).forces)
+    if force is None:
+        raise InputError(f"no cutting force is known of {material}: give one as [[forces]] in a shop's file (--shop)")
+    if chosen.chatter is None or chosen.chatter.modes is None:
+        raise InputError(f"T{tool} states no modes: lobes need frequency, stiffness and damping ratio of each (`chatter.modes`)")
+    always, found = limits_mm({tool: chosen}, force)[tool], best_speeds(chosen, force, catalogue.find_machine(machine).spindle)
+    rows = [{"rpm": round(rpm), "depth_mm": round(depth, 4), "at_every_speed_mm": round(always, 4)} for rpm, depth in found]
+    _print(rows, json, lambda r: [
+        f"{r['rpm']} rpm: {r['depth_mm']:g} mm in a groove, {r['at_every_speed_mm']:g} mm at every speed"])
 
 
 @app.command()
@@ -497,14 +541,29 @@ def materials(file: Annotated[Optional[Path], typer.Argument(help="a shop's own 
     """List the work materials with their cutting data, and where these come from."""
     from cuspline.shop.materials import known_materials
     from cuspline.shop.practice import shop_file
-    there = {**known_materials(), **{m.name: m for m in shop_file(file).materials}}
+    own = shop_file(file)
+    there = {**known_materials(), **{m.name: m for m in own.materials}}
     _print([m.model_dump(mode="json") for m in there.values()], json, lambda m: [
         f"{m['name']}: {m['description']}",
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "
         f"stepdown {m['stepdown_share']:g} of the diameter, coolant {m['coolant']}",
         "  drills {:g} m/min, {:g} of the diameter a turn".format(*there[m["name"]].drilling),
-        f"  source: {m['source']}"])
+        f"  source: {m['source']}", *_of_the_process(m["name"], own)])
+
+
+def _of_the_process(material, own):
+    """What is known of a material's resistance and of the life of edges in it, with their sources."""
+    from cuspline.shop.cutting_forces import force_of
+    from cuspline.shop.tool_lives import life_of
+    force, life = force_of(material, own.forces), life_of(material, own.lives)
+    if force is not None:
+        yield (f"  resists with {force.force_n_per_mm2:g} N/mm² and {force.edge_n_per_mm:g} N/mm, "
+               f"{force.force_angle_deg:g} degrees to the surface")
+        yield f"  source: {force.source}"
+    if life is not None:
+        yield f"  edges last {life.life_min:g} min in the cut, {life.time_factor:g} times the time of aluminium"
+        yield f"  source: {life.source}"
 
 
 @app.command()

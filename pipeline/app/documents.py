@@ -170,6 +170,7 @@ class ManifestDocument(Document):
     design: str
     stage: str
     inputs_sha256: str
+    revision: str | None = Field(default=None, description="of the repository, where the environment stated it")
     parameters: dict[str, object]
     machine: str
     accepted: tuple[str, ...]

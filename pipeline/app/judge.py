@@ -19,7 +19,9 @@ from cuspline.program.posted import PostedMoves
 from cuspline.replay.replay_checks import Reporter
 from cuspline.replay.scene import Fixture, SolidFixture
 from cuspline.shop.cutters import simulated
+from cuspline.shop.cutting_forces import force_of
 from cuspline.shop.materials import known_materials
+from cuspline.shop.tool_lives import life_of
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
@@ -211,7 +213,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     read = tuple(replace(p, findings=(*p.findings, *own)) for p, own in zip(read, threads))
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     judging = Judging(tools=simulated(tools), stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
-                      material=job.material,
+                      material=job.material, force=job.force or force_of(job.material), life=job.life or life_of(job.material),
                       ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
     return Begun(job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
                  first=first_look(programs, solid, judging), tools=tools)

@@ -69,7 +69,7 @@ def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
     drawn = [drawn_setup(moves, item.setup, plan, job.machine) for item, moves in zip(posted, judged.posted)]
     return ReportBundle(
         design=design.name, description=design.description, parameters=design.parameters.model_dump(mode="json"),
-        material=design.material, finish=design.finish, inputs_sha256=inputs_sha256, step_file=job.step,
+        material=design.material, finish=design.finish, inputs_sha256=inputs_sha256, revision=order.revision, step_file=job.step,
         step_sha256=_sha256(step), part_box_mm=(_triple(low), _triple(high)), verify=verify,
         plan=plan, machine=machine_view(job, judged, drawn, plan, _broken_down),
         mesh=FaceMesh(vertices_mm=view.vertices_mm, normals=view.normals, triangles=view.triangles,

@@ -95,13 +95,13 @@ def reposted(folder, line, number=None, diameter_mm=None, setup=None):
     """The rest of a folder's program, from a line on.
 
     Args:
-        folder: of outputs.   line: of a restart point.
+        folder: of outputs.   line: it begins at the last restart point that is not behind it.
         number, diameter_mm: a ball of the program, and its diameter as measured; None: all tools are as planned.
         setup: its name; None: the folder has one.
     Returns:
         Reposted.
     Raises:
-        InputError: there is no such setup, line or tool, or what cannot be posted again; says what there is.
+        InputError: there is no such setup or tool, no restart point, or what cannot be posted again; says what there is.
         ReadError, PostError: as for `translation.translated`.
     """
     job, tools = read_job(folder).beside(folder), read_tools(folder)
@@ -109,12 +109,11 @@ def reposted(folder, line, number=None, diameter_mm=None, setup=None):
     moves, points = read.posted, restart_rows(read.posted)
     if read.setup.indexed or not moves.is_upright.all():
         raise InputError(f"{read.setup.name}: its tool leans, or it is an indexed position: such a program is posted again whole")
-    rows = points[lines_of(moves, points) == line]
+    rows = points[lines_of(moves, points) <= line]
     if not len(rows):
-        near = lines_of(moves, points)
-        raise InputError(f"line {line} is no restart point of {read.setup.name}; the nearest are "
-                         + " and ".join(str(n) for n in sorted(near[np.argsort(np.abs(near - line))[:2]].tolist())))
-    rest = moves.between(int(rows[0]), len(moves))
+        raise InputError(f"line {line} is before the first restart point of {read.setup.name}, "
+                         f"which is line {int(lines_of(moves, points)[0])}" if len(points) else f"{read.setup.name} has no retract")
+    rest = moves.between(int(rows[-1]), len(moves))
     was = rest
     if diameter_mm is not None:
         if number not in tools or not (rest.tool == number).any():
@@ -124,7 +123,7 @@ def reposted(folder, line, number=None, diameter_mm=None, setup=None):
         tree = ClosestTree.of_faces(brep.faces_of(solid))
         rest = for_diameter(rest, number, tools[number].cutter, diameter_mm,
                             lambda p: frame.into(tree.closest_points(frame.out(p)).point_mm))
-    name = f"{job.design} {read.setup.name} FROM LINE {int(lines_of(moves, rows)[0])}"
+    name = f"{job.design} {read.setup.name} FROM LINE {int(lines_of(moves, rows)[-1])}"
     program = translation.program_of(rest, name, job.machine.control.post, tools)
     head = (f"{name}", *((f"T{number} MEASURED D{diameter_mm:g}",) if diameter_mm is not None else ()),
             "NOT SIMULATED: PROVE IT OUT ABOVE THE WORK FIRST")

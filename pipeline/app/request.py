@@ -1,5 +1,7 @@
 """What a build was asked for, in names and files: the command line, Python and sweeps all make their orders of it."""
 
+import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,6 +18,9 @@ from cuspline.kernel import brep
 from cuspline.shop.machines import Machine
 from cuspline.values.errors import InputError
 from cuspline.values.frames import box_corners
+from cuspline.values.models import shortened
+
+REVISION = "CUSPLINE_REVISION"      # of the environment: CI states it; it stands in header, manifest and report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +68,7 @@ class Request:
             out = out.parent / f"{out.name}-{DRAFT}"
         return Order(source=source, design=made, machine=chosen, library=library, shop=practice,
                      accepted=tuple(sorted(set(self.accept))), out=out,
-                     last_stage=DRAFT if self.draft else self.stage)
+                     last_stage=DRAFT if self.draft else self.stage, revision=_revision())
 
     def _of_the_shop(self):
         """(ShopFile, the design's own parameters)."""
@@ -83,6 +88,18 @@ def _farthest_of(design, setups):
     names = dict.fromkeys(name for s in setups for name in s.faces)
     boxes = [brep.bounding_box_mm(f.shape) for f in brep.named_faces(faces, design.predicates, tuple(names))]
     return np.vstack([box_corners(low, high) for low, high in boxes])
+
+
+def _revision():
+    """The repository's revision as the environment states it.
+
+    Raises:
+        InputError: it is none that a comment of every control can hold.
+    """
+    stated = os.environ.get(REVISION, "")
+    if not re.fullmatch(r"[0-9A-Za-z._+-]{0,64}", stated):
+        raise InputError(f"{REVISION} {shortened(stated)}: write up to 64 letters, digits and . _ + - of a revision")
+    return stated
 
 
 def _machine_of(machine):

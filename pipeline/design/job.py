@@ -16,9 +16,11 @@ from cuspline.design.fixtures import fixtures_beside
 from cuspline.design.setup_alignment import refixtured_setups
 from cuspline.design.stock import Stock
 from cuspline.shop.cutters import ToolLibrary
+from cuspline.shop.cutting_forces import CuttingForce
 from cuspline.shop.machines import Machine
 from cuspline.shop.materials import Material
 from cuspline.shop.threads import Thread
+from cuspline.shop.tool_lives import ToolLife
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
 from cuspline.values.models import FileName, Model, WrittenName
@@ -55,10 +57,12 @@ class Job(Model):
     accepted: tuple[str, ...] = ()
     threads: dict[str, Thread] = Field(default={}, description="of holes, by the names of their faces")
     dimensions: tuple[Dimension, ...] = Field(default=(), description="with tolerances, judged on the simulated stock")
+    force: CuttingForce | None = Field(default=None, description="the shop's own of the material; None: what cuspline knows of it")
+    life: ToolLife | None = Field(default=None, description="the same of tool life")
 
     @model_serializer(mode="wrap")
     def _without_what_it_has_not(self, dump):
-        return {k: v for k, v in dump(self).items() if k not in ("threads", "dimensions") or v}
+        return {k: v for k, v in dump(self).items() if k not in ("threads", "dimensions", "force", "life") or v}
 
     @property
     def program_names(self):

@@ -21,7 +21,7 @@ from cuspline.program.arcs import Arc
 from cuspline.program.posted import PostedMoves
 from cuspline.program.program import Kind, Moves, Plane
 from cuspline.replay.scene import FoundStock, ZMap
-from cuspline.shop.cutting_forces import known_forces
+from cuspline.shop.cutting_forces import force_of
 
 LOOK = Look(apart=0.2, most_places=4000, screened=4, ring_rad=np.radians(15.0), ring_share=1 / 3, round_rad=np.radians(10.0))
 BLOCKS = 2.0              # times those planned, at most
@@ -29,6 +29,7 @@ STEP_SHARE = 0.125        # of the radius: no part is shorter
 FACTORS = np.cumprod([0.1, *[1.1] * 30])         # of feeds: in steps, so that few blocks differ
 FACTORS /= FACTORS[np.abs(FACTORS - 1).argmin()]        # one of them is 1
 KEPT_SHARE = 0.9          # of what spindle, cutter and drives stand, that feeds keep to
+HARD_HRC = 45             # from here on a steel counts as hardened
 STOCK_NODES = 15_000      # of the grid over the stock that the setup finds
 FULL_FEED = 0.999         # of the operation's largest feed: what runs slower goes down into stock, or in and out
 
@@ -79,17 +80,28 @@ def met_by(plan):
     return cuts_of_operations(posted, tools, engagement(posted, tools, found_stock(plan.context)))
 
 
-def process_words(operation, met):
-    """What plan.json says of the process of a PlannedOperation: what was used, and why not where not.
+def process_words(operation, met, material=None):
+    """What plan.json says of the process of a PlannedOperation: what was used, and why not where not; advice with its reason.
 
     Args:
-        met: row of verify.json's "process"; None: its edges were not looked at.
+        met: row of verify.json's "process"; None: its edges were not looked at.   material: shop.materials.Material.
     """
     said = dict(operation.facts.get("process", {}))
     for name, key in (("cutting_speed", "constant_speed"), ("feed", "feed_by_engagement")):
         said.setdefault(name, f"not used: neither operation nor shop sets {key}")
     share = None if met is None else met["tip_share"]
-    return {"process": {**said, "tip_share": share, "tip": _tip_in_words(operation, share)}}
+    if isinstance(said["cutting_speed"], dict) and met is not None:
+        said["cutting_speed"] = {**said["cutting_speed"], "came_out_m_per_min": met["speeds_m_per_min"]}
+    return {"process": {**said, "tip_share": share, "tip": _tip_in_words(operation, share),
+                        **_coolant_advice(operation, material)}}
+
+
+def _coolant_advice(operation, material):
+    """Coolant on edges that enter and leave a hardened steel with every turn; nothing where there is nothing to say."""
+    if material is None or (material.hardness_hrc or 0) < HARD_HRC or operation.coolant == "off":
+        return {}
+    return {"advice": f"{operation.coolant} in {material.name}, {material.hardness_hrc:g} HRC: milling is an interrupted cut, and "
+            "edges that are cooled between two cuts chip; air or nothing keeps them longer (L. Xu, University of Florida 1996)"}
 
 
 def _tip_in_words(operation, share):
@@ -100,8 +112,10 @@ def _tip_in_words(operation, share):
         return "of no concern: the cutter's bottom is flat"
     if share == 0:
         return "out of the cut"
-    asked = operation.facts.get("bearing", "as laid")
-    return f"in the cut on {100 * share:.1f} % of the way; passes {asked}"
+    bearing = operation.facts.get("bearing")
+    why = f"passes run {bearing}" if bearing else (
+        "passes as laid: step-up and uphill are options of patterns (`bearing`), a leaning axis one of five-axis machines")
+    return f"in the cut on {100 * share:.1f} % of the way; {why}"
 
 
 def _wished(operation):
@@ -280,7 +294,7 @@ def _feed_factors(plan, feed, is_full, along, met, mine):
 
 def _stood(plan, met, mine, full_mm_per_min):
     """(k,) factor of the full feed at which places reach KEPT_SHARE of what spindle and cutter stand; inf where it is not known."""
-    material, stands = known_forces().get(plan.context.design.material), np.full(len(mine), np.inf)
+    material, stands = force_of(plan.context.design.material, plan.context.shop.forces), np.full(len(mine), np.inf)
     limits = limits_of(plan.context.machine, met.tools[int(met.posted.tool[met.found.row[mine[0]]])])
     if material is None or not limits:
         return stands

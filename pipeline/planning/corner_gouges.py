@@ -1,4 +1,4 @@
-"""Whether a bull nose or flat cutter that leans cuts into the part beside its contact: by its curvature there, and all of its bottom.
+"""Whether a bull nose or flat cutter that leans cuts into the part beside its contact: by its bend there, and all of its bottom.
 
 At a contact the cutter is bent by 1/rc toward where it leans, by 1/R_e square to that; the part by what its face says.  Where
 their sum bends inward in any direction the cutter gouges at once.  Farther off, places all over the bottom are held against
@@ -12,8 +12,9 @@ from cuspline.splines.nurbs import local_shape, principal_directions
 from cuspline.values.amounts import counted
 from cuspline.values.errors import CutterDoesNotFit
 
-AZIMUTHS, MERIDIANS, RINGS = 24, 3, 2   # places on the bottom
+AZIMUTHS, RINGS = 24, 2                 # places on the bottom
 LEVEL = 1e-9                            # of what is square to an axis
+SQUARE = 0.999                          # cosine of the angle to a face's normal: the nearest place is no edge
 MOST_ROWS = 4000                        # looked at, evenly taken of all in the cut
 FLAT_CORNER_MM = 1e-3                   # a sharp corner counts as bent so tightly
 
@@ -35,8 +36,8 @@ def refuse_gouges(work, found, rules, tool):
     bend = least_bend_per_mm(work.closest_of(tuple(work.wanted)), contacts, normals, axes, rules.corner)
     bad = np.flatnonzero(bend < 0.0)
     if len(bad):
-        raise CutterDoesNotFit(f"{where} is flatter than the face beside {counted(len(bad), 'contact')} of {len(rows)} looked at, as "
-                               f"at {work.in_part(contacts[bad[np.argmin(bend[bad])]])}: {help_}", rows=rows[bad])
+        raise CutterDoesNotFit(f"{where} is flatter than the face beside {counted(len(bad), 'contact')} of {len(rows)} looked at, "
+                               f"as at {work.in_part(contacts[bad[np.argmin(bend[bad])]])}: {help_}", rows=rows[bad])
     depth = bottom_depths_mm(work.closest, found.moves.end_mm[rows], axes, rules.corner)
     bad = np.flatnonzero(depth > path_tolerance_mm(work.finish) + ROUNDING_MM)
     if len(bad):
@@ -68,17 +69,19 @@ def least_bend_per_mm(faces, contacts_mm, normals, axes, corner):
 
 
 def bottom_depths_mm(part, tips_mm, axes, corner):
-    """(n,) how deep places of a cutter's bottom lie in the part at most.
+    """(n,) how deep places of a cutter's bottom lie in the part at most; beside its edges nothing is said.
 
     Args:
         part: ClosestTree of all faces.   tips_mm, axes: (n, 3).   corner: CornerContact.
     """
-    bottom = corner.bottom_mm(AZIMUTHS, MERIDIANS, RINGS)
+    bottom = corner.bottom_mm(AZIMUTHS, RINGS)
     x = np.cross(axes, np.where(np.abs(axes[:, :1]) < 0.9, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     x = x / np.sqrt((x * x).sum(axis=1))[:, None]
     y = np.cross(axes, x)
     depth = np.zeros(len(axes))
     for place in bottom:
         points = tips_mm + place[0] * x + place[1] * y + place[2] * axes
-        depth = np.maximum(depth, -part.signed_distances_mm(points))
+        near = part.closest_points(points)
+        inward = -((points - near.point_mm) * near.normal).sum(axis=1)
+        depth = np.maximum(depth, np.where(inward > SQUARE * near.distance_mm, inward, 0.0))       # a sharp edge has no side
     return depth

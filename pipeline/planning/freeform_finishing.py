@@ -5,8 +5,6 @@ about the cusp: there the ball goes round at constant height instead.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from dataclasses import replace
 
 import numpy as np
@@ -15,12 +13,15 @@ from scipy.spatial import cKDTree
 from cuspline.kernel.brep import bounding_box_mm
 from cuspline.planning.context import FinishingStage, finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ROUND
-from cuspline.planning.leaning_finishing import leaned, middle_tolerance_mm
+from cuspline.planning.leaning_choice import compared
+from cuspline.planning.leaning_cusps import cusps_mm
+from cuspline.planning.leaning_finishing import as_laid, leaned, middle_tolerance_mm
 from cuspline.scallop.stepover import scallop_for_stepover_mm, stepover_for_scallop_mm
 from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.sampling import samples_of_faces
+from cuspline.toolpaths.five_axis.tool_axes import LeadTilt
 from cuspline.toolpaths.freeform.clean_up_passes import region_left
 from cuspline.toolpaths.freeform.iso_scallop_passes import boundary_curves, constant_scallop_curves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
@@ -63,6 +64,10 @@ RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls b
 LEVEL = 1 - 1e-9            # of a unit normal's z: level ground
 SAME_MM = 1e-6              # heights that are the same
 COARSER = 3.0               # times the pitch: a grid that tells within which box something is left
+COMMON_PLANE_ROUNDS = 3     # of laying passes anew until their cusps are as asked
+WELL_USED = 0.92            # of the cusp allowed: nearer to it nothing is laid anew
+COMMON_PLANE_AIM = 0.97     # of it, that is aimed for
+COMMON_PLANE_CHANGE = (0.3, 2.0)        # of the height that passes are laid for, in one round
 WIDEST_RADII = 1.0          # of a leaning cutter's radius: beyond, its silhouette is no longer the circle at its contact
 ROLL_OVER_SHARE = 0.7       # of its radius, that a ball which stands for such a cutter goes over outer edges
 OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
@@ -80,7 +85,7 @@ def finish(work, stage, tool, candidates):
     practice = work.practice
     left_mm = (practice.rough_allowance_mm + practice.finish_depth_share * tool.cutter.diameter_mm if stage.allowance_mm == 0.0
                else TERRACE_MM)
-    return _operation(work, stage, tool, candidates, left_mm, _Region())
+    return _operation(work, stage, tool, candidates, left_mm, (lambda field: field, None))
 
 
 def rest(work, before, tool, candidates):
@@ -97,7 +102,7 @@ def rest(work, before, tool, candidates):
     region = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
     left_mm = before[-1].tool.cutter.radius_mm
     stage = FinishingStage(name="rest finish", allowance_mm=0.0, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, left_mm, _Region(cut=region), swept)
+    return _operation(work, stage, tool, candidates, left_mm, (region, None), swept)
 
 
 def passes_over(work, tool, candidates, swept=()):
@@ -124,7 +129,7 @@ def passes_over(work, tool, candidates, swept=()):
             if box is None:
                 return None
     stage = FinishingStage(name=operation.title, allowance_mm=operation.allowance_mm, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, work.standing_mm(tool), _Region(cut=cut, box=box), swept)
+    return _operation(work, stage, tool, candidates, work.standing_mm(tool), (cut, box), swept)
 
 
 def _box_left(work, tool, pitch_mm, cut):
@@ -145,7 +150,7 @@ def walls_alone(work, tool, candidates):
         PlannedOperation, or None where no face is so steep.
     """
     operation, finish = work.operation, work.finish
-    tolerance, ridge_mm = middle_tolerance_mm(work), ridge_for_step_mm(operation.title, finish.scallop_mm, finish)
+    tolerance, ridge_mm = middle_tolerance_mm(work, tool), ridge_for_step_mm(operation.title, finish.scallop_mm, finish)
     if operation.allowance_mm > 0.0:
         tolerance, ridge_mm = SEMI_TOLERANCE_MM, max(finish.scallop_mm, 2 * SEMI_TOLERANCE_MM) - SEMI_TOLERANCE_MM
     is_flat = tool.cutter.corner_radius_mm == 0.0
@@ -164,52 +169,85 @@ def walls_alone(work, tool, candidates):
     return work.measured(operation.title, tool, rpm, made.moves, facts, made.left)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Region:
-    """What of the places where a cutter touches the faces an operation goes over."""
+def _operation(work, stage, tool, candidates, left_mm, where, before=()):
+    """One operation; None where nothing of its region is left.
 
-    cut: Callable = lambda field: field         # TipField -> its part, None: nothing of it
-    box: tuple | None = None                    # ((2,), (2,)) lowest and highest x, y of what is looked at; None: all
-
-
-def _operation(work, stage, tool, candidates, left_mm, region, before=()):
-    """One operation over a _Region; None where nothing of it is left."""
+    `where`: the function that makes the region of the whole one, and the box that holds it, None: not known.
+    """
+    cut, box = where
     name, allowance_mm, scallop_mm = stage.name, stage.allowance_mm, stage.scallop_mm
-    tolerance, ridge_mm = middle_tolerance_mm(work), ridge_for_step_mm(name, scallop_mm, work.finish)
+    tolerance, ridge_mm = middle_tolerance_mm(work, tool), ridge_for_step_mm(name, scallop_mm, work.finish)
     if allowance_mm > 0.0:
         tolerance, ridge_mm = SEMI_TOLERANCE_MM, scallop_mm - SEMI_TOLERANCE_MM
     if (widest := work.operation.stepover_mm) is not None:
         ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(_across_mm(work, tool), widest, 0.0)[0]))
     step = _step_mm(work, tool, ridge_mm)
-    field = region.cut(_field(work, tool, allowance_mm, step / NODES_A_STEP, region.box is not None, region.box))
+    field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP, box is not None, box))
     if field is not None and work.operation.steepest_deg < 90.0:
         field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0)
     if field is None:
         return None
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=BRIDGE_STEPS * step)
     gentle = _gentle(field, math.radians(work.operation.waterline_deg), OVERLAP_STEPS * step)
-    curves, pattern = _curves(work.operation, gentle, _seen_as(work, tool.cutter), ridge_mm)
-    paths = tip_paths(curves, gentle, rules) if curves else []
     walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step) if work.operation.steepest_deg == 90.0 else []
-    touched = []
-    if paths and allowance_mm == 0.0 and field.across is None:
-        touched = _touch_up(gentle, [*paths, *walls], before, scallop_mm, ridge_mm, step, rules)
-    paths += touched
-    if not paths and not walls:
-        raise PlanError(f"{name}: T{tool.number} {tool.cutter.name} touches none of the faces {work.face_names}: "
-                        "choose other faces or a smaller ball")
     rpm, feed = work.speeds(tool, is_rough=False)
     link = link_rules(work, tool, field, tolerance, step, feed, left_mm)
+
+    def passes(asked_mm):
+        """(TipPaths, how many touch up, facts of the pattern) for cusps of that height."""
+        curves, pattern = _curves(work.operation, gentle, _seen_as(work, tool.cutter), asked_mm)
+        paths, touched = tip_paths(curves, gentle, rules) if curves else [], []
+        if paths and allowance_mm == 0.0 and field.across is None:
+            touched = _touch_up(gentle, [*paths, *walls], before, scallop_mm, asked_mm, step, rules)
+        if not paths and not walls:
+            raise PlanError(f"{name}: T{tool.number} {tool.cutter.name} touches none of the faces {work.face_names}: "
+                            "choose other faces or a smaller ball")
+        return [*paths, *touched], len(touched), pattern
+
+    if field.across is None:
+        paths, touched, pattern = passes(ridge_mm)
+    else:
+        paths, touched, pattern = _by_common_plane(
+            passes, lambda paths: cusps_mm(
+                as_laid(work, [walls, paths], link, tool), work.corner_of(tool.cutter), tool.cutter, step), tool.cutter, ridge_mm)
     made = leaned(work, [walls, paths], link, tool)
+    if isinstance(work.tool_axis, LeadTilt):
+        pattern = {**pattern, "compared": compared(work, ridge_mm, WIDEST_RADII)}
     facts = {"allowance_mm": allowance_mm, "scallop_mm": scallop_mm, "segment_tolerance_mm": tolerance,
              "ridge_for_step_mm": round(ridge_mm, 6), "stepover_mm": round(step, 6), **pattern,
-             "passes": len(paths), "wall_passes": len(walls), "touch_ups": len(touched),
+             "passes": len(paths), "wall_passes": len(walls), "touch_ups": touched,
              "grid_mm": round(field.pitch_mm, 6),
              "region_mm2": round(float(field.is_inside.sum()) * field.pitch_mm ** 2, 1), "links": work.operation.passes,
+             **({} if link.bearing is None else {"bearing": link.bearing}),
              "min_concave_radius_mm": finite(work.hollow.radius_mm),
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
              "candidates": [c.as_dict() for c in candidates], **made.facts}
     return work.measured(name, tool, rpm, made.moves, facts, made.left)
+
+
+def _by_common_plane(passes, cusps_of, cutter, ridge_mm):
+    """What `passes` gives as far apart as the cusps on the common planes of neighbouring contacts allow.
+
+    Args:
+        passes: function of a cusp's height to (TipPaths, touch-ups, facts).   cusps_of: function of TipPaths, see `cusps_mm`.
+        cutter: that leans.   ridge_mm: the cusp that is kept.
+    """
+    asked, kept = ridge_mm, None
+    for number in range(COMMON_PLANE_ROUNDS):
+        paths, touched, pattern = passes(asked)
+        cusps, places = cusps_of(paths)
+        most = float(cusps.max(initial=0.0))
+        if most <= ridge_mm and (kept is None or most > kept[0]):
+            told = {"cusp_mm": round(most, 6), "looked_at": len(cusps), "rounds": number + 1, "ridge_laid_mm": round(asked, 6)}
+            kept = most, paths, touched, {**pattern, "common_plane": told}
+        if most == 0.0 or not np.isfinite(most) or WELL_USED * ridge_mm <= most <= ridge_mm:
+            break
+        asked *= float(np.clip(COMMON_PLANE_AIM * ridge_mm / most, *COMMON_PLANE_CHANGE))
+    if kept is None:
+        raise PlanError(f"passes of {cutter.name} leave cusps of {most:.4f} mm on the common planes of their contacts, as at "
+                        f"{np.round(places[cusps.argmax()], 3).tolist() if len(places) else 'any place'}, {ridge_mm:.4f} mm are "
+                        "allowed: take a ball, or a larger lead_deg")
+    return kept[1:]
 
 
 def _curves(operation, field, cutter, ridge_mm):
@@ -433,11 +471,17 @@ def _terraces(samples, steep, tool, ridge_mm, tolerance_mm):
 
 
 def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
-    """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part."""
+    """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part.
+
+    A ball's arc over an edge would lead a leaning flat bottom into it: what touches with its corner comes and goes along its
+    axis.
+    """
     radius = field.dropper.radius_mm if field.across is None else tool.cutter.radius_mm
     return TipLinkRules(
-        field=field, stock=work.dropper(field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm), clearance_z_mm=work.clearance_z_mm,
+        field=field, stock=work.dropper(field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm),
+        clearance_z_mm=work.clearance_z_mm,
         approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
         plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm, surface_link_mm=LINK_STEPS * step_mm,
-        hop_mm=HOP_RADII * radius, lead_radius_mm=work.lead_radius_mm(radius), is_one_way=work.operation.passes == "one-way",
-        steepest_rad=tool.cutter.steepest_rad)
+        hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
+        is_one_way=work.operation.passes == "one-way",
+        steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None))

@@ -43,9 +43,13 @@ FITS_MM = 0.01              # a ball that meets other faces by less fits
 SPARES_MM = (0.05, 0.2, 0.5)    # that a turned axis keeps beyond the margin at its stations, for the moves between them
 
 
-def middle_tolerance_mm(work):
-    """What the path of a ball's middle may deviate: with a turning axis part of it is kept for what it leaves its line."""
-    return path_tolerance_mm(work.finish) * (1.0 - (BULGE_SHARE if work.tool_axis is not None else 0.0))
+def middle_tolerance_mm(work, tool):
+    """What the path of a ball's middle may deviate: with a turning axis part of it is kept for what it leaves its line.
+
+    A corner leaves it toward the material as well.
+    """
+    kept = 0.0 if work.tool_axis is None else BULGE_SHARE * (1.0 if work.corner_of(tool.cutter) is None else 2.0)
+    return path_tolerance_mm(work.finish) * (1.0 - kept)
 
 
 class ToolInTheWay(PlanError):
@@ -76,16 +80,24 @@ def leaned(work, runs, link, tool):
     """
     if work.tool_axis is None:
         return Leaned(moves=_laid(runs, link), facts={})
-    tolerance, radius = path_tolerance_mm(work.finish), link.field.dropper.radius_mm
-    rules = LeaningRules(
-        tool_axis=work.tool_axis, radius_mm=radius, bulge_mm=BULGE_SHARE * tolerance, corner=work.corner_of(tool.cutter),
-        ground=_Faces(work, radius + link.field.dropper.allowance_mm + TOUCHING_SHARES * tolerance))
-    if rules.corner is not None:
-        link = replace(link, lead_radius_mm=0.0)            # a ball's arc over an edge would lead the flat bottom into it
+    rules = _rules(work, link, tool)
     if isinstance(work.tool_axis, ClearingAxis):
         return _clearing(work, runs, link, tool, rules)
     moves, facts, _ = _turned(work, runs, link, tool, rules)
     return Leaned(moves=moves, facts=facts)
+
+
+def as_laid(work, runs, link, tool):
+    """Leaning of runs, nothing of it looked at."""
+    return leaning(_laid(runs, link), _rules(work, link, tool))
+
+
+def _rules(work, link, tool):
+    """LeaningRules of an operation."""
+    tolerance, radius = path_tolerance_mm(work.finish), link.field.dropper.radius_mm
+    return LeaningRules(
+        tool_axis=work.tool_axis, radius_mm=radius, bulge_mm=BULGE_SHARE * tolerance, corner=work.corner_of(tool.cutter),
+        ground=_Faces(work, radius + link.field.dropper.allowance_mm + TOUCHING_SHARES * tolerance))
 
 
 def _laid(runs, link):
@@ -142,7 +154,7 @@ def _clearing(work, runs, link, tool, rules):
 
 def _swing(work, tool, link, spare_mm):
     """ClearingSwing of an operation: margins as `_refuse_contact` holds them, and something to spare between two stations."""
-    into, keep = _margins_mm(work)
+    into, keep = margins_mm(work)
     limit = work.tool_axis.limit_deg
     search = AxisSearch.of_tool(
         work.obstacle_tree, tool, spindle_head=work.machine.spindle_head, into_mm=into - ROUNDED_MM, keep_mm=keep + spare_mm,
@@ -262,7 +274,7 @@ class _Faces(Ground):
         return foot, rolling, at_edge
 
 
-def _margins_mm(work):
+def margins_mm(work):
     """(how deep flutes may come where they touch by design, how far all the rest must stay off)."""
     into = MESH_DEFLECTION_MM + path_tolerance_mm(work.finish) + SAGITTA_MM + ROUNDED_MM
     return into, work.practice.rough_allowance_mm + MESH_DEFLECTION_MM
@@ -272,7 +284,7 @@ def _refuse_contact(work, moves, tool):
     """The ball is on the part by design; its flutes may touch no more than it does, shank, holder and spindle head nothing."""
     axes = np.vstack([moves.axis[:1], moves.axis])
     way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
-    into, keep = _margins_mm(work)
+    into, keep = margins_mm(work)
     for what, segments, margin in (
             ("flutes", tool_segments(tool), -into),
             ("shank or holder", tool_segments(tool, work.machine.spindle_head, with_flutes=False), keep)):

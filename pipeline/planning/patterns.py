@@ -1,6 +1,7 @@
 """What finishing operations that are laid out as seen from above have in common."""
 
 from abc import abstractmethod
+from typing import Literal
 
 from pydantic import Field
 
@@ -16,9 +17,14 @@ class Pattern(Finishing):
     tool_axis: AnyAxis | None = Field(
         default=None, description="left out: the setup's Z, which a unit vector towards the spindle may state too, part "
         "coordinates; a table: how the axis turns along the passes, on a machine with rotary axes: "
-        "lead_tilt (which bull nose and flat cutters take too), of a ball also fixed, through_point, along_line, between_guides, clearing (any of them, turned out of the way)")
+        "lead_tilt (which bull nose and flat cutters take too), of a ball also fixed, through_point, along_line, "
+        "between_guides, clearing (any of them, turned out of the way)")
     leave_steep: bool = Field(default=False, description="walls steeper than steep_deg are left to other operations, or to indexed "
                               "positions that see them better")
+
+    bearing: Literal["step-up", "uphill"] | None = Field(
+        default=None, description="how passes keep the tip out of the cut: step-up, the lowest pass first; uphill, each from "
+        "its lower end; left out: the nearest next")
 
     @property
     def waterline_deg(self):

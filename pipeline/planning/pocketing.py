@@ -88,8 +88,8 @@ def cleared(work, levels):
 
 
 def _clear(work, stage, tool, candidates, stock, rows, levels):
-    return roughing.cleared(work, stage, tool, candidates, stock, rows, work.operation,
-                            within=borders(work, tool.cutter, stage.allowance_mm, levels))
+    within = borders(work, tool.cutter, stage.allowance_mm, levels)
+    return roughing.cleared(work, replace(stage, within=within), tool, candidates, stock, rows, work.operation)
 
 
 def _rest_tool(work, floors, allowance_mm, first, tools, left_mm):
@@ -147,9 +147,10 @@ def finished(work, made, levels, walls):
 
 def _floor(work, tool, allowance_mm, levels):
     """[the operation that takes the skin off the floors], [] where there is none."""
-    stage = roughing.RoughingStage(name=work.operation.title, allowance_mm=allowance_mm, over_floors_mm=0.0, is_rough=False)
+    stage = roughing.RoughingStage(name=work.operation.title, allowance_mm=allowance_mm, over_floors_mm=0.0, is_rough=False,
+                                   within=borders(work, tool.cutter, allowance_mm, levels))
     made, _, _ = roughing.cleared(work, stage, tool, (), work.stock_mm, leftover_rows(work.samples),
-                                  Clearing(stepover_mm=tool.cutter.radius_mm), borders(work, tool.cutter, allowance_mm, levels))
+                                  Clearing(stepover_mm=tool.cutter.radius_mm))
     return [] if made is None else [made]
 
 

@@ -27,7 +27,7 @@ LAYER_SHARE = 0.8           # of it, that one takes in each of several layers
 LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RoughingStage:
     """What a clearing is called, and what it leaves."""
 
@@ -36,6 +36,7 @@ class RoughingStage:
     threshold_mm: float = 0.0           # what stands less than this above the allowance is left alone
     over_floors_mm: float | None = None     # left on level floors; None: the allowance, as on all else
     is_rough: bool = True               # by its speed and feed
+    within: object = None               # function (n, 2) -> (n,) lowest tips that a border of its own allows; None: it has none
 
 
 def roughed(work, ball, is_reached, semi_finish):
@@ -134,7 +135,7 @@ def _met_mm(work, ball, stock, rows):
     return float(np.percentile(met, LEFT_PERCENTILE)) if len(rows) else 0.0
 
 
-def cleared(work, stage, tool, candidates, stock, rows, asked, within=None):
+def cleared(work, stage, tool, candidates, stock, rows, asked):
     """One clearing.
 
     Args:
@@ -142,7 +143,6 @@ def cleared(work, stage, tool, candidates, stock, rows, asked, within=None):
         tool: flat or bull nose; a ball is led as a flat cutter of its diameter, within which it stays.
         stock: height field of what stands.   rows: sample rows at which what it leaves is told.
         asked: design.operations.Clearing with stepdown, stepover and ramp, silent where the shop's count.
-        within: function (n, 2) -> (n,) lowest tips that a border of its own allows; None: it has none.
     Returns:
         (PlannedOperation or None where nothing is to be removed, height field after it, what it leaves at the sample rows).
     """
@@ -161,7 +161,7 @@ def cleared(work, stage, tool, candidates, stock, rows, asked, within=None):
         rapid_mm_per_min=min(a.rapid_mm_per_min for a in work.machine.axes), threshold_mm=stage.threshold_mm,
         keep_out=(*(f.box_mm for f in work.fixtures if f.is_box), *work.beyond_reach(d / 2)),
         keep_clear=tuple(DropMesh.from_triangles(*f.mesh) for f in work.fixtures if not f.is_box),
-        keep_out_mm=practice.keep_out_mm, lowest_mm=_higher_of(_lowest_of(work, tool, stage.allowance_mm), within))
+        keep_out_mm=practice.keep_out_mm, lowest_mm=_higher_of(_lowest_of(work, tool, stage.allowance_mm), stage.within))
     try:
         clearing = clear(rules)
     except NothingToCut:                # a casting near to its shape: the finish takes it, or a semi-finish before

@@ -10,6 +10,7 @@ from cuspline.program.program import Kind
 from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
 
+DRAWN = 160               # stretches of a program that verify.json tells one by one
 NOT_SEEN = "not checked: the tool leans, drills, or is no ball, bull nose or flat cutter"
 
 
@@ -28,6 +29,7 @@ class OperationCut:
     lowest_speed_m_per_min: float   # of the edge in the cut: nearest to the axis,
     highest_speed_m_per_min: float  # and farthest from it
     speeds_m_per_min: tuple[float, float, float]    # at the largest radius in the cut: 5, 50 and 95 % of the way are slower
+    rpm: tuple[float, float]        # slowest and fastest in the cut
     minutes_in_cut: float
     removed_mm3: float
     removal_cm3_per_h: float        # on the way in the cut: mean
@@ -89,6 +91,7 @@ def _cut(posted, tools, found, mine, name, turned):
         lowest_speed_m_per_min=float(speed(found.lowest_radius_mm)[cuts].min(initial=np.inf)) if cuts.any() else 0.0,
         highest_speed_m_per_min=float(speed(found.highest_radius_mm)[cuts].max(initial=0.0)),
         speeds_m_per_min=_shared_out(speed(found.highest_radius_mm)[cuts], way[cuts]),
+        rpm=(float(rpm[cuts].min()), float(rpm[cuts].max())) if cuts.any() else (0.0, 0.0),
         minutes_in_cut=minutes, removed_mm3=volume, removal_cm3_per_h=0.06 * volume / minutes if minutes > 0 else 0.0,
         removal_most_cm3_per_h=float((0.06 * found.area_mm2[mine] * feed).max()))
 
@@ -160,7 +163,31 @@ def process_document(posted, tools, found, loads=None, source="", change_rpm_per
     for cut, (_, mine) in zip(cuts_of_operations(posted, tools, found, change_rpm_per_s), _by_operation(posted, found)):
         rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine))})
     words = {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
-    return {"operations": rows, "forces": source if loads is not None else f"not checked: {source}", **words}
+    along = along_program(posted, found, turned_rpm(posted, change_rpm_per_s), loads)
+    return {"operations": rows, "along": along, "forces": source if loads is not None else f"not checked: {source}", **words}
+
+
+def along_program(posted, found, rpm, loads=None):
+    """The largest of what edges meet on up to DRAWN stretches of a program, for plots.
+
+    Args:
+        rpm: (n,) of moves, see `turned_rpm`.   loads: as for `process_document`.
+    Returns:
+        {name: list of numbers}, one a stretch; forces stand in it where they are known.
+    """
+    even = np.flatnonzero(found.way_mm > 0)
+    if not len(even):
+        return {}
+    row = found.row[even]
+    begins = np.unique(np.arange(DRAWN) * len(even) // DRAWN)
+    most = lambda values: [round(v, 4) for v in np.maximum.reduceat(values, begins).tolist()]
+    columns = {"way_m": np.cumsum(found.way_mm[even]) / 1000, "operation": posted.operation[row].astype(float),
+               "depth_mm": found.depth_mm[even],
+               "speed_m_per_min": np.nan_to_num(2 * np.pi * found.highest_radius_mm[even]) * rpm[row] / 1000,
+               "removal_cm3_per_h": 0.06 * found.area_mm2[even] * posted.feed_mm_per_min[row]}
+    if loads is not None:
+        columns |= {"radial_n": loads.radial_n[even], "axial_n": loads.axial_n[even]}
+    return {name: most(values) for name, values in columns.items()}
 
 
 def _largest(loads, mine):

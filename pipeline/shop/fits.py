@@ -39,7 +39,8 @@ def limits_mm(nominal_mm, tolerance_class):
     found = CLASS.fullmatch(tolerance_class)
     if not found or int(found["grade"]) not in GRADES_UM:
         raise ValueError(f"tolerance class {tolerance_class!r} is not known: letters d e f g h js k m n p (shafts), D to H, JS, K, "
-                         f"M, N, P (holes) and grades {min(GRADES_UM)} to {max(GRADES_UM)}, as in H7; or state lower_mm and upper_mm")
+                         f"M, N, P (holes) and grades {min(GRADES_UM)} to {max(GRADES_UM)}, as in H7; or state "
+                         "lower_mm and upper_mm")
     if not 0 < nominal_mm <= UP_TO_MM[-1]:
         raise ValueError(f"classes are known for sizes up to {UP_TO_MM[-1]} mm, not for {nominal_mm:g}: state lower_mm and "
                          "upper_mm")

@@ -1,14 +1,16 @@
 """What a shop decides: allowances, depths of cut, clearances, ways into stock.  Data, with the defaults here.
 
-A shop's own file (`--shop my_shop.toml`) has a table [practice] and rows [[materials]]; one value alone is
-`-p shop.clearance_mm=8`; an operation's own value goes before both.
+A shop's own file (`--shop my_shop.toml`) has a table [practice] and rows [[materials]], [[forces]] and [[lives]]; one value
+alone is `-p shop.clearance_mm=8`; an operation's own value goes before both.
 """
 
 from pydantic import Field
 
+from cuspline.shop.cutting_forces import CuttingForce
 from cuspline.shop.materials import Material
+from cuspline.shop.tool_lives import ToolLife
 from cuspline.values.input_files import checked, toml_of
-from cuspline.values.models import Model, Sparse
+from cuspline.values.models import Sparse
 
 
 class Practice(Sparse):
@@ -38,11 +40,14 @@ class Practice(Sparse):
     feed_most: float = Field(default=1.5, ge=1, le=2, description="times the feed per tooth: the most where chips are thin")
 
 
-class ShopFile(Model):
+class ShopFile(Sparse):
     """A shop's own file."""
 
+    LEFT_OUT = ("forces", "lives")
     practice: Practice = Practice()
     materials: tuple[Material, ...] = ()
+    forces: tuple[CuttingForce, ...] = Field(default=(), description="rows that go before cuspline's own, by material")
+    lives: tuple[ToolLife, ...] = Field(default=(), description="the same of tool life")
 
     @property
     def given(self):

@@ -40,8 +40,8 @@ KINDS = {
         "out_of_tolerance": (
             "a dimension of the design is out of its limits on the simulated stock",
             "The design states `Diameter(faces=\"bore\", fit=\"H7\")` for 20 mm, and the bore's path leaves 20.03.",
-            "Look at the operation that finishes these faces: a cutter or reamer of another size, a wrong offset. Limits that do "
-            "not hold the drawn size ask for a solid drawn at their middle."),
+            "Look at the operation that finishes these faces: a cutter or reamer of another size, a wrong offset. Where the limits "
+            "do not hold the drawn size, draw the solid at their middle."),
         "surface_not_proven": (
             "a tool that leans or turns in the cut, whose moves or whose leavings nothing proves",
             "A bull nose finishes with its axis turning: what stands between the sample points has no proven bound.",

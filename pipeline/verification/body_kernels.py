@@ -272,7 +272,7 @@ def distance(body, solid, m, margin, cap, share):
             k = swap if side == 0 else 1 - swap
             bound = second if k == 1 else first
             if ends_here and bound < min(best, cap):
-                put(middle.points[ROOT], solid.nodes[b + k * db, :RADIUS])
+                put(middle.points[0], solid.nodes[b + k * db, :RADIUS])
                 low, _ = piece_distance(body, i - body.leaves + 1, middle, 0, m, margin)
                 bound = max(bound, low - solid.nodes[b + k * db, RADIUS])
             if bound < math.inf:

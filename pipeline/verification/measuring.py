@@ -174,7 +174,8 @@ def _diameters(dimension, probe):
         answer, columns = cylinder.fitted()
         about = cylinder.found_mm - fixed.matmul(columns, answer[:-1])
         low, high = dimension.limits_mm(2 * cylinder.radius_mm)
-        yield _row(dimension, probe, cylinder.point_mm, 2 * cylinder.radius_mm, (low, high), 2 * about, 2 * answer[-1])
+        yield Measured(**_feature(dimension, probe, cylinder.point_mm, 2 * cylinder.radius_mm), lower_mm=low, upper_mm=high,
+                       fitted_mm=float(2 * answer[-1]), points=len(about), **_spread(2 * about))
 
 
 def _positions(dimension, probe):
@@ -183,8 +184,8 @@ def _positions(dimension, probe):
         heights = [0.0] if len(answer) == 3 else [float(cylinder.along_mm.min()), float(cylinder.along_mm.max())]
         at = lambda h: answer[:2] + (answer[2:4] * h if len(answer) > 3 else 0.0)
         zones = np.array([2 * float(fixed.length(at(h))) for h in heights])
-        yield _row(dimension, probe, cylinder.point_mm, 0.0, (0.0, dimension.zone_mm), zones, float(zones.max()),
-                   len(cylinder.found_mm))
+        yield Measured(**_feature(dimension, probe, cylinder.point_mm, 0.0), lower_mm=0.0, upper_mm=dimension.zone_mm,
+                       fitted_mm=float(zones.max()), points=len(cylinder.found_mm), **_spread(zones))
 
 
 def _distances(dimension, probe):
@@ -205,15 +206,19 @@ def _distances(dimension, probe):
     drawn = abs(float(heights[0][0] - heights[1][0]))
     a, b = sign * far.deviation_mm, sign * np.sign(turned) * near.deviation_mm
     spread = drawn + np.array([a.min() - b.max(), a.max() - b.min()])
-    yield _row(dimension, probe, sides[0][1].point_mm[0], drawn, dimension.limits_mm(drawn), spread,
-               drawn + float(a.mean() - b.mean()), len(a) + len(b))
+    low, high = dimension.limits_mm(drawn)
+    yield Measured(**_feature(dimension, probe, sides[0][1].point_mm[0], drawn), lower_mm=low, upper_mm=high,
+                   fitted_mm=drawn + float(a.mean() - b.mean()), points=len(a) + len(b), **_spread(spread))
 
 
-def _row(dimension, probe, place_mm, drawn_mm, limits_mm, values_mm, fitted_mm, points=None):
-    return Measured(name=dimension.title, kind=dimension.kind, place_mm=tuple(np.round(place_mm, 6).tolist()),
-                    nominal_mm=getattr(dimension, "nominal_mm", None) or drawn_mm, lower_mm=limits_mm[0], upper_mm=limits_mm[1],
-                    least_mm=float(values_mm.min()), most_mm=float(values_mm.max()), fitted_mm=float(fitted_mm),
-                    points=points or len(values_mm), rounding_mm=probe.rounding_mm)
+def _feature(dimension, probe, place_mm, drawn_mm):
+    """What a Measured says of the feature; `drawn_mm`: the design's own size."""
+    return {"name": dimension.title, "kind": dimension.kind, "place_mm": tuple(np.round(place_mm, 6).tolist()),
+            "nominal_mm": getattr(dimension, "nominal_mm", None) or drawn_mm, "rounding_mm": probe.rounding_mm}
+
+
+def _spread(values_mm):
+    return {"least_mm": float(values_mm.min()), "most_mm": float(values_mm.max())}
 
 
 _MEASURED = {"diameter": _diameters, "position": _positions, "distance": _distances}

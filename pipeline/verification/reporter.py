@@ -88,8 +88,8 @@ class Reporter:
             row, place = rows[0], self.frame.out(posted.end_mm[[rows[0]]])[0].round(6)
             yield Finding(kind="surface_not_proven", amount_mm=0.0, place_mm=tuple(place.tolist()),
                           operation=posted.operation_name(row), line=int(posted.line[row]), setup=self.setup, row=row,
-                          advice=f"not proven, only looked at in samples: that {counted(len(rows), 'move')} from here on keep out of "
-                          "the part; finish with a cutter that the certificate knows: a ball, a bull nose, a flat cutter")
+                          advice=f"not proven, only looked at in samples: that {counted(len(rows), 'move')} from here on keep out "
+                          "of the part; finish with a cutter that the certificate knows: a ball, a bull nose, a flat cutter")
 
     def excess(self):
         """One finding a connected area that a ball could finish and that was left proud."""

@@ -44,7 +44,7 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
     size = np.abs(deviation_mm[rows])
     is_capped = size >= LIMIT_MM - AT_CAP_MM
     if sign > 0 and size.max() > FAR_PROUD_MM:
-        return at_least_mm(samples, deviation_mm, rows, followed, closest)
+        return roughly_true_mm(samples, deviation_mm, rows, followed, closest)
     order = np.concatenate([_spread(rows[is_capped]), rows[~is_capped][np.argsort(-size[~is_capped], kind="stable")]])
     found, best = [], -np.inf
     for first in range(0, min(len(order), MOST), BATCH):
@@ -68,9 +68,13 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
     return best, at, bool(len(rest)) and bool(is_capped.sum() > MOST or np.abs(deviation_mm[rest]).max() > best)
 
 
-def at_least_mm(samples, deviation_mm, rows, followed, closest):
-    """The same without a search: of FEW of the farthest samples, on their own rays."""
-    sign, size = (1.0 if deviation_mm[rows[0]] > 0 else -1.0), np.abs(deviation_mm[rows])
+def roughly_true_mm(samples, deviation_mm, rows, followed, closest):
+    """(amount, row, True) of the highest, or deepest, of FEW of the farthest samples, on their own rays; nothing is searched.
+
+    Args: as `largest_true_mm`.
+    """
+    sign = 1.0 if deviation_mm[rows[0]] > 0 else -1.0
+    size = np.abs(deviation_mm[rows])
     capped = np.flatnonzero(size >= LIMIT_MM - AT_CAP_MM)
     some = capped[::max(1, -(-len(capped) // FEW))] if len(capped) else np.argsort(-size, kind="stable")[:FEW]
     points, normals = samples.points_mm[rows[some]], samples.normals[rows[some]]

@@ -48,7 +48,7 @@ from cuspline.verification.samples import face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import Limits, SolidComparison, compare
 from cuspline.verification.text_checks import increments_mm, path_tolerance_mm
-from cuspline.verification.true_depths import SEARCHED, at_least_mm, largest_true_mm
+from cuspline.verification.true_depths import SEARCHED, largest_true_mm, roughly_true_mm
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
 OF_THE_RESULT = ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm", "gaps_mm", "increments_mm")   # of gouge and cusp
@@ -173,7 +173,9 @@ class Judging:
     finish: object                    # design.Finish
     ball_radius_mm: float             # smallest ball of the shop's library
     machine: object = None            # machines.Machine, or None: travel and table are not asked
-    material: str = ""                # name of the work material: of others than shop.cutting_forces knows forces are not checked
+    material: str = ""                # name of the work material
+    force: object = None              # shop.cutting_forces.CuttingForce of it, or None: forces and chatter are not checked
+    life: object = None               # shop.tool_lives.ToolLife of it, or None: edges are not counted
     options: Options = Options()
     kept: object = NOTHING            # kept.Kept, asked first for what takes long; NOTHING keeps nothing
     say: Callable = lambda text: None       # called with what is being done, and how large it is
@@ -553,7 +555,7 @@ def _true_mm(part, c, found, residuals, rows, is_brief):
     is_proud = residuals.deviation_mm[rows[0]] > 0
     belongs = lambda p: left.is_stock(p) if is_proud else left.cut_distance_mm(p) < 0
     asked = residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0], part.surface
-    return at_least_mm(*asked) if is_brief else largest_true_mm(*asked, belongs, residuals.spacing_mm)
+    return roughly_true_mm(*asked) if is_brief else largest_true_mm(*asked, belongs, residuals.spacing_mm)
 
 
 def _once(true_mm):

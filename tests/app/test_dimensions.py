@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from built_parts import ran
 from pydantic import ValidationError
-from toleranced_plate import BORE_MM, design
+from toleranced_plate import BORE_MM, REAMED_MM, design
 
 from cuspline.app.judge import begun, judge
 from cuspline.design import Diameter, Distance, Parameters
@@ -33,12 +33,13 @@ def test_a_part_within_its_limits_is_measured_to_the_micrometre(plate):
     job = read_job(plate)
     read = begun(plate, job, options=COARSE)
     rows = {m.name: m for m in measured(job.dimensions, read.first.part.piece, read.solid, job.predicates, 5e-5)}
-    assert len(rows) == 4 and tolerance_findings(rows.values(), "setup-1") == ()
+    assert len(rows) == 5 and tolerance_findings(rows.values(), "setup-1") == ()
     bore, depth = rows["bore H7"], rows["depth"]
     assert (bore.lower_mm, bore.upper_mm) == (14.0, 14.018)
     assert abs(bore.fitted_mm - BORE_MM) < 1e-3 and bore.most_mm - bore.least_mm < 2e-3
     assert abs(depth.least_mm - 2.0) < 1e-3 and abs(depth.most_mm - 2.0) < 1e-3
-    assert rows["position of bore"].most_mm < 2e-3
+    assert rows["position of bore"].most_mm < 2e-3 and abs(rows["reamed H7"].fitted_mm - REAMED_MM) < 1e-3
+    assert "G98 G85 X56 Y15 Z-0.5 R7" in (plate / "setup-1.ngc").read_text()
 
 
 def test_a_bore_of_the_wrong_place_and_a_floor_too_deep_are_out_of_tolerance(plate, tmp_path):

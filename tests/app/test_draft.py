@@ -61,3 +61,15 @@ def test_a_draft_that_cannot_be_is_refused(tmp_path, arguments, words):
     name = "propeller" if not arguments else saddle_job(tmp_path)
     done = ran("build", name, "--draft", "--out", tmp_path / "out", *arguments)
     assert done.returncode == 2 and words in done.stderr and not (tmp_path / "out-draft").exists()
+
+
+@pytest.mark.parametrize("stated, code", [("3f70b92a", 0), ("two words", 2)])
+def test_a_stated_revision_stands_in_header_and_manifest(tmp_path, monkeypatch, stated, code):
+    monkeypatch.setenv("CUSPLINE_REVISION", stated)
+    done = ran("build", saddle_job(tmp_path), "--stage", "gcode", "--out", tmp_path / "out")
+    assert done.returncode == code
+    if code:
+        assert "CUSPLINE_REVISION 'two words'" in done.stderr
+        return
+    assert f"(REVISION {stated})" in (tmp_path / "out" / "setup-1.ngc").read_text()
+    assert json.loads((tmp_path / "out" / "manifest.json").read_text())["revision"] == stated

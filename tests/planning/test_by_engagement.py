@@ -1,12 +1,11 @@
 """Constant cutting speed and feeds by engagement, on three grooves and a step: planned, posted, read back, looked at again."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from known_programs import tool
-from small_program import changed
 
 from cuspline.app import catalogue
 from cuspline.app.judge import posted_moves
@@ -19,7 +18,8 @@ from cuspline.process.cutting_speed import contact_radius_mm, effective_radius_m
 from cuspline.process.engagement import engagement
 from cuspline.program.program import Kind, MoveWriter, Operation, Program
 from cuspline.replay.scene import FoundStock
-from cuspline.shop.practice import Practice
+from cuspline.shop.materials import known_materials
+from cuspline.shop.practice import Practice, ShopFile
 from cuspline.stock.workpiece import Workpiece
 from cuspline.verification.in_process import PART
 
@@ -56,9 +56,9 @@ def planned(moves, has_speed=False, has_feed=False, rpm=4775.0, cutter=None, ask
                     is_speed_constant=has_speed, is_fed_by_engagement=has_feed)
     operation = PlannedOperation(name="cut", tool=cutter or tool("ball", 10), rpm=rpm, coolant="off", moves=moves, wishes=wishes,
                                  facts={"time_s": round(float(times_s(moves, machine).sum()), 1)})
-    context = SimpleNamespace(machine=machine, practice=Practice(**practice), design=SimpleNamespace(material="aluminium_6061"),
-                              piece=Workpiece(blank=StockBox(min_mm=BOX[0], max_mm=BOX[1]).shape),
-                              setup=SimpleNamespace(turn=PART))
+    context = SimpleNamespace(machine=machine, practice=Practice(**practice), shop=ShopFile(),
+                              design=SimpleNamespace(material="aluminium_6061"), setup=SimpleNamespace(turn=PART),
+                              piece=Workpiece(blank=StockBox(min_mm=BOX[0], max_mm=BOX[1]).shape))
     return Plan(context=context, operations=(operation,))
 
 
@@ -151,4 +151,11 @@ def test_what_cannot_follow_says_why_and_what_wishes_nothing_stays():
     row, = met_by(plan)
     words = process_words(plan.operations[0], row.as_dict())["process"]
     assert words["tip_share"] > 0.5 and "in the cut on" in words["tip"]
-    assert changed(MACHINE).spindle.change_rpm_per_s is None
+
+
+def test_coolant_in_hardened_steel_is_advised_against():
+    operation, hard = planned(grooves()).operations[0], known_materials()["steel_h13_48hrc"]
+    wet = replace(operation, coolant="flood")
+    assert "chip" in process_words(wet, None, hard)["process"]["advice"]
+    assert "advice" not in process_words(operation, None, hard)["process"]
+    assert "advice" not in process_words(wet, None, known_materials()["aluminium_6061"])["process"]

@@ -181,8 +181,8 @@ def test_a_machine_without_bodies_has_nothing_to_say():
 
 def scattered(count, seed):
     """kernels.Pieces of triangles all about, and their corners (count, 3, 3)."""
-    rng = np.random.default_rng(seed)
-    corners = rng.uniform(-60, 60, (count, 1, 3)) + rng.normal(size=(count, 3, 3))
+    place, size = np.random.default_rng(seed), np.random.default_rng(seed + 1)
+    corners = place.uniform(-60, 60, (count, 1, 3)) + size.normal(size=(count, 3, 3))
     return bodies.pieces_of(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)), corners
 
 

@@ -19,6 +19,7 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import ToolpathError
 
 FLAT_BALL_SHARE = 0.1       # of a flat cutter's radius: the ball that stands for it
+BENDS = (0.0, 0.5, 1.0, 1.5)    # of the lean, places on the corner: at 1 it touches
 LEAST_LEAN_RAD = math.radians(1.0)      # from the normal: nearer to it the whole bottom touches
 
 
@@ -70,14 +71,14 @@ class CornerContact:
         ball, corner = self.ball_radius_mm, self.corner_radius_mm
         return (corner - ball) * normals + (self.radius_mm - corner) * toward - corner * axes
 
-    def bottom_mm(self, azimuths, meridians, rings):
-        """(k, 2, 3) places of the bottom and the normals there, the axis along Z, from the tip.
+    def bottom_mm(self, azimuths, rings):
+        """(k, 3) places of the bottom, the axis along Z, from the tip: most round where it touches.
 
         Args:
-            azimuths: how many round the axis.   meridians: from the level bottom to the flank.   rings: on the level bottom.
+            azimuths: how many round the axis.   rings: on the level bottom.
         """
         turn = np.linspace(0.0, 2 * np.pi, azimuths, endpoint=False)
-        bend = np.linspace(0.0, np.pi / 2, meridians)
+        bend = self.lean_rad * np.array(BENDS)
         flat, corner = self.radius_mm - self.corner_radius_mm, self.corner_radius_mm
         r = np.concatenate([flat + corner * fixed.sin(bend), flat * np.linspace(0.0, 1.0, rings, endpoint=False)])
         z = np.concatenate([corner * (1.0 - fixed.cos(bend)), np.zeros(rings)])

@@ -16,8 +16,9 @@ within a pass, it turns in steps of as many rows as in the cut.
 A `Swing` turns the axis further, to clear what is in the way.  Then the ways into the part and out of it run along the axis:
 a tool that is clear at the end of a pass stays clear when it is drawn out lengthwise, unless it is narrower above.
 
-A cutter that touches with its corner (corner_contact.py) comes and goes along its axis too, and runs on the passes of the ball that stands for it: its tip goes where
-normal and axis say, and over an outer edge of the faces it runs straight on, for a flat bottom that rolled over would cut the edge.
+A cutter that touches with its corner (corner_contact.py) comes and goes along its axis too, and runs on the passes of the ball
+that stands for it: its tip goes where normal and axis say, and over an outer edge of the faces it runs straight on, for a flat
+bottom that rolled over would cut the edge.
 """
 
 import math
@@ -411,7 +412,7 @@ def _turned_evenly(rows, is_feed, rules):
     off = -(rules.radius_mm * axis) if rules.corner is None else between(rows.off)
     first = lambda column, rest: np.concatenate([column[:1], rest])
     return _Rows(middle=first(rows.middle, between(rows.middle)), move=first(rows.move, rows.move[row + 1]),
-                 axis=first(rows.axis, axis), normal=first(rows.normal, np.where(whole, rows.normal[row + 1], np.nan)),
+                 axis=first(rows.axis, axis), normal=first(rows.normal, between(rows.normal)),
                  off=first(rows.off, off), is_held=first(rows.is_held, rows.is_held[row + 1]))
 
 
