@@ -5,7 +5,7 @@ obstacle over whole blocks of joints, between their ends too; where it is not, t
 The blank as it comes stands for the stock: what has been cut is inside it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,8 @@ CHORD_MM = 0.01                 # arcs are judged by chords that stay so close
 UNDECIDED_MM = 1e-3             # a body that keeps its distance by less counts as too near
 CAP_MM = 100.0                  # distances beyond are not told apart
 POSES = 33                      # looked at in a block that is too near, for how near
+MOST_NEAR = 24                  # such blocks of a position that are looked at where the obstacle is of very many pieces: evenly out
+                                # of all, it is a collision in any case
 SECTORS = 24                    # of what turns with the tool, round it
 CONVEX_MM = 1e-6
 MOST_CORNERS = 20_000           # of a mesh that is asked whether it is convex
@@ -128,13 +130,21 @@ def _near(body, obstacle, blocks, report, machine):
     kernels.over_blocks(body.pieces, obstacle.pieces, between, blocks.starts, blocks.ends, margin, margin + CAP_MM, UNDECIDED_MM,
                         is_clear)
     near = np.flatnonzero(~is_clear)
-    gaps = np.empty(len(near))
-    kernels.gaps(body.pieces, obstacle.pieces, between, blocks.starts[near], blocks.ends[near], POSES, OUTWARD, margin, gaps)
+    looked = _some_of(near, blocks.position[near]) if len(obstacle.pieces.first) > kernels.MOST_PIECES else near
+    gaps = np.empty(len(looked))
+    kernels.gaps(body.pieces, obstacle.pieces, between, blocks.starts[looked], blocks.ends[looked], POSES, OUTWARD, margin, gaps)
     gaps -= body.error_mm + obstacle.error_mm
-    for position in np.unique(blocks.position[near]).tolist():
-        mine = np.flatnonzero(blocks.position[near] == position)
+    for position in np.unique(blocks.position[looked]).tolist():
+        mine = np.flatnonzero(blocks.position[looked] == position)
         worst = mine[gaps[mine].argmin()]
-        yield _finding(body, obstacle, float(gaps[worst]), report, int(blocks.row[near[worst]])), position
+        found = _finding(body, obstacle, float(gaps[worst]), report, int(blocks.row[looked[worst]]))
+        yield replace(found, is_at_least=len(mine) < (blocks.position[near] == position).sum()), position
+
+
+def _some_of(near, position):
+    """MOST_NEAR of the rows (n,) of every position (n,), or all where there are no more."""
+    each = [near[position == k] for k in np.unique(position)]
+    return np.concatenate([rows[::max(1, -(-len(rows) // MOST_NEAR))] for rows in each] or [near])
 
 
 def _finding(body, obstacle, gap_mm, report, row):

@@ -26,6 +26,7 @@ ORIGIN = 3                  # row of a pose: three of the rotation, then where t
 ROOT = 0                    # of a tree: the sphere round all of it
 FLAT = 1e-14                # of a triangle's sides squared: below, it has no inside
 PROVEN = 0.6                # of a distance beyond the margin, where only that it is clear is asked
+MOST_PIECES = 2000          # of an obstacle, by which it is told how deep a body is in it
 SPANS = 128                 # stretches of a block that may wait
 
 
@@ -336,11 +337,11 @@ def _over_block(body, solid, between, q0, q1, margin, cap, tolerance, m):
 def overlap(body, solid, m, directions):
     """How deep two bodies are in each other: of their worst pieces, the least way out along any of the directions (d, 3).
 
-    Directions count twice, as the obstacle has them and as the body has them.
+    Directions count twice, as the obstacle has them and as the body has them.  Of very many pieces some stand for all.
     """
     worst, v, w = 0.0, np.empty(3), np.empty(3)
     for a in range(len(body.first) - 1):
-        for b in range(len(solid.first) - 1):
+        for b in range(0, len(solid.first) - 1, 1 + (len(solid.first) - 2) // MOST_PIECES):
             least = math.inf
             for k in range(2 * len(directions)):
                 d = directions[k // 2]

@@ -199,3 +199,20 @@ def test_a_long_piece_among_many_small_ones_is_as_far_as_piece_by_piece():
         low, found = kernels.distance(spindle, small, seen, 1.0, np.inf, 0.6)
         assert low <= min(each) + 1e-9 and (min(each) >= 1.0) == (found >= 1.0)
         assert min(each) < 1.0 or low > 1.0
+
+
+def test_of_many_blocks_in_a_casting_some_are_looked_at_and_said_to_be_so():
+    position = np.repeat([0, 1, 3], [100, 10, 24])
+    some = bodies._some_of(np.arange(1000, 1134), position)
+    counts = [((some >= low) & (some < high)).sum() for low, high in ((1000, 1100), (1100, 1110), (1110, 1134))]
+    assert counts == [20, 10, 24] and some[0] == 1000
+    assert len(bodies._some_of(np.zeros(0, np.int64), np.zeros(0, np.int64))) == 0
+
+
+def test_how_deep_a_long_piece_is_in_many_small_ones_is_told_by_some_of_them():
+    """A slab of 5000 small cubes' corners: by every third of them it is as deep as by all, to the spacing of what is left out."""
+    spindle = bodies.pieces_of(*CylinderShape(from_mm=np.zeros(3), to_mm=np.array([0.0, 0.0, 90.0]), radius_mm=8.0).mesh)
+    corners = np.random.default_rng(2).uniform((-20, -20, -1), (20, 20, 1), (5000, 1, 3)) + 0.1 * np.eye(3)
+    slab = bodies.pieces_of(corners.reshape(-1, 3), np.arange(15000).reshape(-1, 3))
+    deep = kernels.overlap(spindle, slab, ON((0, 0, -0.5)), bodies.OUTWARD)
+    assert 1.3 < deep < 1.7             # the slab's top is 1 above its middle, the spindle's face 0.5 below it, cubes' corners 0.1
