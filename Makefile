@@ -42,7 +42,7 @@ $(error PARAMS belong to one design: make $(firstword $(DESIGNS)) PARAMS='name=v
 endif
 endif
 
-.PHONY: all test lint help step doctor bench corpus lock wheel clean distclean FORCE $(DESIGNS)
+.PHONY: all test lint help step doctor bench corpus site lock wheel clean distclean FORCE $(DESIGNS)
 .PRECIOUS: $(PUBLISHED) $(STEPS)
 
 all: $(PUBLISHED) ## set-up, then every design with default parameters into outputs/<design>/
@@ -68,6 +68,9 @@ bench: .venv/.kernels ## the measurements of bench/run.py
 
 corpus: .venv/.kernels ## parts that nothing was tuned for, each built once: bench/corpus.py; ARGS=failures those not verified again
 	$(BIN)/python bench/corpus.py $(ARGS)
+
+site: .venv/.project ## the documentation as pages for a browser into outputs/site/, with a gallery of what is built
+	$(BIN)/python docs/site.py outputs/site
 
 lock: .venv/.environment ## requirements.lock anew from pyproject.toml, known pins kept; ARGS=--upgrade takes newer ones
 	cp requirements.lock requirements.lock.new

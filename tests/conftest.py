@@ -8,7 +8,7 @@ from hypothesis import settings
 
 sys.path.append(str(Path(__file__).parent / "parts"))       # for known_parts, built_parts
 
-from built_parts import NARROW, built_once  # noqa: E402
+from built_parts import NARROW, built_once, saddle_job  # noqa: E402
 from durations import (  # noqa: E402, F401
     pytest_addoption,
     pytest_collection_modifyitems,
@@ -19,7 +19,8 @@ from durations import (  # noqa: E402, F401
 
 from cuspline.app.entry import SELDOM  # noqa: E402
 
-for outer in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS"):    # what `make test` would tell every make that a test runs
+# what make and CI tell what they run, and no test is to hear
+for outer in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL", "PARAMS", "ARGS", "CUSPLINE_REVISION"):
     os.environ.pop(outer, None)
 
 gc.set_threshold(SELDOM, 20, 20)        # as the command does
@@ -51,3 +52,10 @@ def default_part_in_inches(tmp_path_factory):
     """The same for the machine set to inches, posted; not to be edited."""
     return built_once(tmp_path_factory, "inch", "z_profile", "-p", NARROW, "--machine", "mill_3axis_inch",
                       "--stage", "gcode")
+
+
+@pytest.fixture(scope="session")
+def saddle(tmp_path_factory):
+    """Outputs of a small STEP part with a job file; not to be edited."""
+    job = saddle_job(tmp_path_factory.mktemp("saddle"))
+    return built_once(tmp_path_factory, "saddle", job, "--stage", "verify")

@@ -232,6 +232,7 @@ def outputs(tmp_path_factory):
     (made / "cut/report.html").write_text("<html>")
     (made / "cut/plug.step").rename(made / "cut/cut.step")
     shutil.copytree(made / "cut", made / "worse-rejected")
+    shutil.copytree(made / "cut", made / "early-draft")
     (made / ".made").mkdir()
     return made
 
@@ -241,13 +242,17 @@ def test_a_release_holds_every_published_part_with_what_it_has(outputs, tmp_path
     said = subprocess.run(["python3", ROOT / ".ci/release.py", "assets", outputs, assets, "v1.2"], capture_output=True, text=True)
     assert said.returncode == 0, said.stderr
     assert said.stdout.splitlines() == ["cut: archive, cut.step, report.html", "plug: archive, plug.step",
-                                        "bad-rejected: left out", "worse-rejected: left out"]
+                                        "bad-rejected: left out", "worse-rejected: left out", "early-draft: left out"]
     assert {p.name for p in assets.iterdir()} == {
-        "SHA256SUMS", "cut-v1.2.zip", "cut-v1.2.step", "cut-v1.2.html", "plug-v1.2.zip", "plug-v1.2.step"}
+        "SHA256SUMS", "SBOM.cdx.json", "cut-v1.2.zip", "cut-v1.2.step", "cut-v1.2.html", "plug-v1.2.zip", "plug-v1.2.step"}
     with zipfile.ZipFile(assets / "plug-v1.2.zip") as archive:
         assert {"plug/plug.step", "plug/solid.json", "plug/manifest.json"} <= set(archive.namelist())
     checked = subprocess.run(["sha256sum", "-c", "--strict", "SHA256SUMS"], cwd=assets, capture_output=True, text=True)
-    assert checked.returncode == 0 and len(checked.stdout.splitlines()) == 5
+    assert checked.returncode == 0 and len(checked.stdout.splitlines()) == 6
+    packages = {c["name"]: c for c in json.loads((assets / "SBOM.cdx.json").read_text())["components"]}
+    assert packages["numpy"]["purl"].startswith("pkg:pypi/numpy@") and all(c["hashes"] for c in packages.values())
+    assert len(packages) == len(set(re.findall(r"^[a-z0-9][a-z0-9._-]*(?===)", (ROOT / "requirements.lock").read_text(),
+                                             re.M | re.I)))
 
 
 def test_reports_of_a_release_are_those_of_published_parts(outputs):

@@ -2,7 +2,9 @@
 
 The shaft lies along the rotary table's axis, on an arbor that stands out of it; the casting has a skin on all sides.
 Directions from which balls see blade 1 and its fillet are found by `planning.positions`, none of them so far towards the table
-that the spindle would meet it; the other blades are cut from the same, turned by their angle.
+that the spindle would meet it; the other blades are cut from the same, turned by their angle, and by the same moves.
+
+A position has two balls: the larger is through the blade in fewer passes, the smaller goes where that leaves too much: the fillet.
 """
 
 from dataclasses import replace
@@ -13,8 +15,10 @@ from cuspline.app.catalogue import find_library
 from cuspline.design import FixtureCylinder, Setup, StockSkin
 from cuspline.designs.propellers.blade import about_x
 from cuspline.kernel import brep
-from cuspline.planning.positions import axes_along, directions, positions
+from cuspline.planning.cutter_choice import FIT_SHARE
+from cuspline.planning.positions import UNIT_DECIMALS, axes_along, directions, positions
 from cuspline.planning.strategies.parallel import Parallel
+from cuspline.planning.strategies.rest import Rest
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 
@@ -23,6 +27,7 @@ TOWARDS_TABLE_DEG = 45.0    # from square to the shaft towards the table, at the
 SEEN_DEG = 58.0             # between the faces' normals and the tool where positions are chosen
 CUT_DEG = 62.0              # and where they are cut: positions overlap
 PLACES = 1500               # of a blade, that are looked at
+MESH_MM = 0.02              # of the triangles that are looked at, off the part: a ball counts as touching within more
 ARBOR_SHARE = 0.85          # of the hub's diameter
 GAP_MM = 0.5                # between hub and arbor: the casting's skin, faced before
 NEARLY = 1e-9               # of a unit vector: a direction on the border belongs to those that are taken
@@ -37,26 +42,54 @@ def cut(design, made, p):
         DesignError: the hub reaches the table.
     """
     count, arbor = made.blade.table.blades, _arbor(made.hub, p)
-    blades = count if p.blades_cut == "all" else 1
-    ways, turn = _ways(design, p), 2 * np.pi / count
-    setups = [_setup(k, j, fixed.matmul(about_x(k * turn), way), arbor) for k in range(blades) for j, way in enumerate(ways)]
-    told = f"{blades} of {count} blades cut with {'its fillet' if blades == 1 else 'their fillets'}, all else stays as cast"
+    order = blade_order(count, p.blade_order) if p.blades_cut == "all" else [0]
+    balls = _balls(p)
+    ways, turn, operations = _ways(design, p, balls), 2 * np.pi / count, _operations(balls)
+    setups = [_setup(k, j, about_x(k * turn), way, arbor, operations) for k in order for j, way in enumerate(ways)]
+    told = (f"{len(order)} of {count} blades cut with {'its fillet' if len(order) == 1 else 'their fillets'}, all else stays as "
+            "cast")
     return replace(design, description=f"{design.description}; {told}", stock=StockSkin(skin_mm=p.skin_mm), setups=tuple(setups),
                    machine=MACHINE)
 
 
-def _ways(design, p):
-    """(n, 3) directions from which blade 1 is cut, the one that sees most first."""
+def blade_order(count, order):
+    """Blades, from 0, one after the other.
+
+    Args:
+        count: of blades.   order: "around", or "apart": no two neighbours one after the other, where there are five or more, so
+            that what is cut next still has the whole casting on both sides.
+
+    >>> blade_order(4, "around"), blade_order(4, "apart"), blade_order(7, "apart")
+    ([0, 1, 2, 3], [0, 2, 1, 3], [0, 2, 4, 6, 1, 3, 5])
+    """
+    return list(range(count)) if order == "around" or count == 3 else [*range(0, count, 2), *range(1, count, 2)]
+
+
+def _balls(p):
+    """[Tool]: the shop's largest ball that is no larger than the middle of the fillet, and the largest that rolls round its
+    tightest place; one where both are the same; the shop's smallest where it has none so small."""
+    balls, laws = find_library(None).of_type("ball"), (p.fillet_face_mm, p.fillet_back_mm)
+    tightest = min(*laws, p.fillet_leading_edge_mm, p.fillet_trailing_edge_mm)
+    largest = lambda radius_mm: next((t for t in balls if t.cutter.radius_mm <= radius_mm), balls[-1])
+    return list({t.number: t for t in (largest(min(laws)), largest(FIT_SHARE * tightest))}.values())
+
+
+def _operations(balls):
+    """Of every position: the larger ball on all that it sees well, one that fits the fillet where that leaves too much."""
+    same = {"leave_steep": True, "steep_deg": CUT_DEG}
+    passes = Parallel(tool=balls[0].number, **same)
+    return (passes,) if len(balls) == 1 else (passes, Rest(**same))
+
+
+def _ways(design, p, balls):
+    """(n, 3) directions from which blade 1 is cut, the one that sees most first.   balls: Tools."""
     solid = brep.the_solid(design.solid, f"design {design.name}")
     faces = brep.faces_of(solid)
     indices = brep.indices_of(faces, brep.named_faces(faces, design.predicates, _names(1)))
-    library, every = find_library(None), directions()
-    fillet = min(p.fillet_leading_edge_mm, p.fillet_face_mm, p.fillet_trailing_edge_mm, p.fillet_back_mm)
-    balls = library.of_type("ball")
-    balls = [t for t in balls if t.cutter.radius_mm <= fillet] or balls[-1:]
+    every = directions()
     ways = every[every[:, 0] >= -fixed.sin(np.radians(TOWARDS_TABLE_DEG)) - NEARLY]
-    found = positions(solid, indices, library.model_copy(update={"tools": tuple(balls[:2])}), ways=ways, steepest_deg=SEEN_DEG,
-                      standing_mm=p.skin_mm, places=PLACES)
+    found = positions(solid, indices, find_library(None).model_copy(update={"tools": tuple(balls)}), ways=ways,
+                      steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM))
     return [q.direction for q in found.positions]
 
 
@@ -75,10 +108,10 @@ def _arbor(hub, p):
                            diameter_mm=ARBOR_SHARE * 2 * float(hub.profile(np.array([fore]))[0]))
 
 
-def _setup(k, j, way, arbor):
-    """Position j of blade k, both from 0."""
-    wcs_x, wcs_z = axes_along(way)
+def _setup(k, j, turn, way, arbor, operations):
+    """Position j of blade k, both from 0.   turn: (3, 3) from blade 1 to it.   way: (3,) to blade 1."""
+    wcs_x, wcs_z = (tuple((fixed.matmul(turn, v).round(UNIT_DECIMALS) + 0.0).tolist()) for v in axes_along(way))
     return Setup(name=f"blade-{k + 1}-{j + 1}", faces=_names(k + 1), indexed=True, clamped_x=(1, 0, 0), clamped_z=(0, 0, 1),
-                 wcs_x=wcs_x, wcs_z=wcs_z, fixtures=(arbor,),
-                 wcs_in_words="X along the shaft, Z along blade 1, zero in the propeller's centre",
-                 operations=(Parallel(leave_steep=True, steep_deg=CUT_DEG),))
+                 wcs_x=wcs_x, wcs_z=wcs_z, fixtures=(arbor,), operations=operations,
+                 planned_as=None if k == 0 else f"blade-1-{j + 1}",
+                 wcs_in_words="X along the shaft, Z along blade 1, zero in the propeller's centre")

@@ -50,6 +50,8 @@ class PropellerParameters(Parameters):
     density_g_per_cm3: float = Field(default=7.6, gt=0, le=25, description="for the mass")
     blades_cut: Literal["none", "one", "all"] = Field(default="none", description="blades that are finished with their fillets, "
                                                       "on a rotary table that a turning pallet carries; none: the solid alone")
+    blade_order: Literal["apart", "around"] = Field(default="apart", description="of all blades: no two neighbours in turn where "
+                                                    "that can be, or one after the other round the hub")
     arbor_mm: float = Field(default=280.0, gt=0, le=1000, description="from the face of the rotary table to the propeller's "
                             "centre, where blades are cut: as the machine stands")
     skin_mm: float = Field(default=0.6, ge=0.2, le=20, description="of the casting on all sides, where blades are cut")

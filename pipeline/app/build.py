@@ -13,7 +13,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,8 @@ from cuspline.design.stock import FromFile, settled, stock_in_words
 from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.glb import write_glb
 from cuspline.kernel.solids import stl_of
+from cuspline.planning.by_engagement import follows_engagement, met_by, process_words
+from cuspline.planning.copied_plans import copied
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import clamping_program, plan_setup
 from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
@@ -51,6 +53,8 @@ from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.verdict import Options
 
 STAGES = ("step", "plan", "gcode", "verify", "report")
+DRAFT = "draft"               # plan, program and a first look at it, in place of all that follows
+DRAFT_OPTIONS = Options(finer=0.5, tessellation_mm=0.01)        # a quarter of the sample points; triangles tell what is in reach
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
 
@@ -67,6 +71,7 @@ class Order:
     accepted: tuple[str, ...]
     out: Path
     last_stage: str
+    revision: str = ""          # of the repository, where whoever builds says it; "" nobody does
 
 
 def build(order, say=lambda text: None):
@@ -91,7 +96,7 @@ def build(order, say=lambda text: None):
         raise InputError(f"--out {order.out}: cannot be written ({error.strerror}); name another folder") from None
     try:
         result = _made(order, work, say)
-        target = order.out if result.is_ok else _rejected(order.out)
+        target = order.out if result.is_ok or order.last_stage == DRAFT else _rejected(order.out)
         with held_off():
             _swap_in(work, target)
             if result.is_ok:
@@ -137,12 +142,14 @@ def _made(order, work, say):
     kept, tell = kept_beside(order.out), lambda text: say(f"{design.name}: {text}")
     plans = _planned(order, say)
     trial = _Trial(order=order, work=work, inputs=inputs, kept=kept, tell=tell)
+    if order.last_stage == DRAFT:
+        return trial.drafted(plans, off)
     if order.last_stage == "plan":
-        _write_json(work / "plan.json", plan_document(order, trial.planned(plans)))
+        trial.write_plan(trial.planned(plans), trial.planned_cuts)
         return _finished(order, work, inputs, None, off)
     plans, job, first = trial.checked(plans)
     if order.last_stage == "gcode":
-        _write_json(work / "plan.json", plan_document(order, plans))
+        trial.write_plan(plans, trial.planned_cuts)
         return _finished(order, work, inputs, job, off)
     job, judged = trial.judged(plans, job, first)
     verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say, kept)}
@@ -198,25 +205,35 @@ def _measured_solid(order, work, say):
 
 
 def _planned(order, say):
-    """SetupPlan of every setup; each begins with the stock that the programs before it leave, as they are posted."""
-    design, plans = order.design, []
+    """SetupPlan of every setup; each begins with the stock that the programs before it leave, as they are posted.
+
+    Of copies that is asked only where one that is planned for itself comes after them.
+    """
+    design, plans, cut = order.design, [], 0
     piece = Workpiece(blank=design.stock.shape)
     for setup in design.setups:
+        if setup.planned_as is not None:
+            plans.append(copied(next(p for p in plans if p.setup.name == setup.planned_as), setup))
+            continue
+        while cut < len(plans):
+            say(f"{design.name}: stock after {plans[cut].setup.name}")
+            piece, cut = _cut_by(order, piece, plans[cut]), cut + 1
         say(f"{design.name}: plan {setup.name}")
-        plan = plan_setup(design, setup, order.machine, order.library, piece, order.shop)
-        plans.append(plan)
-        if setup is not design.setups[-1]:
-            say(f"{design.name}: stock after {setup.name}")
-            tools = {o.tool.number: o.tool for o in plan.operations}
-            piece = piece.after(setup.frame, swept_paths(_as_posted(order, by_clamping(plans)[-1]), simulated(tools)))
+        plans.append(plan_setup(design, setup, order.machine, order.library, piece, order.shop))
     return plans
 
 
-def _as_posted(order, held):
-    """PostedMoves of the last of a clamping's plans: all posted as text and read back."""
-    tools = {o.tool.number: o.tool for plan in held for o in plan.operations}
-    texts = post_module(order.machine).post(clamping_program(held, (), held[0].setup.name), order.machine).texts
-    return posted_positions(texts, [plan.setup for plan in held], order.machine, tools)[-1]
+def _cut_by(order, piece, plan):
+    """What a plan leaves of a Workpiece, as it is posted."""
+    tools = {o.tool.number: o.tool for o in plan.operations}
+    return piece.after(plan.setup.frame, swept_paths(_as_posted(order, plan), simulated(tools)))
+
+
+def _as_posted(order, plan):
+    """PostedMoves of a plan: posted as text and read back; of an indexed position without those before it in its clamping."""
+    tools = {o.tool.number: o.tool for o in plan.operations}
+    texts = post_module(order.machine).post(clamping_program([plan], (), plan.setup.name), order.machine).texts
+    return posted_positions(texts, [plan.setup], order.machine, tools)[-1]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -228,14 +245,31 @@ class _Trial:
     inputs: str
     kept: object
     tell: Callable
+    known: dict = field(default_factory=dict)       # plans -> what `as_run` has made of them
+
+    def as_run(self, plan):
+        """The SetupPlan with speeds and feeds by what its edges meet, worked out once."""
+        if id(plan) not in self.known:
+            self.known[id(plan)] = plan, follows_engagement(plan)
+        return self.known[id(plan)][1]
+
+    def write_plan(self, plans, cuts=None):
+        """plan.json.   cuts: function of the plans as run -> what the edges of each meet, one list of rows a plan."""
+        plans = [self.as_run(plan) for plan in plans]
+        _write_json(self.work / "plan.json", plan_document(self.order, plans, None if cuts is None else cuts(plans)))
+
+    @staticmethod
+    def planned_cuts(plans):
+        """What the edges of plans meet, as they are planned: the programs are not judged."""
+        return [[cut.as_dict() for cut in met_by(plan)] for plan in plans]
 
     def posted(self, plans, instead_of=None):
         """plan.json, programs and tools on disk; Job."""
         for name in instead_of.program_names if instead_of else ():
             (self.work / name).unlink()
-        _write_json(self.work / "plan.json", plan_document(self.order, plans))
+        self.write_plan(plans)
         self.tell(f"post for {self.order.machine.name}")
-        return _posted(self.order, plans, self.work, self.inputs)
+        return _posted(self.order, [self.as_run(plan) for plan in plans], self.work, self.inputs)
 
     def begun(self, job):
         """The first part of the verdict."""
@@ -266,6 +300,17 @@ class _Trial:
             path.unlink()
         return plans
 
+    def drafted(self, plans, off):
+        """Result of a first look at what the plans come to, as they are; `off`: findings about the solid."""
+        job = self.posted(plans)
+        found = begun(self.work, job, self.tell, DRAFT_OPTIONS).drafted()
+        document = found.as_dict()
+        _write_json(self.work / "draft.json", document)
+        _stamp(self.work, job, draft_in_words(document).upper(), "DRAFT, NOTHING PROVEN: NOT FOR THE MACHINE")
+        refused = (f for f in found.findings if f.kind not in self.order.accepted)
+        return replace(_finished(self.order, self.work, self.inputs, job, (*off, *refused)),
+                       figures=draft_in_words(document))
+
     def judged(self, plans, job, first):
         """(Job, Judged) of what is posted, mended and judged again while that helps; arguments as `checked` returns."""
         for number in range(1, mending.ROUNDS + 2):
@@ -278,7 +323,7 @@ class _Trial:
                 break
             self.tell(f"corrected, round {number} of {mending.ROUNDS}")
             job, first = self.posted(plans, instead_of=job), None
-        _write_json(self.work / "plan.json", plan_document(self.order, plans))
+        self.write_plan(plans, lambda held: [v.numbers["process"]["operations"] for v in judged.verdict.setups])
         return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans),
                             extra=(*judged.extra, *(f for plan in plans for f in plan.idle)))
 
@@ -300,6 +345,7 @@ def _finished(order, work, inputs, job, findings=(), left_out=""):
     asked = None if job is None else job.model_dump(mode="json")
     manifest = {
         "design": order.design.name, "stage": order.last_stage, "inputs_sha256": inputs,
+        **({"revision": order.revision} if order.revision else {}),
         "parameters": order.design.parameters.model_dump(mode="json"), "machine": order.machine.name,
         "accepted": list(order.accepted), "left_out": left_out,
         "versions": {"cuspline": cuspline.__version__, **{n: _version(n) for n in VERSIONED}},
@@ -311,11 +357,16 @@ def _finished(order, work, inputs, job, findings=(), left_out=""):
 # plan and program ------------------------------------------------------------------------------
 
 
-def plan_document(order, plans):
-    """plan.json: per operation cutter, step, feeds, time, and the candidates rejected."""
+def plan_document(order, plans, cuts=None):
+    """plan.json: per operation cutter, step, feeds, time, and the candidates rejected.
+
+    Args:
+        cuts: what the edges of each plan's operations meet, rows of verify.json's "process"; None: not known yet.
+    """
     setups = []
-    for plan in plans:
-        operations = [_operation_document(o) for o in plan.operations]
+    for plan, met in zip(plans, [()] * len(plans) if cuts is None else cuts):
+        rows = {row["name"]: row for row in met}
+        operations = [_operation_document(o) | process_words(o, rows.get(o.name), plan.context.material) for o in plan.operations]
         lies = plan.setup.refixturing
         setups.append({"name": plan.setup.name, "operations": operations,
                        "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
@@ -379,7 +430,9 @@ def _posted(order, plans, work, inputs):
               predicates=order.design.predicates, stock=order.design.stock, finish=order.design.finish,
               cutting_data=material_named(order.design.material, order.shop.materials),
               machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
-              accepted=order.accepted, threads=order.design.threads)
+              accepted=order.accepted, threads=order.design.threads, dimensions=order.design.dimensions,
+              force=next((f for f in order.shop.forces if f.material == order.design.material), None),
+              life=next((t for t in order.shop.lives if t.material == order.design.material), None))
     line = job_line(digest_of(job.model_dump(mode="json")))
     for name, text in written.items():
         (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))
@@ -395,7 +448,7 @@ def _header(order, held, inputs):
     show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
     lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
              UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
-             f"INPUTS SHA-256 {inputs[:32]}", job_line(""),
+             f"INPUTS SHA-256 {inputs[:32]}", *([f"REVISION {order.revision}"] if order.revision else []), job_line(""),
              f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
              f"{setup.wcs}: {setup.wcs_in_words}",
              f"STOCK {design.material}: {_stock_in_words(design.stock)}{show(low)} TO {show(high)}",
@@ -452,7 +505,21 @@ def _stamp_verdict(work, job, verify):
     """Put the verdict into each program's header, in place of the line that says there is none yet."""
     verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
     short = f"VERDICT: {verdict}" + (f" WITH {counted(passed, 'accepted finding').upper()}" if passed else "")
-    whole = f"{short}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} checked".upper()
+    _stamp(work, job, f"{short}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} checked".upper(), short)
+
+
+def draft_in_words(found):
+    """What a draft's numbers come to, in a few words; `found`: draft.json.
+
+    >>> draft_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "points_checked": 1200})
+    'draft, nothing proven: gouge 0.0022, cusp 0.0096 mm at 1,200 points'
+    """
+    return (f"draft, nothing proven: gouge {found['gouge_max_mm']:.4f}, cusp {found['cusp_max_mm']:.4f} mm at "
+            f"{counted(found['points_checked'], 'point')}")
+
+
+def _stamp(work, job, whole, short):
+    """Put words into each program's header where it says that there is no verdict; the short ones where lines are narrow."""
     comment = post_module(job.machine).comment
     line = comment(whole if len(comment(whole)) < job.machine.control.line_length else short)
     for name in job.program_names:

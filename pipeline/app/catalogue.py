@@ -19,6 +19,7 @@ from pydantic import Field, ValidationError
 import cuspline.designs
 import cuspline.posts
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockAllowance
+from cuspline.design.dimensions import Dimension
 from cuspline.design.fixtures import fixtures_beside
 from cuspline.design.stock import Stock
 from cuspline.shop.cutters import library_from_json
@@ -173,6 +174,7 @@ class _Job(Model):
     faces: tuple[FacePredicate, ...] = Field(min_length=1)
     setups: tuple[Setup, ...] = Field(min_length=1)
     threads: dict[str, Thread] = Field(default={}, description="of holes, by the names of their faces")
+    dimensions: tuple[Dimension, ...] = Field(default=(), description="sizes and positions with their limits")
 
 
 class _NoParameters(Parameters):
@@ -191,7 +193,8 @@ def _from_job(path):
         return Design(name=path.stem, description=job.description or f"STEP part {job.step}", parameters=parameters,
                       solid=brep.chosen_solid(brep.read_step(step), job.solid, job.step), predicates=job.faces,
                       material=job.material,
-                      stock=job.stock, finish=job.finish, setups=job.setups, threads=job.threads)
+                      stock=job.stock, finish=job.finish, setups=job.setups, threads=job.threads,
+                      dimensions=job.dimensions)
 
     return DesignSource(name=path.stem, path=path, parameters=_NoParameters, make=make)
 

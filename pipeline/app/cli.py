@@ -63,14 +63,17 @@ def build(
         measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their setups (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
+        draft: Annotated[bool, typer.Option("--draft", help="only a first look at what the program would cut, nothing proven, into "
+                                            "<folder>-draft")] = False,
         accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
     """Build one design: STEP, plan, program, simulation, verdict, report."""
     with Stages() as stages:
         stages.show(f"{design}: reading")
         from cuspline.app.request import Request
         order, result = Request(design=design, parameters=(*_words(params), *param), machine=machine, post=post, cutters=cutters,
-                                shop=shop, measured=measured, out=out, stage=stage, accept=tuple(accept)).built(stages.say)
-    _tell(order.design.name, stage, result)
+                                shop=shop, measured=measured, out=out, stage=stage, draft=draft,
+                                accept=tuple(accept)).built(stages.say)
+    _tell(order.design.name, order.last_stage, result)
     raise typer.Exit(0 if result.is_ok else FINDINGS)
 
 
@@ -99,10 +102,19 @@ def faces(part: Annotated[str, typer.Argument(help="a STEP file, a design or a j
     _print(face_rows(solid), json, lambda f: [
         f"{f['number']}  {f['kind']}  {f['area_mm2']:g} mm²  normal {_triple(f['normal'])}  middle {_triple(f['middle_mm'])}"
         + (f"  {f['name']}" if f["name"] else "") + (f"  colour {_triple(f['color'])}" if f["color"] else "")
-        + _hole_in_words(f["hole"]),
+        + _hole_in_words(f["hole"]) + _feature_in_words(f["feature"]),
         *("  " + line for line in f["toml" if toml else "python"].split("\n"))])
     if pictures is not None:
         print(draw_faces(solid, pictures), file=sys.stderr)
+
+
+def _feature_in_words(feature):
+    """What `faces` says behind a face of a pocket, step, boss or chamfer."""
+    if feature is None:
+        return ""
+    size = {"chamfer": "wide", "boss": "high"}.get(feature["kind"], "deep")
+    part = "" if feature["kind"] == "chamfer" else f", {'top' if size == 'high' else 'floor'}" if feature["is_floor"] else ", wall"
+    return f"  {feature['name']}{part}, {feature['size_mm']:g} mm {size}, seen along {_triple(feature['axis'])}"
 
 
 @app.command()
@@ -250,6 +262,25 @@ def diff(old: Annotated[Path, typer.Argument(help="folder of outputs")],
 
 
 @app.command()
+def send(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
+         to: Annotated[str, typer.Option(help="tcp://host:port, or a serial device as /dev/ttyUSB0")],
+         baud: Annotated[int, typer.Option(help="of a serial device; 8 bits, no parity")] = 9600,
+         handshake: Annotated[str, typer.Option(help="xon: the control holds with XOFF, goes on with XON; ok: it answers every "
+                                                "line, as Grbl")] = "xon",
+         unverified: Annotated[bool, typer.Option("--unverified", help="send it though its header does not say VERIFIED")] = False):
+    """Send a program to a control that runs it while it comes."""
+    from cuspline.app.sending import refuse_unverified, sent
+    if handshake not in ("xon", "ok"):
+        raise InputError(f"--handshake {shortened(handshake)}: it must be xon or ok")
+    text = text_of(program, "program", encoding="ascii", largest_bytes=LARGEST_PROGRAM_BYTES)
+    if not unverified:
+        refuse_unverified(text, program.name)
+    with Stages() as stages:
+        count = sent(text, to, baud=baud, handshake=handshake, say=stages.say)
+    print(f"{program.name}: {counted(count, 'line')} sent")
+
+
+@app.command()
 def restart(program: Annotated[Path, typer.Argument(help="a posted program, or one file of a set")],
             point: Annotated[Optional[str], typer.Argument(
                 help="restart point, as N2003, or an operation, as OP3; none: list them")] = None,
@@ -270,6 +301,66 @@ def restart(program: Annotated[Path, typer.Argument(help="a posted program, or o
         print(begun, end="")
         return
     _write(to, begun, "--to")
+
+
+@app.command()
+def repost(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
+           line: Annotated[Optional[int], typer.Argument(
+               min=1, help="it begins at the last restart point not behind it; none: list all")] = None,
+           tool: Annotated[Optional[int], typer.Option(help="number of the ball that was changed")] = None,
+           diameter: Annotated[Optional[float], typer.Option(min=0.01, max=200, help="its diameter as measured, mm")] = None,
+           setup: Annotated[Optional[str], typer.Option(help="its name, where the folder has several")] = None,
+           to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
+    """The rest of a program from any retract on, for a ball of another measured diameter: edges or cutter were changed."""
+    from cuspline.app.reposting import reposted, restart_lines
+    if line is None:
+        print(" ".join(str(n) for n in restart_lines(folder, setup)))
+        return
+    if (tool is None) != (diameter is None):
+        raise InputError("--tool and --diameter go together: which ball was changed, and what it measures")
+    done = reposted(folder, line, number=tool, diameter_mm=diameter, setup=setup)
+    print(f"tips moved by up to {1000 * done.moved_mm:.2f} um", file=sys.stderr)
+    if to is None and len(done.texts) > 1:
+        raise InputError(f"it takes {len(done.texts)} files: name them by --to")
+    if to is None:
+        print(done.texts[0], end="")
+        return
+    for k, text in enumerate(done.texts, 1):
+        _write(to if len(done.texts) == 1 else to.with_name(f"{to.stem}-{k:02d}{to.suffix}"), text, "--to")
+
+
+@app.command()
+def monitor(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
+            to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
+    """What a monitor at the machine is to expect of every operation (JSON): forces, power, bands in which the teeth strike."""
+    from cuspline.app.monitor import expected
+    text = jsonlib.dumps(expected(folder), indent=1) + "\n"
+    if to is None:
+        print(text, end="")
+    else:
+        _write(to, text, "--to")
+
+
+@app.command()
+def lobes(cutters: Annotated[Path, typer.Option(help="tool library (JSON), its tools with `chatter` modes")],
+          tool: Annotated[int, typer.Option(help="number of the tool")],
+          material: Annotated[str, typer.Option(help="work material, whose cutting force is known")],
+          machine: Annotated[str, typer.Option(help="machine by name or TOML file")] = "mill_3axis",
+          shop: Annotated[Optional[Path], typer.Option(help="a shop's own file (TOML)")] = None, json: AsJson = False):
+    """Spindle speeds at which a tool cuts deepest in a groove without chatter, from its stability lobes."""
+    from cuspline.app import catalogue
+    from cuspline.process.chatter import best_speeds, limits_mm
+    from cuspline.shop.cutting_forces import force_of
+    from cuspline.shop.practice import shop_file
+    chosen, force = catalogue.find_library(cutters).number(tool), force_of(material, shop_file(shop).forces)
+    if force is None:
+        raise InputError(f"no cutting force is known of {material}: give one as [[forces]] in a shop's file (--shop)")
+    if chosen.chatter is None or chosen.chatter.modes is None:
+        raise InputError(f"T{tool} states no modes: lobes need frequency, stiffness and damping ratio of each (`chatter.modes`)")
+    always, found = limits_mm({tool: chosen}, force)[tool], best_speeds(chosen, force, catalogue.find_machine(machine).spindle)
+    rows = [{"rpm": round(rpm), "depth_mm": round(depth, 4), "at_every_speed_mm": round(always, 4)} for rpm, depth in found]
+    _print(rows, json, lambda r: [
+        f"{r['rpm']} rpm: {r['depth_mm']:g} mm in a groove, {r['at_every_speed_mm']:g} mm at every speed"])
 
 
 @app.command()
@@ -363,7 +454,7 @@ def strategies(json: AsJson = False):
     rows = []
     for kind, strategy in sorted(REGISTERED.items()):
         fields = strategy.model_json_schema()["properties"]
-        rows.append({"kind": kind, "description": (strategy.__doc__ or "").split("\n")[0],
+        rows.append({"kind": kind, "description": " ".join((strategy.__doc__ or "").partition("\n\n")[0].split()),
                      "class": f"{strategy.__module__}.{strategy.__name__}", "picture": strategy.picture.strip("\n"),
                      "parameters": [_parameter_row(n, f) for n, f in fields.items()]})
     _print(rows, json, lambda r: [f"{r['kind']}: {r['description']}  ({r['class']})", "", *r["picture"].split("\n"), ""] + [
@@ -450,14 +541,29 @@ def materials(file: Annotated[Optional[Path], typer.Argument(help="a shop's own 
     """List the work materials with their cutting data, and where these come from."""
     from cuspline.shop.materials import known_materials
     from cuspline.shop.practice import shop_file
-    there = {**known_materials(), **{m.name: m for m in shop_file(file).materials}}
+    own = shop_file(file)
+    there = {**known_materials(), **{m.name: m for m in own.materials}}
     _print([m.model_dump(mode="json") for m in there.values()], json, lambda m: [
         f"{m['name']}: {m['description']}",
         f"  cutting speed {m['rough_speed_m_per_min']:g} m/min roughing, {m['finish_speed_m_per_min']:g} m/min finishing",
         f"  feed per tooth {m['feed_per_tooth_share']:g} of the diameter ({10 * m['feed_per_tooth_share']:g} mm at 10 mm), "
         f"stepdown {m['stepdown_share']:g} of the diameter, coolant {m['coolant']}",
         "  drills {:g} m/min, {:g} of the diameter a turn".format(*there[m["name"]].drilling),
-        f"  source: {m['source']}"])
+        f"  source: {m['source']}", *_of_the_process(m["name"], own)])
+
+
+def _of_the_process(material, own):
+    """What is known of a material's resistance and of the life of edges in it, with their sources."""
+    from cuspline.shop.cutting_forces import force_of
+    from cuspline.shop.tool_lives import life_of
+    force, life = force_of(material, own.forces), life_of(material, own.lives)
+    if force is not None:
+        yield (f"  resists with {force.force_n_per_mm2:g} N/mm² and {force.edge_n_per_mm:g} N/mm, "
+               f"{force.force_angle_deg:g} degrees to the surface")
+        yield f"  source: {force.source}"
+    if life is not None:
+        yield f"  edges last {life.life_min:g} min in the cut, {life.time_factor:g} times the time of aluminium"
+        yield f"  source: {life.source}"
 
 
 @app.command()
@@ -530,6 +636,9 @@ def _tell(name, stage, result):
         verdict = f"REJECTED, {counted(len(findings), 'finding')}" if findings else f"VERIFIED{passed}"
         print(f"{name}: {verdict}"
               f"{', ' + figures if figures else ''} ({result.folder})")
+    elif figures:
+        print(f"{name}: {figures.upper()[0]}{figures[1:]}" + (f", {counted(len(findings), 'finding')}" if findings else "")
+              + f" ({result.folder})")
     else:
         print(f"{name}: {stage} made, nothing verified ({result.folder})")
     for mark, shown in (("", findings), ("accepted: ", accepted)):

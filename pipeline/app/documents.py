@@ -69,12 +69,44 @@ class StockRow(Document):
     sha256: str
 
 
+class DimensionRow(Document):
+    """One dimension of one feature, as measured on the simulated stock."""
+
+    name: str
+    kind: str = Field(description="diameter, distance or position")
+    place_mm: Place = Field(description="part coordinates")
+    nominal_mm: float
+    lower_mm: float = Field(description="limits")
+    upper_mm: float
+    least_mm: float = Field(description="of all points that were probed")
+    most_mm: float
+    fitted_mm: float = Field(description="of the circle, axis or plane through them")
+    points: int
+    ok: bool
+
+
+class RegionRow(Document):
+    """The faces of one name, after all setups."""
+
+    name: str
+    area_required_mm2: float
+    area_reached_mm2: float
+    area_unreachable_mm2: float
+    why: str = Field(description="some of it cannot be reached; empty: all can")
+    cusp_max_mm: float
+    cusp_p99_mm: float
+    gouge_max_mm: float
+
+
 class VerifyDocument(Figures):
     """verify.json: the verdict in numbers."""
+
+    dimensions: tuple[DimensionRow, ...] = Field(default=(), description="that the design states with limits")
 
     setups: tuple[SetupFigures, ...]
     accepted: tuple[str, ...] = Field(description="kinds of findings that were accepted by name")
     stock: tuple[StockRow, ...] = Field(description="in the order of cutting")
+    regions: tuple[RegionRow, ...] = Field(default=(), description="of the names of faces that setups cut")
 
 
 class ToolRow(Document):
@@ -138,6 +170,7 @@ class ManifestDocument(Document):
     design: str
     stage: str
     inputs_sha256: str
+    revision: str | None = Field(default=None, description="of the repository, where the environment stated it")
     parameters: dict[str, object]
     machine: str
     accepted: tuple[str, ...]

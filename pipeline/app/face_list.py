@@ -10,6 +10,7 @@ from cuspline.design.face_selection import in_python, in_toml, predicate_for
 from cuspline.kernel import brep
 from cuspline.report.pictures import render_faces
 from cuspline.surfaces.holes import cone_angle_deg, holes_of
+from cuspline.surfaces.prismatic_features import features_of
 from cuspline.values.errors import DesignError, InputError
 
 STEP_FILES = (".step", ".stp")
@@ -31,10 +32,25 @@ def solid_of(part, assignments):
 
 
 def face_rows(solid):
-    """One dict a face, in the part's own order, numbered from 1; walls of holes tell of their hole."""
+    """One dict a face, in the part's own order, numbered from 1; walls of holes tell of their hole, faces of pockets, steps,
+    bosses and chamfers of theirs."""
     faces = brep.faces_of(solid)
     holes = {k: hole for hole in holes_of(faces) for k in (*hole.faces, *hole.floor)}
-    return [_row(faces, k, holes.get(k)) for k in range(len(faces))]
+    features = _feature_rows(faces)
+    return [_row(faces, k, holes.get(k), features.get(k)) for k in range(len(faces))]
+
+
+def _feature_rows(faces):
+    """{index of a face: what is told of its feature}, numbered kind by kind; a wall of two belongs to the first."""
+    rows, counts = {}, {}
+    for feature in features_of(faces):
+        counts[feature.kind] = number = counts.get(feature.kind, 0) + 1
+        name = f"{feature.kind} {number}"
+        for k in feature.faces:
+            rows.setdefault(k, {"name": name, "kind": feature.kind, "is_floor": k == feature.faces[0],
+                                "size_mm": round(feature.size_mm, DECIMALS),
+                                "axis": (np.round(feature.axis, DECIMALS) + 0.0).tolist()})
+    return rows
 
 
 def _hole_row(hole, k):
@@ -49,22 +65,25 @@ def _hole_row(hole, k):
             "angle_deg": None if wall is None or wall.kind != "cone" else round(cone_angle_deg(wall), DECIMALS)}
 
 
-def _name_of(hole, k):
-    """Faces of one name make one selection: all walls of the same diameter."""
-    return f"holes {hole['diameter_mm']:g} mm" if hole and hole["diameter_mm"] else f"face {k + 1}"
+def _name_of(hole, feature, k):
+    """Faces of one name make one selection: all walls of the same diameter, all faces of one feature."""
+    if hole and hole["diameter_mm"]:
+        return f"holes {hole['diameter_mm']:g} mm"
+    return feature["name"] if feature else f"face {k + 1}"
 
 
-def _row(faces, k, hole):
+def _row(faces, k, hole, feature):
     face, hole = faces[k], _hole_row(hole, k)
     listed = lambda v: (np.round(v[0], DECIMALS) + 0.0).tolist() if np.isfinite(v).all() else None
     try:
-        predicate = predicate_for(faces, k, _name_of(hole, k))
+        predicate = predicate_for(faces, k, _name_of(hole, feature, k))
         python, toml = in_python(predicate), in_toml(predicate)
     except DesignError as error:
         python = toml = f"# {error}"
     return {"number": k + 1, "kind": face.kind, "area_mm2": round(face.area_mm2, DECIMALS), "normal": listed(face.middle.normal),
             "middle_mm": listed(face.middle.point_mm), "name": face.mark.name,
-            "color": None if face.mark.color is None else list(face.mark.color), "hole": hole, "python": python, "toml": toml}
+            "color": None if face.mark.color is None else list(face.mark.color), "hole": hole, "feature": feature,
+            "python": python, "toml": toml}
 
 
 def draw_faces(solid, folder):

@@ -19,15 +19,20 @@ from cuspline.program.posted import PostedMoves
 from cuspline.replay.replay_checks import Reporter
 from cuspline.replay.scene import Fixture, SolidFixture
 from cuspline.shop.cutters import simulated
+from cuspline.shop.cutting_forces import force_of
 from cuspline.shop.materials import known_materials
+from cuspline.shop.tool_lives import life_of
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
 from cuspline.values.input_files import refuse_irregular
 from cuspline.verification.body_clearance import body_findings
+from cuspline.verification.feeding import feeding_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.machine_bodies import bodies_at
+from cuspline.verification.measuring import measured, tolerance_findings
+from cuspline.verification.regions import regions
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.threads import thread_findings
@@ -35,6 +40,8 @@ from cuspline.verification.turning import swinging_findings, turning_findings
 from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProgram, Verdict, first_look, verify_setups
 
 OF_BODIES = ("idle_operation", "plunge", "overload")       # kinds that say how a cutter takes stock off
+DRAFTED_WORST = ("gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm")
+DRAFTED_SUMS = ("points_checked", "area_required_mm2", "area_reached_mm2", "area_unreachable_mm2")
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
 
 
@@ -49,6 +56,8 @@ class Judged:
     extra: tuple[Finding, ...]              # about the programs as files
     stock: object                           # a value of design.stock, its file found
     read: tuple["ReadProgram", ...]         # one a setup
+    dimensions: tuple = ()                  # measuring.Measured, on the stock after all of them
+    names: dict                             # of faces that setups cut -> their numbers in the solid
 
     @property
     def posted(self):
@@ -85,7 +94,9 @@ class Judged:
         in_setups = (f for s in numbers["setups"] for name in ("findings", "collisions") for f in s[name])
         for row in (*rows, *numbers["collisions"], *in_setups):
             row["accepted"] = row["kind"] in accepted
-        return {**numbers, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows}
+        sizes = {"dimensions": [m.as_dict() for m in self.dimensions]} if self.dimensions else {}
+        return {**numbers, **sizes, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows,
+                "regions": regions(self.verdict.setups, self.names)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -118,6 +129,7 @@ def read_programs(folder, job, tools):
         moves = joined_files(parts, texts.values(), tools)
         found = text_findings(moves, tools, setup=held[0].setup, machine=job.machine, finish=job.finish,
                               material=job.cutting_data or known_materials().get(job.material))
+        found = (*found, *feeding_findings(moves, texts.values(), job.machine, held[0].setup.name))
         setups = [item.setup for item in held]
         if len(held) == 1 and not held[0].setup.indexed:
             position = np.zeros(len(moves), np.int64)
@@ -201,7 +213,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     read = tuple(replace(p, findings=(*p.findings, *own)) for p, own in zip(read, threads))
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     judging = Judging(tools=simulated(tools), stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
-                      material=job.material,
+                      material=job.material, force=job.force or force_of(job.material), life=job.life or life_of(job.material),
                       ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
     return Begun(job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
                  first=first_look(programs, solid, judging), tools=tools)
@@ -229,13 +241,44 @@ class Begun:
             closer = replace(options, finer=CLOSER * options.finer)
             setups = verify_setups(self.programs, self.solid, replace(judging, options=closer))
         setups = tuple(replace(v, findings=self._placed(v.findings, p)) for v, p in zip(setups, self.read))
+        sizes = measured(self.job.dimensions, self.first.part.piece, self.solid, self.job.predicates, options.post_rounding_mm)
+        extra = (*self.extra, *tolerance_findings(sizes, self.read[-1].setup.name))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
-                      extra=self.extra, stock=self.job.stock, read=self.read)
+                      extra=extra, stock=self.job.stock, read=self.read, dimensions=sizes, names=self._names)
+
+    def drafted(self):
+        """Drafted: what the first verifier and the replay show, nothing proven."""
+        drafts = self.first.drafts()
+        return Drafted(setups=drafts, findings=(
+            *self.extra, *(f for d, p in zip(drafts, self.read) for f in self._placed(d.findings, p))))
+
+    @property
+    def _names(self):
+        """{name: numbers of its faces in the solid} of all that setups cut."""
+        faces, used = brep.faces_of(self.solid), {name for p in self.programs for name in p.setup.faces}
+        return {p.name: tuple(brep.indices_of(faces, brep.select_faces(faces, p))) for p in self.job.predicates if p.name in used}
 
     def _placed(self, findings, program):
         """Of one program, those that the text alone shows before."""
         mine = (*program.findings, *_cutting(findings, program.posted, self.tools))
         return _placed(mine, program, self.job.machine, self.tools)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Drafted:
+    """A first look at programs."""
+
+    setups: tuple                           # verdict.SetupDraft, one a setup
+    findings: tuple[Finding, ...]
+
+    def as_dict(self):
+        """draft.json: the contract's numbers as far as samples tell them, and the findings."""
+        numbers = [d.numbers for d in self.setups]
+        return {"draft": True, "ok": not self.findings,
+                **{k: max((n[k] for n in numbers), default=0.0) for k in DRAFTED_WORST},
+                **{k: round(sum(n[k] for n in numbers), 6) for k in DRAFTED_SUMS},
+                "findings": [f.as_dict() for f in self.findings],
+                "setups": [{"setup": d.setup, **d.numbers} for d in self.setups]}
 
 
 def _cutting(findings, posted, tools):

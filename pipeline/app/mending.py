@@ -2,8 +2,8 @@
 
 Two checks ask for it.  The planner's own measures the posted moves as the first verifier will, against limits that keep
 MARGIN: a verdict never hangs on the last digit.  The verdict's findings are the other.  Places that stand too high
-get clean-up passes; a gouge has its setup planned again to a tighter tolerance.  After ROUNDS what is left reaches a
-person, with what was tried.
+get clean-up passes; a gouge has its setup planned again to a tighter tolerance; what is found in a copy is mended in
+what it is a copy of.  After ROUNDS what is left reaches a person, with what was tried.
 """
 
 from dataclasses import dataclass, replace
@@ -12,6 +12,7 @@ import numpy as np
 
 from cuspline.design.design import by_clamping
 from cuspline.planning.clean_up import clean_up, squarely_touched, why_out_of_reach
+from cuspline.planning.copied_plans import with_copies
 from cuspline.planning.plan import plan_setup
 from cuspline.values.amounts import counted
 from cuspline.values.errors import CamError
@@ -79,11 +80,25 @@ def mended(plans, wants, number, by):
         (plans, bool: something was changed).
     """
     out, changed = [], False
-    for plan, want in zip(plans, _dealt(plans, wants)):
+    for plan, want in zip(plans, _dealt(plans, _of_originals(plans, wants))):
         new = plan if want.is_none or not plan.is_mended else _mended(plan, want, number, by)
         changed |= new.operations is not plan.operations
         out.append(new)
-    return out, changed
+    return with_copies(out), changed
+
+
+def _of_originals(plans, wants):
+    """The same Wants, those of copies with the plan that they are copied from, their places where these lie there."""
+    where, wants = {p.setup.name: k for k, p in enumerate(plans)}, list(wants)
+    for k, plan in enumerate(plans):
+        if plan.setup.planned_as is None:
+            continue
+        first, more = where[plan.setup.planned_as], wants[k]
+        places = plans[first].setup.turn.out(plan.setup.turn.into(more.places_mm))
+        wants[first] = replace(wants[first], places_mm=np.vstack([wants[first].places_mm, places]),
+                               left_mm=max(wants[first].left_mm, more.left_mm), gouge_mm=max(wants[first].gouge_mm, more.gouge_mm))
+        wants[k] = replace(more, places_mm=more.places_mm[:0], gouge_mm=0.0)
+    return wants
 
 
 def _dealt(plans, wants):
@@ -93,7 +108,7 @@ def _dealt(plans, wants):
     """
     wants, first = list(wants), 0
     for held in by_clamping(plans):
-        numbers = [k for k in range(first, first + len(held)) if plans[k].is_mended]
+        numbers = [k for k in range(first, first + len(held)) if plans[k].is_mended and plans[k].setup.planned_as is None]
         high = [k for k in numbers if len(wants[k].places_mm)]
         first += len(held)
         if len(numbers) < 2 or not high:

@@ -69,7 +69,7 @@ def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
     drawn = [drawn_setup(moves, item.setup, plan, job.machine) for item, moves in zip(posted, judged.posted)]
     return ReportBundle(
         design=design.name, description=design.description, parameters=design.parameters.model_dump(mode="json"),
-        material=design.material, finish=design.finish, inputs_sha256=inputs_sha256, step_file=job.step,
+        material=design.material, finish=design.finish, inputs_sha256=inputs_sha256, revision=order.revision, step_file=job.step,
         step_sha256=_sha256(step), part_box_mm=(_triple(low), _triple(high)), verify=verify,
         plan=plan, machine=machine_view(job, judged, drawn, plan, _broken_down),
         mesh=FaceMesh(vertices_mm=view.vertices_mm, normals=view.normals, triangles=view.triangles,
@@ -125,7 +125,7 @@ def _setup_bundle(work, judged, k, item, drawn, job):
     origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
     lies = item.setup.refixturing
     return SetupBundle(
-        markers=tuple((m.name, _triple(item.setup.frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
+        markers=tuple((m.name, _triple(item.setup.clamped_frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
         turned_in_words=_turned_in_words(posted, item.setup, machine, is_held_as_before), is_held_as_before=is_held_as_before,
         swings_in_words=_swings_in_words(judged.read[k].whole, machine),

@@ -99,11 +99,26 @@ def translated(text, *, name, source, target, tools=None):
     store = target.control.model_copy(update={"program_store_bytes": LARGEST_STORE_BYTES})
     target = target.model_copy(update={"control": store})
     posted = catalogue.find_post(target.control.post).post(program, target)
-    back = PostedMoves.joined([_read(t, target, tools) for t in posted.texts], [t.count("\n") for t in posted.texts])
+    back = _read_all(posted.texts, target, tools)
     notes = [f"line {moves.line[min(r.row, len(moves) - 1)]}: {r.advice}" for r in moves.remarks if r.kind == "unknown_start"]
     notes += _compared(moves, back, target.control, posted.arcs_as_lines)
     notes += _looser(moves, back, target)
     return Translation(texts=posted.texts, extension=catalogue.find_post(target.control.post).EXTENSION, notes=tuple(notes))
+
+
+def refuse_other_moves(moves, texts, machine, tools):
+    """Nothing, where texts say the moves that they were written for.
+
+    Args:
+        moves: PostedMoves.   texts: as a machine's post wrote them.   tools: {number: cutters.Tool}.
+    Raises:
+        ReadError: they do not.
+    """
+    _compared(moves, _read_all(texts, machine, tools), machine.control, 0)
+
+
+def _read_all(texts, machine, tools):
+    return PostedMoves.joined([_read(t, machine, tools) for t in texts], [t.count("\n") for t in texts])
 
 
 def _read(text, machine, tools):
@@ -114,7 +129,7 @@ def _read(text, machine, tools):
 
 
 def program_of(moves, name, language, tools=None):
-    """A Program of moves that were read: an operation wherever tool, speed, coolant or name change.
+    """A Program of moves that were read: an operation wherever tool, coolant or name change, or the speed above the work.
 
     Args:
         moves: posted.PostedMoves.   name: of the file.   language: the post whose words it is in.
@@ -149,8 +164,10 @@ def _refuse_what_is_lost(moves):
 
 
 def _operations(moves, tools):
-    """Runs of moves with one tool, speed, coolant and name, whose places are known."""
-    keys = np.column_stack([moves.operation, moves.tool, np.round(moves.spindle_rpm), moves.coolant])
+    """Runs of moves with one tool, coolant and name, whose places are known; the speed changes in the cut alone."""
+    rpm = np.round(moves.spindle_rpm)
+    starts = np.cumsum((moves.kind == Kind.RAPID) & (np.r_[0.0, np.diff(rpm)] != 0))
+    keys = np.column_stack([moves.operation, moves.tool, starts, moves.coolant])
     known = np.isfinite(moves.start_mm).all(axis=1) & np.isfinite(moves.end_mm).all(axis=1)
     changes = np.flatnonzero((keys[1:] != keys[:-1]).any(axis=1) | (known[1:] != known[:-1])) + 1
     before = None
@@ -162,9 +179,18 @@ def _operations(moves, tools):
         own = NumberedTool(tool) if tools is None else tools[tool]
         goes_on = before is not None and before + 1 == rows[0] and moves.tool[before] == tool
         yield Operation(name=moves.operation_name(rows[0]) or f"tool {tool}", tool=own, is_from_top=not goes_on,
-                        spindle_rpm=float(moves.spindle_rpm[rows[cuts[0]]]), coolant=COOLANTS[int(moves.coolant[rows[0]])],
-                        moves=_moves(moves, rows))
+                        spindle_rpm=float(rpm[rows[cuts[0]]]), coolant=COOLANTS[int(moves.coolant[rows[0]])],
+                        moves=_moves(moves, rows), rpm_changes=_changes(moves, rows, rpm))
         before = rows[-1]
+
+
+def _changes(moves, rows, rpm):
+    """(move, spindle speed from there on) among rows of moves, arcs of more than one turn counted in their pieces."""
+    pieces = np.cumsum([0, *np.where(moves.turns[rows] > 0, 2 * (moves.turns[rows] + 1), 1)])
+    cuts = np.flatnonzero(moves.kind[rows] != Kind.RAPID)
+    speed = rpm[rows[cuts]]
+    changed = np.flatnonzero(np.diff(speed) != 0) + 1
+    return tuple((int(pieces[cuts[k]]), float(speed[k])) for k in changed.tolist())
 
 
 def _moves(moves, rows):

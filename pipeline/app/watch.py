@@ -1,7 +1,7 @@
 """`cuspline watch`: a part is built again whenever a file beside it is saved; a page on this machine shows what it came to.
 
-Two processes stay, CAD and kernels imported: one makes the solid at once and draws its edges, the other builds to the end.  A build
-that is outdated by another save is ended; the solid never waits for it.
+Two processes stay, CAD and kernels imported: one makes the solid at once and draws its edges, the other makes a draft and then
+builds to the end.  A build that is outdated by another save is ended; the solid never waits for it.
 """
 
 import os
@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from http import HTTPStatus
@@ -28,7 +29,7 @@ from cuspline.values.errors import CamError, InputError
 HOST, LOOK_S = "127.0.0.1", 0.2         # nobody but this machine; how often files are looked at
 PATIENCE_S = 60.0                       # with a process that says nothing, before it is ended for a later save
 PAGE = Path(__file__).with_name("watch.html")
-SOLID, BUILD = "solid", "build"
+SOLID, DRAFT, BUILD = "solid", "draft", "build"
 TYPES = {".html": "text/html", ".svg": "image/svg+xml", ".png": "image/png", ".json": "application/json"}
 WIDTH_PX, MARGIN_PX, ALONG = 640.0, 10.0, 24            # of the drawing, round it; points along an edge
 ON_PAGE = np.array([[0.8660254, 0.5], [0.8660254, -0.5], [0.0, -1.0]])     # right and down, of the part's x, y and z: isometric,
@@ -38,8 +39,8 @@ ON_PAGE = np.array([[0.8660254, 0.5], [0.8660254, -0.5], [0.0, -1.0]])     # rig
 # what the processes do -------------------------------------------------------------------------
 
 
-def drawn(request, say):
-    """The solid of a request: its edges as SVG, and what it is in words."""
+def drawn(request, send):
+    """The solid of a request: its edges as SVG, and what it is in words; `send`: unused."""
     from cuspline.app import catalogue
     from cuspline.kernel import brep
     parameters = catalogue.find_shop(request.shop, request.parameters)[1]
@@ -52,16 +53,25 @@ def drawn(request, say):
     return {"words": words, "svg": edges_svg(lines)}
 
 
-def finished(request, say):
-    """The whole build of a request."""
+def finished(request, send):
+    """The whole build of a request; before it a draft, which is sent on the way: send(what, record)."""
     from cuspline.app.judge import figures_in_words
     from cuspline.values.input_files import json_of
+    say = partial(send, "stage")
+    with suppress(CamError):            # the build says what is wrong
+        _, first = replace(request, draft=True).built(say)
+        send(DRAFT, {"words": first.figures + _kinds_in_words(first)})
     _, result = request.built(say)
     path = result.folder / "verify.json"
     figures = figures_in_words(json_of(path, "verdict")) if path.is_file() else "nothing verified"
     word = "REJECTED" if not result.is_ok else "VERIFIED" if path.is_file() else "made"
+    return {"words": f"{word}, {figures}{_kinds_in_words(result)}", "folder": str(result.folder)}
+
+
+def _kinds_in_words(result):
+    """What stands behind a verdict: the kinds of its findings."""
     kinds = ", ".join(dict.fromkeys(f.kind for f in result.findings))
-    return {"words": f"{word}, {figures}{': ' if kinds else ''}{kinds}", "folder": str(result.folder)}
+    return f": {kinds}" if kinds else ""
 
 
 def edges_svg(lines):
@@ -88,7 +98,7 @@ def _work(pipe, does):
             return
         _forget_modules(Path(str(request.design)).resolve().parent)
         try:
-            pipe.send((number, "done", does(request, lambda text: pipe.send((number, "stage", text)))))
+            pipe.send((number, "done", does(request, lambda what, told: pipe.send((number, what, told)))))
         except CamError as error:
             pipe.send((number, "wrong", str(error)))
         except Exception as error:          # of a user's own functions, of the CAD kernel
@@ -107,7 +117,7 @@ def _forget_modules(folder):
 class Helper:
     """A process that does one thing at a time."""
 
-    does: object                    # function (request, say) -> record
+    does: object                    # function (request, send) -> record
     process: object = None
     pipe: object = None
     is_busy: bool = False
@@ -161,7 +171,7 @@ class Watch:
     say: object                     # called with lines
     helpers: dict = field(default_factory=lambda: {SOLID: Helper(drawn), BUILD: Helper(finished)})
     lock: object = field(default_factory=threading.Lock)
-    known: dict = field(default_factory=lambda: {"save": 0, SOLID: {}, BUILD: {}})
+    known: dict = field(default_factory=lambda: {"save": 0, SOLID: {}, DRAFT: {}, BUILD: {}})
     svg: str = ""
     begun_s: float = 0.0            # when the last save was seen
     folder: Path | None = None      # of the last outputs
@@ -182,7 +192,7 @@ class Watch:
 
     def _saved(self):
         with self.lock:
-            self.known = {"save": self.known["save"] + 1, SOLID: {"state": "busy"}, BUILD: {"state": "busy"}}
+            self.known = {"save": self.known["save"] + 1, SOLID: {"state": "busy"}, DRAFT: {}, BUILD: {"state": "busy"}}
         self.begun_s = time.monotonic()
         for helper in self.helpers.values():
             helper.give(self.known["save"], self.request)
@@ -210,7 +220,10 @@ class Watch:
             with self.lock:
                 self.known[name] = {"state": "busy", "words": told}
             return
-        self.helpers[name].is_busy = False
+        if what == DRAFT:
+            name, what = DRAFT, "done"
+        else:
+            self.helpers[name].is_busy = False
         words = told if what == "wrong" else told["words"]
         self.say(f"{name}, {took_s} s: {words}")
         with self.lock:

@@ -99,6 +99,8 @@ class Refixturing(Model):
     turn_deg: tuple[float, float, float] = Field(description="of the WCS about X, then Y, then Z")
     shift_mm: tuple[float, float, float] = Field(description="of the WCS's zero, along its axes as designed")
     residual_mm: dict[str, float] = Field(description="each marker's distance from where the fit puts it")
+    far_error_mm: float | None = Field(default=None, description="how well the place that is cut farthest from the markers "
+                                       "is known, root mean square; None: no place was looked at")
 
 
 class Setup(Model):
@@ -114,11 +116,15 @@ class Setup(Model):
                                    description="names of the predicates whose faces are cut, and judged after the setup")
     operations: tuple[AnyOperation, ...] = Field(default=(), description="what cuts them, in this order; none: `Auto`, all chosen "
                                                  "by curvature")
+    planned_as: FileName | None = Field(default=None, description="name of an earlier setup from which the part looks the same, "
+                                        "as a propeller's next blade does: its moves are cut here too; None: planned for itself")
     reach_x_mm: tuple[float, float] | None = Field(default=None, description="x of the part as it sits, along wcs_x: "
                                                    "between these roughing tools stay; None: they clear all")
     fixtures: tuple[Fixture, ...] = Field(default=(), description="what holds the part: jaws, clamps, posts")
     markers: tuple[Marker, ...] = Field(default=(), description="what is measured to find how the part sits")
     marker_limit_mm: float = Field(default=0.02, gt=0, description="how far a measured marker may be from the rigid part")
+    marker_error_mm: float = Field(default=0.002, gt=0, description="of one measured coordinate of a marker, root mean square")
+    far_limit_mm: float = Field(default=0.010, gt=0, description="how uncertain what is cut far from the markers may be")
     refixturing: Refixturing | None = Field(default=None, description="what measured markers came to; None: as designed")
     indexed: bool = Field(default=False, description="an indexed position (3+2): the rotary axes turn the part to it as "
                           "the setup before holds it, in the same program; zero, fixtures and markers are that setup's")
@@ -128,9 +134,11 @@ class Setup(Model):
     clamped_z: Direction | None = Field(default=None, description="the same of its Z")
 
     @model_serializer(mode="wrap")
-    def _without_positions_it_has_not(self, dump):
-        row = dump(self)
-        return row if self.indexed else {k: v for k, v in row.items() if k not in ("indexed", "clamped_x", "clamped_z")}
+    def _without_what_it_has_not(self, dump):
+        unsaid = () if self.indexed else ("indexed", "clamped_x", "clamped_z")
+        as_ever = [n for n in ("marker_error_mm", "far_limit_mm", "planned_as")
+                   if getattr(self, n) == type(self).model_fields[n].default]
+        return {k: v for k, v in dump(self).items() if k not in (*unsaid, *as_ever)}
 
     @model_validator(mode="after")
     def _axes_make_a_frame(self):
@@ -283,6 +291,7 @@ class Design:
     finish: Finish
     setups: tuple[Setup, ...]
     threads: dict = field(default_factory=dict)     # {name of faces: shop.threads.Thread, or its size}: holes that get one
+    dimensions: tuple = ()                  # values of design.dimensions: sizes and positions with their limits
     stock: object = StockAllowance()        # a value of design.stock; left out: the box round the part and an allowance
     guides: tuple = ()                      # values that strategies ask for by their type, see `guide_of`
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
@@ -309,9 +318,28 @@ class Design:
                 if missing := [f for f in faces if f not in known]:
                     raise DesignError(f"design {self.name}, {who}: faces {missing} are named by no predicate; "
                                       f"there are {sorted(known)}")
+        self._refuse_copies()
         object.__setattr__(self, "threads", {name: as_thread(t, name) for name, t in self.threads.items()})
         if missing := sorted(set(self.threads) - known):
             raise DesignError(f"design {self.name}: threads of {missing[0]!r}, a name of no predicate; there are {sorted(known)}")
+        for dimension in self.dimensions:
+            named = {dimension.faces, getattr(dimension, "from_faces", dimension.faces)}
+            if missing := sorted(named - known):
+                raise DesignError(f"design {self.name}, {dimension.title}: {missing[0]!r} is a name of no predicate; there are "
+                                  f"{sorted(known)}")
+
+    def _refuse_copies(self):
+        """A setup cut as one that was not planned before, or by other operations."""
+        planned = {}
+        for setup in self.setups:
+            if setup.planned_as is None:
+                planned[setup.name] = setup
+            elif setup.planned_as not in planned:
+                raise DesignError(f"design {self.name}, {setup.name}: planned_as {setup.planned_as} names no setup before it that "
+                                  f"is planned for itself; there are {sorted(planned) or 'none'}")
+            elif setup.operations not in ((), planned[setup.planned_as].operations):
+                raise DesignError(f"design {self.name}, {setup.name}: it is planned as {setup.planned_as}, and lists other "
+                                  "operations: leave them out, or planned_as")
 
     @cached_property
     def _known(self):

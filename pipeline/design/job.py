@@ -11,13 +11,16 @@ from pathlib import Path
 from pydantic import Field, model_serializer
 
 from cuspline.design import FacePredicate, Finish, Setup
+from cuspline.design.dimensions import Dimension
 from cuspline.design.fixtures import fixtures_beside
 from cuspline.design.setup_alignment import refixtured_setups
 from cuspline.design.stock import Stock
 from cuspline.shop.cutters import ToolLibrary
+from cuspline.shop.cutting_forces import CuttingForce
 from cuspline.shop.machines import Machine
 from cuspline.shop.materials import Material
 from cuspline.shop.threads import Thread
+from cuspline.shop.tool_lives import ToolLife
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
 from cuspline.values.models import FileName, Model, WrittenName
@@ -53,10 +56,13 @@ class Job(Model):
     smallest_ball_radius_mm: float = Field(gt=0)
     accepted: tuple[str, ...] = ()
     threads: dict[str, Thread] = Field(default={}, description="of holes, by the names of their faces")
+    dimensions: tuple[Dimension, ...] = Field(default=(), description="with tolerances, judged on the simulated stock")
+    force: CuttingForce | None = Field(default=None, description="the shop's own of the material; None: what cuspline knows of it")
+    life: ToolLife | None = Field(default=None, description="the same of tool life")
 
     @model_serializer(mode="wrap")
-    def _without_threads_it_has_not(self, dump):
-        return {k: v for k, v in dump(self).items() if k != "threads" or v}
+    def _without_what_it_has_not(self, dump):
+        return {k: v for k, v in dump(self).items() if k not in ("threads", "dimensions", "force", "life") or v}
 
     @property
     def program_names(self):

@@ -14,11 +14,20 @@ from cuspline.values.models import Model, Point, by_kind
 TYPES = {"ball": "ball", "flat": "flat", "bull": "bull_nose", "bull nose": "bull_nose", "bull_nose": "bull_nose",
          "tapered ball": "tapered_ball", "tapered_ball": "tapered_ball", "drill": "drill", "spot drill": "spot_drill",
          "spot_drill": "spot_drill", "chamfer mill": "chamfer_mill", "chamfer_mill": "chamfer_mill", "tap": "tap",
-         "thread mill": "thread_mill", "thread_mill": "thread_mill"}
+         "thread mill": "thread_mill", "thread_mill": "thread_mill", "reamer": "reamer"}
 WISH = re.compile(r"(?P<type>[a-z_ ]+?)\s*(?:(?P<rule><=|>=|<|>)?\s*(?P<diameter>\d+(?:\.\d+)?))?"
                   r"(?:\s+r\s*(?P<corner>\d+(?:\.\d+)?))?")
 SAME_MM = 1e-6              # measures that are the same
 REGISTERED = {}             # kind -> class
+
+
+def understood(*fields):
+    """Validator of fields that name a tool."""
+    def check(wish):
+        if isinstance(wish, str):
+            ToolWish.of(wish)
+        return wish
+    return field_validator(*fields)(check)
 
 
 class Operation(Model):
@@ -37,6 +46,12 @@ class Operation(Model):
         "left out: chosen by the faces' curvature")
     spindle_rpm: float | None = Field(default=None, gt=0, description="left out: from the material's cutting speed")
     feed_mm_per_min: float | None = Field(default=None, gt=0, description="left out: from the material's feed a tooth")
+    cutting_speed_m_per_min: float | None = Field(default=None, gt=0, le=2000, description="left out: the material's; on the full "
+                                                  "diameter, with constant_speed where the edge cuts; spindle_rpm goes before it")
+    constant_speed: bool | None = Field(default=None, description="S words keep the cutting speed where the edge cuts; left out: "
+                                        "the shop's")
+    feed_by_engagement: bool | None = Field(default=None, description="feeds keep the thickness of chips on the stock as it "
+                                            "stands; left out: the shop's")
     coolant: Literal["flood", "mist", "off"] | None = Field(default=None, description="left out: the material's")
     clearance_mm: float | None = Field(default=None, gt=0, le=500, description="rapids of the setup run at least so far above "
                                        "stock and fixtures; left out: the shop's")
@@ -49,12 +64,7 @@ class Operation(Model):
         if "kind" in cls.__dict__:
             REGISTERED[cls.kind] = cls
 
-    @field_validator("tool")
-    @classmethod
-    def _tool_is_understood(cls, wish):
-        if isinstance(wish, str):
-            ToolWish.of(wish)
-        return wish
+    _tool_is_understood = understood("tool")
 
     @model_serializer(mode="wrap")
     def _with_its_kind(self, dump):

@@ -2,6 +2,7 @@
 
 The rigid motion from the markers' nominal places to the measured ones is the setup's frame; paths are planned and
 posted for it, the part is not moved.  It serves a part turned over as well as a long one shifted along the bed.
+Indexed positions follow their clamping: the rotary axes lean by what the part does, and their paths stay what they are.
 """
 
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.design import Refixturing
+from cuspline.design.design import by_clamping
 from cuspline.values import fixed_math as fixed
 from cuspline.values.amounts import counted
 from cuspline.values.arrays import frozen
@@ -56,18 +58,43 @@ def fitted_frame(nominal_mm, measured_mm):
     return Fit(frame=frame, residual_mm=np.linalg.norm(frame.out(measured) - nominal, axis=1))
 
 
-def refixtured(setup, measured_mm):
+def far_errors_mm(nominal_mm, places_mm, error_mm):
+    """How far places of a part lie from where the fit of its markers puts them, root mean square.
+
+    Args:
+        nominal_mm: (n, 3) markers, not in one line.   places_mm: (m, 3) places of the part.
+        error_mm: of one measured coordinate of a marker, root mean square.
+    Returns:
+        (m,) mm.
+    Source: J. M. Fitzpatrick, J. B. West, C. R. Maurer, IEEE Trans. Med. Imaging 17 (1998) 694:
+    TRE² = FLE²/N · (1 + ⅓ Σ d²/f²); d: of the place from the markers' principal axes, f: of the markers.
+
+    >>> square = np.array([[100.0, 100, 0], [-100, 100, 0], [-100, -100, 0], [100, -100, 0]])
+    >>> far_errors_mm(square, np.array([[381.0, 0, 0], [0, 0, 0]]), 0.002).round(5)
+    array([0.00498, 0.00173])
+    """
+    nominal, places = np.asarray(nominal_mm, float), np.asarray(places_mm, float)
+    middle = nominal.mean(axis=0)
+    axes = fixed.singular_values(nominal - middle)[2]
+    from_axes2 = lambda p: ((p - middle) ** 2).sum(axis=1)[:, None] - fixed.matmul(p - middle, axes) ** 2
+    share = (from_axes2(places) / from_axes2(nominal).mean(axis=0)).sum(axis=1)
+    return np.sqrt(3.0 * error_mm ** 2 / len(nominal) * (1.0 + share / 3.0))
+
+
+def refixtured(setup, measured_mm, places_mm=()):
     """The setup as the part really lies.
 
     Args:
         setup: design.Setup with markers.
         measured_mm: marker name -> (x, y, z) as measured in the setup's WCS.
+        places_mm: (k, 3) places of the part that it cuts, the farthest of them: how well they are known is told.
     Returns:
         Setup with the fitted frame, and what the fit came to.
     Raises:
         InputError: a marker not known or not measured, too few, in one line, mirrored, or further off than the
-            setup's `marker_limit_mm`.
+            setup's `marker_limit_mm`; places so far from the markers that their `far_limit_mm` is not kept.
     """
+    designed = setup.clamped_frame
     nominal_mm, found_mm = _paired(setup, measured_mm)
     limit = setup.marker_limit_mm
     if _arm_mm(nominal_mm) < ARM_LIMITS * limit:
@@ -78,44 +105,82 @@ def refixtured(setup, measured_mm):
     if fit.residual_mm[worst] > limit:
         raise InputError(f"{setup.name}: marker {names[worst]} is {fit.residual_mm[worst]:.4f} mm from where the "
                          f"others put it, more than {limit:g} mm: {_advice(setup, nominal_mm, found_mm)}")
-    turn_deg = np.degrees(_turn_rad(fixed.matmul(setup.frame.rotation.T, fit.frame.rotation)))
+    turn_deg = np.degrees(_turn_rad(fixed.matmul(designed.rotation.T, fit.frame.rotation)))
     if np.abs(turn_deg).max() > TURN_LIMIT_DEG:
         raise InputError(f"{setup.name}: by its markers the part is {np.abs(turn_deg).max():.3f} degrees off its "
                          f"setup as designed, more than {TURN_LIMIT_DEG:g}: markers are mixed up, or a sign is "
                          "wrong")
-    rotation = fit.frame.rotation
+    rotation, lies = fit.frame.rotation, "clamped" if setup.indexed else "wcs"
     return setup.model_copy(update={
-        "wcs_origin_mm": tuple(fit.frame.origin_mm.tolist()), "wcs_x": tuple(rotation[:, 0].tolist()),
-        "wcs_z": tuple(rotation[:, 2].tolist()),
+        "wcs_origin_mm": tuple(fit.frame.origin_mm.tolist()), f"{lies}_x": tuple(rotation[:, 0].tolist()),
+        f"{lies}_z": tuple(rotation[:, 2].tolist()),
         "refixturing": Refixturing(
             turn_deg=tuple(turn_deg.round(9).tolist()),
-            shift_mm=tuple((setup.frame.into(fit.frame.origin_mm[None])[0]).round(9).tolist()),
-            residual_mm={n: round(float(r), 9) for n, r in zip(names, fit.residual_mm)})})
+            shift_mm=tuple((designed.into(fit.frame.origin_mm[None])[0]).round(9).tolist()),
+            residual_mm={n: round(float(r), 9) for n, r in zip(names, fit.residual_mm)},
+            far_error_mm=_far_error_mm(setup, nominal_mm, fit.residual_mm, places_mm))})
 
 
-def refixtured_setups(setups, measured):
-    """Every setup as the part lies in it.
+def _far_error_mm(setup, nominal_mm, residual_mm, places_mm):
+    """Of the worst of places (k, 3), from the stated error of a coordinate or what the residuals show, whichever is more; None
+    where there is no place.
+
+    Raises:
+        InputError: it is more than the setup's `far_limit_mm`.
+    """
+    if not len(places_mm):
+        return None
+    count = len(residual_mm)
+    shown_mm = np.sqrt((residual_mm ** 2).sum() / (3 * count - 6))      # six of 3 n figures went into the fit
+    error_mm = max(setup.marker_error_mm, float(shown_mm))
+    errors_mm = far_errors_mm(nominal_mm, places_mm, error_mm)
+    worst = int(errors_mm.argmax())
+    if errors_mm[worst] > setup.far_limit_mm:
+        place = " ".join(f"{axis}{x:.1f}" for axis, x in zip("XYZ", places_mm[worst]))
+        raise InputError(f"{setup.name}: markers known to {error_mm:.4f} mm a coordinate leave the part at {place} uncertain by "
+                         f"{errors_mm[worst]:.4f} mm, more than {setup.far_limit_mm:g} mm: touch markers farther apart, nearer to "
+                         "what is cut there, or more of them; or raise far_limit_mm")
+    return round(float(errors_mm[worst]), 9)
+
+
+def refixtured_setups(setups, measured, places_of=lambda setups: ()):
+    """Every setup as the part lies in it; indexed positions as the setup that begins their clamping.
 
     Args:
         setups: of design.Setup.   measured: {setup name: {marker name: (x, y, z)}}; setups not named stay as designed.
+        places_of: function of the setups of one clamping -> (k, 3) places of the part that they cut, the farthest of them.
     Raises:
-        InputError: as `refixtured`, or a setup that is not there.
+        InputError: as `refixtured`, a setup that is not there, or one that does not begin its clamping.
     """
-    if any(s.indexed for s in setups) and measured:
-        raise InputError("measured markers with indexed positions are not taken up yet: clamp by the zero, or cut the positions as "
-                         "setups of their own")
     unknown = sorted(set(measured) - {s.name for s in setups})
     if unknown:
         raise InputError(f"markers measured in {unknown[0]!r}, but there is no such setup; there are "
                          + ", ".join(s.name for s in setups))
-    return tuple(refixtured(s, measured[s.name]) if s.name in measured else s for s in setups)
+    found = []
+    for held in by_clamping(setups, lambda before, setup: setup.is_held_as(before)):
+        if within := [s.name for s in held[1:] if s.name in measured]:
+            raise InputError(f"markers measured in {within[0]}, an indexed position held as {held[0].name} is: measure "
+                             f"them once, and write {held[0].name}")
+        name = held[0].name
+        found += _refixtured_clamping(held, measured[name], places_of(held)) if name in measured else held
+    return tuple(found)
+
+
+def _refixtured_clamping(held, measured_mm, places_mm):
+    """[Setup]: of what holds the part, then of the indexed positions in its clamping."""
+    base = refixtured(held[0], measured_mm, places_mm)
+    own = {"wcs_origin_mm": base.wcs_origin_mm, "refixturing": base.refixturing,
+           "clamped_x": base.clamped_x if base.indexed else base.wcs_x,
+           "clamped_z": base.clamped_z if base.indexed else base.wcs_z}
+    return [base, *(s.model_copy(update=own) for s in held[1:])]
 
 
 def refixturing_in_words(found):
     """A design.Refixturing in one line."""
     axes = lambda values, digits: " ".join(f"{axis}{value:.{digits}f}" for axis, value in zip("XYZ", values))
+    far = "" if found.far_error_mm is None else f", FARTHEST PLACE KNOWN TO {found.far_error_mm:.4f} MM"
     return (f"ZERO SHIFTED {axes(found.shift_mm, 4)} MM, TURNED {axes(found.turn_deg, 5)} DEG, "
-            f"MARKERS WITHIN {max(found.residual_mm.values()):.4f} MM")
+            f"MARKERS WITHIN {max(found.residual_mm.values()):.4f} MM{far}")
 
 
 def read_measured(path):
@@ -175,7 +240,7 @@ def _advice(setup, nominal_mm, found_mm):
     changes += [(25.4, "they look like inches; give millimetres"),
                 (10.0, "they look like centimetres; give millimetres")]
     fits = [(fitted_frame(nominal_mm, found_mm * factor), words) for factor, words in changes]
-    near = [(np.trace(fixed.matmul(setup.frame.rotation.T, fit.frame.rotation)), words) for fit, words in fits
+    near = [(np.trace(fixed.matmul(setup.clamped_frame.rotation.T, fit.frame.rotation)), words) for fit, words in fits
             if fit.residual_mm.max() <= setup.marker_limit_mm]
     return max(near)[1] if near else "measure it again, and look whether the right markers were touched"
 

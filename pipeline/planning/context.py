@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from cuspline.design.fixtures import placed_fixtures
-from cuspline.design.operations import Finishing
+from cuspline.design.operations import Clearing, Finishing
 from cuspline.kernel import brep
 from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import ROUND, ball_reach, choose_cutter, cutter_reach
@@ -66,6 +66,8 @@ class PlannedOperation:
     cycles: tuple = ()          # drilling.DrillCycle that come to some of the moves
     passes: object = None       # pass_templates.TemplatedPasses that come to the moves; None: only the moves
     left: object = None         # Left; None: it cuts all that its cutter reaches
+    rpm_changes: tuple = ()     # (move, spindle speed from there on)
+    wishes: object = None       # Wishes; None: speed and feeds are as they are
 
     @cached_property
     def swept_mm(self):
@@ -92,6 +94,16 @@ class Left:
     area_mm2: float
     reaching: object            # (diameter_mm, stick_out_mm) of a ball that would reach them, None: none does
     why: str                    # with its area, a place, and that cutter
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Wishes:
+    """How speed and feeds of an operation are to follow what its edges meet."""
+
+    feed_mm_per_min: np.ndarray     # (n,) of its moves, before the machine's limits; 0 on rapids
+    speed_m_per_min: float          # cutting speed
+    is_speed_constant: bool
+    is_fed_by_engagement: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -457,10 +469,11 @@ class PlanningContext:
         m = self.material
         if tool.cutter.drills:
             speed, share = m.drilling
+            speed = self.operation.cutting_speed_m_per_min or speed
             rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
             share = share / tool.cutter.flutes
             return rpm, self.operation.feed_mm_per_min or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share, self.machine)
-        speed = m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min
+        speed = self.operation.cutting_speed_m_per_min or (m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min)
         rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
         feed = self.operation.feed_mm_per_min
         return rpm, feed or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, m.feed_per_tooth_share, self.machine)
@@ -472,7 +485,26 @@ class PlanningContext:
 
     def measured(self, name, tool, rpm, moves, facts, left=None):
         """Cap the feeds, measure length and time.   left: Left."""
-        return replace(self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts), left=left)
+        made = self._measured(name, tool, rpm, moves.with_feed(feeds.capped_feeds(moves, self.machine)), facts)
+        return replace(made, left=left, wishes=self._wishes(tool, rpm, moves))
+
+    def _wishes(self, tool, rpm, moves):
+        """Wishes of the operation, else of the shop; None: neither has any."""
+        own = {name: getattr(self.practice, name) if getattr(self.operation, name) is None else getattr(self.operation, name)
+               for name in ("constant_speed", "feed_by_engagement")}
+        if not any(own.values()):
+            return None
+        return Wishes(feed_mm_per_min=moves.feed_mm_per_min, speed_m_per_min=self._cutting_speed_m_per_min(tool, rpm),
+                      is_speed_constant=own["constant_speed"], is_fed_by_engagement=own["feed_by_engagement"])
+
+    def _cutting_speed_m_per_min(self, tool, rpm):
+        """The cutting speed that a speed of the spindle was chosen for."""
+        m, asked = self.material, self.operation.cutting_speed_m_per_min
+        if self.operation.spindle_rpm:
+            return math.pi * tool.cutter.diameter_mm * rpm / 1000
+        both = (m.rough_speed_m_per_min, m.finish_speed_m_per_min)
+        chosen = [v for v in both if feeds.spindle_rpm(tool.cutter, v, self.machine.spindle) == rpm]
+        return asked or (chosen or both)[0 if isinstance(self.operation, Clearing) else -1]
 
     def measured_holes(self, name, tool, rpm, moves, cycles, facts):
         """The same for drilled holes: one feed, the least of the capped ones; `cycles`: drilling.DrillCycle of the moves."""

@@ -152,15 +152,19 @@ def drilled_holes(work):
         by_tool.setdefault(one.tool.number, []).append(one)
     reached = np.zeros(len(work.samples.area_mm2), bool)
     for one in (d for mine in by_tool.values() for d in mine):
-        reached |= _is_reached(work.samples, one.bore, one.full_z_mm)
-    return [_operation(work, mine, number=len(by_tool)) for mine in by_tool.values()], reached
+        reached |= is_drilled(work.samples, one.bore, one.full_z_mm)
+    return [operation_of(work, mine, number=len(by_tool)) for mine in by_tool.values()], reached
 
 
 def _drilled(work, bore):
     """Drilled, or CamError: what is in the way."""
-    tool = _drill_for(work, bore)
-    tip = _tip_mm(work, bore, tool)
-    _refuse_short(work, bore, tool, tip)
+    return drilled_by(work, bore, _drill_for(work, bore))
+
+
+def drilled_by(work, bore, tool):
+    """The same by a stated Tool."""
+    tip = tip_mm(work, bore, tool)
+    refuse_short(work, bore, tool, tip)
     return Drilled(bore=bore, tool=tool, tip_mm=tip)
 
 
@@ -228,7 +232,7 @@ def _drill_for(work, bore):
                                     t.number))
 
 
-def _tip_mm(work, bore, tool):
+def tip_mm(work, bore, tool):
     """Height of the tip at the bottom.
 
     Raises:
@@ -246,7 +250,7 @@ def _tip_mm(work, bore, tool):
     return max(wanted, below, bore.hole.lowest_tip_mm(bore.wall, cutter.radius_mm, slope) + bore.height_mm)
 
 
-def _refuse_short(work, bore, tool, tip_mm):
+def refuse_short(work, bore, tool, tip_mm):
     """Flutes must reach the hole's mouth, holder and shank keep clear of the part."""
     depth = bore.high_z_mm - tip_mm
     tips = np.array([[*bore.xy_mm, tip_mm]])
@@ -258,13 +262,13 @@ def _refuse_short(work, bore, tool, tip_mm):
             f"{tool.cutter.flute_length_mm:g} mm, stick-out {tool.stick_out_mm:g} mm; take a longer drill")
 
 
-def _operation(work, made, number):
+def operation_of(work, made, number):
     """The PlannedOperation of the Drilled of one drill; `number`: of drills in the operation."""
     operation, tool, bores, tips_mm = work.operation, made[0].tool, [d.bore for d in made], [d.tip_mm for d in made]
     cutter = tool.cutter
     order = shortest_way(np.array([b.xy_mm for b in bores]))
     rpm, feed = work.speeds(tool, is_rough=False)
-    retract = np.array([_retract_mm(work, b, tool) for b in bores])
+    retract = np.array([retract_mm(work, b, tool) for b in bores])
     if operation.stays_low:
         retract[:] = retract.max()
     holes = [_cycle(work, bores[k], tool, float(tips_mm[k]), float(retract[k]), rpm, feed) for k in order.tolist()]
@@ -276,7 +280,7 @@ def _operation(work, made, number):
     return work.measured_holes(name, tool, rpm, moves, cycles, facts)
 
 
-def _retract_mm(work, bore, tool):
+def retract_mm(work, bore, tool):
     """Height over a hole where feeding begins: above the stock that stands there."""
     above = work.operation.retract_mm or work.practice.approach_mm
     return min(max(float(stock_over(work, bore, tool.cutter.radius_mm).max()), bore.high_z_mm) + above, work.clearance_z_mm)
@@ -299,7 +303,7 @@ def _cycle(work, bore, tool, tip_mm, retract_z_mm, rpm, feed):
                       stays_low=operation.stays_low, feed_mm_per_min=feed, first=0, end=0)
 
 
-def _is_reached(samples, bore, full_z_mm):
+def is_drilled(samples, bore, full_z_mm):
     """(n,) bool: samples on the wall, or on what the point leaves, that are as deep as the full diameter comes."""
     away = samples.point_mm[:, :2] - bore.xy_mm
     near = np.sqrt((away * away).sum(axis=1)) < bore.radius_mm + REACHED_MM

@@ -63,6 +63,7 @@ TERRACE_SHARE = 0.8         # of its flutes a flat cutter goes deep beside an up
 RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls by 0.13 of its radius, whatever stands there
 LEVEL = 1 - 1e-9            # of a unit normal's z: level ground
 SAME_MM = 1e-6              # heights that are the same
+COARSER = 3.0               # times the pitch: a grid that tells within which box something is left
 COMMON_PLANE_ROUNDS = 3     # of laying passes anew until their cusps are as asked
 WELL_USED = 0.92            # of the cusp allowed: nearer to it nothing is laid anew
 COMMON_PLANE_AIM = 0.97     # of it, that is aimed for
@@ -84,7 +85,7 @@ def finish(work, stage, tool, candidates):
     practice = work.practice
     left_mm = (practice.rough_allowance_mm + practice.finish_depth_share * tool.cutter.diameter_mm if stage.allowance_mm == 0.0
                else TERRACE_MM)
-    return _operation(work, stage, tool, candidates, left_mm, lambda field: field)
+    return _operation(work, stage, tool, candidates, left_mm, (lambda field: field, None))
 
 
 def rest(work, before, tool, candidates):
@@ -101,7 +102,7 @@ def rest(work, before, tool, candidates):
     region = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
     left_mm = before[-1].tool.cutter.radius_mm
     stage = FinishingStage(name="rest finish", allowance_mm=0.0, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, left_mm, region, swept)
+    return _operation(work, stage, tool, candidates, left_mm, (region, None), swept)
 
 
 def passes_over(work, tool, candidates, swept=()):
@@ -119,12 +120,27 @@ def passes_over(work, tool, candidates, swept=()):
     if tool.cutter.corner_radius_mm == 0.0 and work.corner_of(tool.cutter) is None:
         raise PlanError(f"{operation.title}: T{tool.number} {tool.cutter.name} has a sharp corner: on faces that are not level "
                         "it leaves steps, no cusps; take a ball or bull nose, or the operations floor and waterline")
-    cut = lambda field: field
+    cut, box = lambda field: field, None
     if swept:
         step = _step_mm(work, tool, ridge_for_step_mm(operation.title, scallop_mm, work.finish))
         cut = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
+        if operation.steepest_deg < 90.0:           # a position among others, that see most of the faces better
+            box = _box_left(work, tool, COARSER * step / NODES_A_STEP, cut)
+            if box is None:
+                return None
     stage = FinishingStage(name=operation.title, allowance_mm=operation.allowance_mm, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, work.standing_mm(tool), cut, swept)
+    return _operation(work, stage, tool, candidates, work.standing_mm(tool), (cut, box), swept)
+
+
+def _box_left(work, tool, pitch_mm, cut):
+    """((2,), (2,)) lowest and highest x, y within which `cut` leaves something of a coarse region; None: nowhere."""
+    field = _field(work, tool, work.operation.allowance_mm, pitch_mm, may_be_empty=True)
+    field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0) if field.is_inside.any() else None
+    left = field and cut(field)
+    if left is None:
+        return None
+    at = left.node_xy_mm[left.is_inside]
+    return at.min(axis=0) - pitch_mm, at.max(axis=0) + pitch_mm
 
 
 def walls_alone(work, tool, candidates):
@@ -153,8 +169,12 @@ def walls_alone(work, tool, candidates):
     return work.measured(operation.title, tool, rpm, made.moves, facts, made.left)
 
 
-def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
-    """One operation over the region that `cut` makes of the whole one; None where nothing of it is left."""
+def _operation(work, stage, tool, candidates, left_mm, where, before=()):
+    """One operation; None where nothing of its region is left.
+
+    `where`: the function that makes the region of the whole one, and the box that holds it, None: not known.
+    """
+    cut, box = where
     name, allowance_mm, scallop_mm = stage.name, stage.allowance_mm, stage.scallop_mm
     tolerance, ridge_mm = middle_tolerance_mm(work, tool), ridge_for_step_mm(name, scallop_mm, work.finish)
     if allowance_mm > 0.0:
@@ -162,7 +182,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
     if (widest := work.operation.stepover_mm) is not None:
         ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(_across_mm(work, tool), widest, 0.0)[0]))
     step = _step_mm(work, tool, ridge_mm)
-    field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP))
+    field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP, box is not None, box))
     if field is not None and work.operation.steepest_deg < 90.0:
         field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0)
     if field is None:
@@ -198,6 +218,7 @@ def _operation(work, stage, tool, candidates, left_mm, cut, before=()):
              "passes": len(paths), "wall_passes": len(walls), "touch_ups": touched,
              "grid_mm": round(field.pitch_mm, 6),
              "region_mm2": round(float(field.is_inside.sum()) * field.pitch_mm ** 2, 1), "links": work.operation.passes,
+             **({} if link.bearing is None else {"bearing": link.bearing}),
              "min_concave_radius_mm": finite(work.hollow.radius_mm),
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
              "candidates": [c.as_dict() for c in candidates], **made.facts}
@@ -281,10 +302,12 @@ def _seen_as(work, cutter):
     return cutter.model_copy(update={"type": "ball", "diameter_mm": 2 * radius, "corner_radius_mm": radius})
 
 
-def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False):
-    """Where the ball touches the faces wanted."""
-    boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
-    low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False, box=None):
+    """Where the ball touches the faces wanted; `box`: ((2,), (2,)) of places that are looked at, all of them unless given."""
+    if box is None:
+        boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
+        box = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+    low, high = box
     corner = work.corner_of(tool.cutter)
     if corner is not None:
         ball = corner.ball_radius_mm
@@ -461,4 +484,4 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
         plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm, surface_link_mm=LINK_STEPS * step_mm,
         hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
         is_one_way=work.operation.passes == "one-way",
-        steepest_rad=tool.cutter.steepest_rad)
+        steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None))

@@ -126,7 +126,7 @@ def faster_floor_cutter(work, ball):
     Args:
         work: PlanningContext.   ball: the Tool that would finish them.
     """
-    levels = tuple(i for i in work.wanted if _is_level(work.faces[i]))
+    levels = tuple(i for i in work.wanted if is_level(work.faces[i]))
     tools = work.library.of_type("flat")
     if not levels or not tools:
         return None
@@ -148,7 +148,8 @@ def faster_floor_cutter(work, ball):
     return None
 
 
-def _is_level(face):
+def is_level(face):
+    """Whether a brep.Face is a plane across Z, seen from the spindle."""
     return face.kind == "plane" and face.middle.normal[0, 2] > LEVEL
 
 

@@ -1,6 +1,7 @@
 """What finishing operations that are laid out as seen from above have in common."""
 
 from abc import abstractmethod
+from typing import Literal
 
 from pydantic import Field
 
@@ -20,6 +21,10 @@ class Pattern(Finishing):
         "between_guides, clearing (any of them, turned out of the way)")
     leave_steep: bool = Field(default=False, description="walls steeper than steep_deg are left to other operations, or to indexed "
                               "positions that see them better")
+
+    bearing: Literal["step-up", "uphill"] | None = Field(
+        default=None, description="how passes keep the tip out of the cut: step-up, the lowest pass first; uphill, each from "
+        "its lower end; left out: the nearest next")
 
     @property
     def waterline_deg(self):

@@ -84,6 +84,7 @@ def _posted_operation(planned, plan):
     same = {"name": planned.name, "tool": planned.tool, "spindle_rpm": planned.rpm, "coolant": planned.coolant,
             "time_s": planned.facts.get("time_s")}
     if not setup.indexed:
+        same["rpm_changes"] = planned.rpm_changes
         by_mm = into(np.zeros((1, 3)))[0]
         return Operation(**same, moves=_moved(planned.moves, into), passes=_shifted(planned.passes, into),
                          cycles=tuple(c.shifted(by_mm) for c in planned.cycles))

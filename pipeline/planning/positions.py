@@ -57,7 +57,8 @@ class Positions:
     left_at_mm: np.ndarray      # (3,) a place in the middle of what is left; NaN: nothing is
 
 
-def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing_mm=0.0, places=LOOKED_AT):
+def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing_mm=0.0,
+              finely=(LOOKED_AT, MESH_DEFLECTION_MM)):
     """Few positions that see most of some faces.
 
     Args:
@@ -65,7 +66,8 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
         ways: (n, 3) unit directions to choose from, part coordinates, see `turnable`; None: `directions`.
         steepest_deg: between a place's normal and the direction, at the most.
         standing_mm: material that may still stand on the part, which holder and shank keep clear of.
-        places: of the faces that are looked at, at the most.
+        finely: places of the faces that are looked at, at the most; how far the triangles that tools keep clear of may lie off
+            the part, mm.
     Returns:
         Positions.
     Raises:
@@ -74,8 +76,9 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
     balls = library.of_type("ball")
     if not balls:
         raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
+    places, mesh_mm = finely
     some, ways = _some_samples(solid, indices, places), directions() if ways is None else ways
-    mesh = brep.planning_mesh(solid, MESH_DEFLECTION_MM)
+    mesh = brep.planning_mesh(solid, mesh_mm)
     tree = ClearanceTree.of_triangles(mesh.vertices_mm, mesh.triangles)
     on_tools = [_Ball.of_tool(tool, tree, some, standing_mm) for tool in balls]
     is_gentle = fixed.matmul(some.normal, np.transpose(ways)) >= fixed.cos(np.radians(steepest_deg)) - NEARLY

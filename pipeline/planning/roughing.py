@@ -27,13 +27,16 @@ LAYER_SHARE = 0.8           # of it, that one takes in each of several layers
 LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RoughingStage:
     """What a clearing is called, and what it leaves."""
 
     name: str
     allowance_mm: float
     threshold_mm: float = 0.0           # what stands less than this above the allowance is left alone
+    over_floors_mm: float | None = None     # left on level floors; None: the allowance, as on all else
+    is_rough: bool = True               # by its speed and feed
+    within: object = None               # function (n, 2) -> (n,) lowest tips that a border of its own allows; None: it has none
 
 
 def roughed(work, ball, is_reached, semi_finish):
@@ -144,12 +147,12 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
         (PlannedOperation or None where nothing is to be removed, height field after it, what it leaves at the sample rows).
     """
     cutter, practice = tool.cutter, work.practice
-    rpm, feed = work.speeds(tool, is_rough=True)
+    rpm, feed = work.speeds(tool, is_rough=stage.is_rough)
     d, is_ball = cutter.diameter_mm, cutter.type == "ball"
     radial = practice.radial_share * d if asked.stepover_mm is None else asked.stepover_mm
     stepdown = work.material.stepdown_share * d if asked.stepdown_mm is None else asked.stepdown_mm
     rules = ClearingRules(
-        mesh=work.mesh, radius_mm=d / 2, corner_radius_mm=0.0 if is_ball else cutter.corner_radius_mm,
+        mesh=_lowered(work.mesh, stage), radius_mm=d / 2, corner_radius_mm=0.0 if is_ball else cutter.corner_radius_mm,
         ridge_mm=cutter.corner_radius_mm,
         allowance_mm=stage.allowance_mm, stepdown_mm=stepdown, engagement_rad=engagement_of_rad(radial, d / 2),
         stock_mm=stock, stock_min_mm=work.stock_min_mm, stock_max_mm=work.stock_max_mm,
@@ -158,7 +161,7 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
         rapid_mm_per_min=min(a.rapid_mm_per_min for a in work.machine.axes), threshold_mm=stage.threshold_mm,
         keep_out=(*(f.box_mm for f in work.fixtures if f.is_box), *work.beyond_reach(d / 2)),
         keep_clear=tuple(DropMesh.from_triangles(*f.mesh) for f in work.fixtures if not f.is_box),
-        keep_out_mm=practice.keep_out_mm, lowest_mm=_lowest_of(work, tool, stage.allowance_mm))
+        keep_out_mm=practice.keep_out_mm, lowest_mm=_higher_of(_lowest_of(work, tool, stage.allowance_mm), stage.within))
     try:
         clearing = clear(rules)
     except NothingToCut:                # a casting near to its shape: the finish takes it, or a semi-finish before
@@ -190,6 +193,21 @@ def _lowest_of(work, tool, allowance_mm):
     if missing_when_roughing_mm(tool, work.mesh, work.stock_min_mm, work.stock_max_mm, allowance_mm) == 0.0:
         return None
     return partial(clear_tips_mm, tool, work.mesh, stock_mm=allowance_mm)
+
+
+def _lowered(mesh, stage):
+    """A DropMesh of the part, so much lower that levels come as near to its floors as the stage says."""
+    if stage.over_floors_mm is None:
+        return mesh
+    down = stage.allowance_mm + ClearingRules.margin_mm - stage.over_floors_mm
+    corners = mesh.corners_mm - np.array([0.0, 0.0, down])
+    return DropMesh.from_triangles(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+
+
+def _higher_of(*bounds):
+    """Function (n, 2) -> (n,) of the highest of some such functions; None where all are None."""
+    given = [b for b in bounds if b is not None]
+    return (lambda xy_mm: np.max([bound(xy_mm) for bound in given], axis=0)) if given else None
 
 
 def _left_mm(work, stock, rows):

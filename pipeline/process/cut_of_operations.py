@@ -4,11 +4,13 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from cuspline.process.cutting_speed import turning_rpm
 from cuspline.process.tool_life import change_points, edges_needed
 from cuspline.program.program import Kind
 from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
 
+DRAWN = 160               # stretches of a program that verify.json tells one by one
 NOT_SEEN = "not checked: the tool leans, drills, or is no ball, bull nose or flat cutter"
 
 
@@ -26,6 +28,8 @@ class OperationCut:
     immersion_deg: float            # widest arc
     lowest_speed_m_per_min: float   # of the edge in the cut: nearest to the axis,
     highest_speed_m_per_min: float  # and farthest from it
+    speeds_m_per_min: tuple[float, float, float]    # at the largest radius in the cut: 5, 50 and 95 % of the way are slower
+    rpm: tuple[float, float]        # slowest and fastest in the cut
     minutes_in_cut: float
     removed_mm3: float
     removal_cm3_per_h: float        # on the way in the cut: mean
@@ -33,16 +37,33 @@ class OperationCut:
 
     def as_dict(self):
         """For verify.json, rounded."""
-        return {name: round(value, 4) if isinstance(value, float) else value for name, value in self.__dict__.items()}
+        tidy = lambda value: round(value, 4) if isinstance(value, float) else value
+        return {name: [tidy(v) for v in value] if isinstance(value, tuple) else tidy(value)
+                for name, value in self.__dict__.items()}
 
 
-def cuts_of_operations(posted, tools, found):
+def cuts_of_operations(posted, tools, found, change_rpm_per_s=None):
     """OperationCut of every operation whose cuts are seen, in the order of the program.
 
     Args:
         posted: PostedMoves.   tools: {number: cutters.Tool}.   found: engagement.Engagement of them.
+        change_rpm_per_s: how fast the spindle changes its speed; None: at once.
     """
-    return tuple(_cut(posted, tools, found, mine, name) for name, mine in _by_operation(posted, found))
+    rpm = turned_rpm(posted, change_rpm_per_s)
+    return tuple(_cut(posted, tools, found, mine, name, rpm) for name, mine in _by_operation(posted, found))
+
+
+def turned_rpm(posted, change_rpm_per_s):
+    """(n,) mean speed of the spindle on every move; where an operation begins, or the tool changes, it has come to its speed."""
+    rpm = np.abs(posted.spindle_rpm)
+    begins = np.flatnonzero(np.r_[True, (np.diff(posted.operation) != 0) | (np.diff(posted.tool) != 0)])
+    if change_rpm_per_s is None or not len(rpm):
+        return rpm
+    length = np.sqrt(((posted.end_mm - posted.start_mm) ** 2).sum(axis=1))          # of arcs the chord: the time is short of it
+    times = np.divide(60 * length, posted.feed_mm_per_min, out=np.zeros(len(rpm)), where=posted.feed_mm_per_min > 0)
+    parts = np.split(np.arange(len(rpm)), begins[1:])
+    return np.concatenate([turning_rpm(rpm[rows], np.nan_to_num(times[rows]), change_rpm_per_s)
+                           if np.ptp(rpm[rows]) > 0 else rpm[rows] for rows in parts])
 
 
 def _by_operation(posted, found):
@@ -51,11 +72,11 @@ def _by_operation(posted, found):
     return [(name, np.flatnonzero(numbers == k)) for k, name in enumerate(posted.operations) if (numbers == k).any()]
 
 
-def _cut(posted, tools, found, mine, name):
+def _cut(posted, tools, found, mine, name, turned):
     row = found.row[mine]
     tool = int(posted.tool[row[0]])
     way, cuts = found.way_mm[mine], found.cuts[mine]
-    feed, rpm = posted.feed_mm_per_min[row], np.abs(posted.spindle_rpm[row])
+    feed, rpm = posted.feed_mm_per_min[row], turned[row]
     speed = lambda radius: 2 * np.pi * np.nan_to_num(radius[mine]) * rpm / 1000
     total, within = _sum(way), _sum(way[cuts])
     volume = _sum(way * found.area_mm2[mine])
@@ -69,8 +90,20 @@ def _cut(posted, tools, found, mine, name):
         immersion_deg=float(np.degrees(found.immersion_rad[mine].max())),
         lowest_speed_m_per_min=float(speed(found.lowest_radius_mm)[cuts].min(initial=np.inf)) if cuts.any() else 0.0,
         highest_speed_m_per_min=float(speed(found.highest_radius_mm)[cuts].max(initial=0.0)),
+        speeds_m_per_min=_shared_out(speed(found.highest_radius_mm)[cuts], way[cuts]),
+        rpm=(float(rpm[cuts].min()), float(rpm[cuts].max())) if cuts.any() else (0.0, 0.0),
         minutes_in_cut=minutes, removed_mm3=volume, removal_cm3_per_h=0.06 * volume / minutes if minutes > 0 else 0.0,
         removal_most_cm3_per_h=float((0.06 * found.area_mm2[mine] * feed).max()))
+
+
+def _shared_out(values, way):
+    """Values that 5, 50 and 95 % of a way are below; 0 of no way."""
+    order = np.argsort(values, kind="stable")
+    so_far = np.cumsum(way[order])
+    if not len(so_far) or so_far[-1] <= 0:
+        return 0.0, 0.0, 0.0
+    at = np.searchsorted(so_far, so_far[-1] * np.array([0.05, 0.5, 0.95])).clip(max=len(order) - 1)
+    return tuple(values[order[at]].tolist())
 
 
 def _sum(values):
@@ -116,20 +149,45 @@ def not_seen(posted, found):
     return [posted.operations[k] for k in np.unique(posted.operation[blind]).tolist()]
 
 
-def process_document(posted, tools, found, loads=None, source=""):
+def process_document(posted, tools, found, loads=None, source="", change_rpm_per_s=None):
     """verify.json's "process" of one setup.
 
     Args:
         loads: forces.Forces at the places of `found`; None: they are not known.
         source: where the material's figures come from, or why there are none.
+        change_rpm_per_s: see `cuts_of_operations`.
     Returns:
         {"operations": [...], "forces": words, "not_checked": words where something is not looked at}.
     """
     names, rows = not_seen(posted, found), []
-    for cut, (_, mine) in zip(cuts_of_operations(posted, tools, found), _by_operation(posted, found)):
+    for cut, (_, mine) in zip(cuts_of_operations(posted, tools, found, change_rpm_per_s), _by_operation(posted, found)):
         rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine))})
     words = {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
-    return {"operations": rows, "forces": source if loads is not None else f"not checked: {source}", **words}
+    along = along_program(posted, found, turned_rpm(posted, change_rpm_per_s), loads)
+    return {"operations": rows, "along": along, "forces": source if loads is not None else f"not checked: {source}", **words}
+
+
+def along_program(posted, found, rpm, loads=None):
+    """The largest of what edges meet on up to DRAWN stretches of a program, for plots.
+
+    Args:
+        rpm: (n,) of moves, see `turned_rpm`.   loads: as for `process_document`.
+    Returns:
+        {name: list of numbers}, one a stretch; forces stand in it where they are known.
+    """
+    even = np.flatnonzero(found.way_mm > 0)
+    if not len(even):
+        return {}
+    row = found.row[even]
+    begins = np.unique(np.arange(DRAWN) * len(even) // DRAWN)
+    most = lambda values: [round(v, 4) for v in np.maximum.reduceat(values, begins).tolist()]
+    columns = {"way_m": np.cumsum(found.way_mm[even]) / 1000, "operation": posted.operation[row].astype(float),
+               "depth_mm": found.depth_mm[even],
+               "speed_m_per_min": np.nan_to_num(2 * np.pi * found.highest_radius_mm[even]) * rpm[row] / 1000,
+               "removal_cm3_per_h": 0.06 * found.area_mm2[even] * posted.feed_mm_per_min[row]}
+    if loads is not None:
+        columns |= {"radial_n": loads.radial_n[even], "axial_n": loads.axial_n[even]}
+    return {name: most(values) for name, values in columns.items()}
 
 
 def _largest(loads, mine):

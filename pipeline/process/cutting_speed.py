@@ -1,8 +1,10 @@
-"""Constant cutting speed with a ball: the spindle speed that the radius of the edge in the cut needs (docs/formulas.md 12)."""
+"""Constant cutting speed: the spindle speed that the radius of the edge in the cut needs (docs/formulas.md 12)."""
 
 import numpy as np
 
 from cuspline.values import fixed_math as fixed
+
+BANDS = 1.03, 1.05, 1.08, 1.12, 1.2, 1.5, 2.0     # so much beside it an S word may stand for; the first that needs few enough words
 
 
 def effective_radius_mm(radius_mm, depth_mm):
@@ -42,4 +44,65 @@ def followed_rpm(rpm, times_s, change_rpm_per_s):
         out[k] = min(out[k], out[k - 1] + step[k])
     for k in range(len(out) - 2, -1, -1):
         out[k] = min(out[k], out[k + 1] + step[k])
+    return out
+
+
+def speed_runs(wanted_rpm, band=BANDS[0]):
+    """Spindle speeds that change as seldom as they may: every one within a band of what is wanted all along its run.
+
+    Args:
+        wanted_rpm: (n,) on stretches one after the other; NaN: any will do.   band: factor, > 1.
+    Returns:
+        (first stretch of each run (k,), rpm (k,)), whole numbers; k is 0 where nothing is wanted.
+
+    >>> speed_runs(np.array([np.nan, 1000.0, 1030.0, np.nan, 2000.0]))
+    ([0, 4], [1015, 2000])
+    """
+    firsts, speeds, low, high, begin = [], [], 0.0, np.inf, 0
+    for k, rpm in enumerate(np.asarray(wanted_rpm, float).tolist()):
+        if not rpm > 0:
+            continue
+        if max(low, rpm / band) > min(high, rpm * band):
+            firsts.append(begin)
+            speeds.append(round(float(np.sqrt(low * high))))
+            low, high, begin = 0.0, np.inf, k
+        low, high = max(low, rpm / band), min(high, rpm * band)
+    if high < np.inf:
+        firsts.append(begin)
+        speeds.append(round(float(np.sqrt(low * high))))
+    return firsts, speeds
+
+
+def spindle_speeds(wanted_rpm, times_s, change_rpm_per_s, band=BANDS[0]):
+    """(n,) whole speeds near those wanted that a spindle follows, changed as seldom as that allows.
+
+    Args:
+        wanted_rpm: (n,) on stretches one after the other, some of them numbers; NaN: any will do.   times_s: (n,).
+    """
+    wanted_rpm = np.asarray(wanted_rpm, float)
+    known = np.flatnonzero(np.isfinite(wanted_rpm))
+    lasting = wanted_rpm[known[np.maximum(np.searchsorted(known, np.arange(len(wanted_rpm)), side="right") - 1, 0)]]
+    rpm = followed_rpm(lasting, times_s, change_rpm_per_s)
+    firsts, speeds = speed_runs(np.where(np.isfinite(wanted_rpm), rpm, np.nan), band)
+    return np.repeat(np.array(speeds, float), np.diff([0, *firsts[1:], len(rpm)]))
+
+
+def turning_rpm(commanded_rpm, times_s, change_rpm_per_s):
+    """(n,) mean speed of a spindle on moves one after the other: it begins to change with the move that says so.
+
+    >>> turning_rpm(np.array([1000.0, 2000.0, 2000.0]), np.array([1.0, 1.0, 1.0]), 500.0).tolist()
+    [1000.0, 1250.0, 1750.0]
+    """
+    out = np.array(commanded_rpm, float)
+    now = float(out[0]) if len(out) else 0.0
+    for k, (wanted, seconds) in enumerate(zip(out.tolist(), np.asarray(times_s, float).tolist())):
+        if wanted == now:
+            continue
+        way, most = wanted - now, change_rpm_per_s * seconds
+        if abs(way) >= most:
+            after = now + np.sign(way) * most
+            out[k] = (now + after) / 2
+        else:
+            out[k], after = wanted - way * abs(way) / (2 * most), wanted
+        now = float(after)
     return out

@@ -12,7 +12,7 @@ Chips thinner than THIN_MM are not seen, nor what lies between two rings or betw
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -97,6 +97,10 @@ class Engagement:
             dtype = np.int64 if name == "row" else float
             object.__setattr__(self, name, frozen(getattr(self, name), wide.get(name, (n,)), name, dtype))
         object.__setattr__(self, "arcs", frozen(self.arcs, (n, None, 2), "arcs", is_handed_over=True))
+
+    def of(self, rows):
+        """Some of the places (k,)."""
+        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in ("unseen", "look")})
 
     @property
     def cuts(self):

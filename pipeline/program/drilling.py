@@ -1,6 +1,6 @@
 """Holes as drills make them: a canned cycle a hole, and the moves that it stands for.
 
-    level  ──► across ──┐                        "drill": down at the feed, up by a rapid; "tap": up at the feed too
+    level  ──► across ──┐                        "drill": down at the feed, up by a rapid; "tap", "ream": up at the feed too
                         ▼                        "dwell": the same, standing still at the bottom
     retract (R) ────────┬───── begin to feed     "peck": up to R after every peck, back to a little above the last
                         ┊ pecks                  "chip_break": up by a little after every peck
@@ -15,7 +15,7 @@ import numpy as np
 from cuspline.program.program import Kind, MoveWriter
 from cuspline.values.errors import ToolpathError
 
-CycleKind = Literal["drill", "dwell", "peck", "chip_break", "tap"]
+CycleKind = Literal["drill", "dwell", "peck", "chip_break", "tap", "ream"]
 PECKS = ("peck", "chip_break")
 CLEARANCE_MM = 0.5          # above the last peck, to which rapids come back; a control has its own
 MOST_PECKS = 1000
@@ -76,7 +76,7 @@ def cycle_way(cycle, clearance_mm, top_z_mm):
         yield Kind.RAPID, depth + clearance_mm
         depth -= cycle.peck_mm
     yield Kind.FEED, cycle.bottom_z_mm
-    if cycle.kind == "tap":
+    if cycle.kind in ("tap", "ream"):
         yield Kind.FEED, cycle.retract_z_mm
     yield Kind.RAPID, top_z_mm
 

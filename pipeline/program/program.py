@@ -183,6 +183,11 @@ class Operation:
     time_s: float | None = None     # that it takes, as planned; None: nobody has said
     is_from_top: bool = False       # it begins from the top of the machine, whatever tool was in before
     level_mm: float | None = None   # where its axis leans and stands: rapids across run so far above the zero, along the axis
+    rpm_changes: tuple[tuple[int, float], ...] = ()     # (move, spindle speed from there on); before the first: spindle_rpm
+
+    def rpm_at(self, move):
+        """Spindle speed of a move."""
+        return next((rpm for first, rpm in reversed(self.rpm_changes) if first <= move), self.spindle_rpm)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

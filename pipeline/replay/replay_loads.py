@@ -54,7 +54,7 @@ def loads(posted, tools, zmap, events, first, before_mm, columns=None):
     """
     diameter = of_tools(posted, tools, lambda cutter: cutter.diameter_mm)
     feeds = (posted.kind != Kind.RAPID) & (diameter > 0)
-    length = np.where(feeds, _lengths_mm(posted), 0.0)
+    length = np.where(feeds, lengths_mm(posted), 0.0)
     way = np.divide(length, diameter, out=np.zeros(len(posted)), where=feeds)
     starts = np.concatenate([[0.0], np.cumsum(way)])
     bin_way = max(1.0 / BINS, starts[-1] / MOST_BINS)
@@ -82,7 +82,7 @@ def of_tools(posted, tools, figure):
     return np.array([known.get(n, 0.0) for n in posted.tool.tolist()])
 
 
-def _lengths_mm(posted):
+def lengths_mm(posted):
     """(n,) length of each move, arcs along their circle; 0 where an end is not known."""
     length = np.nan_to_num(np.linalg.norm(posted.end_mm - posted.start_mm, axis=1))
     rows = np.flatnonzero(posted.kind >= Kind.ARC_CW)

@@ -100,6 +100,7 @@ class ReportBundle:
     material: str
     finish: Finish                  # what the design asks for
     inputs_sha256: str
+    revision: str
     step_file: str
     step_sha256: str
     part_box_mm: tuple[tuple[float, float, float], tuple[float, float, float]]

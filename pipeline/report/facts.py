@@ -332,6 +332,12 @@ def edge_rows(verify):
             for op in _process(part).get("operations") or ()]
 
 
+def along_setups(verify):
+    """[(setup, verify.json's `process.along`)] of setups whose edges were looked at."""
+    found = [(str(part.get("setup", DASH)), _process(part).get("along")) for part in verify.get("setups") or ()]
+    return [(name, along) for name, along in found if along]
+
+
 def edges_not_checked(verify):
     """What verify.json's "process" says of operations that are not looked at, one text a setup."""
     parts = [(str(part.get("setup", DASH)), _process(part).get("not_checked")) for part in verify.get("setups") or ()]
@@ -341,10 +347,10 @@ def edges_not_checked(verify):
         f"{name}, drives: {_drives_in_words(found)}" for name, found in strays if found]
 
 
-def edge_sets(verify):
-    """One text a tool and setup whose edges are changed on the way, or a set of which is counted."""
+def edge_sets(verify, setup=None):
+    """One text a tool and setup whose edges are changed on the way, or a set of which is counted; `setup`: of one alone."""
     rows = [(str(part.get("setup", DASH)), name, found) for part in verify.get("setups") or ()
-            for name, found in _edges(part).items()]
+            if setup in (None, part.get("setup")) for name, found in _edges(part).items()]
     return [f"{setup}, {name}: {decimal(found.get('minutes_in_cut'), 0)} min in the cut, "
             f"{counted(found.get('sets_of_edges', 1), 'set')} of edges" + _changes_in_words(found.get("change_before_lines"))
             for setup, name, found in rows]
@@ -377,10 +383,16 @@ def _edge_row(setup, op):
         "setup": setup, "name": str(op.get("name", DASH)), "way": decimal((number(op.get("way_mm")) or 0) / 1000, 2, "m"),
         "in_cut": percent(op.get("share_in_cut"), 1.0, 0), "tip": percent(op.get("tip_share"), 1.0, 0),
         "depth": decimal(op.get("depth_mm"), 2), "line": grouped(op.get("depth_line")), "arc": decimal(op.get("immersion_deg"), 0),
-        "speed": f"{decimal(low, 0)} … {decimal(high, 0)}", "removed": decimal((number(op.get("removed_mm3")) or 0) / 1000, 2),
+        "speed": f"{decimal(low, 0)} … {decimal(high, 0)}" + _half_in_words(op.get("speeds_m_per_min")),
+        "removed": decimal((number(op.get("removed_mm3")) or 0) / 1000, 2),
         "axial": decimal(op.get("axial_n"), 0), "radial": decimal(op.get("radial_n"), 0), "power": decimal(op.get("power_kw"), 2),
         "bend": decimal(op.get("deflection_mm"), 4),
         "rate": decimal(op.get("removal_cm3_per_h"), 1), "most": decimal(op.get("removal_most_cm3_per_h"), 1)}
+
+
+def _half_in_words(speeds):
+    """The speed at the largest radius in the cut that half of the way is below."""
+    return f", half below {decimal(speeds[1], 0)}" if isinstance(speeds, list) and len(speeds) == 3 else ""
 
 
 def feed_text(feed):
@@ -475,6 +487,22 @@ def _setups_of(column):
     return [s for s in column.get("setups") or [column] if isinstance(s, dict)]
 
 
+def dimension_rows(verify):
+    """One dict of texts a dimension and feature that the design states limits for."""
+    return [{"name": row["name"], "place": place(row["place_mm"]), "verdict": "within" if row["ok"] else "out of tolerance",
+             "sizes": [decimal(row[f"{n}_mm"], 4) for n in ("nominal", "lower", "upper", "least", "most", "fitted")]}
+            for row in verify.get("dimensions") or ()]
+
+
+def region_rows(verify):
+    """One dict of texts a named region: area required, reached, out of reach and why; cusps and gouge in um."""
+    um = lambda mm: decimal(1000 * mm, 2)
+    return [{"name": row["name"], "required": decimal(row["area_required_mm2"], 1),
+             "reached": percent(row["area_reached_mm2"], row["area_required_mm2"]),
+             "unreachable": decimal(row["area_unreachable_mm2"], 1), "why": row["why"] or DASH, "cusp": um(row["cusp_max_mm"]),
+             "most": um(row["cusp_p99_mm"]), "gouge": um(row["gouge_max_mm"])} for row in verify.get("regions") or ()]
+
+
 def cusp_rows(verify):
     """One dict of texts a face and operation, in um: asked, measured, and what the formula gives for the local step."""
     rows = []
@@ -515,4 +543,5 @@ def file_rows(bundle):
     """[(file, full SHA-256)] that tie this paper to the files."""
     programs = dict(row for s in bundle.setups for row in ((s.program_file, s.program_sha256), *s.continued)).items()
     return [(bundle.step_file, bundle.step_sha256), *programs,
-            ("inputs (parameters, machine, cutters)", bundle.inputs_sha256)]
+            ("inputs (parameters, machine, cutters)", bundle.inputs_sha256),
+            *([("revision of the repository", bundle.revision)] if bundle.revision else [])]

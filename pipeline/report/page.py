@@ -55,6 +55,7 @@ def report_html(bundle, images, plots, left_out):
         candidates=facts.candidate_rows(bundle),
         unreachable=facts.unreachable(bundle), bounds=facts.error_bound_rows(bundle.verify),
         measures=facts.measure_rows(bundle), stock=facts.stock_rows(bundle.verify), files=facts.file_rows(bundle),
+        dimensions=facts.dimension_rows(bundle.verify), regions=facts.region_rows(bundle.verify),
         cusps=facts.cusp_rows(bundle.verify), meshes=facts.mesh_rows(bundle.verify),
         captions=[(name, text) for name, text in CAPTIONS.items() if name in images],
         plots=[(caption, image_url("image/svg+xml", svg.encode())) for _, caption, svg in plots],

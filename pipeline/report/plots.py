@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from cuspline.report.facts import candidate_rows, finishing_steps, operations, tools_used
+from cuspline.report.facts import along_setups, candidate_rows, finishing_steps, operations, tools_used
 from cuspline.report.view_data import OPERATION_COLOURS
 from cuspline.report.wording import number, short, tool_name
 
@@ -45,6 +45,8 @@ def all_plots(bundle):
                cut_map_plot(op["cut_map"])) for s, _, op in operations(bundle) if op.get("cut_map")]
     plots += [(f"feed-{s.name}", f"Feed over time, {s.name}", feed_plot(s.path, _names(bundle, s)))
               for s in bundle.setups if len(s.path.time_s)]
+    plots += [(f"process-{name}", f"What the edges meet along the cutting way, {name}", process_plot(along))
+              for name, along in along_setups(bundle.verify)]
     return plots
 
 
@@ -238,6 +240,33 @@ def feed_plot(path, names):
     axes.legend(loc="upper right", ncols=4)
     axes.set_xlabel("time [min]")
     axes.set_ylabel("feed [mm/min]")
+    return _svg(figure)
+
+
+@in_our_style
+def process_plot(along):
+    """Depth, cutting speed, removal rate and, where it is known, force over the cutting way; colours are the operations'.
+
+    Args:
+        along: verify.json's `process.along`.
+    Returns:
+        SVG text.
+    """
+    rows = [(name, label) for name, label in (("depth_mm", "depth [mm]"), ("speed_m_per_min", "speed [m/min]"),
+                                              ("removal_cm3_per_h", "removal [cm³/h]"), ("radial_n", "force [N]")) if name in along]
+    way, operation = np.array(along["way_m"], float), np.array(along["operation"], int)
+    figure, begin = Figure(figsize=(7.2, 1.15 * len(rows) + 0.6)), np.r_[0.0, way[:-1]]
+    for k, (name, label) in enumerate(rows, 1):
+        axes = figure.add_subplot(len(rows), 1, k)
+        for number_ in np.unique(operation).tolist():
+            mine = operation == number_
+            axes.bar(begin[mine], np.array(along[name], float)[mine], (way - begin)[mine], align="edge", lw=0,
+                     color=OPERATION_COLOURS[number_ % len(OPERATION_COLOURS)])
+        axes.set(xlim=(0, way[-1]), ylabel=label)
+        axes.yaxis.label.set_fontsize(7)
+        axes.set_ylim(bottom=0)
+        axes.tick_params(labelbottom=k == len(rows), labelsize=7)
+    axes.set_xlabel("cutting way [m]")
     return _svg(figure)
 
 

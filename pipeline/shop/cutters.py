@@ -47,7 +47,7 @@ SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg
                 "apt": ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm"),
                 "drill": ("point_angle_deg",), "spot_drill": ("point_angle_deg",),
                 "chamfer_mill": ("point_angle_deg", "tip_diameter_mm"),
-                "tap": ("pitch_mm", "hand", "chamfer_threads"), "thread_mill": ()}
+                "tap": ("pitch_mm", "hand", "chamfer_threads"), "thread_mill": (), "reamer": ()}
 ALL_SHAPE_FIELDS = tuple(dict.fromkeys(name for names in SHAPE_FIELDS.values() for name in names))
 OPTIONAL = (*ALL_SHAPE_FIELDS, "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth",
             "bending_n", "unpecked_mm")
@@ -55,6 +55,7 @@ FLAT_DEG = 179.0            # from here on a drill's bottom is flat
 DRILLS = ("drill", "spot_drill")                    # types that cut along their axis alone
 POINTED = (*DRILLS, "chamfer_mill")                 # types that end in a cone
 THREADING = ("tap", "thread_mill")                   # types whose teeth leave a thread, simulated without them
+WITHOUT_CORNER = (*POINTED, *THREADING, "reamer")
 CENTRE_CUTTING = ("ball", "tapered_ball", "lens", *DRILLS)  # types whose teeth meet in the middle, where a library does not say
 RAMP_DEG = 10.0             # of a cutter that does not cut at its centre: three times the ramp that is planned
 SLOT_SHARE = 0.5            # of the diameter: docs/decisions/physical_state.md
@@ -72,7 +73,7 @@ class Cutter(Model):
 
     name: str
     type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "side", "apt", "drill", "spot_drill",
-                  "chamfer_mill", "tap", "thread_mill"]
+                  "chamfer_mill", "tap", "thread_mill", "reamer"]
     diameter_mm: float = Field(gt=0)
     corner_radius_mm: float = Field(ge=0, description="0 flat, diameter/2 ball")
     flutes: int = Field(ge=1, le=100)
@@ -112,7 +113,7 @@ class Cutter(Model):
     def _shape_is_consistent(self):
         self._says_its_shape()
         half = self.diameter_mm / 2
-        wanted = {"ball": half, "tapered_ball": half, "flat": 0.0, **dict.fromkeys((*POINTED, *THREADING), 0.0)}.get(self.type)
+        wanted = {"ball": half, "tapered_ball": half, "flat": 0.0, **dict.fromkeys(WITHOUT_CORNER, 0.0)}.get(self.type)
         if wanted is not None and abs(self.corner_radius_mm - wanted) > 1e-9:
             raise ValueError(f"a {self.type} cutter of diameter {self.diameter_mm} mm has corner_radius_mm {wanted}")
         if self.type == "bull_nose" and not 0 < self.corner_radius_mm < half:
@@ -209,10 +210,13 @@ class Cutter(Model):
 
     @property
     def body(self):
-        """What is simulated of it: itself; of a tap its core, of a thread mill its neck down to the tip, as a flat cutter.
+        """What is simulated of it: itself; of a tap its core, of a thread mill its neck down to the tip, as a flat cutter; a
+        reamer as a drill with a flat bottom.
 
         A tap's core is as wide as the minor diameter of its thread: it touches no wall of a hole within limits.
         """
+        if self.type == "reamer":
+            return self.model_copy(update={"type": "drill", "point_angle_deg": 180.0})
         if not self.threads:
             return self
         wide = self.diameter_mm - MINOR_SHARE * self.pitch_mm if self.type == "tap" else self.neck_diameter_mm
@@ -242,7 +246,7 @@ class Cutter(Model):
             InputError: a lens cutter, whose bottom is no straight line; a side cutter, whose two rims are round; a chamfer mill,
                 which has three lines.
         """
-        if self.type in ("lens", "side", "chamfer_mill", *THREADING):
+        if self.type in ("lens", "side", "chamfer_mill", "reamer", *THREADING):
             raise InputError(f"{self.name}: a {self.type} cutter has no seven-parameter form")
         d, r = self.diameter_mm, self.corner_radius_mm
         alpha, beta = np.radians(self.tip_angle_deg or 0.0), np.radians(self.taper_deg or 0.0)
@@ -264,7 +268,7 @@ class Cutter(Model):
         """
         if self.type == "side":
             return side_profile(self.diameter_mm, self.corner_radius_mm, self.flute_length_mm)
-        if self.threads:
+        if self.threads or self.type == "reamer":
             return self.body.profile
         if self.type in POINTED:
             return point_profile(self.diameter_mm, self.tip_diameter_mm or 0.0, self.point_height_mm, self.flute_length_mm)
@@ -371,7 +375,7 @@ class Tool(Model):
     @property
     def simulated(self):
         """The same with its cutter's `body`."""
-        return self.model_copy(update={"cutter": self.cutter.body}) if self.cutter.threads else self
+        return self if self.cutter.body is self.cutter else self.model_copy(update={"cutter": self.cutter.body})
 
     @property
     def wheel_mm(self):

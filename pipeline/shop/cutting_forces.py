@@ -24,6 +24,11 @@ class CuttingForceFile(Model):
     forces: tuple[CuttingForce, ...] = ()
 
 
+def force_of(material, own=()):
+    """CuttingForce of a material by name, a shop's own rows first; None: nothing is known."""
+    return {**known_forces(), **{f.material: f for f in own}}.get(material)
+
+
 @cache
 def known_forces():
     """{material: CuttingForce} of those that come with cuspline."""

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, model_validator
 
 from cuspline.shop.kinematics import Chain
 from cuspline.values.input_files import checked, toml_of
-from cuspline.values.models import Coordinate, Model, Point, one_of
+from cuspline.values.models import Coordinate, Model, Point, Sparse, one_of
 from cuspline.values.units import MM
 
 BED = "bed"                         # stands still, between what moves the part and what moves the tool
@@ -16,24 +16,14 @@ UPRIGHT = (0.0, 0.0, 1.0)
 ALONG = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": UPRIGHT}
 ROTARIES = "ABC"
 MOST_TURNS = 40
+CHANGE_RPM_PER_S = 1000.0           # of a spindle whose file does not say it: from 0 to 10,000 rpm in ten seconds, which is slow
 PARALLEL = 1e-3                     # sine of the angle below which two directions count as one
-
-
-class Sparse(Model):
-    """What a file leaves out is left out where the value is written out again: keys that came later change no older file."""
-
-    LEFT_OUT: ClassVar[tuple[str, ...]] = ()
-
-    @model_serializer(mode="wrap")
-    def _without_what_is_usual(self, dump):
-        usual = {name: type(self).model_fields[name].default for name in self.LEFT_OUT}
-        return {k: v for k, v in dump(self).items() if k not in usual or getattr(self, k) != usual[k]}
 
 
 class LinearAxis(Sparse):
     """One linear axis in machine coordinates: it counts as the tool moves, seen from the part."""
 
-    LEFT_OUT = ("direction", "time_constant_s", "backlash_mm")
+    LEFT_OUT = ("direction", "time_constant_s", "backlash_mm", "increment_mm")
     min_mm: Coordinate
     max_mm: Coordinate
     rapid_mm_per_min: float = Field(gt=0, description="largest axis speed")
@@ -42,6 +32,7 @@ class LinearAxis(Sparse):
     time_constant_s: float | None = Field(default=None, gt=0, le=1, description="first-order lag of its drive, measured by "
                                           "`cuspline calibrate`; where X, Y and Z state it the posted path is checked")
     backlash_mm: float = Field(default=0.0, ge=0, le=1, description="of its screw")
+    increment_mm: float = Field(default=0.0, ge=0, le=0.1, description="smallest step it can make; half of it counts as error")
 
     @model_validator(mode="after")
     def _travel_is_positive(self):
@@ -117,19 +108,42 @@ class Body(Model):
 class Spindle(Sparse):
     """What it turns, and what it stands; a limit that is left out is not checked."""
 
-    LEFT_OUT = ("power_kw", "torque_n_m", "axial_n")
+    LEFT_OUT = ("power_kw", "torque_n_m", "axial_n", "change_rpm_per_s")
     min_rpm: float = Field(gt=0)
     max_rpm: float = Field(gt=0)
     power_kw: float | None = Field(default=None, gt=0, description="at the tool, without end")
     torque_n_m: float | None = Field(default=None, gt=0, description="the same, at every speed")
     axial_n: float | None = Field(default=None, gt=0, description="force along its axis that its bearings stand")
+    change_rpm_per_s: float | None = Field(default=None, gt=0, description="how fast it changes its speed in the cut; left out: "
+                                           "taken to be 1000")
+
+    @property
+    def turns_faster_rpm_per_s(self):
+        """How fast it changes its speed, as stated or taken to be."""
+        return CHANGE_RPM_PER_S if self.change_rpm_per_s is None else self.change_rpm_per_s
+
+
+class Feeding(Model):
+    """How a program comes to a control that runs it while it is sent, through a memory of a few blocks."""
+
+    request_on_blocks: int = Field(ge=1, description="fewer behind the running one: more are requested")
+    request_off_blocks: int = Field(ge=1, description="more behind it: no more are taken")
+    bytes_per_s: float = Field(gt=0, description="that the line carries: 960 at 9600 baud")
+    refill_s: float = Field(default=0.0, ge=0, description="from a request to its first byte")
+
+    @model_validator(mode="after")
+    def _stops_above_where_it_begins(self):
+        if self.request_off_blocks < self.request_on_blocks:
+            raise ValueError(f"request_off_blocks {self.request_off_blocks} must not be below request_on_blocks "
+                             f"{self.request_on_blocks}")
+        return self
 
 
 class Control(Sparse):
     """What the controller accepts."""
 
     LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes", "canned_cycles",
-                "blocks_per_s", "rigid_tapping")
+                "blocks_per_s", "rigid_tapping", "feeding", "arc_centres")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
@@ -149,8 +163,12 @@ class Control(Sparse):
                                "counts its own)")
     arc_planes: tuple[Literal["XY", "ZX", "YZ"], ...] = Field(
         default=("XY", "ZX", "YZ"), description="in which the control runs arcs; others, all where it is empty, go out as lines")
+    arc_centres: Literal["IJK", "R"] = Field(default="IJK", description="what an arc states beside its end: its centre, or its "
+                                             "radius (arcs of more than 120 degrees in two blocks or more)")
     blocks_per_s: float | None = Field(default=None, gt=0, description="that the control runs; feeds of shorter blocks are lowered "
                                        "to it; left out: not checked")
+    feeding: Feeding | None = Field(default=None, description="programs are sent while they run: checked for waits in the cut; "
+                                    "left out: the control holds the whole program")
     optional_stops: bool = Field(default=False, description="M1 at the top of the machine before every tool but the first")
     path_tolerance_mm: float = Field(gt=0, description="how far the control may leave the path: half of it "
                                      "goes out as LinuxCNC's G64 P, whose blends take up to twice that; what goes out as Haas's "
@@ -158,6 +176,13 @@ class Control(Sparse):
                                      "Fanuc control for G64 (corners, smoothing), in Grbl as $12")
     arc_max_radius_mm: float = Field(default=1e4, gt=0, description="flatter arcs go out as lines")
     arc_min_length_mm: float = Field(default=1e-3, gt=0, description="shorter arcs go out as lines")
+
+    @model_validator(mode="after")
+    def _what_is_fed_has_no_sub_programs(self):
+        if self.feeding is not None and self.sub_programs:
+            raise ValueError("a program that is sent while it runs cannot call sub-programs: write sub_programs = false beside "
+                             "feeding")
+        return self
 
     @property
     def decimals(self):

@@ -6,14 +6,15 @@ from pydantic import Field
 
 from cuspline.shop.shipped import shipped
 from cuspline.values.errors import InputError
-from cuspline.values.models import Model
+from cuspline.values.models import Model, Sparse
 
 DRILL_SPEED_SHARE, DRILL_FEED_SHARE = 0.4, 0.01     # of a material that says nothing of drills
 
 
-class Material(Model):
+class Material(Sparse):
     """How fast a material is cut by solid-carbide end mills."""
 
+    LEFT_OUT = ("hardness_hrc",)
     name: str = Field(min_length=1, pattern=r"^[a-z0-9_]+$")
     description: str
     rough_speed_m_per_min: float = Field(gt=0, le=2000)
@@ -23,6 +24,7 @@ class Material(Model):
     coolant: str
     drill_speed_m_per_min: float | None = Field(default=None, gt=0, le=1000, description="of drills; left out: 0.4 of roughing")
     drill_feed_share: float | None = Field(default=None, gt=0, le=0.05, description="of drills, a turn / diameter; left out: 0.01")
+    hardness_hrc: float | None = Field(default=None, gt=0, le=70, description="of hardened steels")
     source: str = Field(min_length=1, description="where the figures come from; printed by `cuspline materials`")
 
     @property

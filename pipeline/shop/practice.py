@@ -1,19 +1,22 @@
 """What a shop decides: allowances, depths of cut, clearances, ways into stock.  Data, with the defaults here.
 
-A shop's own file (`--shop my_shop.toml`) has a table [practice] and rows [[materials]]; one value alone is
-`-p shop.clearance_mm=8`; an operation's own value goes before both.
+A shop's own file (`--shop my_shop.toml`) has a table [practice] and rows [[materials]], [[forces]] and [[lives]]; one value
+alone is `-p shop.clearance_mm=8`; an operation's own value goes before both.
 """
 
 from pydantic import Field
 
+from cuspline.shop.cutting_forces import CuttingForce
 from cuspline.shop.materials import Material
+from cuspline.shop.tool_lives import ToolLife
 from cuspline.values.input_files import checked, toml_of
-from cuspline.values.models import Model
+from cuspline.values.models import Sparse
 
 
-class Practice(Model):
+class Practice(Sparse):
     """Values of a shop for every job; lengths in millimetres."""
 
+    LEFT_OUT = ("constant_speed", "feed_by_engagement", "feed_most")
     rough_allowance_mm: float = Field(default=0.3, ge=0, le=20, description="roughing leaves it on the faces")
     semi_allowance_mm: float = Field(default=0.1, ge=0, le=5, description="a semi-finish leaves it")
     semi_scallop_mm: float = Field(default=0.05, gt=0, le=5, description="largest cusp of a semi-finish")
@@ -32,13 +35,19 @@ class Practice(Model):
     stock_allowance_mm: float = Field(default=2.0, ge=0, le=500,
                                       description="material all round the part where a design states no stock")
     tool_change_s: float = Field(default=60.0, ge=0, le=3600, description="what one more tool costs: its change, approach, overlap")
+    constant_speed: bool = Field(default=False, description="S words that keep the cutting speed where the edge cuts")
+    feed_by_engagement: bool = Field(default=False, description="feeds that keep the thickness of chips on the stock as it stands")
+    feed_most: float = Field(default=1.5, ge=1, le=2, description="times the feed per tooth: the most where chips are thin")
 
 
-class ShopFile(Model):
+class ShopFile(Sparse):
     """A shop's own file."""
 
+    LEFT_OUT = ("forces", "lives")
     practice: Practice = Practice()
     materials: tuple[Material, ...] = ()
+    forces: tuple[CuttingForce, ...] = Field(default=(), description="rows that go before cuspline's own, by material")
+    lives: tuple[ToolLife, ...] = Field(default=(), description="the same of tool life")
 
     @property
     def given(self):

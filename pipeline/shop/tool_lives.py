@@ -23,6 +23,11 @@ class ToolLifeFile(Model):
     lives: tuple[ToolLife, ...] = ()
 
 
+def life_of(material, own=()):
+    """ToolLife of a material by name, a shop's own rows first; None: nothing is known."""
+    return {**known_lives(), **{t.material: t for t in own}}.get(material)
+
+
 @cache
 def known_lives():
     """{material: ToolLife} of those that come with cuspline."""

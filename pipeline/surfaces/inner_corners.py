@@ -47,7 +47,7 @@ class Fillet:
 def inner_edges(faces, indices):
     """Concave edges that lie between faces of which at least one is to be cut; creases within a face included."""
     found = []
-    for pair in _edge_pairs(faces):
+    for pair in edge_pairs(faces):
         if pair[0][0] in indices or pair[1][0] in indices:
             edge = _inner_edge(faces, pair)
             if edge is not None:
@@ -60,9 +60,9 @@ def inner_edges(faces, indices):
 def fillets(faces, indices):
     """Fillets among the given faces."""
     smooth = {}
-    for pair in _edge_pairs(faces):
+    for pair in edge_pairs(faces):
         (i, _), (j, _) = pair
-        if i != j and np.abs(_sines(faces, pair)[0]).max() < CONCAVE_SINE:
+        if i != j and np.abs(edge_sines(faces, pair)[0]).max() < CONCAVE_SINE:
             for k in (i, j):
                 smooth[k] = smooth.get(k, 0) + 1
     candidates = [i for i in indices if smooth.get(i, 0) >= 2 and faces[i].kind != "plane"]
@@ -83,12 +83,12 @@ def _fillet(face, index):
                   place_mm=tuple(float(x) for x in shape.point_mm[shape.is_regular][k]))
 
 
-def _edge_pairs(faces):
+def edge_pairs(faces):
     """[((face, edge), (face, edge))] of all edges with a face on either side."""
     return [tuple(uses) for uses in edges_of_faces(faces) if len(uses) == 2]
 
 
-def _sines(faces, pair):
+def edge_sines(faces, pair):
     """Along an edge: sine (k,) and cosine (k,) of the angle, positive in a hollow, points (k, 3), parameters (k,)."""
     (i, first), (j, second) = pair
     curve = BRepAdaptor_Curve(first)
@@ -109,7 +109,7 @@ def _sines(faces, pair):
 
 
 def _inner_edge(faces, pair):
-    sines, cosines, points, parameters = _sines(faces, pair)
+    sines, cosines, points, parameters = edge_sines(faces, pair)
     is_hollow = sines >= CONCAVE_SINE
     if not is_hollow.any():
         return None

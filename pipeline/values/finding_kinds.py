@@ -37,6 +37,11 @@ KINDS = {
             "A pass was deleted, or the part has a face that no setup names: at least 1 mm² stands more than five times "
             "as high as is allowed.",
             "Add the face to a setup, or the operation that finishes it."),
+        "out_of_tolerance": (
+            "a dimension of the design is out of its limits on the simulated stock",
+            "The design states `Diameter(faces=\"bore\", fit=\"H7\")` for 20 mm, and the bore's path leaves 20.03.",
+            "Look at the operation that finishes these faces: a cutter or reamer of another size, a wrong offset. Where the limits "
+            "do not hold the drawn size, draw the solid at their middle."),
         "surface_not_proven": (
             "a tool that leans or turns in the cut, whose moves or whose leavings nothing proves",
             "A bull nose finishes with its axis turning: what stands between the sample points has no proven bound.",
@@ -158,6 +163,12 @@ KINDS = {
             "`path_tolerance_mm` is 0.01.",
             "Lower F to the value that is named. It is checked where the machine's file states `time_constant_s` of X, Y and Z; "
             "`cuspline calibrate` measures it."),
+        "late_blocks": (
+            "the control waits in the cut for blocks that have not arrived",
+            "Blocks of 0.05 mm at 2000 mm/min come at 9600 baud, 25 bytes each: the control runs 660 in a second, the line carries "
+            "38. The cutter stands in the cut and leaves marks.",
+            "Lower F to the value that is named, write fewer blocks (a larger `profile_tolerance_mm`, arcs), or take a faster "
+            "line. It is checked where the machine's file states `feeding`."),
         "no_spindle": (
             "a feed move while the spindle stands, or turns backwards",
             "`M3` is missing after a tool change; or M5 while the flutes still touch the stock.",

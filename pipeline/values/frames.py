@@ -55,8 +55,7 @@ class Frame:
 
     def box_into(self, low_mm, high_mm):
         """(3,) low and (3,) high corner of the smallest inner box that holds an outer one."""
-        corners = np.where([[k >> a & 1 for a in range(3)] for k in range(8)], high_mm, low_mm)
-        inner = self.into(corners)
+        inner = self.into(box_corners(low_mm, high_mm))
         return inner.min(axis=0), inner.max(axis=0)
 
     def turn_out(self, directions):
@@ -66,3 +65,8 @@ class Frame:
     def turn_into(self, directions):
         """(n, 3) outer directions → (n, 3) inner directions."""
         return fixed.matmul(np.asarray(directions), self.rotation)
+
+
+def box_corners(low_mm, high_mm):
+    """(8, 3) of a box between two opposite ones, (3,) each."""
+    return np.where([[k >> a & 1 for a in range(3)] for k in range(8)], high_mm, low_mm)

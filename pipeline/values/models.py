@@ -5,7 +5,7 @@ import re
 import typing
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_serializer
 
 FAR_MM = 1e6                # no machine, stock or fixture reaches so far
 SHOWN = 60                  # characters of a value, and
@@ -25,6 +25,17 @@ class Model(BaseModel):
     """Frozen; an unknown key is an error, and so is a number that is not finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Sparse(Model):
+    """What a file leaves out is left out where the value is written out again: keys that came later change no older file."""
+
+    LEFT_OUT: typing.ClassVar[tuple[str, ...]] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_usual(self, dump):
+        usual = {name: type(self).model_fields[name].default for name in self.LEFT_OUT}
+        return {k: v for k, v in dump(self).items() if k not in usual or getattr(self, k) != usual[k]}
 
 
 def one_of(*models):
@@ -87,9 +98,15 @@ def complaints(error, model=None):
     """
     if not isinstance(error, ValidationError):
         return " ".join(str(error).split()) or type(error).__name__
-    found = [_complaint(e, model) for e in error.errors()]
+    found = [_complaint(e, model) for e in _causes(error.errors())]
     more = f"; and {len(found) - MOST_SHOWN} more" if len(found) > MOST_SHOWN else ""
     return "; ".join(found[:MOST_SHOWN]) + more
+
+
+def _causes(errors):
+    """Errors of pydantic's without those that a list is too short, where it is only because its items are wrong."""
+    within = lambda short: any(len(e["loc"]) > len(short) and e["loc"][:len(short)] == short for e in errors)
+    return [e for e in errors if e["type"] != "too_short" or not within(e["loc"])]
 
 
 def no_such(name, names):

@@ -243,8 +243,10 @@ def distance(body, solid, m, margin, cap, share):
     """(proven lower bound, distance found) of two bodies; beyond `cap` they are not told apart.
 
     Nearer spheres first; one that is beyond the margin by this share of what the best found is, is taken at its word: a share
-    of 1 finds the least distance, a smaller one proves that much of it sooner.
+    of 1 finds the least distance, a smaller one proves that much of it sooner, or that it is below the margin.  The sphere round
+    a long piece, a spindle's, says little: the piece itself is held against the obstacle's spheres.
     """
+    middle = Pieces(np.empty((1, 3)), np.array([0, 1]), solid.nodes[:1], 1)
     here, there, bounds, top = np.zeros(STACK, np.int64), np.zeros(STACK, np.int64), np.empty(STACK), 1
     bounds[0] = _sphere_bound(body.nodes[ROOT], solid.nodes[ROOT], m)
     least, best = math.inf, math.inf
@@ -258,6 +260,8 @@ def distance(body, solid, m, margin, cap, share):
         if ends_here and ends_there:
             low, found = piece_distance(body, i - body.leaves + 1, solid, j - solid.leaves + 1, m, margin)
             least, best = min(least, low), min(best, found)
+            if best <= 0.0 or (best < margin and share < 1.0):
+                return (least if best <= 0.0 else -math.inf), best
             continue
         divides_body = ends_there or (not ends_here and body.nodes[i, RADIUS] >= solid.nodes[j, RADIUS])
         a, b, da, db = (2 * i + 1, j, 1, 0) if divides_body else (i, 2 * j + 1, 0, 1)
@@ -267,6 +271,10 @@ def distance(body, solid, m, margin, cap, share):
         for side in range(2):
             k = swap if side == 0 else 1 - swap
             bound = second if k == 1 else first
+            if ends_here and bound < min(best, cap):
+                put(middle.points[0], solid.nodes[b + k * db, :RADIUS])
+                low, _ = piece_distance(body, i - body.leaves + 1, middle, 0, m, margin)
+                bound = max(bound, low - solid.nodes[b + k * db, RADIUS])
             if bound < math.inf:
                 here[top], there[top], bounds[top] = a + k * da, b + k * db, bound
                 top += 1

@@ -45,6 +45,7 @@ THIN = 16.0               # sides of a cell: beyond this ratio the longer one is
 DEEPEST = 48              # halvings
 JUNG = 0.62               # of a set's width, that its points stray from their mean at most (sqrt(3/8))
 STEEP = 0.05              # an arc whose tangent is steeper than 1 in this is taken for the one place that is nearest
+GEOMETRY = 0              # of `world`, and of a forest in it: rows of the pieces
 
 
 @njit
@@ -85,7 +86,7 @@ def _remembered(piece, near):
 @njit
 def _convex_distance(x, y, z, piece, line, tool, world, search):
     """Convex distance to a piece: of the `line` that stands for it, or of the sub-step that it is."""
-    behind = len(world[0])
+    behind = len(world[GEOMETRY])
     if piece < behind:
         return piece_distance(x, y, z, line, tool[FLAT_RADIUS], tool[CORNER_RADIUS])
     return one_distance(x, y, z, piece - behind, world[UPRIGHT_ARRAYS:], math.inf, search[2])[0]
@@ -121,7 +122,7 @@ def _posed_corners(x, y, z, cell, piece, world, search, out):
         out[j], at = one_distance(x + s * cell[SIDE_S + X] + t * cell[SIDE_T + X], y + s * cell[SIDE_S + Y] + t * cell[SIDE_T + Y],
                                   z + s * cell[SIDE_S + Z] + t * cell[SIDE_T + Z], piece, forest, math.inf, search[2])
         first, last = min(first, at), max(last, at)
-    g = forest[0][piece]
+    g = forest[GEOMETRY][piece]
     if g[TURN] > 0.0:
         reach = _half_side(cell, SIDE_S) + _half_side(cell, SIDE_T)
         dx, dy, dz = x - g[TIP + X] - 0.5 * g[WAY + X], y - g[TIP + Y] - 0.5 * g[WAY + Y], z - g[TIP + Z] - 0.5 * g[WAY + Z]
@@ -133,7 +134,7 @@ def _posed_corners(x, y, z, cell, piece, world, search, out):
 @njit
 def _made_convex(piece, x, y, z, world, line):
     """Radii of the tool of an upright piece, and what stands for it near a place into line; zeros for others."""
-    geometry, tools = world[0], world[3]
+    geometry, tools = world[GEOMETRY], world[3]
     if piece >= len(geometry):
         return np.zeros(2)
     tool = tools[tree_of(piece, world[2])]
@@ -154,8 +155,8 @@ def _corner_distances(cell, near, world, search, line, corners):
         tool = _made_convex(piece, x, y, z, world, line)
         if _convex_distance(x, y, z, piece, line, tool, world, search) > reach:
             continue
-        if piece >= len(world[0]):
-            _posed_corners(x, y, z, cell, piece - len(world[0]), world, search, corners[count])
+        if piece >= len(world[GEOMETRY]):
+            _posed_corners(x, y, z, cell, piece - len(world[GEOMETRY]), world, search, corners[count])
             count += 1
             continue
         for j in range(4):

@@ -10,8 +10,6 @@ from cuspline.process.drives import Drives, deviations_mm, following_error_mm
 from cuspline.process.engagement import engagement
 from cuspline.process.forces import forces, limits_of
 from cuspline.program.program import Kind
-from cuspline.shop.cutting_forces import known_forces
-from cuspline.shop.tool_lives import known_lives
 from cuspline.values.amounts import counted
 from cuspline.values.findings import Finding
 
@@ -32,14 +30,15 @@ def process_of(posted, judging, stock, rows, around):
         rows: of the moves that leave the surface, see `drive_findings`.   around: (setup's name, its frame).
     """
     tools, machine, name = judging.tools, judging.machine, judging.material
-    met, material = engagement(posted, tools, stock), known_forces().get(name)
+    met, material = engagement(posted, tools, stock), judging.force
     loads = None if material is None else forces(posted, tools, met, material)
     source = f"no cutting force is known of {name or 'the material'}" if material is None else material.source
     shaken, chatter = chatter_findings(posted, tools, met, material, around)
     strays, drives = drive_findings(posted, machine, rows, around[0])
+    change = None if machine is None else machine.spindle.turns_faster_rpm_per_s
     return Process(findings=(*limit_findings(posted, tools, machine, met, loads, around), *shaken, *strays),
-                   document={**process_document(posted, tools, met, loads, source), "chatter": chatter, "drives": drives,
-                             "edges": edge_changes(posted, met, known_lives().get(name))})
+                   document={**process_document(posted, tools, met, loads, source, change), "chatter": chatter, "drives": drives,
+                             "edges": edge_changes(posted, met, judging.life)})
 
 
 def limit_findings(posted, tools, machine, met, loads, around):

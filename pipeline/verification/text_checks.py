@@ -6,6 +6,7 @@ import numpy as np
 
 from cuspline.program.program import Kind
 from cuspline.replay.replay_checks import Reporter
+from cuspline.values import fixed_math as fixed
 from cuspline.values.amounts import counted
 from cuspline.values.errors import ReadError
 from cuspline.values.units import MM
@@ -44,6 +45,11 @@ def tolerances_mm(posted, machine):
 def path_tolerance_mm(posted, machine):
     """The largest of all cutting moves."""
     return float(tolerances_mm(posted, machine)[posted.kind != Kind.RAPID].max(initial=0.0))
+
+
+def increments_mm(machine):
+    """How far the axes may stand from where they are sent, by half of the smallest step of each; 0: not stated."""
+    return 0.0 if machine is None else 0.5 * float(fixed.length(np.array([axis.increment_mm for axis in machine.axes])))
 
 
 def refuse_what_cannot_be_simulated(posted, tools, setup, machine, stock):

@@ -19,7 +19,8 @@ BATCH = 512               # samples asked at a time, the largest deviations firs
 MOST = 4096               # samples asked of one finding: the true amount is then only known to be no less
 STARTS = 6                # rays from whose best places the search goes on
 FAR_PROUD_MM = 0.5        # of stock that stands higher along a ray nobody asks the last micrometre, and it may be a bore that was
-FEW = 48                  # left out: next to its axis all its wall is as near.  So few samples are asked then, no search goes on
+FEW = 48                  # left out: next to its axis all its wall is as near.  So few samples are asked then, no search goes on;
+SEARCHED = 2 * MOST       # nor where so many samples of one program have been searched from: it is no matter of micrometres then
 SIDES = (-1.0, -0.5, 0.0, 0.5, 1.0)
 AROUND = np.array([(x, y, z) for x in SIDES for y in SIDES for z in SIDES if max(abs(x), abs(y), abs(z)) == 1.0])
 LAST_MM = 1e-5            # step at which the search ends
@@ -43,7 +44,7 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
     size = np.abs(deviation_mm[rows])
     is_capped = size >= LIMIT_MM - AT_CAP_MM
     if sign > 0 and size.max() > FAR_PROUD_MM:
-        return _at_least(samples, size, rows, followed, closest)
+        return roughly_true_mm(samples, deviation_mm, rows, followed, closest)
     order = np.concatenate([_spread(rows[is_capped]), rows[~is_capped][np.argsort(-size[~is_capped], kind="stable")]])
     found, best = [], -np.inf
     for first in range(0, min(len(order), MOST), BATCH):
@@ -67,15 +68,20 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
     return best, at, bool(len(rest)) and bool(is_capped.sum() > MOST or np.abs(deviation_mm[rest]).max() > best)
 
 
-def _at_least(samples, size, rows, followed, closest):
-    """(amount, row, True) of the highest of some of the farthest samples, on their own rays."""
-    some = _spread(np.flatnonzero(size >= min(size.max(), LIMIT_MM - AT_CAP_MM)))
-    some = some[::max(1, -(-len(some) // FEW))]
+def roughly_true_mm(samples, deviation_mm, rows, followed, closest):
+    """(amount, row, True) of the highest, or deepest, of FEW of the farthest samples, on their own rays; nothing is searched.
+
+    Args: as `largest_true_mm`.
+    """
+    sign = 1.0 if deviation_mm[rows[0]] > 0 else -1.0
+    size = np.abs(deviation_mm[rows])
+    capped = np.flatnonzero(size >= LIMIT_MM - AT_CAP_MM)
+    some = capped[::max(1, -(-len(capped) // FEW))] if len(capped) else np.argsort(-size, kind="stable")[:FEW]
     points, normals = samples.points_mm[rows[some]], samples.normals[rows[some]]
     length = np.maximum(size[some], np.abs(followed(points, normals)))
     share = np.arange(1, PLACES + 1) / PLACES
-    places = points[:, None] + (length[:, None] * share)[:, :, None] * normals[:, None]
-    off = closest.signed_distances_mm(places.reshape(-1, 3)).reshape(len(points), -1).max(axis=1)
+    places = points[:, None] + sign * (length[:, None] * share)[:, :, None] * normals[:, None]
+    off = (sign * closest.signed_distances_mm(places.reshape(-1, 3))).reshape(len(points), -1).max(axis=1)
     k = int(off.argmax())
     return float(off[k]), int(rows[some[k]]), True
 

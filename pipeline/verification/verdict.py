@@ -47,11 +47,11 @@ from cuspline.verification.residuals import (
 from cuspline.verification.samples import face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import Limits, SolidComparison, compare
-from cuspline.verification.text_checks import path_tolerance_mm
-from cuspline.verification.true_depths import largest_true_mm
+from cuspline.verification.text_checks import increments_mm, path_tolerance_mm
+from cuspline.verification.true_depths import SEARCHED, largest_true_mm, roughly_true_mm
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
-OF_THE_RESULT = ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm", "gaps_mm")     # bounds of gouge and cusp
+OF_THE_RESULT = ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm", "gaps_mm", "increments_mm")   # of gouge and cusp
 TRACING_MM = 1e-7         # length of a traced ray
 PROVEN_SHARE = 1 / 3      # of the allowed gouge: how near to the truth the certificate's bounds come
 FINEST_MM = 2e-4          # the finest that they are asked for
@@ -84,6 +84,7 @@ class SetupVerdict:
 
     setup: str
     finish: object                    # design.Finish
+    required: tuple[int, ...]         # numbers of the solid's faces that it answers for
     residuals: Residuals
     solids: SolidComparison
     replay: Replay
@@ -145,6 +146,15 @@ def _largest(bounds):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class SetupDraft:
+    """What the samples and the replay show of one setup; nothing between the samples is proven."""
+
+    setup: str
+    numbers: dict                     # of the contract of verify.json those that the samples tell
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SetupProgram:
     """One clamping's program, read back from the text."""
 
@@ -163,7 +173,9 @@ class Judging:
     finish: object                    # design.Finish
     ball_radius_mm: float             # smallest ball of the shop's library
     machine: object = None            # machines.Machine, or None: travel and table are not asked
-    material: str = ""                # name of the work material: of others than shop.cutting_forces knows forces are not checked
+    material: str = ""                # name of the work material
+    force: object = None              # shop.cutting_forces.CuttingForce of it, or None: forces and chatter are not checked
+    life: object = None               # shop.tool_lives.ToolLife of it, or None: edges are not counted
     options: Options = Options()
     kept: object = NOTHING            # kept.Kept, asked first for what takes long; NOTHING keeps nothing
     say: Callable = lambda text: None       # called with what is being done, and how large it is
@@ -225,6 +237,10 @@ class FirstLook:
                        fade_mm=float(np.sqrt(2.0 * self.part.largest_radius_mm * finished_mm)))
         return tuple(_judged(self.part, c, found, own, self.judging, joined)
                      for c, (found, own), joined in zip(self.clampings, self.residuals, steps))
+
+    def drafts(self):
+        """What this look and the replay show by themselves; one SetupDraft a program."""
+        return tuple(_drafted(self.part, c, found, own, self.judging) for c, (found, own) in zip(self.clampings, self.residuals))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -402,7 +418,8 @@ def _judged(part, c, found, own, judging, joined):
               "path_tolerance_mm": path_tolerance_mm(c.program.posted, machine),
               "tessellation_mm": part.mesh.deviation_mm, "zmap_mm": view.volumes.zmap_mm,
               **({"stock_mm": part.piece.blank.error_mm} if part.piece.blank.error_mm else {}),
-              **({"gaps_mm": part.gap_mm} if part.gap_mm else {})}
+              **({"gaps_mm": part.gap_mm} if part.gap_mm else {}),
+              **({"increments_mm": steps_mm} if (steps_mm := increments_mm(machine)) else {})}
     bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
     true_mm = _once(partial(_true_mm, part, c, found))
     report = Reporter(c.program, finish, found, own, true_mm)
@@ -410,14 +427,24 @@ def _judged(part, c, found, own, judging, joined):
     findings = (*history.findings, *history.idle, *process.findings, *report.gouges(), *report.unseen_gouges(proven),
                 *report.excess(), *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
-    return SetupVerdict(setup=c.name, finish=finish, residuals=found, solids=view, replay=history, certificate=proven,
-                        cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings, stock=part.made,
-                        mesh=part.mesh,
+    return SetupVerdict(setup=c.name, finish=finish, required=tuple(c.required), residuals=found, solids=view, replay=history,
+                        certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,
+                        stock=part.made, mesh=part.mesh,
                         numbers={**_numbers(found, view, finish, bounds, history, true_mm),
                                  **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
                                  "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict()),
                                  "process": process.document})
+
+
+def _drafted(part, c, found, own, judging):
+    """SetupDraft of clamping c; residuals as for `_judged`."""
+    judging.say(f"{c.name}: replay of {len(c.program.posted):,} moves on a grid of {c.options.replay_pitch_mm:.3f} mm")
+    history = _replayed(part, c, judging, _found_stock(part, c, judging.tools))
+    true_mm = _once(partial(_true_mm, part, c, found))
+    report = Reporter(c.program, part.finish, found, own, true_mm)
+    return SetupDraft(setup=c.name, numbers=_tidy(_on_faces(found, part.finish, true_mm)),
+                      findings=(*history.findings, *history.idle, *report.gouges(), *report.excess()))
 
 
 def _cusps(part, c, found):
@@ -521,24 +548,28 @@ def _found_stock(part, c, tools):
                       columns=None if before.blank.fills_box_in(frame) else before.blank.columns(frame, zmap.xy_mm))
 
 
-def _true_mm(part, c, found, residuals, rows):
+def _true_mm(part, c, found, residuals, rows, is_brief):
     """True amount of a group of samples of clamping c: (amount, row, whether it may be more)."""
     piece, far = part.piece, part.piece.blank.size_mm
     left = piece if residuals is found else Workpiece(blank=piece.blank, cuts=(piece.cuts[c.number],))
     is_proud = residuals.deviation_mm[rows[0]] > 0
     belongs = lambda p: left.is_stock(p) if is_proud else left.cut_distance_mm(p) < 0
-    return largest_true_mm(residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0],
-                           part.surface, belongs, residuals.spacing_mm)
+    asked = residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0], part.surface
+    return roughly_true_mm(*asked) if is_brief else largest_true_mm(*asked, belongs, residuals.spacing_mm)
 
 
 def _once(true_mm):
-    """The same function of residuals and rows, run once for each: findings and numbers ask for the same groups."""
-    known = {}
+    """The same function of residuals and rows, run once for each: findings and numbers ask for the same groups.
 
-    def asked(residuals, rows):
+    After SEARCHED samples it is brief, but where the largest of all is asked for.
+    """
+    known, searched = {}, []
+
+    def asked(residuals, rows, is_of_all=False):
         key = id(residuals), rows.tobytes()
         if key not in known:
-            known[key] = true_mm(residuals, rows)
+            known[key] = true_mm(residuals, rows, is_brief=sum(searched) >= SEARCHED and not is_of_all)
+            searched.append(len(rows))
         return known[key]
     return asked
 
@@ -548,38 +579,43 @@ def _largest_mm(found, is_beyond, is_side, true_mm):
     size = np.abs(found.deviation_mm)
     amount, more = size[is_side & ~is_beyond].max(initial=0.0), False
     if (is_side & is_beyond).any():
-        true, _, more = true_mm(found, np.flatnonzero(is_side & is_beyond))
+        true, _, more = true_mm(found, np.flatnonzero(is_side & is_beyond), is_of_all=True)
         amount = max(amount, true)
     return float(amount), more
 
 
-def _numbers(found, solid_view, finish, bounds, history, true_mm):
-    """verify.json's numbers of one setup."""
+def _on_faces(found, finish, true_mm):
+    """verify.json's numbers of one setup that its samples tell."""
     d, fair = found.deviation_mm, found.is_reachable
     gouge, excess = (_largest_mm(found, np.abs(d) > allowed + NOISE_MM, side, true_mm) for allowed, side in (
         (finish.gouge_mm, d < 0), (allowed_mm(finish), fair & (d > 0))))
     finished = fair & (d <= MISSED * allowed_mm(finish))
     area = found.area_mm2
-    clearance, held = history.holder_clearance_mm, solid_view.volumes
-    numbers = {
+    return {
         "gouge_max_mm": gouge[0], "excess_max_mm": excess[0],
         "at_least": [name for name, (_, more) in (("gouge_max_mm", gouge), ("excess_max_mm", excess)) if more],
         **({"plating_mm": finish.plating_mm} if finish.plating_mm else {}),
         "cusp_max_mm": max(0.0, d[finished].max(initial=0.0)),
         "cusp_p99_mm": max(0.0, weighted_percentile(d[finished], found.samples.weight_mm2[finished], 0.99)),
+        "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
+        "area_reached_mm2": area(fair & (d <= allowed_mm(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair)}
+
+
+def _numbers(found, solid_view, finish, bounds, history, true_mm):
+    """verify.json's numbers of one setup."""
+    clearance, held = history.holder_clearance_mm, solid_view.volumes
+    return _tidy({
+        **_on_faces(found, finish, true_mm),
         "gouge_volume_mm3": solid_view.gouge.mm3, "gouge_volume_bound_mm3": solid_view.gouge.bound_mm3,
         "excess_volume_mm3": solid_view.excess.mm3, "excess_volume_bound_mm3": solid_view.excess.bound_mm3,
         "error_bound_mm": _sum([bounds[k] for k in OF_THE_RESULT if k in bounds]),
-        "points_checked": int((~found.is_top).sum()), "area_required_mm2": area(slice(None)),
-        "area_reached_mm2": area(fair & (d <= allowed_mm(finish) + NOISE_MM)), "area_unreachable_mm2": area(~fair),
         "unreachable": unreachable_places(found),
         "holder_clearance_mm": clearance if np.isfinite(clearance) else None,
         "clearance_not_proven_lines": [int(line) for line in history.undecided_lines],
         "verifiers": {
             "compared_area_mm2": held.area_mm2, "bound_mm3": held.bound_mm3, "net_bound_mm3": held.net_bound_mm3,
             "excess_mm3": list(held.excess_mm3), "gouge_mm3": list(held.gouge_mm3), "net_mm3": list(held.net_mm3),
-            "bodies_beyond_tolerance": len(solid_view.bodies), "grid_artefacts": solid_view.artefacts}}
-    return _tidy(numbers)
+            "bodies_beyond_tolerance": len(solid_view.bodies), "grid_artefacts": solid_view.artefacts}})
 
 
 def _sum(bounds):

@@ -31,7 +31,7 @@ def named_codes(group, *names, takes="", says=""):
 
 ARC_LETTERS = "ijkrp"
 CYCLE_CODES = {
-    **named_codes("motion", "G81", takes="r", says="canned cycle"),
+    **named_codes("motion", "G81", "G85", takes="r", says="canned cycle"),
     **named_codes("motion", "G82", takes="rp", says="canned cycle"),
     **named_codes("motion", "G73", "G83", takes="rq", says="canned cycle"),
     **named_codes("return level", "G98", "G99"),

@@ -1,9 +1,10 @@
-"""Canned cycles G81, G82, G83 and G73 as a control runs them: what stays in force, and the moves of one hole.
+"""Canned cycles G81, G82, G83, G73 and G85 as a control runs them: what stays in force, and the moves of one hole.
 
     across at the height where the tool stands, down to R by a rapid, then
     G81 G82     down to Z at the feed; G82 stands still there for P
     G83         by Q at a time, each time up to R and by a rapid back to a little above where it was
     G73         by Q at a time, each time up by a little
+    G85         down to Z and up to R, both at the feed
     G84 G74     down to Z and back to R by the pitch F / S, the spindle tied to the feed: right-hand, left-hand
     and up by a rapid: under G98 to where the tool stood when the first cycle began, under G99 to R
 """
@@ -13,7 +14,7 @@ from typing import NamedTuple
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.program.program import Kind
 
-NEEDED = {"G81": "", "G82": "p", "G83": "q", "G73": "q", "G84": "", "G74": ""}      # letters beside Z and R
+NEEDED = {"G81": "", "G82": "p", "G83": "q", "G73": "q", "G84": "", "G74": "", "G85": ""}      # letters beside Z and R
 TAPS = {"G84": 1.0, "G74": -1.0}            # which way the spindle turns on the way down
 EVERY = frozenset(NEEDED)
 CYCLES = EVERY - TAPS.keys()                # that controls have alike
@@ -94,6 +95,6 @@ def way_of(cycle, here, place_xy, is_low, clearance_mm):
         yield Kind.RAPID, at(depth + clearance_mm)
         depth -= cycle.q
     yield Kind.FEED, at(cycle.z)
-    if cycle.name in TAPS:
+    if cycle.name in TAPS or cycle.name == "G85":
         yield Kind.FEED, at(cycle.r)
     yield Kind.RAPID, at(cycle.r if is_low else max(cycle.level, cycle.r))

@@ -56,8 +56,9 @@ class _Fanuc(Dialect):
     """Macro B."""
 
     point, end, knows_rotaries, tip_controls = ".", "M30", True, ("G43.4",)
-    has_planes = holds_beside = True
-    cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73", "tap": "G84", "tap left": "G74"}
+    has_planes = holds_beside = knows_radii = True
+    cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73", "ream": "G85", "tap": "G84",
+                   "tap left": "G74"}
     variables = Variables(arguments=tuple(LETTERS), locals=(*range(27, 34), 10, 12, 14, 15, 16), deepest_brackets=5)
 
     def head(self, writer, program, file_number):

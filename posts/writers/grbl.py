@@ -39,7 +39,7 @@ def post(program, machine):
 class _Grbl(Dialect):
     """RS-274 as far as Grbl has it."""
 
-    point, end, one_tool_a_file = "", "M30", True
+    point, end, one_tool_a_file, knows_radii = "", "M30", True, True
     work_offsets = ("G54", "G55", "G56", "G57", "G58", "G59")
 
     def head(self, writer, program, file_number):

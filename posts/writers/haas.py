@@ -51,7 +51,7 @@ def tool_table(tools, control):
 class _Haas(Dialect):
     """Its own words for path tolerance and home."""
 
-    point, end, coolants = ".", "M30", COOLANT_WORD
+    point, end, coolants, knows_radii = ".", "M30", COOLANT_WORD, True
     cycle_words = {"tap": "G84", "tap left": "G74"}
 
     def head(self, writer, program, file_number):

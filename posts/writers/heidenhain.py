@@ -181,6 +181,12 @@ class _Heidenhain(Dialect):
         self.cool(writer, operation)
         writer.feed = None
 
+    def turn_at(self, writer, rpm):
+        word = f"S{rpm:.0f}"
+        if word != writer.rpm:
+            writer.block("TOOL CALL", "Z", word)
+            writer.rpm = word
+
     def tap(self, writer, cycle, rpm, top_z_mm):
         """Cycle 207, its surface SET_UP_MM below where it begins to feed; a pitch below 0 is left-hand."""
         writer.count_rounding((*cycle.xy_mm, cycle.bottom_z_mm))

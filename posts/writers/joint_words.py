@@ -31,11 +31,20 @@ class PlainMoves:
 
     notes, is_tip = (), False
 
-    def __init__(self, moves, rotaries):
+    def __init__(self, operation, rotaries):
+        self.operation, moves = operation, operation.moves
         self.moves, self.start_mm, self.starts_mm = moves, moves.start_mm, moves.starts_mm
         self.turned_deg = np.zeros((len(moves) + 1, len(rotaries)))
 
     def write(self, writer, first, end, dialect):
+        """Moves `first` to `end`, the spindle's speed named where it changes."""
+        changes = [k for k, _ in self.operation.rpm_changes if first < k < end] if self.operation.rpm_changes else []
+        for begin, stop in zip([first, *changes], [*changes, end]):
+            if self.operation.rpm_changes:
+                dialect.turn_at(writer, self.operation.rpm_at(begin))
+            self._write(writer, begin, stop)
+
+    def _write(self, writer, first, end):
         m = self.moves
         columns = (m.kind, m.end_mm, m.center_mm, m.plane, m.feed_mm_per_min)
         for row in zip(*(column[first:end].tolist() for column in columns)):        # plain numbers are written faster

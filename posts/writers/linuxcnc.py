@@ -55,9 +55,10 @@ class _LinuxCNC(Dialect):
     """O-words; #1 to #30 are a call's own."""
 
     point, end, knows_rotaries, holds_beside = "", "M2", True, True
+    knows_radii = True
     variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
     tip_controls, tip_rapid = tuple(TIP), "G1"
-    cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73"}
+    cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73", "ream": "G85"}
 
     def head(self, writer, program, file_number):
         """Comments, then a known state: units, plane, absolute, no compensation, no shift, path tolerance."""

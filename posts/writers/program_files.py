@@ -45,6 +45,7 @@ class Dialect(ABC):
     variables: Variables | None = None      # of sub-programs; None: repeated passes go out move by move
     comment = staticmethod(in_brackets)     # how a text is told to the operator alone
     knows_rotaries = False                  # whether it writes rotary words
+    knows_radii = False                     # whether it can write arcs by their radius, R
     holds_beside = False                    # whether it can shift the zero for a tool beside the spindle's axis
     unnumbered = ("(", ";", "%", "O", "o", "N")     # how lines begin that get no block number
     one_tool_a_file = False                 # the control changes no tool: every tool has a file of its own
@@ -88,6 +89,13 @@ class Dialect(ABC):
         """Spindle and coolant on."""
         writer.block(f"S{operation.spindle_rpm:.0f}", spindle_word(operation))
         self.cool(writer, operation)
+
+    def turn_at(self, writer, rpm):
+        """Another speed of the spindle, which turns, in a block of its own."""
+        word = f"S{rpm:.0f}"
+        if word != writer.speed:
+            writer.block(word)
+            writer.speed = word
 
     def cool(self, writer, operation):
         """The operation's coolant alone: a control may have both on at once."""
@@ -216,6 +224,9 @@ class _Files:
         if dialect.work_offsets is not None and program.wcs not in dialect.work_offsets:
             raise PostError(f"{program.setup}: {program.wcs} is no work offset of the post {machine.control.post}: choose one of "
                             f"{', '.join(dialect.work_offsets)}")
+        if machine.control.arc_centres == "R" and not dialect.knows_radii:
+            raise PostError(f"{machine.name}: the post {machine.control.post} writes arcs by their centres alone: leave out "
+                            "arc_centres")
         tip = machine.control.tip_control
         if tip is not None and tip not in dialect.tip_controls:
             raise PostError(f"{machine.name}: tip_control {tip} is no word of the post {machine.control.post}, which knows "
@@ -226,6 +237,9 @@ class _Files:
         if self.subs is not None and self.subs.templates and machine.control.block_numbers:
             raise PostError(f"{machine.name}: block_numbers would stand among the numbers of restart points: leave them out, or "
                             "write sub_programs = false")
+        if self.subs is not None and self.subs.templates and machine.control.arc_centres == "R":
+            raise PostError(f"{machine.name}: sub-programs write arcs by their centres: leave out arc_centres, or write "
+                            "sub_programs = false")
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
         foot = dialect.writer(machine)
         dialect.foot(foot)
@@ -279,11 +293,18 @@ class _Files:
             before = self.writer.state()
 
     def _laid(self, operation):
-        """PlainMoves, DrilledMoves, SolvedMoves, TipMoves or TiltedMoves of an operation."""
+        """PlainMoves, DrilledMoves, SolvedMoves, TipMoves or TiltedMoves of an operation.
+
+        Raises:
+            PostError: its spindle changes its speed where that is not written.
+        """
+        if operation.rpm_changes and (operation.cycles or leans(operation.moves)):
+            raise PostError(f"operation {operation.name}: the speed of the spindle changes among its moves, which goes with an "
+                            "upright axis and without cycles: give it one speed")
         if operation.cycles and not leans(operation.moves):
             return DrilledMoves(operation, self.machine.rotaries, self.machine.control.canned_cycles)
         if not leans(operation.moves):
-            return PlainMoves(operation.moves, self.machine.rotaries)
+            return PlainMoves(operation, self.machine.rotaries)
         if self.machine.control.tip_control is None:
             return SolvedMoves(operation, self.machine)
         stands = operation.level_mm is not None and self.dialect.has_planes
@@ -315,6 +336,9 @@ class _Files:
         """An operation as calls; where the store is full, a new file begins at a restart point."""
         passes = operation.passes
         self.under_way = None
+        if operation.rpm_changes:
+            raise PostError(f"operation {operation.name}: the speed of the spindle changes among repeated passes: give it "
+                            "one speed")
         self._refuse_what_cannot_be_held(operation)
         for span in calls_between(passes):
             if self._try(operation, number, span):
@@ -334,7 +358,7 @@ class _Files:
         """Write the passes of one span; False and nothing written where the file would be too long for the store."""
         writer, before = self.writer, self.writer.state()
         if self.under_way is not operation:
-            self._begin(operation, number, is_alone=True, laid=PlainMoves(operation.moves, self.machine.rotaries))
+            self._begin(operation, number, is_alone=True, laid=PlainMoves(operation, self.machine.rotaries))
             self._prepare(operation, operation.passes)
             self.under_way = operation
             if self.texts:
@@ -372,9 +396,10 @@ class _Files:
         laid: PlainMoves or SolvedMoves.   first: move with which it begins here.
         """
         writer, tool, spindle = self.writer, operation.tool, self.machine.spindle
-        if not spindle.min_rpm <= operation.spindle_rpm <= spindle.max_rpm:
-            raise PostError(f"operation {operation.name}: {operation.spindle_rpm:.0f} rpm, the spindle of "
-                            f"{self.machine.name} runs {spindle.min_rpm:.0f} to {spindle.max_rpm:.0f} rpm")
+        for rpm in (operation.spindle_rpm, *(rpm for _, rpm in operation.rpm_changes)):
+            if not spindle.min_rpm <= rpm <= spindle.max_rpm:
+                raise PostError(f"operation {operation.name}: {rpm:.0f} rpm, the spindle of "
+                                f"{self.machine.name} runs {spindle.min_rpm:.0f} to {spindle.max_rpm:.0f} rpm")
         self._check_heights(operation)
         self._leave_tip()
         writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name.upper()}")
@@ -394,6 +419,7 @@ class _Files:
             writer.turn_words = [None] * len(writer.rotaries)
         self._turn(laid.turned_deg[first], is_at_top=None in writer.turn_words)
         self.dialect.run(writer, operation)
+        writer.speed = f"S{operation.spindle_rpm:.0f}"
         writer.forget_position()
         writer.plane = writer.feed = None       # a program may begin here
 

@@ -20,6 +20,7 @@ INVERSE_DECIMALS = 4        # of a feed under G93, 1/min
 ARC_RADIUS_MISMATCH_MM = 0.00283
 PLANE_WORD = {Plane.XY: "G17", Plane.ZX: "G18", Plane.YZ: "G19"}
 NEARLY_FULL_RAD = math.radians(350)     # rounding must not turn a full circle into none: two halves
+WIDEST_BY_RADIUS_RAD = math.radians(120)    # beyond, the rounding of R moves the middle of the arc by more than itself
 MOTION_WORD = {Kind.RAPID: "G0", Kind.FEED: "G1", Kind.ARC_CW: "G2", Kind.ARC_CCW: "G3"}
 FIRST_ARC = int(Kind.ARC_CW)
 UNIT_WORD = {"mm": "G21", "inch": "G20"}
@@ -90,6 +91,8 @@ class Writer:
         self.here_mm = np.zeros(3)
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
         self.plane, self.feed, self.coolant = Plane.XY, None, "M9"
+        self.speed = ""                                 # the S word in force
+        self.by_radius = control.arc_centres == "R"
         self.rotaries = rotaries
         self.is_tip = False                             # under tool-centre-point control, or
         self.is_tilted = False                          # in a tilted plane
@@ -194,7 +197,7 @@ class Writer:
     def _curved(self, kind, end_mm, center_mm, plane, feed):
         """An arc as the control takes it: whole, in two halves, or as chords within the path tolerance."""
         arc = Arc(self.here_mm, end_mm, center_mm, plane, kind)
-        if arc.sweep_rad > NEARLY_FULL_RAD:
+        if arc.sweep_rad > (WIDEST_BY_RADIUS_RAD if self.by_radius else NEARLY_FULL_RAD):
             self._curved(kind, arc.at(0.5), center_mm, plane, feed)
             self._curved(kind, end_mm, center_mm, plane, feed)
         elif plane in self.planes and self._arc_is_accepted(end_mm, center_mm, plane):
@@ -243,11 +246,26 @@ class Writer:
         """The controller's own rule on the rounded words: both radii agree, the arc has a length."""
         control = self.machine.control
         start, end, offset = self._arc_words(end_mm, center_mm, plane)
+        if self.by_radius:
+            return control.arc_min_length_mm < math.dist(start, end) and self._radius_is_accepted(start, end, center_mm, plane)
         r0 = math.hypot(*offset)
         r1 = math.hypot(end[0] - start[0] - offset[0], end[1] - start[1] - offset[1])
         chord = math.dist(start, end)
         return (abs(r0 - r1) <= ARC_RADIUS_MISMATCH_MM and control.arc_min_length_mm < chord
                 and r0 <= control.arc_max_radius_mm)
+
+    def _radius_is_accepted(self, start, end, center_mm, plane):
+        """The control's arc by the rounded R spans the rounded ends, and its middle is where the arc's is."""
+        radius, half = self._radius_mm(center_mm, plane), math.dist(start, end) / 2
+        written = self.rounded_mm(radius)
+        if not half < min(radius, written) or written > self.machine.control.arc_max_radius_mm:
+            return False
+        rise = lambda r: r - math.sqrt(r * r - half * half)
+        return abs(rise(written) - rise(radius)) <= ARC_RADIUS_MISMATCH_MM
+
+    def _radius_mm(self, center_mm, plane):
+        a, b, _ = plane.axes
+        return math.hypot(self.here_mm[a] - center_mm[a], self.here_mm[b] - center_mm[b])
 
     def _arc(self, kind, end_mm, center_mm, plane, feed):
         if plane != self.plane:
@@ -262,6 +280,8 @@ class Writer:
         is_helix = abs(end_mm[third] - self.here_mm[third]) > 1e-9
         words = self.words(end_mm, [*sorted((a, b)), *([third] if is_helix else [])])
         centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
+        if self.by_radius:
+            centre = ["R" + self.length(self._radius_mm(center_mm, plane))]
         more = self.helix_words if is_helix else ()
         self.block(*self._motion(self.motion_words[kind]), *words, *centre, *more, *self.feed_words(feed))
         self.here_mm = end_mm

@@ -340,6 +340,14 @@ def test_a_job_that_cannot_be(run, tmp_path, changes, wanted):
     assert_refused(run("build", saddle_job(tmp_path, **changes)), *wanted)
 
 
+def test_of_a_setup_with_a_wrong_operation_the_operation_alone_is_told(run, tmp_path):
+    job = saddle_job(tmp_path)
+    job.write_text(job.read_text() + 'operations = [{ kind = "watrline" }]\n')
+    done = run("build", job)
+    assert_refused(done, "setups.0.operations.0", "watrline")
+    assert "at least 1 item" not in done[1]
+
+
 @pytest.mark.parametrize("share", [0.2, 0.6, 0.97])
 def test_a_step_that_was_cut_off(run, tmp_path, share):
     job = saddle_job(tmp_path)

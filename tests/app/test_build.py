@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from built_parts import NARROW, built_once, copied, cuspline, ran, saddle_job
+from built_parts import NARROW, copied, cuspline, ran, saddle_job
 
 from cuspline.app import catalogue
 from cuspline.app import judge as judging
@@ -35,13 +35,6 @@ def read(path):
 def bytes_of(folder):
     """{file name: SHA-256}."""
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.iterdir()}
-
-
-@pytest.fixture(scope="module")
-def saddle(tmp_path_factory):
-    """Outputs of a small STEP part with a job file; not to be edited."""
-    job = saddle_job(tmp_path_factory.mktemp("saddle"))
-    return built_once(tmp_path_factory, "saddle", job, "--stage", "verify")
 
 
 @pytest.fixture(scope="module")

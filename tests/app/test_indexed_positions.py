@@ -73,6 +73,10 @@ def test_one_program_cuts_both_faces(block, judged):
     for setup in verify["setups"]:
         assert setup["gouge_max_mm"] <= 0.01 and 0.02 < setup["cusp_max_mm"] <= 0.06
         assert setup["area_reached_mm2"] == pytest.approx(setup["area_required_mm2"], rel=1e-3)
+    for setup, region in zip(verify["setups"], verify["regions"], strict=True):     # a face each, by its name
+        assert region["name"] == setup["setup"] and bool(region["why"]) == (region["area_unreachable_mm2"] > 0)
+        for figure in ("area_required_mm2", "area_reached_mm2", "area_unreachable_mm2", "cusp_max_mm", "cusp_p99_mm"):
+            assert region[figure] == pytest.approx(setup[figure], abs=1e-5)
 
 
 def spoilt(block, folder, change):

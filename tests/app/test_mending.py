@@ -54,7 +54,7 @@ def looked(order, plan):
     solid = brep.the_solid(order.design.solid, "dish")
     tools = {o.tool.number: o.tool for o in plan.operations}
     faces = tuple(brep.select_faces(brep.faces_of(solid), order.design.predicates[0]))
-    program = SetupProgram(posted=recipe._as_posted(order, [plan]), setup=plan.setup, faces=faces)
+    program = SetupProgram(posted=recipe._as_posted(order, plan), setup=plan.setup, faces=faces)
     (found,) = first_look((program,), solid, Judging(
         tools=tools, stock=order.design.stock, finish=order.design.finish, options=COARSE,
         ball_radius_mm=min(t.cutter.radius_mm for t in order.library.of_type("ball")))).residuals

@@ -78,7 +78,7 @@ def test_every_strategy_cuts_the_metal_so_much_below_the_drawing(strategy, tmp_p
     plan, = recipe._planned(order, lambda text: None)
     tools = {o.tool.number: o.tool for o in plan.operations}
     assert all(t in order.library.tools for t in tools.values())
-    posted, solid = recipe._as_posted(order, [plan]), brep.the_solid(design.solid, "dish")
+    posted, solid = recipe._as_posted(order, plan), brep.the_solid(design.solid, "dish")
     faces = tuple(brep.select_faces(brep.faces_of(solid), design.predicates[0]))
     program = SetupProgram(posted=posted, setup=plan.setup, faces=faces)
     (found, _), = first_look((program,), solid, Judging(tools=tools, stock=design.stock, finish=design.finish,

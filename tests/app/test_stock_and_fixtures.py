@@ -71,7 +71,7 @@ def planned(design, **changes):
     """(SetupPlan, PostedMoves, {number: Tool}) of a design's first setup."""
     plan = plan_setup(design, replace(design, **changes).setups[0], MACHINE, LIBRARY)
     tools = {o.tool.number: o.tool for o in plan.operations}
-    return plan, recipe._as_posted(stock_parts.order(design, None), [plan]), tools
+    return plan, recipe._as_posted(stock_parts.order(design, None), plan), tools
 
 
 def judged(design, posted, tools, options=stock_parts.COARSE):

@@ -62,6 +62,7 @@ def test_a_save_outdates_the_build_that_runs_and_the_solid_does_not_wait_for_it(
     part.write_text("quick one")
     state = state_when(address, lambda s: s["build"]["state"] == "done")
     assert (state["save"], state["build"]["words"], state["has_report"]) == (3, "VERIFIED quick one", True)
+    assert (state["draft"]["state"], state["draft"]["words"]) == ("done", "draft of quick one")
     assert get(f"{address}/out/report.html") == "<p>quick one" and get(f"{address}/solid.svg") == "<svg>quick one</svg>"
 
 

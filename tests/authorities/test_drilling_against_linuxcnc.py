@@ -17,7 +17,7 @@ from .linuxcnc.interpreter import RS274, write_parameters
 
 pytestmark = pytest.mark.linuxcnc
 MACHINE = machine_from_toml(Path(cuspline.posts.__file__).parent / "machines" / "mill_3axis.toml")
-KINDS = {"drill": {}, "dwell": {"dwell_s": 0.25}, "peck": {"peck_mm": 1.7}, "chip_break": {"peck_mm": 2.2}}
+KINDS = {"drill": {}, "dwell": {"dwell_s": 0.25}, "peck": {"peck_mm": 1.7}, "chip_break": {"peck_mm": 2.2}, "ream": {}}
 
 
 @pytest.mark.parametrize("sign", [1, -1], ids=["right-hand", "left-hand"])

@@ -13,7 +13,14 @@ from cuspline.app import catalogue
 from cuspline.app.judge import judge
 from cuspline.design import Finish, Marker, Setup
 from cuspline.design.job import read_job
-from cuspline.design.setup_alignment import fitted_frame, read_measured, refixtured, refixtured_setups
+from cuspline.design.setup_alignment import (
+    far_errors_mm,
+    fitted_frame,
+    read_measured,
+    refixtured,
+    refixtured_setups,
+    refixturing_in_words,
+)
 from cuspline.values.errors import InputError
 from cuspline.verification.verdict import Options
 
@@ -104,6 +111,61 @@ def test_too_few_markers_and_markers_in_a_line_are_refused():
         refixtured(setup(markers=line), lying(of=setup(markers=line)))
     with pytest.raises(InputError, match="no such setup; there are setup-2"):
         refixtured_setups([setup()], {"setup-9": {}})
+
+
+SQUARE = np.array([[100.0, 100, 0], [-100, 100, 0], [-100, -100, 0], [100, -100, 0]])
+FAR = np.array([[381.0, 0, 0]])
+
+
+def test_what_lies_far_from_the_markers_is_as_uncertain_as_many_fits_show():
+    """Four markers at +-100 mm, 2 um a coordinate, 381 mm away: 4.98 um, by formula and by a thousand measured parts."""
+    assert far_errors_mm(SQUARE, FAR, 0.002) == pytest.approx([0.00498], abs=5e-6)
+    rng, off2 = np.random.default_rng(7), []
+    for _ in range(1000):
+        fit = fitted_frame(SQUARE, SQUARE + rng.normal(size=SQUARE.shape) * 0.002)
+        off2.append(((fit.frame.out(FAR) - FAR) ** 2).sum())
+    assert np.sqrt(np.mean(off2)) == pytest.approx(0.00498, rel=0.05)
+
+
+def on_a_square(**changes):
+    markers = tuple(Marker(name=n, at_mm=tuple(p)) for n, p in zip("abcd", SQUARE.tolist()))
+    return setup(**{"markers": markers, **changes})
+
+
+def test_a_part_too_uncertain_far_from_its_markers_is_refused_and_what_is_kept_is_told():
+    exact = lying(of=on_a_square())
+    found = refixtured(on_a_square(), exact, FAR).refixturing
+    assert found.far_error_mm == pytest.approx(0.00498, abs=5e-6)
+    assert "FARTHEST PLACE KNOWN TO 0.0050 MM" in refixturing_in_words(found)
+    with pytest.raises(InputError, match="leave the part at X381.0 Y0.0 Z0.0 uncertain by 0.0050 mm, more than 0.004 mm"):
+        refixtured(on_a_square(far_limit_mm=0.004), exact, FAR)
+    noisy = lying(noise_mm=0.005, of=on_a_square())
+    with pytest.raises(InputError, match="uncertain by 0.01"):          # the residuals show more than is stated
+        refixtured(on_a_square(), noisy, FAR)
+
+
+def test_what_a_setup_says_as_ever_is_not_written():
+    assert not {"far_limit_mm", "marker_error_mm"} & set(setup().model_dump(mode="json"))
+    assert setup(far_limit_mm=0.02).model_dump(mode="json")["far_limit_mm"] == 0.02
+
+
+def positions():
+    """A clamping that begins with an indexed position, and another in it."""
+    held = {"indexed": True, "clamped_x": (1.0, 0.0, 0.0), "clamped_z": (0.0, 0.0, 1.0)}
+    return (on_a_square(wcs_z=(0.0, 0.0, 1.0), **held),
+            on_a_square(name="setup-3", wcs_x=(0.0, 1.0, 0.0), wcs_z=(1.0, 0.0, 0.0), **held))
+
+
+def test_indexed_positions_follow_their_clamping_and_look_at_the_part_as_before():
+    measured = lying(of=positions()[0])
+    held, turned = found = refixtured_setups(positions(), {"setup-2": measured})
+    for before, after in zip(positions(), found):
+        assert (after.wcs_x, after.wcs_z) == (before.wcs_x, before.wcs_z)
+        assert np.allclose(after.clamped_frame.out(np.array(list(measured.values()))), SQUARE, atol=1e-9)
+        assert after.refixturing.turn_deg == pytest.approx((0.02, -0.05, 0.3), abs=1e-9)
+    assert turned.is_held_as(held)
+    with pytest.raises(InputError, match="setup-3, an indexed position held as setup-2 is: measure them once"):
+        refixtured_setups(positions(), {"setup-3": measured})
 
 
 @pytest.mark.parametrize("text, words", [

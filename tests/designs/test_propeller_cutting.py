@@ -1,5 +1,7 @@
 """How a propeller is laid out to be cut: every blade from the same directions, turned with it, none of them towards the table."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,49 @@ def test_blades_are_cut_from_directions_turned_with_them(whole):
     assert all(s.indexed and s.clamped_x == (1, 0, 0) and s.clamped_z == (0, 0, 1) for s in whole.setups)
 
 
+def test_the_other_blades_take_the_moves_of_the_first_seen_from_the_same_side(whole):
+    """Part to setup of blade 1 is that of blade k with the propeller turned: what is planned once is cut on all."""
+    count = len(whole.setups) // 3
+    assert [s.planned_as for s in whole.setups] == [*count * [None], *2 * [s.name for s in whole.setups[:count]]]
+    for k in (1, 2):
+        for first, other in zip(whole.setups, whole.setups[count * k:]):
+            turned = about_x(2 * np.pi * k / 3) @ first.turn.rotation
+            assert other.turn.rotation == pytest.approx(turned, abs=1e-10) and other.operations == first.operations
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 6, 7, 9])
+def test_blades_are_taken_apart_and_each_once(count):
+    apart, around = cutting.blade_order(count, "apart"), cutting.blade_order(count, "around")
+    assert sorted(apart) == around == list(range(count)) and apart[0] == 0
+    in_turn = [min((b - a) % count, (a - b) % count) for a, b in zip(apart, apart[1:])]
+    assert min(in_turn) > 1 or count < 5
+
+
+@pytest.mark.parametrize("fillets_mm, numbers", [
+    ((8.0, 4.0), (16, 6)), ((3.0, 2.0), (6, 4)), ((20.0, 20.0), (16,)), ((1.0, 1.0), (4,))])
+def test_a_position_has_the_largest_ball_for_the_blade_and_one_that_fits_the_fillet(fillets_mm, numbers):
+    wide, tight = fillets_mm
+    p = SimpleNamespace(fillet_face_mm=wide, fillet_back_mm=wide, fillet_leading_edge_mm=tight, fillet_trailing_edge_mm=tight)
+    balls = cutting._balls(p)
+    assert tuple(b.cutter.diameter_mm for b in balls) == numbers
+    kinds = [o.kind for o in cutting._operations(balls)]
+    assert kinds == ["parallel", "rest"][:len(numbers)] and cutting._operations(balls)[0].tool == balls[0].number
+
+
+def test_a_stranger_s_table_is_laid_out_to_be_cut_with_default_settings(tmp_path):
+    """Columns over the radius, as somebody wrote them down: positions of every blade come of it."""
+    (tmp_path / "mine.csv").write_text(
+        "r_R,c_D,P_D,skew_deg,rake_D,t0_D,f0_c\n0.2,0.20,1.00,0,0,0.040,0.02\n0.4,0.26,1.02,2,0,0.030,0.025\n"
+        "0.6,0.29,1.05,6,0,0.020,0.025\n0.8,0.27,1.03,12,0,0.012,0.022\n0.95,0.16,1.00,18,0,0.007,0.02\n"
+        "1.0,0.02,1.0,20,0,0.004,0.0\n")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cutting, "_ways", lambda design, p, balls: FEW[:2])
+        made = make_design(find_design("propeller"), [f"radii_csv={tmp_path / 'mine.csv'}", "blades=3", "blades_cut=all"])
+    assert [s.name for s in made.setups] == [f"blade-{k}-{j}" for k in (1, 2, 3) for j in (1, 2)]
+    assert made.machine == cutting.MACHINE
+    assert made.description.endswith("3 of 3 blades cut with their fillets, all else stays as cast")
+
+
 def test_no_direction_points_the_spindle_at_the_table_and_the_first_two_see_both_sides(whole):
     ways = np.array([s.wcs_z for s in whole.setups])
     assert (ways[:, 0] >= -np.sin(np.radians(cutting.TOWARDS_TABLE_DEG)) - 1e-9).all()
@@ -49,6 +94,6 @@ def test_no_direction_points_the_spindle_at_the_table_and_the_first_two_see_both
 
 def test_a_hub_that_reaches_the_table_is_refused():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cutting, "_ways", lambda design, p: FEW[:2])
+        patch.setattr(cutting, "_ways", lambda design, p, balls: FEW[:2])
         with pytest.raises(DesignError, match="the hub begins 20.0 mm before the propeller's centre, .* enlarge arbor_mm"):
             make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=one", "arbor_mm=15"])

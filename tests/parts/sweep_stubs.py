@@ -40,7 +40,7 @@ class StubRequest:
                 os.kill(os.getpid(), signal.SIGKILL)
 
 
-def stub_solid(request, say):
+def stub_solid(request, send):
     """What a part's file says, in no time."""
     text = request.design.read_text()
     if "wrong" in text:
@@ -48,10 +48,11 @@ def stub_solid(request, say):
     return {"words": text, "svg": f"<svg>{text}</svg>"}
 
 
-def stub_build(request, say):
+def stub_build(request, send):
     """A build that takes long, unless the part's file says quick; a crash where it says so."""
     text = request.design.read_text()
-    say("plan setup-1")
+    send("stage", "plan setup-1")
+    send("draft", {"words": f"draft of {text}"})
     if "crash" in text:
         os.kill(os.getpid(), signal.SIGKILL)
     if "quick" not in text:

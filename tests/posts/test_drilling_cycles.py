@@ -15,7 +15,7 @@ from cuspline.values.errors import PostError, ReadError, ToolpathError
 
 MACHINES = Path(cuspline.posts.__file__).parent / "machines"
 LEVEL, FEED, T = 20.0, 240.0, tool("flat", 6, number=3)
-KINDS = {"drill": {}, "dwell": {"dwell_s": 0.25}, "peck": {"peck_mm": 2.5}, "chip_break": {"peck_mm": 3.0}}
+KINDS = {"drill": {}, "dwell": {"dwell_s": 0.25}, "peck": {"peck_mm": 2.5}, "chip_break": {"peck_mm": 3.0}, "ream": {}}
 
 
 def hole(kind, x, y, bottom=-5.0, retract=3.0, **more):

@@ -5,7 +5,7 @@ import pytest
 from known_programs import feed, program, rapid, tool
 
 from cuspline.app import catalogue
-from cuspline.process.chatter import least_real_mm_per_n, limit_depth_mm, limits_mm
+from cuspline.process.chatter import best_speeds, depths_at, least_real_mm_per_n, limit_depth_mm, limits_mm, stability_lobes
 from cuspline.process.cut_of_operations import edge_changes
 from cuspline.process.cutting_speed import contact_radius_mm, effective_radius_mm, followed_rpm, rpm_for_speed
 from cuspline.process.engagement import Look, engagement
@@ -94,3 +94,29 @@ def test_edges_are_changed_before_a_stretch_that_would_outlive_them():
     assert edges["change_before_lines"] == [posted.line[10]]
     assert edge_changes(posted, found, None).startswith("not checked")
     assert "stretch 1" in edge_changes(posted, found, life.model_copy(update={"life_min": 10.0}))["T1"]["too_long"]
+
+
+def test_lobes_stand_on_the_limit_and_open_where_teeth_strike_with_the_mode():
+    mode = (800.0, 2e4, 0.03)
+    shaken = tool("ball", 10).model_copy(update={"chatter": Chatter(modes=(mode,))})
+    always, spindle = limits_mm({1: shaken}, H13)[1], catalogue.find_machine("mill_3axis").spindle
+    lobes = stability_lobes([mode], 2, lambda real: limit_depth_mm(real, 4000, np.cos(np.radians(70)), 1.0))
+    depth = depths_at(lobes, np.linspace(2000, 18000, 800))
+    assert depth.min() == pytest.approx(always, rel=0.01) and (depth > 0.999 * always).all()
+    found = best_speeds(shaken, H13, spindle)
+    assert found[0][0] == pytest.approx(60 * 800 / 2 / 2, rel=0.04) and found[0][1] > 3 * always    # 24,000 is beyond the spindle
+    assert found[1][0] == pytest.approx(60 * 800 / 2 / 3, rel=0.04) or abs(found[1][0] / found[0][0] - 1) > 0.04
+
+
+def test_a_lobe_is_where_the_regenerated_wave_neither_grows_nor_dies():
+    """Closed form of one mode: on the border b, 1 + 2 b n_a K mu G (1 - e^(-i w T)) = 0 at the chatter frequency."""
+    own, stiffness, damping = 800.0, 2e4, 0.03
+    lobes = stability_lobes([(own, stiffness, damping)], 2, lambda real: -1 / (2 * real))
+    frequency = np.sort(np.concatenate([np.linspace(own / 2, 2 * own, 400), own * (1 + np.linspace(0, 6 * damping, 200))]))
+    r = frequency / own
+    g = 1 / stiffness / (1 - r * r + 2j * damping * r)
+    for k in (0, 3):
+        rows = np.flatnonzero(np.isfinite(lobes[k, :, 1]))[::40]
+        delay = 60 / lobes[k, rows, 0] / 2
+        left = 1 + lobes[k, rows, 1] * g[rows] * (1 - np.exp(-2j * np.pi * frequency[rows] * delay))
+        assert np.abs(left).max() < 1e-6

@@ -191,7 +191,7 @@ def make_bundle():
     return ReportBundle(
         design="groove_block", description="Block with a round groove and a step, for the report's own tests",
         parameters={"length_mm": LENGTH, "width_mm": WIDTH, "groove_radius_mm": GROOVE_R}, material="aluminium 6061-T6",
-        finish=Finish(scallop_mm=0.020, profile_tolerance_mm=0.005, gouge_mm=0.003), inputs_sha256="ab" * 32,
+        finish=Finish(scallop_mm=0.020, profile_tolerance_mm=0.005, gouge_mm=0.003), revision="", inputs_sha256="ab" * 32,
         step_file="groove_block.step", step_sha256="9c" * 32, part_box_mm=((0, 0, 0), (LENGTH, WIDTH, TOP)),
         plan=sample_plan(setup), verify=sample_verify(), mesh=mesh, deviation_samples_mm=samples,
         curvature_per_mm=hollow, setups=(setup,), **sample_cusps())

@@ -95,7 +95,7 @@ def test_a_finding_shows_its_block_and_the_axes(refused_bundle):
 def test_cusps_and_meshes_become_rows(sample_bundle):
     (row,) = facts.cusp_rows(sample_bundle.verify)
     assert row["measured"] == "16.10 / 17.71 / 19.32" and row["agrees"] == "62.0 %" and row["differs"] == "3.00"
-    assert facts.cusp_rows({}) == facts.mesh_rows({}) == []
+    assert facts.cusp_rows({}) == facts.mesh_rows({}) == facts.region_rows({}) == []
     assert facts.mesh_rows({"setups": [{"setup": "a", "mesh": {"left_out": "no such thing"}}]}) == [("left out", "no such thing")]
     view = {"stock_to_design": {"max_mm": 0.01, "mean_mm": 0.003, "points": 12}, "max_residual_mm": 0.01, "mean_residual_mm": 0.003}
     mesh = {"design": {"triangles": 9, "smallest_angle_deg": 2.5, "flipped": 1, "open_edges": 0},

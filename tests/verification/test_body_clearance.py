@@ -177,3 +177,25 @@ def test_arcs_are_judged_along_their_way():
 
 def test_a_machine_without_bodies_has_nothing_to_say():
     assert findings(DOWN.format(-315.0) + SWING, machine=TRUNNION.model_copy(update={"bodies": ()})) == ()
+
+
+def scattered(count, seed):
+    """kernels.Pieces of triangles all about, and their corners (count, 3, 3)."""
+    place, size = np.random.default_rng(seed), np.random.default_rng(seed + 1)
+    corners = place.uniform(-60, 60, (count, 1, 3)) + size.normal(size=(count, 3, 3))
+    return bodies.pieces_of(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)), corners
+
+
+def test_a_long_piece_among_many_small_ones_is_as_far_as_piece_by_piece():
+    """The sphere round a spindle holds everything: what is left out for its own distance to the others' spheres changes nothing."""
+    spindle = bodies.pieces_of(*CylinderShape(from_mm=np.zeros(3), to_mm=np.array([0.0, 0.0, 90.0]), radius_mm=8.0).mesh)
+    small, corners = scattered(300, 4)
+    rng = np.random.default_rng(6)
+    for _ in range(6):
+        seen = np.vstack([turn_of(rng.normal(size=3), rng.uniform(0, 180)), rng.uniform(-70, 70, 3)])
+        each = [kernels.piece_distance(spindle, 0, small, k, seen, 1.0)[1] for k in range(len(corners))]
+        low, found = kernels.distance(spindle, small, seen, 1.0, np.inf, 1.0)
+        assert found == pytest.approx(min(each), rel=0.05, abs=1e-3) and low <= min(each) + 1e-9
+        low, found = kernels.distance(spindle, small, seen, 1.0, np.inf, 0.6)
+        assert low <= min(each) + 1e-9 and (min(each) >= 1.0) == (found >= 1.0)
+        assert min(each) < 1.0 or low > 1.0

@@ -111,3 +111,20 @@ def test_rays_that_cannot_be_among_the_best_are_not_followed_and_change_nothing(
         assert np.argsort(-found[0], kind="stable")[:true_depths.STARTS].tolist() == best.tolist()
         assert count < 0.5 * (sum(asked) - count)
         asked.clear()
+
+
+def test_of_many_gouges_some_are_searched_and_the_others_say_at_least(monkeypatch):
+    """Six dents of a ball, 0.2 to 0.7 mm deep: one is followed to the last, and the deepest of all is."""
+    monkeypatch.setattr("cuspline.verification.verdict.SEARCHED", 1)
+    deep = {float(x): 0.2 + 0.1 * k for k, x in enumerate(np.linspace(2.0, 18.0, 6))}
+    dents = [m for x, d in deep.items() for m in (rapid(x, 8.0, 40), feed(x, 8.0, 10 - d), rapid(x, 8.0, 40))]
+    moves, numbers = two_tools(passes(10.0), dents)
+    v = verdict(moves, tools={1: tool("ball", 10), 2: tool("ball", 1, number=2)}, tool=numbers)
+    found = [f for f in v.findings if f.kind == "gouge"]
+    assert len(found) == 6 and sum(f.is_at_least for f in found) == 5
+    for f in found:
+        true_mm = deep[min(deep, key=lambda x: abs(x - f.place_mm[0]))]
+        assert 0.8 * true_mm < f.amount_mm < true_mm + 1e-4
+        assert f.is_at_least or f.amount_mm == pytest.approx(true_mm, abs=1e-4)
+    numbers = v.as_dict()
+    assert numbers["gouge_max_mm"] == pytest.approx(0.7, abs=1e-4) and numbers["at_least"] == []

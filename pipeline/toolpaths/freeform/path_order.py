@@ -9,7 +9,7 @@ LOOKS = 17                  # places along a straight way that are asked whether
 LIFT_MM = 40.0              # a lift counts as so much way
 
 
-def ordered_paths(paths, field, link_mm, is_one_way):
+def ordered_paths(paths, field, link_mm, is_one_way, bearing=None):
     """The same paths in the order they are cut, turned to run from where the tool enters.
 
     Args:
@@ -17,11 +17,17 @@ def ordered_paths(paths, field, link_mm, is_one_way):
         field: TipField, for the region.
         link_mm: longest way along the surface from path to path, in plan.
         is_one_way: paths keep their direction; closed ones begin anywhere all the same.
+        bearing: "step-up": the lowest path first, as they lie one above the other; "uphill": open paths run from their lower
+            end; None: the nearest next.
     Returns:
         list of TipPath.
     """
     if not paths:
         return []
+    if bearing == "step-up":
+        return _one_above_the_other(paths, is_one_way)
+    if bearing == "uphill":
+        paths, is_one_way = [_uphill(p) for p in paths], True
     spot, owner, row = _entries(paths, is_one_way)
     open_ = np.ones(len(owner), bool)
     out = [paths[0]]
@@ -31,6 +37,25 @@ def ordered_paths(paths, field, link_mm, is_one_way):
         open_[owner == owner[k]] = False
         out.append(_entered(paths[owner[k]], row[k]))
     return out
+
+
+def _one_above_the_other(paths, is_one_way):
+    """Paths by their mean height, each entered where the one before ends, as near as it may be."""
+    heights = [float(np.cumsum(p.tips_mm[:, 2])[-1] / len(p.tips_mm)) for p in paths]
+    out = []
+    for k in np.argsort(np.round(heights, 6), kind="stable").tolist():
+        if out:
+            spot, _, row = _entries([paths[k]], is_one_way)
+            out.append(_entered(paths[k], row[np.linalg.norm(spot - out[-1].tips_mm[-1, :2], axis=1).argmin()]))
+        else:
+            out.append(paths[k])
+    return out
+
+
+def _uphill(path):
+    """The path begun at its lower end; closed ones stay."""
+    t = path.tips_mm
+    return path if path.is_closed or t[-1, 2] >= t[0, 2] else replace(path, tips_mm=t[::-1])
 
 
 def _entries(paths, is_one_way):

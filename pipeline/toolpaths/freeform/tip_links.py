@@ -45,6 +45,7 @@ class TipLinkRules:
     lead_radius_mm: float           # of entry and exit arcs, vertical and tangent
     is_one_way: bool
     steepest_rad: float = math.pi / 2       # that the cutter goes down through stock: not all cut at their centre
+    bearing: str | None = None      # see ordered_paths
 
     def __post_init__(self):
         if self.approach_z_mm > self.clearance_z_mm:
@@ -69,7 +70,7 @@ def moves_of_tip_paths(paths, rules):
     if top > rules.clearance_z_mm:
         raise ToolpathError(f"a path reaches {top:.3f} mm, above the clearance height {rules.clearance_z_mm} mm: "
                             "raise the clearance")
-    order = ordered_paths(paths, rules.field, rules.surface_link_mm, rules.is_one_way)
+    order = ordered_paths(paths, rules.field, rules.surface_link_mm, rules.is_one_way, rules.bearing)
     ways = _surface_ways(order, rules)
     leads_in, leads_out = _leads(order, rules)
     writer = None

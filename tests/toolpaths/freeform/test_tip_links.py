@@ -119,6 +119,18 @@ def test_every_path_is_cut_once_from_end_to_end(island):
     assert sorted(map(key, order)) == sorted(map(key, paths))
 
 
+def test_bearings_put_the_lowest_pass_first_or_the_lower_end():
+    """Four passes up a slope, laid from the top: step-up and uphill; none is lost, none is cut twice."""
+    paths = [TipPath(tips_mm=np.array([(0, y, y + 0.4), (10, y, y + 0.4 * (-1) ** y)]), is_closed=False, curve=y)
+             for y in (3, 2, 1, 0)]
+    up = ordered_paths(paths, None, 0.0, False, "step-up")
+    assert [p.curve for p in up] == [0, 1, 2, 3]
+    assert all(np.linalg.norm(a.tips_mm[-1, :2] - b.tips_mm[0, :2]) < 1.1 for a, b in zip(up, up[1:]))        # to and fro
+    assert [p.tips_mm[0, 0] for p in ordered_paths(paths, None, 0.0, True, "step-up")] == [0.0] * 4
+    uphill = ordered_paths(paths, None, 0.0, False, "uphill")
+    assert len(uphill) == 4 and all(p.tips_mm[0, 2] <= p.tips_mm[-1, 2] for p in uphill)
+
+
 def test_a_link_over_the_island_clears_what_roughing_left_on_it(island):
     """From one side of the boss to the other: up over its stock, across, down, without the clearance height."""
     field = field_of(island)

@@ -1,0 +1,191 @@
+r"""Pockets: levels cleared with bounded engagement within their borders, then floors and walls by a flat cutter.
+
+     ___           ___      a tip may be where it fits beside the walls and its flat meets a floor below;
+        |_   _   __         an open side lets it run beside the stock
+          |_| |_|           floors may lie in floors; islands are what stands on them
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from cuspline.design.operations import Clearing
+from cuspline.planning import roughing
+from cuspline.planning.context import path_tolerance_mm
+from cuspline.planning.contouring import CURVE_SHARE
+from cuspline.planning.cutter_choice import choose_cutter, choose_rest_roughing, choose_roughing, leftover_rows, roughing_tools
+from cuspline.planning.level_finishing import LEVEL, UPRIGHT, is_level
+from cuspline.planning.strategies.contour import Contour
+from cuspline.planning.strategies.floor import Floor
+from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm, is_held_above
+from cuspline.toolpaths.prismatic.upright_walls import upright_walls
+from cuspline.values.errors import CutterDoesNotFit, PlanError
+
+BESIDE_MM = 2.0             # beside an open side a tip may stand so far from the floor, and its radius
+SURE_MM = 1e-3              # tips that clear the floor by less clear it
+SKIN_MM = 0.04              # on floors, of what their finish takes off: no plunge is so shallow
+NARROWER_MM = 1e-3          # than the tightest corner of the walls a cutter must be
+NAME = 40                   # letters of an operation's name
+
+
+def pocketed(work):
+    """The operations of a pocket: ([PlannedOperation], (n,) bool of the samples that it reaches).
+
+    Args:
+        work: PlanningContext of an operation with the fields of strategies.pocket.Pocket.
+    Raises:
+        PlanError, CutterDoesNotFit: a face that is neither level nor upright, no floor, no cutter that fits.
+    """
+    levels, walls = floors_and_walls(work)
+    made = cleared(work, levels)
+    reached = np.zeros(len(work.samples.face), bool)
+    if not work.operation.finishes:
+        return made, reached
+    for more, faces, rows in finished(work, made, levels, walls):
+        made = [*made, *more]
+        reached[np.isin(work.samples.face, faces)] |= rows
+    return made, reached
+
+
+def floors_and_walls(work):
+    """(indices of the level faces, of the upright ones) that the operation is about.
+
+    Raises:
+        PlanError: another face is among them, or there is no floor.
+    """
+    levels = [i for i in work.wanted if is_level(work.faces[i])]
+    walls = [i for i in work.wanted if i not in set(levels)]
+    for i in walls:
+        if np.abs(work.samples.normal[work.samples.face == i, 2]).max(initial=0.0) > UPRIGHT:
+            place = ", ".join(f"{v:.3f}" for v in work.in_part(work.faces[i].middle.point_mm[0]))
+            raise PlanError(f"{work.operation.title}: the {work.faces[i].kind} at ({place}) is neither level nor upright: it is "
+                            "for floors and the walls on them; give drafted and rounded faces to waterline, rest or rough")
+    if not levels:
+        raise PlanError(f"{work.operation.title}: none of the faces {work.face_names} is a level floor: name the floor with the "
+                        "walls, or give walls alone to contour")
+    return levels, walls
+
+
+def cleared(work, levels):
+    """Clearing operations, the largest cutter first: [] where nothing stands on the floors."""
+    operation, practice = work.operation, work.practice
+    allowance = _allowance_mm(work)
+    floors = work.on(operation, levels, work.planned)
+    rows = leftover_rows(floors.samples)
+    usable = work.library.model_copy(update={"tools": tuple(work.tools("flat", "bull_nose"))})
+    tools = roughing_tools(usable, work.mesh, floors.samples, work.stock_min_mm, work.stock_max_mm, allowance)
+    first, candidates = choose_roughing(tools, allowance)
+    stage = roughing.RoughingStage(name=f"{operation.title} rough"[:NAME], allowance_mm=allowance,
+                                   over_floors_mm=SKIN_MM if operation.finishes else None)
+    made, stock, left = _clear(floors, stage, first.tool, candidates, work.stock_mm, rows, levels)
+    rest, candidates = _rest_tool(work, floors, allowance, first, tools, left)
+    if rest is not None:
+        stage = replace(stage, name=f"{operation.title} rest"[:NAME], threshold_mm=practice.rest_threshold_mm)
+        more, _, _ = _clear(floors, stage, rest, candidates, stock, rows, levels)
+        return [o for o in (made, more) if o is not None]
+    return [] if made is None else [made]
+
+
+def _clear(work, stage, tool, candidates, stock, rows, levels):
+    within = borders(work, tool.cutter, stage.allowance_mm, levels)
+    return roughing.cleared(work, replace(stage, within=within), tool, candidates, stock, rows, work.operation)
+
+
+def _rest_tool(work, floors, allowance_mm, first, tools, left_mm):
+    """(Tool or None, candidates) of what follows a clearing."""
+    operation = work.operation
+    if operation.rest_tool is not None:
+        asked = floors.of(operation.model_copy(update={"tool": operation.rest_tool}), work.planned).tools("flat", "bull_nose")
+        return asked[0], ()
+    if operation.tool is not None or left_mm <= allowance_mm + work.practice.rest_threshold_mm:
+        return None, ()
+    smaller, candidates = choose_rest_roughing(tools, first, left_mm)
+    return (None, ()) if smaller is None else (smaller.tool, candidates)
+
+
+def borders(work, cutter, allowance_mm, levels):
+    """Function (n, 2) -> (n,) lowest tips of a cutter that stays within the pockets of some floors.
+
+    Args:
+        levels: indices of the floors.
+    """
+    heights, mesh = {}, work.triangles
+    for i in levels:
+        heights.setdefault(round(float(work.faces[i].middle.point_mm[0, 2]), 6), []).append(i)
+    floors = [(z, DropMesh.from_triangles(mesh.vertices_mm, mesh.triangles[np.isin(mesh.face_of_triangle, faces)]))
+              for z, faces in sorted(heights.items(), reverse=True)]
+    radius = cutter.radius_mm + allowance_mm
+
+    def lowest_mm(xy_mm):
+        lowest = np.full(len(xy_mm), work.clearance_z_mm)
+        for z, floor in floors:
+            near = np.isfinite(drop_tips_mm(floor, xy_mm, cutter.radius_mm + BESIDE_MM, 0.0))
+            free = near.copy()
+            free[near] = ~is_held_above(work.mesh, xy_mm[near], radius, 0.0, z + SURE_MM)
+            lowest[free] = z
+        return lowest
+
+    return lowest_mm
+
+
+def finished(work, made, levels, walls):
+    """[(operations, indices of faces, (n,) bool of their samples that are reached)]: floors as near to the walls as the clearing
+    left these, then walls."""
+    operation = work.operation
+    tool = finishing_tool(work, walls)
+    mine = alike(operation, Floor(name=f"{operation.title} floor"[:NAME], tool=tool.number))
+    floors = work.on(mine, levels, [*work.planned, *made])
+    floor = _floor(floors, tool, _allowance_mm(work), levels)
+    done = [(floor, levels, floors.chosen_tool("flat")[2] & (floors.samples.normal[:, 2] > LEVEL))]
+    if walls:
+        mine = alike(operation, Contour(name=f"{operation.title} walls"[:NAME], tool=tool.number, **said_of_walls(operation)))
+        more, rows = mine.plan(work.on(mine, walls, [*work.planned, *made, *floor]))
+        done.append((more, walls, rows))
+    return done
+
+
+def _floor(work, tool, allowance_mm, levels):
+    """[the operation that takes the skin off the floors], [] where there is none."""
+    stage = roughing.RoughingStage(name=work.operation.title, allowance_mm=allowance_mm, over_floors_mm=0.0, is_rough=False,
+                                   within=borders(work, tool.cutter, allowance_mm, levels))
+    made, _, _ = roughing.cleared(work, stage, tool, (), work.stock_mm, leftover_rows(work.samples),
+                                  Clearing(stepover_mm=tool.cutter.radius_mm))
+    return [] if made is None else [made]
+
+
+def _allowance_mm(work):
+    """What the clearing leaves."""
+    asked = work.operation.allowance_mm
+    return work.practice.rough_allowance_mm if asked is None else asked
+
+
+def said_of_walls(operation):
+    """What an operation says of its walls' Contour."""
+    return {n: getattr(operation, n) for n in ("spring_passes", "lead_radius_mm", "stepdown_mm", "ramp_deg")}
+
+
+def alike(operation, mine):
+    """Another operation with the coolant of this one."""
+    return mine.model_copy(update={"coolant": operation.coolant})
+
+
+def finishing_tool(work, walls):
+    """The flat cutter of walls and floors: the fastest of those that leave least and fit the walls' rounded corners.
+
+    Raises:
+        CutterDoesNotFit: none does.
+    """
+    asked = work.operation.finish_tool
+    mine = work.on(Floor(name=work.operation.title, tool=asked), work.wanted, work.planned)
+    tightest = math.inf
+    if walls:
+        elements = [w.element for w in upright_walls(work.faces, walls, CURVE_SHARE * path_tolerance_mm(work.finish))]
+        tightest = min((e.radius_mm for e in elements if e.is_left), default=math.inf)
+    tools = [t for t in mine.tools("flat") if t.cutter.radius_mm <= tightest - NARROWER_MM]
+    if not tools:
+        raise CutterDoesNotFit(f"{work.operation.title}: its walls are rounded by {tightest:.3f} mm, and no flat cutter "
+                               f"{'of those that it may use ' if asked is not None else ''}is smaller: add one to the file of "
+                               "--cutters, or request another finish_tool")
+    return choose_cutter(work.operation.title, tools, mine.samples, math.inf, mine.reached_with,
+                                         mine.finishing_work())[0]

@@ -1,0 +1,24 @@
+"""Slot: along its middle by a flat cutter, then the walls on both sides."""
+
+from pydantic import Field
+
+from cuspline.design.operations import Clearing
+from cuspline.planning import slotting
+
+
+class Slot(Clearing):
+    """Straight slots, closed, or open at one end or both: its faces are their two long walls, their ends and floors. The cutter
+    goes down along the middle by a ramp, level by level from an open end; then the walls are finished at their foot. One as wide
+    as the slot makes it in size."""
+
+    kind = "slot"
+    picture = """
+        |\\        /|     to and fro, down by a ramp,
+        |  \\____/  |     from outside where it is open;
+        |__________|     then along both walls"""
+
+    lead_radius_mm: float | None = Field(default=None, ge=0, le=50, description="of the arcs in and out; left out: the shop's")
+    spring_passes: int = Field(default=0, ge=0, le=9, description="times that the walls' pass is run again")
+
+    def plan(self, work):
+        return slotting.slotted(work)
