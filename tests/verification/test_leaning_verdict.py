@@ -139,13 +139,15 @@ def test_a_pivot_a_tenth_of_a_millimetre_off_is_a_gouge():
 
 
 def test_what_nothing_proves_of_a_leaning_tool_is_a_finding():
-    """An upright move that nothing proves is told in verify.json alone."""
+    """Its moves, its leavings; an upright move that nothing proves is told in verify.json alone."""
     posted = dome.read(dome.trunnion(), good_text())
     program = SimpleNamespace(posted=posted, setup=dome.SETUP)
     report = Reporter(program, dome.FINISH, None, None, None)
     leans = np.flatnonzero(~posted.is_upright & (posted.kind != Kind.RAPID))
     upright = np.flatnonzero(posted.is_upright & (posted.kind != Kind.RAPID))
     certificate = SimpleNamespace(uncovered=((int(upright[0]), "T3"), (int(leans[5]), "T7"), (int(leans[9]), "T7")))
-    of_moves, = report.unproven(certificate)
-    assert of_moves.kind == "surface_not_proven" and of_moves.line == posted.line[leans[5]] and "2 moves" in of_moves.advice
-    assert list(report.unproven(SimpleNamespace(uncovered=certificate.uncovered[:1]))) == []
+    left = lambda area: SimpleNamespace(unproven_mm2={"inside": area})
+    of_moves, of_leavings = report.unproven(certificate, left(3.25))
+    assert {of_moves.kind, of_leavings.kind} == {"surface_not_proven"}
+    assert of_moves.line == posted.line[leans[5]] and "2 moves" in of_moves.advice and "of 3.2 mm²" in of_leavings.advice
+    assert list(report.unproven(SimpleNamespace(uncovered=certificate.uncovered[:1]), left(0.01))) == []
