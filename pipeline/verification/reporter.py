@@ -86,14 +86,15 @@ class Reporter:
         leans = ~posted.is_upright & (posted.kind != Kind.RAPID)
         rows = [row for row, _ in proven.uncovered if leans[row]]
         told = [(rows[0], f"that {counted(len(rows), 'move')} from here on keep out of the part")] if rows else []
-        if leans.any() and proof.unproven_mm2["inside"] > UNPROVEN_MM2:
-            told.append((int(leans.argmax()), f"how much is left between the sample points of {proof.unproven_mm2['inside']:.1f} mm²"))
+        open_mm2 = proof.unproven_mm2["inside"]
+        if leans.any() and open_mm2 > UNPROVEN_MM2:
+            told.append((int(leans.argmax()), f"how much is left between the sample points of {open_mm2:.1f} mm²"))
         for row, what in told:
             place = self.frame.out(posted.end_mm[[row]])[0].round(6)
             yield Finding(kind="surface_not_proven", amount_mm=0.0, place_mm=tuple(place.tolist()),
                           operation=posted.operation_name(row), line=int(posted.line[row]), setup=self.setup, row=row,
-                          advice=f"not proven, only looked at in samples: {what}; finish with a ball, a bull nose or a flat cutter, or "
-                          "let the tool keep its direction")
+                          advice=f"not proven, only looked at in samples: {what}; finish with a ball, a bull nose or a flat "
+                          "cutter, or let the tool keep its direction")
 
     def excess(self):
         """One finding a connected area that a ball could finish and that was left proud."""
