@@ -29,6 +29,7 @@ STANDS_MM = 0.01            # stock no higher is none
 SLOT_SHARE = 0.8            # of the deepest slot that a cutter takes
 HIGHS = (1.0, 0.5, 0.25)    # of the lead radius: how high above the path the cutter comes down
 FARTHER = (0.0, 1.0, 2.0, 3.0)      # diameters beyond the ends of an open chain where it may come down
+SHARES = (1.0, 0.5, 0.2, 0.05)      # of what the finishing pass takes off, in corners too tight for all of it
 STARTS = 12                 # places along a closed chain that are looked at for its leads
 
 
@@ -82,14 +83,12 @@ def _roughed(work, tool, sections):
     """The operation that takes what stands beside the walls; None where nothing does."""
     operation, cutter = work.operation, tool.cutter
     rpm, feed = work.speeds(tool, is_rough=True)
-    away = cutter.radius_mm + operation.allowance_mm + left_mm(work)
     stepdown = min(operation.stepdown_mm or work.material.stepdown_share * cutter.diameter_mm,
                    SLOT_SHARE * cutter.deepest_slot_mm)
     made = []
     for section in sections:
         for chain in section.chains:
-            path = _offset(work, chain, away)
-            top = float(stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), cutter.radius_mm).max())
+            path, top = _rough_path(work, chain, cutter)
             if top > section.low_mm + STANDS_MM:
                 refuse_blocked(work, tool, path, section.low_mm)
                 lay = helical if path.is_closed else _level_by_level
@@ -99,6 +98,26 @@ def _roughed(work, tool, sections):
     facts = {"allowance_mm": round(operation.allowance_mm + left_mm(work), 6), "stepdown_mm": round(stepdown, 6),
              "chains": len(made), "candidates": []}
     return work.measured(f"{operation.title} rough", tool, rpm, Moves.joined(made), facts)
+
+
+def _rough_path(work, chain, cutter):
+    """(PlanChain beside which the finishing pass' share stays, top of the stock in its way).
+
+    Where a corner is too tight for the whole share, less of it stays, and what stands all round the cutter counts: it comes down
+    from above the walls.
+
+    Raises:
+        CutterDoesNotFit: the corner is too tight for the cutter.
+    """
+    for share in SHARES:
+        try:
+            path = _offset(work, chain, cutter.radius_mm + work.operation.allowance_mm + share * left_mm(work))
+            break
+        except CutterDoesNotFit:
+            if share == SHARES[-1]:
+                raise
+    reach = cutter.radius_mm if share == SHARES[0] else cutter.radius_mm / RINGS[-1]
+    return path, float(stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), reach).max())
 
 
 def left_mm(work):

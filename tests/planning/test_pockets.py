@@ -78,6 +78,14 @@ def test_floors_come_to_their_height_and_walls_are_left_to_the_contour():
     assert (height >= FLOOR - 1e-9).all()
 
 
+def test_corners_that_are_hardly_wider_than_the_cutter_are_roughed_from_above_the_walls():
+    made = {o.name: o for o in planned(pocketed(corner=5.2), Pocket(tool="flat 10")).operations}
+    rough = made["pocket walls rough"].moves
+    assert rough.end_mm[rough.kind == Kind.RAPID, 2].min() >= Z
+    low = rough.end_mm[np.abs(rough.end_mm[:, 2] - FLOOR) < 1e-6]
+    assert low[:, 0].min() == pytest.approx(4 + 5 + 0.15, abs=1e-6)         # half of the share stays where all of it has no room
+
+
 def test_a_slot_is_entered_by_a_ramp_and_finished_along_both_walls():
     along, walls = planned(slotted(), Slot()).operations
     starts, ends = along.moves.starts_mm, along.moves.end_mm
