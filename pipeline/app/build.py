@@ -49,6 +49,7 @@ from cuspline.values.errors import InputError, PostError
 from cuspline.values.findings import Finding
 from cuspline.values.interruption import held_off
 from cuspline.verification.in_process import PART
+from cuspline.verification.measuring import refuse_unmeasurable
 from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.verdict import Options
 
@@ -117,6 +118,7 @@ def _made(order, work, say):
     order = replace(order, design=design)
     if design.setups and order.last_stage != "step":
         refuse_impossible_setups(design, solid, order.machine, order.library)
+        refuse_unmeasurable(design.dimensions, solid, design.predicates)
     step = work / f"{design.name}.step"
     brep.write_step(brep.storable(solid), step, design.name)
     design = _with_files(design, work)

@@ -240,7 +240,7 @@ def _by_common_plane(passes, cusps_of, cutter, ridge_mm):
         if most <= ridge_mm and (kept is None or most > kept[0]):
             told = {"cusp_mm": round(most, 6), "looked_at": len(cusps), "rounds": number + 1, "ridge_laid_mm": round(asked, 6)}
             kept = most, paths, touched, {**pattern, "common_plane": told}
-        if most == 0.0 or not np.isfinite(most) or WELL_USED * ridge_mm <= most <= ridge_mm:
+        if most == 0.0 or WELL_USED * ridge_mm <= most <= ridge_mm:
             break
         asked *= float(np.clip(COMMON_PLANE_AIM * ridge_mm / most, *COMMON_PLANE_CHANGE))
     if kept is None:

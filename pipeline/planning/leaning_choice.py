@@ -58,7 +58,8 @@ class _Poses:
 def _of_one(work, tool, axis, poses, ridge_mm, widest_radii):
     """One row of the table."""
     cutter = tool.cutter
-    row = {"tool": tool.number, "name": cutter.name, "type": cutter.type, "lead_deg": axis.lead_deg, "tilt_deg": axis.tilt_deg}
+    row = {"tool": tool.number, "name": cutter.name, "type": cutter.type, "diameter_mm": cutter.diameter_mm,
+           "lead_deg": axis.lead_deg, "tilt_deg": axis.tilt_deg}
     corner = None if cutter.type == "ball" else CornerContact(
         radius_mm=cutter.radius_mm, corner_radius_mm=cutter.corner_radius_mm, lead_rad=math.radians(axis.lead_deg),
         tilt_rad=math.radians(axis.tilt_deg))

@@ -44,9 +44,9 @@ KINDS = {
             "do not hold the drawn size, draw the solid at their middle."),
         "surface_not_proven": (
             "a tool that leans or turns in the cut, whose moves or whose leavings nothing proves",
-            "A bull nose finishes with its axis turning: what stands between the sample points has no proven bound.",
-            "Finish with a ball whose flutes are at least as long as it is thick, or let the tool keep its direction. Before "
-            "accepting it, look at the spacing of the samples in the report."),
+            "A barrel cutter finishes with its axis turning: how deep its moves come has no proven bound.",
+            "Finish with a ball, a bull nose or a flat cutter, or let the tool keep its direction. Before accepting it, look at "
+            "the spacing of the samples in the report."),
         "idle_operation": (
             "an operation takes nothing off the stock",
             "A rest operation names a ball that leaves no less than the one before, or roughing is listed twice.",

@@ -70,6 +70,28 @@ def measured(dimensions, piece, solid, predicates, rounding_mm):
     return tuple(m for d in dimensions for m in _MEASURED[d.kind](d, _Probe(piece, faces, predicates, 2.0 * rounding_mm)))
 
 
+def refuse_unmeasurable(dimensions, solid, predicates):
+    """Raises DesignError where `measured` would, before anything is planned."""
+    probe = _Probe(None, brep.faces_of(solid) if dimensions else (), predicates, 0.0)
+    for dimension in dimensions:
+        if dimension.kind == "distance":
+            _, drawn, _, _ = _levels(dimension, probe)
+            _limits_mm(dimension, drawn)
+            continue
+        for (_, _, radius), _ in _about_axes(dimension, probe):
+            _limits_mm(dimension, 2 * radius)
+
+
+def _limits_mm(dimension, drawn_mm):
+    """(lower, upper) size; DesignError: its class is not known for that size."""
+    if dimension.kind == "position":
+        return 0.0, dimension.zone_mm
+    try:
+        return dimension.limits_mm(drawn_mm)
+    except ValueError as error:
+        raise DesignError(f"{dimension.title}: {error}") from None
+
+
 def tolerance_findings(found, setup):
     """A Finding of each Measured that is out of its limits; `setup`: name of the last."""
     return tuple(Finding(
@@ -130,8 +152,8 @@ class _Cylinder:
         return answer, np.column_stack(columns)
 
 
-def _cylinders(dimension, probe):
-    """_Cylinder values of the faces, those about one axis with one radius together."""
+def _about_axes(dimension, probe):
+    """[((point (3,), direction (3,), radius), [brep.Face])] of the faces, those about one axis with one radius together."""
     groups = []
     for face in probe.chosen(dimension.faces):
         if face.kind != "cylinder":
@@ -145,7 +167,12 @@ def _cylinders(dimension, probe):
             groups.append(((p, d, surface.Radius()), [face]))
         else:
             group[1].append(face)
-    return [_touched_cylinder(probe, *group) for group in groups]
+    return groups
+
+
+def _cylinders(dimension, probe):
+    """_Cylinder values of the faces."""
+    return [_touched_cylinder(probe, *group) for group in _about_axes(dimension, probe)]
 
 
 def _is_about(a, b):
@@ -173,7 +200,7 @@ def _diameters(dimension, probe):
     for cylinder in _cylinders(dimension, probe):
         answer, columns = cylinder.fitted()
         about = cylinder.found_mm - fixed.matmul(columns, answer[:-1])
-        low, high = dimension.limits_mm(2 * cylinder.radius_mm)
+        low, high = _limits_mm(dimension, 2 * cylinder.radius_mm)
         yield Measured(**_feature(dimension, probe, cylinder.point_mm, 2 * cylinder.radius_mm), lower_mm=low, upper_mm=high,
                        fitted_mm=float(2 * answer[-1]), points=len(about), **_spread(2 * about))
 
@@ -188,7 +215,12 @@ def _positions(dimension, probe):
                        fitted_mm=float(zones.max()), points=len(cylinder.found_mm), **_spread(zones))
 
 
-def _distances(dimension, probe):
+def _levels(dimension, probe):
+    """(the faces of both levels, distance drawn, 1 where the first lies higher along its normal else -1, cosine of their normals).
+
+    Raises:
+        DesignError: they are not two levels of planes parallel to each other.
+    """
     sides = []
     for name in (dimension.faces, dimension.from_faces):
         faces = probe.chosen(name)
@@ -201,13 +233,17 @@ def _distances(dimension, probe):
     if abs(turned) < 1.0 - PARALLEL or any(np.ptp(h) > SAME_MM for h in heights):
         raise DesignError(f"{dimension.title}: {dimension.faces!r} and {dimension.from_faces!r} are not two levels parallel to "
                           "each other: choose faces that are")
-    far, near = (probe.touched(faces) for faces, _ in sides)
     sign = 1.0 if heights[0][0] > heights[1][0] else -1.0
-    drawn = abs(float(heights[0][0] - heights[1][0]))
+    return [faces for faces, _ in sides], abs(float(heights[0][0] - heights[1][0])), sign, turned
+
+
+def _distances(dimension, probe):
+    sides, drawn, sign, turned = _levels(dimension, probe)
+    far, near = (probe.touched(faces) for faces in sides)
     a, b = sign * far.deviation_mm, sign * np.sign(turned) * near.deviation_mm
     spread = drawn + np.array([a.min() - b.max(), a.max() - b.min()])
-    low, high = dimension.limits_mm(drawn)
-    yield Measured(**_feature(dimension, probe, sides[0][1].point_mm[0], drawn), lower_mm=low, upper_mm=high,
+    low, high = _limits_mm(dimension, drawn)
+    yield Measured(**_feature(dimension, probe, sides[0][0].middle.point_mm[0], drawn), lower_mm=low, upper_mm=high,
                    fitted_mm=drawn + float(a.mean() - b.mean()), points=len(a) + len(b), **_spread(spread))
 
 

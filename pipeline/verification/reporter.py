@@ -19,6 +19,7 @@ LOOKED_CLOSER = ("and it stayed when both looked twice as closely; do not cut, k
                  "cuspline")
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
 MISSED_MM2 = 1.0
+UNPROVEN_MM2 = 1.0          # of what a leaning tool leaves without a proof, from which it is told
 SEEN_PITCHES = 3.0        # a body narrower than this many pitches may slip through the grid
 
 
@@ -79,17 +80,21 @@ class Reporter:
                           f"{self.finish.gouge_mm:g} mm are allowed; {counted(len(moves), 'move')} from line "
                           f"{self.posted.line[moves[0].row]}: lower `profile_tolerance_mm` of the finish")
 
-    def unproven(self, proven):
-        """Moves of tools that lean or turn in the cut that nothing proves: samples alone speak for them."""
+    def unproven(self, proven, proof):
+        """What nothing proves of tools that lean or turn in the cut, moves or leavings: samples alone speak for it."""
         posted = self.posted
         leans = ~posted.is_upright & (posted.kind != Kind.RAPID)
         rows = [row for row, _ in proven.uncovered if leans[row]]
-        if rows:
-            row, place = rows[0], self.frame.out(posted.end_mm[[rows[0]]])[0].round(6)
+        told = [(rows[0], f"that {counted(len(rows), 'move')} from here on keep out of the part")] if rows else []
+        open_mm2 = proof.unproven_mm2["inside"]
+        if leans.any() and open_mm2 > UNPROVEN_MM2:
+            told.append((int(leans.argmax()), f"how much is left between the sample points of {open_mm2:.1f} mm²"))
+        for row, what in told:
+            place = self.frame.out(posted.end_mm[[row]])[0].round(6)
             yield Finding(kind="surface_not_proven", amount_mm=0.0, place_mm=tuple(place.tolist()),
                           operation=posted.operation_name(row), line=int(posted.line[row]), setup=self.setup, row=row,
-                          advice=f"not proven, only looked at in samples: that {counted(len(rows), 'move')} from here on keep out "
-                          "of the part; finish with a cutter that the certificate knows: a ball, a bull nose, a flat cutter")
+                          advice=f"not proven, only looked at in samples: {what}; finish with a ball, a bull nose or a flat "
+                          "cutter, or let the tool keep its direction")
 
     def excess(self):
         """One finding a connected area that a ball could finish and that was left proud."""

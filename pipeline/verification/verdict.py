@@ -425,7 +425,7 @@ def _judged(part, c, found, own, judging, joined):
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     findings = (*history.findings, *history.idle, *process.findings, *report.gouges(), *report.unseen_gouges(proven),
-                *report.excess(), *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven),
+                *report.excess(), *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
     return SetupVerdict(setup=c.name, finish=finish, required=tuple(c.required), residuals=found, solids=view, replay=history,
                         certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,

@@ -13,7 +13,7 @@ class DrilledMoves(PlainMoves):
 
     def __init__(self, operation, rotaries, has_cycles):
         """`has_cycles`: whether the control takes them; tapping ones it does in any case."""
-        super().__init__(operation.moves, rotaries)
+        super().__init__(operation, rotaries)
         self.cycles, self.has_cycles, self.rpm = operation.cycles, has_cycles, operation.spindle_rpm
 
     def write(self, writer, first, end, dialect):

@@ -12,8 +12,9 @@ from toleranced_plate import BORE_MM, REAMED_MM, design
 from cuspline.app.judge import begun, judge
 from cuspline.design import Diameter, Distance, Parameters
 from cuspline.design.job import read_job
+from cuspline.kernel import brep
 from cuspline.values.errors import DesignError
-from cuspline.verification.measuring import measured, tolerance_findings
+from cuspline.verification.measuring import measured, refuse_unmeasurable, tolerance_findings
 from cuspline.verification.verdict import Options
 
 PART = Path(__file__).parent.parent / "parts" / "toleranced_plate.py"
@@ -72,6 +73,16 @@ def moved(line, by_mm):
 def test_limits_that_say_nothing_or_too_much_are_refused(said, why):
     with pytest.raises(ValidationError, match=why):
         Diameter(faces="bore", **said)
+
+
+@pytest.mark.parametrize("dimension, why", [
+    (Diameter(faces="pocket", fit="H7"), "have a plane among them|have a cylinder among them"),
+    (Distance(faces="floor", from_faces="left", fit="js9"), "are not two levels parallel"),
+    (Distance(faces="floor", from_faces="bore", fit="js9"), "are not all planes")])
+def test_what_cannot_be_measured_is_refused_before_anything_is_planned(dimension, why):
+    part = design(Parameters())
+    with pytest.raises(DesignError, match=why):
+        refuse_unmeasurable((dimension,), brep.the_solid(part.solid), part.predicates)
 
 
 def test_a_dimension_of_faces_that_nobody_names_is_refused():

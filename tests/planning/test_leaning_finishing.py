@@ -20,7 +20,7 @@ from cuspline.program.program import Kind, MoveWriter
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.toolpaths.five_axis.leaning_moves import Leaning, upright_again
-from cuspline.toolpaths.five_axis.tool_axes import LeadTilt
+from cuspline.toolpaths.five_axis.tool_axes import FixedAxis, LeadTilt
 from cuspline.values.errors import PlanError
 
 LIBRARY = find_library(None)
@@ -136,6 +136,54 @@ def test_a_table_that_would_wind_up_goes_back_between_the_passes():
     assert free.operations[-1].facts["links"] == "zig-zag"
 
 
+def test_only_lead_and_tilt_keep_a_corner_on_the_faces():
+    part = planned("dome")[0]
+    setup = with_axis(part, FixedAxis(direction=(0.2, 0.0, 1.0)))
+    bull = setup.operations[1].model_copy(update={"tool": "bull 10 r1"})
+    with pytest.raises(PlanError, match="has no bull nose 10 r1|only a lead_tilt axis"):
+        plan_setup(part, setup.model_copy(update={"operations": (setup.operations[0], bull)}), mill("mill_trunnion_ac"), LIBRARY)
+
+
+@cache
+def planned_bull():
+    """A saddle finished by a bull nose that leads by 15 degrees, one way; cusps of 0.2 mm."""
+    part = design(Surface(form="saddle", tool="bull 10 r1", lead_deg=15.0, tilt_deg=0.0, passes="one-way", scallop_mm=0.12))
+    return part, plan_setup(part, part.setups[0], mill(NARROW), LIBRARY)
+
+
+@cache
+def cut_by_bull(name):
+    """Deviations at places of the saddle, of what the bull nose's text cuts on a machine."""
+    part, plan = planned_bull()
+    posted = read(name, linuxcnc.post(plan.program(("LEANING",), "leaning"), mill(name)).text)
+    return deviations(part, plan, posted)
+
+
+def test_a_leaning_bull_nose_leaves_the_cusps_that_its_step_was_chosen_for_and_gouges_nothing():
+    part, plan = planned_bull()
+    deviation, facts = cut_by_bull(NARROW), plan.operations[-1].facts
+    assert len(deviation) > 400 and deviation.min() > -part.finish.gouge_mm
+    common = facts["common_plane"]
+    assert 0.08 < common["cusp_mm"] <= facts["ridge_for_step_mm"] == 0.1 and common["looked_at"] > 50
+    assert np.percentile(deviation, 99.5) < 1.05 * common["cusp_mm"] + part.finish.profile_tolerance_mm
+    assert deviation.max() < part.finish.scallop_mm + part.finish.profile_tolerance_mm
+
+
+def test_a_leaning_bull_nose_cuts_the_same_on_another_type_of_machine():
+    assert np.abs(cut_by_bull(NARROW) - cut_by_bull("mill_head_head")).max() < ALIKE_MM
+
+
+def test_cutters_and_inclinations_are_compared_in_one_table():
+    """Flat enough at 3 degrees to gouge the hollow; what fits is faster the less it leans, and faster than any ball."""
+    rows = planned_bull()[1].operations[-1].facts["compared"]
+    mine = {r["lead_deg"]: r for r in rows if r["name"] == "bull nose 10 mm R1"}
+    assert not mine[3.0]["fits"] and "into the part" in mine[3.0]["reason"] and mine[15.0]["fits"] and mine[30.0]["fits"]
+    assert mine[15.0]["estimated_time_s"] < mine[30.0]["estimated_time_s"]
+    assert mine[15.0]["radius_across_mm"] == pytest.approx(1 + 4 / np.sin(np.radians(15)), abs=1e-4)
+    balls = [r for r in rows if r["type"] == "ball" and r["diameter_mm"] <= 10]
+    assert balls and min(r["estimated_time_s"] for r in balls) > 2 * mine[15.0]["estimated_time_s"]
+
+
 def with_axis(part, axis):
     """The part's setup, its finish along another axis."""
     rough, finish = part.setups[0].operations
@@ -156,7 +204,7 @@ def test_what_cannot_turn_is_refused_by_name():
     bull = setup.operations[1].model_copy(update={"tool": "bull 10 r1"})
     with pytest.raises(PlanError, match="finish on mill_trunnion_ac: row .*: A would stand at .* or give it a limit_deg"):
         plan_setup(part, with_axis(part, LeadTilt(tilt_deg=85.0)), mill("mill_trunnion_ac"), LIBRARY)
-    with pytest.raises(PlanError, match="has no bull_nose 10 r1|has no bull nose 10 r1"):
+    with pytest.raises(PlanError, match="bull nose 10 mm R1: .* leans by 0 degrees .*: give it a lead_deg of 1 or more"):
         plan_setup(part, setup.model_copy(update={"operations": (setup.operations[0], bull)}), mill("mill_trunnion_ac"), LIBRARY)
 
 

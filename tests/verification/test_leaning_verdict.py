@@ -8,12 +8,16 @@ import pytest
 import tilted_dome as dome
 from known_programs import tool
 
+from cuspline.kernel import brep
 from cuspline.kernel.tessellation import tessellate
 from cuspline.program.program import Kind
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.replay import replay
 from cuspline.replay.scene import FinishedDesign, FoundStock, Surroundings
 from cuspline.shop.cutters import Holder, HolderSegment
+from cuspline.toolpaths.drop.exact_drop import ExactPart
+from cuspline.toolpaths.five_axis.corner_contact import CornerContact
+from cuspline.verification.certificate import certify, solid_in_wcs
 from cuspline.verification.reporter import Reporter
 from cuspline.verification.verdict import Judging, Options, SetupProgram, first_look, verify_setup
 
@@ -21,6 +25,8 @@ OPTIONS = Options(spacing_mm=0.6, solid_pitch_mm=0.4, replay_pitch_mm=0.5, tesse
 SOLID = dome.solid()
 LEAD_RAD = np.radians(45.0)             # so far over that a short tool's holder comes near to the block
 SHORT = tool("ball", 6, number=7, flute=6.5, neck=5.6, stick_out=8.2)
+BULL = tool("bull_nose", 6, 1.0, number=7)
+CORNER = CornerContact(radius_mm=3.0, corner_radius_mm=1.0, lead_rad=dome.LEAD_RAD, tilt_rad=0.0)
 SHORT = SHORT.model_copy(update={"cutter": SHORT.cutter.model_copy(update={"reach_mm": 7.0})})
 
 
@@ -67,6 +73,38 @@ def test_the_good_program_is_verified_with_no_finding_and_all_of_it_is_proven():
     assert numbers["sampling"]["unproven_mm2"]["inside"] < 0.01 and numbers["sampling"]["not_covered"] == []
 
 
+@cache
+def bull_text(number_pushed=None):
+    """Passes of a bull nose of R3 r1, one millimetre apart; one of them pushed 0.05 mm into the dome."""
+    def change(number, tips, axes):
+        points, normals = dome.contacts(np.linspace(-dome.HALF_MM, dome.HALF_MM, 9)[number])
+        pushed = 0.05 if number == number_pushed else 0.0
+        return points + (CORNER.ball_radius_mm - pushed) * normals + CORNER.tips_off(normals, axes), axes
+    return dome.text_of(dome.trunnion(), dome.finishing(1.0, change=change), BULL)
+
+
+def test_a_bull_nose_that_leans_and_turns_is_verified_and_all_of_it_is_proven():
+    v = judged(dome.read(dome.trunnion(), bull_text(), with_ball(BULL)), with_ball(BULL))
+    assert v.findings == ()
+    numbers = v.numbers
+    assert numbers["gouge_max_mm"] <= numbers["gouge_proven_mm"] < dome.FINISH.gouge_mm
+    assert numbers["gouge_proven_mm"] < numbers["gouge_max_mm"] + 0.004
+    cusp = 1.0 ** 2 / 8 * (1 / CORNER.across_mm + 1 / dome.RADIUS_MM)
+    assert 0.8 * cusp < numbers["cusp_max_mm"] < 1.1 * cusp
+    assert numbers["excess_max_mm"] <= numbers["excess_proven_mm"] < 1.03 * numbers["excess_max_mm"]
+    assert numbers["sampling"]["unproven_mm2"]["inside"] < 0.01
+
+
+def test_a_bull_nose_pushed_into_the_dome_on_one_pass_is_bounded_by_the_certificate():
+    posted = dome.read(dome.trunnion(), bull_text(4), with_ball(BULL))
+    tools, solid = with_ball(BULL), solid_in_wcs(SOLID, dome.SETUP.frame)
+    finishing = np.flatnonzero((posted.tool == 7) & (posted.kind != Kind.RAPID) & np.isfinite(posted.start_mm).all(axis=1))
+    proven = certify(posted, tools, ExactPart.of_faces(brep.faces_of(solid)), tolerance_mm=0.0033, rows=finishing, solid=solid)
+    deep = proven.row[proven.bound_mm > 0.02]
+    assert proven.is_complete and len(deep) and (np.abs(posted.end_mm[deep, 1]) < 0.6).all()
+    assert 0.045 < proven.proven_mm < 4 * 0.05
+
+
 def test_a_holder_two_millimetres_longer_is_found():
     segment = HolderSegment(height_mm=52.0, lower_diameter_mm=40.0, upper_diameter_mm=40.0)
     longer = SHORT.model_copy(update={"stick_out_mm": 6.2, "holder": Holder(name="longer", segments=(segment,))})
@@ -101,13 +139,15 @@ def test_a_pivot_a_tenth_of_a_millimetre_off_is_a_gouge():
 
 
 def test_what_nothing_proves_of_a_leaning_tool_is_a_finding():
-    """An upright move that nothing proves is told in verify.json alone."""
+    """Its moves, its leavings; an upright move that nothing proves is told in verify.json alone."""
     posted = dome.read(dome.trunnion(), good_text())
     program = SimpleNamespace(posted=posted, setup=dome.SETUP)
     report = Reporter(program, dome.FINISH, None, None, None)
     leans = np.flatnonzero(~posted.is_upright & (posted.kind != Kind.RAPID))
     upright = np.flatnonzero(posted.is_upright & (posted.kind != Kind.RAPID))
     certificate = SimpleNamespace(uncovered=((int(upright[0]), "T3"), (int(leans[5]), "T7"), (int(leans[9]), "T7")))
-    of_moves, = report.unproven(certificate)
-    assert of_moves.kind == "surface_not_proven" and of_moves.line == posted.line[leans[5]] and "2 moves" in of_moves.advice
-    assert list(report.unproven(SimpleNamespace(uncovered=certificate.uncovered[:1]))) == []
+    left = lambda area: SimpleNamespace(unproven_mm2={"inside": area})
+    of_moves, of_leavings = report.unproven(certificate, left(3.25))
+    assert {of_moves.kind, of_leavings.kind} == {"surface_not_proven"}
+    assert of_moves.line == posted.line[leans[5]] and "2 moves" in of_moves.advice and "of 3.2 mm²" in of_leavings.advice
+    assert list(report.unproven(SimpleNamespace(uncovered=certificate.uncovered[:1]), left(0.01))) == []

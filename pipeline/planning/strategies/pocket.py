@@ -1,6 +1,6 @@
 """Pocket: cleared with bounded engagement round its islands, walls and floors finished by a flat cutter."""
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from cuspline.design.operations import Clearing, understood
 from cuspline.planning import pocketing
@@ -26,6 +26,12 @@ class Pocket(Clearing):
 
     _tools_are_understood = understood("rest_tool", "finish_tool")
 
+
+    @model_validator(mode="after")
+    def _says_what_it_does(self):
+        if not self.finishes and (self.finish_tool is not None or self.spring_passes):
+            raise ValueError("finishes = false clears alone: leave finish_tool and spring_passes out, or finishes")
+        return self
 
     def plan(self, work):
         return pocketing.pocketed(work)
