@@ -33,8 +33,8 @@ CHORD_MM = 0.01                 # arcs are judged by chords that stay so close
 UNDECIDED_MM = 1e-3             # a body that keeps its distance by less counts as too near
 CAP_MM = 100.0                  # distances beyond are not told apart
 POSES = 33                      # looked at in a block that is too near, for how near
-MOST_NEAR = 24                  # such blocks of a position that are looked at where the obstacle is of very many pieces: evenly out
-                                # of all, it is a collision in any case
+FEW_POSES = 5                   # where the obstacle is of very many pieces
+MOST_NEAR = 8                   # such blocks of a position that are looked at there, evenly out of all: it is a collision anyway
 SECTORS = 24                    # of what turns with the tool, round it
 CONVEX_MM = 1e-6
 MOST_CORNERS = 20_000           # of a mesh that is asked whether it is convex
@@ -130,15 +130,16 @@ def _near(body, obstacle, blocks, report, machine):
     kernels.over_blocks(body.pieces, obstacle.pieces, between, blocks.starts, blocks.ends, margin, margin + CAP_MM, UNDECIDED_MM,
                         is_clear)
     near = np.flatnonzero(~is_clear)
-    looked = _some_of(near, blocks.position[near]) if len(obstacle.pieces.first) > kernels.MOST_PIECES else near
+    is_fine = len(obstacle.pieces.first) > kernels.MOST_PIECES
+    looked, poses = (_some_of(near, blocks.position[near]), FEW_POSES) if is_fine else (near, POSES)
     gaps = np.empty(len(looked))
-    kernels.gaps(body.pieces, obstacle.pieces, between, blocks.starts[looked], blocks.ends[looked], POSES, OUTWARD, margin, gaps)
+    kernels.gaps(body.pieces, obstacle.pieces, between, blocks.starts[looked], blocks.ends[looked], poses, OUTWARD, margin, gaps)
     gaps -= body.error_mm + obstacle.error_mm
     for position in np.unique(blocks.position[looked]).tolist():
         mine = np.flatnonzero(blocks.position[looked] == position)
         worst = mine[gaps[mine].argmin()]
         found = _finding(body, obstacle, float(gaps[worst]), report, int(blocks.row[looked[worst]]))
-        yield replace(found, is_at_least=len(mine) < (blocks.position[near] == position).sum()), position
+        yield replace(found, is_at_least=is_fine), position
 
 
 def _some_of(near, position):

@@ -26,7 +26,7 @@ ORIGIN = 3                  # row of a pose: three of the rotation, then where t
 ROOT = 0                    # of a tree: the sphere round all of it
 FLAT = 1e-14                # of a triangle's sides squared: below, it has no inside
 PROVEN = 0.6                # of a distance beyond the margin, where only that it is clear is asked
-MOST_PIECES = 2000          # of an obstacle, by which it is told how deep a body is in it
+MOST_PIECES = 500           # of an obstacle, by which it is told how deep a body is in it
 SPANS = 128                 # stretches of a block that may wait
 
 
