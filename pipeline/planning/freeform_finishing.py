@@ -481,7 +481,8 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
         field=field, stock=work.dropper(field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm),
         clearance_z_mm=work.clearance_z_mm,
         approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
-        plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm, surface_link_mm=0.0 if field.across else LINK_STEPS * step_mm,
+        plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm,
+        surface_link_mm=0.0 if field.across else LINK_STEPS * step_mm,
         hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
         is_one_way=work.operation.passes == "one-way",
         steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None))
