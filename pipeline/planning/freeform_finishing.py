@@ -473,15 +473,16 @@ def _terraces(samples, steep, tool, ridge_mm, tolerance_mm):
 def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
     """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part.
 
-    A ball's arc over an edge would lead a leaning flat bottom into it: what touches with its corner comes and goes along its
-    axis.
+    A ball's arc over an edge would lead a leaning flat bottom into it, and on a link along the surface it would turn round its
+    contact: what touches with its corner comes and goes along its axis.
     """
     radius = field.dropper.radius_mm if field.across is None else tool.cutter.radius_mm
     return TipLinkRules(
         field=field, stock=work.dropper(field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm),
         clearance_z_mm=work.clearance_z_mm,
         approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
-        plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm, surface_link_mm=LINK_STEPS * step_mm,
+        plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm,
+        surface_link_mm=0.0 if field.across else LINK_STEPS * step_mm,
         hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
         is_one_way=work.operation.passes == "one-way",
         steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None))

@@ -241,7 +241,9 @@ def test_above_the_work_a_leaning_holder_stays_as_high_as_the_ball():
     about = 4.0 * (np.array([0, 0, 1.0]) - axes)        # from the upright tip to the leaning one
     flat = dataclasses.replace(w.moves(), axis=axes, start_mm=(0, 0, 20) + about[0], end_mm=w.moves().end_mm + about)
     work = SimpleNamespace(machine=mill(NARROW), clearance_z_mm=20.0, clearance_mm=10.0, practice=SimpleNamespace(approach_mm=2.0))
-    high = lifted(work, Leaning(moves=flat, is_cut=np.zeros(4, bool), is_held=np.zeros(4, bool)), wide)
+    middles = np.vstack([flat.start_mm, flat.end_mm]) + 4.0 * np.vstack([axes[:1], axes])
+    high = lifted(work, Leaning(moves=flat, is_cut=np.zeros(4, bool), is_held=np.zeros(4, bool), middle_mm=middles,
+                                normal=np.full((5, 3), np.nan), ball_radius_mm=4.0), wide)
     rise = high.end_mm[:, 2] - flat.end_mm[:, 2]
     s, c = np.sin(np.radians(80)), np.cos(np.radians(80))
     below = 20 * s - (45 - 4) * c - 4                   # of the holder's edge, the ball's own lowest place taken off
