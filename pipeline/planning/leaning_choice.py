@@ -36,7 +36,7 @@ def compared(work, ridge_mm, widest_radii):
     places, normals = samples.point_mm[rows], samples.normal[rows]
     turn = math.radians(getattr(work.operation, "angle_deg", 0.0))
     feed = np.array([fixed.cos(turn), fixed.sin(turn), 0.0])
-    ahead = feed - (normals @ feed)[:, None] * normals
+    ahead = feed - fixed.matmul(normals, feed)[:, None] * normals
     size = np.sqrt((ahead * ahead).sum(axis=1))
     usable = size > LOST
     poses = _Poses(work, *(np.vstack([a[usable], a[usable]]) for a in (places, normals)),

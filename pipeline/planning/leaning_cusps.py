@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline.scallop.common_plane import CommonPlane, common_plane_cusp_mm, trace_mm
+from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PlanError
 
 LOOKED_AT = 160             # contacts
@@ -84,7 +85,7 @@ def cusps_mm(found, corner, cutter, step_mm):
             plane = CommonPlane.of(ends, normals)
         except PlanError:
             continue
-        bend = float((normals[1] - normals[0]) @ plane.along / plane.width_mm)
+        bend = float(fixed.matmul(normals[1] - normals[0], plane.along) / plane.width_mm)
         traces = [trace_mm(plane, profile, *places.near(row, reach)) for row in (a, b)]
         found_mm.append(common_plane_cusp_mm(plane, traces, bend))
         contacts.append(ends[0])
@@ -95,7 +96,7 @@ def _beside(row, places, tree, step_mm):
     """The contact of the neighbouring pass to the right; None: there is none."""
     rows = np.array(tree.query_ball_point(places.contact_mm[row], FARTHEST_SHARE * step_mm))
     way, feed = places.contact_mm[rows] - places.contact_mm[row], places.feed[row]
-    aside = way @ np.cross(feed, places.normal[row])
-    fits = (aside > NEAREST_SHARE * step_mm) & (np.abs(way @ feed) < ASIDE_SHARE * step_mm) & (
-        np.abs(places.feed[rows] @ feed) > BESIDE)
+    aside = fixed.matmul(way, np.cross(feed, places.normal[row]))
+    fits = (aside > NEAREST_SHARE * step_mm) & (np.abs(fixed.matmul(way, feed)) < ASIDE_SHARE * step_mm) & (
+        np.abs(fixed.matmul(places.feed[rows], feed)) > BESIDE)
     return None if not fits.any() else int(rows[fits][np.argmin(aside[fits])])
