@@ -454,7 +454,7 @@ def built(whole, folder, found, out, monkeypatch):
         return read_job(folder)
 
     monkeypatch.setattr(recipe, "_planned", lambda order, say: ())
-    monkeypatch.setattr(recipe, "plan_document", lambda order, plans: {})
+    monkeypatch.setattr(recipe, "plan_document", lambda order, plans, cuts=None: {})
     monkeypatch.setattr(recipe, "_posted", post)
     monkeypatch.setattr(recipe._Trial, "judged", lambda trial, plans, job, first: (job, found))
     monkeypatch.setattr(recipe, "_coloured_stock", lambda *arguments: "")
