@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 from pydantic import Field, ValidationError
@@ -137,9 +138,16 @@ def _refuse_mesh(path):
                          'stock = { stl = "blank.stl" }')
 
 
+class _AsItStands(SourceFileLoader):
+    """Compiles a file anew each time: Python takes byte code for fresh where size and whole second of the file are the same."""
+
+    def get_code(self, fullname):
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
 def _loaded(path, what="design file"):
     """A user's module, by path."""
-    spec = importlib.util.spec_from_file_location(path.stem, path)
+    spec = importlib.util.spec_from_file_location(path.stem, path, loader=_AsItStands(path.stem, str(path)))
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)

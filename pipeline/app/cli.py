@@ -465,9 +465,8 @@ def strategies(json: AsJson = False):
 def shop(file: Annotated[Optional[Path], typer.Argument(help="a shop's own file (TOML)")] = None, json: AsJson = False):
     """List what a shop decides: allowances, depths of cut, clearances."""
     from cuspline.shop.practice import Practice, shop_file
-    values = shop_file(file).practice.model_dump()
-    fields = Practice.model_json_schema()["properties"]
-    rows = [{**_parameter_row(n, f), "value": values[n]} for n, f in fields.items()]
+    practice, fields = shop_file(file).practice, Practice.model_json_schema()["properties"]
+    rows = [{**_parameter_row(n, f), "value": getattr(practice, n)} for n, f in fields.items()]
     _print(rows, json, lambda p: [f"{p['name']} = {p['value']}  {p['range']}  {p['description']}"])
 
 

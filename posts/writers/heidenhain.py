@@ -77,7 +77,7 @@ class _Blocks(Writer):
         """A number with its sign.
 
         >>> from types import SimpleNamespace
-        >>> control = SimpleNamespace(units="mm", decimals=3)
+        >>> control = SimpleNamespace(units="mm", decimals=3, arc_centres="IJK")
         >>> _Blocks(SimpleNamespace(control=control)).number(-1e-9, 3)
         '+0'
         """

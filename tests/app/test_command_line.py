@@ -8,7 +8,7 @@ from importlib import metadata
 
 import pytest
 
-from cuspline.app import cli
+from cuspline.app import catalogue, cli
 from cuspline.shop.materials import known_materials
 from cuspline.values.finding_kinds import KINDS
 
@@ -88,3 +88,26 @@ def test_whoever_closes_the_pipe_gets_no_internal_error():
                           stdout=writer, stderr=subprocess.PIPE, text=True)
     os.close(writer)
     assert (done.returncode, done.stderr) == (2, "cuspline: whoever read the output has closed it\n")
+
+
+@pytest.mark.parametrize("name", ["designs", "machines", "cutters", "materials", "posts", "strategies", "shop", "findings"])
+def test_every_list_is_told_in_words_and_as_json(name, capsys):
+    assert cli.run([name]) == 0
+    words = capsys.readouterr().out
+    assert cli.run([name, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    first = rows[0].get("name") or rows[0].get("kind") or rows[0]["cutter"]["name"]
+    assert rows and first in words
+
+
+def test_a_design_saved_twice_within_a_second_is_read_as_it_stands(tmp_path):
+    """Same size, same second: Python would take the byte code of the first for that of the second."""
+    text = ("from cuspline.design import Parameters\n\n\nclass P(Parameters):\n    size_mm: float = {}\n\n\n"
+            "def design(p: P):\n    return p\n")
+    path = tmp_path / "part.py"
+    found = []
+    for size in ("1.0", "2.0"):
+        path.write_text(text.format(size))
+        os.utime(path, (1e9, 1e9))
+        found.append(catalogue.find_design(str(path)).parameters().size_mm)
+    assert found == [1.0, 2.0]

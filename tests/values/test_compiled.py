@@ -236,6 +236,7 @@ def own(x):
 def installed(tmp_path, monkeypatch):
     """installed(environment, text): the kernel of a package installed into an environment, as a new process would import it."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
 
     def load(environment, text=OWN):
         folder = tmp_path / environment / "package"

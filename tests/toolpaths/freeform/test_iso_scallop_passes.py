@@ -51,7 +51,7 @@ def field(surface, is_wanted):
     """What a TipField holds; the region is where the contact is wanted."""
     x = np.arange(-SIZE_MM, SIZE_MM + GRID_MM / 2, GRID_MM)
     s, n = contacts(surface, *np.meshgrid(x, x, indexing="ij"))
-    return SimpleNamespace(x_mm=x, y_mm=x, contact_mm=s, normal=n, is_inside=is_wanted(s[..., 0], s[..., 1]),
+    return SimpleNamespace(across=None, x_mm=x, y_mm=x, contact_mm=s, normal=n, is_inside=is_wanted(s[..., 0], s[..., 1]),
                            beyond_mm=np.zeros(s.shape[:2]))
 
 
