@@ -320,13 +320,18 @@ def repost(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
         raise InputError("--tool and --diameter go together: which ball was changed, and what it measures")
     done = reposted(folder, line, number=tool, diameter_mm=diameter, setup=setup)
     print(f"tips moved by up to {1000 * done.moved_mm:.2f} um", file=sys.stderr)
-    if to is None and len(done.texts) > 1:
-        raise InputError(f"it takes {len(done.texts)} files: name them by --to")
+    _hand_out(done.texts, to, "--to")
+
+
+def _hand_out(texts, to, option):
+    """A program's texts: one to the screen where no file is named, several into numbered files."""
+    if to is None and len(texts) > 1:
+        raise InputError(f"the program takes {len(texts)} files: name them by {option}")
     if to is None:
-        print(done.texts[0], end="")
+        print(texts[0], end="")
         return
-    for k, text in enumerate(done.texts, 1):
-        _write(to if len(done.texts) == 1 else to.with_name(f"{to.stem}-{k:02d}{to.suffix}"), text, "--to")
+    for k, text in enumerate(texts, 1):
+        _write(to if len(texts) == 1 else to.with_name(f"{to.stem}-{k:02d}{to.suffix}"), text, option)
 
 
 @app.command()
@@ -381,13 +386,7 @@ def translate(
                                   source=translation.machine_of(translation.post_of(program.name, source)))
     for note in done.notes:
         print(f"note: {note}", file=sys.stderr)
-    if out is None and len(done.texts) > 1:
-        raise InputError(f"{to} takes {len(done.texts)} files, a tool each: name them by --out")
-    if out is None:
-        print(done.texts[0], end="")
-        return
-    for k, whole in enumerate(done.texts, 1):
-        _write(out if len(done.texts) == 1 else out.with_name(f"{out.stem}-{k:02d}{out.suffix}"), whole, "--out")
+    _hand_out(done.texts, out, "--out")
 
 
 @app.command()

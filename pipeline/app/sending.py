@@ -97,14 +97,14 @@ def _raw(device, baud, to):
     if speed is None:
         raise InputError(f"--baud {baud}: no serial line runs at that; 9600, 19200, 38400 and 115200 are usual")
     try:
-        told = termios.tcgetattr(device)
+        settings = termios.tcgetattr(device)
     except termios.error:
         raise InputError(f"--to {to}: it is no serial line: name its device, as /dev/ttyUSB0, or tcp://host:port") from None
-    told[0], told[1], told[3] = 0, 0, 0
-    told[2] = termios.CS8 | termios.CREAD | termios.CLOCAL
-    told[4] = told[5] = speed
-    told[6][termios.VMIN], told[6][termios.VTIME] = 1, 0
-    termios.tcsetattr(device, termios.TCSANOW, told)
+    settings[0], settings[1], settings[3] = 0, 0, 0
+    settings[2] = termios.CS8 | termios.CREAD | termios.CLOCAL
+    settings[4] = settings[5] = speed
+    settings[6][termios.VMIN], settings[6][termios.VTIME] = 1, 0
+    termios.tcsetattr(device, termios.TCSANOW, settings)
 
 
 def _written(device, piece):

@@ -31,7 +31,7 @@ def feeding_findings(posted, texts, machine, setup):
         rows = np.flatnonzero((posted.line > first) & (posted.line <= first + len(lines)))
         number = posted.line[rows] - 1 - first
         wait = waits_s(np.bincount(number, seconds[rows], len(lines)), np.array([len(line) + 1 for line in lines]), feeding)
-        found += _in_the_cut(posted, rows, number, wait, machine, setup)
+        found += _in_the_cut(posted, rows, (number, seconds[rows], wait), setup)
         first += len(lines)
     return tuple(found)
 
@@ -44,12 +44,14 @@ def _seconds(posted, machine):
     return 60.0 * np.where(posted.kind == Kind.RAPID, across, by_feed)
 
 
-def _in_the_cut(posted, rows, number, wait, machine, setup):
+def _in_the_cut(posted, rows, fed, setup):
     """Findings of one file: waits before blocks whose last move before was no rapid.
 
     Args:
-        rows: (k,) moves of the file.   number: (k,) the line of each, from 0.   wait: (lines,) s before each.
+        rows: (k,) moves of the file.
+        fed: (k,) the line of each, from 0; (k,) the least s that each takes; (lines,) s that the control waits before each.
     """
+    number, _, wait = fed
     before = np.searchsorted(number, np.arange(len(wait)), side="left") - 1         # the move made last
     cut = np.flatnonzero((wait > LEAST_S) & (before >= 0))
     cut = cut[posted.kind[rows[before[cut]]] != Kind.RAPID]
@@ -60,7 +62,7 @@ def _in_the_cut(posted, rows, number, wait, machine, setup):
         mine = np.flatnonzero(posted.operation[row] == operation)
         worst = mine[wait[cut[mine]].argmax()]
         feed = float(posted.feed_mm_per_min[row[worst]])
-        kept = feed * _share(wait, number, rows, posted, cut[mine], machine)
+        kept = feed * _share(fed, cut[mine])
         yield Finding(kind="late_blocks", amount_mm=0.0, amount=round(float(wait[cut[mine]].sum()), 3), unit="s", place_mm=None,
                       operation=posted.operation_name(int(row[worst])), line=int(posted.line[row[worst]]), setup=setup,
                       row=int(row[worst]),
@@ -69,8 +71,8 @@ def _in_the_cut(posted, rows, number, wait, machine, setup):
                              "a faster line (`bytes_per_s`)")
 
 
-def _share(wait, number, rows, posted, late, machine):
+def _share(fed, late):
     """Of the feed at which the line keeps up over the stretch of late blocks: running time over running and waiting."""
-    runs = float(_seconds(posted, machine)[rows[(number >= late[0]) & (number <= late[-1])]].sum())
-    stands = float(wait[late[0]:late[-1] + 1].sum())
-    return runs / (runs + stands) if runs + stands > 0 else 1.0
+    number, seconds, wait = fed
+    runs = float(seconds[(number >= late[0]) & (number <= late[-1])].sum())
+    return runs / (runs + float(wait[late[0]:late[-1] + 1].sum()))

@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from built_parts import ran
+from built_parts import built_once
 
 from cuspline.app.judge import judge
 from cuspline.design.job import read_job
@@ -18,10 +18,7 @@ COARSE = Options(spacing_mm=1.0, solid_pitch_mm=1.0, replay_pitch_mm=0.5, tessel
 @pytest.fixture(scope="module")
 def plate(tmp_path_factory):
     """Output folder of the plate, posted; not to be edited."""
-    folder = tmp_path_factory.mktemp("plate") / "out"
-    done = ran("build", PART, "--out", folder, "--stage", "gcode")
-    assert done.returncode == 0, done.stdout + done.stderr
-    return folder
+    return built_once(tmp_path_factory, "auto_plate", PART, "--stage", "gcode")
 
 
 def test_a_plate_is_made_whole_at_the_first_try(plate):

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from built_parts import ran
+from built_parts import built_once
 from pydantic import ValidationError
 from toleranced_plate import BORE_MM, REAMED_MM, design
 
@@ -24,10 +24,7 @@ COARSE = Options(spacing_mm=2.0, solid_pitch_mm=1.5, replay_pitch_mm=0.7, tessel
 @pytest.fixture(scope="module")
 def plate(tmp_path_factory):
     """Output folder of the plate, posted; not to be edited."""
-    folder = tmp_path_factory.mktemp("plate") / "out"
-    done = ran("build", PART, "--out", folder, "--stage", "gcode")
-    assert done.returncode == 0, done.stdout + done.stderr
-    return folder
+    return built_once(tmp_path_factory, "toleranced_plate", PART, "--stage", "gcode")
 
 
 def test_a_part_within_its_limits_is_measured_to_the_micrometre(plate):
