@@ -55,25 +55,25 @@ class Bored:
         return self.bore.radius_mm - self.tool.cutter.radius_mm
 
 
-def borable_faces(work, operation, taken):
-    """Indices of the operation's faces that are walls, ledges and flat bottoms which flat cutters of the library bore.
+def borable_faces(work, operation, wanted):
+    """Which of some faces are walls, ledges and flat bottoms that flat cutters of the library bore.
 
     Args:
-        work: PlanningContext.   operation: the strategies.bore.Bore that would do it.   taken: faces that drills make.
+        work: PlanningContext.   operation: the strategies.bore.Bore that would do it.   wanted: indices of faces.
+    Returns:
+        (their indices, [(faces of a wall, why no cutter bores it)]).
     """
-    wanted = [i for i in work.wanted if i not in set(taken)]
     found = [(hole, wall) for hole in upright_holes(work) for wall in walls_of(hole, wanted)]
-    if not found:
-        return []
-    work, out = work.on(operation, wanted, work.planned), []
+    work, out, refused = work.on(operation, wanted, work.planned) if found else work, [], []
     for hole, wall in found:
         bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
         try:
             _bored(work, bore)
-        except (CutterDoesNotFit, PlanError):
+        except (CutterDoesNotFit, PlanError) as error:
+            refused.append((wall.faces, str(error)))
             continue
         out += [*wall.faces, *(i for i in level_faces(work, bore) if i in set(wanted))]
-    return sorted(set(out))
+    return sorted(set(out)), refused
 
 
 def bored_holes(work):

@@ -230,6 +230,18 @@ class PlanningContext:
         named = faces_with_threads(self._faces_of_part, self.design.threads, self.design.predicates)
         return [w.turned_up() if w.hole.is_through and w.hole.axis[2] < 0 else w for w in threaded_walls(self.faces, named)]
 
+    @cached_property
+    def _diameters(self):
+        """{index of a face: design.dimensions.Diameter} that it has."""
+        said = [d for d in self.design.dimensions if d.kind == "diameter"]
+        faces = self._faces_of_part
+        return {i: d for d in said for i in brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, (d.faces,)))}
+
+    def diameter_limits_mm(self, wall):
+        """(least, most) diameter that a dimension allows a surfaces.holes.Wall; None: it has none."""
+        found = [self._diameters[i] for i in wall.faces if i in self._diameters]
+        return found[0].limits_mm(2 * wall.low_radius_mm) if found else None
+
     @property
     def face_names(self):
         """Names of the faces that the operation cuts."""

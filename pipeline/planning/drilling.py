@@ -7,7 +7,6 @@ r"""Holes drilled: which drill, how deep, in which order.
 """
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,30 +81,52 @@ class Drilled:
         return self.tip_mm + self.tool.cutter.point_height_mm
 
 
-def drillable_faces(work, operation):
-    """(walls that drills of the library make whole, other faces that they make with them): indices of the operation's faces.
+def drillable_faces(work, operation, wanted):
+    """Which of some faces drills of the library make whole, upright holes along the setup's Z.
 
-    Through holes, and blind ones that end in the drill's own point, along the setup's Z.
+    Through holes, and blind ones that end in the drill's own point; a hole with a dimension by drills within its limits alone.
 
     Args:
-        work: PlanningContext.   operation: the strategies.drill.Drill that would make them.
+        work: PlanningContext.   operation: the strategies.drill.Drill that would make them.   wanted: indices of faces.
+    Returns:
+        (indices of walls, of other faces that are made with them, [(faces, why no drill makes them)]).
     """
-    walls, others = [], []
-    found = [(hole, wall) for hole in upright_holes(work) for wall in walls_of(hole, work.wanted)]
-    work = work.on(operation, work.wanted, work.planned) if found else work
+    walls, others, refused = [], [], []
+    found = [(hole, wall) for hole in upright_holes(work) for wall in walls_of(hole, wanted)]
+    work = work.on(operation, wanted, work.planned) if found else work
     for hole, wall in found:
         bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
-        with suppress(CamError):
-            made = _drilled(work, bore)
-            top = float(stock_over(work, bore, made.tool.cutter.radius_mm).max())
-            if made.full_z_mm <= bore.low_z_mm + SAME_MM and max(top, bore.high_z_mm) - made.tip_mm <= (
-                    made.tool.cutter.flute_length_mm):
-                walls += wall.faces
-                others += _made_with(work, bore, made.tool)
-    return walls, [i for i in others if i in set(work.wanted)]
+        try:
+            tool = _whole_by(work, bore)
+        except CamError as error:
+            refused.append((wall.faces, str(error)))
+            continue
+        walls += wall.faces
+        others += made_with(work, bore, tool)
+    return walls, [i for i in others if i in set(wanted)], refused
 
 
-def _made_with(work, bore, tool):
+def _whole_by(work, bore):
+    """The drill that makes a wall whole.
+
+    Raises:
+        CamError: why none does.
+    """
+    made, where = _drilled(work, bore), f"{work.operation.title}: T{{}} {{}} {{}} the hole at {in_words(bore.place_mm)}"
+    cutter = made.tool.cutter
+    say = lambda what: CutterDoesNotFit(where.format(made.tool.number, cutter.name, what))
+    if made.full_z_mm > bore.low_z_mm + SAME_MM:
+        raise say("cannot bring its full diameter down to the end of the wall of")
+    top = float(stock_over(work, bore, cutter.radius_mm).max())
+    if max(top, bore.high_z_mm) - made.tip_mm > cutter.flute_length_mm:
+        raise say("has too short flutes for the stock over")
+    limits = work.diameter_limits_mm(bore.wall)
+    if limits is not None and not limits[0] <= cutter.diameter_mm <= limits[1]:
+        raise say(f"does not come within {limits[0]:g} to {limits[1]:g} mm, the dimension of")
+    return made.tool
+
+
+def made_with(work, bore, tool):
     """Faces that a drill makes beside its wall: the cone of its own angle that the hole ends in, of a flat drill what is level."""
     angle = bore.hole.point_angle_deg
     if tool.cutter.has_flat_bottom:
@@ -222,7 +243,7 @@ def _drill_for(work, bore):
     drills, wanted = work.tools("drill"), bore.radius_mm
     fits = [t for t in drills if -under - SAME_MM <= t.cutter.radius_mm - wanted <= over + SAME_MM]
     if not fits:
-        there = ", ".join(f"{t.cutter.diameter_mm:g}" for t in drills)
+        there = ", ".join(dict.fromkeys(f"{t.cutter.diameter_mm:g}" for t in drills))
         raise CutterDoesNotFit(f"{work.operation.title}: no drill makes the hole of diameter {2 * wanted:.6g} mm at "
                                f"{in_words(bore.place_mm)}; there are {there} mm: add one of its diameter to the file of "
                                "--cutters, or bore it with a smaller end mill")

@@ -9,20 +9,26 @@ import numpy as np
 from cuspline.planning import feeds
 from cuspline.planning.drilling import (
     SAME_MM,
+    Bore,
     Drilled,
     bores_of,
     drilled_by,
     in_words,
     is_drilled,
+    made_with,
     operation_of,
     refuse_short,
     retract_mm,
     tip_mm,
+    upright_holes,
+    walls_of,
 )
 from cuspline.planning.strategies.drill import Drill
 from cuspline.program.drilling import DrillCycle, drilled, shortest_way
-from cuspline.values.errors import CutterDoesNotFit
+from cuspline.shop.fits import UP_TO_MM, limits_mm
+from cuspline.values.errors import CamError, CutterDoesNotFit
 
+DRILLED = "H10"             # what drills keep: closer limits ask for a reamer
 SPEED_SHARE = 0.5           # of drilling's cutting speed
 STANDS_MM = 0.05            # over the end of the wall: less is none
 
@@ -54,6 +60,48 @@ def reamed_holes(work):
     for one in holes:
         reached |= is_drilled(work.samples, one.bore, one.tip_mm)
     return made, reached
+
+
+def reamable_faces(work, operation, wanted):
+    """Which of some faces a reamer is asked for by their dimension, and the library has what makes them.
+
+    Args:
+        work: PlanningContext.   operation: the strategies.ream.Ream that would do it.   wanted: indices of faces.
+    Returns:
+        (indices of walls, of other faces that are made with them, [(faces, why they cannot be reamed)]).
+    """
+    walls, others, refused = [], [], []
+    found = [(hole, wall) for hole in upright_holes(work) for wall in walls_of(hole, wanted) if _asks_for_a_reamer(work, wall)]
+    work = work.on(operation, wanted, work.planned) if found else work
+    for hole, wall in found:
+        bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
+        try:
+            one = _reamed(work, bore)
+            _refuse_outside(work, one)
+            drill = None if _is_open(work, one) else _drill_before(work, one).tool
+        except CamError as error:
+            refused.append((wall.faces, str(error)))
+            continue
+        walls += wall.faces
+        others += made_with(work, bore, drill) if drill is not None else []
+    return walls, [i for i in others if i in set(wanted)], refused
+
+
+def _asks_for_a_reamer(work, wall):
+    """Whether a wall's diameter has closer limits than a drill keeps."""
+    limits = work.diameter_limits_mm(wall)
+    if limits is None or 2 * wall.low_radius_mm > UP_TO_MM[-1]:
+        return False
+    low, high = limits_mm(2 * wall.low_radius_mm, DRILLED)
+    return limits[1] - limits[0] < high - low
+
+
+def _refuse_outside(work, one):
+    """A reamer whose own diameter is outside the limits."""
+    (low, high), cutter = work.diameter_limits_mm(one.bore.wall), one.tool.cutter
+    if not low <= cutter.diameter_mm <= high:
+        raise CutterDoesNotFit(f"{work.operation.title}: T{one.tool.number} {cutter.name} does not come within {low:g} to {high:g} "
+                               f"mm, the dimension of the hole at {in_words(one.bore.place_mm)}")
 
 
 def _reamed(work, bore):

@@ -90,13 +90,13 @@ def tray_plan():
     return planned(tray().cut(rim).cut(at(-1, (X / 2, Y / 2)).circle(4.0).extrude(20)))
 
 
-def test_a_tray_is_drilled_and_finished_by_a_flat_cutter_in_a_fifth_of_a_balls_way(tray_plan):
+def test_a_tray_is_drilled_and_its_pocket_finished_by_a_flat_cutter_in_a_third_of_a_balls_way(tray_plan):
     names = [o.name for o in tray_plan.operations]
-    assert set(names[:2]) == {"drill 5", "drill 8"} and names[-1] == "floor"
-    floor = tray_plan.operations[-1]
+    assert set(names[:2]) == {"drill 5", "drill 8"} and names[2:] == ["pocket rough", "pocket floor", "pocket walls"]
+    floor, walls = tray_plan.operations[-2:]
     assert floor.tool.cutter.type == "flat" and not any(o.tool.cutter.type == "ball" for o in tray_plan.operations)
     ball_mm = (X - 24) * (Y - 24) / 0.7         # passes of the largest ball, a step of 0.7 mm apart, over the floor alone
-    assert floor.facts["length_mm"] < ball_mm / 5
+    assert floor.facts["length_mm"] + walls.facts["length_mm"] < ball_mm / 3
     assert tray_plan.area_reached_mm2 == pytest.approx(tray_plan.area_required_mm2, rel=5e-3)
 
 

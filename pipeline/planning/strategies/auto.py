@@ -8,15 +8,14 @@ import numpy as np
 from pydantic import Field
 
 from cuspline.design.operations import Clearing, Finishing
-from cuspline.planning import boring, chamfering, drilling, freeform_finishing, level_finishing, roughing, section_finishing
+from cuspline.planning import chamfering, freeform_finishing, level_finishing, roughing, section_finishing
 from cuspline.planning.context import FinishingStage
 from cuspline.planning.cutter_choice import choose_ball, choose_cutter, choose_rest_ball, leftover_rows
+from cuspline.planning.feature_choice import holes_made, is_prismatic, pockets_made, told_of
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
-from cuspline.planning.strategies.bore import Bore
 from cuspline.planning.strategies.chamfer import Chamfer
 from cuspline.planning.strategies.contour import Contour
-from cuspline.planning.strategies.drill import Drill
 from cuspline.planning.strategies.floor import Floor
 from cuspline.planning.strategies.tap import Tap
 from cuspline.planning.strategies.thread_mill import ThreadMill
@@ -33,9 +32,10 @@ ALONG = 0.98                # of a unit normal square to the section planes: pas
 
 
 class Auto(Finishing):
-    """Drills the holes that the library has drills for, bores others and counterbores by helices; then roughs,
-    rest roughs, semi-finishes where that is needed, finishes with one ball or the fastest chain of balls; last it taps threads,
-    or mills them."""
+    """Reams holes whose dimension asks for it, drills those that the library has drills for, bores others and counterbores by
+    helices; clears and finishes slots and pockets of upright walls; then roughs, rest roughs, semi-finishes where that is needed,
+    finishes with one ball or the fastest chain of balls; last it taps threads, or mills them. What could not be done so says
+    why in plan.json."""
 
     kind = "auto"
     picture = """
@@ -62,21 +62,28 @@ class Auto(Finishing):
         return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.pass_angle_deg))
 
     def plan(self, work):
-        made, taken = self._features(work)
+        made = holes_made(work)
+        if self._is_free and made.left(work):
+            rest = work.on(self, made.left(work), work.planned) if made.taken else work
+            if is_prismatic(rest) or self._chosen(rest).strategy != "sections":
+                made = pockets_made(work, made)
         chosen = self.strategy or self._chosen(work).strategy
         edges = () if chosen == "sections" or self.strategy else chamfering.chamfer_faces(work, Chamfer(), WIDEST_CHAMFER_MM)
-        return self._with_threads(work, *self._with_edges(work, made, taken, edges))
+        return self._with_threads(work, *self._with_edges(work, made, edges))
 
-    def _with_edges(self, work, made, taken, edges):
+    @property
+    def _is_free(self):
+        """Whether nothing says how faces are finished."""
+        return self.strategy is None and "section_plane" not in self.model_fields_set
+
+    def _with_edges(self, work, made, edges):
         """All but threads; where the edges cannot be chamfered they are faces like others, and plan.json says why."""
-        why = ""
         if edges:
             try:
-                return self._with_others(work, made, [*taken, *edges], edges)
+                return self._with_others(work, replace(made, taken=(*made.taken, *edges)), edges)
             except (PlanError, CutterDoesNotFit) as error:
-                why = f"chamfer: {error}"
-        shaped, reached = self._with_others(work, made, taken, ())
-        return [*shaped[:len(made)], *(_told(o, why) for o in shaped[len(made):])] if why else shaped, reached
+                made = made.with_refused([(edges, f"chamfer: {error}")])
+        return self._with_others(work, made, ())
 
     def _with_threads(self, work, made, reached):
         """All that is made, then the threads of its holes: tapped where that can be, else milled."""
@@ -89,30 +96,21 @@ class Auto(Finishing):
             reached = reached | np.isin(work.samples.face, faces)
         return made, reached
 
-    def _with_others(self, work, made, taken, edges):
-        """All that is not `taken`, after what is `made`; then chamfers along `edges`."""
-        if not taken:
-            return self._shaped(work)
-        reached = np.isin(work.samples.face, taken)
-        if left := [i for i in work.wanted if i not in set(taken)]:
-            shaped, rows = self._shaped(work.on(self, left, [*work.planned, *made]))
-            made = [*made, *shaped]
+    def _with_others(self, work, made, edges):
+        """All that is not taken, after what is made (feature_choice.Featured); then chamfers along `edges`."""
+        operations, left = list(made.operations), made.left(work)
+        if not made.taken:
+            shaped, reached = self._shaped(work)
+            return told_of(shaped, made.why(left)), reached
+        reached = made.reached(work.samples)
+        if left:
+            shaped, rows = self._shaped(work.on(self, left, [*work.planned, *operations]))
+            operations += told_of(shaped, made.why(left))
             reached[np.isin(work.samples.face, left)] = rows
         if edges:
-            more, _ = Chamfer().plan(work.on(Chamfer(), edges, [*work.planned, *made]))
-            made = [*made, *more]
-        return made, reached
-
-    def _features(self, work):
-        """(operations of the holes that drills and helices make, indices of the faces that these finish)."""
-        walls, points = drilling.drillable_faces(work, Drill())
-        made, taken = [], [*walls, *points]
-        if walls:
-            made, _ = Drill().plan(work.on(Drill(), walls, work.planned))
-        if bored := boring.borable_faces(work, Bore(), taken):
-            more, _ = Bore().plan(work.on(Bore(), bored, [*work.planned, *made]))
-            made, taken = [*made, *more], [*taken, *bored]
-        return made, taken
+            more, _ = Chamfer().plan(work.on(Chamfer(), edges, [*work.planned, *operations]))
+            operations += more
+        return operations, reached
 
     def _shaped(self, work):
         """All that drills do not make."""
@@ -151,22 +149,16 @@ def _threads(work, planned, thread, faces):
     except (PlanError, CutterDoesNotFit) as error:
         why = str(error)
     try:
-        return [_told(o, why) for o in on(ThreadMill())]
+        return told_of(on(ThreadMill()), why)
     except (PlanError, CutterDoesNotFit) as error:
         raise CutterDoesNotFit(f"thread {thread.in_words}: it can neither be tapped ({why}) nor milled ({error})") from None
-
-
-def _told(operation, why):
-    """An operation that says in plan.json what it stands for."""
-    before = operation.facts.get("instead_of")
-    return replace(operation, facts={**operation.facts, "instead_of": f"{before}; {why}" if before else why})
 
 
 def _instead(work, why):
     """Parallel passes where sections cannot be: a chain of balls goes where it can."""
     parallel = work.operation.model_copy(update={"strategy": "parallel"})
     made, reached = _free_form(work.of(parallel, work.planned))
-    return [replace(o, facts={**o.facts, "instead_of": f"sections: {why}"}) for o in made], reached
+    return told_of(made, f"sections: {why}"), reached
 
 
 def _semi_finish(work):
@@ -234,7 +226,7 @@ def _upright(work):
     except (PlanError, CutterDoesNotFit) as error:
         why = str(error)
     made = freeform_finishing.walls_alone(work.on(Waterline(), work.wanted, [*work.planned, *before]), tool, candidates)
-    return [*before, *([_told(made, why)] if made is not None else [])], reached
+    return [*before, *told_of([made] if made is not None else [], why)], reached
 
 
 def _with_floors(work, floor):

@@ -1,0 +1,169 @@
+r"""What `Auto` gives to operations of their own before roughing: holes reamed, drilled or bored, slots and pockets.
+
+        _    ___      ____    each is tried as it would be planned; what is refused is left to the next of them, in the
+       | |  |   |    |  __    end to roughing, balls and flat cutters, whose operations then say why (`instead_of`)
+       |_|  |_ _|    |_|
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cuspline.planning.boring import borable_faces
+from cuspline.planning.context import path_tolerance_mm
+from cuspline.planning.contouring import CURVE_SHARE
+from cuspline.planning.drilling import drillable_faces
+from cuspline.planning.level_finishing import is_level
+from cuspline.planning.pocketing import NARROWER_MM
+from cuspline.planning.reaming import reamable_faces
+from cuspline.planning.slotting import middles_of
+from cuspline.planning.strategies.bore import Bore
+from cuspline.planning.strategies.drill import Drill
+from cuspline.planning.strategies.pocket import Pocket
+from cuspline.planning.strategies.ream import Ream
+from cuspline.planning.strategies.slot import Slot
+from cuspline.surfaces.prismatic_features import features_of
+from cuspline.toolpaths.prismatic.upright_walls import upright_walls
+from cuspline.values.amounts import counted
+from cuspline.values.errors import PlanError, ToolpathError
+
+CLEARED = ("pocket", "open pocket")
+LONG = 1.5                  # times its width, that a slot's middle is at least
+SLOT_WALLS = 6              # two long ones, what closes its ends
+LOWER_MM = 1e-3             # than the rim: an island whose top the pocket's floor finishing takes with it
+FLAT = 1e-6                 # of a unit normal's z
+SAID = 2                    # reasons that are written out
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Featured:
+    """What has operations of its own so far."""
+
+    operations: tuple = ()      # context.PlannedOperation
+    taken: tuple = ()           # indices of the faces that these finish
+    refused: tuple = ()         # (indices of faces, why an operation was not for them)
+    rows: tuple = ()            # (indices of faces, (n,) bool of their samples that are reached); all are of those not among them
+
+    def left(self, work):
+        """Indices of a PlanningContext's faces that are not taken."""
+        return [i for i in work.wanted if i not in set(self.taken)]
+
+    def with_made(self, operations, taken, rows=None):
+        """The same with more, which say what they stand for.   rows: (n,) bool of samples that are reached; None: all."""
+        told = told_of(operations, self.why(taken))
+        return replace(self, operations=(*self.operations, *told), taken=(*self.taken, *taken),
+                       rows=self.rows if rows is None else (*self.rows, (tuple(taken), rows)))
+
+    def reached(self, samples):
+        """(n,) bool of samples on the faces that are taken."""
+        reached = np.isin(samples.face, self.taken)
+        for faces, rows in self.rows:
+            reached[np.isin(samples.face, faces)] = rows
+        return reached
+
+    def with_refused(self, refused):
+        return replace(self, refused=(*self.refused, *refused))
+
+    def why(self, faces):
+        """Why some faces are not made by what was tried before: "" nothing was."""
+        found = list(dict.fromkeys(why for mine, why in self.refused if set(mine) & set(faces)))
+        more = [f"and {counted(len(found) - SAID, 'more reason')}"] if len(found) > SAID else []
+        return "; ".join([*found[:SAID], *more])
+
+
+def told_of(operations, why):
+    """PlannedOperation values that say in plan.json what they stand for; why: "" nothing."""
+    if not why:
+        return list(operations)
+    before = [o.facts.get("instead_of") for o in operations]
+    return [replace(o, facts={**o.facts, "instead_of": f"{b}; {why}" if b else why}) for o, b in zip(operations, before)]
+
+
+def holes_made(work):
+    """Featured of the holes that reamers, drills and helices make."""
+    made = Featured()
+    for operation, faces_for in ((Ream(), reamable_faces), (Drill(), drillable_faces)):
+        walls, others, refused = faces_for(work, operation, made.left(work))
+        made = made.with_refused(refused)
+        if walls:
+            more, _ = operation.plan(work.on(operation, walls, [*work.planned, *made.operations]))
+            made = made.with_made(more, (*walls, *others))
+    bored, refused = borable_faces(work, Bore(), made.left(work))
+    if bored:
+        more, _ = Bore().plan(work.on(Bore(), bored, [*work.planned, *made.operations]))
+        made = made.with_made(more, bored)
+    return made.with_refused(refused)
+
+
+def is_prismatic(work):
+    """Whether all faces of a PlanningContext are level or upright."""
+    up = np.abs(work.samples.normal[:, 2])
+    return bool(((up > 1.0 - FLAT) | (up < FLAT)).all())
+
+
+def pockets_made(work, made):
+    """The same Featured with slots, then pockets, of upright walls, deepest last; what neither can do stays for others."""
+    slots, pockets = _slots_and_pockets(work, set(made.left(work)))
+    for slot in slots:
+        made, is_made = _tried(work, made, Slot(), slot)
+        pockets += [] if is_made else [slot]
+    by_cutter = {}
+    for faces in pockets:
+        by_cutter.setdefault(_widest_radius_mm(work, faces), []).append(faces)
+    for radius in sorted(by_cutter, reverse=True):
+        mine = by_cutter[radius]
+        together, is_made = _tried(work, made, Pocket(), [i for faces in mine for i in faces])
+        if is_made or len(mine) == 1:
+            made = together
+            continue
+        for faces in mine:
+            made, _ = _tried(work, made, Pocket(), faces)
+    return made
+
+
+def _tried(work, made, operation, faces):
+    """(Featured with an operation on some faces, or with the reason why not; whether it is made)."""
+    try:
+        more, rows = operation.plan(work.on(operation, faces, [*work.planned, *made.operations]))
+    except (PlanError, ToolpathError) as error:
+        return made.with_refused([(tuple(faces), str(error))]), False
+    return made.with_made(more, tuple(faces), rows), True
+
+
+def _slots_and_pockets(work, left):
+    """([faces of a slot], [faces of a pocket]): upward ones, all of whose faces are among those that are left; highest first."""
+    features = features_of(work.faces)
+    tops = [f for f in features if f.kind == "boss" and f.faces[0] in left and is_level(work.faces[f.faces[0]])]
+    slots, pockets = [], []
+    level = lambda f: float(work.faces[f.faces[0]].middle.point_mm[0, 2])
+    found = [f for f in features if f.kind in CLEARED and is_level(work.faces[f.faces[0]]) and set(f.faces) <= left]
+    for feature in sorted(found, key=lambda f: (-level(f), f.faces[0])):
+        rim = level(feature) + feature.size_mm - LOWER_MM
+        islands = [t.faces[0] for t in tops if set(t.faces[1:]) <= set(feature.faces) and level(t) < rim]
+        (slots if not islands and _is_slot(work, feature) else pockets).append([*feature.faces, *islands])
+    return slots, pockets
+
+
+def _walls(work, faces):
+    """UprightWalls of a pocket's faces; [] where they do not all stand upright."""
+    try:
+        return upright_walls(work.faces, [i for i in faces if not is_level(work.faces[i])],
+                             CURVE_SHARE * path_tolerance_mm(work.finish))
+    except PlanError:
+        return []
+
+
+def _is_slot(work, feature):
+    """Whether two long walls face each other, and hardly anything else is there."""
+    if len(feature.faces) - 1 > SLOT_WALLS:
+        return False
+    middles = middles_of(_walls(work, feature.faces))
+    return len(middles) == 1 and math.dist(middles[0].start, middles[0].end) >= LONG * middles[0].width_mm
+
+
+def _widest_radius_mm(work, faces):
+    """Radius of the largest flat cutter that goes into a pocket's corners; 0: none does."""
+    tightest = min((w.element.radius_mm for w in _walls(work, faces) if w.element.is_left), default=math.inf)
+    return max((t.cutter.radius_mm for t in work.library.of_type("flat") if t.cutter.radius_mm <= tightest - NARROWER_MM),
+               default=0.0)
