@@ -170,10 +170,11 @@ def _finished(work, bores, name):
     for one in bores:
         path = one.path(one.path_radius_mm)
         elements, leads = closed_leads(work, tool, path, one.bottom_mm)
+        way = (elements * (1 + work.operation.spring_passes), leads)
         heights = np.linspace(one.bore.high_z_mm, one.bottom_mm, max(1, math.ceil(
             (one.bore.high_z_mm - one.bottom_mm) / highest - 1e-9)) + 1)
         for _, z in pairwise(heights.tolist()):
-            made.append(one_pass(work, elements * (1 + work.operation.spring_passes), leads, z, feed))
+            made.append(one_pass(work, way, tool.cutter.radius_mm, z, feed))
     facts = {"holes": len(bores), "diameters_mm": sorted({round(2 * b.bore.radius_mm, 6) for b in bores}),
              "bottoms_mm": sorted({round(b.bottom_mm, 6) for b in bores}), "finish_allowance_mm": left_mm(work),
              "spring_passes": work.operation.spring_passes, "candidates": []}

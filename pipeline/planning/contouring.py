@@ -25,6 +25,7 @@ WITHIN_MM = 0.01            # a cutter smaller by this on its radius must pass
 HIGH_MM = 1e-3              # what the exact part may stand over a level that a path runs at
 RINGS = np.array([0.0, 0.4, 0.75, 0.95])
 SPOKES = 16
+RIM_SPOKES, RIM_RINGS, RIM_MM = 96, 5, 0.1      # places at a cutter's rim, and so far beside it, that are looked at before a rapid
 STANDS_MM = 0.01            # stock no higher is none
 SLOT_SHARE = 0.8            # of the deepest slot that a cutter takes
 HIGHS = (1.0, 0.5, 0.25)    # of the lead radius: how high above the path the cutter comes down
@@ -145,7 +146,8 @@ def helical(work, tool, path, heights_mm, how):
     turn = min(stepdown, path.length_mm * float(fixed.tan(ramp)))
     begin = path.elements[0].start
     writer = MoveWriter((*begin, work.clearance_z_mm))
-    writer.rapid((*begin, min(top + work.practice.approach_mm, work.clearance_z_mm)))
+    over = max(top, over_mm(work, begin, tool.cutter.radius_mm))
+    writer.rapid((*begin, min(over + work.practice.approach_mm, work.clearance_z_mm)))
     writer.feed((*begin, top), work.practice.plunge_share * feed)
     helix(writer, path, (top, low), turn, (feed, feed))
     writer.rapid((*writer.here_mm[:2], work.clearance_z_mm))
@@ -157,7 +159,8 @@ def _level_by_level(work, tool, path, heights_mm, how):
     (top, low), (stepdown, feed) = heights_mm, how
     elements, leads = _open_leads(work, tool, path, low)
     count = math.ceil((top - low) / stepdown - 1e-9)
-    parts = [one_pass(work, elements, leads, z, feed) for z in np.linspace(top, low, count + 1)[1:].tolist()]
+    heights = np.linspace(top, low, count + 1)[1:].tolist()
+    parts = [one_pass(work, (elements, leads), tool.cutter.radius_mm, z, feed) for z in heights]
     return Moves.joined(parts)
 
 
@@ -177,8 +180,9 @@ def _finished(work, tool, candidates, sections):
             refuse_blocked(work, tool, path, section.low_mm)
             elements, leads = (closed_leads if path.is_closed else _open_leads)(work, tool, path, section.low_mm)
             again = elements * (1 + operation.spring_passes) if path.is_closed else elements
+            times = 1 if path.is_closed else 1 + operation.spring_passes
             for z in heights:
-                made += [one_pass(work, again, leads, z, feed)] * (1 if path.is_closed else 1 + operation.spring_passes)
+                made += [one_pass(work, (again, leads), cutter.radius_mm, z, feed)] * times
     facts = {"allowance_mm": operation.allowance_mm, "finish_allowance_mm": left_mm(work),
              "heights_mm": [round(z, 6) for z in levels], "chains": sum(len(s.chains) for s in sections),
              "contour_mm": round(length, 3),
@@ -186,10 +190,15 @@ def _finished(work, tool, candidates, sections):
     return work.measured(operation.title, tool, rpm, Moves.joined(made), facts)
 
 
-def one_pass(work, elements, leads, height_mm, feed):
-    """Moves along elements with their Leads at one height, from the clearance to the clearance."""
+def one_pass(work, way, radius_mm, height_mm, feed):
+    """Moves at one height, from the clearance to the clearance.
+
+    Args:
+        way: (elements, Leads).   radius_mm: of the cutter.
+    """
+    elements, leads = way
     writer = MoveWriter((*leads.begin, work.clearance_z_mm))
-    over = max(float(stock_over(work, leads.begin[None], 0.0).max()), height_mm) + work.practice.approach_mm
+    over = max(over_mm(work, leads.begin, radius_mm), height_mm) + work.practice.approach_mm
     writer.rapid((*leads.begin, min(over, work.clearance_z_mm)))
     writer.feed((*leads.begin, height_mm), feed)
     follow(writer, (*leads.way_in, *elements, *leads.way_out), height_mm, feed)
@@ -239,6 +248,14 @@ def stock_over(work, xy_mm, radius_mm):
     """(n,) height of the stock under a cutter at places (n, 2)."""
     places = xy_mm[:, None] + rings_of(RINGS * radius_mm).reshape(1, -1, 2)
     return work.stock_mm(places.reshape(-1, 2)).reshape(len(xy_mm), -1).max(axis=1)
+
+
+def over_mm(work, xy_mm, radius_mm):
+    """Height of what stands under a whole cutter at a place (2,), its rim and slivers beside it included."""
+    turn = 2 * math.pi * np.arange(RIM_SPOKES) / RIM_SPOKES
+    out = np.concatenate([RINGS * radius_mm, np.linspace(RINGS[-1] * radius_mm, radius_mm + RIM_MM, RIM_RINGS)])
+    places = xy_mm + (out[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])).reshape(-1, 2)
+    return float(work.stock_mm(places).max())
 
 
 def rings_of(radii_mm):

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from cuspline.planning.context import path_tolerance_mm
-from cuspline.planning.contouring import CURVE_SHARE, LOOK_SHARE, SLOT_SHARE, STANDS_MM, stock_over
+from cuspline.planning.contouring import CURVE_SHARE, LOOK_SHARE, SLOT_SHARE, STANDS_MM, over_mm, refuse_blocked, stock_over
 from cuspline.planning.pocketing import BESIDE_MM, NAME, alike, floors_and_walls, said_of_walls
 from cuspline.planning.strategies.contour import Contour
 from cuspline.planning.tool_depth import missing_stick_out_mm
@@ -131,12 +131,13 @@ def _along_middles(work, tool, middles):
         top = float(stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), cutter.radius_mm).max())
         if top <= middle.low_mm + STANDS_MM:
             continue
+        refuse_blocked(work, tool, path, middle.low_mm)
         if any(opens):
             line = ends if opens[0] else ends[::-1]
             made.append(_level_by_level(work, line, (top, middle.low_mm), stepdown, feed))
         else:
             turn = min(stepdown, path.length_mm * float(fixed.tan(ramp)))
-            made.append(_to_and_fro(work, ends, (top, middle.low_mm), turn, feed))
+            made.append(_to_and_fro(work, tool, ends, (top, middle.low_mm), (turn, feed)))
     if not made:
         raise PlanError(f"{operation.title}: nothing stands in the slots: leave the operation out, or give the walls to contour")
     facts = {"stepdown_mm": round(stepdown, 6), "slots": len(made), "widths_mm": sorted({round(m.width_mm, 6) for m in middles}),
@@ -182,11 +183,12 @@ def _level_by_level(work, line, heights_mm, stepdown_mm, feed):
     return writer.moves()
 
 
-def _to_and_fro(work, ends, heights_mm, turn_mm, feed):
+def _to_and_fro(work, tool, ends, heights_mm, how):
     """Down evenly along the line, and once along it at the bottom."""
-    top, low = heights_mm
+    (top, low), (turn_mm, feed) = heights_mm, how
+    over = max(top, over_mm(work, ends[0], tool.cutter.radius_mm)) + work.practice.approach_mm
     writer = MoveWriter((*ends[0], work.clearance_z_mm))
-    writer.rapid((*ends[0], min(top + work.practice.approach_mm, work.clearance_z_mm)))
+    writer.rapid((*ends[0], min(over, work.clearance_z_mm)))
     writer.feed((*ends[0], top), work.practice.plunge_share * feed)
     count = math.ceil((top - low) / turn_mm - 1e-9)
     for k in range(1, count + 2):
