@@ -55,6 +55,7 @@ class ClosestTree:
     geometry: np.ndarray    # (k, 28) see `projection_tree.measure`
     rows: np.ndarray        # (k, 4) int: face; patch or offset into curves; state in the trim, -1 for an edge; degree
     curves: np.ndarray      # (c,) power coefficients of the edges' curves
+    round: np.ndarray       # (k, 17) leaves of cylinders, cones and circles: see `round_pieces`
 
     @classmethod
     def of_faces(cls, faces, *, geometry=None):
@@ -66,18 +67,19 @@ class ClosestTree:
         if not len(faces):
             raise PlanError("closest points need at least one face")
         patches, trims = geometry or (PatchSet.of_faces(faces), TrimSet.of_faces(faces))
-        boxes, shape, rows, curves = projection_tree.leaves(faces, patches, trims)
+        boxes, shape, rows, rounds, curves = projection_tree.leaves(faces, patches, trims)
         nodes, children, order = projection_tree.grown(boxes)
         return cls(patches=patches, trims=trims, nodes=frozen(nodes, (None, 6), "nodes"),
                    children=frozen(children, (None, 2), "children", np.int64),
                    order=frozen(order, (None,), "order", np.int64), boxes=frozen(boxes, (None, 6), "boxes"),
                    geometry=frozen(shape, (None, 28), "geometry"), rows=frozen(rows, (None, 4), "rows", np.int64),
-                   curves=frozen(curves, (None,), "curves"))
+                   curves=frozen(curves, (None,), "curves"), round=frozen(rounds, (None, 17), "round"))
 
     @property
     def arrays(self):
         """What kernels take as one argument."""
-        return TreeArrays(self.nodes, self.children, self.order, self.boxes, self.geometry, self.rows, self.curves)
+        return TreeArrays(self.nodes, self.children, self.order, self.boxes, self.geometry, self.rows, self.curves,
+                          self.round)
 
     def closest_points(self, points_mm, face=None):
         """Nearest points of the faces, edges and corners.

@@ -3,7 +3,7 @@
 A leaf is bounded by its box and by a second box along its middle's normal and tangents; what cannot come nearer than
 the best point so far is passed over.  The distance to a piece has one minimum when the point is nearer than the piece's
 smallest radius of curvature: one Newton run finds it.  Otherwise the piece is halved until each part is proven convex
-in the squared distance, or proven to hold nothing nearer.
+in the squared distance, or proven to hold nothing nearer; of cylinders, cones and circles a closed form says it.
 """
 
 import numpy as np
@@ -76,6 +76,7 @@ from cuspline.surfaces.projection_tree import (
     WIDTH_ACROSS,
     WIDTH_ALONG,
 )
+from cuspline.surfaces.round_pieces import RADIUS, least_square
 from cuspline.surfaces.trims import is_inside
 from cuspline.values.compiled import njit
 from cuspline.values.rows import HIGH_X, HIGH_Y, HIGH_Z, LOW_X, LOW_Y, LOW_Z, X, Y, Z, put
@@ -163,6 +164,14 @@ def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work
         is_simple = _is_simple_stretch(geometry[leaf], rx, ry, rz)
     else:
         is_simple = _is_simple(geometry[leaf], up, along, aside, rx * rx + ry * ry + rz * rz)
+    is_round, least = tree.round[leaf, RADIUS] > 0.0 and not is_simple, 0.0
+    if is_round:
+        least = least_square(tree.round[leaf], q, d[POINT])
+        if least >= best * SAME:
+            return best, found
+        if rows[leaf, LEAF_STATE] < 0:
+            out[X], out[Y], out[Z], out[AT_U], out[AT_V] = d[POINT, X], d[POINT, Y], d[POINT, Z], np.nan, np.nan
+            return least, leaf
     s = rx * geometry[leaf, DUAL_S + X] + ry * geometry[leaf, DUAL_S + Y] + rz * geometry[leaf, DUAL_S + Z]
     t = rx * geometry[leaf, DUAL_T + X] + ry * geometry[leaf, DUAL_T + Y] + rz * geometry[leaf, DUAL_T + Z]
     box = geometry[leaf, RECTANGLE:TANGENT]
@@ -180,7 +189,7 @@ def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work
     a, b = ms + min(max(s, -1.0), 1.0) * hs, mt + min(max(t, -1.0), 1.0) * ht
     before = best
     best = _take(patches, trims, rows[leaf, LEAF_FACE], rows[leaf, LEAF_PATCH], q, a, b, box, inside, out, d, best)
-    if not is_simple:
+    if not is_simple and not (is_round and least >= best * SAME):
         best = _by_parts(patches, trims, rows[leaf, LEAF_FACE], rows[leaf, LEAF_PATCH], q, box, inside, out, d, parts,
                          work, best)
     if best < before:

@@ -6,6 +6,7 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 
 from cuspline.kernel.brep import edges_of_faces
+from cuspline.surfaces import round_pieces
 from cuspline.surfaces.edge_curves import curve_spans
 from cuspline.surfaces.enclosures import (
     BOUND,
@@ -60,15 +61,20 @@ class TreeArrays(NamedTuple):
     geometry: np.ndarray
     rows: np.ndarray
     curves: np.ndarray
+    round: np.ndarray
 
 
 def leaves(faces, patches, trims):
-    """Boxes (k, 6), geometry (k, 28), rows (k, 4) and curve coefficients (c,)."""
-    parts = [_face_leaves(patches, trims, f) for f in range(len(faces))]
+    """Boxes (k, 6), geometry (k, 28), rows (k, 4), what is round (k, 17: `round_pieces`) and curve coefficients (c,)."""
+    parts = [_with_round(face, patches, f, *_face_leaves(patches, trims, f)) for f, face in enumerate(faces)]
     curve_parts, coefficients = _edge_leaves(faces)
     parts += curve_parts
-    boxes, geometry, rows = (np.concatenate(column) for column in zip(*parts))
-    return boxes, geometry, rows, coefficients
+    boxes, geometry, rows, rounds = (np.concatenate(column) for column in zip(*parts))
+    return boxes, geometry, rows, rounds, coefficients
+
+
+def _with_round(face, patches, index, boxes, geometry, rows):
+    return boxes, geometry, rows, round_pieces.of_face(face, patches, index, rows[:, LEAF_PATCH], geometry[:, RECTANGLE:TANGENT])
 
 
 def _face_leaves(patches, trims, face):
@@ -185,14 +191,15 @@ def _frame(S, Ss, St, g):
 
 
 def _edge_leaves(faces):
-    """[(boxes, geometry, rows)] of all edges but seams, and their curves' coefficients."""
+    """[(boxes, geometry, rows, what is round)] of all edges but seams, and their curves' coefficients."""
     coefficients, parts, offset = [], [], 0
     for uses in edges_of_faces(faces):
         if any(BRep_Tool.IsClosed_s(edge, faces[index].shape) for index, edge in uses):
             continue
         face, edge = uses[0]
         for powers in curve_spans(edge):
-            parts.append(_stretches(powers, face, offset))
+            boxes, geometry, rows = _stretches(powers, face, offset)
+            parts.append((boxes, geometry, rows, round_pieces.of_edge(edge, powers, geometry[:, RECTANGLE:TANGENT])))
             coefficients.append(powers.ravel())
             offset += powers.size
     return parts, np.concatenate(coefficients) if coefficients else np.zeros(0)

@@ -13,7 +13,10 @@ from OCP.gp import gp_Pnt
 from OCP.TopoDS import TopoDS_Compound
 
 from cuspline.kernel.brep import Face, faces_of, the_solid
+from cuspline.surfaces.face_pieces import INSIDE
 from cuspline.surfaces.projection import CHUNK, ClosestTree, refined
+from cuspline.surfaces.projection_tree import RECTANGLE
+from cuspline.surfaces.round_pieces import RADIUS, least_square
 from cuspline.values.errors import PlanError
 
 SAME_MM = 1e-7
@@ -180,3 +183,46 @@ def test_from_a_start_nearby_newton_alone_finds_the_foot():
 def test_no_faces_are_refused():
     with pytest.raises(PlanError, match="at least one face"):
         ClosestTree.of_faces([])
+
+
+def bored_and_countersunk():
+    """A block with a bore, and a cone in its top."""
+    block = cq.Workplane("XY").box(30, 24, 12, centered=False).cut(cq.Workplane("XY", origin=(8, 8, -1)).circle(3).extrude(20))
+    cone = cq.Workplane(obj=cq.Solid.makeCone(1, 5, 6, pnt=cq.Vector(20, 14, 6), dir=cq.Vector(0, 0, 1)))
+    return block.cut(cone)
+
+
+@pytest.mark.parametrize("aside_mm", [0.0, 1e-9, 1e-5, 1e-3, 0.05, 1.0])
+def test_near_the_axis_of_a_bore_and_a_cone_distances_are_those_of_the_closed_form(aside_mm):
+    faces = faces_of(the_solid(bored_and_countersunk().val()))
+    tree, turns = ClosestTree.of_faces(faces), np.random.default_rng(3).uniform(0, 2 * np.pi, 40)
+    out = aside_mm * np.column_stack([np.cos(turns), np.sin(turns)])
+    high = np.linspace(3.1, 8.9, 40)
+    bore = tree.closest_points(np.column_stack([out + (8, 8), high]))
+    np.testing.assert_allclose(bore.distance_mm, 3.0 - aside_mm, rtol=0, atol=1e-11)
+    assert not bore.is_edge.any() and is_consistent(tree, np.column_stack([out + (8, 8), high]), bore)
+    above = tree.closest_points(np.column_stack([out + (8, 8), high + 9.5]))        # beside the mouth's edge
+    np.testing.assert_allclose(above.distance_mm, np.hypot(3.0 - aside_mm, np.maximum(high - 2.5, 0.0)), rtol=0, atol=1e-9)
+    level = np.linspace(8.0, 11.0, 40)
+    cone = tree.closest_points(np.column_stack([out + (20, 14), level]))
+    slope = 4.0 / 6.0
+    reach = (1.0 + slope * (level - 6.0) - aside_mm) / np.hypot(1.0, slope)         # square to the generatrix
+    foot_mm = (level - 6.0) - reach * slope / np.hypot(1.0, slope)                  # its foot, over the cone's narrow end
+    np.testing.assert_allclose(cone.distance_mm[foot_mm > 0.0], reach[foot_mm > 0.0], rtol=0, atol=1e-11)
+    assert (foot_mm > 0.0).sum() > 10
+
+
+def test_the_nearest_place_of_a_round_piece_is_that_of_brute_force():
+    tree = ClosestTree.of_faces(faces_of(the_solid(bored_and_countersunk().rotate((0, 0, 0), (1, 2, 3), 35).val())))
+    pieces = np.flatnonzero((tree.round[:, RADIUS] > 0.0) & (tree.rows[:, 2] == INSIDE))
+    dice, foot, share = np.random.default_rng(1), np.empty(3), np.linspace(-1.0, 1.0, 101)
+    for k in dice.choice(pieces, 25, replace=False):
+        span, box = tree.patches.span[tree.rows[k, 1]], tree.geometry[k, RECTANGLE:RECTANGLE + 4]
+        s, t = np.meshgrid((box[0] + box[1] + share * (box[1] - box[0])) / 2, (box[2] + box[3] + share * (box[3] - box[2])) / 2)
+        u, v = ((span[c] + span[c + 1] + a.ravel() * (span[c + 1] - span[c])) / 2 for c, a in ((0, s), (2, t)))
+        places = tree.patches.derivatives(tree.rows[k, 0], u, v)[:, 0]
+        for q in tree.geometry[k, :3] + dice.uniform(-6, 6, (8, 3)):
+            found = least_square(tree.round[k], q, foot) ** 0.5
+            brute = np.linalg.norm(places - q, axis=1).min()
+            assert found <= brute + 1e-10 and brute - found < 5e-3 and np.linalg.norm(foot - q) == pytest.approx(found, abs=1e-12)
+            assert np.linalg.norm(places - foot, axis=1).min() < 0.1
