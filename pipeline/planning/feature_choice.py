@@ -23,7 +23,7 @@ from cuspline.planning.strategies.drill import Drill
 from cuspline.planning.strategies.pocket import Pocket
 from cuspline.planning.strategies.ream import Ream
 from cuspline.planning.strategies.slot import Slot
-from cuspline.surfaces.prismatic_features import features_of
+from cuspline.surfaces.prismatic_features import SMOOTH_SINE, features_of, neighbours_of
 from cuspline.toolpaths.prismatic.upright_walls import upright_walls
 from cuspline.values.amounts import counted
 from cuspline.values.errors import PlanError, ToolpathError
@@ -106,23 +106,23 @@ def pockets_made(work, made):
     """The same Featured with slots, then pockets, of upright walls, deepest last; what neither can do stays for others."""
     slots, pockets = _slots_and_pockets(work, set(made.left(work)))
     for slot in slots:
-        made, is_made = _tried(work, made, Slot(), slot)
+        made, is_made = tried(work, made, Slot(), slot)
         pockets += [] if is_made else [slot]
     by_cutter = {}
     for faces in pockets:
         by_cutter.setdefault(_widest_radius_mm(work, faces), []).append(faces)
     for radius in sorted(by_cutter, reverse=True):
         mine = by_cutter[radius]
-        together, is_made = _tried(work, made, Pocket(), [i for faces in mine for i in faces])
+        together, is_made = tried(work, made, Pocket(), [i for faces in mine for i in faces])
         if is_made or len(mine) == 1:
             made = together
             continue
         for faces in mine:
-            made, _ = _tried(work, made, Pocket(), faces)
+            made, _ = tried(work, made, Pocket(), faces)
     return made
 
 
-def _tried(work, made, operation, faces):
+def tried(work, made, operation, faces):
     """(Featured with an operation on some faces, or with the reason why not; whether it is made)."""
     try:
         more, rows = operation.plan(work.on(operation, faces, [*work.planned, *made.operations]))
@@ -143,6 +143,15 @@ def _slots_and_pockets(work, left):
         islands = [t.faces[0] for t in tops if set(t.faces[1:]) <= set(feature.faces) and level(t) < rim]
         (slots if not islands and _is_slot(work, feature) else pockets).append([*feature.faces, *islands])
     return slots, pockets
+
+
+def outline_faces(work, left):
+    """Upright ones among some faces that stand on nothing: outlines and windows, all whose other neighbours fall away."""
+    up = {i: np.abs(work.samples.normal[work.samples.face == i, 2]).max(initial=0.0) for i in left}
+    upright = {i for i, most in up.items() if most < FLAT}
+    around = neighbours_of(work.faces) if 0 < len(upright) < len(left) else ()
+    is_upright = lambda i: i in upright or bool(np.abs(work.faces[i].middle.normal[0, 2]) < FLAT)
+    return [i for i in sorted(upright) if around and all(n.sine < -SMOOTH_SINE or is_upright(n.index) for n in around[i])]
 
 
 def _walls(work, faces):

@@ -79,9 +79,10 @@ def cleared(work, levels):
     stage = roughing.RoughingStage(name=f"{operation.title} rough"[:NAME], allowance_mm=allowance,
                                    over_floors_mm=SKIN_MM if operation.finishes else None)
     made, stock, left = _clear(floors, stage, first.tool, candidates, work.stock_mm, rows, levels)
-    rest, candidates = _rest_tool(work, floors, allowance, first, tools, left)
+    rest, candidates = _rest_tool(work, floors, first, tools, left, is_entered=made is not None)
     if rest is not None:
-        stage = replace(stage, name=f"{operation.title} rest"[:NAME], threshold_mm=practice.rest_threshold_mm)
+        if made is not None:
+            stage = replace(stage, name=f"{operation.title} rest"[:NAME], threshold_mm=practice.rest_threshold_mm)
         more, _, _ = _clear(floors, stage, rest, candidates, stock, rows, levels)
         return [o for o in (made, more) if o is not None]
     return [] if made is None else [made]
@@ -92,15 +93,18 @@ def _clear(work, stage, tool, candidates, stock, rows, levels):
     return roughing.cleared(work, replace(stage, within=within), tool, candidates, stock, rows, work.operation)
 
 
-def _rest_tool(work, floors, allowance_mm, first, tools, left_mm):
+def _rest_tool(work, floors, first, tools, left_mm, is_entered):
     """(Tool or None, candidates) of what follows a clearing."""
     operation = work.operation
     if operation.rest_tool is not None:
         asked = floors.of(operation.model_copy(update={"tool": operation.rest_tool}), work.planned).tools("flat", "bull_nose")
         return asked[0], ()
-    if operation.tool is not None or left_mm <= allowance_mm + work.practice.rest_threshold_mm:
+    if operation.tool is not None or left_mm <= _allowance_mm(work) + work.practice.rest_threshold_mm:
         return None, ()
     smaller, candidates = choose_rest_roughing(tools, first, left_mm)
+    if smaller is None and not is_entered:      # the first one fits between the walls, and has no room there to come down
+        below = [t for t in tools if t.tool.cutter.diameter_mm < first.tool.cutter.diameter_mm and not t.missing_stick_out_mm]
+        smaller = max(below, key=lambda t: t.tool.cutter.diameter_mm, default=None)
     return (None, ()) if smaller is None else (smaller.tool, candidates)
 
 

@@ -39,7 +39,7 @@ class Feature:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Neighbour:
+class Neighbour:
     """A face beyond one edge of another."""
 
     index: int
@@ -54,7 +54,7 @@ def features_of(faces):
     Args:
         faces: all brep.Face values.
     """
-    around, in_holes = _neighbours(faces), {k for h in holes_of(faces) for k in (*h.faces, *h.floor)}
+    around, in_holes = neighbours_of(faces), {k for h in holes_of(faces) for k in (*h.faces, *h.floor)}
     found = []
     for k, face in enumerate(faces):
         if k in in_holes:
@@ -75,15 +75,15 @@ def _without_walls(found):
     return kept
 
 
-def _neighbours(faces):
-    """[[_Neighbour]] of every face."""
+def neighbours_of(faces):
+    """[[Neighbour]] of every brep.Face of a solid."""
     around = [[] for _ in faces]
     for pair in edge_pairs(faces):
         sines, cosines, _, _ = edge_sines(faces, pair)
         middle = len(sines) // 2
         for (i, edge), (j, _) in (pair, pair[::-1]):
             if i != j:
-                around[i].append(_Neighbour(index=j, edge=edge, sine=float(sines[middle]), cosine=float(cosines[middle])))
+                around[i].append(Neighbour(index=j, edge=edge, sine=float(sines[middle]), cosine=float(cosines[middle])))
     return around
 
 

@@ -11,7 +11,7 @@ from cuspline.design.operations import Clearing, Finishing
 from cuspline.planning import chamfering, freeform_finishing, level_finishing, roughing, section_finishing
 from cuspline.planning.context import FinishingStage
 from cuspline.planning.cutter_choice import choose_ball, choose_cutter, choose_rest_ball, leftover_rows
-from cuspline.planning.feature_choice import holes_made, is_prismatic, pockets_made, told_of
+from cuspline.planning.feature_choice import holes_made, is_prismatic, outline_faces, pockets_made, told_of, tried
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
 from cuspline.planning.strategies.chamfer import Chamfer
@@ -98,6 +98,7 @@ class Auto(Finishing):
 
     def _with_others(self, work, made, edges):
         """All that is not taken, after what is made (feature_choice.Featured); then chamfers along `edges`."""
+        made = self._with_outline(work, made)
         operations, left = list(made.operations), made.left(work)
         if not made.taken:
             shaped, reached = self._shaped(work)
@@ -112,10 +113,24 @@ class Auto(Finishing):
             operations += more
         return operations, reached
 
+    def _with_outline(self, work, made):
+        """The same with what is not upright shaped, and walls that stand on nothing contoured after it, where there are both."""
+        left = made.left(work)
+        walls = outline_faces(work, left) if self._is_free and left else []
+        others = [i for i in left if i not in set(walls)]
+        if not walls or not others or self._chosen(work.on(self, left, work.planned)).strategy == "sections":
+            return made
+        shaped, rows = self._shaped(work.on(self, others, [*work.planned, *made.operations]))
+        shaped_too = made.with_made(shaped, others, rows)
+        outlined, is_made = tried(work, shaped_too, Contour(), walls)
+        return outlined if is_made else made.with_refused(outlined.refused[len(made.refused):])
+
     def _shaped(self, work):
         """All that drills do not make."""
         chosen = self if self.strategy is not None else self._chosen(work)
         work = work if chosen is self else work.of(chosen, work.planned)
+        if chosen is not self and (floor := _level_floor(work)) is not None:
+            return _with_floors(work, floor)
         if chosen.strategy != "sections":
             return _free_form(work, may_take_floors=chosen is not self and work.tool_axis is None)
         if (np.abs(work.samples.normal[:, work.plane.across]) > ALONG).any():
@@ -227,6 +242,14 @@ def _upright(work):
         why = str(error)
     made = freeform_finishing.walls_alone(work.on(Waterline(), work.wanted, [*work.planned, *before]), tool, candidates)
     return [*before, *told_of([made] if made is not None else [], why)], reached
+
+
+def _level_floor(work):
+    """FloorCutter of faces that are all level, where it is faster than the largest ball; None: others are among them."""
+    balls = work.finishing_library.of_type("ball")
+    if not balls or work.tool_axis is not None or not all(level_finishing.is_level(work.faces[i]) for i in work.wanted):
+        return None
+    return level_finishing.faster_floor_cutter(work, balls[0])
 
 
 def _with_floors(work, floor):
