@@ -29,7 +29,7 @@ from cuspline.values.amounts import counted
 from cuspline.values.errors import PlanError, ToolpathError
 
 CLEARED = ("pocket", "open pocket")
-LONG = 1.5                  # times its width, that a slot's middle is at least
+LONG = 1.0                  # times its width, that a slot's middle is at least
 SLOT_WALLS = 6              # two long ones, what closes its ends
 LOWER_MM = 1e-3             # than the rim: an island whose top the pocket's floor finishing takes with it
 FLAT = 1e-6                 # of a unit normal's z

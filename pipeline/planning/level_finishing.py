@@ -120,11 +120,11 @@ class FloorCutter:
         return (*self.levels, *self.walls)
 
 
-def faster_floor_cutter(work, ball):
+def faster_floor_cutter(work, ball, change_s):
     """FloorCutter of the operation's level faces, where a flat cutter with its change takes less time there than a ball.
 
     Args:
-        work: PlanningContext.   ball: the Tool that would finish them.
+        work: PlanningContext.   ball: the Tool that would finish them.   change_s: of the flat cutter; 0: there is no ball then.
     """
     levels = tuple(i for i in work.wanted if is_level(work.faces[i]))
     tools = work.library.of_type("flat")
@@ -143,7 +143,7 @@ def faster_floor_cutter(work, ball):
         is_reached = np.zeros(len(on), bool)
         is_reached[on] = reached[np.isin(mine.samples.face, (*levels, *walls))]
         seconds = lambda t: work.finishing_work().seconds(t, work.samples, is_reached & np.isin(work.samples.face, levels))
-        if seconds(tool) + work.practice.tool_change_s < seconds(ball):
+        if seconds(tool) + change_s < seconds(ball):
             return FloorCutter(tool=tool, candidates=candidates, levels=levels, walls=walls, is_reached=is_reached)
     return None
 

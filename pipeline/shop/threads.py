@@ -13,7 +13,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import Field, field_validator, model_serializer
+from pydantic import Field, field_validator, model_serializer, model_validator
 
 from cuspline.values import fixed_math as fixed
 from cuspline.values.models import Model
@@ -126,6 +126,11 @@ class Thread(Model):
     depth_mm: float | None = Field(default=None, gt=0, le=500, description="full thread from the mouth of the wall; left out: all "
                                    f"of a through hole, of a blind one all but {RUN_OUT:g} pitches")
     hand: Literal["right", "left"] = "right"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_its_size(cls, said):
+        return {"size": said} if isinstance(said, str) else said
 
     @field_validator("size")
     @classmethod

@@ -101,17 +101,24 @@ class Auto(Finishing):
         made = self._with_outline(work, made)
         operations, left = list(made.operations), made.left(work)
         if not made.taken:
-            shaped, reached = self._shaped(work)
-            return told_of(shaped, made.why(left)), reached
+            return self._shaped_in_place(work, made.why(left))
         reached = made.reached(work.samples)
         if left:
-            shaped, rows = self._shaped(work.on(self, left, [*work.planned, *operations]))
-            operations += told_of(shaped, made.why(left))
+            shaped, rows = self._shaped_in_place(work.on(self, left, [*work.planned, *operations]), made.why(left))
+            operations += shaped
             reached[np.isin(work.samples.face, left)] = rows
         if edges:
             more, _ = Chamfer().plan(work.on(Chamfer(), edges, [*work.planned, *operations]))
             operations += more
         return operations, reached
+
+    def _shaped_in_place(self, work, why):
+        """As `_shaped`, in place of what was refused: `why` stands with the operations, or with what is refused again."""
+        try:
+            shaped, rows = self._shaped(work)
+        except CutterDoesNotFit as error:
+            raise CutterDoesNotFit(f"{error} ({why})" if why else str(error), rows=error.rows) from None
+        return told_of(shaped, why), rows
 
     def _with_outline(self, work, made):
         """The same with what is not upright shaped, and walls that stand on nothing contoured after it, where there are both."""
@@ -210,7 +217,7 @@ def _free_form(work, may_take_floors=False):
     chain, candidates, reached = choose_finishing(work.finishing_library, work.samples, work.mesh,
                                                   practice.rough_allowance_mm, work.finishing_work())
     tools = [link.tool for link in chain]
-    floor = level_finishing.faster_floor_cutter(work, tools[0]) if may_take_floors else None
+    floor = level_finishing.faster_floor_cutter(work, tools[0], practice.tool_change_s) if may_take_floors else None
     if floor is not None:
         return _with_floors(work, floor)
     semi = lambda: freeform_finishing.finish(work, _semi_finish(work), tools[0], ())
@@ -249,7 +256,7 @@ def _level_floor(work):
     balls = work.finishing_library.of_type("ball")
     if not balls or work.tool_axis is not None or not all(level_finishing.is_level(work.faces[i]) for i in work.wanted):
         return None
-    return level_finishing.faster_floor_cutter(work, balls[0])
+    return level_finishing.faster_floor_cutter(work, balls[0], change_s=0.0)
 
 
 def _with_floors(work, floor):

@@ -1,0 +1,108 @@
+"""What Auto makes of pockets, slots, outlines and holes with dimensions, and that it says what it could not."""
+
+from pathlib import Path
+
+import cadquery as cq
+import pytest
+
+from cuspline.app import catalogue
+from cuspline.design import Design, Diameter, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.kernel import brep
+from cuspline.planning.plan import plan_setup
+from cuspline.planning.strategies.auto import Auto
+from cuspline.values.errors import CutterDoesNotFit
+
+MACHINE, SHOP = catalogue.find_machine("mill_3axis"), catalogue.find_library(None)
+USERS = Path(__file__).resolve().parents[2] / "bench" / "users_parts"
+X, Y, Z = 62.0, 30.0, 6.0
+
+
+def block():
+    return cq.Workplane("XY").box(X, Y, Z, centered=False)
+
+
+def pocket(at, size, corner, depth=1.5):
+    return cq.Workplane("XY", origin=(*at, Z - depth)).rect(*size).extrude(9).edges("|Z").fillet(corner)
+
+
+def hole(at, diameter):
+    return cq.Workplane("XY", origin=(*at, -1)).circle(diameter / 2).extrude(20)
+
+
+def planned(solid, margin=0.3, **says):
+    """SetupPlan of all faces of a block but its base, by Auto; a margin of -1 takes its sides and its top."""
+    inner = FacePredicate(name="all", at_least=1, center_min_mm=(margin, margin, 0.3), normal=(0, 0, 1), normal_within_deg=91.0,
+                          center_max_mm=(X - margin, Y - margin, Z - margin))
+    bored = FacePredicate(name="bored", count=1, kinds=("cylinder",), area_min_mm2=18.8 * Z, area_max_mm2=18.95 * Z)
+    design = Design(name="block", description="block", parameters=Parameters(), solid=solid.val(),
+                    predicates=(inner, *([bored] if says else [])), material="aluminium_6061",
+                    stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z)),
+                    finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.03, gouge_mm=0.03),
+                    setups=(Setup(name="setup-1", faces=("all",), operations=(Auto(),), wcs_in_words="corner"),), **says)
+    return plan_setup(design, design.setups[0], MACHINE, SHOP)
+
+
+def facts(plan):
+    return {o.name: o.facts for o in plan.operations}
+
+
+@pytest.fixture(scope="module")
+def plan():
+    """A pocket, a slot that is closed at both ends, a hole in H7 whose reamer the library has."""
+    slot = cq.Workplane("XY", origin=(16, 8, Z - 1.5)).slot2D(24, 10.6).extrude(9)
+    solid = block().cut(pocket((46, 15), (22, 20), 6.0)).cut(slot).cut(hole((10, 22), 6.006))
+    return planned(solid, dimensions=(Diameter(faces="bored", fit="H7", nominal_mm=6.0),))
+
+
+def test_pockets_slots_and_close_holes_have_operations_of_their_own(plan):
+    names = [o.name for o in plan.operations]
+    assert names == ["ream drill", "ream", "slot", "slot walls rough", "slot walls", "pocket rough", "pocket floor", "pocket walls"]
+    assert plan.area_reached_mm2 > 0.99 * plan.area_required_mm2
+    assert all("instead_of" not in f for f in facts(plan).values())
+
+
+def test_a_hole_without_close_limits_is_drilled():
+    made = planned(block().cut(hole((10, 22), 6.006)), dimensions=(Diameter(faces="bored", lower_mm=-0.1, upper_mm=0.1),))
+    assert [o.name for o in made.operations] == ["drill"]
+
+
+def test_what_no_drill_makes_is_bored_and_says_so():
+    said = facts(planned(block().cut(hole((16, 15), 16.0))))
+    assert list(said) == ["bore rough", "bore"] and "drill: no drill makes the hole of diameter 16 mm" in said["bore"]["instead_of"]
+
+
+def test_a_hole_that_nothing_makes_within_its_limits_is_refused_with_what_was_tried():
+    with pytest.raises(CutterDoesNotFit, match="reamer 6 H7 does not come within 6.016 to 6.026 mm"):
+        planned(block().cut(hole((40, 15), 6.006)), dimensions=(Diameter(faces="bored", lower_mm=0.01, upper_mm=0.02),))
+
+
+def test_a_pocket_that_no_flat_cutter_fits_is_left_to_balls_and_they_say_why():
+    made = planned(block().cut(pocket((46, 15), (12, 12), 4.5, 0.8)).cut(pocket((16, 15), (20, 18), 6.0)))
+    said = facts(made)
+    assert {"pocket rough", "pocket floor", "pocket walls"} <= set(said) and "instead_of" not in said["pocket walls"]
+    others = [f for n, f in said.items() if "pocket" not in n]
+    assert others and all("pocket: its walls are rounded by 4.500 mm, and no flat cutter" in f["instead_of"] for f in others)
+
+
+def test_an_outline_is_contoured_and_a_level_top_is_swept_by_a_flat_cutter():
+    made = planned(block().edges("|Z").fillet(5.0), margin=-1.0)
+    names = [o.name for o in made.operations]
+    assert names[-1] == "contour" and not any(o.tool.cutter.type == "ball" for o in made.operations)
+
+
+@pytest.mark.parametrize("part", ["plate", "flange", "insert"])
+def test_parts_as_users_bring_them_are_the_same_in_both_libraries_and_in_their_job_file(part, tmp_path):
+    source = catalogue.find_design(str(USERS / f"{part}.py"))
+    one, other = (catalogue.make_design(source, {"library": name}) for name in ("cadquery", "build123d"))
+    solids = [brep.the_solid(d.solid, part) for d in (one, other)]
+    sizes = [sum(f.area_mm2 for f in brep.faces_of(s)) for s in solids]
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-5)
+    for solid in solids:
+        faces = brep.faces_of(solid)
+        assert all(brep.named_faces(faces, one.predicates, (p.name,)) for p in one.predicates)
+    brep.write_step(solids[1], tmp_path / f"{part}.step", part)
+    job = tmp_path / f"{part}.toml"
+    job.write_text((USERS / job.name).read_text())
+    read = catalogue.make_design(catalogue.find_design(str(job)), {})
+    for name in ("predicates", "setups", "stock", "finish", "material", "threads", "dimensions"):
+        assert getattr(read, name) == getattr(one, name), name
