@@ -16,6 +16,7 @@ from cuspline.design.job import read_tools
 from cuspline.kernel import brep
 from cuspline.program.positions import by_position
 from cuspline.program.posted import PostedMoves
+from cuspline.replay.machine_bodies import bodies_at
 from cuspline.replay.replay_checks import Reporter
 from cuspline.replay.scene import Fixture, SolidFixture
 from cuspline.shop.cutters import simulated
@@ -30,7 +31,6 @@ from cuspline.verification.body_clearance import body_findings
 from cuspline.verification.feeding import feeding_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
-from cuspline.verification.machine_bodies import bodies_at
 from cuspline.verification.measuring import measured, tolerance_findings
 from cuspline.verification.regions import regions
 from cuspline.verification.self_crossing import refuse_self_crossing

@@ -24,6 +24,7 @@ from cuspline.planning.tool_depth import (
 )
 from cuspline.program.program import UPRIGHT, Kind, Moves
 from cuspline.replay.clearance import ClearanceTree
+from cuspline.replay.machine_bodies import round_the_spindle
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
@@ -131,7 +132,8 @@ class PlanningContext:
         """
         self.design, self.setup, self.machine, self.before = design, setup, machine, before
         self.plating_mm, self.magazine = design.finish.plating_mm, library
-        self.library = library_within_skin(library, self.plating_mm) if self.plating_mm else library
+        within = library_within_skin(library, self.plating_mm) if self.plating_mm else library
+        self.library = within.in_spindle(round_the_spindle(machine))
         self.shop, self.tolerance_share, self.planned, self._shared, self.only = shop, tolerance_share, (), {}, None
         alone = setup.operations[0] if len(setup.operations) == 1 else None
         self.operation = alone if isinstance(alone, Finishing) else Finishing(steep_deg=STEEP_DEG)
@@ -274,7 +276,7 @@ class PlanningContext:
     def as_cut(self, operations):
         """PlannedOperation values, planned with the library, as the magazine's tools cut them: below the plating."""
         if not self.plating_mm:
-            return tuple(operations)
+            return tuple(replace(o, tool=self.magazine.number(o.tool.number)) for o in operations)
         return tuple(in_metal(o, self.magazine, self.plating_mm) for o in operations)
 
     def tools(self, *types):
