@@ -48,8 +48,8 @@ def cut(design, made, p):
     count, arbor = made.blade.table.blades, _arbor(made.hub, p)
     order = blade_order(count, p.blade_order) if p.blades_cut == "all" else [0]
     balls = [extended(tool, p.extension_mm) for tool in _balls(p)]
-    ways, turn, operations = _ways(design, p, balls), 2 * np.pi / count, _operations(balls)
-    setups = [_setup(k, j, about_x(k * turn), way, arbor, operations) for k in order for j, way in enumerate(ways)]
+    ways, turn = _ways(design, p, balls), 2 * np.pi / count
+    setups = [_setup(k, j, about_x(k * turn), way, arbor, _operations(balls, j == 0)) for k in order for j, way in enumerate(ways)]
     told = (f"{len(order)} of {count} blades cut with {'its fillet' if len(order) == 1 else 'their fillets'}, all else stays as "
             "cast")
     return replace(design, description=f"{design.description}; {told}", stock=StockSkin(skin_mm=p.skin_mm), setups=tuple(setups),
@@ -88,11 +88,12 @@ def extended(tool, by_mm):
     return tool.model_copy(update={"number": tool.number + EXTENDED, "holder": holder})
 
 
-def _operations(balls):
-    """Of every position: the larger ball on all that it sees well, one that fits the fillet where that leaves too much."""
+def _operations(balls, is_first):
+    """Of a position: the larger ball on what it sees well and no position before has finished, then one that fits the fillet
+    where that leaves too much."""
     same = {"leave_steep": True, "steep_deg": CUT_DEG}
-    passes = Parallel(tool=balls[0].number, **same)
-    return (passes,) if len(balls) == 1 else (passes, Rest(tool=balls[1].number, **same))
+    rest = [Rest(tool=ball.number, **same) for ball in balls]
+    return (Parallel(tool=balls[0].number, **same), *rest[1:]) if is_first else tuple(rest)
 
 
 def _ways(design, p, balls):

@@ -235,9 +235,9 @@ class Begun:
         """Judged: the verdict, once all verifiers have looked."""
         judging = self.first.judging
         options, setups = judging.options, self.first.verdicts()
-        differ = any(f.kind == "verifiers_disagree" for v in setups for f in v.findings)
+        differ = [f"{v.setup}: {f.advice}" for v in setups for f in v.findings if f.kind == "verifiers_disagree"]
         if differ and options.solid_pitch_mm is None and "verifiers_disagree" not in self.job.accepted:
-            judging.say("the two verifiers differ: both look closer")
+            judging.say(f"the two verifiers differ, both look closer ({differ[0]})")
             closer = replace(options, finer=CLOSER * options.finer)
             setups = verify_setups(self.programs, self.solid, replace(judging, options=closer))
         setups = tuple(replace(v, findings=self._placed(v.findings, p)) for v, p in zip(setups, self.read))

@@ -49,6 +49,7 @@ MESH_DEFLECTION_MM = 0.01
 FAR_MM = 1000.0             # beyond any stock
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 LOOK_SHARE, MOST_LOOKS = 0.2, 250       # of the radius between places at which the standing stock is looked up
+DONE_RAY = 5.0              # times the cusp: farther it is not asked how much stands
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
@@ -406,6 +407,16 @@ class PlanningContext:
         for operation in self.planned:
             height = operation.swept_mm(xy_mm, height)
         return np.minimum(height, at_most_mm)
+
+    @property
+    def is_done(self):
+        """Function of places and normals (n, 3) to (n,) bool: whether earlier setups leave no more than the cusp; None: there are
+        none, or the part is plated."""
+        if not self.piece.cuts or self.plating_mm:
+            return None
+        frame, most = self.setup.turn, self.finish.scallop_mm
+        return lambda points, normals: self.piece.deviations(frame.out(points), frame.turn_out(normals),
+                                                             DONE_RAY * most)[0] <= most
 
     def standing_mm(self, tool, stock=None):
         """The most that stands over the faces of the operation, straight up: what its links go over.
