@@ -419,7 +419,7 @@ class PlanningContext:
                                                              DONE_RAY * most)[0] <= most
 
     def standing_mm(self, tool, stock=None):
-        """The most that stands over the faces of the operation, straight up: what its links go over.
+        """The most that stands over the faces of the operation, straight up, or square to them: what its links go over.
 
         `stock` is a function of places (n, 2) to heights (n,); None: what stands before the operation.
         """
@@ -431,7 +431,9 @@ class PlanningContext:
         xy = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
         stock, part = (stock or self.stock_mm)(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)
         there = np.isfinite(part) & np.isfinite(stock)
-        return max(float((stock[there] - part[there]).max(initial=0.0)), self.practice.rough_allowance_mm)
+        highest = float((stock[there] - part[there]).max(initial=0.0))
+        thickest = getattr(self.design.stock, "thickest_mm", None)
+        return max(highest if thickest is None else min(highest, thickest), self.practice.rough_allowance_mm)
 
     def chosen_tool(self, *types):
         """The fastest cutter of some types that fits the operation's faces with its holder clear and leaves least.
