@@ -476,7 +476,8 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
     """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part.
 
     A ball's arc over an edge would lead a leaning flat bottom into it, and on a link along the surface it would turn round its
-    contact: what touches with its corner comes and goes along its axis.
+    contact: what touches with its corner comes and goes along its axis.  A position among others, above which other directions'
+    material stands high, goes down by rapids between it.
     """
     radius = field.dropper.radius_mm if field.across is None else tool.cutter.radius_mm
     return TipLinkRules(
@@ -487,4 +488,5 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
         surface_link_mm=0.0 if field.across else LINK_STEPS * step_mm,
         hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
         is_one_way=work.operation.passes == "one-way",
-        steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None))
+        steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None),
+        rapid_gap_mm=work.practice.approach_mm if work.operation.steepest_deg < 90.0 else np.inf)
