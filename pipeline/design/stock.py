@@ -218,6 +218,9 @@ class StockSolid(Solid):
 class StockMesh(Mesh):
     """A scanned or sculpted blank, part coordinates."""
 
+    thickest_mm: float | None = Field(default=None, exclude=True, repr=False,
+                                      description="in code: no place of it is farther from the part; None: nobody knows")
+
 
 class StockAllowance(Standing):
     """The box round the part and an allowance on every side."""
@@ -265,7 +268,9 @@ def _skinned(stock, part):
     from cuspline.kernel.tessellation import tessellate
     mesh = tessellate(part, min(SKIN_SHARE * stock.skin_mm, SKIN_MM))
     outside = [skin_round(mesh.vertices_mm, mesh.triangles, share * (stock.skin_mm + mesh.deviation_mm)) for share in (1.0, OVER)]
-    made = StockMesh(mesh=(outside[0], mesh.triangles))
+    off = outside[0] - mesh.vertices_mm                 # facet by facet: what lies between corners is no farther
+    made = StockMesh(mesh=(outside[0], mesh.triangles),
+                     thickest_mm=float(np.sqrt((off ** 2).sum(axis=1)).max()) + mesh.deviation_mm)
     corners = mesh.vertices_mm[mesh.triangles]
     met = made.shape.holds(outside[1][mesh.triangles].mean(axis=1))
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)

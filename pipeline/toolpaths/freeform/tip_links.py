@@ -2,7 +2,8 @@
 
 From path to path the tool goes, whichever first is possible:
 along the surface where that is short; over the highest thing in between, at feed; or up and across at
-the clearance height.  Rapids run at the approach height or above, never below.
+the clearance height.  Rapids run at the approach height or above; straight up and down also below it, where rules say
+how far from what may stand there.
 """
 
 import math
@@ -46,6 +47,7 @@ class TipLinkRules:
     is_one_way: bool
     steepest_rad: float = math.pi / 2       # that the cutter goes down through stock: not all cut at their centre
     bearing: str | None = None      # see ordered_paths
+    rapid_gap_mm: float = math.inf  # so far above what may be left a rapid goes straight up and down; inf: the approach height
 
     def __post_init__(self):
         if self.approach_z_mm > self.clearance_z_mm:
@@ -102,15 +104,22 @@ def _along(writer, tips, rules):
 def _retract(writer, rules):
     """Straight up: at feed to the approach height, in rapid to the clearance."""
     x, y, z = writer.here_mm
-    if z < rules.approach_z_mm:
-        writer.feed((x, y, rules.approach_z_mm), rules.feed_mm_per_min)
+    if z < (free := _rapid_z_mm(writer.here_mm, rules)):
+        writer.feed((x, y, free), rules.feed_mm_per_min)
     writer.rapid((x, y, rules.clearance_z_mm))
 
 
+def _rapid_z_mm(place, rules):
+    """Lowest height of a rapid over a place (3,)."""
+    if not math.isfinite(rules.rapid_gap_mm):
+        return rules.approach_z_mm
+    return min(rules.approach_z_mm, float(rules.stock.tips_mm(place[None, :2])[0]) + rules.rapid_gap_mm)
+
+
 def _enter(writer, first, rules):
-    """Down over a point: in rapid to the approach height, at feed to just above the stock, then plunging."""
+    """Down over a point: in rapid to the approach height or nearer, at feed to just above the stock, then plunging."""
     writer.rapid((*first[:2], rules.clearance_z_mm))
-    writer.rapid((*first[:2], max(rules.approach_z_mm, first[2])))
+    writer.rapid((*first[:2], max(_rapid_z_mm(first, rules), first[2])))
     _sink(writer, first, rules)
 
 
