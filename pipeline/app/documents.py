@@ -98,9 +98,18 @@ class RegionRow(Document):
     gouge_max_mm: float
 
 
+class CompensationRow(Document):
+    """The walls again, cut by worn cutters whose radii, as measured, stand in their registers."""
+
+    radii_mm: dict[str, float] = Field(description="by the names of the registers, the smallest that their operations allow")
+    gouge_max_mm: float
+    excess_max_mm: float
+
+
 class VerifyDocument(Figures):
     """verify.json: the verdict in numbers."""
 
+    compensation: CompensationRow | None = Field(default=None, description="where the control shifts contours (G41)")
     dimensions: tuple[DimensionRow, ...] = Field(default=(), description="that the design states with limits")
 
     setups: tuple[SetupFigures, ...]

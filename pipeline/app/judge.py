@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.app.catalogue import find_post, reader_of, tool_table_of
+from cuspline.app.catalogue import find_post, radii_taken, reader_of, tool_table_of
 from cuspline.app.report_inputs import shape_of
+from cuspline.app.worn_cutters import WornLook, worn_look, worn_tools
 from cuspline.design.design import by_clamping
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.job import read_tools
@@ -58,6 +59,7 @@ class Judged:
     read: tuple["ReadProgram", ...]         # one a setup
     dimensions: tuple = ()                  # measuring.Measured, on the stock after all of them
     names: dict                             # of faces that setups cut -> their numbers in the solid
+    worn: WornLook | None = None            # with worn cutters, where contours are shifted by the control
 
     @property
     def posted(self):
@@ -95,6 +97,7 @@ class Judged:
         for row in (*rows, *numbers["collisions"], *in_setups):
             row["accepted"] = row["kind"] in accepted
         sizes = {"dimensions": [m.as_dict() for m in self.dimensions]} if self.dimensions else {}
+        sizes |= {} if self.worn is None else {"compensation": self.worn.as_dict()}
         return {**numbers, **sizes, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows,
                 "regions": regions(self.verdict.setups, self.names)}
 
@@ -215,7 +218,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     judging = Judging(tools=simulated(tools), stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
                       material=job.material, force=job.force or force_of(job.material), life=job.life or life_of(job.material),
                       ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
-    return Begun(job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
+    return Begun(folder=folder, job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
                  first=first_look(programs, solid, judging), tools=tools)
 
 
@@ -223,6 +226,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
 class Begun:
     """The files of a folder read, simulated and seen by the first verifier."""
 
+    folder: Path                            # with the files
     job: object                             # Job
     solid: object                           # TopoDS_Solid out of the STEP file
     read: tuple[ReadProgram, ...]           # one a setup
@@ -242,9 +246,19 @@ class Begun:
             setups = verify_setups(self.programs, self.solid, replace(judging, options=closer))
         setups = tuple(replace(v, findings=self._placed(v.findings, p)) for v, p in zip(setups, self.read))
         sizes = measured(self.job.dimensions, self.first.part.piece, self.solid, self.job.predicates, options.post_rounding_mm)
-        extra = (*self.extra, *tolerance_findings(sizes, self.read[-1].setup.name))
+        worn = self._worn({f.kind for v in setups for f in v.findings})
+        extra = (*self.extra, *tolerance_findings(sizes, self.read[-1].setup.name), *(worn.findings if worn else ()))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
-                      extra=extra, stock=self.job.stock, read=self.read, dimensions=sizes, names=self._names)
+                      extra=extra, stock=self.job.stock, read=self.read, dimensions=sizes, names=self._names,
+                      worn=worn)
+
+    def _worn(self, kinds):
+        """WornLook where the control shifts contours, None where it shifts none; `kinds`: of finding that there are anyway."""
+        worn = worn_tools(self.programs, self.tools, self.job.worn_mm)
+        if not worn:
+            return None
+        again = lambda tools: [p.posted for p in read_programs(self.folder, self.job, self.tools | tools)]
+        return worn_look(self.programs, again, worn, self.solid, self.first.judging, kinds)
 
     def drafted(self):
         """Drafted: what the first verifier and the replay show, nothing proven."""
@@ -345,8 +359,9 @@ def _by_position(moves, setups):
 
 def moves_of_file(text, setup, machine, tools):
     """PostedMoves of one file, heads left out."""
-    return reader_of(machine)(text, work_offsets={setup.wcs: machine.wcs_origin_mm},
-                              tool_lengths={n: t.offset_mm for n, t in tools.items()})
+    read = reader_of(machine)
+    return read(text, work_offsets={setup.wcs: machine.wcs_origin_mm}, tool_lengths={n: t.offset_mm for n, t in tools.items()},
+                **radii_taken(read, tools))
 
 
 def _read(name, text, setup, job, tools):

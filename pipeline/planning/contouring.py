@@ -6,13 +6,14 @@ r"""Contours: upright walls cut by the side of a flat cutter, along their exact 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cuspline.planning.context import path_tolerance_mm
 from cuspline.planning.freeform_finishing import TERRACE_SHARE
 from cuspline.program.program import Moves, MoveWriter
+from cuspline.toolpaths.prismatic.compensated_path import compensated_contour, is_move, with_straight_ways
 from cuspline.toolpaths.prismatic.contour_moves import arc_leads, follow, helix, lengthened
 from cuspline.toolpaths.prismatic.plan_elements import PlanChain, chains_of, offset_chain
 from cuspline.toolpaths.prismatic.upright_walls import upright_walls
@@ -28,8 +29,10 @@ SPOKES = 16
 STANDS_MM = 0.01            # stock no higher is none
 SLOT_SHARE = 0.8            # of the deepest slot that a cutter takes
 HIGHS = (1.0, 0.5, 0.25)    # of the lead radius: how high above the path the cutter comes down
+QUARTERS = (1.0, 0.5, 0.2, 0.05)    # of the lead radius: quarter circles on which the control begins beside a contour
 FARTHER = (0.0, 1.0, 2.0, 3.0)      # diameters beyond the ends of an open chain where it may come down
 SHARES = (1.0, 0.5, 0.2, 0.05)      # of what the finishing pass takes off, in corners too tight for all of it
+WORN_MM = 0.1               # by which the radius in the D register may be smaller than the cutter's own
 STARTS = 12                 # places along a closed chain that are looked at for its leads
 
 
@@ -164,9 +167,10 @@ def _level_by_level(work, tool, path, heights_mm, how):
 def _finished(work, tool, candidates, sections):
     """The finishing operation."""
     operation, cutter = work.operation, tool.cutter
+    _refuse_compensation(work)
     rpm, feed = work.speeds(tool, is_rough=False)
     highest, away = TERRACE_SHARE * cutter.flute_length_mm, cutter.radius_mm + operation.allowance_mm
-    made, levels, length = [], [], 0.0
+    made, runs, levels, length = [], [], [], 0.0
     for section in sections:
         count = max(1, math.ceil((section.high_mm - section.low_mm) / highest - 1e-9))
         heights = np.linspace(section.high_mm, section.low_mm, count + 1)[1:].tolist()
@@ -177,13 +181,46 @@ def _finished(work, tool, candidates, sections):
             refuse_blocked(work, tool, path, section.low_mm)
             elements, leads = (closed_leads if path.is_closed else _open_leads)(work, tool, path, section.low_mm)
             again = elements * (1 + operation.spring_passes) if path.is_closed else elements
-            for z in heights:
-                made += [one_pass(work, again, leads, z, feed)] * (1 if path.is_closed else 1 + operation.spring_passes)
+            times = 1 if path.is_closed else 1 + operation.spring_passes
+            for z in (z for z in heights for _ in range(times)):
+                made.append(one_pass(work, again, leads, z, feed))
+                runs.append(((*leads.way_in, *again, *leads.way_out), z))
     facts = {"allowance_mm": operation.allowance_mm, "finish_allowance_mm": left_mm(work),
              "heights_mm": [round(z, 6) for z in levels], "chains": sum(len(s.chains) for s in sections),
              "contour_mm": round(length, 3),
              "spring_passes": operation.spring_passes, "strategy": operation.kind, "candidates": [c.as_dict() for c in candidates]}
-    return work.measured(operation.title, tool, rpm, Moves.joined(made), facts)
+    if operation.compensation is None:
+        return work.measured(operation.title, tool, rpm, Moves.joined(made), facts)
+    worn = WORN_MM if operation.worn_mm is None else operation.worn_mm
+    facts |= {"compensation": operation.compensation, "worn_mm": worn}
+    return replace(work.measured(operation.title, tool, rpm, Moves.joined(made), facts),
+                   compensated=_beside(made, runs, cutter.radius_mm, worn))
+
+
+def _beside(made, runs, radius_mm, worn_mm):
+    """CompensatedContours of passes: each ends with one rapid up, behind its run of (elements, height)."""
+    out, before = [], 0
+    for moves, (elements, z) in zip(made, runs):
+        first = before + len(moves) - 1 - sum(is_move(e) for e in elements)
+        out.append(compensated_contour(elements, radius_mm, z, first, worn_mm))
+        before += len(moves) + 1
+    return tuple(out)
+
+
+def _refuse_compensation(work):
+    """
+    Raises:
+        PlanError: what goes with no contour that the control shifts.
+    """
+    operation, is_on = work.operation, work.operation.compensation is not None
+    for is_so, what in ((operation.worn_mm is not None and not is_on, "worn_mm goes with compensation: leave it out"),
+                        (is_on and work.setup.indexed, "an indexed position leans the tool, and controls compensate upright: leave "
+                         "compensation out"),
+                        (is_on and work.plating_mm > 0, "a part that is plated is cut by a radius that is none of the tool table: "
+                         "leave compensation out"),
+                        (is_on and operation.lead_radius_mm == 0, "compensation begins on an arc: give lead_radius_mm")):
+        if is_so:
+            raise PlanError(f"{operation.title}: {what}")
 
 
 def one_pass(work, elements, leads, height_mm, feed):
@@ -200,10 +237,11 @@ def one_pass(work, elements, leads, height_mm, feed):
 def closed_leads(work, tool, path, low_mm):
     """(the elements from the place where the path is met, Leads): lines first, then the longest."""
     radius = work.lead_radius_mm(tool.cutter.radius_mm)
-    for high in (*(h * radius for h in HIGHS), min(left_mm(work), radius)):
+    arcs = [(radius, high) for high in (*(h * radius for h in HIGHS), min(left_mm(work), radius))]
+    for round_mm, high in [(h * radius, h * radius) for h in QUARTERS] if _is_shifted(work) else arcs:
         for along in path.starts_mm()[:STARTS]:
             begun = path.begun_at(along)
-            leads = arc_leads((begun.elements[0], 0.0), (begun.elements[-1], begun.elements[-1].length_mm), radius, high)
+            leads = _leads(work, tool, begun.elements, round_mm, high)
             if _is_free(work, tool, leads, low_mm):
                 return begun.elements, leads
     raise _no_way_in(work, tool, path, low_mm)
@@ -214,11 +252,22 @@ def _open_leads(work, tool, path, low_mm):
     radius = work.lead_radius_mm(tool.cutter.radius_mm)
     for farther in FARTHER:
         elements = lengthened(path, farther * tool.cutter.diameter_mm) if farther else path.elements
-        leads = arc_leads((elements[0], 0.0), (elements[-1], elements[-1].length_mm), radius, radius)
+        leads = _leads(work, tool, elements, radius, radius)
         beyond = PlanChain(elements=elements, is_closed=False)
         if _is_free(work, tool, leads, low_mm) and _blocked(work, tool, beyond, low_mm) is None:
             return elements, leads
     raise _no_way_in(work, tool, path, low_mm)
+
+
+def _leads(work, tool, elements, radius_mm, high_mm):
+    """Leads onto elements and off them; where the control shifts the contour, with straight ways before and behind."""
+    leads = arc_leads((elements[0], 0.0), (elements[-1], elements[-1].length_mm), radius_mm, high_mm)
+    return with_straight_ways(leads, tool.cutter.radius_mm) if _is_shifted(work) else leads
+
+
+def _is_shifted(work):
+    """Whether the control is to run beside the contour by its D register."""
+    return getattr(work.operation, "compensation", None) is not None
 
 
 def _no_way_in(work, tool, path, low_mm):

@@ -187,6 +187,10 @@ KINDS = {
             "the length offset in force is not that of the tool in the spindle",
             "`G43 H2` with T3 in the spindle.",
             "Write the H number of the tool. It is raised even where both lengths are equal today."),
+        "wrong_radius_offset": (
+            "the radius by which a contour is shifted (G41, G42) is not that of the tool in the spindle",
+            "`G41 D6` with T5 in the spindle.",
+            "Write the D number of the tool. It is raised even where both radii are equal today."),
         "wrong_work_offset": (
             "a move in another work coordinate system than the setup's",
             "`G55` in the program of a setup whose zero is G54.",

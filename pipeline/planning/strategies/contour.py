@@ -29,5 +29,11 @@ class Contour(Finishing):
     spring_passes: int = Field(default=0, ge=0, le=9, description="times that the finishing pass is run again, for what the cutter "
                                "was pushed off")
 
+    compensation: Literal["control"] | None = Field(default=None, description="control: the contour itself is programmed, and the "
+                                                    "control runs beside it by the radius in its D register (G41); left out: the "
+                                                    "cutter's middle is programmed")
+    worn_mm: float | None = Field(default=None, gt=0, le=1, description="by which the radius in the register may be smaller, as "
+                                  "measured, than the cutter's own; left out, with compensation: 0.1")
+
     def plan(self, work):
         return contouring.contoured(work)
