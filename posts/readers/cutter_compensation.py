@@ -12,7 +12,7 @@ Places in the plane are complex numbers, mm.
 """
 
 import cmath
-from math import acos, pi, tau
+from math import pi, sqrt, tau
 from typing import NamedTuple
 
 from cuspline.posts.readers.rs274_blocks import refusal
@@ -55,7 +55,7 @@ class Element(NamedTuple):
     def heading(self, place):
         """Unit direction of its way at one of its places."""
         way = self.end - self.start if self.center is None else 1j * self.turn * (place - self.center)
-        return way / abs(way)
+        return way / _length(way)
 
     def sweep(self, place):
         """Angle from an arc's start to a place on its circle, 0 to a whole turn."""
@@ -142,7 +142,8 @@ def _joined(here, before, element, mine, shifted, how):
     if how.joins_by_arcs:
         return [Element(here.end, mine.start, center=corner, turn=-shifted.side, **common)], mine.start
     a, b = before.heading(before.end), element.heading(corner)
-    ahead = shifted.radius_mm * (abs(cmath.tan(turn / 2)) if turn > -pi / 2 else 1.0)
+    q = b / a
+    ahead = shifted.radius_mm * (abs(q.imag) / (1.0 + q.real) if turn > -pi / 2 else 1.0)     # the tangent of half the turn
     places = [here.end, here.end + ahead * a, mine.start - ahead * b, mine.start]
     return [Element(p, q, **common) for p, q in zip(places, places[1:]) if abs(q - p) > LEAST_MM], mine.start
 
@@ -175,14 +176,20 @@ def _crossings(a, b):
         across = (d.conjugate() * e).imag
         return [a.start + d * ((b.start - a.start).conjugate() * e).imag / across]
     if a.center is not None and b.center is not None:
-        r, s, way = abs(a.start - a.center), abs(b.start - b.center), b.center - a.center
-        cosine = (r * r + abs(way) ** 2 - s * s) / (2 * r * abs(way)) if way else 2.0
-        if abs(cosine) > 1:
+        r, s, way = _length(a.start - a.center), _length(b.start - b.center), b.center - a.center
+        far = _length(way)
+        along = (r * r + far * far - s * s) / (2 * far) if far else r + 1.0
+        if abs(along) > r:
             return []
-        return [a.center + r * way / abs(way) * cmath.exp(1j * side * acos(cosine)) for side in (1.0, -1.0)]
+        return [a.center + way / far * complex(along, side * sqrt(r * r - along * along)) for side in (1.0, -1.0)]
     line, arc = (a, b) if a.center is None else (b, a)
-    d, radius = line.heading(line.start), abs(arc.start - arc.center)
+    d, radius = line.heading(line.start), _length(arc.start - arc.center)
     foot = line.start + d * ((arc.center - line.start) / d).real
-    half = radius ** 2 - abs(foot - arc.center) ** 2
-    return [foot + side * d * half ** 0.5 for side in (1.0, -1.0)] if half >= 0 else []
+    away = _length(foot - arc.center)
+    half = radius * radius - away * away
+    return [foot + side * d * sqrt(half) for side in (1.0, -1.0)] if half >= 0 else []
+
+
+def _length(way):
+    return sqrt(way.real * way.real + way.imag * way.imag)
 

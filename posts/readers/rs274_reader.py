@@ -132,6 +132,7 @@ class Controller:
         self.block, self.line, self.call_line, self.is_machine_move = None, 0, 0, False
         self.radii = tool_radii or {}
         self.shifted, self.contour, self.is_leaving = None, [], False   # cutter_compensation.Shifted; its Elements so far; G40
+        self.register = 0                   # whose radius shifts the moves that are added
         self.ended = False
         self.rows = array("d")              # COLUMNS a move
         self.joint_rows = array("d")        # of a machine with rotaries: angles before and after, minutes, length, zero
@@ -476,7 +477,7 @@ class Controller:
     def _follow(self, kind, start, end, center, feed):
         """A block between G41 and G40: kept until the one behind it is known."""
         element = Element(complex(*start[:2]), complex(*end[:2]), (start[2], end[2]), feed, self.block,
-                          None if kind <= Kind.FEED else complex(*center[:2]), {Kind.ARC_CW: -1.0, Kind.ARC_CCW: 1.0}.get(kind, 0.0))
+                          None if kind <= Kind.FEED else complex(*center[:2]), 1.0 if kind == Kind.ARC_CCW else -1.0)
         if element.start == element.end and element.center is None:
             raise Complaint("a block without a way in X or Y while cutter compensation is on", "write G40 before it")
         self.tip = end
@@ -493,7 +494,7 @@ class Controller:
 
     def _run(self, elements):
         """Moves of the cutter's middle, each said by its own block."""
-        register = self.shifted.register
+        self.register = self.shifted.register
         for e in elements:
             self.block, self.line, self.call_line = e.block, e.block.number, e.block.call_line
             start, end = ((p.real, p.imag, z) for p, z in zip((e.start, e.end), e.z))
@@ -502,7 +503,8 @@ class Controller:
             if e.center is not None:
                 kind, center = Kind.ARC_CCW if e.turn > 0 else Kind.ARC_CW, (e.center.real, e.center.imag, start[2])
             self.minutes = abs(e.end - e.start) / e.feed if e.feed else 0.0
-            self._add(kind, start, end, center, 0, e.feed, register)
+            self._add(kind, start, end, center, 0, e.feed)
+        self.register = 0
 
     # moves ------------------------------------------------------------------------------------------
 
@@ -655,7 +657,7 @@ class Controller:
         turned_deg = hypot(*(b - a for a, b in zip(self.turned_before, self.turned)))
         return length_mm / self.feed or turned_deg * self.length_unit_mm() / self.feed
 
-    def _add(self, kind, start, end, center, turns, feed, register=0):
+    def _add(self, kind, start, end, center, turns, feed):
         machine = [t + s for t, s in zip(end, self._shift())]
         self.tip = end
         if self.tilted is not None:
@@ -663,7 +665,7 @@ class Controller:
         self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
                           self.turning * self.speed, self.tool, self.is_length_on, *machine, self.line,
                           self.operation, self.path_tolerance_mm, self.speed_line, self.call_line, self.coolant, self.pitch_mm,
-                          register))
+                          self.register))
         if self.rotaries:
             length_mm = self.tool_offsets[self.tool][2] if self.tool else self.tool_offset[2]
             self.joint_rows.extend((*self.turned_before, *self.turned, self.minutes, length_mm, *self.offset,
@@ -802,7 +804,8 @@ class Controller:
             length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
             operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
             path_tolerance_mm=tolerance[:, 0], pitch_mm=pitch[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
-            coolant=coolant[:, 0], radius_register=register[:, 0], work_offsets=tuple(self.used_offsets), remarks=tuple(self.remarks), stops=tuple(self.stops))
+            coolant=coolant[:, 0], radius_register=register[:, 0], work_offsets=tuple(self.used_offsets),
+            remarks=tuple(self.remarks), stops=tuple(self.stops))
         return read.through_joints(self.chain, self._joint_blocks(start, end, machine)) if self.rotaries else read
 
     def _joint_blocks(self, start, end, machine):

@@ -308,7 +308,7 @@ class _Files:
                             "upright axis, without cycles and without cutter compensation: give it one speed")
         if operation.compensated:
             if leans(operation.moves) or self.machine.control.arc_centres == "R":
-                raise PostError(f"operation {operation.name}: cutter compensation goes with an upright axis, and with arcs by their "
+                raise PostError(f"operation {operation.name}: cutter compensation goes with an upright axis, and arcs by their "
                                 "centres: leave compensation out")
             return CompensatedMoves(operation, self.machine.rotaries)
         if operation.cycles and not leans(operation.moves):

@@ -21,7 +21,7 @@ MACHINES = {post: machine_from_toml(Path(cuspline.posts.__file__).parent / "mach
             for post, name in FILES.items()}
 RADIUS, LEVEL, WORN = 5.0, 20.0, 0.1
 TOOL, OTHER = tool("flat", 2 * RADIUS, number=3), tool("flat", 8.0, number=4)
-PLACES = [(0, 0), (0, 40), (20, 40), (26, 36), (60, 36), (60, 20), (78, 20), (50, 0)]       # the outline, clockwise; material inside
+PLACES = [(0, 0), (0, 40), (20, 40), (26, 36), (60, 36), (60, 20), (78, 20), (50, 0)]       # outline, clockwise; material inside
 ROUNDED = {5: 8.0}          # the inner corner at (60, 20) is rounded; (26, 36) is an inner corner of little turn, and sharp
 
 

