@@ -433,6 +433,7 @@ def _posted(order, plans, work, inputs):
               cutting_data=material_named(order.design.material, order.shop.materials),
               machine=order.machine, posted=tuple(posted), smallest_ball_radius_mm=min(balls),
               accepted=order.accepted, threads=order.design.threads, dimensions=order.design.dimensions,
+              tabs=tuple(tab for p in plans for o in p.operations for tab in o.tabs),
               worn_mm={o.name.lower(): c.worn_mm for p in plans for o in p.operations for c in o.compensated},
               force=next((f for f in order.shop.forces if f.material == order.design.material), None),
               life=next((t for t in order.shop.lives if t.material == order.design.material), None))

@@ -98,6 +98,18 @@ class RegionRow(Document):
     gouge_max_mm: float
 
 
+class TabRow(Document):
+    """A tab that a contour was to leave, as it stands after its setup."""
+
+    setup: str
+    operation: str
+    place_mm: Place = Field(description="the middle of its foot, part coordinates")
+    width_mm: float
+    height_mm: float
+    standing_mm: float = Field(description="least height that stands in its narrowest part")
+    ok: bool
+
+
 class CompensationRow(Document):
     """The walls again, cut by worn cutters whose radii, as measured, stand in their registers."""
 
@@ -109,6 +121,7 @@ class CompensationRow(Document):
 class VerifyDocument(Figures):
     """verify.json: the verdict in numbers."""
 
+    tabs: tuple[TabRow, ...] = Field(default=(), description="wanted left, no excess")
     compensation: CompensationRow | None = Field(default=None, description="where the control shifts contours (G41)")
     dimensions: tuple[DimensionRow, ...] = Field(default=(), description="that the design states with limits")
 

@@ -35,6 +35,7 @@ from cuspline.verification.machine_bodies import bodies_at
 from cuspline.verification.measuring import measured, tolerance_findings
 from cuspline.verification.regions import regions
 from cuspline.verification.self_crossing import refuse_self_crossing
+from cuspline.verification.tabs import standing_tabs, tab_findings
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.threads import thread_findings
 from cuspline.verification.turning import swinging_findings, turning_findings
@@ -59,6 +60,7 @@ class Judged:
     read: tuple["ReadProgram", ...]         # one a setup
     dimensions: tuple = ()                  # measuring.Measured, on the stock after all of them
     names: dict                             # of faces that setups cut -> their numbers in the solid
+    tabs: tuple[dict, ...] = ()             # rows of tabs.standing_tabs
     worn: WornLook | None = None            # with worn cutters, where contours are shifted by the control
 
     @property
@@ -97,6 +99,7 @@ class Judged:
         for row in (*rows, *numbers["collisions"], *in_setups):
             row["accepted"] = row["kind"] in accepted
         sizes = {"dimensions": [m.as_dict() for m in self.dimensions]} if self.dimensions else {}
+        sizes |= {"tabs": list(self.tabs)} if self.tabs else {}
         sizes |= {} if self.worn is None else {"compensation": self.worn.as_dict()}
         return {**numbers, **sizes, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows,
                 "regions": regions(self.verdict.setups, self.names)}
@@ -209,7 +212,8 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         setup = program.setup
         wanted = tuple(brep.named_faces(faces, job.predicates, setup.faces))
         programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted,
-                                     fixtures=(*_fixtures(setup), *_bodies(program, job.machine))))
+                                     fixtures=(*_fixtures(setup), *_bodies(program, job.machine)),
+                                     tabs=tuple(t for t in job.tabs if t.setup == setup.name)))
         extra += _program_findings(program, job.machine)
     tops = [job.stock.shape.box_in(p.setup.frame)[1][2] for p in programs]
     threads = thread_findings(programs, solid, job.threads, job.predicates, tools, tops)
@@ -247,10 +251,12 @@ class Begun:
         setups = tuple(replace(v, findings=self._placed(v.findings, p)) for v, p in zip(setups, self.read))
         sizes = measured(self.job.dimensions, self.first.part.piece, self.solid, self.job.predicates, options.post_rounding_mm)
         worn = self._worn({f.kind for v in setups for f in v.findings})
-        extra = (*self.extra, *tolerance_findings(sizes, self.read[-1].setup.name), *(worn.findings if worn else ()))
+        tabs = standing_tabs(self.job.tabs, self.first.part.piece, [p.setup.name for p in self.programs])
+        extra = (*self.extra, *tolerance_findings(sizes, self.read[-1].setup.name), *(worn.findings if worn else ()),
+                 *tab_findings(tabs))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
                       extra=extra, stock=self.job.stock, read=self.read, dimensions=sizes, names=self._names,
-                      worn=worn)
+                      worn=worn, tabs=tabs)
 
     def _worn(self, kinds):
         """WornLook where the control shifts contours, None where it shifts none; `kinds`: of finding that there are anyway."""

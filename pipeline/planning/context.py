@@ -64,6 +64,7 @@ class PlannedOperation:
     moves: Moves                # with capped feeds, in the part as it lies in its setup (`setup.turn`)
     facts: dict                 # numbers for plan.json
     cycles: tuple = ()          # drilling.DrillCycle that come to some of the moves
+    tabs: tuple = ()            # design.tabs.Tab that it leaves
     compensated: tuple = ()     # compensation.CompensatedContour that come to some of the moves
     passes: object = None       # pass_templates.TemplatedPasses that come to the moves; None: only the moves
     left: object = None         # Left; None: it cuts all that its cutter reaches

@@ -37,6 +37,10 @@ KINDS = {
             "A pass was deleted, or the part has a face that no setup names: at least 1 mm² stands more than five times "
             "as high as is allowed.",
             "Add the face to a setup, or the operation that finishes it."),
+        "tab_cut": (
+            "a tab that a contour was to leave does not stand",
+            "`Contour(tabs=4)` states bridges of 4 x 1 mm, and a move edited by hand goes through one of them.",
+            "Look at the lines that run along the contour near that place: they rise by the tab's height."),
         "out_of_tolerance": (
             "a dimension of the design is out of its limits on the simulated stock",
             "The design states `Diameter(faces=\"bore\", fit=\"H7\")` for 20 mm, and the bore's path leaves 20.03.",
