@@ -28,6 +28,7 @@ from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
 from cuspline.values.input_files import refuse_irregular
 from cuspline.verification.body_clearance import body_findings
+from cuspline.verification.engraving import engraving_findings, raised
 from cuspline.verification.feeding import feeding_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
@@ -211,7 +212,10 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     for program in read:
         setup = program.setup
         wanted = tuple(brep.named_faces(faces, job.predicates, setup.faces))
-        programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted,
+        grooves = tuple(e for e in job.engravings if e.setup == setup.name)
+        extra += engraving_findings(program.posted, setup, grooves, tools)
+        posted = raised(program.posted, grooves) if grooves else program.posted
+        programs.append(SetupProgram(posted=posted, setup=setup, faces=wanted,
                                      fixtures=(*_fixtures(setup), *_bodies(program, job.machine)),
                                      tabs=tuple(t for t in job.tabs if t.setup == setup.name)))
         extra += _program_findings(program, job.machine)
@@ -280,7 +284,8 @@ class Begun:
 
     def _placed(self, findings, program):
         """Of one program, those that the text alone shows before."""
-        mine = (*program.findings, *_cutting(findings, program.posted, self.tools))
+        engraved = {e.operation.lower() for e in self.job.engravings if e.setup == program.setup.name}
+        mine = (*program.findings, *_cutting(findings, program.posted, self.tools, engraved))
         return _placed(mine, program, self.job.machine, self.tools)
 
 
@@ -301,10 +306,12 @@ class Drafted:
                 "setups": [{"setup": d.setup, **d.numbers} for d in self.setups]}
 
 
-def _cutting(findings, posted, tools):
-    """Findings without what is said of taps and thread mills as if their bodies cut: verification.threads looks at them."""
-    is_thread = lambda f: (number := int(posted.tool[f.row])) in tools and tools[number].cutter.threads
-    return tuple(f for f in findings if f.kind not in OF_BODIES or f.row < 0 or not is_thread(f))
+def _cutting(findings, posted, tools, engraved):
+    """Findings without what is said of taps, thread mills and raised engravers as if they cut so: verification.threads, and
+    verification.engraving, look at them.   engraved: names of operations."""
+    is_other = lambda f: ((number := int(posted.tool[f.row])) in tools and tools[number].cutter.threads
+                          or posted.operation_name(f.row) in engraved)
+    return tuple(f for f in findings if f.kind not in OF_BODIES or f.row < 0 or not is_other(f))
 
 
 def _file_findings(folder, job, tools, published):

@@ -59,7 +59,7 @@ def _tab(work, path, over, radius_mm, low_mm, width_mm):
     if (work.stock_mm(places) < over.top_mm - STANDS_MM).any() or work.stock_mm(beyond[None])[0] < low_mm + STANDS_MM:
         x, y, z = work.in_part((*near, low_mm))
         raise PlanError(f"{work.operation.title}: at ({x:.3f}, {y:.3f}, {z:.3f}) no stock stands across the cutter's way "
-                        f"of {2 * radius_mm:g} mm and behind it for a tab to hold to: larger stock, a smaller cutter, or another place")
+                        f"of {2 * radius_mm:g} mm and behind it for a tab to hold to: more stock, a smaller cutter, another place")
     out = work.setup.turn.out
     told = {name: tuple(map(tuple, out(points).round(6).tolist())) for name, points in lines.items()}
     return Tab(setup=work.setup.name, operation=work.operation.title, width_mm=width_mm,
