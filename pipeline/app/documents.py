@@ -73,7 +73,7 @@ class DimensionRow(Document):
     """One dimension of one feature, as measured on the simulated stock."""
 
     name: str
-    kind: str = Field(description="diameter, distance or position")
+    kind: str = Field(description="diameter, distance, position or chamfer")
     place_mm: Place = Field(description="part coordinates")
     nominal_mm: float
     lower_mm: float = Field(description="limits")
