@@ -1,8 +1,8 @@
 """How a propeller is cut on a rotary table that a turning pallet carries: indexed positions, blade after blade.
 
 The shaft lies along the rotary table's axis, on an arbor that stands out of it; the casting has a skin on all sides.
-Directions from which balls see blade 1 and its fillet are found by `planning.positions`, none of them so far towards the table
-that the spindle would meet it; the other blades are cut from the same, turned by their angle, and by the same moves.
+Directions from which balls see blade 1 and its fillet are found by `planning.positions`, spindle and tables clear; the other
+blades are cut from the same, turned by their angle, and by the same moves.
 
 A position has two balls: the larger is through the blade in fewer passes, the smaller goes where that leaves too much: the fillet.
 """
@@ -11,26 +11,30 @@ from dataclasses import replace
 
 import numpy as np
 
-from cuspline.app.catalogue import find_library
+from cuspline.app.catalogue import find_library, find_machine
 from cuspline.design import FixtureCylinder, Setup, StockSkin
 from cuspline.designs.propellers.blade import about_x
 from cuspline.kernel import brep
 from cuspline.planning.cutter_choice import FIT_SHARE
-from cuspline.planning.positions import UNIT_DECIMALS, axes_along, directions, positions
+from cuspline.planning.positions import UNIT_DECIMALS, Held, axes_along, directions, positions, turnable
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.planning.strategies.rest import Rest
+from cuspline.shop.cutters import Holder, HolderSegment
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
+from cuspline.values.frames import Frame
 
 MACHINE = "mill_a_on_b"
-TOWARDS_TABLE_DEG = 45.0    # from square to the shaft towards the table, at the most
+HELD = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)     # X and Z of the clamping: the shaft, and blade 1 at rest
+EXTENDED = 100              # that the number of a tool in an extension is higher
+EXTENSION_WALL_MM = 4.0     # round the shank at its nose
+EXTENSION_SLOPE = 0.0524    # of its sides: 3 degrees, as such extensions are sold
 SEEN_DEG = 58.0             # between the faces' normals and the tool where positions are chosen
 CUT_DEG = 62.0              # and where they are cut: positions overlap
 PLACES = 1500               # of a blade, that are looked at
 MESH_MM = 0.02              # of the triangles that are looked at, off the part: a ball counts as touching within more
 ARBOR_SHARE = 0.85          # of the hub's diameter
 GAP_MM = 0.5                # between hub and arbor: the casting's skin, faced before
-NEARLY = 1e-9               # of a unit vector: a direction on the border belongs to those that are taken
 
 
 def cut(design, made, p):
@@ -43,13 +47,13 @@ def cut(design, made, p):
     """
     count, arbor = made.blade.table.blades, _arbor(made.hub, p)
     order = blade_order(count, p.blade_order) if p.blades_cut == "all" else [0]
-    balls = _balls(p)
-    ways, turn, operations = _ways(design, p, balls), 2 * np.pi / count, _operations(balls)
-    setups = [_setup(k, j, about_x(k * turn), way, arbor, operations) for k in order for j, way in enumerate(ways)]
+    balls = [extended(tool, p.extension_mm) for tool in _balls(p)]
+    ways, turn = _ways(design, p, balls), 2 * np.pi / count
+    setups = [_setup(k, j, about_x(k * turn), way, arbor, _operations(balls, j == 0)) for k in order for j, way in enumerate(ways)]
     told = (f"{len(order)} of {count} blades cut with {'its fillet' if len(order) == 1 else 'their fillets'}, all else stays as "
             "cast")
     return replace(design, description=f"{design.description}; {told}", stock=StockSkin(skin_mm=p.skin_mm), setups=tuple(setups),
-                   machine=MACHINE)
+                   machine=MACHINE, tools=tuple(balls) if p.extension_mm else ())
 
 
 def blade_order(count, order):
@@ -74,11 +78,22 @@ def _balls(p):
     return list({t.number: t for t in (largest(min(laws)), largest(FIT_SHARE * tightest))}.values())
 
 
-def _operations(balls):
-    """Of every position: the larger ball on all that it sees well, one that fits the fillet where that leaves too much."""
+def extended(tool, by_mm):
+    """A Tool in a slim shrink-fit extension, which its holder takes in the tool's place; no longer: as it is."""
+    if by_mm == 0:
+        return tool
+    nose = tool.cutter.shank_diameter_mm + 2 * EXTENSION_WALL_MM
+    slim = HolderSegment(height_mm=by_mm, lower_diameter_mm=nose, upper_diameter_mm=nose + 2 * by_mm * EXTENSION_SLOPE)
+    holder = Holder(name=f"shrink-fit extension {by_mm:g} mm, {tool.holder.name}", segments=(slim, *tool.holder.segments))
+    return tool.model_copy(update={"number": tool.number + EXTENDED, "holder": holder})
+
+
+def _operations(balls, is_first):
+    """Of a position: the larger ball on what it sees well and no position before has finished, then one that fits the fillet
+    where that leaves too much."""
     same = {"leave_steep": True, "steep_deg": CUT_DEG}
-    passes = Parallel(tool=balls[0].number, **same)
-    return (passes,) if len(balls) == 1 else (passes, Rest(**same))
+    rest = [Rest(tool=ball.number, **same) for ball in balls]
+    return (Parallel(tool=balls[0].number, **same), *rest[1:]) if is_first else tuple(rest)
 
 
 def _ways(design, p, balls):
@@ -86,10 +101,11 @@ def _ways(design, p, balls):
     solid = brep.the_solid(design.solid, f"design {design.name}")
     faces = brep.faces_of(solid)
     indices = brep.indices_of(faces, brep.named_faces(faces, design.predicates, _names(1)))
-    every = directions()
-    ways = every[every[:, 0] >= -fixed.sin(np.radians(TOWARDS_TABLE_DEG)) - NEARLY]
+    held = Held(machine=find_machine(MACHINE), frame=Frame.of_axes(np.zeros(3), *HELD))
+    ways = turnable(directions(), held.machine.kinematics, held.frame)
     found = positions(solid, indices, find_library(None).model_copy(update={"tools": tuple(balls)}), ways=ways,
-                      steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM))
+                      steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM),
+                      held=held)
     return [q.direction for q in found.positions]
 
 
@@ -111,7 +127,7 @@ def _arbor(hub, p):
 def _setup(k, j, turn, way, arbor, operations):
     """Position j of blade k, both from 0.   turn: (3, 3) from blade 1 to it.   way: (3,) to blade 1."""
     wcs_x, wcs_z = (tuple((fixed.matmul(turn, v).round(UNIT_DECIMALS) + 0.0).tolist()) for v in axes_along(way))
-    return Setup(name=f"blade-{k + 1}-{j + 1}", faces=_names(k + 1), indexed=True, clamped_x=(1, 0, 0), clamped_z=(0, 0, 1),
+    return Setup(name=f"blade-{k + 1}-{j + 1}", faces=_names(k + 1), indexed=True, clamped_x=HELD[0], clamped_z=HELD[1],
                  wcs_x=wcs_x, wcs_z=wcs_z, fixtures=(arbor,), operations=operations,
                  planned_as=None if k == 0 else f"blade-1-{j + 1}",
                  wcs_in_words="X along the shaft, Z along blade 1, zero in the propeller's centre")

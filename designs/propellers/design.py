@@ -54,6 +54,8 @@ class PropellerParameters(Parameters):
                                                     "that can be, or one after the other round the hub")
     arbor_mm: float = Field(default=280.0, gt=0, le=1000, description="from the face of the rotary table to the propeller's "
                             "centre, where blades are cut: as the machine stands")
+    extension_mm: float = Field(default=80.0, ge=0, le=300, description="of the slim shrink-fit extensions that the balls are held "
+                                "in, where blades are cut; 0: as the library holds them")
     skin_mm: float = Field(default=0.6, ge=0.2, le=20, description="of the casting on all sides, where blades are cut")
     material: str = Field(default="bronze_nial", description="work material, a name of `materials`")
     scallop_mm: float = Field(default=0.010, ge=0.002, le=0.5, description="largest cusp left")

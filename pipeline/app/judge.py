@@ -17,6 +17,7 @@ from cuspline.design.job import read_tools
 from cuspline.kernel import brep
 from cuspline.program.positions import by_position
 from cuspline.program.posted import PostedMoves
+from cuspline.replay.machine_bodies import bodies_at
 from cuspline.replay.replay_checks import Reporter
 from cuspline.replay.scene import Fixture, SolidFixture
 from cuspline.shop.cutters import simulated
@@ -32,7 +33,6 @@ from cuspline.verification.engraving import engraving_findings, raised
 from cuspline.verification.feeding import feeding_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
-from cuspline.verification.machine_bodies import bodies_at
 from cuspline.verification.measuring import measured, tolerance_findings
 from cuspline.verification.regions import regions
 from cuspline.verification.self_crossing import refuse_self_crossing
@@ -247,9 +247,9 @@ class Begun:
         """Judged: the verdict, once all verifiers have looked."""
         judging = self.first.judging
         options, setups = judging.options, self.first.verdicts()
-        differ = any(f.kind == "verifiers_disagree" for v in setups for f in v.findings)
+        differ = [f"{v.setup}: {f.advice}" for v in setups for f in v.findings if f.kind == "verifiers_disagree"]
         if differ and options.solid_pitch_mm is None and "verifiers_disagree" not in self.job.accepted:
-            judging.say("the two verifiers differ: both look closer")
+            judging.say(f"the two verifiers differ, both look closer ({differ[0]})")
             closer = replace(options, finer=CLOSER * options.finer)
             setups = verify_setups(self.programs, self.solid, replace(judging, options=closer))
         setups = tuple(replace(v, findings=self._placed(v.findings, p)) for v, p in zip(setups, self.read))

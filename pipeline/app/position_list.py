@@ -8,7 +8,7 @@ from cuspline.app import catalogue
 from cuspline.app.face_list import STEP_FILES, solid_of
 from cuspline.design.design import DEFAULT_MACHINE
 from cuspline.kernel import brep
-from cuspline.planning.positions import directions, positions, turnable
+from cuspline.planning.positions import Held, directions, positions, turnable
 from cuspline.shop.practice import ShopFile
 from cuspline.values.errors import InputError
 
@@ -38,9 +38,10 @@ def position_rows(part, assignments, names, machine=None, cutters=None, steepest
         clamped = design.setups[0].clamped_frame if design.setups else None
         indices = _indices_of(design, brep.faces_of(solid), names)
     mill = catalogue.find_machine(machine)
+    held = None if clamped is None or not mill.rotaries else Held(machine=mill, frame=clamped)
     ways = turnable(directions(), mill.kinematics if mill.rotaries else None, clamped)
     found = positions(solid, indices, library, ways=ways, steepest_deg=steepest_deg,
-                      standing_mm=ShopFile().practice.rough_allowance_mm)
+                      standing_mm=ShopFile().practice.rough_allowance_mm, held=held)
     return [_row(k, p, found) for k, p in enumerate(found.positions, 1)] + [_left(found)]
 
 

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError, model_serializer, model_validator
 from cuspline.design.fixtures import Fixture
 from cuspline.design.operations import AnyOperation
 from cuspline.design.stock import StockAllowance
+from cuspline.shop.cutters import Tool
 from cuspline.shop.threads import Thread
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
@@ -293,6 +294,7 @@ class Design:
     threads: dict = field(default_factory=dict)     # {name of faces: shop.threads.Thread, or its size}: holes that get one
     dimensions: tuple = ()                  # values of design.dimensions: sizes and positions with their limits
     stock: object = StockAllowance()        # a value of design.stock; left out: the box round the part and an allowance
+    tools: tuple[Tool, ...] = ()            # as this part wants them held: beside the library's, or in place of its own
     guides: tuple = ()                      # values that strategies ask for by their type, see `guide_of`
     machine: str = DEFAULT_MACHINE          # what it is made for where no other is asked for: a name in posts/
     companions: tuple[Companion, ...] = ()

@@ -24,6 +24,7 @@ from cuspline.planning.tool_depth import (
 )
 from cuspline.program.program import UPRIGHT, Kind, Moves
 from cuspline.replay.clearance import ClearanceTree
+from cuspline.replay.machine_bodies import round_the_spindle
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
@@ -48,6 +49,7 @@ MESH_DEFLECTION_MM = 0.01
 FAR_MM = 1000.0             # beyond any stock
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 LOOK_SHARE, MOST_LOOKS = 0.2, 250       # of the radius between places at which the standing stock is looked up
+DONE_RAY = 5.0              # times the cusp: farther it is not asked how much stands
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
@@ -134,7 +136,8 @@ class PlanningContext:
         """
         self.design, self.setup, self.machine, self.before = design, setup, machine, before
         self.plating_mm, self.magazine = design.finish.plating_mm, library
-        self.library = library_within_skin(library, self.plating_mm) if self.plating_mm else library
+        within = library_within_skin(library, self.plating_mm) if self.plating_mm else library
+        self.library = within.in_spindle(round_the_spindle(machine))
         self.shop, self.tolerance_share, self.planned, self._shared, self.only = shop, tolerance_share, (), {}, None
         alone = setup.operations[0] if len(setup.operations) == 1 else None
         self.operation = alone if isinstance(alone, Finishing) else Finishing(steep_deg=STEEP_DEG)
@@ -277,7 +280,7 @@ class PlanningContext:
     def as_cut(self, operations):
         """PlannedOperation values, planned with the library, as the magazine's tools cut them: below the plating."""
         if not self.plating_mm:
-            return tuple(operations)
+            return tuple(replace(o, tool=self.magazine.number(o.tool.number)) for o in operations)
         return tuple(in_metal(o, self.magazine, self.plating_mm) for o in operations)
 
     def tools(self, *types):
@@ -412,6 +415,16 @@ class PlanningContext:
         for operation in self.planned:
             height = operation.swept_mm(xy_mm, height)
         return np.minimum(height, at_most_mm)
+
+    @property
+    def is_done(self):
+        """Function of places and normals (n, 3) to (n,) bool: whether earlier setups leave no more than the cusp; None: there are
+        none, or the part is plated."""
+        if not self.piece.cuts or self.plating_mm:
+            return None
+        frame, most = self.setup.turn, self.finish.scallop_mm
+        return lambda points, normals: self.piece.deviations(frame.out(points), frame.turn_out(normals),
+                                                             DONE_RAY * most)[0] <= most
 
     def standing_mm(self, tool, stock=None):
         """The most that stands over the faces of the operation, straight up: what its links go over.

@@ -102,10 +102,10 @@ def rest(work, before, tool, candidates):
     region = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
     left_mm = before[-1].tool.cutter.radius_mm
     stage = FinishingStage(name="rest finish", allowance_mm=0.0, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, left_mm, (region, None), swept)
+    return _operation(work, stage, tool, candidates, left_mm, (region, None), (swept, None))
 
 
-def passes_over(work, tool, candidates, swept=()):
+def passes_over(work, tool, candidates, swept=(), is_done=None):
     """One operation as it is listed, on the stock that stands.
 
     Args:
@@ -113,6 +113,7 @@ def passes_over(work, tool, candidates, swept=()):
         tool: ball, bull nose, or tapered ball.
         candidates: what else was looked at, for plan.json.
         swept: height fields of what cutters swept before; with them only the region where they leave too much.
+        is_done: see `region_left`.
     Returns:
         PlannedOperation, or None where nothing is left.
     """
@@ -121,15 +122,15 @@ def passes_over(work, tool, candidates, swept=()):
         raise PlanError(f"{operation.title}: T{tool.number} {tool.cutter.name} has a sharp corner: on faces that are not level "
                         "it leaves steps, no cusps; take a ball or bull nose, or the operations floor and waterline")
     cut, box = lambda field: field, None
-    if swept:
+    if swept or is_done is not None:
         step = _step_mm(work, tool, ridge_for_step_mm(operation.title, scallop_mm, work.finish))
-        cut = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step)
+        cut = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step, is_done)
         if operation.steepest_deg < 90.0:           # a position among others, that see most of the faces better
             box = _box_left(work, tool, COARSER * step / NODES_A_STEP, cut)
             if box is None:
                 return None
     stage = FinishingStage(name=operation.title, allowance_mm=operation.allowance_mm, scallop_mm=scallop_mm)
-    return _operation(work, stage, tool, candidates, work.standing_mm(tool), (cut, box), swept)
+    return _operation(work, stage, tool, candidates, work.standing_mm(tool), (cut, box), (swept, is_done))
 
 
 def _box_left(work, tool, pitch_mm, cut):
@@ -169,10 +170,11 @@ def walls_alone(work, tool, candidates):
     return work.measured(operation.title, tool, rpm, made.moves, facts, made.left)
 
 
-def _operation(work, stage, tool, candidates, left_mm, where, before=()):
+def _operation(work, stage, tool, candidates, left_mm, where, before=((), None)):
     """One operation; None where nothing of its region is left.
 
     `where`: the function that makes the region of the whole one, and the box that holds it, None: not known.
+    `before`: height fields and what is done, as for `region_left`.
     """
     cut, box = where
     name, allowance_mm, scallop_mm = stage.name, stage.allowance_mm, stage.scallop_mm
@@ -263,10 +265,10 @@ def _curves(operation, field, cutter, ridge_mm):
 
 def _touch_up(field, paths, before, scallop_mm, ridge_mm, step_mm, rules):
     """More passes where all that is planned leaves more than the cusp: closer ones, across what is left."""
-    more, cutter = [], field.dropper
+    more, cutter, (swept, is_done) = [], field.dropper, before
     for closer in TOUCH_UP_RIDGES:
         mine = swept_by_lines([p.tips_mm for p in [*paths, *more]], cutter.radius_mm, cutter.corner_radius_mm)
-        left = region_left(field, [*before, mine], TOUCH_UP_SHARE * scallop_mm, TOUCH_UP_STEPS * step_mm)
+        left = region_left(field, [*swept, mine], TOUCH_UP_SHARE * scallop_mm, TOUCH_UP_STEPS * step_mm, is_done)
         if left is None:
             break
         more += tip_paths(parallel_curves(left, 0.0, closer * ridge_mm), left, rules)

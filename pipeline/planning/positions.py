@@ -1,8 +1,8 @@
 """Which indexed positions see what of some faces: fewest directions from which a ball of the shop finishes most of them.
 
 A place is seen from a direction where its normal leans no more than a limit from it, a ball touches it without meeting the part
-anywhere else, holder and shank keep clear, and the machine can turn there.  Spindle head, tables and fixtures are the
-simulation's business.  Directions are taken greedily, the one that adds most area first.
+anywhere else, holder, shank and spindle keep clear, of the machine's tables too, and the machine can turn there.  Fixtures are
+the simulation's business.  Directions are taken greedily, the one that adds most area first.
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +14,7 @@ from cuspline.planning.context import MESH_DEFLECTION_MM
 from cuspline.planning.cutter_choice import TOUCH_MM
 from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM
 from cuspline.replay.clearance import ClearanceTree
+from cuspline.replay.machine_bodies import bodies_at, round_the_spindle
 from cuspline.shop.rotary_way import shortest_way
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
@@ -29,6 +30,7 @@ SEED = 20
 NEARLY = 1e-9               # of a cosine: a place on the border counts
 BALL_MIDDLE = np.zeros((1, 5))      # as a segment of replay/clearance.py
 UP = (0.0, 0.0, 1.0)
+AS_IT_LIES = Frame.of_axes(np.zeros(3), (1, 0, 0), (0, 0, 1))
 UNIT_DECIMALS = 11          # of directions: unit vectors as a setup takes them
 
 
@@ -58,7 +60,7 @@ class Positions:
 
 
 def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing_mm=0.0,
-              finely=(LOOKED_AT, MESH_DEFLECTION_MM)):
+              finely=(LOOKED_AT, MESH_DEFLECTION_MM), held=None):
     """Few positions that see most of some faces.
 
     Args:
@@ -68,12 +70,13 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
         standing_mm: material that may still stand on the part, which holder and shank keep clear of.
         finely: places of the faces that are looked at, at the most; how far the triangles that tools keep clear of may lie off
             the part, mm.
+        held: Held: what spindle and tables are in the way; None: none are looked at.
     Returns:
         Positions.
     Raises:
         CutterDoesNotFit: the library has no ball.
     """
-    balls = library.of_type("ball")
+    balls = (library if held is None else library.in_spindle(round_the_spindle(held.machine))).of_type("ball")
     if not balls:
         raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
     places, mesh_mm = finely
@@ -82,9 +85,30 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
     tree = ClearanceTree.of_triangles(mesh.vertices_mm, mesh.triangles)
     on_tools = [_Ball.of_tool(tool, tree, some, standing_mm) for tool in balls]
     is_gentle = fixed.matmul(some.normal, np.transpose(ways)) >= fixed.cos(np.radians(steepest_deg)) - NEARLY
-    seen = np.array([ball.seen_from(way, gentle) for way, gentle in zip(ways, is_gentle.T) for ball in on_tools])
+    tables = [None if held is None else held.tables_from(way) for way in ways]
+    seen = np.array([ball.seen_from(way, gentle, beside) for way, gentle, beside in zip(ways, is_gentle.T, tables)
+                     for ball in on_tools])
     seen = seen.reshape(len(ways), len(balls), -1)
     return _chosen(ways, seen, some, balls)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Held:
+    """A part on a machine with rotaries."""
+
+    machine: object             # Machine
+    frame: Frame                # of the clamping's WCS, seen from the part
+
+    def tables_from(self, way):
+        """ClearanceTree of what turns with the part or carries it, part coordinates, where the tool stands along a direction (3,)
+        that the machine turns to; None: nothing does."""
+        turned = shortest_way(self.machine.kinematics, self.frame.turn_into(way[None])).angles[0]
+        found = bodies_at(self.machine, np.degrees(turned), AS_IT_LIES, self.frame)
+        if not found:
+            return None
+        begins = np.cumsum([0, *(len(f.vertices_mm) for f in found)])
+        return ClearanceTree.of_triangles(np.vstack([f.vertices_mm for f in found]),
+                                          np.vstack([f.triangles + first for f, first in zip(found, begins)]))
 
 
 def directions():
@@ -152,11 +176,15 @@ class _Ball:
         return cls(AxisSearch.of_tool(tree, tool, into_mm=TOUCH_MM, keep_mm=standing_mm + np.array(
             [SHANK_CLEARANCE_MM, HOLDER_CLEARANCE_MM])), middles, away >= radius - TOUCH_MM)
 
-    def seen_from(self, way, is_gentle):
-        """(n,) bool: which of places (n,) that lean little enough it finishes with its tool along a direction (3,)."""
+    def seen_from(self, way, is_gentle, beside=None):
+        """(n,) bool: which of places (n,) that lean little enough it finishes with its tool along a direction (3,).
+
+        `beside` is a ClearanceTree of more that is in the way.
+        """
         is_seen = is_gentle & self.fits
-        middles = self.middles_mm[is_seen]
-        is_seen[is_seen] = self.search.is_clear(middles, np.broadcast_to(way, middles.shape))
+        for search in (self.search, *(() if beside is None else (replace(self.search, tree=beside),))):
+            middles = self.middles_mm[is_seen]
+            is_seen[is_seen] = search.is_clear(middles, np.broadcast_to(way, middles.shape))
         return is_seen
 
 

@@ -237,7 +237,7 @@ class Reporter:
     def table(self, machine, tools, script, hanging_mm):
         """Tips, and what hangs lower, against the machine's table, all along the way; it reaches as far as the axes.
 
-        Where rotary axes are off 0 the table lies elsewhere: there it is a body of the machine (verification/machine_bodies.py).
+        Where rotary axes are off 0 the table lies elsewhere: there it is a body of the machine (replay/machine_bodies.py).
         """
         if machine is None:
             return

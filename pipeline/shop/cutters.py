@@ -432,6 +432,17 @@ class Tool(Model):
         return self.stick_out_mm + sum(s.height_mm for s in self.holder.segments)
 
 
+class ToolInSpindle(Tool):
+    """A tool with what stands round the spindle above it, which keeps clear of everything as its holder does."""
+
+    around: tuple[tuple[float, float, float, float], ...] = Field(exclude=True, description="(z0, radius0, z1, radius1) above "
+                                                                  "the gauge line")
+
+    def non_cutting_frusta(self):
+        above = [(z0 + self.length_mm, r0, z1 + self.length_mm, r1) for z0, r0, z1, r1 in self.around]
+        return np.vstack([super().non_cutting_frusta(), above])
+
+
 def _stacked(z, segments):
     """[(z0, radius0, z1, radius1), ...] of HolderSegments from a height upward."""
     rows = []
@@ -453,6 +464,22 @@ class ToolLibrary(Model):
         if twice:
             raise ValueError(f"tool numbers used twice: {twice}")
         return self
+
+    def with_tools(self, tools):
+        """The library with more tools, those of its own numbers in place of its own."""
+        numbers = {t.number for t in tools}
+        return self.model_copy(update={"tools": (*(t for t in self.tools if t.number not in numbers), *tools)}) if tools else self
+
+    def in_spindle(self, around):
+        """The same tools in a spindle, those of angle heads as they are.
+
+        Args:
+            around: ((z0, r0, z1, r1), ...) above the gauge line; none: the library itself.
+        """
+        if not around:
+            return self
+        tools = tuple(t if t.head else ToolInSpindle.model_construct(**dict(t), around=around) for t in self.tools)
+        return self.model_copy(update={"tools": tools})
 
     def of_type(self, *types):
         """Tools of the given cutter types, largest diameter first."""

@@ -14,6 +14,7 @@ from cuspline.program.arcs import Arc
 from cuspline.program.positions import led_to
 from cuspline.program.program import Kind, Plane
 from cuspline.replay.clearance import tool_segments
+from cuspline.replay.machine_bodies import STEP_MM, mesh_of, rotary_links
 from cuspline.replay.replay_checks import Reporter
 from cuspline.replay.scene import HOLDER_CLEARANCE_MM
 from cuspline.shop.kinematics import LINEARS
@@ -24,7 +25,6 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import for_kernel
 from cuspline.values.frames import Frame
 from cuspline.verification import body_kernels as kernels
-from cuspline.verification.machine_bodies import STEP_MM, mesh_of, rotary_links
 from cuspline.verification.turning import at_end_of_move
 
 PART = "part"                   # link of what is clamped

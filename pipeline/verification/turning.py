@@ -12,8 +12,8 @@ import numpy as np
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.program.program import Kind
 from cuspline.replay.clearance import ClearanceTree, ToolMoves, tool_segments
+from cuspline.replay.machine_bodies import into_link, mesh_of, rotary_links
 from cuspline.replay.replay_checks import TRAVEL_MM, Reporter
-from cuspline.verification.machine_bodies import into_link, mesh_of, rotary_links
 
 UNKNOWN = "rotary axes turn while nobody knows where X, Y and Z stand: retract by G53 before"
 MEETS = "the tool meets the machine while the rotary axes turn: retract farther before them, or move the part on its table"

@@ -11,7 +11,7 @@ from cuspline.app.catalogue import find_machine, reader_of
 from cuspline.design import FixtureBox, Setup, StockBox
 from cuspline.design.design import clamped
 from cuspline.program.positions import by_position
-from cuspline.verification.machine_bodies import bodies_at, from_link, into_link, rotary_links
+from cuspline.replay.machine_bodies import bodies_at, from_link, into_link, rotary_links
 from cuspline.verification.turning import turning_findings
 
 BALL = tool("ball", 6, number=7)

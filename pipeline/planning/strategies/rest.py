@@ -23,14 +23,16 @@ class Rest(Pattern):
 
     @property
     def may_be_idle(self):
-        """A smaller tool that nobody has named: where the one before leaves nothing there is none to be looked for."""
-        return self.tool is None
+        """Nobody has named its tool, where the one before may leave nothing; or it is a position among others, which may."""
+        return self.tool is None or self.leave_steep
 
     def curves(self, field, cutter, ridge_mm):
         return freeform_finishing.pattern_curves(self.strategy, field, cutter, ridge_mm, math.radians(self.angle_deg))
 
     def plan(self, work):
         tool, candidates, reached = work.chosen_tool(*self.types)
-        before = [o.swept_mm for o in work.planned]
-        made = freeform_finishing.passes_over(work, tool, candidates, before or [work.stock_mm])
+        before, is_done = [o.swept_mm for o in work.planned], work.is_done
+        if not before and is_done is None:
+            before = [work.stock_mm]
+        made = freeform_finishing.passes_over(work, tool, candidates, before, is_done)
         return [made] if made is not None else [], reached

@@ -5,10 +5,12 @@ The geometry of one contact and the search are in drop_kernels.py; here are the 
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cuspline.toolpaths.contact.contacts import checked_radii_mm
+from cuspline.toolpaths.drop.disc_tops import DiscTops
 from cuspline.toolpaths.drop.drop_kernels import (
     FACET_A,
     FACET_B,
@@ -34,6 +36,7 @@ from cuspline.values.errors import ToolpathError
 from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, A, B, C, X, Y, Z
 from cuspline.values.threads import in_blocks
 
+BOUNDED_ROWS = 2000     # from so many on bounds are worth their making
 SERIAL_ROWS = 512       # fewer are done before the other threads have woken
 CHUNK_ROWS = 256
 LEAF_TRIANGLES = 2      # at most
@@ -49,6 +52,16 @@ class DropMesh:
     facets: np.ndarray          # (m, 5) plane a, b, c, slope, sqrt(1 + slope²); see triangle_contact
     nodes: np.ndarray           # (k, 12) box, top and upper plane; see node_bound
     original: np.ndarray        # (m,) the rows of the triangles that it was made from
+
+    @cached_property
+    def _tops(self):
+        return {}
+
+    def tops_under(self, radius_mm):
+        """DiscTops of discs of a radius."""
+        if radius_mm not in self._tops:
+            self._tops[radius_mm] = DiscTops.of_triangles(self.corners_mm, radius_mm)
+        return self._tops[radius_mm]
 
     @classmethod
     def from_triangles(cls, vertices_mm, triangles):
@@ -127,8 +140,17 @@ def is_held_above(mesh, xy_mm, radius_mm, corner_radius_mm, height_mm):
     Other arguments and failures of drop_tips_mm.
     """
     xy, R, rc = _checked(xy_mm, radius_mm, corner_radius_mm)
-    held = np.empty(len(xy), np.bool_)
     heights = for_kernel(np.broadcast_to(np.asarray(height_mm, float), len(xy)))
+    if len(xy) < BOUNDED_ROWS:
+        return _held(mesh, xy, R, rc, heights)
+    doubtful = np.flatnonzero(mesh.tops_under(R).over(xy) > heights)        # a flat disc is held no lower than any corner
+    held = np.zeros(len(xy), np.bool_)
+    held[doubtful] = _held(mesh, for_kernel(xy[doubtful]), R, rc, for_kernel(heights[doubtful]))
+    return held
+
+
+def _held(mesh, xy, R, rc, heights):
+    held = np.empty(len(xy), np.bool_)
     in_blocks(_held_rows, len(xy), CHUNK_ROWS, mesh.corners_mm, mesh.facets, mesh.nodes, xy, R, rc, heights, held,
               serial_rows=SERIAL_ROWS)
     return held

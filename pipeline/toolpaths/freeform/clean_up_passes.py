@@ -59,8 +59,14 @@ def _run_on(field, inside, axis, way):
     return field.contact_mm + RUN_ON * np.nan_to_num(step), behind & ~follows
 
 
-def region_left(field, swept, most_mm, margin_mm):
-    """The part of a region where cutters leave more than `most_mm`, grown by a margin in plan; None: nowhere."""
+def region_left(field, swept, most_mm, margin_mm, is_done=None):
+    """The part of a region where cutters leave more than `most_mm`, grown by a margin in plan; None: nowhere.
+
+    `swept`: see `left_by_mm`; none: no cutter of this direction came.   `is_done`: function of contacts and normals (n, 3) to
+    (n,) bool, what other directions have finished; None: nothing.
+    """
     with np.errstate(invalid="ignore"):
-        seeds = left_by_mm(field, swept) > most_mm
+        seeds = left_by_mm(field, swept) > most_mm if swept else field.is_inside & np.isfinite(field.tip_z_mm)
+    if is_done is not None and seeds.any():
+        seeds[seeds] = ~is_done(field.contact_mm[seeds], field.normal[seeds])
     return field.narrowed(seeds, margin_mm) if seeds.any() else None

@@ -46,6 +46,26 @@ def bodies_at(machine, rotary_deg, frame, held):
     return tuple(found)
 
 
+def round_the_spindle(machine):
+    """((z0, r0, z1, r1), ...) cylinders round the spindle's axis that hold all that moves with the tool, mm above the gauge line.
+
+    The spindle head, and every body on the axis next to the tool; a machine that states neither has none.
+    """
+    rows, z = [], 0.0
+    for height, diameter in machine.spindle_head:
+        rows.append((z, diameter / 2, z + height, diameter / 2))
+        z += height
+    along = np.array(machine.spindle_direction) / fixed.length(np.array(machine.spindle_direction))
+    for body in machine.bodies:
+        if body.link == machine.chain[-1]:
+            vertices = mesh_of(body)[0]
+            above = fixed.matmul(vertices, along)
+            away = vertices - above[:, None] * along
+            wide = float(np.sqrt((away * away).sum(axis=1)).max())
+            rows.append((float(above.min()), wide, float(above.max()), wide))
+    return tuple(rows)
+
+
 def mesh_of(body):
     """(v, 3) vertices, machine coordinates at the zero pose, and (t, 3) triangles of a closed mesh."""
     shape = body.shape
