@@ -1,20 +1,26 @@
 """Tabs: left where they are stated, told as wanted left; one that is cut, and stock left without being asked for, are red."""
 
+import json
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
+import cadquery as cq
 import pytest
 import tabbed_plate
 from built_parts import built_once
 from pydantic import ValidationError
 
 from cuspline.app import catalogue
+from cuspline.app.build import _radius_left_mm
 from cuspline.app.judge import judge
 from cuspline.design import Parameters
 from cuspline.design.job import read_job
+from cuspline.kernel import brep
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.strategies.contour import Contour
+from cuspline.surfaces.inner_corners import inner_edges
 from cuspline.values.errors import CamError
 from cuspline.verification.verdict import Options
 
@@ -60,6 +66,17 @@ def test_stock_that_no_tab_is_stated_for_is_missing_area(plate):
     found = judge(plate, job.model_copy(update={"tabs": job.tabs[:1]}), options=COARSE).findings
     here = [f for f in found if f.kind in ("missing_area", "excess")]
     assert here and all(abs(f.place_mm[0] - job.tabs[1].place_mm[0]) < 15 for f in here)
+
+
+def test_the_program_says_what_a_corner_keeps(plate):
+    document = json.loads((plate / "plan.json").read_text())
+    assert document["setups"][0]["operations"][-1]["tabs"][0]["width_mm"] == 3.0
+    pocket = cq.Workplane().box(30, 30, 8).cut(cq.Workplane(origin=(0, 0, 0)).rect(14, 14).extrude(9))
+    faces = brep.faces_of(brep.the_solid(pocket))
+    flat = SimpleNamespace(tool=SimpleNamespace(cutter=SimpleNamespace(type="flat", radius_mm=5.0, corner_radius_mm=0.0)))
+    plan = SimpleNamespace(operations=[flat], context=SimpleNamespace(faces=faces))
+    left = [_radius_left_mm(plan, e) for e in inner_edges(faces, set(range(len(faces))))]
+    assert sorted(left) == [0.0] * 4 + [5.0] * 4              # at the foot, and up the corners
 
 
 def test_stated_places_are_kept_to_where_there_is_room():
