@@ -36,6 +36,9 @@ def engraved(work):
     operation = work.operation
     if work.setup.indexed:
         raise PlanError(f"{operation.title}: engraving stands upright: give it to a setup of its own, not to an indexed position")
+    if sum(o.title.lower() == operation.title.lower() for o in work.setup.operations) > 1:
+        raise PlanError(f"{operation.title}: another operation of {work.setup.name} is called so, and a groove is found by its "
+                        "operation's name: give both a name of their own")
     lines, facts = _lines(work)
     tool = _cutter(work)
     rpm, feed = work.speeds(tool, is_rough=False)

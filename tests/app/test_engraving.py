@@ -106,3 +106,11 @@ def test_what_cannot_be_engraved_is_refused(fields, why):
 def test_fields_that_do_not_go_together_are_refused(fields, why):
     with pytest.raises(ValidationError, match=why):
         Engrave(depth_mm=0.2, **fields)
+
+
+def test_two_engravings_of_one_name_are_refused():
+    design = engraved_plate.design(Parameters())
+    both = tuple(Engrave(faces=("level",), depth_mm=0.2, lines=(((x, 3.0), (x, 6.0)),)) for x in (14.0, 18.0))
+    with pytest.raises(CamError, match="give both a name of their own"):
+        plan_setup(design, design.setups[0].model_copy(update={"operations": both}), catalogue.find_machine("mill_3axis"),
+                   catalogue.find_library(None))
