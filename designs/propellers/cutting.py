@@ -16,7 +16,7 @@ from cuspline.design import FixtureCylinder, Setup, StockSkin
 from cuspline.designs.propellers.blade import about_x
 from cuspline.kernel import brep
 from cuspline.planning.cutter_choice import FIT_SHARE
-from cuspline.planning.positions import UNIT_DECIMALS, Held, axes_along, directions, positions, turnable
+from cuspline.planning.positions import UNIT_DECIMALS, Held, axes_along, positions
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.planning.strategies.rest import Rest
 from cuspline.shop.cutters import Holder, HolderSegment
@@ -101,11 +101,9 @@ def _ways(design, p, balls):
     solid = brep.the_solid(design.solid, f"design {design.name}")
     faces = brep.faces_of(solid)
     indices = brep.indices_of(faces, brep.named_faces(faces, design.predicates, _names(1)))
-    held = Held(machine=find_machine(MACHINE), frame=Frame.of_axes(np.zeros(3), *HELD))
-    ways = turnable(directions(), held.machine.kinematics, held.frame)
+    ways = Held.on(find_machine(MACHINE), Frame.of_axes(np.zeros(3), *HELD))
     found = positions(solid, indices, find_library(None).model_copy(update={"tools": tuple(balls)}), ways=ways,
-                      steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM),
-                      held=held)
+                      steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM))
     return [q.direction for q in found.positions]
 
 

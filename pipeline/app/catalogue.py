@@ -307,6 +307,16 @@ def reader_of(machine):
     return partial(read, chain=machine.kinematics)
 
 
+def radii_taken(read, tools):
+    """{"tool_radii": {number: radius in its D register, mm}} for a reader that takes it; {} for others.
+
+    Args:
+        read: function of `reader_of`.   tools: {number: cutters.Tool}.
+    """
+    takes = "tool_radii" in inspect.signature(read).parameters
+    return {"tool_radii": {n: t.cutter.radius_mm for n, t in tools.items()}} if takes else {}
+
+
 def tool_table_of(machine):
     """(file name, function text -> [posted.PostedTool]) of the tool table that a machine's control loads; (None, None)."""
     name = find_post(machine.control.post).TOOL_TABLE

@@ -73,7 +73,7 @@ class DimensionRow(Document):
     """One dimension of one feature, as measured on the simulated stock."""
 
     name: str
-    kind: str = Field(description="diameter, distance or position")
+    kind: str = Field(description="diameter, distance, position or chamfer")
     place_mm: Place = Field(description="part coordinates")
     nominal_mm: float
     lower_mm: float = Field(description="limits")
@@ -98,9 +98,31 @@ class RegionRow(Document):
     gouge_max_mm: float
 
 
+class TabRow(Document):
+    """A tab that a contour was to leave, as it stands after its setup."""
+
+    setup: str
+    operation: str
+    place_mm: Place = Field(description="the middle of its foot, part coordinates")
+    width_mm: float
+    height_mm: float
+    standing_mm: float = Field(description="least height that stands in its narrowest part")
+    ok: bool
+
+
+class CompensationRow(Document):
+    """The walls again, cut by worn cutters whose radii, as measured, stand in their registers."""
+
+    radii_mm: dict[str, float] = Field(description="by the names of the registers, the smallest that their operations allow")
+    gouge_max_mm: float
+    excess_max_mm: float
+
+
 class VerifyDocument(Figures):
     """verify.json: the verdict in numbers."""
 
+    tabs: tuple[TabRow, ...] = Field(default=(), description="wanted left, no excess")
+    compensation: CompensationRow | None = Field(default=None, description="where the control shifts contours (G41)")
     dimensions: tuple[DimensionRow, ...] = Field(default=(), description="that the design states with limits")
 
     setups: tuple[SetupFigures, ...]

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.app.catalogue import find_post, reader_of, tool_table_of
+from cuspline.app.catalogue import find_post, radii_taken, reader_of, tool_table_of
 from cuspline.app.report_inputs import shape_of
+from cuspline.app.worn_cutters import WornLook, worn_look, worn_tools
 from cuspline.design.design import by_clamping
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.job import read_tools
@@ -28,12 +29,14 @@ from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
 from cuspline.values.input_files import refuse_irregular
 from cuspline.verification.body_clearance import body_findings
+from cuspline.verification.engraving import engraving_findings, raised
 from cuspline.verification.feeding import feeding_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
 from cuspline.verification.in_process import stock_states
 from cuspline.verification.measuring import measured, tolerance_findings
 from cuspline.verification.regions import regions
 from cuspline.verification.self_crossing import refuse_self_crossing
+from cuspline.verification.tabs import standing_tabs, tab_findings
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.threads import thread_findings
 from cuspline.verification.turning import swinging_findings, turning_findings
@@ -58,6 +61,8 @@ class Judged:
     read: tuple["ReadProgram", ...]         # one a setup
     dimensions: tuple = ()                  # measuring.Measured, on the stock after all of them
     names: dict                             # of faces that setups cut -> their numbers in the solid
+    tabs: tuple[dict, ...] = ()             # rows of tabs.standing_tabs
+    worn: WornLook | None = None            # with worn cutters, where contours are shifted by the control
 
     @property
     def posted(self):
@@ -95,6 +100,8 @@ class Judged:
         for row in (*rows, *numbers["collisions"], *in_setups):
             row["accepted"] = row["kind"] in accepted
         sizes = {"dimensions": [m.as_dict() for m in self.dimensions]} if self.dimensions else {}
+        sizes |= {"tabs": list(self.tabs)} if self.tabs else {}
+        sizes |= {} if self.worn is None else {"compensation": self.worn.as_dict()}
         return {**numbers, **sizes, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows,
                 "regions": regions(self.verdict.setups, self.names)}
 
@@ -205,8 +212,12 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     for program in read:
         setup = program.setup
         wanted = tuple(brep.named_faces(faces, job.predicates, setup.faces))
-        programs.append(SetupProgram(posted=program.posted, setup=setup, faces=wanted,
-                                     fixtures=(*_fixtures(setup), *_bodies(program, job.machine))))
+        grooves = tuple(e for e in job.engravings if e.setup == setup.name)
+        extra += engraving_findings(program.posted, setup, grooves, tools)
+        posted = raised(program.posted, grooves) if grooves else program.posted
+        programs.append(SetupProgram(posted=posted, setup=setup, faces=wanted,
+                                     fixtures=(*_fixtures(setup), *_bodies(program, job.machine)),
+                                     tabs=tuple(t for t in job.tabs if t.setup == setup.name)))
         extra += _program_findings(program, job.machine)
     tops = [job.stock.shape.box_in(p.setup.frame)[1][2] for p in programs]
     threads = thread_findings(programs, solid, job.threads, job.predicates, tools, tops)
@@ -215,7 +226,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     judging = Judging(tools=simulated(tools), stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
                       material=job.material, force=job.force or force_of(job.material), life=job.life or life_of(job.material),
                       ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
-    return Begun(job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
+    return Begun(folder=folder, job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
                  first=first_look(programs, solid, judging), tools=tools)
 
 
@@ -223,6 +234,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
 class Begun:
     """The files of a folder read, simulated and seen by the first verifier."""
 
+    folder: Path                            # with the files
     job: object                             # Job
     solid: object                           # TopoDS_Solid out of the STEP file
     read: tuple[ReadProgram, ...]           # one a setup
@@ -242,9 +254,21 @@ class Begun:
             setups = verify_setups(self.programs, self.solid, replace(judging, options=closer))
         setups = tuple(replace(v, findings=self._placed(v.findings, p)) for v, p in zip(setups, self.read))
         sizes = measured(self.job.dimensions, self.first.part.piece, self.solid, self.job.predicates, options.post_rounding_mm)
-        extra = (*self.extra, *tolerance_findings(sizes, self.read[-1].setup.name))
+        worn = self._worn({f.kind for v in setups for f in v.findings})
+        tabs = standing_tabs(self.job.tabs, self.first.part.piece, [p.setup.name for p in self.programs])
+        extra = (*self.extra, *tolerance_findings(sizes, self.read[-1].setup.name), *(worn.findings if worn else ()),
+                 *tab_findings(tabs))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
-                      extra=extra, stock=self.job.stock, read=self.read, dimensions=sizes, names=self._names)
+                      extra=extra, stock=self.job.stock, read=self.read, dimensions=sizes, names=self._names,
+                      worn=worn, tabs=tabs)
+
+    def _worn(self, kinds):
+        """WornLook where the control shifts contours, None where it shifts none; `kinds`: of finding that there are anyway."""
+        worn = worn_tools(self.programs, self.tools, self.job.worn_mm)
+        if not worn:
+            return None
+        again = lambda tools: [p.posted for p in read_programs(self.folder, self.job, self.tools | tools)]
+        return worn_look(self.programs, again, worn, self.solid, self.first.judging, kinds)
 
     def drafted(self):
         """Drafted: what the first verifier and the replay show, nothing proven."""
@@ -260,7 +284,8 @@ class Begun:
 
     def _placed(self, findings, program):
         """Of one program, those that the text alone shows before."""
-        mine = (*program.findings, *_cutting(findings, program.posted, self.tools))
+        engraved = {e.operation.lower() for e in self.job.engravings if e.setup == program.setup.name}
+        mine = (*program.findings, *_cutting(findings, program.posted, self.tools, engraved))
         return _placed(mine, program, self.job.machine, self.tools)
 
 
@@ -281,10 +306,12 @@ class Drafted:
                 "setups": [{"setup": d.setup, **d.numbers} for d in self.setups]}
 
 
-def _cutting(findings, posted, tools):
-    """Findings without what is said of taps and thread mills as if their bodies cut: verification.threads looks at them."""
-    is_thread = lambda f: (number := int(posted.tool[f.row])) in tools and tools[number].cutter.threads
-    return tuple(f for f in findings if f.kind not in OF_BODIES or f.row < 0 or not is_thread(f))
+def _cutting(findings, posted, tools, engraved):
+    """Findings without what is said of taps, thread mills and raised engravers as if they cut so: verification.threads, and
+    verification.engraving, look at them.   engraved: names of operations."""
+    is_other = lambda f: ((number := int(posted.tool[f.row])) in tools and tools[number].cutter.threads
+                          or posted.operation_name(f.row) in engraved)
+    return tuple(f for f in findings if f.kind not in OF_BODIES or f.row < 0 or not is_other(f))
 
 
 def _file_findings(folder, job, tools, published):
@@ -345,8 +372,9 @@ def _by_position(moves, setups):
 
 def moves_of_file(text, setup, machine, tools):
     """PostedMoves of one file, heads left out."""
-    return reader_of(machine)(text, work_offsets={setup.wcs: machine.wcs_origin_mm},
-                              tool_lengths={n: t.offset_mm for n, t in tools.items()})
+    read = reader_of(machine)
+    return read(text, work_offsets={setup.wcs: machine.wcs_origin_mm}, tool_lengths={n: t.offset_mm for n, t in tools.items()},
+                **radii_taken(read, tools))
 
 
 def _read(name, text, setup, job, tools):

@@ -38,10 +38,10 @@ def position_rows(part, assignments, names, machine=None, cutters=None, steepest
         clamped = design.setups[0].clamped_frame if design.setups else None
         indices = _indices_of(design, brep.faces_of(solid), names)
     mill = catalogue.find_machine(machine)
-    held = None if clamped is None or not mill.rotaries else Held(machine=mill, frame=clamped)
-    ways = turnable(directions(), mill.kinematics if mill.rotaries else None, clamped)
+    chain = mill.kinematics if mill.rotaries else None
+    ways = turnable(directions(), chain, clamped) if clamped is None or chain is None else Held.on(mill, clamped)
     found = positions(solid, indices, library, ways=ways, steepest_deg=steepest_deg,
-                      standing_mm=ShopFile().practice.rough_allowance_mm, held=held)
+                      standing_mm=ShopFile().practice.rough_allowance_mm)
     return [_row(k, p, found) for k, p in enumerate(found.positions, 1)] + [_left(found)]
 
 

@@ -125,7 +125,8 @@ def _read(text, machine, tools):
     """PostedMoves; machine coordinates stay unknown, for the zero is."""
     numbers = {int(number) for number in TOOL_NUMBER.findall(text)}
     lengths = {number: 0.0 for number in numbers} if tools is None else {n: t.offset_mm for n, t in tools.items()}
-    return catalogue.reader_of(machine)(text, work_offsets={}, tool_lengths=lengths)
+    read = catalogue.reader_of(machine)
+    return read(text, work_offsets={}, tool_lengths=lengths, **({} if tools is None else catalogue.radii_taken(read, tools)))
 
 
 def program_of(moves, name, language, tools=None):

@@ -13,12 +13,12 @@ from cuspline.design.design import (
     Setup,
     SolidReport,
 )
-from cuspline.design.dimensions import Diameter, Distance, Position
+from cuspline.design.dimensions import ChamferWidth, Diameter, Distance, Position
 from cuspline.design.fixtures import FixtureBox, FixtureCylinder, FixtureSolid
 from cuspline.design.stock import StockAllowance, StockBox, StockCylinder, StockMesh, StockSkin, StockSolid
 from cuspline.shop.threads import Thread
 
-__all__ = ["Companion", "DEFAULT_MACHINE", "Design", "Diameter", "Distance", "FacePredicate", "Figure", "Finish", "FixtureBox",
-           "FixtureCylinder", "FixtureSolid", "Marker", "Parameters", "Position", "Refixturing", "Setup",
+__all__ = ["ChamferWidth", "Companion", "DEFAULT_MACHINE", "Design", "Diameter", "Distance", "FacePredicate", "Figure",
+           "Finish", "FixtureBox", "FixtureCylinder", "FixtureSolid", "Marker", "Parameters", "Position", "Refixturing", "Setup",
            "SolidReport", "StockAllowance", "StockBox", "StockCylinder", "StockMesh", "StockSkin", "StockSolid",
            "Thread"]

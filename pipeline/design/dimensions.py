@@ -70,4 +70,10 @@ class Position(Model):
         return self.name or f"position of {self.faces}"
 
 
-Dimension = Annotated[Diameter | Distance | Position, Field(discriminator="kind")]
+class ChamferWidth(Toleranced):
+    """Of every chamfer among the faces, flat strips and cones: the longer leg, from where both faces would meet to its edge."""
+
+    kind: Literal["chamfer"] = "chamfer"
+
+
+Dimension = Annotated[Diameter | Distance | Position | ChamferWidth, Field(discriminator="kind")]

@@ -12,9 +12,11 @@ from pydantic import Field, model_serializer
 
 from cuspline.design import FacePredicate, Finish, Setup
 from cuspline.design.dimensions import Dimension
+from cuspline.design.engravings import Engraving
 from cuspline.design.fixtures import fixtures_beside
 from cuspline.design.setup_alignment import refixtured_setups
 from cuspline.design.stock import Stock
+from cuspline.design.tabs import Tab
 from cuspline.shop.cutters import ToolLibrary
 from cuspline.shop.cutting_forces import CuttingForce
 from cuspline.shop.machines import Machine
@@ -25,6 +27,7 @@ from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
 from cuspline.values.models import FileName, Model, WrittenName
 
+OPTIONAL = ("threads", "dimensions", "tabs", "engravings", "worn_mm", "force", "life")
 HEADER_DIGITS = 20          # of a job's SHA-256 in a program's header: a line of 40 characters holds it
 
 
@@ -57,12 +60,16 @@ class Job(Model):
     accepted: tuple[str, ...] = ()
     threads: dict[str, Thread] = Field(default={}, description="of holes, by the names of their faces")
     dimensions: tuple[Dimension, ...] = Field(default=(), description="with tolerances, judged on the simulated stock")
+    tabs: tuple[Tab, ...] = Field(default=(), description="that contours leave")
+    engravings: tuple[Engraving, ...] = Field(default=(), description="grooves that the solid does not have")
+    worn_mm: dict[str, float] = Field(default={}, description="by which radii in D registers may be smaller than the cutters', by "
+                                      "the names of operations whose contours the control shifts")
     force: CuttingForce | None = Field(default=None, description="the shop's own of the material; None: what cuspline knows of it")
     life: ToolLife | None = Field(default=None, description="the same of tool life")
 
     @model_serializer(mode="wrap")
     def _without_what_it_has_not(self, dump):
-        return {k: v for k, v in dump(self).items() if k not in ("threads", "dimensions", "force", "life") or v}
+        return {k: v for k, v in dump(self).items() if k not in OPTIONAL or v}
 
     @property
     def program_names(self):

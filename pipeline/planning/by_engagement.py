@@ -65,6 +65,8 @@ def why_not(operation):
         return "its passes are repeated ones, with one feed each"
     if (operation.moves.tilt_rad > 0).any():
         return "its tool leans"
+    if operation.compensated:
+        return "the control shifts its contours, whose blocks have one feed each"
     if operation.cycles or operation.tool.head is not None or operation.tool.cutter.type not in ("ball", "bull_nose", "flat"):
         return "what its tool meets is not known"
     return ""

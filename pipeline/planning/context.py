@@ -66,6 +66,9 @@ class PlannedOperation:
     moves: Moves                # with capped feeds, in the part as it lies in its setup (`setup.turn`)
     facts: dict                 # numbers for plan.json
     cycles: tuple = ()          # drilling.DrillCycle that come to some of the moves
+    tabs: tuple = ()            # design.tabs.Tab that it leaves
+    engraving: object = None    # design.engravings.Engraving that it cuts
+    compensated: tuple = ()     # compensation.CompensatedContour that come to some of the moves
     passes: object = None       # pass_templates.TemplatedPasses that come to the moves; None: only the moves
     left: object = None         # Left; None: it cuts all that its cutter reaches
     rpm_changes: tuple = ()     # (move, spindle speed from there on)
@@ -323,6 +326,11 @@ class PlanningContext:
     def closest(self):
         """Closest points on all faces."""
         return self._once("closest", lambda: ClosestTree.of_faces(self.faces, geometry=self.geometry))
+
+    def faces_named(self, name):
+        """The faces of one predicate, as the part lies in this setup."""
+        chosen = brep.named_faces(self._faces_of_part, self.design.predicates, (name,))
+        return [self.faces[i] for i in brep.indices_of(self._faces_of_part, chosen)]
 
     def closest_of(self, wanted):
         """Closest points on some faces alone, by their indices."""

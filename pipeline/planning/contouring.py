@@ -6,15 +6,19 @@ r"""Contours: upright walls cut by the side of a flat cutter, along their exact 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from cuspline.planning.context import path_tolerance_mm
 from cuspline.planning.freeform_finishing import TERRACE_SHARE
+from cuspline.planning.tabs import is_clear_of, overs_beside, overs_from, tabs_on
 from cuspline.program.program import Moves, MoveWriter
+from cuspline.toolpaths.prismatic.compensated_path import compensated_contour, is_move, with_straight_ways
 from cuspline.toolpaths.prismatic.contour_moves import arc_leads, follow, helix, lengthened
 from cuspline.toolpaths.prismatic.plan_elements import PlanChain, chains_of, offset_chain
+from cuspline.toolpaths.prismatic.tabs import follow_over
 from cuspline.toolpaths.prismatic.upright_walls import upright_walls
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PlanError
@@ -29,8 +33,11 @@ RIM_SPOKES, RIM_RINGS, RIM_MM = 96, 5, 0.1      # places at a cutter's rim, and 
 STANDS_MM = 0.01            # stock no higher is none
 SLOT_SHARE = 0.8            # of the deepest slot that a cutter takes
 HIGHS = (1.0, 0.5, 0.25)    # of the lead radius: how high above the path the cutter comes down
+QUARTERS = (1.0, 0.5, 0.2, 0.05)    # of the lead radius: quarter circles on which the control begins beside a contour
 FARTHER = (0.0, 1.0, 2.0, 3.0)      # diameters beyond the ends of an open chain where it may come down
 SHARES = (1.0, 0.5, 0.2, 0.05)      # of what the finishing pass takes off, in corners too tight for all of it
+WORN_MM = 0.1               # by which the radius in the D register may be smaller than the cutter's own
+BETWEEN = 60                # places along a chain with tabs that are looked at for its leads
 STARTS = 12                 # places along a closed chain that are looked at for its leads
 
 
@@ -54,11 +61,18 @@ def contoured(work):
     walls = _walls(work)
     tool, candidates, reached = work.chosen_tool("flat")
     sections, before = _sections(walls), []
-    rough = _roughed(work, tool, sections)
+    tabs = _tabbed(work, tool, sections[-1]) if work.operation.has_tabs else {}
+    rough = _roughed(work, tool, sections, tabs)
     if rough is not None:
         before.append(rough)
         work = work.on(work.operation, work.wanted, [*work.planned, rough])
-    return [*before, _finished(work, tool, candidates, sections)], reached
+    return [*before, _finished(work, tool, candidates, sections, tabs)], reached
+
+
+def _tabbed(work, tool, section):
+    """{chain of the lowest section: (path of the finishing cutter's middle, its Overs, its Tabs)}."""
+    paths = {id(c): _offset(work, c, tool.cutter.radius_mm + work.operation.allowance_mm) for c in section.chains}
+    return {key: (path, *tabs_on(work, tool, path, section.low_mm)) for key, path in paths.items()}
 
 
 def _walls(work):
@@ -80,7 +94,7 @@ def _sections(walls):
     return out
 
 
-def _roughed(work, tool, sections):
+def _roughed(work, tool, sections, tabs):
     """The operation that takes what stands beside the walls; None where nothing does."""
     operation, cutter = work.operation, tool.cutter
     rpm, feed = work.speeds(tool, is_rough=True)
@@ -92,8 +106,10 @@ def _roughed(work, tool, sections):
             path, top = _rough_path(work, chain, cutter)
             if top > section.low_mm + STANDS_MM:
                 refuse_blocked(work, tool, path, section.low_mm)
-                lay = helical if path.is_closed else _level_by_level
-                made.append(lay(work, tool, path, (top, section.low_mm), (stepdown, feed)))
+                lay, overs = helical if path.is_closed else _level_by_level, ()
+                if id(chain) in tabs and section is sections[-1]:
+                    path, overs = overs_beside(tabs[id(chain)][1], tabs[id(chain)][0], path)
+                made.append(lay(work, tool, path, (top, section.low_mm), (stepdown, feed), overs))
     if not made:
         return None
     facts = {"allowance_mm": round(operation.allowance_mm + left_mm(work), 6), "stepdown_mm": round(stepdown, 6),
@@ -134,12 +150,12 @@ def _offset(work, chain, away_mm):
         raise CutterDoesNotFit(f"{work.operation.title}: {error}") from None
 
 
-def helical(work, tool, path, heights_mm, how):
+def helical(work, tool, path, heights_mm, how, overs=()):
     """Moves round a closed path, down evenly: no cutter plunges.
 
     Args:
         work: PlanningContext of an operation with `ramp_deg`.   path: PlanChain of the cutter's middle.
-        heights_mm: (top of the stock there, bottom).   how: (deepest turn, feed).
+        heights_mm: (top of the stock there, bottom).   how: (deepest turn, feed).   overs: tabs.Over, what it rises over.
     """
     (top, low), (stepdown, feed) = heights_mm, how
     ramp = math.radians(min(work.operation.ramp_deg or work.practice.ramp_deg, math.degrees(tool.cutter.steepest_rad)))
@@ -149,13 +165,18 @@ def helical(work, tool, path, heights_mm, how):
     over = max(top, over_mm(work, begin, tool.cutter.radius_mm))
     writer.rapid((*begin, min(over + work.practice.approach_mm, work.clearance_z_mm)))
     writer.feed((*begin, top), work.practice.plunge_share * feed)
-    helix(writer, path, (top, low), turn, (feed, feed))
+    if overs:
+        turns = max(1, math.ceil((top - low) / turn - 1e-9))
+        for high, z in pairwise([*np.linspace(top, low, turns + 1).tolist(), low]):
+            follow_over(writer, path, overs, (high, z), (feed, work.practice.plunge_share * feed))
+    else:
+        helix(writer, path, (top, low), turn, (feed, feed))
     writer.rapid((*writer.here_mm[:2], work.clearance_z_mm))
     return writer.moves()
 
 
-def _level_by_level(work, tool, path, heights_mm, how):
-    """Moves along an open path, each level from beside the stock."""
+def _level_by_level(work, tool, path, heights_mm, how, overs):
+    """Moves along an open path, each level from beside the stock; it has no tabs."""
     (top, low), (stepdown, feed) = heights_mm, how
     elements, leads = _open_leads(work, tool, path, low)
     count = math.ceil((top - low) / stepdown - 1e-9)
@@ -164,12 +185,13 @@ def _level_by_level(work, tool, path, heights_mm, how):
     return Moves.joined(parts)
 
 
-def _finished(work, tool, candidates, sections):
+def _finished(work, tool, candidates, sections, tabs):
     """The finishing operation."""
     operation, cutter = work.operation, tool.cutter
+    _refuse_compensation(work)
     rpm, feed = work.speeds(tool, is_rough=False)
     highest, away = TERRACE_SHARE * cutter.flute_length_mm, cutter.radius_mm + operation.allowance_mm
-    made, levels, length = [], [], 0.0
+    made, runs, levels, length = [], [], [], 0.0
     for section in sections:
         count = max(1, math.ceil((section.high_mm - section.low_mm) / highest - 1e-9))
         heights = np.linspace(section.high_mm, section.low_mm, count + 1)[1:].tolist()
@@ -178,16 +200,97 @@ def _finished(work, tool, candidates, sections):
             path = _offset(work, chain, away)
             length += path.length_mm
             refuse_blocked(work, tool, path, section.low_mm)
-            elements, leads = (closed_leads if path.is_closed else _open_leads)(work, tool, path, section.low_mm)
-            again = elements * (1 + operation.spring_passes) if path.is_closed else elements
-            times = 1 if path.is_closed else 1 + operation.spring_passes
-            for z in heights:
-                made += [one_pass(work, (again, leads), cutter.radius_mm, z, feed)] * times
+            if id(chain) in tabs and section is sections[-1]:
+                made += _passes_over(work, tool, tabs[id(chain)], (section.low_mm, heights), feed)
+                continue
+            for path, rounds in [*((_offset(work, chain, away + more), 1) for more in _shares_mm(work)),
+                                 (path, 1 + operation.spring_passes)]:
+                elements, leads = (closed_leads if path.is_closed else _open_leads)(work, tool, path, section.low_mm)
+                again = elements * rounds if path.is_closed else elements
+                for z in (z for z in heights for _ in range(1 if path.is_closed else rounds)):
+                    made.append(one_pass(work, (again, leads), cutter.radius_mm, z, feed))
+                    runs.append(((*leads.way_in, *again, *leads.way_out), z))
     facts = {"allowance_mm": operation.allowance_mm, "finish_allowance_mm": left_mm(work),
              "heights_mm": [round(z, 6) for z in levels], "chains": sum(len(s.chains) for s in sections),
              "contour_mm": round(length, 3),
              "spring_passes": operation.spring_passes, "strategy": operation.kind, "candidates": [c.as_dict() for c in candidates]}
-    return work.measured(operation.title, tool, rpm, Moves.joined(made), facts)
+    if tabs:
+        left = tuple(tab for _, _, mine in tabs.values() for tab in mine)
+        facts["tabs"] = [{"place_mm": t.place_mm.round(4).tolist(), "width_mm": t.width_mm, "height_mm": t.height_mm} for t in left]
+        return replace(work.measured(operation.title, tool, rpm, Moves.joined(made), facts), tabs=left)
+    if operation.compensation is None:
+        return work.measured(operation.title, tool, rpm, Moves.joined(made), facts)
+    worn = WORN_MM if operation.worn_mm is None else operation.worn_mm
+    facts |= {"compensation": operation.compensation, "worn_mm": worn}
+    return replace(work.measured(operation.title, tool, rpm, Moves.joined(made), facts),
+                   compensated=_beside(made, runs, cutter.radius_mm, worn))
+
+
+def _shares_mm(work):
+    """How far off the wall the finishing passes before the last run."""
+    count = work.operation.finish_passes or 1
+    return [left_mm(work) * (count - k) / count for k in range(1, count)]
+
+
+def _passes_over(work, tool, tabbed, heights_mm, feed):
+    """Moves round a closed path that rises over tabs, a pass a height."""
+    (path, overs, _), (low, heights) = tabbed, heights_mm
+    along, begun, leads = _leads_between(work, tool, path, overs, low)
+    overs, made = overs_from(overs, path, along), []
+    for z in heights:
+        writer = _entered(work, leads, tool.cutter.radius_mm, z, feed)
+        follow(writer, leads.way_in, z, feed)
+        for _ in range(1 + work.operation.spring_passes):
+            follow_over(writer, begun, overs, (z, z), (feed, work.practice.plunge_share * feed))
+        follow(writer, leads.way_out, z, feed)
+        writer.rapid((*writer.here_mm[:2], work.clearance_z_mm))
+        made.append(writer.moves())
+    return made
+
+
+def _leads_between(work, tool, path, overs, low_mm):
+    """(length along the path, the path begun there, Leads): where no tab is near.
+
+    Raises:
+        PlanError: there is no such place.
+    """
+    radius = work.lead_radius_mm(tool.cutter.radius_mm)
+    places = [s for s in np.linspace(0.0, path.length_mm, BETWEEN, endpoint=False).tolist()
+              if is_clear_of(overs, s, tool.cutter.diameter_mm) and is_clear_of(overs, s + path.length_mm, tool.cutter.diameter_mm)]
+    for high in (*(h * radius for h in HIGHS), min(left_mm(work), radius)):
+        for along in sorted(places, key=lambda s: path.place(s)[0].center is not None):
+            begun = path.begun_at(along)
+            leads = _leads(work, tool, begun.elements, radius, high)
+            stands = stock_over(work, leads.begin[None], (tool.cutter.radius_mm - WITHIN_MM) / RINGS[-1]) > low_mm + STANDS_MM
+            if not stands.any() and _is_free(work, tool, leads, low_mm):
+                return along, begun, leads
+    raise _no_way_in(work, tool, path, low_mm)
+
+
+def _beside(made, runs, radius_mm, worn_mm):
+    """CompensatedContours of passes: each ends with one rapid up, behind its run of (elements, height)."""
+    out, before = [], 0
+    for moves, (elements, z) in zip(made, runs):
+        first = before + len(moves) - 1 - sum(is_move(e) for e in elements)
+        out.append(compensated_contour(elements, radius_mm, z, first, worn_mm))
+        before += len(moves) + 1
+    return tuple(out)
+
+
+def _refuse_compensation(work):
+    """
+    Raises:
+        PlanError: what goes with no contour that the control shifts.
+    """
+    operation, is_on = work.operation, work.operation.compensation is not None
+    for is_so, what in ((operation.worn_mm is not None and not is_on, "worn_mm goes with compensation: leave it out"),
+                        (is_on and work.setup.indexed, "an indexed position leans the tool, and controls compensate upright: leave "
+                         "compensation out"),
+                        (is_on and work.plating_mm > 0, "a part that is plated is cut by a radius that is none of the tool table: "
+                         "leave compensation out"),
+                        (is_on and operation.lead_radius_mm == 0, "compensation begins on an arc: give lead_radius_mm")):
+        if is_so:
+            raise PlanError(f"{operation.title}: {what}")
 
 
 def one_pass(work, way, radius_mm, height_mm, feed):
@@ -197,22 +300,29 @@ def one_pass(work, way, radius_mm, height_mm, feed):
         way: (elements, Leads).   radius_mm: of the cutter.
     """
     elements, leads = way
-    writer = MoveWriter((*leads.begin, work.clearance_z_mm))
-    over = max(over_mm(work, leads.begin, radius_mm), height_mm) + work.practice.approach_mm
-    writer.rapid((*leads.begin, min(over, work.clearance_z_mm)))
-    writer.feed((*leads.begin, height_mm), feed)
+    writer = _entered(work, leads, radius_mm, height_mm, feed)
     follow(writer, (*leads.way_in, *elements, *leads.way_out), height_mm, feed)
     writer.rapid((*writer.here_mm[:2], work.clearance_z_mm))
     return writer.moves()
 
 
+def _entered(work, leads, radius_mm, height_mm, feed):
+    """A MoveWriter that has come down where Leads begin."""
+    writer = MoveWriter((*leads.begin, work.clearance_z_mm))
+    over = max(over_mm(work, leads.begin, radius_mm), height_mm) + work.practice.approach_mm
+    writer.rapid((*leads.begin, min(over, work.clearance_z_mm)))
+    writer.feed((*leads.begin, height_mm), feed)
+    return writer
+
+
 def closed_leads(work, tool, path, low_mm):
     """(the elements from the place where the path is met, Leads): lines first, then the longest."""
     radius = work.lead_radius_mm(tool.cutter.radius_mm)
-    for high in (*(h * radius for h in HIGHS), min(left_mm(work), radius)):
+    arcs = [(radius, high) for high in (*(h * radius for h in HIGHS), min(left_mm(work), radius))]
+    for round_mm, high in [(h * radius, h * radius) for h in QUARTERS] if _is_shifted(work) else arcs:
         for along in path.starts_mm()[:STARTS]:
             begun = path.begun_at(along)
-            leads = arc_leads((begun.elements[0], 0.0), (begun.elements[-1], begun.elements[-1].length_mm), radius, high)
+            leads = _leads(work, tool, begun.elements, round_mm, high)
             if _is_free(work, tool, leads, low_mm):
                 return begun.elements, leads
     raise _no_way_in(work, tool, path, low_mm)
@@ -223,11 +333,22 @@ def _open_leads(work, tool, path, low_mm):
     radius = work.lead_radius_mm(tool.cutter.radius_mm)
     for farther in FARTHER:
         elements = lengthened(path, farther * tool.cutter.diameter_mm) if farther else path.elements
-        leads = arc_leads((elements[0], 0.0), (elements[-1], elements[-1].length_mm), radius, radius)
+        leads = _leads(work, tool, elements, radius, radius)
         beyond = PlanChain(elements=elements, is_closed=False)
         if _is_free(work, tool, leads, low_mm) and _blocked(work, tool, beyond, low_mm) is None:
             return elements, leads
     raise _no_way_in(work, tool, path, low_mm)
+
+
+def _leads(work, tool, elements, radius_mm, high_mm):
+    """Leads onto elements and off them; where the control shifts the contour, with straight ways before and behind."""
+    leads = arc_leads((elements[0], 0.0), (elements[-1], elements[-1].length_mm), radius_mm, high_mm)
+    return with_straight_ways(leads, tool.cutter.radius_mm) if _is_shifted(work) else leads
+
+
+def _is_shifted(work):
+    """Whether the control is to run beside the contour by its D register."""
+    return getattr(work.operation, "compensation", None) is not None
 
 
 def _no_way_in(work, tool, path, low_mm):

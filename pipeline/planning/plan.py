@@ -87,7 +87,8 @@ def _posted_operation(planned, plan):
         same["rpm_changes"] = planned.rpm_changes
         by_mm = into(np.zeros((1, 3)))[0]
         return Operation(**same, moves=_moved(planned.moves, into), passes=_shifted(planned.passes, into),
-                         cycles=tuple(c.shifted(by_mm) for c in planned.cycles))
+                         cycles=tuple(c.shifted(by_mm) for c in planned.cycles),
+                         compensated=tuple(c.moved(into) for c in planned.compensated))
     moves = straightened(planned.moves, CHORD_SHARE * plan.context.machine.control.path_tolerance_mm)
     axis = setup.clamped_frame.turn_into(np.array([setup.wcs_z]))
     return Operation(**same, moves=replace(_moved(moves, into), axis=np.repeat(axis, len(moves), axis=0)), level_mm=plan.level_mm)

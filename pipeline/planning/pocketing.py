@@ -48,7 +48,7 @@ def pocketed(work):
     return made, reached
 
 
-def floors_and_walls(work):
+def floors_and_walls(work, needs_floor=True):
     """(indices of the level faces, of the upright ones) that the operation is about.
 
     Raises:
@@ -61,7 +61,7 @@ def floors_and_walls(work):
             place = ", ".join(f"{v:.3f}" for v in work.in_part(work.faces[i].middle.point_mm[0]))
             raise PlanError(f"{work.operation.title}: the {work.faces[i].kind} at ({place}) is neither level nor upright: it is "
                             "for floors and the walls on them; give drafted and rounded faces to waterline, rest or rough")
-    if not levels:
+    if needs_floor and not levels:
         raise PlanError(f"{work.operation.title}: none of the faces {work.face_names} is a level floor: name the floor with the "
                         "walls, or give walls alone to contour")
     return levels, walls

@@ -60,22 +60,23 @@ class Positions:
 
 
 def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing_mm=0.0,
-              finely=(LOOKED_AT, MESH_DEFLECTION_MM), held=None):
+              finely=(LOOKED_AT, MESH_DEFLECTION_MM)):
     """Few positions that see most of some faces.
 
     Args:
         solid: TopoDS solid.   indices: of its faces, in its own order.   library: ToolLibrary; its balls count.
-        ways: (n, 3) unit directions to choose from, part coordinates, see `turnable`; None: `directions`.
+        ways: (n, 3) unit directions to choose from, part coordinates, see `turnable`; or Held: those of a part on a machine, whose
+            spindle and tables are in the way; None: `directions`.
         steepest_deg: between a place's normal and the direction, at the most.
         standing_mm: material that may still stand on the part, which holder and shank keep clear of.
         finely: places of the faces that are looked at, at the most; how far the triangles that tools keep clear of may lie off
             the part, mm.
-        held: Held: what spindle and tables are in the way; None: none are looked at.
     Returns:
         Positions.
     Raises:
         CutterDoesNotFit: the library has no ball.
     """
+    ways, held = (ways.ways, ways) if isinstance(ways, Held) else (ways, None)
     balls = (library if held is None else library.in_spindle(round_the_spindle(held.machine))).of_type("ball")
     if not balls:
         raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
@@ -98,6 +99,12 @@ class Held:
 
     machine: object             # Machine
     frame: Frame                # of the clamping's WCS, seen from the part
+    ways: np.ndarray            # (n, 3) unit directions, part coordinates, that it turns to
+
+    @classmethod
+    def on(cls, machine, frame):
+        """All directions that the machine turns to."""
+        return cls(machine=machine, frame=frame, ways=turnable(directions(), machine.kinematics, frame))
 
     def tables_from(self, way):
         """ClearanceTree of what turns with the part or carries it, part coordinates, where the tool stands along a direction (3,)

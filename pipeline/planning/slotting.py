@@ -51,7 +51,7 @@ def slotted(work):
     Raises:
         PlanError, CutterDoesNotFit: no two walls face each other, no cutter as wide as they are, or a little less.
     """
-    levels, faces = floors_and_walls(work)
+    levels, faces = floors_and_walls(work, needs_floor=False)        # the neck of a T-slot has none
     walls = upright_walls(work.faces, faces, CURVE_SHARE * path_tolerance_mm(work.finish)) if faces else []
     middles = middles_of(walls)
     if not middles:

@@ -86,6 +86,8 @@ class PostedMoves:
     pitch_mm: np.ndarray | None = None      # (n,) way down a turn where the feed is tied to the spindle: above 0 as a right-hand
                                             # thread runs, below as a left-hand one; left out: 0, not tied
 
+    radius_register: np.ndarray | None = None       # (n,) D whose radius shifts the move (G41, G42); 0, and left out: none does
+
     def __post_init__(self):
         n = len(self.kind)
         for name, shape, dtype in (
@@ -96,7 +98,7 @@ class PostedMoves:
                 ("line", (n,), np.int32), ("operation", (n,), np.int32)):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name, dtype))
         for name, dtype in (("path_tolerance_mm", float), ("speed_line", np.int32), ("call_line", np.int32),
-                            ("coolant", np.int8), ("pitch_mm", float)):
+                            ("coolant", np.int8), ("pitch_mm", float), ("radius_register", np.int32)):
             given = getattr(self, name)
             object.__setattr__(self, name, frozen(np.zeros(n) if given is None else given, (n,), name, dtype))
         given = np.zeros((n, 0)) if self.rotary_deg is None else self.rotary_deg

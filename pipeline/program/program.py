@@ -180,6 +180,7 @@ class Operation:
     moves: Moves
     passes: object = None     # pass_templates.TemplatedPasses that come to the same moves; None: only the moves
     cycles: tuple = ()        # drilling.DrillCycle of its holes, that come to some of the moves
+    compensated: tuple = ()   # compensation.CompensatedContour that come to some of the moves
     time_s: float | None = None     # that it takes, as planned; None: nobody has said
     is_from_top: bool = False       # it begins from the top of the machine, whatever tool was in before
     level_mm: float | None = None   # where its axis leans and stands: rapids across run so far above the zero, along the axis

@@ -10,6 +10,7 @@ r"""Cutters, holders and the shop's library: validated, every length with its un
     └─── 0                 \__/     tip; corner_radius_mm
 """
 
+import math
 from typing import Literal
 
 import numpy as np
@@ -237,6 +238,14 @@ class Cutter(Model):
         if self.type not in POINTED:
             return 0.0
         return (self.radius_mm - (self.tip_diameter_mm or 0.0) / 2) / float(fixed.tan(np.radians(self.point_angle_deg) / 2))
+
+    def groove_width_mm(self, depth_mm):
+        """Width, in a level face, of the groove of a ball or a pointed cutter; None: its point is less high, or it has none."""
+        if self.type == "ball":
+            return 2 * math.sqrt(depth_mm * (2 * self.radius_mm - depth_mm)) if depth_mm <= self.radius_mm else None
+        if self.type not in POINTED or depth_mm > self.point_height_mm:
+            return None
+        return (self.tip_diameter_mm or 0.0) + 2 * depth_mm * float(fixed.tan(np.radians(self.point_angle_deg) / 2))
 
     @property
     def apt(self):

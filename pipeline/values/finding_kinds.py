@@ -37,6 +37,26 @@ KINDS = {
             "A pass was deleted, or the part has a face that no setup names: at least 1 mm² stands more than five times "
             "as high as is allowed.",
             "Add the face to a setup, or the operation that finishes it."),
+        "tab_cut": (
+            "a tab that a contour was to leave does not stand",
+            "`Contour(tabs=4)` states bridges of 4 x 1 mm, and a move edited by hand goes through one of them.",
+            "Look at the lines that run along the contour near that place: they rise by the tab's height."),
+"engraving_beside": (
+            "a groove that is engraved beside its line",
+            '`Engrave(text="A7")`, and a word of a move in the letter is 0.1 mm off.',
+            'Correct the move, or the line that is stated.'),
+        "engraving_depth": (
+            "a groove deeper or less deep than stated",
+            'A tip at Z11.75, where 0.2 mm below a face at Z12 are stated.',
+            "Correct the height of the moves, or `depth_mm`; it may be off by the finish's `profile_tolerance_mm`."),
+        "engraving_width": (
+            "a groove whose cutter makes it wider or narrower than planned",
+            'A cutter of 90 degrees in the place of one of 60.',
+            'Put the cutter in that the plan names, or plan again with this one.'),
+        "engraving_missing": (
+            "a line, or a part of one, that is not engraved",
+            "A letter's moves were deleted.",
+            'Put the moves back, or take the line out of the operation.'),
         "out_of_tolerance": (
             "a dimension of the design is out of its limits on the simulated stock",
             "The design states `Diameter(faces=\"bore\", fit=\"H7\")` for 20 mm, and the bore's path leaves 20.03.",
@@ -187,6 +207,10 @@ KINDS = {
             "the length offset in force is not that of the tool in the spindle",
             "`G43 H2` with T3 in the spindle.",
             "Write the H number of the tool. It is raised even where both lengths are equal today."),
+        "wrong_radius_offset": (
+            "the radius by which a contour is shifted (G41, G42) is not that of the tool in the spindle",
+            "`G41 D6` with T5 in the spindle.",
+            "Write the D number of the tool. It is raised even where both radii are equal today."),
         "wrong_work_offset": (
             "a move in another work coordinate system than the setup's",
             "`G55` in the program of a setup whose zero is G54.",

@@ -15,6 +15,7 @@ from cuspline.kernel import brep
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 from cuspline.values.findings import Finding
+from cuspline.verification.chamfer_widths import chamfer_strip
 from cuspline.verification.reporter import rounded
 from cuspline.verification.samples import sample_faces
 
@@ -77,6 +78,10 @@ def refuse_unmeasurable(dimensions, solid, predicates):
         if dimension.kind == "distance":
             _, drawn, _, _ = _levels(dimension, probe)
             _limits_mm(dimension, drawn)
+            continue
+        if dimension.kind == "chamfer":
+            for index in brep.indices_of(probe.faces, probe.chosen(dimension.faces)):
+                _limits_mm(dimension, chamfer_strip(probe.faces, index, dimension.title).leg_mm)
             continue
         for (_, _, radius), _ in _about_axes(dimension, probe):
             _limits_mm(dimension, 2 * radius)
@@ -247,6 +252,17 @@ def _distances(dimension, probe):
                    fitted_mm=drawn + float(a.mean() - b.mean()), points=len(a) + len(b), **_spread(spread))
 
 
+def _chamfers(dimension, probe):
+    """Each chamfer's longer leg by what the stock leaves on its strip."""
+    for index in brep.indices_of(probe.faces, probe.chosen(dimension.faces)):
+        strip = chamfer_strip(probe.faces, index, dimension.title)
+        met = probe.touched([probe.faces[index]])
+        legs = strip.leg_mm - strip.per_mm * met.deviation_mm
+        low, high = _limits_mm(dimension, strip.leg_mm)
+        yield Measured(**_feature(dimension, probe, strip.place_mm, strip.leg_mm), lower_mm=low, upper_mm=high,
+                       fitted_mm=float(legs.mean()), points=len(legs), **_spread(legs))
+
+
 def _feature(dimension, probe, place_mm, drawn_mm):
     """What a Measured says of the feature; `drawn_mm`: the design's own size."""
     return {"name": dimension.title, "kind": dimension.kind, "place_mm": tuple(np.round(place_mm, 6).tolist()),
@@ -257,4 +273,4 @@ def _spread(values_mm):
     return {"least_mm": float(values_mm.min()), "most_mm": float(values_mm.max())}
 
 
-_MEASURED = {"diameter": _diameters, "position": _positions, "distance": _distances}
+_MEASURED = {"diameter": _diameters, "position": _positions, "distance": _distances, "chamfer": _chamfers}

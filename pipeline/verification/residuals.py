@@ -14,6 +14,8 @@ from cuspline.verification.samples import Samples
 
 LIMIT_MM = 2.0            # deviations are capped here: far more than any tolerance
 PER_SPACING2 = 17.0       # samples on a square of one spacing
+UNDER_NEAR_MM = 0.5         # of what an undercutting cutter sweeps: places that it was to make
+LEAST_CORNER_MM = 0.05      # of a cutter without one, whose place in a corner nothing tells
 TARGET = 60_000           # samples wanted on one setup: every top and bottom between them is climbed to
 
 
@@ -166,10 +168,24 @@ def reach_of(points_mm, normals, cut, sampled, closest, ball_radius_mm):
         reach = why_unreachable(sampled.drops, places, cut.frame.turn_into(normals), ball_radius_mm)
     else:
         reach = why_unreachable_leaning(closest, points_mm, normals, ball_radius_mm)
+    under = [p for p in cut.paths if p.tool.cutter.is_undercutting and p.tool.head is None]
+    if under and closest is not None:
+        reach = _under_necks(points_mm, normals, places, under, closest, reach)
     drills = [p.tool.cutter for p in cut.paths if p.tool.cutter.drills]
     if not drills or not sampled.holes:
         return reach
     return np.where(is_drilled(places, sampled.holes, drills), REACHABLE, reach)
+
+
+def _under_necks(points_mm, normals, places, paths, closest, reach):
+    """The same, REACHABLE too where an undercutting cutter has come near and its corner fits; `places`: points in the WCS."""
+    reach = reach.copy()
+    for path in paths:
+        rows = np.flatnonzero(reach != REACHABLE)
+        rows = rows[np.abs(signed_distance_mm((path,), places[rows])) < UNDER_NEAR_MM]
+        corner = max(path.tool.cutter.corner_radius_mm, LEAST_CORNER_MM)
+        reach[rows[why_unreachable_leaning(closest, points_mm[rows], normals[rows], corner) == REACHABLE]] = REACHABLE
+    return reach
 
 
 def _tops(piece, k, looked, feeds, sampled):

@@ -47,6 +47,7 @@ from cuspline.verification.residuals import (
 from cuspline.verification.samples import face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import Limits, SolidComparison, compare
+from cuspline.verification.tabs import said_of_tabs, with_tabs
 from cuspline.verification.text_checks import increments_mm, path_tolerance_mm
 from cuspline.verification.true_depths import SEARCHED, largest_true_mm, roughly_true_mm
 
@@ -162,6 +163,7 @@ class SetupProgram:
     setup: object                     # design.Setup: name and frame
     faces: tuple                      # TopoDS_Face values of the solid (or values with such a `.shape`) that it cuts
     fixtures: tuple = ()              # of scene.Fixture, WCS
+    tabs: tuple = ()                  # of design.tabs.Tab, that it leaves
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -329,7 +331,7 @@ def _laid_out(programs, solid, judging):
     say(f"triangles of the design within {finest:.4f} mm")
     mesh = tessellate(solid, finest)
     say(f"samples of the faces, {len(mesh.triangles):,} triangles for their reach")
-    drops = [drop_mesh(p.setup.frame.into(mesh.vertices_mm), mesh.triangles) for p in programs]
+    drops = [_drops(p, mesh) for p in programs]
     holes = [_holes(solid, p, judging.tools) for p in programs]
     beside = lambda k: tuple(Beside(cut=piece.cuts[j], drops=drops[j], holes=holes[j], cuts_too=np.isin(required[k], named[j]))
                              for j in beside_of[k] if set(required[k]) & set(named[j]))
@@ -345,6 +347,12 @@ def _laid_out(programs, solid, judging):
     return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece,
                  metal=metal, made=made, mesh=mesh,
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
+
+
+def _drops(program, mesh):
+    """DropMesh of the design, and of the tabs beside it, in a program's WCS."""
+    corners, triangles = with_tabs(mesh.vertices_mm, mesh.triangles, program.tabs)
+    return drop_mesh(program.setup.frame.into(corners), triangles)
 
 
 def _holes(solid, program, tools):
@@ -422,6 +430,8 @@ def _judged(part, c, found, own, judging, joined):
               **({"increments_mm": steps_mm} if (steps_mm := increments_mm(machine)) else {})}
     bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
     true_mm = _once(partial(_true_mm, part, c, found))
+    numbers = _numbers(found, view, finish, bounds, history, true_mm)
+    numbers["unreachable"] = said_of_tabs(numbers["unreachable"], c.program.tabs, part.ball_radius_mm)
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     findings = (*history.findings, *history.idle, *process.findings, *report.gouges(), *report.unseen_gouges(proven),
@@ -430,7 +440,7 @@ def _judged(part, c, found, own, judging, joined):
     return SetupVerdict(setup=c.name, finish=finish, required=tuple(c.required), residuals=found, solids=view, replay=history,
                         certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,
                         stock=part.made, mesh=part.mesh,
-                        numbers={**_numbers(found, view, finish, bounds, history, true_mm),
+                        numbers={**numbers,
                                  **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),
                                  "gouge_proven_mm": rounded(proven.proven_mm), "certificate": _tidy(proven.as_dict()),

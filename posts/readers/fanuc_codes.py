@@ -1,6 +1,6 @@
 """The G and M codes of Fanuc's milling controls that the reader knows, with the groups they share with RS-274."""
 
-from cuspline.posts.readers.rs274_codes import ARC_LETTERS, CYCLE_CODES, TAP_CODES, finder, named_codes
+from cuspline.posts.readers.rs274_codes import ARC_LETTERS, COMPENSATION_CODES, CYCLE_CODES, TAP_CODES, finder, named_codes
 
 BY_NAME = {
     **named_codes("motion", "G0", "G1", says="canned cycle"),
@@ -8,6 +8,7 @@ BY_NAME = {
     **named_codes("motion", "G2", "G3", takes=ARC_LETTERS.replace("p", ""), says="canned cycle"),
     **CYCLE_CODES,
     **TAP_CODES,
+    **COMPENSATION_CODES,
     **named_codes("rigid tapping", "M29"),
     **named_codes("non-modal", "G4", takes="p"),
     **named_codes("plane", "G17", "G18", "G19"),

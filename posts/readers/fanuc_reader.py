@@ -6,6 +6,7 @@ straight: parameter 1401 bit 1 (LRP) must be 1.
 
 from math import nan
 
+from cuspline.posts.readers.cutter_compensation import Compensation
 from cuspline.posts.readers.fanuc_blocks import blocks_of
 from cuspline.posts.readers.fanuc_codes import code_of
 from cuspline.posts.readers.fanuc_flow import executed
@@ -21,10 +22,11 @@ __all__ = ["read_program", "read_tool_table"]
 # I J K are always distances; how far corners may be cut is a parameter of the control, whichever mode is in force; a
 # G92 is taken back by hand, or by an option of the control
 RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"arc distance", "path control", "axis offset"},
-              takes_own_length=False, moves_z_alone=True, path_tolerance_mm=nan, cycles=EVERY, needs_rigid=True)
+              takes_own_length=False, moves_z_alone=True, path_tolerance_mm=nan, cycles=EVERY, needs_rigid=True,
+              compensation=Compensation(joins_by_arcs=False, needs_register=True))
 
 
-def read_program(text, *, work_offsets, tool_lengths, chain=None):
+def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None):
     """The moves of a Fanuc program.
 
     Args:
@@ -33,6 +35,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None):
         tool_lengths: {number: length offset, mm}; the control's offset number is the tool's.
         chain: kinematics.Chain of a machine with rotary axes, see rs274_reader; under G43.4 X Y Z are the tip, in axes that
             go with the table from where it stands with the rotaries at 0.
+        tool_radii: {number: radius in the tool's register, mm} that G41 and G42 shift a contour by; left out: they are refused.
     Returns:
         PostedMoves.
     Raises:
@@ -44,7 +47,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None):
     ([9.0, 2.0, 3.0], [4, 8])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES, chain)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii)
     if controller.run(executed(blocks)) is None:
         raise refusal(Complaint("the text stops without a program end", "end the main program with M30"), blocks[-1])
     return controller.posted_moves()

@@ -8,12 +8,13 @@ it back is read.  Which radii an arc may have at its ends the manual does not sa
 
 from math import nan
 
+from cuspline.posts.readers.cutter_compensation import Compensation
 from cuspline.posts.readers.fanuc_flow import executed
 from cuspline.posts.readers.fanuc_tools import read_tool_table
 from cuspline.posts.readers.haas_blocks import blocks_of
 from cuspline.posts.readers.rs274_arcs import CLOSE_BOUNDS
 from cuspline.posts.readers.rs274_blocks import refusal
-from cuspline.posts.readers.rs274_codes import ARC_LETTERS, TAP_CODES, finder, named_codes
+from cuspline.posts.readers.rs274_codes import ARC_LETTERS, COMPENSATION_CODES, TAP_CODES, finder, named_codes
 from cuspline.posts.readers.rs274_cycles import TAPS
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules
@@ -25,6 +26,7 @@ BY_NAME = {
     **named_codes("motion", "G0", "G1", says="canned cycle"),
     **named_codes("motion", "G2", "G3", takes=ARC_LETTERS.replace("p", ""), says="canned cycle"),
     **TAP_CODES,
+    **COMPENSATION_CODES,
     **named_codes("return level", "G98", "G99"),
     **named_codes("non-modal", "G4", takes="p"),
     **named_codes("plane", "G17", "G18", "G19"),
@@ -75,17 +77,18 @@ def _go_home(controller, name, values):
 RULES = Rules(code_of=finder(BY_NAME, ADVICE), modes=frozenset(UNSAID) - {"arc distance", "axis offset"},
               takes_own_length=False, moves_z_alone=False, path_tolerance_mm=nan, bounds=(CLOSE_BOUNDS, CLOSE_BOUNDS),
               words={"path control": ("G187 E", "how far the control may leave the path")},
-              cycles=frozenset(TAPS),
+              cycles=frozenset(TAPS), compensation=Compensation(joins_by_arcs=False, needs_register=True),
               actions={"path control": _smooth, "corner mode": _corner_mode, "reference": _go_home})
 
 
-def read_program(text, *, work_offsets, tool_lengths):
+def read_program(text, *, work_offsets, tool_lengths, tool_radii=None):
     """The moves of a Haas program.
 
     Args:
         text: the whole file: %, the main program, its sub-programs, %.
         work_offsets: {"G54": (x, y, z)} machine coordinates of each WCS origin, mm.
         tool_lengths: {number: length offset, mm}; the control's offset number is the tool's.
+        tool_radii: {number: radius in the tool's register, mm} that G41 and G42 shift a contour by; left out: they are refused.
     Returns:
         PostedMoves.
     Raises:
@@ -97,7 +100,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     ([9.0, 2.0, 3.0], [4, 7])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES)
+    controller = Controller(work_offsets, tool_lengths, RULES, tool_radii=tool_radii)
     if controller.run(executed(blocks)) is None:
         raise refusal(Complaint("the text stops without a program end", "end the main program with M30"), blocks[-1])
     return controller.posted_moves()

@@ -12,6 +12,7 @@ clearance Q200 and the second one Q204, both over Q203.  A circle whose radii di
 import re
 from math import cos, hypot, isfinite, nan, radians, sin
 
+from cuspline.posts.readers.cutter_compensation import Compensation
 from cuspline.posts.readers.klartext_blocks import blocks_of, number, path_words
 from cuspline.posts.readers.klartext_tools import read_tool_table
 from cuspline.posts.readers.rs274_arcs import CLOSE_BOUNDS
@@ -33,7 +34,7 @@ BY_NAME = {
     **named_codes("non-modal", "G92.1", says="axis offset"),
     **named_codes("plane", "G17", "G18", "G19"),
     **named_codes("units", "G20", "G21"),
-    **named_codes("cutter compensation", "G40"),
+    **named_codes("cutter compensation", "G40", "G41", "G42"),
     **named_codes("tool length", "G43", takes="h"),
     **named_codes("work offset", "G54", "G55", "G56", "G57", "G58", "G59"),
     **named_codes("path control", "G64", takes="q"),
@@ -60,6 +61,7 @@ def _smooth(controller, name, values):
 RULES = Rules(code_of=finder(BY_NAME, {}), takes_own_length=False, moves_z_alone=False, path_tolerance_mm=nan,
               modes=frozenset(("work offset", "cutter compensation", "tool length", "path control", "axis offset")),
               bounds=(CLOSE_BOUNDS, CLOSE_BOUNDS), actions={"path control": _smooth},
+              compensation=Compensation(joins_by_arcs=True, needs_register=False),
               words={"work offset": ("CYCL DEF 247", "which preset is in force"),
                      "cutter compensation": ("R0", "whether the path is shifted by a cutter radius"),
                      "tool length": ("TOOL CALL", "which tool length is in force"),
@@ -67,13 +69,14 @@ RULES = Rules(code_of=finder(BY_NAME, {}), takes_own_length=False, moves_z_alone
                      "axis offset": ("CYCL DEF 7 with X+0 Y+0 Z+0", "whether a datum shift moves the zero")})
 
 
-def read_program(text, *, work_offsets, tool_lengths):
+def read_program(text, *, work_offsets, tool_lengths, tool_radii=None):
     """The moves of a Klartext program.
 
     Args:
         text: the whole program.
         work_offsets: {"G54": (x, y, z)} machine coordinates of each preset, mm; G54 is preset 1.
         tool_lengths: {number: length, mm}.
+        tool_radii: {number: radius in the tool's register, mm} that RL and RR shift a contour by; left out: they are refused.
     Returns:
         PostedMoves.
     Raises:
@@ -85,7 +88,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     ([3.0, 2.0, 2.0], [2, 4], True)
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES)
+    controller = Controller(work_offsets, tool_lengths, RULES, tool_radii=tool_radii)
     end = controller.run(_Tnc(controller).executed(blocks))
     if end is None:
         raise refusal(Complaint("the text stops without END PGM", "end it with END PGM, its name and its unit"), blocks[-1])
@@ -242,9 +245,7 @@ class _Tnc:
         if unknown:
             raise Complaint(f"unknown word {unknown[0]}", "known are " + ", ".join(
                 f"M{f}" for f in sorted((*AT_THE_END, *AT_THE_BEGIN, *BOTH, MACHINE_DATUM))))
-        if said.radius in ("RL", "RR"):
-            raise Complaint(f"{said.radius}: a path shifted by a cutter radius", "let the post write the compensated path")
-        begin = [("m", float(f)) for f in functions if f in AT_THE_BEGIN] + ([("g", 40.0)] if said.radius else [])
+        begin = [("m", float(f)) for f in functions if f in AT_THE_BEGIN] + self._radius(said.radius)
         end = [("m", float(f)) for f in functions if f in AT_THE_END] + ([("m", 0.0)] if kind == "STOP" else [])
         move = self._move(kind, said, MACHINE_DATUM in functions)
         if said.is_rapid and said.feed is not None:
@@ -252,6 +253,13 @@ class _Tnc:
         if said.feed is not None:
             begin.append(("f", said.feed))
         return [tuple(begin + move), *((word,) for word in end)]
+
+    def _radius(self, word):
+        """R0, RL or RR as a code; what is in force already may be said again."""
+        shifted = self.controller.shifted
+        code = {"R0": 40.0, "RL": 41.0, "RR": 42.0}.get(word)
+        is_on = shifted is not None and code == (41.0 if shifted.side > 0 else 42.0)
+        return [] if code is None or is_on else [("g", code)]
 
     def _move(self, kind, said, is_machine):
         if kind in ("M", "STOP") or kind == "L" and not said.places:

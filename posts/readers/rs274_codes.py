@@ -37,9 +37,11 @@ CYCLE_CODES = {
     **named_codes("return level", "G98", "G99"),
 }
 TAP_CODES = named_codes("motion", "G74", "G84", takes="r", says="canned cycle")
+COMPENSATION_CODES = named_codes("cutter compensation", "G41", "G42", takes="d")
 BY_NAME = {
     **named_codes("motion", "G0", "G1", says="canned cycle"),
     **named_codes("motion", "G2", "G3", takes=ARC_LETTERS, says="canned cycle"),
+    **COMPENSATION_CODES,
     **named_codes("motion", "G33.1", takes="k", says="canned cycle"),
     **CYCLE_CODES,
     **named_codes("non-modal", "G4", takes="p"),
@@ -74,8 +76,6 @@ MOVING_LETTERS = frozenset("xyzijkr")
 ADVICE = {
     ("g", 74): "its spindle is not tied to the feed: write G33.1 under M4",
     ("g", 84): "its spindle is not tied to the feed: write G33.1",
-    ("g", 41): "let the post write the compensated path",
-    ("g", 42): "let the post write the compensated path",
     ("g", 92): "use a work offset, G54 to G59.3",
     ("g", 28): "use G53 G0 with machine coordinates",
     ("g", 30): "use G53 G0 with machine coordinates",

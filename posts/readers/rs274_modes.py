@@ -40,6 +40,7 @@ class Rules(NamedTuple):
     actions: Mapping = MappingProxyType({})     # {group of codes: function (controller, name, values)} that it does its own way
     peck_clearance_mm: float = 0.254        # above the last peck, to which G83 comes back by a rapid and G73 goes up
     cycles: frozenset = frozenset()         # names of the canned cycles that it has
+    compensation: object = None             # cutter_compensation.Compensation; None: G41 and G42 are not read
     needs_rigid: bool = False               # G84 and G74 tie the spindle to the feed only behind M29
 
 

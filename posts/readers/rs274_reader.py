@@ -9,6 +9,14 @@ from math import hypot, inf, isfinite, nan, radians, tau
 
 import numpy as np
 
+from cuspline.posts.readers.cutter_compensation import (
+    LINUXCNC_TANGENT_RAD,
+    Compensation,
+    Element,
+    Shifted,
+    beside,
+    check_way_out,
+)
 from cuspline.posts.readers.rs274_arcs import (
     MM_PER_INCH,
     center_from_radius,
@@ -41,12 +49,14 @@ NO_OFFSET = (0.0, 0.0, 0.0)
 SYNCHRONISED = ("G33.1", "G331", "G332")        # feeds tied to the spindle
 CYCLE_MM = 5e-4             # what one servo cycle adds to a blend at least; 0.33 um measured at 2500 mm/s^2
 PLANE_RAD = 1e-5            # between the tool and the normal of a tilted plane: rounded angles
-COLUMNS = 26                # numbers kept of a move
+COLUMNS = 27                # numbers kept of a move
 RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True, moves_z_alone=False,
-              path_tolerance_mm=inf, cycles=CYCLES)
+              path_tolerance_mm=inf, cycles=CYCLES,
+              compensation=Compensation(joins_by_arcs=True, needs_register=False, tangent_rad=LINUXCNC_TANGENT_RAD,
+                                        enters_beside_own=True))
 
 
-def read_program(text, *, work_offsets, tool_lengths, chain=None):
+def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None):
     """The moves of an RS-274 program.
 
     Args:
@@ -68,7 +78,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None):
     ([9.0, 2.0, 3.0], [2, 3])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES, chain)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii)
     end = controller.run(executed(blocks))
     if end is not None:
         refuse_text_after(blocks, end)
@@ -80,8 +90,8 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None):
 class Controller:
     """The modal state, block after block, and the moves made so far."""
 
-    def __init__(self, work_offsets, tool_lengths, rules, chain=None):
-        """`rules`: rs274_modes.Rules of the control.   chain: kinematics.Chain; None: three axes."""
+    def __init__(self, work_offsets, tool_lengths, rules, chain=None, tool_radii=None):
+        """`rules`: rs274_modes.Rules of the control.   chain: kinematics.Chain; None: three axes.   tool_radii: {number: mm}."""
         self.rules, self.code_of, self.actions = rules, rules.code_of, ACTIONS | dict(rules.actions)
         self.chain, self.rotaries = chain, () if chain is None else tuple(c.lower() for c in chain.rotaries)
         self.turned = self.turned_before = (nan,) * len(self.rotaries)      # degrees; where the move under way began
@@ -119,7 +129,10 @@ class Controller:
         self.feed, self.speed, self.speed_line, self.turning = 0.0, 0.0, 0, 0
         self.selected, self.tool = None, 0
         self.names, self.operation = [], -1
-        self.line, self.call_line, self.is_machine_move = 0, 0, False
+        self.block, self.line, self.call_line, self.is_machine_move = None, 0, 0, False
+        self.radii = tool_radii or {}
+        self.shifted, self.contour, self.is_leaving = None, [], False   # cutter_compensation.Shifted; its Elements so far; G40
+        self.register = 0                   # whose radius shifts the moves that are added
         self.ended = False
         self.rows = array("d")              # COLUMNS a move
         self.joint_rows = array("d")        # of a machine with rotaries: angles before and after, minutes, length, zero
@@ -145,7 +158,7 @@ class Controller:
 
     def execute(self, block, words):
         """Do what one block says."""
-        self.line, self.call_line, self.is_machine_move = block.number, block.call_line, False
+        self.block, self.line, self.call_line, self.is_machine_move = block, block.number, block.call_line, False
         for comment in block.comments:
             self._note_operation(comment)
         codes, values = [], {}
@@ -159,12 +172,17 @@ class Controller:
             if letter in BY_LETTER:
                 codes.append(BY_LETTER[letter])
         steps = self._steps(codes, values)
+        if self.shifted is not None:
+            self._refuse_beside_contour(steps)
         for code in steps:
             self.unsaid.discard(code.group)
             self.unsaid.discard(code.says)
             self.actions[code.group](self, code.name, values)
         if self.is_machine_move and MOVE not in steps:
             raise Complaint("G53 without a move", "G53 goes with G0 or G1 and axis words")
+        if self.is_leaving:
+            raise Complaint("G40 without a straight way in its block: controls differ in where they go then",
+                            "write G40 G1 X Y, straight away from the contour")
 
     def _steps(self, codes, values):
         """The block's codes in the order of execution, with the move where there is one."""
@@ -420,8 +438,73 @@ class Controller:
     def _stand_still(self, name):
         self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=name))
 
-    def pass_over(self, name, values):
-        """Nothing that concerns the path: G40, for G41 and G42 are refused."""
+    # cutter compensation ----------------------------------------------------------------------------
+
+    def compensate(self, name, values):
+        """G41 and G42: the contour that follows is run beside, on its left or right; G40 leads away from it."""
+        if name == "G40":
+            self.is_leaving = self.shifted is not None
+            return
+        self._refuse_contour_here(name)
+        if "d" not in values and self.rules.compensation.needs_register:
+            raise Complaint(f"{name} without D takes the register that was last in force", "write D with the tool's number")
+        register = int(values.get("d", 0)) or self.tool
+        if register not in self.radii:
+            raise Complaint(f"{name} while the radius in D{register} is not known", "read it with the radii of the tool table")
+        if register != self.tool:
+            self._remark("wrong_radius_offset", round(abs(self.radii[register] - self.radii.get(self.tool, 0.0)), 6),
+                         f"D{register} is in force with T{self.tool} in the spindle: write D{self.tool}")
+        self.shifted = Shifted(side=1.0 if name == "G41" else -1.0, radius_mm=self.radii[register], register=register,
+                               line=self.line)
+
+    def _refuse_contour_here(self, name):
+        """What controls do then differs, or is another compensation's."""
+        for is_so, what, advice in (
+                (self.shifted is not None, "another in force", "write G40 before"),
+                (self.plane != Plane.XY, f"the {self.plane.name} plane", "write G17"),
+                (self.is_inverse_time, "G93", "write G94"),
+                (self.is_tip or self.tilted is not None or any(self.turned), "rotary axes off 0", "leave them at 0"),
+                (self.cycle is not None, "a canned cycle", "write G80 before")):
+            if is_so:
+                raise Complaint(f"{name} with {what}", advice)
+
+    def _refuse_beside_contour(self, steps):
+        other = [code.name for code in steps if code.group not in ("motion", "move", "feed", "cutter compensation", "distance")
+                 and PLANES.get(code.name) != self.plane]
+        if other:
+            raise Complaint(f"{other[0]} while the cutter compensation of line {self.shifted.line} is on", "write G40 before")
+
+    def _follow(self, kind, start, end, center, feed):
+        """A block between G41 and G40: kept until the one behind it is known."""
+        element = Element(complex(*start[:2]), complex(*end[:2]), (start[2], end[2]), feed, self.block,
+                          None if kind <= Kind.FEED else complex(*center[:2]), 1.0 if kind == Kind.ARC_CCW else -1.0)
+        if element.start == element.end and element.center is None:
+            raise Complaint("a block without a way in X or Y while cutter compensation is on", "write G40 before it")
+        self.tip = end
+        if not self.is_leaving:
+            self.contour.append(element)
+            return
+        self.is_leaving = False
+        if not self.contour:
+            raise Complaint("G40 before the compensated contour has begun", "write the contour between G41 and G40")
+        check_way_out(self.contour[-1], element, self.shifted.radius_mm)
+        made = beside(self.contour, self.shifted, self.rules.compensation)
+        self._run([*made, element._replace(start=made[-1].end)])
+        self.shifted, self.contour = None, []
+
+    def _run(self, elements):
+        """Moves of the cutter's middle, each said by its own block."""
+        self.register = self.shifted.register
+        for e in elements:
+            self.block, self.line, self.call_line = e.block, e.block.number, e.block.call_line
+            start, end = ((p.real, p.imag, z) for p, z in zip((e.start, e.end), e.z))
+            kind = Kind.FEED if e.feed else Kind.RAPID
+            center = UNKNOWN
+            if e.center is not None:
+                kind, center = Kind.ARC_CCW if e.turn > 0 else Kind.ARC_CW, (e.center.real, e.center.imag, start[2])
+            self.minutes = abs(e.end - e.start) / e.feed if e.feed else 0.0
+            self._add(kind, start, end, center, 0, e.feed)
+        self.register = 0
 
     # moves ------------------------------------------------------------------------------------------
 
@@ -454,6 +537,11 @@ class Controller:
         if self.rotaries:
             self.turned = self._turned_end(kind, values)
             self.minutes = self._minutes(kind, length_mm)
+        if self.shifted is not None:
+            if turns or self.is_leaving and kind > Kind.FEED:
+                raise Complaint("an arc of more than a turn, or one with G40", "write single arcs, and G40 with G1")
+            self._follow(kind, start, end, center, feed)
+            return
         self._add(kind, start, end, center, turns, feed)
 
     def _refuse_half_way(self):
@@ -576,7 +664,8 @@ class Controller:
             start, end = self.tilted.out(np.array([start, end])).tolist()
         self.rows.extend((kind, *start, *end, *center, self.plane if kind > Kind.FEED else 0, turns, feed,
                           self.turning * self.speed, self.tool, self.is_length_on, *machine, self.line,
-                          self.operation, self.path_tolerance_mm, self.speed_line, self.call_line, self.coolant, self.pitch_mm))
+                          self.operation, self.path_tolerance_mm, self.speed_line, self.call_line, self.coolant, self.pitch_mm,
+                          self.register))
         if self.rotaries:
             length_mm = self.tool_offsets[self.tool][2] if self.tool else self.tool_offset[2]
             self.joint_rows.extend((*self.turned_before, *self.turned, self.minutes, length_mm, *self.offset,
@@ -707,15 +796,16 @@ class Controller:
         """All moves as one value."""
         table = np.frombuffer(self.rows).reshape(-1, COLUMNS)
         (kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line, operation, tolerance,
-         speed_line, call_line, coolant, pitch) = np.split(
-            table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23, 24, 25), axis=1)
+         speed_line, call_line, coolant, pitch, register) = np.split(
+            table, (1, 4, 7, 10, 11, 12, 13, 14, 15, 16, 19, 20, 21, 22, 23, 24, 25, 26), axis=1)
         read = PostedMoves(
             kind=kind[:, 0], start_mm=start, end_mm=end, center_mm=center, plane=plane[:, 0], turns=turns[:, 0],
             feed_mm_per_min=feed[:, 0], spindle_rpm=speed[:, 0], tool=tool[:, 0],
             length_offset_on=is_length_on[:, 0], machine_end_mm=machine, line=line[:, 0],
             operation=operation[:, 0], operations=tuple(self.names), ended=self.ended,
             path_tolerance_mm=tolerance[:, 0], pitch_mm=pitch[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
-            coolant=coolant[:, 0], work_offsets=tuple(self.used_offsets), remarks=tuple(self.remarks), stops=tuple(self.stops))
+            coolant=coolant[:, 0], radius_register=register[:, 0], work_offsets=tuple(self.used_offsets),
+            remarks=tuple(self.remarks), stops=tuple(self.stops))
         return read.through_joints(self.chain, self._joint_blocks(start, end, machine)) if self.rotaries else read
 
     def _joint_blocks(self, start, end, machine):
@@ -753,7 +843,7 @@ ACTIONS = {
     "select tool": Controller.select_tool, "tool change": Controller.change_tool,
     "spindle": Controller.turn_spindle, "coolant": Controller.set_coolant,
     "plane": Controller.set_plane, "units": Controller.set_units,
-    "cutter compensation": Controller.pass_over, "tool length": Controller.set_length,
+    "cutter compensation": Controller.compensate, "tool length": Controller.set_length,
     "work offset": Controller.set_wcs, "path control": Controller.set_path_control,
     "corner mode": Controller.set_corner_mode, "reference": Controller.go_home,
     "distance": Controller.set_distance, "arc distance": Controller.set_arc_distance,

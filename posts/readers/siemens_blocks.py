@@ -13,7 +13,7 @@ MESSAGE = re.compile(r'MSG\s*\(\s*("[^"]*")?\s*\)')
 NAMED = re.compile(rf'([A-Z]+\d*)\s*=\s*(?:({NUMBER})|"([^"]*)")(?![\w.(])')
 WORD = re.compile(rf"([A-Z])\s*({NUMBER})(?!\s*=)")
 KEYWORD = re.compile(r"([A-Z]{2,})(?![\w=(])")
-KEYWORDS = ("SUPA", "CIP", "TRANS", "RTLION", "TRAORI", "TRAFOOF", "ORIAXES")
+KEYWORDS = ("SUPA", "CIP", "TRANS", "RTLION", "TRAORI", "TRAFOOF", "ORIAXES", "NORM", "CFTCP")
 NAMES = ("T", "X", "Y", "Z", "A", "B", "C", "I", "J", "K", "F", "S", "D", "TURN", "CR", "CTOL", "ADIS", "I1", "J1", "K1", "SPOS")
 LETTERS = frozenset("XYZABCIJKFSTDGM")
 

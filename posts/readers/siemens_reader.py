@@ -9,6 +9,7 @@ G332 back by the same K; a circle's radii may differ by MD21000 (0.01 mm) or MD2
 
 from math import inf, nan
 
+from cuspline.posts.readers.cutter_compensation import Compensation
 from cuspline.posts.readers.rs274_arcs import ArcBounds
 from cuspline.posts.readers.rs274_blocks import refusal
 from cuspline.posts.readers.rs274_codes import ARC_LETTERS, finder, named_codes
@@ -34,7 +35,7 @@ BY_NAME = {
     **named_codes("plane", "G17", "G18", "G19"),
     **named_codes("kinematics", "M428", "M429"),
     **named_codes("units", "G20", "G21"),
-    **named_codes("cutter compensation", "G40"),
+    **named_codes("cutter compensation", "G40", "G41", "G42"),
     **named_codes("tool length", "G43", takes="h"),
     **named_codes("tool length", "G49"),
     **named_codes("work offset", "G54", "G55", "G56", "G57"),
@@ -55,7 +56,7 @@ ADVICE = {"G70": "F would stay in the basic system: write G700", "G71": "F would
           "G58": "it shifts the zero by a program's own words: use G54 to G57",
           "G59": "it shifts the zero by a program's own words: use G54 to G57",
           "G500": "nobody knows where the zero is then: use G54 to G57",
-          "G41": "let the post write the compensated path", "G42": "let the post write the compensated path"}
+          "G451": "corners would be joined otherwise than G450 does: write G450"}
 
 
 def _smooth(controller, name, values):
@@ -88,10 +89,11 @@ RULES = Rules(code_of=finder(BY_NAME, {}), modes=frozenset(UNSAID) - {"canned cy
                      "path control": ("G642 CTOL", "how far the control may leave the path"),
                      "axis offset": ("TRANS", "whether a programmed frame shifts the zero")},
               actions={"path control": _smooth, "tool change": _change_tool, "kinematics": _switch_kinematics,
-                       "work offset": _set_wcs})
+                       "work offset": _set_wcs},
+              compensation=Compensation(joins_by_arcs=True, needs_register=False))
 
 
-def read_program(text, *, work_offsets, tool_lengths, chain=None):
+def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None):
     """The moves of a Sinumerik program.
 
     Args:
@@ -100,6 +102,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None):
         tool_lengths: {number: length of the first cutting edge, mm}.
         chain: kinematics.Chain of a machine with rotary axes, see rs274_reader; under TRAORI X Y Z are the tip, in axes that go
             with the table from where it stands with the rotaries at 0.
+        tool_radii: {number: radius in the tool's register, mm} that G41 and G42 shift a contour by; left out: they are refused.
     Returns:
         PostedMoves.
     Raises:
@@ -111,7 +114,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None):
     ([13.0, 2.0, 3.0], [11.0, 2.0, 3.0], [2, 3, 4])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES, chain)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii)
     end = controller.run(_Channel(controller).executed(blocks))
     if end is None:
         raise refusal(Complaint("the text stops without a program end", "end it with M30"), blocks[-1])
@@ -126,6 +129,7 @@ class _Channel:
         self.controller = controller
         self.is_evenly = False                  # ORIAXES: rotary axes run evenly under TRAORI
         self.is_positioned = False              # SPOS has taken the spindle to an angle: G331 may turn it
+        self.unsaid_beside = {"NORM", "G450", "CFTCP"}      # what G41 and G42 hang on
         self.is_cip = False                     # circles through a point between, until another motion code
         self.smoothing, self.contour, self.distance = "", nan, nan      # G642 and its like; CTOL; ADIS
 
@@ -147,6 +151,7 @@ class _Channel:
         if "CIP" in said.keywords or {"G0", "G1", "G2", "G3"} & set(names):
             self.is_cip = "CIP" in said.keywords
         words = [word for (letter, number), name in zip(said.codes, names) for word in self._code(letter.lower(), number, name)]
+        self._beside(names, said.keywords)
         self._position(names, values)
         words += self._path_control(names, values)
         words += self._tool(values, "M6" in names)
@@ -170,10 +175,17 @@ class _Channel:
             return [(letter, number)]
         if name in UNITS:
             return [("g", UNITS[name])]
-        if name in SMOOTHING:
+        if name in (*SMOOTHING, "G450"):
             return []
         known = ", ".join([*sorted(SAME), *UNITS, *SMOOTHING])
         raise Complaint(f"unknown word {name}", ADVICE.get(name, f"known are {known}"))
+
+    def _beside(self, names, keywords):
+        """How a contour is begun, its corners joined and its feed counted: all by words, for all may stand otherwise."""
+        self.unsaid_beside -= {*names, *keywords}
+        if {"G41", "G42"} & set(names) and self.unsaid_beside:
+            raise Complaint(f"G41 or G42 before {' and '.join(sorted(self.unsaid_beside))}",
+                            "write NORM G450 CFTCP before, or the control begins and joins the contour as it was left")
 
     def _position(self, names, values):
         """SPOS, which G331 and G332 need; M3, M4, M5 and a tool change end it."""
@@ -190,10 +202,11 @@ class _Channel:
         mine = [name for name in names if name in SMOOTHING]
         if len(mine) > 1:
             raise Complaint(f"{' and '.join(mine)} in one block", "leave one of them")
+        says = bool(mine) or not values.keys().isdisjoint(("CTOL", "ADIS"))
         self.contour, self.distance = values.pop("CTOL", self.contour), values.pop("ADIS", self.distance)
-        before, self.smoothing = self.smoothing, (mine or [self.smoothing])[0]
+        self.smoothing = (mine or [self.smoothing])[0]
         allowed = {"": None, "G60": 0.0, "G64": None, "G641": self.distance}.get(self.smoothing, self.contour)
-        if not (mine or before):
+        if not (says and self.smoothing):
             return []
         return [("g", 642.0), *([("q", allowed)] if allowed is not None and allowed >= 0 else [])]
 

@@ -92,6 +92,10 @@ class _Fanuc(Dialect):
             self.shift_zero(writer, tool.offset_mm[0])
         writer.pending_z = ("G43",), (f"H{tool.number}",)
 
+    def compensation(self, writer, number, is_on):
+        """The radius in the offset memory."""
+        return ("G41", f"D{number}") if is_on else ("G40",)
+
     def dwell(self, seconds):
         """Milliseconds, without a point."""
         return f"P{1000 * seconds:.0f}"

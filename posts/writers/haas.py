@@ -60,6 +60,8 @@ class _Haas(Dialect):
         writer.block(f"O{program_number(program, file_number):05d}")
         for line in program.header:
             writer.comment(line)
+        if any(o.compensated for o in program.operations):
+            writer.comment("CUTTER COMPENSATION: SETTING 40 RADIUS, SETTING 58 FANUC")
         writer.comment("A G92 OF ANOTHER PROGRAM STAYS IN FORCE: AFTER ONE SET IT TO ZERO BY HAND")
         writer.block(UNIT_WORD[writer.machine.control.units])
         writer.block("G17", "G90", "G94", "G40", "G49", "G80", "G64")
@@ -74,6 +76,10 @@ class _Haas(Dialect):
         super().run(writer, operation)
         if operation.coolant == "mist":
             writer.comment("MIST ON BY HAND")
+
+    def compensation(self, writer, number, is_on):
+        """The radius in the offset memory, by setting 40; outer corners by setting 58."""
+        return ("G41", f"D{number}") if is_on else ("G40",)
 
     def length_on(self, writer, tool):
         """Together with the first Z."""

@@ -88,10 +88,14 @@ class _Blocks(Writer):
         super().forget_position()
         self.pole = None
 
+    def to_plane(self, plane):
+        """It is that of the axes of a circle's CC."""
+
     def _straight(self, kind, end_mm, feed):
         words = self.words(end_mm)
         if words:
-            self.block("L", *words, *(("FMAX",) if kind == Kind.RAPID else self.feed_words(feed)))
+            radius, self.radius_words = self.radius_words, ()
+            self.block("L", *words, *radius, *(("FMAX",) if kind == Kind.RAPID else self.feed_words(feed)))
         self.here_mm = end_mm
 
     def _arc_words(self, end_mm, center_mm, plane):
@@ -199,6 +203,10 @@ class _Heidenhain(Dialect):
             writer.block(f"  {name}={writer.length(value, TOLERANCE_DECIMALS)} ;{what}" + ("" if k == len(rows) else " ~"))
         writer.block("CYCL CALL")
         writer.words((*cycle.xy_mm, top_z_mm), (2,))
+
+    def compensation(self, writer, number, is_on):
+        """The radius is the called tool's."""
+        return ("RL",) if is_on else ("R0",)
 
     def approach(self, writer, start_mm):
         writer.block("L", *writer.words(start_mm, (0, 1)), "R0", "FMAX")

@@ -74,6 +74,10 @@ class _LinuxCNC(Dialect):
     def up(self, writer):
         writer.block("G53", "G0", "Z0")
 
+    def compensation(self, writer, number, is_on):
+        """The diameter in the tool table's row."""
+        return ("G41", f"D{number}") if is_on else ("G40",)
+
     def dwell(self, seconds):
         return f"P{seconds:.3f}"
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cuspline.posts.writers.compensated_words import CompensatedMoves
 from cuspline.posts.writers.cycle_words import DrilledMoves
 from cuspline.posts.writers.joint_words import PlainMoves, SolvedMoves, leans
 from cuspline.posts.writers.sub_programs import (
@@ -136,6 +137,10 @@ class Dialect(ABC):
     def dwell(self, seconds):
         """The P word of a dwell, behind G4 and in a canned cycle."""
         raise PostError(f"{type(self).__name__} writes no dwell: take another cycle than dwell")
+
+    def compensation(self, writer, number, is_on):
+        """Words of the straight block with which the control begins, or ends, to run beside a contour by a tool's D register."""
+        raise PostError(f"{type(self).__name__[1:]} has no cutter compensation (G41, G42): leave compensation out of the contour")
 
     def before_taps(self, writer, rpm):
         """What stands before the first word of a tapping cycle."""
@@ -298,9 +303,14 @@ class _Files:
         Raises:
             PostError: its spindle changes its speed where that is not written.
         """
-        if operation.rpm_changes and (operation.cycles or leans(operation.moves)):
+        if operation.rpm_changes and (operation.cycles or operation.compensated or leans(operation.moves)):
             raise PostError(f"operation {operation.name}: the speed of the spindle changes among its moves, which goes with an "
-                            "upright axis and without cycles: give it one speed")
+                            "upright axis, without cycles and without cutter compensation: give it one speed")
+        if operation.compensated:
+            if leans(operation.moves) or self.machine.control.arc_centres == "R":
+                raise PostError(f"operation {operation.name}: cutter compensation goes with an upright axis, and arcs by their "
+                                "centres: leave compensation out")
+            return CompensatedMoves(operation, self.machine.rotaries)
         if operation.cycles and not leans(operation.moves):
             return DrilledMoves(operation, self.machine.rotaries, self.machine.control.canned_cycles)
         if not leans(operation.moves):

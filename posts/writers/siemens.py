@@ -104,6 +104,12 @@ class _Siemens(Dialect):
             self.length_on(writer, None)
         super().approach(writer, start_mm)
 
+    def compensation(self, writer, number, is_on):
+        """Square to the contour's begin and end, by arcs about its corners, F that of the cutter's middle."""
+        if is_on:
+            writer.block("NORM", "G450", "CFTCP")
+        return ("G41",) if is_on else ("G40",)
+
     def tap(self, writer, cycle, rpm, top_z_mm):
         """What CYCLE84 is made of: the spindle positioned, down by G331, back by G332; K below 0 is left-hand."""
         writer.count_rounding((*cycle.xy_mm, cycle.bottom_z_mm))

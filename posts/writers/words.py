@@ -88,6 +88,7 @@ class Writer:
         self.beside_mm = 0.0            # by which the zero is shifted for a tool beside the spindle's axis
         self.pending_z = (), ()         # words before and behind the next Z of an approach
         self.helix_words = ()           # behind the centre of a helix
+        self.radius_words = ()          # of cutter compensation, in the next straight block
         self.here_mm = np.zeros(3)
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
         self.plane, self.feed, self.coolant = Plane.XY, None, "M9"
@@ -191,7 +192,9 @@ class Writer:
     def _straight(self, kind, end_mm, feed):
         words = self.words(end_mm)
         if words:
-            self.block(*self._motion(self.motion_words[kind]), *words, *(self.feed_words(feed) if kind == Kind.FEED else ()))
+            first, self.radius_words = self.radius_words, ()
+            self.block(*first, *self._motion(self.motion_words[kind]), *words,
+                       *(self.feed_words(feed) if kind == Kind.FEED else ()))
         self.here_mm = end_mm
 
     def _curved(self, kind, end_mm, center_mm, plane, feed):
@@ -267,10 +270,14 @@ class Writer:
         a, b, _ = plane.axes
         return math.hypot(self.here_mm[a] - center_mm[a], self.here_mm[b] - center_mm[b])
 
-    def _arc(self, kind, end_mm, center_mm, plane, feed):
+    def to_plane(self, plane):
+        """The plane's word where it changes."""
         if plane != self.plane:
             self.block(self.plane_words[plane])
             self.plane = plane
+
+    def _arc(self, kind, end_mm, center_mm, plane, feed):
+        self.to_plane(plane)
         a, b, third = plane.axes
         _, _, offset = self._arc_words(end_mm, center_mm, plane)
         names = {0: "I", 1: "J", 2: "K"}

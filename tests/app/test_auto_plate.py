@@ -7,8 +7,11 @@ from pathlib import Path
 import pytest
 from built_parts import built_once
 
-from cuspline.app.judge import judge
+from cuspline.app.judge import begun, judge
+from cuspline.design import ChamferWidth, FacePredicate
 from cuspline.design.job import read_job
+from cuspline.values.errors import DesignError
+from cuspline.verification.measuring import measured, refuse_unmeasurable, tolerance_findings
 from cuspline.verification.verdict import Options
 
 PART = Path(__file__).parent.parent / "parts" / "auto_plate.py"
@@ -49,3 +52,33 @@ def test_a_wrong_side_a_chamfer_too_deep_and_a_bore_too_wide_are_found(plate, tm
     for what, is_there, least, most in FOUND:
         here = [f.amount_mm for f in gouges if is_there(*f.place_mm)]
         assert here and least < max(here) < most, (what, gouges)
+
+
+CHAMFERS = FacePredicate(name="chamfers", at_least=1, center_min_mm=(-1, -1, 5.5), center_max_mm=(37, 25, 5.95))
+WIDTHS = (ChamferWidth(faces="chamfers", lower_mm=-0.05, upper_mm=0.05),)
+
+
+def chamfer_rows(folder):
+    """Measured chamfers of a folder's programs."""
+    job = read_job(folder)
+    job = job.model_copy(update={"predicates": (*job.predicates, CHAMFERS), "dimensions": WIDTHS})
+    read = begun(folder, job, options=COARSE)
+    return measured(job.dimensions, read.first.part.piece, read.solid, job.predicates, 5e-5)
+
+
+def test_chamfers_are_as_wide_as_they_are_drawn_and_one_too_deep_is_out_of_its_limits(plate, tmp_path):
+    rows = chamfer_rows(plate)
+    assert len(rows) == 8 and tolerance_findings(rows, "setup-1") == ()
+    assert all(m.nominal_mm == pytest.approx(0.6, abs=2e-3) and abs(m.fitted_mm - 0.6) < 2e-3 for m in rows)
+    folder = shutil.copytree(plate, tmp_path / "deeper")
+    old, new = SPOILT[1]
+    text = (folder / "setup-1.ngc").read_text()
+    (folder / "setup-1.ngc").write_text(text.replace(old, new))
+    wide = [m for m in chamfer_rows(folder) if m.beyond_mm]
+    assert max(m.most_mm for m in wide) == pytest.approx(0.8, abs=0.01) and all(m.place_mm[0] > 30 for m in wide)
+
+
+def test_a_wall_is_no_chamfer(plate):
+    job, solid = read_job(plate), begun(plate, read_job(plate), options=COARSE).solid
+    with pytest.raises(DesignError, match="is no chamfer"):
+        refuse_unmeasurable((ChamferWidth(faces=job.predicates[0].name, lower_mm=-0.1, upper_mm=0.1),), solid, job.predicates)

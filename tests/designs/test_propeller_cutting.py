@@ -5,10 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cuspline.app.catalogue import find_design, make_design
+from cuspline.app.catalogue import find_design, find_library, make_design
 from cuspline.designs.propellers import cutting
 from cuspline.designs.propellers.blade import about_x
 from cuspline.kernel import brep
+from cuspline.planning import positions as planning_positions
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.values.errors import DesignError
 
@@ -22,7 +23,7 @@ FEW = FEW / np.linalg.norm(FEW, axis=1)[:, None]
 def whole():
     """The 4119 of 100 mm with all blades to be cut; a few directions to choose from."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cutting, "directions", lambda: FEW)
+        patch.setattr(planning_positions, "directions", lambda: FEW)
         patch.setattr(cutting, "PLACES", 300)
         return make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=all"])
 
@@ -63,8 +64,19 @@ def test_a_position_has_the_largest_ball_for_the_blade_and_one_that_fits_the_fil
     p = SimpleNamespace(fillet_face_mm=wide, fillet_back_mm=wide, fillet_leading_edge_mm=tight, fillet_trailing_edge_mm=tight)
     balls = cutting._balls(p)
     assert tuple(b.cutter.diameter_mm for b in balls) == numbers
-    kinds = [o.kind for o in cutting._operations(balls)]
-    assert kinds == ["parallel", "rest"][:len(numbers)] and cutting._operations(balls)[0].tool == balls[0].number
+    first, later = cutting._operations(balls, True), cutting._operations(balls, False)
+    assert [o.kind for o in first] == ["parallel", "rest"][:len(numbers)] and {o.kind for o in later} == {"rest"}
+    assert [o.tool for o in first] == [o.tool for o in later] == [b.number for b in balls]
+
+
+def test_an_extension_takes_the_tool_and_stands_in_its_holder():
+    ball = find_library(None).of_type("ball")[0]
+    longer = cutting.extended(ball, 80.0)
+    assert cutting.extended(ball, 0.0) is ball and longer.number == ball.number + cutting.EXTENDED
+    assert longer.length_mm == ball.length_mm + 80.0 and longer.stick_out_mm == ball.stick_out_mm
+    shank, (z0, r0, z1, r1) = ball.cutter.shank_diameter_mm / 2, longer.non_cutting_frusta()[-len(ball.holder.segments) - 1]
+    assert (z0, z1) == (ball.stick_out_mm, ball.stick_out_mm + 80.0)
+    assert r0 == shank + 4.0 and np.degrees(np.arctan((r1 - r0) / 80.0)) == pytest.approx(3.0, abs=0.01)
 
 
 def test_a_stranger_s_table_is_laid_out_to_be_cut_with_default_settings(tmp_path):
@@ -81,9 +93,8 @@ def test_a_stranger_s_table_is_laid_out_to_be_cut_with_default_settings(tmp_path
     assert made.description.endswith("3 of 3 blades cut with their fillets, all else stays as cast")
 
 
-def test_no_direction_points_the_spindle_at_the_table_and_the_first_two_see_both_sides(whole):
+def test_the_first_two_directions_see_both_sides(whole):
     ways = np.array([s.wcs_z for s in whole.setups])
-    assert (ways[:, 0] >= -np.sin(np.radians(cutting.TOWARDS_TABLE_DEG)) - 1e-9).all()
     faces = brep.faces_of(brep.the_solid(whole.solid))
     for side in ("face", "back"):
         mine = brep.indices_of(faces, brep.named_faces(faces, whole.predicates, (f"blade 1 {side}",)))

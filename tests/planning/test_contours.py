@@ -79,6 +79,14 @@ def test_it_climbs_outside_and_inside(round_plate):
     assert (ends[window, 1] < starts[window, 1]).all() and window.sum() == 2
 
 
+def test_finishing_passes_take_equal_shares_and_spring_passes_follow_the_last():
+    left = {"center_min_mm": (-1, 5, 1), "center_max_mm": (1, Y + 1, Z - 1)}
+    contour = Contour(tool="flat 10", finish_allowance_mm=0.6, finish_passes=3, spring_passes=1)
+    finish = planned(plate(), contour, left).operations[-1]
+    along = (np.abs(finish.moves.end_mm[:, 1] - Y) < 1e-9) & (np.abs(finish.moves.starts_mm[:, 1] - 5) < 1e-9)
+    np.testing.assert_allclose(finish.moves.end_mm[along, 0], [-5.4, -5.2, -5.0, -5.0], atol=1e-9)
+
+
 def test_roughing_comes_down_by_a_helix(round_plate):
     moves = round_plate.operations[0].moves
     down = moves.starts_mm[:, 2] - moves.end_mm[:, 2]

@@ -1,6 +1,7 @@
 """Which directions see what of a part: areas in closed form, and each place that counts as seen tried by itself."""
 
 import json
+from dataclasses import replace
 
 import cadquery as cq
 import numpy as np
@@ -55,20 +56,24 @@ def test_where_the_holder_would_touch_a_place_is_not_seen():
     assert found.positions == () and found.left_mm2 == pytest.approx(24 * 24)
 
 
-ON_TABLE = Held(machine=find_machine("mill_a_on_b"), frame=Frame.of_axes(np.zeros(3), (1, 0, 0), (0, 0, 1)))
+ON_TABLE = Held.on(find_machine("mill_a_on_b"), Frame.of_axes(np.zeros(3), (1, 0, 0), (0, 0, 1)))
+
+
+def along(*way):
+    """The part on the table, seen from one direction."""
+    return replace(ON_TABLE, ways=np.array([way], float))
 
 
 def test_where_the_spindle_would_meet_the_part_is_not_seen():
     """The spindle begins 155 mm above the tip of the longest ball, 90 mm round its axis: a tower of 170 mm stands in its way."""
     plate = cq.Workplane().box(20, 20, 10, centered=(True, True, False))
-    alone = {"ways": np.array([[0.0, 0.0, 1.0]]), "steepest_deg": 30}
     for height, is_in_the_way in ((140.0, False), (170.0, True)):
         part = plate.union(cq.Workplane().center(50, 0).box(100, 10, 5, centered=(True, True, False))).union(
             cq.Workplane().center(100, 0).box(10, 10, height, centered=(True, True, False)))
         solid = brep.the_solid(part)
         floor = [k for k, f in enumerate(brep.faces_of(solid)) if abs(f.middle.point_mm[0, 2] - 10) < 1e-6]
-        assert len(positions(solid, floor, LIBRARY, **alone).positions) == 1
-        reached = positions(solid, floor, LIBRARY, held=ON_TABLE, **alone)
+        assert len(positions(solid, floor, LIBRARY, ways=np.array([[0.0, 0.0, 1.0]]), steepest_deg=30).positions) == 1
+        reached = positions(solid, floor, LIBRARY, ways=along(0, 0, 1), steepest_deg=30)
         near = 100 - 5 - 90 - 1         # of the tower's side: nearer to it the tool does not come down
         assert reached.left_mm2 / SIDE_MM ** 2 == pytest.approx((10 - near) / SIDE_MM if is_in_the_way else 0.0, abs=0.05)
 
@@ -76,7 +81,7 @@ def test_where_the_spindle_would_meet_the_part_is_not_seen():
 def test_the_table_that_holds_the_part_is_in_the_way_from_behind():
     """The face of the rotary table of mill_a_on_b stands 280 mm before the zero of its clamping, square to X."""
     solid = brep.the_solid(CUBE)
-    seen_from = lambda x: positions(solid, range(6), LIBRARY, ways=np.array([[x, 0.0, 0.0]]), steepest_deg=30, held=ON_TABLE)
+    seen_from = lambda x: positions(solid, range(6), LIBRARY, ways=along(x, 0, 0), steepest_deg=30)
     assert seen_from(1.0).positions[0].sees_mm2 == pytest.approx(SIDE_MM ** 2, rel=0.1)
     assert seen_from(-1.0).positions == ()
 

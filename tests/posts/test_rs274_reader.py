@@ -223,7 +223,7 @@ def test_long_programs_are_read_in_seconds():
 
 REFUSED = {     # name: (text after AT_ZERO, line refused, words of the complaint)
     "unknown G": ("G12 X1", 3, "unknown word G12"),
-    "cutter compensation": ("G41 D1", 3, "compensated path"),
+    "cutter compensation": ("G41 D1", 3, "the radius in D1 is not known"),
     "axis offset": ("G92 X0", 3, "work offset"),
     "unknown M": ("M100", 3, "unknown word M100"),
     "unknown letter": ("G0 A10", 3, "uses A"),

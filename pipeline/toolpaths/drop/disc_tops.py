@@ -10,7 +10,7 @@ import numpy as np
 
 from cuspline.values.arrays import for_kernel
 from cuspline.values.compiled import njit
-from cuspline.values.rows import X, Y, Z
+from cuspline.values.rows import A, B, C, X, Y, Z
 
 CELLS_A_RADIUS = 8          # of the grid
 MOST_CELLS = 400            # along the mesh's longer side
@@ -59,7 +59,7 @@ def _half_widths(radius):
 def _raise_cells(corners, low, cell, tops):
     """Highest place of the triangles (m, 3, 3) in each cell, or above it."""
     for k in range(len(corners)):
-        a, b, c = corners[k, 0], corners[k, 1], corners[k, 2]
+        a, b, c = corners[k, A], corners[k, B], corners[k, C]
         top = max(a[Z], b[Z], c[Z])
         ux, uy, uz, vx, vy, vz = b[X] - a[X], b[Y] - a[Y], b[Z] - a[Z], c[X] - a[X], c[Y] - a[Y], c[Z] - a[Z]
         nz = ux * vy - uy * vx

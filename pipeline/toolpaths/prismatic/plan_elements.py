@@ -250,7 +250,7 @@ def _crossing(a, b, by_mm):
     """(length along a, length along b) where two moved elements cross, next to their corner."""
     middle = 0.5 * (a.end + b.start)
     best = None
-    for place in _crossings(a, b):
+    for place in crossings(a, b):
         along = [_along(e, place) for e in (a, b)]
         if None not in along:
             away = float(fixed.length(place - middle))
@@ -269,7 +269,7 @@ def _along(element, place):
     return along if -SNUG_MM < along < element.length_mm + SNUG_MM else None
 
 
-def _crossings(a, b):
+def crossings(a, b):
     """Places where the whole lines or circles of two elements cross."""
     if a.center is None and b.center is None:
         d, e = a.heading(0.0), b.heading(0.0)

@@ -8,7 +8,7 @@ from cuspline.posts.readers.rs274_reader import read_program
 from cuspline.program.program import Kind
 from cuspline.values.errors import ReadError
 
-from .interpreter import interpret, tool_lengths_from_table
+from .interpreter import interpret, tool_lengths_from_table, tool_radii_from_table
 
 END_MM = 1e-9           # the interpreter counts in inches: twelve digits are left of a metre
 CENTER_MM = 1e-7        # a centre by R, near a half circle, has half the digits of its words
@@ -29,8 +29,9 @@ def assert_same_moves(program_path, tool_table_path, work_offset, wcs="G54", lef
         ReadError: our reader refuses the program.
     """
     tools, offsets = tool_lengths_from_table(tool_table_path), {wcs: tuple(work_offset)}
-    moves = read_program(Path(program_path).read_text(), work_offsets=offsets, tool_lengths=tools)
-    truth = interpret(program_path, tool_lengths=tools, work_offsets=offsets, left_over_mm=left_over_mm)
+    radii = tool_radii_from_table(tool_table_path)
+    moves = read_program(Path(program_path).read_text(), work_offsets=offsets, tool_lengths=tools, tool_radii=radii)
+    truth = interpret(program_path, tool_lengths=tools, work_offsets=offsets, left_over_mm=left_over_mm, tool_radii=radii)
     assert truth.error == "", f"LinuxCNC refuses {program_path}, line {truth.error_line}: {truth.error}"
     assert truth.ended == moves.ended, f"{program_path}: only one of the two reached M2"
     assert len(moves) == len(truth.kind), f"{program_path}: {len(moves)} moves, LinuxCNC makes {len(truth.kind)}"

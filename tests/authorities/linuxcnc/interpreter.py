@@ -11,6 +11,7 @@ import subprocess
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -48,12 +49,13 @@ def missing():
     return "" if probe.returncode == 0 else f"{SYSTEM_PYTHON} has no module gcode (run .ci/install_linuxcnc.sh)"
 
 
-def interpret(program_path, *, tool_lengths, work_offsets, left_over_mm=(0.0, 0.0, 0.0)):
+def interpret(program_path, *, tool_lengths, work_offsets, left_over_mm=(0.0, 0.0, 0.0), tool_radii=None):
     """Run a program through LinuxCNC's interpreter.
 
     Args:
         tool_lengths: {number: mm}.
         work_offsets: {"G54": (x, y, z) mm, ...}.
+        tool_radii: {number: mm} of the table's diameters; left out: they are 0.
         left_over_mm: the shift by G92 or G52 that a program before has left in force.
     Raises:
         RuntimeError: the interpreter itself failed; a refused program is no exception.
@@ -62,8 +64,8 @@ def interpret(program_path, *, tool_lengths, work_offsets, left_over_mm=(0.0, 0.
         folder, program = Path(folder), Path(program_path).resolve()
         write_parameters(folder / "inch.var", work_offsets, left_over_mm, 1 / MM_PER_INCH)
         write_parameters(folder / "mm.var", work_offsets, left_over_mm)
-        error, ended = _verdict(program, folder, tool_lengths)
-        calls, module_error, line = _calls(program, folder, tool_lengths)
+        error, ended = _verdict(program, folder, tool_lengths, tool_radii or {})
+        calls, module_error, line = _calls(program, folder, tool_lengths, tool_radii or {})
     return _Listing(work_offsets).interpreted(calls, error or module_error, line, ended)
 
 
@@ -77,11 +79,18 @@ def tool_lengths_from_table(path):
     return lengths
 
 
-def write_tool_table(path, tool_lengths, scale=1.0):
+def tool_radii_from_table(path):
+    """{number: radius in mm} out of a LinuxCNC tool table in mm."""
+    rows = [{w[0].upper(): w[1:] for w in line.split(";")[0].split()} for line in Path(path).read_text().splitlines()]
+    return {int(words["T"]): float(words.get("D", 0.0)) / 2 for words in rows if "T" in words}
+
+
+def write_tool_table(path, tool_lengths, scale=1.0, tool_radii=MappingProxyType({})):
     """A LinuxCNC tool table of lengths, or of offsets (x, y, z); the P word is what gives each tool its pocket."""
     words = lambda mm: " ".join(f"{axis}{v * scale:+.15f}" for axis, v in zip("XYZ", mm) if v)
     rows = enumerate(sorted(_offsets(tool_lengths).items()), 1)
-    Path(path).write_text("".join(f"T{n} P{p} {words(mm)}\n" for p, (n, mm) in rows))
+    wide = lambda n: f" D{2 * tool_radii[n] * scale:.15f}" if tool_radii.get(n) else ""
+    Path(path).write_text("".join(f"T{n} P{p} {words(mm)}{wide(n)}\n" for p, (n, mm) in rows))
 
 
 def _offsets(tool_lengths):
@@ -100,9 +109,9 @@ def write_parameters(path, work_offsets, left_over_mm=(0.0, 0.0, 0.0), scale=1.0
     Path(path).write_text("".join(f"{number}\t{values[number]:.15f}\n" for number in sorted(values)))
 
 
-def _verdict(program, folder, tool_lengths):
+def _verdict(program, folder, tool_lengths, tool_radii):
     """(error, ended) by the rs274 program, which takes its tables in inches always."""
-    write_tool_table(folder / "inch.tbl", tool_lengths, 1 / MM_PER_INCH)
+    write_tool_table(folder / "inch.tbl", tool_lengths, 1 / MM_PER_INCH, tool_radii)
     run = _run([RS274, "-g", "-n", "2", "-t", "inch.tbl", "-v", "inch.var", str(program), "listing.txt"], folder)
     if run.returncode not in (0, 1):
         raise RuntimeError(f"rs274 died with status {run.returncode}: {run.stderr[-400:]}")
@@ -111,12 +120,13 @@ def _verdict(program, folder, tool_lengths):
     return ((said or ["refused without a word"])[0] if run.returncode else ""), ended
 
 
-def _calls(program, folder, tool_lengths):
+def _calls(program, folder, tool_lengths, tool_radii):
     """(canonical calls, error, line) by the gcode module."""
     shutil.rmtree(folder / "home", ignore_errors=True)
     (folder / "home").mkdir()
-    write_tool_table(folder / "mm.tbl", tool_lengths)
+    write_tool_table(folder / "mm.tbl", tool_lengths, tool_radii=tool_radii)
     job = {"program": str(program), "tools": sorted(_offsets(tool_lengths).items()),
+           "diameters": [[n, 2 * r] for n, r in tool_radii.items()],
            "tool_table": str(folder / "mm.tbl"),
            "parameters": str(folder / "mm.var"), "home": str(folder / "home"),
            "calls": str(folder / "calls"), "verdict": str(folder / "verdict")}

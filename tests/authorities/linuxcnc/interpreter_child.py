@@ -1,7 +1,7 @@
 """Runs under the system's Python: one program through LinuxCNC's `gcode` module, every call one JSON line.
 
-Argument: a JSON file {program, tools: [[number, [x, y, z]], ...], tool_table, parameters, home, calls, verdict}.
-Lengths in the calls are inches, whatever the program says: the module works so.
+Argument: a JSON file {program, tools: [[number, [x, y, z]], ...], diameters: [[number, mm], ...], tool_table, parameters, home,
+calls, verdict}.  Lengths in the calls are inches, whatever the program says: the module works so.
 """
 
 import ctypes
@@ -41,7 +41,7 @@ class Canon:
 
     def get_tool(self, pocket):
         number, offset = self.pockets.get(pocket or self.in_spindle, (-1, (0.0, 0.0, 0.0)))
-        return (number, *offset) + (0.0,) * 9 + (0,)
+        return (number, *offset) + (0.0,) * 6 + (dict(job["diameters"]).get(number, 0.0), 0.0, 0.0, 0)
 
     def get_block_delete(self):
         return False
