@@ -2,7 +2,7 @@
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from cuspline.planning.context import path_tolerance_mm
 from cuspline.planning.cutter_choice import choose_cutter
 from cuspline.planning.freeform_finishing import LEVEL, SAME_MM, TERRACE_SHARE, link_rules
 from cuspline.program.program import Moves, MoveWriter
+from cuspline.toolpaths.contact.contacts import NO_FACE
+from cuspline.toolpaths.drop.droppers import Dropper
 from cuspline.toolpaths.freeform.parallel_passes import Bearing
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
 from cuspline.toolpaths.freeform.tip_field import tip_field
@@ -25,6 +27,7 @@ FLAT_SHARE = 0.95           # of the width of its flat a cutter moves over: no r
 ASIDE_MM = 0.01             # from a wall, of the outermost passes side by side: those along the walls come nearer
 PITCH_SHARE = 0.05          # of the cutter's radius: grid on which the region of a floor is looked for
 OVER_SHARE = 0.2            # of the radius that passes run over an open edge
+ON_IT_MM = 2e-5             # a tip so near to a floor's height lies on it: contacts are found to half of that
 BESIDE_MM = 2.0             # facing passes begin and end so far beside the stock
 
 
@@ -209,11 +212,42 @@ def _heights(work):
     return [(float(work.faces[found[k][0]].middle.point_mm[0, 2]), found[k]) for k in sorted(found, reverse=True)]
 
 
+class FloorDropper(Dropper):
+    """A dropper that says of a flat which lies on a floor and on the rims of what is let into it: it touches the floor.
+
+    Beyond the floor's box, where its rim alone lies on it, it touches an edge as before.
+    """
+
+    def __init__(self, dropper, face, tip_z_mm, box_mm):
+        """
+        Args:
+            dropper: Dropper of the cutter.   face: index of the floor.   tip_z_mm: of a tip on it.
+            box_mm: ((2,), (2,)) lowest and highest x, y of the floor.
+        """
+        self.radius_mm, self.corner_radius_mm = dropper.radius_mm, dropper.corner_radius_mm
+        self.allowance_mm, self._dropper, self._face, self._tip_z_mm, self._box = (
+            dropper.allowance_mm, dropper, face, tip_z_mm, box_mm)
+
+    def tips_mm(self, xy_mm):
+        return self._dropper.tips_mm(xy_mm)
+
+    def contacts(self, xy_mm):
+        found, (low, high) = self._dropper.contacts(xy_mm), self._box
+        lies = found.is_edge & (np.abs(found.tip_z_mm - self._tip_z_mm) <= ON_IT_MM) & (
+            (xy_mm >= low) & (xy_mm <= high)).all(axis=1) & found.touches_rim([self._face])
+        normal = np.where(lies[:, None], (0.0, 0.0, 1.0), found.normal)
+        return replace(found, face=np.where(lies, self._face, found.face), normal=normal, is_edge=found.is_edge & ~lies,
+                       beside=np.where(lies, NO_FACE, found.beside))
+
+
 def _region(work, tool, faces):
-    """TipField of the cutter over some faces; None where it touches none of them."""
+    """TipField of the cutter over some faces at one height; None where it touches none of them."""
     boxes = [bounding_box_mm(work.faces[i].shape) for i in faces]
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     dropper = work.dropper_with(tool, work.operation.allowance_mm)
+    tip_z = float(work.faces[faces[0]].middle.point_mm[0, 2]) + work.operation.allowance_mm
+    for i, (first, last) in zip(faces, boxes):
+        dropper = FloorDropper(dropper, i, tip_z, (first[:2], last[:2]))
     radius = tool.cutter.radius_mm
     try:
         return tip_field(dropper, faces, (low[:2], high[:2]), PITCH_SHARE * radius, OVER_SHARE * radius)

@@ -1,0 +1,38 @@
+"""A level face is finished whole: beside pockets and slots that are let into it, and across them."""
+
+import cadquery as cq
+import numpy as np
+import pytest
+
+from cuspline.app.catalogue import find_library, find_machine
+from cuspline.design import Design, Finish, Parameters, Setup, StockBox
+from cuspline.planning.plan import plan_setup
+from cuspline.planning.strategies.floor import Floor
+from cuspline.program.program import Kind
+
+X, Y, Z, RADIUS_MM = 60.0, 40.0, 12.0, 8.0
+
+
+def plate(slots):
+    body = cq.Workplane().box(X, Y, Z, centered=(True, True, False)).faces(">Z").workplane()
+    return body.pushPoints(slots).slot2D(36, 12).cutBlind(-5)
+
+
+@pytest.mark.parametrize("slots", [[(0, 0)], [(0, -9), (0, 9)], [(-28, 0)]])
+def test_the_top_beside_slots_lies_under_the_flat_everywhere(slots):
+    body = plate(slots)
+    design = Design(name="plate", description="", parameters=Parameters(), solid=body.val(), material="aluminium_6061",
+                    stock=StockBox(min_mm=(-X / 2, -Y / 2, 0), max_mm=(X / 2, Y / 2, Z + 0.3)),
+                    predicates={"top": body.faces(">Z")}, finish=Finish(scallop_mm=0.02, profile_tolerance_mm=0.005, gouge_mm=0.01),
+                    setups=(Setup(name="one", faces=("top",), wcs_in_words="middle", operations=(Floor(tool="flat 16"),)),))
+    (made,) = plan_setup(design, design.setups[0], find_machine(design.machine), find_library(None)).operations
+    ends, starts = made.moves.end_mm, made.moves.starts_mm
+    on = (made.moves.kind == Kind.FEED) & (np.maximum(ends[:, 2], starts[:, 2]) < Z + 0.006)
+    share = np.linspace(0, 1, 201)[:, None]
+    tips = np.vstack([a + share * (b - a) for a, b in zip(starts[on][:, :2], ends[on][:, :2])])
+    x, y = (np.linspace(-w / 2 + 0.1, w / 2 - 0.1, 80) for w in (X, Y))
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    nearest = np.array([np.sqrt(((tips - p) ** 2).sum(axis=1).min()) for p in places])
+    ends_of_slots = [np.clip(places[:, 0], cx - 12, cx + 12) for cx, _ in slots]
+    is_top = np.all([np.hypot(places[:, 0] - e, places[:, 1] - cy) > 6.0 for e, (_, cy) in zip(ends_of_slots, slots)], axis=0)
+    assert is_top.sum() > 3000 and nearest[is_top].max() <= RADIUS_MM
