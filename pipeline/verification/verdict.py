@@ -430,13 +430,13 @@ def _judged(part, c, found, own, judging, joined):
               **({"increments_mm": steps_mm} if (steps_mm := increments_mm(machine)) else {})}
     bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
     true_mm = _once(partial(_true_mm, part, c, found))
-    numbers = _numbers(found, view, finish, bounds, history, true_mm)
-    numbers["unreachable"] = said_of_tabs(numbers["unreachable"], c.program.tabs, part.ball_radius_mm)
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     findings = (*history.findings, *history.idle, *process.findings, *report.gouges(), *report.unseen_gouges(proven),
                 *report.excess(), *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
+    numbers = _numbers(found, view, finish, bounds, history, true_mm)       # after the findings: these search as deep as is allowed
+    numbers["unreachable"] = said_of_tabs(numbers["unreachable"], c.program.tabs, part.ball_radius_mm)
     return SetupVerdict(setup=c.name, finish=finish, required=tuple(c.required), residuals=found, solids=view, replay=history,
                         certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,
                         stock=part.made, mesh=part.mesh,

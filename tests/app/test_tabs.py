@@ -95,7 +95,7 @@ def test_square_tabs_are_shorter_where_the_cutter_may_plunge():
     down = moves.starts_mm[:, 2] - moves.end_mm[:, 2]
     flat = abs(moves.end_mm - moves.starts_mm)[:, :2].max(axis=1)
     assert (down[(flat > 1e-9) & (moves.kind != 0)] < 1e-9).all()
-    assert (abs(down[flat < 1e-9] - 1.0) < 1e-9).sum() == 3         # behind both tabs, and to the foot
+    assert (abs(down[flat < 1e-9] - 1.0) < 1e-9).sum() == 2         # behind both tabs
 
 
 @pytest.mark.parametrize("fields, sheet, why", [

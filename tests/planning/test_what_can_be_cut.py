@@ -168,7 +168,8 @@ def reached_by(strategy, *kinds):
 
 def test_sections_are_chosen_for_swept_faces_alone():
     name, why = reached_by(None, "plane", "cylinder")
-    assert name == "parallel" and why.startswith("pocket: its walls are rounded by 5.000 mm, and no flat cutter is smaller")
+    assert name == "parallel" and "pocket: its walls are rounded by 5.000 mm, and no flat cutter is smaller" in why
+    assert why.startswith("slot: no flat cutter makes the slot (T1 is wider than 10.000 mm)")
     name, why = reached_by("sections", "plane", "cylinder")
     assert name == "parallel" and why.startswith("sections: faces stand along the section plane ZX")
 
@@ -181,9 +182,9 @@ def near_net(*operations):
     return plan_setup(design, design.setups[0], MACHINE, FEW)
 
 
-def test_level_ground_is_swept():
+def test_level_ground_alone_is_a_flat_cutters():
     finish = near_net().operations[-1]
-    assert finish.facts["section_plane"] == "ZX" and "instead_of" not in finish.facts
+    assert finish.name == "floor" and finish.tool.cutter.type == "flat" and "instead_of" not in finish.facts
 
 
 def test_a_blank_near_to_the_part_needs_no_roughing():

@@ -233,7 +233,7 @@ REFUSED = {
     "block delete": ("/G0 X1.", "block delete"),
     "a second block in the line": ("G1 X1. F100. ; G1 X2.", "or a ;"),
     "turns of an arc": ("G2 X0. Y0. I5. J0. P3 F100.", "no code in this block uses P"),
-    "cutter compensation": ("G41 D1", "unknown word G41"),
+    "cutter compensation": ("G41 D1", "G41 while the radius in D1 is not known"),
     "a length offset without its number": ("G43 Z5.", "takes the offset that was last in force"),
     "a carriage return between blocks": ("G0 X1.\rG0 Y1.", "carriage return inside a line"),
 }
