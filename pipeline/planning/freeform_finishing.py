@@ -70,6 +70,7 @@ COMMON_PLANE_AIM = 0.97     # of it, that is aimed for
 COMMON_PLANE_CHANGE = (0.3, 2.0)        # of the height that passes are laid for, in one round
 WIDEST_RADII = 1.0          # of a leaning cutter's radius: beyond, its silhouette is no longer the circle at its contact
 ROLL_OVER_SHARE = 0.7       # of its radius, that a ball which stands for such a cutter goes over outer edges
+RAPID_APPROACHES = 1.5      # times the approach, that a rapid keeps from what may stand, on all sides
 OVERLAP_STEPS = 1.5         # of neighbouring regions cut in different ways, or with different cutters
 
 
@@ -489,4 +490,5 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
         hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
         is_one_way=work.operation.passes == "one-way",
         steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None),
-        rapid_gap_mm=work.practice.approach_mm if work.operation.steepest_deg < 90.0 else np.inf)
+        rapids=None if work.operation.steepest_deg == 90.0 else work.dropper(
+            field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm + RAPID_APPROACHES * work.practice.approach_mm))

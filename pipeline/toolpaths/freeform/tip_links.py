@@ -47,7 +47,8 @@ class TipLinkRules:
     is_one_way: bool
     steepest_rad: float = math.pi / 2       # that the cutter goes down through stock: not all cut at their centre
     bearing: str | None = None      # see ordered_paths
-    rapid_gap_mm: float = math.inf  # so far above what may be left a rapid goes straight up and down; inf: the approach height
+    rapids: Dropper | None = None   # the same as `stock` with a rapid's clearance all round: down to there rapids go straight
+                                    # up and down; None: to the approach height
 
     def __post_init__(self):
         if self.approach_z_mm > self.clearance_z_mm:
@@ -111,9 +112,9 @@ def _retract(writer, rules):
 
 def _rapid_z_mm(place, rules):
     """Lowest height of a rapid over a place (3,)."""
-    if not math.isfinite(rules.rapid_gap_mm):
+    if rules.rapids is None:
         return rules.approach_z_mm
-    return min(rules.approach_z_mm, float(rules.stock.tips_mm(place[None, :2])[0]) + rules.rapid_gap_mm)
+    return min(rules.approach_z_mm, float(rules.rapids.tips_mm(place[None, :2])[0]))
 
 
 def _enter(writer, first, rules):
