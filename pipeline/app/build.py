@@ -54,8 +54,6 @@ from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.verdict import Options
 
 STAGES = ("step", "plan", "gcode", "verify", "report")
-MILLS = ("flat", "bull_nose", "ball")       # what leaves its own radius in a corner
-UPRIGHT = 1e-6              # of a unit normal's z
 DRAFT = "draft"               # plan, program and a first look at it, in place of all that follows
 DRAFT_OPTIONS = Options(finer=0.5, tessellation_mm=0.01)        # a quarter of the sample points; triangles tell what is in reach
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
@@ -383,7 +381,7 @@ def plan_document(order, plans, cuts=None):
                        "mending": list(plan.mending),
                        "inner_edges": [{"place_mm": [round(x, 4) for x in e.place_mm],
                                         "opening_deg": round(e.opening_deg, 3), "length_mm": round(e.length_mm, 3),
-                                        "radius_mm": _radius_left_mm(plan, e),
+                                        "radius_mm": plan.radius_left_mm(e),
                                         "reason": "two faces meet in an inner edge without a fillet: no ball cleans it"}
                                        for e in plan.inner_edges]})
     hollow = min((p.hollow for p in plans), key=lambda h: h.radius_mm)
@@ -392,13 +390,6 @@ def plan_document(order, plans, cuts=None):
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
             **{g.name: g.facts(order.design.where) for g in order.design.guides},
             "stock": _stock_document(order.design.stock), "setups": setups}
-
-
-def _radius_left_mm(plan, edge):
-    """What the setup's smallest mill leaves in an inner edge: its radius along the tool, its corner's across; None: it has none."""
-    mills = [o.tool.cutter for o in plan.operations if o.tool.cutter.type in MILLS]
-    stands = all(abs(float(plan.context.faces[i].middle.normal[0, 2])) < UPRIGHT for i in edge.faces)
-    return min((round(c.radius_mm if stands else c.corner_radius_mm, 6) for c in mills), default=None)
 
 
 def _stock_document(stock):

@@ -35,6 +35,7 @@ def position_rows(part, assignments, names, machine=None, cutters=None, steepest
     else:
         design = catalogue.make_design(catalogue.find_design(part), assignments)
         solid, machine = brep.the_solid(design.solid, f"design {design.name}"), machine or design.machine
+        library = library.with_tools(design.tools)
         clamped = design.setups[0].clamped_frame if design.setups else None
         indices = _indices_of(design, brep.faces_of(solid), names)
     mill = catalogue.find_machine(machine)

@@ -373,15 +373,13 @@ def stock_over(work, xy_mm, radius_mm):
 
 def over_mm(work, xy_mm, radius_mm):
     """Height of what stands under a whole cutter at a place (2,), its rim and slivers beside it included."""
-    turn = 2 * math.pi * np.arange(RIM_SPOKES) / RIM_SPOKES
     out = np.concatenate([RINGS * radius_mm, np.linspace(RINGS[-1] * radius_mm, radius_mm + RIM_MM, RIM_RINGS)])
-    places = xy_mm + (out[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])).reshape(-1, 2)
-    return float(work.stock_mm(places).max())
+    return float(work.stock_mm(xy_mm + rings_of(out, RIM_SPOKES).reshape(-1, 2)).max())
 
 
-def rings_of(radii_mm):
-    """(rings, SPOKES, 2) places all round on rings of radii (rings,)."""
-    turn = 2 * math.pi * np.arange(SPOKES) / SPOKES
+def rings_of(radii_mm, spokes=SPOKES):
+    """(rings, spokes, 2) places all round on rings of radii (rings,)."""
+    turn = 2 * math.pi * np.arange(spokes) / spokes
     return radii_mm[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
 
 

@@ -88,9 +88,8 @@ def _laid(work, cutter, line):
     places = spread(line, SPACING_MM)
     rest = dropper.tips_mm(places)
     _refuse_beside(work, places, rest)
-    ends = dropper.tips_mm(line)
     if np.ptp(rest) < FLAT_MM:
-        places, rest = line, ends
+        places, rest = line, dropper.tips_mm(line)
     keep = np.r_[True, (np.abs(np.diff(places, axis=0)) > FLAT_MM).any(axis=1)]
     return np.column_stack([places, rest - work.operation.depth_mm])[keep]
 

@@ -14,7 +14,7 @@ from cuspline.planning.boring import borable_faces
 from cuspline.planning.context import path_tolerance_mm
 from cuspline.planning.contouring import CURVE_SHARE
 from cuspline.planning.drilling import drillable_faces
-from cuspline.planning.level_finishing import is_level
+from cuspline.planning.level_finishing import UPRIGHT, is_level
 from cuspline.planning.pocketing import NARROWER_MM
 from cuspline.planning.reaming import reamable_faces
 from cuspline.planning.slotting import middles_of
@@ -32,7 +32,6 @@ CLEARED = ("pocket", "open pocket")
 LONG = 1.0                  # times its width, that a slot's middle is at least
 SLOT_WALLS = 6              # two long ones, what closes its ends
 LOWER_MM = 1e-3             # than the rim: an island whose top the pocket's floor finishing takes with it
-FLAT = 1e-6                 # of a unit normal's z
 SAID = 2                    # reasons that are written out
 
 
@@ -99,7 +98,7 @@ def holes_made(work):
 def is_prismatic(work):
     """Whether all faces of a PlanningContext are level or upright."""
     up = np.abs(work.samples.normal[:, 2])
-    return bool(((up > 1.0 - FLAT) | (up < FLAT)).all())
+    return bool(((up > 1.0 - UPRIGHT) | (up < UPRIGHT)).all())
 
 
 def pockets_made(work, made):
@@ -148,9 +147,9 @@ def _slots_and_pockets(work, left):
 def outline_faces(work, left):
     """Upright ones among some faces that stand on nothing: outlines and windows, all whose other neighbours fall away."""
     up = {i: np.abs(work.samples.normal[work.samples.face == i, 2]).max(initial=0.0) for i in left}
-    upright = {i for i, most in up.items() if most < FLAT}
+    upright = {i for i, most in up.items() if most < UPRIGHT}
     around = neighbours_of(work.faces) if 0 < len(upright) < len(left) else ()
-    is_upright = lambda i: i in upright or bool(np.abs(work.faces[i].middle.normal[0, 2]) < FLAT)
+    is_upright = lambda i: i in upright or bool(np.abs(work.faces[i].middle.normal[0, 2]) < UPRIGHT)
     return [i for i in sorted(upright) if around and all(n.sine < -SMOOTH_SINE or is_upright(n.index) for n in around[i])]
 
 

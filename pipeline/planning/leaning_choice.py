@@ -97,6 +97,6 @@ def _why_not_corner(poses, tips, axes, corner):
 def _why_not_above(poses, tool, tips, axes):
     work = poses.work
     _, keep = margins_mm(work)
-    segments = tool_segments(tool, work.machine.spindle_head, with_flutes=False)
+    segments = tool_segments(tool, with_flutes=False)
     least = float(work.obstacle_tree.distances_mm(segments, tips, axes, NEAR_MM).min())
     return None if least >= keep else f"shank or holder would come to {least:.2f} mm of the part, {keep:.2f} mm are kept"

@@ -157,7 +157,7 @@ def _swing(work, tool, link, spare_mm):
     into, keep = margins_mm(work)
     limit = work.tool_axis.limit_deg
     search = AxisSearch.of_tool(
-        work.obstacle_tree, tool, spindle_head=work.machine.spindle_head, into_mm=into - ROUNDED_MM, keep_mm=keep + spare_mm,
+        work.obstacle_tree, tool, into_mm=into - ROUNDED_MM, keep_mm=keep + spare_mm,
         limit_rad=math.pi if limit is None else math.radians(limit))
     return ClearingSwing(search, work.tool_axis, _rotary_use(work, link))
 
@@ -287,7 +287,7 @@ def _refuse_contact(work, moves, tool):
     into, keep = margins_mm(work)
     for what, segments, margin in (
             ("flutes", tool_segments(tool), -into),
-            ("shank or holder", tool_segments(tool, work.machine.spindle_head, with_flutes=False), keep)):
+            ("shank or holder", tool_segments(tool, with_flutes=False), keep)):
         clear = work.obstacle_tree.certified_clearance(segments, way, margin, tolerance_mm=ROUNDED_MM)
         bad = np.flatnonzero(~clear.is_clear)
         if len(bad):
@@ -303,7 +303,7 @@ def _refuse_contact(work, moves, tool):
 def lifted(work, found, tool):
     """Moves at the approach height and above, higher by what a leaning holder reaches below the ball."""
     m, r, is_ball = found.moves, found.ball_radius_mm, tool.cutter.type == "ball"
-    frusta = tool_segments(tool, work.machine.spindle_head, with_flutes=not is_ball)
+    frusta = tool_segments(tool, with_flutes=not is_ball)
     ends = np.vstack([frusta[:, :2], frusta[:, 2:4]])           # height above the tip, radius
     level = np.sqrt(np.maximum(1.0 - m.axis[:, 2] ** 2, 0.0))
     axes, tips = np.vstack([m.axis[:1], m.axis]), np.vstack([m.start_mm, m.end_mm])

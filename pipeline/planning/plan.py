@@ -10,6 +10,7 @@ import numpy as np
 
 from cuspline.design.operations import Clearing
 from cuspline.planning.context import PlannedOperation, PlanningContext, left_as_steep
+from cuspline.planning.level_finishing import UPRIGHT
 from cuspline.planning.strategies.auto import Auto
 from cuspline.program.arcs import CHORD_SHARE, straightened
 from cuspline.program.program import Operation, Program
@@ -17,6 +18,8 @@ from cuspline.shop.practice import ShopFile
 from cuspline.surfaces.inner_corners import inner_edges
 from cuspline.values.errors import CutterDoesNotFit
 from cuspline.values.findings import Finding
+
+MILLS = ("flat", "bull_nose", "ball")       # what leaves its own radius in a corner
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,6 +50,12 @@ class SetupPlan:
                      for k, a in enumerate(self.accounts)
                      if not a.programmed and not a.operation.may_be_idle
                      and not (k < first and isinstance(a.operation, Clearing)))
+
+    def radius_left_mm(self, edge):
+        """What its smallest mill leaves in an inner edge: its radius along the tool, its corner's across; None: it has none."""
+        mills = [o.tool.cutter for o in self.operations if o.tool.cutter.type in MILLS]
+        stands = all(abs(float(self.context.faces[i].middle.normal[0, 2])) < UPRIGHT for i in edge.faces)
+        return min((round(c.radius_mm if stands else c.corner_radius_mm, 6) for c in mills), default=None)
 
     @property
     def is_mended(self):

@@ -13,6 +13,7 @@ import numpy as np
 
 from cuspline.kernel.brep import edge_points, edges_of_faces
 from cuspline.planning.contouring import HIGH_MM, STANDS_MM, stock_over
+from cuspline.planning.freeform_finishing import SAME_MM
 from cuspline.program.program import MoveWriter
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PlanError
@@ -23,6 +24,7 @@ LEAN_RAD = 1e-4             # between a dovetail cutter's side and the slot's
 NECK_MM = 0.1               # between the cutter's neck and the slot's
 BESIDE_MM = 2.0             # of the cutter from the part where it comes down
 PLACES = 5                  # along each edge
+LOOK_MM = 2.0               # between places along the neck that are looked at
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,7 +89,7 @@ def _slot(work):
     along = np.array([-across[1], across[0]])
     aside = lambda p: p[:, 0] * across[0] + p[:, 1] * across[1]
     ahead = lambda p: p[:, 0] * along[0] + p[:, 1] * along[1]
-    foot = {i: aside(points[i][points[i][:, 2] < points[i][:, 2].min() + 1e-6]).mean() for i in sides}
+    foot = {i: aside(points[i][points[i][:, 2] < points[i][:, 2].min() + SAME_MM]).mean() for i in sides}
     left, right = min(foot.values()), max(foot.values())
     middle = (left + right) / 2
     over = np.concatenate([np.abs(aside(points[i]) - middle) for i in (ceilings or sides)])
@@ -177,7 +179,7 @@ def _refuse_uncut_neck(work, slot):
     Raises:
         PlanError: stock stands where the cutter's neck is to go.
     """
-    count = max(2, math.ceil(float(fixed.length(slot.end - slot.begin)) / 2.0))
+    count = max(2, math.ceil(float(fixed.length(slot.end - slot.begin)) / LOOK_MM))
     places = slot.begin + np.linspace(0.0, 1.0, count)[:, None] * (slot.end - slot.begin)
     high = stock_over(work, places, slot.neck_mm / 2 - NECK_MM)
     if (high > slot.low_mm + slot.high_mm + STANDS_MM).any():

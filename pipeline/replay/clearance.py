@@ -151,7 +151,12 @@ def tool_segments(tool, spindle_head=(), with_flutes=True):
 
 def head_frusta(tool, spindle_head):
     """[(z0, r, z1, r), ...] of the spindle head's cylinders above the holder of a tool."""
-    rows, z = [], tool.length_mm
+    return stacked_head(spindle_head, tool.length_mm)
+
+
+def stacked_head(spindle_head, z):
+    """The same from a height on, mm."""
+    rows = []
     for height, diameter in spindle_head:
         rows.append((z, diameter / 2, z + height, diameter / 2))
         z += height

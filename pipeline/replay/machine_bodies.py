@@ -1,13 +1,17 @@
-"""What of a machine turns with the part or carries it, seen from the part: tables, trunnions, pallets.
+"""What of a machine turns with the part or carries it, seen from the part: tables, trunnions, pallets; and what goes with the tool.
 
-Only what rotary axes alone lie between: a body that X, Y or Z carry past the part stands elsewhere in every block, and is
-held against tool and part in body_clearance.py.
+Of the former only what rotary axes alone lie between: a body that X, Y or Z carry past the part stands elsewhere in every
+block, and is held against tool and part in verification/body_clearance.py.
 """
+
+import os
+from functools import lru_cache
 
 import numpy as np
 
 from cuspline.kernel import brep
 from cuspline.kernel.tessellation import tessellate
+from cuspline.replay.clearance import stacked_head
 from cuspline.replay.scene import SolidFixture
 from cuspline.shop.kinematics import LINEARS
 from cuspline.shop.machines import BED, ROTARIES, Box, Cylinder
@@ -51,11 +55,8 @@ def round_the_spindle(machine):
 
     The spindle head, and every body on the axis next to the tool; a machine that states neither has none.
     """
-    rows, z = [], 0.0
-    for height, diameter in machine.spindle_head:
-        rows.append((z, diameter / 2, z + height, diameter / 2))
-        z += height
-    along = np.array(machine.spindle_direction) / fixed.length(np.array(machine.spindle_direction))
+    rows, along = stacked_head(machine.spindle_head, 0.0), np.array(machine.spindle_direction)
+    along = along / fixed.length(along)
     for body in machine.bodies:
         if body.link == machine.chain[-1]:
             vertices = mesh_of(body)[0]
@@ -75,7 +76,13 @@ def mesh_of(body):
         foot, axis = np.array(shape.foot_mm), np.array(shape.axis)
         top = foot + shape.height_mm * axis / fixed.length(axis)
         return CylinderShape(from_mm=foot, to_mm=top, radius_mm=shape.diameter_mm / 2).mesh
-    mesh = tessellate(brep.the_solid(brep.read_step(shape.step), shape.step), STEP_MM)
+    return _mesh_of_step(shape.step, os.stat(shape.step).st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _mesh_of_step(path, changed_ns):
+    """The same of a STEP file, read once as long as it is not changed."""
+    mesh = tessellate(brep.the_solid(brep.read_step(path), path), STEP_MM)
     return mesh.vertices_mm, mesh.triangles
 
 

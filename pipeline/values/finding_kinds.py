@@ -41,7 +41,7 @@ KINDS = {
             "a tab that a contour was to leave does not stand",
             "`Contour(tabs=4)` states bridges of 4 x 1 mm, and a move edited by hand goes through one of them.",
             "Look at the lines that run along the contour near that place: they rise by the tab's height."),
-"engraving_beside": (
+        "engraving_beside": (
             "a groove that is engraved beside its line",
             '`Engrave(text="A7")`, and a word of a move in the letter is 0.1 mm off.',
             'Correct the move, or the line that is stated.'),

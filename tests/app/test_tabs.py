@@ -13,12 +13,11 @@ from built_parts import built_once
 from pydantic import ValidationError
 
 from cuspline.app import catalogue
-from cuspline.app.build import _radius_left_mm
 from cuspline.app.judge import judge
 from cuspline.design import Parameters
 from cuspline.design.job import read_job
 from cuspline.kernel import brep
-from cuspline.planning.plan import plan_setup
+from cuspline.planning.plan import SetupPlan, plan_setup
 from cuspline.planning.strategies.contour import Contour
 from cuspline.surfaces.inner_corners import inner_edges
 from cuspline.values.errors import CamError
@@ -75,7 +74,7 @@ def test_the_program_says_what_a_corner_keeps(plate):
     faces = brep.faces_of(brep.the_solid(pocket))
     flat = SimpleNamespace(tool=SimpleNamespace(cutter=SimpleNamespace(type="flat", radius_mm=5.0, corner_radius_mm=0.0)))
     plan = SimpleNamespace(operations=[flat], context=SimpleNamespace(faces=faces))
-    left = [_radius_left_mm(plan, e) for e in inner_edges(faces, set(range(len(faces))))]
+    left = [SetupPlan.radius_left_mm(plan, e) for e in inner_edges(faces, set(range(len(faces))))]
     assert sorted(left) == [0.0] * 4 + [5.0] * 4              # at the foot, and up the corners
 
 

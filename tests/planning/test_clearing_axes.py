@@ -46,7 +46,7 @@ def spare_mm(plan):
     moves, tool = operation.moves, operation.tool
     axes = np.vstack([moves.axis[:1], moves.axis])
     way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
-    rest = tool_segments(tool, work.machine.spindle_head, with_flutes=False)
+    rest = tool_segments(tool, with_flutes=False)
     found = work.clearance_tree.certified_clearance(rest, way, work.practice.rough_allowance_mm)
     return found.clearance_mm.min() if found.is_clear.all() else -math.inf
 
@@ -102,7 +102,7 @@ def test_the_cutter_that_is_named_reaches_what_was_left():
     some = np.flatnonzero(operation.left.rows)
     normals = work.samples.normal[some]
     middles, keep = work.samples.point_mm[some] + 4.0 * normals, work.practice.rough_allowance_mm + 0.01
-    angles = [AxisSearch.of_tool(work.obstacle_tree, t, spindle_head=work.machine.spindle_head, into_mm=0.03, keep_mm=keep)
+    angles = [AxisSearch.of_tool(work.obstacle_tree, t, into_mm=0.03, keep_mm=keep)
               .over_both_rad(middles, normals, normals, math.radians(15.0))[0] for t in (tool, longer)]
     reached = [np.isfinite(a).mean() for a in angles]
     assert len(some) > 5 and reached[1] > 0.9 > reached[0], reached

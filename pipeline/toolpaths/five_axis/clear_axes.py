@@ -40,18 +40,18 @@ class AxisSearch:
         object.__setattr__(self, "segments", frozen(self.segments, (None, 5), "segments"))
 
     @classmethod
-    def of_tool(cls, tree, tool, *, spindle_head=(), into_mm=0.0, keep_mm=0.0, limit_rad=math.pi):
+    def of_tool(cls, tree, tool, *, into_mm=0.0, keep_mm=0.0, limit_rad=math.pi):
         """A ball cutter's own.
 
         Args:
-            tree: ClearanceTree.   tool: shop.cutters.Tool.   spindle_head: (height_mm, diameter_mm) cylinders above the holder.
+            tree: ClearanceTree.   tool: shop.cutters.Tool, in its spindle where that counts (`ToolLibrary.in_spindle`).
             into_mm: so deep may flutes come, which touch by design.   keep_mm: so far must all the rest stay
                 off; a pair: neck and shank, and holder with what is above it.
         """
         radius = tool.cutter.radius_mm
         flutes = flute_segments(tool.cutter)
         flutes = flutes[~((flutes[:, BOTTOM] == flutes[:, TOP]) & (flutes[:, BOTTOM] <= radius))]     # the ball stands
-        rest = tool_segments(tool, spindle_head, with_flutes=False)
+        rest = tool_segments(tool, with_flutes=False)
         below, above = np.broadcast_to(keep_mm, 2)
         off_mm = np.where(rest[:, BOTTOM] >= tool.stick_out_mm - NEARLY_MM, above, below)
         return cls(tree=tree, segments=np.vstack([_grown(flutes, -into_mm), _grown(rest, off_mm)]), radius_mm=radius,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from known_tools import tool
 
-from cuspline.replay.clearance import ClearanceTree
+from cuspline.replay.clearance import ClearanceTree, stacked_head
+from cuspline.shop.cutters import ToolLibrary
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch, square_to, swung, turned, ways_of
 from cuspline.toolpaths.five_axis.even_turns import even_angles, runs_of_one_bearing
 
@@ -17,6 +18,7 @@ CLOSE_MM = 1e-4                         # of the brute force's distances
 RADIUS, INTO, KEEP = 4.0, 0.03, 0.3
 BALL = tool("ball", 2 * RADIUS)         # shank to 45 mm above the tip, then a holder of 40 mm diameter
 HEAD = ((60.0, 90.0),)                  # of the spindle: height, diameter
+IN_SPINDLE = ToolLibrary(tools=(BALL,)).in_spindle(tuple(stacked_head(HEAD, 0.0))).tools[0]
 
 
 def wall(x_of, along=60.0, height=70.0, count=24):
@@ -38,7 +40,7 @@ CHANNEL = tree_of(wall(lambda y, z: -15.0 + 0.1 * y - 0.12 * z * np.sin(y / 15),
 
 
 def searched(tree=CHANNEL, **more):
-    return AxisSearch.of_tool(tree, BALL, spindle_head=HEAD, into_mm=INTO, keep_mm=KEEP, **more)
+    return AxisSearch.of_tool(tree, IN_SPINDLE, into_mm=INTO, keep_mm=KEEP, **more)
 
 
 def contacts(count, seed):
