@@ -9,7 +9,7 @@ The plane is looked at every half diameter of way.  It is a grid: a figure is su
 does not count.  Between the planes, and where a cutter takes less than a place of the grid, nothing is said.
 
 Whether an operation takes anything at all is asked along the cutter's outline.  One that seems to take nothing is looked
-at again in every sub-step: a pass over a single place is shorter than half a diameter.
+at again far more closely: a pass over a single place is shorter than half a diameter, and the top of a ridge is narrow.
 """
 
 import numpy as np
@@ -26,7 +26,11 @@ BEHIND = 1.5              # radii of way behind a plane in which the cutter's fr
 EDGE_MM = 1e-3            # in from the outline: places there show whether anything is taken at all
 EDGES = 48                # of them
 SHARES = np.array([1.0, 3.0, 5.0]) / 6          # of a way down, where the tip is asked for
-MOST_LOOKS = 4000         # planes of an operation that seems to take nothing
+CLOSE_MM = 0.05           # of way between planes of an operation that seems to take nothing,
+MOST_LOOKS = 4000         # which has no more of them,
+CLOSE_EDGES = 480         # with so many places along the outline,
+CLOSE_EDGE_MM = 3e-4      # so far in, where stock stands
+BESIDE_MM = 0.02          # so far out
 NODES_PER_STATION = 100   # a plane counts as so many of the map's nodes, where an operation is asked whether it is idle
 
 
@@ -72,21 +76,26 @@ class _Way:
         on_edge = _standing(history, *self._on_edge(planes), before[at])
         np.logical_or.at(takes, self.row[k], found.any(axis=1) | on_edge.any(axis=1))
         np.add.at(nodes, self.row[k], NODES_PER_STATION)
-        again = self._of_idle(feeds, takes)
-        if len(again):
-            edges = self._on_edge(self._planes(feeds[again]))
-            np.logical_or.at(takes, self.row[feeds[again]], _standing(history, *edges, before[again]).any(axis=1))
-
-    def _of_idle(self, feeds, takes):
-        """Those of `feeds` that belong to operations none of whose moves `takes` anything, thinned to MOST_LOOKS each."""
         of = self.operation[self.row[feeds]]
-        idle = np.setdiff1d(of, self.operation[takes])
-        chosen = [np.flatnonzero(of == number) for number in idle]
-        return np.concatenate([np.zeros(0, np.int64), *(rows[::-(-len(rows) // MOST_LOOKS)] for rows in chosen)])
+        for number in np.setdiff1d(of, self.operation[takes]):
+            mine = np.flatnonzero(of == number)
+            takes[self._taking(history, feeds[mine], before[mine])] = True
 
-    def _planes(self, k):
-        """(k, 3) each, where sub-steps end: the middle, two directions across the feed, the axis.  The second leads upward."""
-        axis = self.g[k, AXIS:AXIS_WAY] + self.g[k, AXIS_WAY:AXIS_WAY + 3]
+    def _taking(self, history, k, before):
+        """Rows of sub-steps (k,) that take something off, looked at closely; `before` (k,): the stock that they meet."""
+        apart = max(CLOSE_MM, self.g[k, LENGTH].sum() / MOST_LOOKS)
+        counts = np.ceil(self.g[k, LENGTH] / apart).astype(np.int64).clip(min=1)
+        number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        k, before, share = np.repeat(k, counts), np.repeat(before, counts), (number + 1) / np.repeat(counts, counts)
+        for count, depth_mm in ((EDGES, -BESIDE_MM), (CLOSE_EDGES, CLOSE_EDGE_MM)):
+            if len(k):
+                met = _standing(history, *self._on_edge(self._planes(k, share), count, depth_mm), before).any(axis=1)
+                k, before, share = k[met], before[met], share[met]
+        return self.row[k]
+
+    def _planes(self, k, share=np.ones(1)):
+        """(k, 3) each, at a share of sub-steps: the middle, two directions across the feed, the axis.  The second leads upward."""
+        axis = self.g[k, AXIS:AXIS_WAY] + share[:, None] * self.g[k, AXIS_WAY:AXIS_WAY + 3]
         axis = axis / _size(axis)
         way = self.g[k, WAY:AXIS] + self._middle * self.g[k, AXIS_WAY:AXIS_WAY + 3]
         way = np.where(_size(way) > 1e-9, way / np.maximum(_size(way), 1e-300), axis)
@@ -96,7 +105,7 @@ class _Way:
         u = u / _size(u)
         v = np.cross(way, u)
         v = v * np.where((v * axis).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-        return self.g[k, TIP:WAY] + self.g[k, WAY:AXIS] + self._middle * axis, u, v, axis
+        return self.g[k, TIP:WAY] + share[:, None] * self.g[k, WAY:AXIS] + self._middle * axis, u, v, axis
 
     @property
     def _middle(self):
@@ -109,16 +118,16 @@ class _Way:
         points = middle[:, None] + places[:, :1] * u[:, None] + places[:, 1:] * v[:, None]
         return points, self._depths(points, planes) < 0
 
-    def _on_edge(self, planes):
-        """(k, EDGES, 3) points all round the cutter in planes, EDGE_MM below its surface, and (k, EDGES) True."""
+    def _on_edge(self, planes, count=EDGES, depth_mm=EDGE_MM):
+        """(k, count, 3) points all round the cutter in planes, so deep in its surface, and (k, count) True."""
         middle, u, v, _ = planes
-        turn = 2 * np.pi * (np.arange(EDGES) + 0.5) / EDGES
+        turn = 2 * np.pi * (np.arange(count) + 0.5) / count
         out = fixed.cos(turn)[:, None] * u[:, None] + fixed.sin(turn)[:, None] * v[:, None]
         low = np.zeros(out.shape[:2])
         high = low + 2 * float(self.path.outline[:, START_R:START_Z + 1].max())
-        while (high - low).max() > EDGE_MM / 4:
+        while (high - low).max() > abs(depth_mm) / 4:
             half = (low + high) / 2
-            inside = self._depths(middle[:, None] + half[..., None] * out, planes) < -EDGE_MM
+            inside = self._depths(middle[:, None] + half[..., None] * out, planes) < -depth_mm
             low, high = np.where(inside, half, low), np.where(inside, high, half)
         return middle[:, None] + low[..., None] * out, np.ones(low.shape, bool)
 

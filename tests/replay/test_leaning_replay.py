@@ -189,18 +189,22 @@ def test_an_operation_that_takes_nothing_is_idle():
 
 
 def test_a_pass_over_a_single_place_is_seen_to_take_its_few_micrometres():
-    """Shorter than the distance of the planes that are looked at, at the end of a long feed down through what is cut."""
-    axis = leaning(15.0, 90.0)[0]
+    """A lone ridge between two passes, 10 um high: the last 2 um of it, at the end of a long feed down through what is cut."""
+    axis, step = leaning(15.0, 90.0)[0], 0.4895
+    ridge_mm = 3.0 - np.sqrt(9.0 - step ** 2 / 4)
+    assert ridge_mm == pytest.approx(0.01, abs=1e-4)
+    pass_over = lambda y: [rapid(-5, y, 30), rapid(-5, y, 3.4), feed(21, y, 3.4), rapid(21, y, 40)]
 
-    def again(z):
-        down = [np.array([8.0, 6.0, z]) + height * axis for height in np.linspace(30, 0, 12)]
-        moves = [rapid(-5, 6, 30), rapid(-5, 6, 3.4), feed(21, 6, 3.4), rapid(21, 6, 40), rapid(*down[0]),
-                 *(feed(*place) for place in down[1:]), feed(8.3, 6, z)]
+    def again(takes_mm):
+        low = np.array([8.0, 6.0 + step / 2, 3.4]) + (ridge_mm - takes_mm) * axis
+        down = [low + height * axis for height in np.linspace(30, 0, 12)]
+        moves = [*pass_over(6.0), *pass_over(6.0 + step), rapid(*down[0]), *(feed(*place) for place in down[1:]),
+                 feed(*(low + (0.1, 0, 0)))]
         posted = leaned((-5, 6, 40), moves, np.tile(leaning(15.0, 90.0), (len(moves) + 1, 1)),
-                        operation=np.repeat([0, 1], [4, len(moves) - 4]), operations=("first", "again"))
+                        operation=np.repeat([0, 1], [8, len(moves) - 8]), operations=("first", "again"))
         return [f.operation for f in found(posted)[1].idle]
 
-    assert again(3.397) == [] and again(3.4) == ["again"]
+    assert again(0.002) == [] and again(-0.002) == ["again"]
 
 
 def test_chips_heavier_than_the_cutter_takes_are_told():
