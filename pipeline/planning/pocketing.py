@@ -81,7 +81,7 @@ def cleared(work, levels):
     usable = work.library.model_copy(update={"tools": tuple(work.tools("flat", "bull_nose"))})
     tools = roughing_tools(usable, work.mesh, floors.samples, work.stock_min_mm, work.stock_max_mm, allowance)
     first, candidates = choose_roughing(tools, allowance)
-    stage = roughing.RoughingStage(name=f"{operation.title} rough"[:NAME], allowance_mm=allowance,
+    stage = roughing.RoughingStage(name=f"{operation.title} rough"[:NAME], allowance_mm=allowance, counts_stops=True,
                                    over_floors_mm=SKIN_MM if operation.finishes else None)
     made, stock, left = _clear(floors, stage, first.tool, candidates, work.stock_mm, rows, levels)
     rest, candidates = _rest_tool(work, floors, first, tools, left, is_entered=made is not None)
@@ -190,7 +190,7 @@ def _floors_finished(work, made, tool, allowance_mm, levels):
     for mine in (*larger, tool):
         name, keeps = (f"{title[:NAME - len(CORNERS)]}{CORNERS}", allowance_mm + SLIVER_MM) if done else (title, allowance_mm)
         stage = roughing.RoughingStage(name=name, allowance_mm=keeps, over_floors_mm=0.0, is_rough=False,
-                                       within=borders(work, mine.cutter, keeps, levels))
+                                       counts_stops=True, within=borders(work, mine.cutter, keeps, levels))
         ways = (Clearing(stepover_mm=mine.cutter.radius_mm), *along_flutes(work, mine.cutter, levels))
         one, stock, _ = _faster(work, stage, mine, (), stock, leftover_rows(work.samples), ways)
         done += [] if one is None else [one]
