@@ -7,6 +7,9 @@ r"""What leaning cutters take off on their way, measured in planes across the fe
 
 The plane is looked at every half diameter of way.  It is a grid: a figure is sure only as far as one row of places round it
 does not count.  Between the planes, and where a cutter takes less than a place of the grid, nothing is said.
+
+Whether an operation takes anything at all is asked along the cutter's outline.  One that seems to take nothing is looked
+at again in every sub-step: a pass over a single place is shorter than half a diameter.
 """
 
 import numpy as np
@@ -23,6 +26,7 @@ BEHIND = 1.5              # radii of way behind a plane in which the cutter's fr
 EDGE_MM = 1e-3            # in from the outline: places there show whether anything is taken at all
 EDGES = 48                # of them
 SHARES = np.array([1.0, 3.0, 5.0]) / 6          # of a way down, where the tip is asked for
+MOST_LOOKS = 4000         # planes of an operation that seems to take nothing
 NODES_PER_STATION = 100   # a plane counts as so many of the map's nodes, where an operation is asked whether it is idle
 
 
@@ -44,7 +48,7 @@ class _Way:
 
     def __init__(self, path, order, numbers, posted):
         self.path, self.g, self.row, self.number = path, path.geometry[order], path.row[order], numbers
-        self.is_feed = posted.kind[self.row] != Kind.RAPID
+        self.is_feed, self.operation = posted.kind[self.row] != Kind.RAPID, posted.operation
         self.cutter = path.tool.cutter
 
     def put_planes(self, history, slot, sure, takes, nodes):
@@ -56,20 +60,29 @@ class _Way:
         cut = np.cumsum(np.diff(feeds, prepend=feeds[0]) > 1)               # runs of feed moves between rapids
         mark = np.floor(2 * way / diameter).astype(np.int64)
         at = np.flatnonzero(np.r_[True, (np.diff(mark) > 0) | (np.diff(cut) > 0)])
-        back = np.maximum(np.searchsorted(way, way[at] - BEHIND * diameter / 2), np.searchsorted(cut, cut[at]))
-        k, before = feeds[at], self.number[feeds[back]]
-        planes = self._planes(k)
+        began = np.maximum(np.searchsorted(way, way - BEHIND * diameter / 2), np.searchsorted(cut, cut))
+        before = self.number[feeds[began]]
+        k, planes = feeds[at], self._planes(feeds[at])
         step = 2 * self.cutter.largest_radius_mm / ACROSS
-        for is_grid, places in ((True, _grid(self.path.outline, step)), (False, None)):
-            points, inside = self._in_cutter(planes, places) if is_grid else self._on_edge(planes)
-            found = inside.copy()
-            found[inside] = history.stands(points[inside], np.broadcast_to(before[:, None], inside.shape)[inside])
-            np.logical_or.at(takes, self.row[k], found.any(axis=1))
-            if is_grid:
-                area, round_ = found.sum(axis=1) * step * step, _round(found, places, step)
-                np.maximum.at(slot, self.row[k], area / diameter)
-                np.maximum.at(sure, self.row[k], np.maximum(area - round_ * step, 0.0) / diameter)
+        places = _grid(self.path.outline, step)
+        found = _standing(history, *self._in_cutter(planes, places), before[at])
+        area, round_ = found.sum(axis=1) * step * step, _round(found, places, step)
+        np.maximum.at(slot, self.row[k], area / diameter)
+        np.maximum.at(sure, self.row[k], np.maximum(area - round_ * step, 0.0) / diameter)
+        on_edge = _standing(history, *self._on_edge(planes), before[at])
+        np.logical_or.at(takes, self.row[k], found.any(axis=1) | on_edge.any(axis=1))
         np.add.at(nodes, self.row[k], NODES_PER_STATION)
+        again = self._of_idle(feeds, takes)
+        if len(again):
+            edges = self._on_edge(self._planes(feeds[again]))
+            np.logical_or.at(takes, self.row[feeds[again]], _standing(history, *edges, before[again]).any(axis=1))
+
+    def _of_idle(self, feeds, takes):
+        """Those of `feeds` that belong to operations none of whose moves `takes` anything, thinned to MOST_LOOKS each."""
+        of = self.operation[self.row[feeds]]
+        idle = np.setdiff1d(of, self.operation[takes])
+        chosen = [np.flatnonzero(of == number) for number in idle]
+        return np.concatenate([np.zeros(0, np.int64), *(rows[::-(-len(rows) // MOST_LOOKS)] for rows in chosen)])
 
     def _planes(self, k):
         """(k, 3) each, where sub-steps end: the middle, two directions across the feed, the axis.  The second leads upward."""
@@ -141,6 +154,13 @@ def _put_depths(r, z, outline, out):
     """Signed distances of (r, z) to the body of an outline."""
     for i in range(len(r)):
         out[i] = outline_distance(r[i], z[i], outline, 0, len(outline))[0]
+
+
+def _standing(history, points, inside, before):
+    """(k, p) bool: which of points (k, p, 3) are stock before the step that `before` (k,) tells, of those that are `inside`."""
+    found = inside.copy()
+    found[inside] = history.stands(points[inside], np.broadcast_to(before[:, None], inside.shape)[inside])
+    return found
 
 
 def _size(vectors):

@@ -188,6 +188,21 @@ def test_an_operation_that_takes_nothing_is_idle():
     assert found(once)[1].idle == () and [f.operation for f in found(twice)[1].idle] == ["again"]
 
 
+def test_a_pass_over_a_single_place_is_seen_to_take_its_few_micrometres():
+    """Shorter than the distance of the planes that are looked at, at the end of a long feed down through what is cut."""
+    axis = leaning(15.0, 90.0)[0]
+
+    def again(z):
+        down = [np.array([8.0, 6.0, z]) + height * axis for height in np.linspace(30, 0, 12)]
+        moves = [rapid(-5, 6, 30), rapid(-5, 6, 3.4), feed(21, 6, 3.4), rapid(21, 6, 40), rapid(*down[0]),
+                 *(feed(*place) for place in down[1:]), feed(8.3, 6, z)]
+        posted = leaned((-5, 6, 40), moves, np.tile(leaning(15.0, 90.0), (len(moves) + 1, 1)),
+                        operation=np.repeat([0, 1], [4, len(moves) - 4]), operations=("first", "again"))
+        return [f.operation for f in found(posted)[1].idle]
+
+    assert again(3.397) == [] and again(3.4) == ["again"]
+
+
 def test_chips_heavier_than_the_cutter_takes_are_told():
     """A slot of a ball's full width, 4.6 mm deep: its area over the diameter is known."""
     light, heavy = (tool("ball", 6, flute=6.0, neck=5.0, stick_out=24.0, limits={**TAKES_ALL, "slot_depth_mm": depth})
