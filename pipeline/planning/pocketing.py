@@ -15,6 +15,7 @@ from cuspline.planning import roughing
 from cuspline.planning.context import path_tolerance_mm
 from cuspline.planning.contouring import CURVE_SHARE
 from cuspline.planning.cutter_choice import choose_cutter, choose_rest_roughing, choose_roughing, leftover_rows, roughing_tools
+from cuspline.planning.freeform_finishing import TERRACE_SHARE
 from cuspline.planning.level_finishing import LEVEL, UPRIGHT, is_level
 from cuspline.planning.strategies.contour import Contour
 from cuspline.planning.strategies.floor import Floor
@@ -27,6 +28,10 @@ SURE_MM = 1e-3              # tips that clear the floor by less clear it
 SKIN_MM = 0.04              # on floors, of what their finish takes off: no plunge is so shallow
 NARROWER_MM = 1e-3          # than the tightest corner of the walls a cutter must be
 NAME = 40                   # letters of an operation's name
+CORNERS = " corners"        # of floors, that the clearing's cutter did not come to
+SLIVER_MM = 0.05            # along walls, that a larger cutter leaves beyond the allowance: their contour takes it with it
+DEEPEST_SHARE = 1.0         # of its diameter a cutter clears so deep at once
+NARROWEST_SHARE = 0.04      # and at least so wide: below, edges rub
 
 
 def pocketed(work):
@@ -76,7 +81,7 @@ def cleared(work, levels):
     usable = work.library.model_copy(update={"tools": tuple(work.tools("flat", "bull_nose"))})
     tools = roughing_tools(usable, work.mesh, floors.samples, work.stock_min_mm, work.stock_max_mm, allowance)
     first, candidates = choose_roughing(tools, allowance)
-    stage = roughing.RoughingStage(name=f"{operation.title} rough"[:NAME], allowance_mm=allowance,
+    stage = roughing.RoughingStage(name=f"{operation.title} rough"[:NAME], allowance_mm=allowance, counts_stops=True,
                                    over_floors_mm=SKIN_MM if operation.finishes else None)
     made, stock, left = _clear(floors, stage, first.tool, candidates, work.stock_mm, rows, levels)
     rest, candidates = _rest_tool(work, floors, first, tools, left, is_entered=made is not None)
@@ -89,8 +94,37 @@ def cleared(work, levels):
 
 
 def _clear(work, stage, tool, candidates, stock, rows, levels):
-    within = borders(work, tool.cutter, stage.allowance_mm, levels)
-    return roughing.cleared(work, replace(stage, within=within), tool, candidates, stock, rows, work.operation)
+    stage = replace(stage, within=borders(work, tool.cutter, stage.allowance_mm, levels))
+    return _faster(work, stage, tool, candidates, stock, rows, (work.operation, *along_flutes(work, tool.cutter, levels)))
+
+
+def along_flutes(work, cutter, levels):
+    """(Clearing,) as deep as the floors and so much narrower that a tooth takes what it would in levels; () where it is no deeper.
+
+    Where the operation states stepdown or stepover these stand, and there is none.  `levels`: indices of the floors.
+    """
+    stated, d, share = work.operation, cutter.diameter_mm, work.material.stepdown_share
+    if getattr(stated, "stepdown_mm", None) is not None or getattr(stated, "stepover_mm", None) is not None:
+        return ()
+    section_mm2 = share * work.practice.radial_share * d * d
+    lowest = min(float(work.faces[i].middle.point_mm[0, 2]) for i in levels)
+    depth = min(float(work.stock_max_mm[2]) - lowest, DEEPEST_SHARE * d, TERRACE_SHARE * cutter.flute_length_mm,
+                section_mm2 / (NARROWEST_SHARE * d))
+    if depth <= share * d:
+        return ()
+    return (Clearing(stepdown_mm=depth, stepover_mm=section_mm2 / depth, ramp_deg=getattr(stated, "ramp_deg", None)),)
+
+
+def _faster(work, stage, tool, candidates, stock, rows, ways):
+    """What roughing.cleared gives of the fastest of some ways (Clearing); others are tried where the first takes several levels."""
+    first = roughing.cleared(work, stage, tool, candidates, stock, rows, ways[0])
+    if first[0] is None or first[0].facts["levels"] < 2 or len(ways) < 2:
+        return first
+    others = [roughing.cleared(work, stage, tool, candidates, stock, rows, way) for way in ways[1:]]
+    made = [first, *(o for o in others if o[0] is not None and o[0].facts["given_up_mm3"] <= first[0].facts["given_up_mm3"])]
+    best = min(made, key=lambda m: m[0].facts["time_s"])
+    slower = [{"stepdown_mm": o.facts["stepdown_mm"], "time_s": o.facts["time_s"]} for o, *_ in made if o is not best[0]]
+    return (replace(best[0], facts={**best[0].facts, "slower_ways": slower}), *best[1:]) if slower else best
 
 
 def _rest_tool(work, floors, first, tools, left_mm, is_entered):
@@ -140,7 +174,7 @@ def finished(work, made, levels, walls):
     tool = finishing_tool(work, walls)
     mine = alike(operation, Floor(name=f"{operation.title} floor"[:NAME], tool=tool.number))
     floors = work.on(mine, levels, [*work.planned, *made])
-    floor = _floor(floors, tool, _allowance_mm(work), levels)
+    floor = _floors_finished(floors, made, tool, _allowance_mm(work), levels)
     done = [(floor, levels, floors.chosen_tool("flat")[2] & (floors.samples.normal[:, 2] > LEVEL))]
     if walls:
         mine = alike(operation, Contour(name=f"{operation.title} walls"[:NAME], tool=tool.number, **said_of_walls(operation)))
@@ -149,13 +183,18 @@ def finished(work, made, levels, walls):
     return done
 
 
-def _floor(work, tool, allowance_mm, levels):
-    """[the operation that takes the skin off the floors], [] where there is none."""
-    stage = roughing.RoughingStage(name=work.operation.title, allowance_mm=allowance_mm, over_floors_mm=0.0, is_rough=False,
-                                   within=borders(work, tool.cutter, allowance_mm, levels))
-    made, _, _ = roughing.cleared(work, stage, tool, (), work.stock_mm, leftover_rows(work.samples),
-                                  Clearing(stepover_mm=tool.cutter.radius_mm))
-    return [] if made is None else [made]
+def _floors_finished(work, made, tool, allowance_mm, levels):
+    """The operations that take the skin off the floors: by the clearing's cutter, where it is larger, then by `tool`."""
+    larger = [o.tool for o in made[:1] if o.tool.cutter.type == "flat" and o.tool.cutter.radius_mm > tool.cutter.radius_mm]
+    title, stock, done = work.operation.title, work.stock_mm, []
+    for mine in (*larger, tool):
+        name, keeps = (f"{title[:NAME - len(CORNERS)]}{CORNERS}", allowance_mm + SLIVER_MM) if done else (title, allowance_mm)
+        stage = roughing.RoughingStage(name=name, allowance_mm=keeps, over_floors_mm=0.0, is_rough=False,
+                                       counts_stops=True, within=borders(work, mine.cutter, keeps, levels))
+        ways = (Clearing(stepover_mm=mine.cutter.radius_mm), *along_flutes(work, mine.cutter, levels))
+        one, stock, _ = _faster(work, stage, mine, (), stock, leftover_rows(work.samples), ways)
+        done += [] if one is None else [one]
+    return done
 
 
 def _allowance_mm(work):

@@ -24,6 +24,7 @@ SCRAP_MM = 0.02             # a clearing that nowhere takes off more is left out
 LOOKED_AT = 500             # places of it, before all are
 SURE_SHARE = 0.95           # of its deepest slot, that a ball takes at once: what stands is known at samples only
 LAYER_SHARE = 0.8           # of it, that one takes in each of several layers
+RAPIDS_OF_A_LIFT = 3        # up, across, down
 LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
 
 
@@ -36,6 +37,7 @@ class RoughingStage:
     threshold_mm: float = 0.0           # what stands less than this above the allowance is left alone
     over_floors_mm: float | None = None     # left on level floors; None: the allowance, as on all else
     is_rough: bool = True               # by its speed and feed
+    counts_stops: bool = False          # ways on a level are held against lifts that start and stop, not against their rapids alone
     within: object = None               # function (n, 2) -> (n,) lowest tips that a border of its own allows; None: it has none
 
 
@@ -159,6 +161,7 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
         ramp_rad=math.radians(practice.ramp_deg if asked.ramp_deg is None else asked.ramp_deg),
         clearance_z_mm=work.clearance_z_mm, feed_mm_per_min=feed, ramp_feed_mm_per_min=practice.plunge_share * feed,
         rapid_mm_per_min=min(a.rapid_mm_per_min for a in work.machine.axes), threshold_mm=stage.threshold_mm,
+        lift_s=_stops_s(work.machine) if stage.counts_stops else 0.0,
         keep_out=(*(f.box_mm for f in work.fixtures if f.is_box), *work.beyond_reach(d / 2)),
         keep_clear=tuple(DropMesh.from_triangles(*f.mesh) for f in work.fixtures if not f.is_box),
         keep_out_mm=practice.keep_out_mm, lowest_mm=_higher_of(_lowest_of(work, tool, stage.allowance_mm), stage.within))
@@ -177,6 +180,11 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
              "given_up_mm3": round(clearing.left_mm3, 1), "leaves_mm": round(left, 3),
              "candidates": [c.as_dict() for c in candidates]}
     return work.measured(stage.name, tool, rpm, clearing.moves, facts), after, left
+
+
+def _stops_s(machine):
+    """What rapids up, across and down take to start and to stop, beside their lengths at full speed."""
+    return RAPIDS_OF_A_LIFT * max(a.rapid_mm_per_min / 60 / a.acceleration_mm_per_s2 for a in machine.axes)
 
 
 def _takes(xy_mm, stock, after):

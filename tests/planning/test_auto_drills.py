@@ -92,12 +92,24 @@ def tray_plan():
 
 def test_a_tray_is_drilled_and_its_pocket_finished_by_a_flat_cutter_in_a_third_of_a_balls_way(tray_plan):
     names = [o.name for o in tray_plan.operations]
-    assert set(names[:2]) == {"drill 5", "drill 8"} and names[2:] == ["pocket rough", "pocket floor", "pocket walls"]
-    floor, walls = tray_plan.operations[-2:]
+    assert set(names[:2]) == {"drill 5", "drill 8"} and names[2:] == [
+        "pocket rough", "pocket floor", "pocket floor corners", "pocket walls"]
+    floor, _, walls = tray_plan.operations[-3:]
     assert floor.tool.cutter.type == "flat" and not any(o.tool.cutter.type == "ball" for o in tray_plan.operations)
     ball_mm = (X - 24) * (Y - 24) / 0.7         # passes of the largest ball, a step of 0.7 mm apart, over the floor alone
     assert floor.facts["length_mm"] + walls.facts["length_mm"] < ball_mm / 3
     assert tray_plan.area_reached_mm2 == pytest.approx(tray_plan.area_required_mm2, rel=5e-3)
+
+
+def test_a_pocket_is_cleared_at_its_whole_depth_where_that_is_faster_and_a_tooth_takes_no_more_than_in_levels(tray_plan):
+    rough, _, corners = tray_plan.operations[2:5]
+    for made in (rough, corners):
+        d, facts = made.tool.cutter.diameter_mm, made.facts
+        assert facts["levels"] == 1 and facts["stepdown_mm"] == pytest.approx(TOP - FLOOR)
+        assert facts["stepdown_mm"] * facts["stepover_mm"] == pytest.approx(0.15 * 0.45 * d * d)        # aluminium's and the shop's
+        assert [way["time_s"] > facts["time_s"] for way in facts["slower_ways"]] == [True]
+        assert facts["largest_engagement_deg"] <= facts["engagement_deg"] + 0.1
+    assert corners.tool == tray_plan.operations[-1].tool and corners.facts["time_s"] < rough.facts["time_s"] / 4
 
 
 def test_the_floor_is_cut_at_its_height_and_round_its_walls(tray_plan):

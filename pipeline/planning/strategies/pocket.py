@@ -7,8 +7,9 @@ from cuspline.planning import pocketing
 
 
 class Pocket(Clearing):
-    """Pockets, closed or open to a side, one in another, with islands: its faces are their level floors and upright walls. What
-    the clearing cutter leaves in corners a smaller one clears; then the walls are finished at their foot, then the floors."""
+    """Pockets, closed or open to a side, one in another, with islands: its faces are their level floors and upright walls.
+    Cleared in levels, or at their whole depth and narrower where that is faster and nothing is stated; what the clearing cutter
+    leaves in corners a smaller one clears; then the floors are finished, and the walls at their foot."""
 
     kind = "pocket"
     picture = """

@@ -59,7 +59,8 @@ class ClearingWriter:
     def _lift_minutes(self, level):
         """Up to the clearance plane and down again."""
         lift = self.rules.clearance_z_mm - level
-        return 2 * lift / self.rules.rapid_mm_per_min + APPROACH_MM / self.rules.ramp_feed_mm_per_min
+        feed_down = APPROACH_MM / self.rules.ramp_feed_mm_per_min
+        return 2 * lift / self.rules.rapid_mm_per_min + feed_down + self.rules.lift_s / 60
 
     def _lift(self):
         self._writer.rapid(np.r_[self._writer.here_mm[:2], self.rules.clearance_z_mm])

@@ -28,6 +28,7 @@ class ClearingRules:
     feed_mm_per_min: float
     ramp_feed_mm_per_min: float
     rapid_mm_per_min: float         # decides between a way on the level and a retract
+    lift_s: float = 0.0             # what the rapids of a lift take to start and to stop, for the same
     fine_step_mm: float = np.inf    # levels in between, cut from below upward
     ridge_mm: float | None = None   # that cleared ground may keep standing; None: the corner radius
     least_turn_mm: float | None = None      # tightest turn of the tip; None: a sixteenth of the diameter
