@@ -289,6 +289,9 @@ class _Trial:
             wants = [mending.wants_of(*pair, finish, share=1.0 - mending.MARGIN) for pair in first.first.residuals]
             plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
             if not is_changed:
+                wants = [mending.wants_between(proof, finish) for proof in first.first.proofs]
+                plans, is_changed = mending.mended(plans, wants, number, "the planner's own proof between samples")
+            if not is_changed:
                 return plans, job, first
             self.tell(f"planned again, round {number} of the planner's own check")
             job = self.posted(plans, instead_of=job)

@@ -19,7 +19,7 @@ from cuspline.values.errors import CamError
 from cuspline.verification.reporter import allowed_mm
 
 ROUNDS = 4                  # of posting and judging again
-OWN_ROUNDS = 2              # of the planner's own check before
+OWN_ROUNDS = 3              # of the planner's own check before
 MARGIN = 0.03               # of what the finish allows, that the planner keeps from it
 TIGHTER = 0.6               # of the tolerance, where a path gouges
 HELPED = 0.9                # of the places and of their height, or of the gouge: a round that leaves more did not help
@@ -56,6 +56,11 @@ def wants_of(found, own, finish, share=1.0, is_high=True, is_deep=True, more_mm=
     places = np.vstack([found.samples.points_mm[high], np.reshape(more_mm, (-1, 3))]) if is_high else np.zeros((0, 3))
     return Wants(places_mm=places, left_mm=float(d[high].max(initial=allowed_mm(finish))),
                  gouge_mm=deep if deep > share * finish.gouge_mm else 0.0)
+
+
+def wants_between(proof, finish):
+    """Wants of one setup from its excess_proof.ExcessProof: places between the samples that stand higher than is allowed."""
+    return Wants(places_mm=proof.higher_mm, left_mm=float(proof.amount_mm.max(initial=allowed_mm(finish))), gouge_mm=0.0)
 
 
 def wants_of_verdict(verdict, accepted):

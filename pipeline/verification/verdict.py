@@ -237,8 +237,14 @@ class FirstLook:
         steps = joints([c.name for c in self.clampings], [own for _, own in self.residuals],
                        [len(found.samples) for found, _ in self.residuals], finished_mm=finished_mm,
                        fade_mm=float(np.sqrt(2.0 * self.part.largest_radius_mm * finished_mm)))
-        return tuple(_judged(self.part, c, found, own, self.judging, joined)
-                     for c, (found, own), joined in zip(self.clampings, self.residuals, steps))
+        return tuple(_judged(self.part, c, found, own, self.judging, joined, proof)
+                     for c, (found, own), joined, proof in zip(self.clampings, self.residuals, steps, self.proofs))
+
+    @cached_property
+    def proofs(self):
+        """ExcessProof of every program: what stands between the samples."""
+        self.judging.say("proof of what stands between the samples")
+        return tuple(_excess_proof(self.part, c, found) for c, (found, _) in zip(self.clampings, self.residuals))
 
     def drafts(self):
         """What this look and the replay show by themselves; one SetupDraft a program."""
@@ -398,10 +404,11 @@ def _as_plated(paths, finish):
     return tuple(p.grown(-finish.plating_mm) for p in paths) if finish.plating_mm else paths
 
 
-def _judged(part, c, found, own, judging, joined):
+def _judged(part, c, found, own, judging, joined, proof):
     """SetupVerdict of clamping c.
 
-    `found` are the residuals of its faces, `own` those of all faces after it alone; `joined`: its joints with earlier ones.
+    `found` are the residuals of its faces, `own` those of all faces after it alone; `joined`: its joints with earlier ones;
+    `proof`: its ExcessProof.
     """
     finish, tools, machine = part.finish, judging.tools, judging.machine
     kept, say, moves = judging.kept, judging.say, f"{len(c.program.posted):,} moves"
@@ -416,8 +423,6 @@ def _judged(part, c, found, own, judging, joined):
                      tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
     say(f"{c.name}: cusps beside {len(c.samples):,} samples")
     cusps = _cusps(part, c, found)
-    say(f"{c.name}: proof of what stands between the samples")
-    proof = _excess_proof(part, c, found)
     say(f"{c.name}: solids on a grid of {c.options.solid_pitch_mm:.3f} mm" + (", third view" if c.options.mesh_checks else ""))
     view = compare(part.made, c.number, part, c.drops, c.required, (found, own), Limits(
         excess_mm=allowed_mm(finish), gouge_mm=finish.gouge_mm, path_error_mm=part.path_error_mm,
