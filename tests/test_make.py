@@ -290,8 +290,8 @@ def test_every_action_of_a_workflow_is_pinned_by_its_commit(path):
     text = path.read_text()
     used = [step["uses"] for job in yaml.safe_load(text)["jobs"].values() for step in job["steps"] if "uses" in step]
     assert used and [u for u in used if not re.fullmatch(r"actions/[a-z-]+@[0-9a-f]{40}", u)] == []
-    assert text.count("uses:") == len(used) == len(re.findall(r"uses: \S+ +# v\d+\.\d+\.\d+\n", text))
-    everywhere = {u for p in WORKFLOWS for u in re.findall(r"uses: (\S+)", p.read_text())}
+    assert text.count("uses: actions/") == len(used) == len(re.findall(r"uses: \S+ +# v\d+\.\d+\.\d+\n", text))
+    everywhere = {u for p in WORKFLOWS for u in re.findall(r"uses: (actions/\S+)", p.read_text())}
     assert len({u.split("@")[0] for u in everywhere}) == len(everywhere)
 
 
