@@ -100,7 +100,7 @@ class _Job:
         self.lengths = {n: float(np.ravel(v)[-1]) for n, v in tool_lengths.items()}       # along the spindle
         self.tip, self.axis = UNKNOWN, UPRIGHT
         self.unit_mm = None
-        self.wcs, self.is_wcs_said = "G54", False
+        self.wcs, self.is_wcs_said, self.is_wcs_remarked = "G54", False, False
         self.is_axis_held = False           # MULTAX/OFF
         self.feed, self.is_rapid, self.circle = 0.0, False, None
         self.is_up = False                  # at the top of the machine
@@ -165,7 +165,7 @@ class _Job:
         self.is_rapid = True
 
     def set_speed(self, parameters):
-        """SPINDL/rpm, RPM, CLW in any order; OFF; ON turns it again as it was."""
+        """SPINDL/rpm, RPM, CLW in any order; or OFF."""
         words = [p for p in parameters if not NUMBER.fullmatch(p)]
         numbers = _numbers([p for p in parameters if p not in words], "SPINDL")
         if parameters == ("OFF",):
@@ -240,7 +240,7 @@ class _Job:
         elif was_arc:
             raise Complaint("a GOTO right behind an arc: some systems go on along the arc, others straight",
                             "write FEDRAT or RAPID before it where it is straight, CIRCLE where it is an arc")
-        self._add(kind, start, end, center, plane, axis)
+        self._add(kind, end, center, plane, axis)
         self.was_arc, self.circle, self.is_rapid = kind > Kind.FEED, None, False
 
     def _refuse_unready(self, start):
@@ -298,7 +298,7 @@ class _Job:
         if parameters:
             raise Complaint("RETRCT with parameters", "write RETRCT alone: up to the top of the machine")
         end = (*self.tip[:2], -self._shift()[2]) if self.axis == UPRIGHT else UNKNOWN
-        self._add(Kind.RAPID, self.tip, end, UNKNOWN, Plane.XY, self.axis, top_mm=0.0)
+        self._add(Kind.RAPID, end, UNKNOWN, Plane.XY, self.axis, top_mm=0.0)
         self.is_up = True
 
     def _shift(self):
@@ -306,19 +306,30 @@ class _Job:
         x, y, z = self.work_offsets.get(self.wcs, UNKNOWN)
         return x, y, z + (self.lengths[self.tool] if self.tool else 0.0)
 
-    def _add(self, kind, start, end, center, plane, axis, top_mm=nan):
+    def _add(self, kind, end, center, plane, axis, top_mm=nan):
         """`top_mm`: machine height, where it is known without the tip's."""
-        if not self.is_wcs_said and kind != Kind.RAPID:
-            self.remarks.append(Remark(kind="unknown_start", amount_mm=0.0, row=len(self.rows) // COLUMNS,
-                                       advice="FIXOFF is missing: the zero is taken for G54; write FIXOFF/1"))
-            self.is_wcs_said = True
-        self.used[self.wcs] = True
+        if kind != Kind.RAPID:
+            self._remark_zero()
+        if top_mm != top_mm:
+            self.used[self.wcs] = True
         machine = [e + s for e, s in zip(end, self._shift())] if axis == UPRIGHT else UNKNOWN
         machine = machine if top_mm != top_mm else (*machine[:2], top_mm)
-        self.rows.extend((kind, *start, *end, *center, plane, self.feed if kind != Kind.RAPID else 0.0, self.speed, self.tool,
+        self.rows.extend((kind, *self.tip, *end, *center, plane, self.feed if kind != Kind.RAPID else 0.0, self.speed, self.tool,
                           self.tool > 0, *machine, self.line, self.operation, self.speed_line, self.coolant))
         self.axes.extend((*self.axis, *axis))
         self.tip, self.axis, self.is_up = end, axis, False
+
+    def _remark_zero(self):
+        """Once: nobody has said it, or it is not the setup's."""
+        if not self.is_wcs_said:
+            self._remark("unknown_start", "FIXOFF is missing: the zero is taken for G54; write FIXOFF/1")
+        if self.work_offsets and self.wcs not in self.work_offsets and not self.is_wcs_remarked:
+            self._remark("wrong_work_offset", f"{self.wcs} is in force, the setup's zero is {' '.join(self.work_offsets)}: write that")
+            self.is_wcs_remarked = True
+        self.is_wcs_said = True
+
+    def _remark(self, kind, advice):
+        self.remarks.append(Remark(kind=kind, amount_mm=0.0, row=len(self.rows) // COLUMNS, advice=advice))
 
     def _unit(self):
         if self.unit_mm is None:

@@ -97,7 +97,8 @@ def test_it_goes_up_before_a_tool_change_and_at_the_end():
 
 @pytest.mark.parametrize("old, new, wanted", [
     ("UNITS/MM\n", "", "before UNITS"), ("UNITS/MM", "UNITS/CM", "UNITS/CM"), ("FIXOFF/2\n", "", "unknown_start"),
-    ("FIXOFF/2", "FIXOFF/0", "FIXOFF/0"), ("MULTAX/ON", "MULTAX/YES", "MULTAX/YES"), ("LOADTL/3\n", "", "no tool"),
+    ("FIXOFF/2", "FIXOFF/0", "FIXOFF/0"), ("FIXOFF/2", "FIXOFF/1", "wrong_work_offset"),
+    ("MULTAX/ON", "MULTAX/YES", "MULTAX/YES"), ("LOADTL/3\n", "", "no tool"),
     ("LOADTL/3", "LOADTL/4", "not in the tool table"), ("LOADTL/3", "LOADTL/3.5", "one whole number"),
     ("SPINDL/8000,CLW", "SPINDL/CLW", "SPINDL/CLW"), ("SPINDL/8000,CLW", "SPINDL/8000,SFM", "SPINDL/8000,SFM"),
     ("COOLNT/FLOOD", "COOLNT/FLUD", "COOLNT/FLUD"), (r"FEDRAT/[\d.]+,MMPM", "FEDRAT/300,MMPR", "MMPR"),
