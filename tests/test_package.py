@@ -155,6 +155,27 @@ def step_done(step, repository, variables):
     return action
 
 
+def test_the_container_needs_no_more_than_it_is_given(tmp_path):
+    """Its `make setup` runs where nothing but what it copies is; its packages are those of the workflow, and make."""
+    assert cli.run(["new", str(tmp_path / "parts")]) == 0
+    recipe = (tmp_path / "parts/Containerfile").read_text()
+    workflow = (tmp_path / "parts/.github/workflows/build.yml").read_text()
+    packages = lambda text: set(re.search(r"--no-install-recommends (.*)", text)[1].split())
+    assert packages(recipe) == packages(workflow) | {"make"} and "{" not in recipe
+    inside, tools = tmp_path / "inside", tmp_path / "bin"
+    (inside / "vendor").mkdir(parents=True)
+    (inside / "vendor/cuspline-1-py3-none-any.whl").touch()
+    for name in re.search(r"^COPY (.*) \./$", recipe, re.M)[1].split():
+        shutil.copy(tmp_path / "parts" / name, inside)
+    tools.mkdir()
+    (tools / "python3").write_text(PYTHON.replace("{python}", sys.executable))
+    (tools / "python3").chmod(0o755)
+    command = re.search(r"^RUN (make .*)$", recipe, re.M)[1]
+    done = subprocess.run(command.split(), cwd=inside, capture_output=True, text=True,
+                          env={**os.environ, "PATH": f"{tools}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)})
+    assert (inside / ".venv/bin/cuspline").is_file() and done.returncode == 0, done.stderr
+
+
 def test_make_without_the_wheel_says_what_is_missing(tmp_path):
     assert cli.run(["new", str(tmp_path / "parts")]) == 0
     done = subprocess.run(["make", "setup"], cwd=tmp_path / "parts", capture_output=True, text=True)

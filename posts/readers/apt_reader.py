@@ -324,7 +324,8 @@ class _Job:
         if not self.is_wcs_said:
             self._remark("unknown_start", "FIXOFF is missing: the zero is taken for G54; write FIXOFF/1")
         if self.work_offsets and self.wcs not in self.work_offsets and not self.is_wcs_remarked:
-            self._remark("wrong_work_offset", f"{self.wcs} is in force, the setup's zero is {' '.join(self.work_offsets)}: write that")
+            self._remark("wrong_work_offset", f"{self.wcs} is in force, the setup's zero is {' '.join(self.work_offsets)}: "
+                                              "write that")
             self.is_wcs_remarked = True
         self.is_wcs_said = True
 
