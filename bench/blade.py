@@ -1,6 +1,7 @@
-"""A propeller's blade cut by positions, built with all proofs; and judged with three things wrong, each of which must turn it red.
+"""A propeller's blade cut by positions, built with all proofs; and judged with four things wrong, each of which must turn it red.
 
 `python bench/blade.py name=value ...` builds with other parameters and prints its figures alone.
+`python bench/blade.py FOLDER` takes what stands built in a folder: its figures, and a first look with each thing wrong.
 """
 
 import json
@@ -12,18 +13,19 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.app.judge import judge
+from cuspline.app.build import DRAFT_OPTIONS
+from cuspline.app.judge import begun
 from cuspline.design.job import read_job
-from cuspline.design.stock import StockSkin, settled
+from cuspline.design.stock import StockMesh, StockSkin, settled
 from cuspline.kernel import brep
 from cuspline.shop.practice import Practice
-from cuspline.verification.verdict import Options
 
 SMALL = ("diameter_mm=100", "bore_mm=8", "fillet_leading_edge_mm=2", "fillet_trailing_edge_mm=2", "fillet_face_mm=3",
          "fillet_back_mm=3", "blades_cut=one", "skin_mm=0.6", "scallop_mm=0.02")
-COARSE = Options(spacing_mm=0.6, solid_pitch_mm=0.6, replay_pitch_mm=0.6, tessellation_mm=0.02)
-THICKER_MM = 1.0            # casting
+THICKER_MM = 3.0            # casting
 OFF_MM = 0.05               # of where A and B meet
+BENT_RAD = np.radians(50.0)     # a neighbour's tip round the shaft, towards the blade that is cut
+STRAIGHT_SHARE = 0.45       # of the tip's radius: further in it is not bent
 
 
 def measure(parameters=SMALL, is_spoilt=True):
@@ -54,22 +56,35 @@ def figures(folder):
 
 
 def spoilt(folder):
-    """[(what, findings, "")] of the same programs judged as if something had gone wrong."""
-    job = read_job(folder)
+    """[(what, findings, "")] of a first look at the same programs as if something had gone wrong."""
+    job, parameters = read_job(folder), json.loads((folder / "manifest.json").read_text())["parameters"]
     part = brep.the_solid(brep.read_step(folder / job.step), job.step)
-    skin = next(float(p.split("=")[1]) for p in SMALL if p.startswith("skin_mm"))
-    cases = [("the casting 1 mm thicker than stated", _with_stock(job, part, skin + THICKER_MM)),
+    cases = [("nothing wrong", job),
+             (f"the casting {THICKER_MM:g} mm thicker than stated", _with_stock(job, part, parameters["skin_mm"] + THICKER_MM)),
+             ("a neighbouring blade bent into the way", _with_bent_blade(job.beside(folder))),
              ("A 0.05 mm off where the program thinks it", _with_offset(job, "a", (0.0, OFF_MM, 0.0))),
              ("B 0.05 mm off where the program thinks it", _with_offset(job, "b", (OFF_MM, 0.0, 0.0)))]
     rows = []
     for what, wrong in cases:
-        found = judge(folder, wrong, options=COARSE).findings
+        found = begun(folder, wrong, options=DRAFT_OPTIONS).drafted().findings
+        print(what, [(f.kind, f.line, round(f.amount_mm,4)) for f in found][:6], flush=True)
         rows.append((f"{what}: findings ({', '.join(sorted({f.kind for f in found}))})", len(found), ""))
     return rows
 
 
 def _with_stock(job, part, skin_mm):
     return job.model_copy(update={"stock": settled(StockSkin(skin_mm=skin_mm), part, Practice())})
+
+
+def _with_bent_blade(job):
+    """The job with a casting whose other blades lean round the shaft, X, towards blade 1, along Z: the more, the farther out."""
+    vertices, triangles = job.stock.shape.mesh
+    radius, angle = np.hypot(*vertices[:, 1:].T), np.arctan2(-vertices[:, 1], vertices[:, 2])
+    out = np.clip((radius / radius.max() - STRAIGHT_SHARE) / (1 - STRAIGHT_SHARE), 0.0, 1.0)
+    is_other = np.abs(angle) > np.pi / sum(p.name.endswith(" face") for p in job.predicates)
+    angle = angle - np.where(is_other, np.sign(angle) * BENT_RAD * out, 0.0)
+    bent = np.column_stack([vertices[:, 0], -radius * np.sin(angle), radius * np.cos(angle)])
+    return job.model_copy(update={"stock": StockMesh(mesh=(bent, triangles))})
 
 
 def _with_offset(job, letter, offset_mm):
@@ -80,5 +95,8 @@ def _with_offset(job, letter, offset_mm):
 
 
 if __name__ == "__main__":
-    for what, number, unit in measure(tuple(sys.argv[1:]) or SMALL, is_spoilt=not sys.argv[1:]):
+    folder = Path((*sys.argv, "")[1])
+    rows = ([*figures(folder), *spoilt(folder)] if len(sys.argv) == 2 and folder.is_dir() else
+            measure(tuple(sys.argv[1:]) or SMALL, is_spoilt=not sys.argv[1:]))
+    for what, number, unit in rows:
         print(f"{what}: {number:.5g} {unit}", flush=True)

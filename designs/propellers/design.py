@@ -59,7 +59,7 @@ class PropellerParameters(Parameters):
     skin_mm: float = Field(default=0.6, ge=0.2, le=20, description="of the casting on all sides, where blades are cut")
     material: str = Field(default="bronze_nial", description="work material, a name of `materials`")
     scallop_mm: float = Field(default=0.010, ge=0.002, le=0.5, description="largest cusp left")
-    profile_tolerance_mm: float = Field(default=0.0025, ge=0.0002, le=0.05, description="path against true surface")
+    profile_tolerance_mm: float = Field(default=0.0005, ge=0.0002, le=0.05, description="path against true surface")
     gouge_mm: float = Field(default=0.003, ge=0.0005, le=0.05, description="deepest accepted cut below the surface")
 
     @property

@@ -66,7 +66,8 @@ def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
     residuals = [s.residuals for s in judged.verdict.setups]
     plan = json.loads((work / "plan.json").read_text())
     posted = job.beside(work).posted
-    drawn = [drawn_setup(moves, item.setup, plan, job.machine) for item, moves in zip(posted, judged.posted)]
+    drawn = [drawn_setup(moves, item.setup, plan, job.machine, v.places)
+             for item, moves, v in zip(posted, judged.posted, judged.verdict.setups)]
     return ReportBundle(
         design=design.name, description=design.description, parameters=design.parameters.model_dump(mode="json"),
         material=design.material, finish=design.finish, inputs_sha256=inputs_sha256, revision=order.revision, step_file=job.step,
@@ -81,13 +82,13 @@ def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
         setups=tuple(_setup_bundle(work, judged, k, item, seen, job) for k, (item, seen) in enumerate(zip(posted, drawn))))
 
 
-def drawn_setup(moves, setup, plan, machine):
+def drawn_setup(moves, setup, plan, machine, places):
     """Drawn of a setup: operations counted as in its own plan, while positions of one program share their names."""
     names = [op["name"].split(",")[0].strip().lower() for s in plan["setups"] if s["name"] == setup.name
              for op in s["operations"]]
     number = np.array([names.index(name) if name in names else k for k, name in enumerate(moves.operations)] + [-1])
     moves = replace(moves, operation=number[moves.operation])
-    path, last = drawn_path(moves, setup.frame, machine)
+    path, last = drawn_path(moves, setup.frame, machine, places)
     return Drawn(posted=moves, path=path, last_point=last)
 
 
@@ -180,10 +181,10 @@ def _edges(edges_mm):
     return np.array(edges_mm, float).reshape(-1, 2, 3)
 
 
-def drawn_path(posted, frame, machine):
+def drawn_path(posted, frame, machine, places=None):
     """(PathPoints in part coordinates, (n,) last point row of every posted move).
 
-    Moves whose start or end is not known are left out of the drawing.
+    Moves whose start or end is not known are left out of the drawing.   places: {name: (k,)} of SetupVerdict.
     """
     known = np.isfinite(posted.start_mm).all(axis=1) & np.isfinite(posted.end_mm).all(axis=1)
     rows = np.flatnonzero(known)
@@ -204,7 +205,31 @@ def drawn_path(posted, frame, machine):
                       feed_mm_per_min=np.r_[0.0, each(posted.feed_mm_per_min)], operation=np.r_[-1, each(posted.operation)],
                       time_s=np.r_[0.0, np.repeat(begin, counts) + np.repeat(seconds, counts) * share],
                       line=np.r_[0, each(posted.line)],
+                      met={name: np.r_[np.nan, each(values)] for name, values in met_on_moves(posted, places or {}).items()},
                       ), np.maximum.accumulate(row_of)
+
+
+def met_on_moves(posted, places):
+    """{name: (n,)} the most that edges meet on every move; NaN on rapids, and in operations that were not looked at.
+
+    A move between those that were looked at takes the values of the nearest one of its operation.
+
+    Args:
+        places: {name: (k,)}, "row" of the move that each place lies on.
+    """
+    row = places.get("row", np.zeros(0, np.int64))
+    if not len(row):
+        return {}
+    order = np.argsort(row, kind="stable")
+    looked, first = np.unique(row[order], return_index=True)
+    moves, of = np.arange(len(posted)), posted.operation
+    after = np.searchsorted(looked, moves).clip(max=len(looked) - 1)
+    before = np.maximum(after - 1, 0)
+    is_mine = [of[looked[k]] == of for k in (before, after)]
+    is_before = is_mine[0] & (~is_mine[1] | (moves - looked[before] < looked[after] - moves))
+    nearest, is_known = np.where(is_before, before, after), (is_mine[0] | is_mine[1]) & (posted.kind != Kind.RAPID)
+    return {name: np.where(is_known, np.maximum.reduceat(values[order], first)[nearest], np.nan)
+            for name, values in places.items() if name != "row"}
 
 
 def _seconds(posted, rows, machine):

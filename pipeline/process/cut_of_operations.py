@@ -178,16 +178,26 @@ def along_program(posted, found, rpm, loads=None):
     even = np.flatnonzero(found.way_mm > 0)
     if not len(even):
         return {}
-    row = found.row[even]
     begins = np.unique(np.arange(DRAWN) * len(even) // DRAWN)
     most = lambda values: [round(v, 4) for v in np.maximum.reduceat(values, begins).tolist()]
-    columns = {"way_m": np.cumsum(found.way_mm[even]) / 1000, "operation": posted.operation[row].astype(float),
-               "depth_mm": found.depth_mm[even],
-               "speed_m_per_min": np.nan_to_num(2 * np.pi * found.highest_radius_mm[even]) * rpm[row] / 1000,
-               "removal_cm3_per_h": 0.06 * found.area_mm2[even] * posted.feed_mm_per_min[row]}
-    if loads is not None:
-        columns |= {"radial_n": loads.radial_n[even], "axial_n": loads.axial_n[even]}
+    columns = {"way_m": np.cumsum(found.way_mm[even]) / 1000, "operation": posted.operation[found.row[even]].astype(float),
+               **{name: values[even] for name, values in met_at_places(posted, found, rpm, loads).items() if name != "row"}}
     return {name: most(values) for name, values in columns.items()}
+
+
+def met_at_places(posted, found, rpm, loads=None):
+    """What edges meet at every place of a program that is looked at; forces stand in it where they are known.
+
+    Args:
+        rpm, loads: as for `along_program`.
+    Returns:
+        {name: (n,)}; "row": of PostedMoves.
+    """
+    row = found.row
+    columns = {"row": row, "depth_mm": found.depth_mm,
+               "speed_m_per_min": np.nan_to_num(2 * np.pi * found.highest_radius_mm) * rpm[row] / 1000,
+               "removal_cm3_per_h": 0.06 * found.area_mm2 * posted.feed_mm_per_min[row]}
+    return columns if loads is None else columns | {"radial_n": loads.radial_n, "axial_n": loads.axial_n}
 
 
 def _largest(loads, mine):

@@ -1,6 +1,6 @@
 """Everything the report shows, gathered once; the report computes nothing about the cut itself."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,6 +29,7 @@ class PathPoints:
     operation: np.ndarray           # (n,) index into operations, -1: none
     time_s: np.ndarray              # (n,) since program start, from the feed model
     line: np.ndarray                # (n,) of the posted text, from 1, the files of a set counted on; 0 unknown
+    met: dict = field(default_factory=dict)     # name -> (n,) what the edges meet on the segment; NaN: not looked at
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

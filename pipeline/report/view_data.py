@@ -19,6 +19,9 @@ FEED_STEP = 0.1             # mm/min
 REPLAY_STEPS = (8000, 4000, 2000, 1000)     # instants the replay can stop at: the most that keeps MOST_EVENTS
 MOST_EVENTS = 1_500_000     # about 4 MB of html
 MOST_NODES = 400_000        # of the z-map; above, every 2nd, 3rd ... node is shown, each as simulated
+MET = {"depth_mm": ("depth of cut", "mm"), "speed_m_per_min": ("cutting speed", "m/min"),
+       "removal_cm3_per_h": ("removal rate", "cm³/h"), "radial_n": ("radial force", "N"), "axial_n": ("axial force", "N")}
+LEVELS = 254                # of what the edges meet; 0 stands for what was not looked at
 OPERATION_COLOURS = ("#e8710a", "#1a73e8", "#12a05c", "#9334e6", "#00897b", "#c5221f", "#8d6e00", "#d01884")
 
 
@@ -44,17 +47,29 @@ def scene(bundle):
 
 
 def pack_path(path):
-    """(meta, bytes) of a posted path: x, y, z, feed, time as deltas, then operation, rapid flag, line."""
+    """(meta, bytes) of a posted path: x, y, z, feed, time as deltas, then operation, rapid flag, line, what the edges meet."""
     points = known(np.asarray(path.points_mm, dtype=float))
     seconds = np.asarray(path.time_s, dtype=float)
     feed = np.nan_to_num(np.asarray(path.feed_mm_per_min, dtype=float))
     raw = joined([*(delta(np.round(points[:, k] / PATH_STEP_MM), np.int32) for k in range(3)),
                   delta(np.round(feed / FEED_STEP), np.int32), delta(np.round(seconds * 1000), np.int32),
                   np.asarray(path.operation, dtype=np.int16), np.asarray(path.is_rapid, dtype=np.uint8),
-                  delta(path.line, np.int32)])
+                  delta(path.line, np.int32), *(_levels(values) for values in path.met.values())])
     cutting = feed[~np.asarray(path.is_rapid, dtype=bool)]
     return {"points": len(points), "stepMm": PATH_STEP_MM, "feedStep": FEED_STEP,
-            "feedMax": float(cutting.max()) if len(cutting) else 0.0}, raw
+            "feedMax": float(cutting.max()) if len(cutting) else 0.0,
+            "met": [dict(zip(("name", "label", "unit", "most"), (name, *MET[name], _most(values))))
+                    for name, values in path.met.items()]}, raw
+
+
+def _most(values):
+    return float(np.nanmax(values, initial=0.0))
+
+
+def _levels(values):
+    """(n,) uint8: 0 not looked at, else 1 and so many LEVELS of the most."""
+    share = np.nan_to_num(values) / (_most(values) or 1.0)
+    return np.where(np.isfinite(values), 1 + np.round(LEVELS * share), 0).astype(np.uint8)
 
 
 def pack_replay(replay, setup):

@@ -381,6 +381,7 @@ function makePath(reader, meta) {
   const seconds = Float64Array.from(reader.takeDelta(Int32Array, meta.points), ms => ms / 1000);
   const operation = reader.take(Int16Array, meta.points), isRapid = reader.take(Uint8Array, meta.points);
   const line = reader.takeDelta(Int32Array, meta.points);
+  const met = new Map(meta.met.map(column => [column.name, reader.take(Uint8Array, meta.points)]));
   const colours = makeBuffer(new Uint8Array(4 * meta.points), gl.ARRAY_BUFFER, gl.DYNAMIC_DRAW);
   const layout = makeLayout(() => {
     bindInput(programs.path, "position", makeBuffer(positions), 3);
@@ -388,7 +389,7 @@ function makePath(reader, meta) {
     bindInput(programs.path, "seconds", makeBuffer(new Float32Array(seconds)), 1);
   });
   const duration = meta.points ? seconds[meta.points - 1] : 0;
-  return { count: meta.points, positions, feed, seconds, operation, isRapid, line, colours, layout, duration };
+  return { count: meta.points, positions, feed, seconds, operation, isRapid, line, met, colours, layout, duration };
 }
 
 // The verifier's z-map. Every event keeps the height before it, so that time runs both ways and
@@ -594,23 +595,28 @@ const hexColour = text => [1, 3, 5].map(i => parseInt(text.slice(i, i + 2), 16))
 const RAPID_COLOUR = [214, 48, 49, 170];
 const NO_OPERATION_COLOUR = [128, 128, 128];
 
-// Slow blue, middle green, fast orange; the legend's CSS gradient has the same stops.
-const FEED_STOPS = [[46, 89, 217], [18, 160, 92], [240, 140, 20]];
-function feedColour(share) {
+// Little blue, middling green, much orange; the legend's CSS gradient has the same stops.
+const PATH_STOPS = [[46, 89, 217], [18, 160, 92], [240, 140, 20]];
+const MET_LEVELS = 254;           // of what the edges meet, from 1; 0: not looked at
+function scaleColour(share) {
   const s = clamp(share, 0, 1) * 2, first = Math.min(1, Math.floor(s));
-  return mix(FEED_STOPS[first], FEED_STOPS[first + 1], s - first);
+  return mix(PATH_STOPS[first], PATH_STOPS[first + 1], s - first);
+}
+
+// What the path is coloured by, as a function of the point.
+function colourOfPoint() {
+  const { path, meta } = current, met = path.met.get(state.pathColour);
+  if (state.pathColour === "feed") return i => scaleColour(path.feed[i] / (meta.path.feedMax || 1));
+  if (met) return i => met[i] ? scaleColour((met[i] - 1) / MET_LEVELS) : NO_OPERATION_COLOUR;
+  const byOperation = meta.operations.map(operation => hexColour(operation.colour));
+  return i => byOperation[path.operation[i]] || NO_OPERATION_COLOUR;
 }
 
 function colourPath() {
-  const { path, meta } = current, colours = new Uint8Array(4 * path.count);
-  const byOperation = meta.operations.map(operation => hexColour(operation.colour));
+  const { path } = current, colours = new Uint8Array(4 * path.count), colourOf = colourOfPoint();
   for (let i = 0; i < path.count; i++) {
     if (path.isRapid[i]) colours.set(state.rapids ? RAPID_COLOUR : [0, 0, 0, 0], 4 * i);
-    else {
-      const colour = state.pathColour === "feed" ? feedColour(path.feed[i] / (meta.path.feedMax || 1))
-        : byOperation[path.operation[i]] || NO_OPERATION_COLOUR;
-      colours.set([...colour, 255], 4 * i);
-    }
+    else colours.set([...colourOf(i), 255], 4 * i);
   }
   gl.bindBuffer(gl.ARRAY_BUFFER, path.colours);
   gl.bufferSubData(gl.ARRAY_BUFFER, 0, colours);
@@ -918,15 +924,16 @@ function jointsText(joints) {
 
 // Ticks on a scale from its quarter points, in micrometres.
 function showScale() {
-  const isFeed = state.paths !== "none" && state.pathColour === "feed";
+  const { path } = current.meta, met = path.met.find(column => column.name === state.pathColour);
   byId("scale-text").textContent = `±${state.scaleUm} µm`;
   byId("legend-low").textContent = `−${state.scaleUm} gouged`;
   byId("legend-high").textContent = `+${state.scaleUm} left`;
   byId("deviation-box").hidden = !(state.surface === "deviation" || state.surface === "rest");
-  byId("feed-box").hidden = !isFeed;
+  byId("path-box").hidden = state.paths === "none" || state.pathColour === "operation";
+  byId("path-grey").hidden = !met;
+  byId("path-high").textContent = met ? `${+met.most.toPrecision(3)} ${met.unit}` : `${path.feedMax.toFixed(0)} mm/min`;
   const { stride, pitchMm } = current.meta.replay;
   byId("stock-note").textContent = `Stock: the verifier's z-map, ${stride > 1 ? `every ${stride}. node, ` : ""}${+pitchMm.toFixed(3)} mm apart.`;
-  byId("feed-high").textContent = `${current.meta.path.feedMax.toFixed(0)} mm/min`;
 }
 
 // One button an operation of the program, with its colour: its chapters.
@@ -976,9 +983,19 @@ function showSetup(number) {
   current = READY.get(number);
   state.setup = number;
   byId("setup").value = number;
+  offerPathColours();
   colourPath();
   showChapters();
   showScale();
+}
+
+// By operation and feed, and by what the edges of this setup's cutters were seen to meet.
+function offerPathColours() {
+  const list = byId("path-colour"), { met } = current.meta.path;
+  while (list.options.length > 2) list.remove(2);
+  for (const column of met) list.add(new Option(`by ${column.label}`, column.name));
+  if (![...list.options].some(option => option.value === state.pathColour)) state.pathColour = "operation";
+  list.value = state.pathColour;
 }
 
 function setPlaying(isPlaying) {

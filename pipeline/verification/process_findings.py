@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.process.chatter import limits_mm
-from cuspline.process.cut_of_operations import edge_changes, process_document
+from cuspline.process.cut_of_operations import edge_changes, met_at_places, process_document, turned_rpm
 from cuspline.process.drives import Drives, deviations_mm, following_error_mm
 from cuspline.process.engagement import engagement
 from cuspline.process.forces import forces, limits_of
@@ -20,6 +20,7 @@ class Process:
 
     findings: tuple[Finding, ...]
     document: dict              # verify.json's "process"
+    places: dict                # name -> (n,), see cut_of_operations.met_at_places
 
 
 def process_of(posted, judging, stock, rows, around):
@@ -36,7 +37,8 @@ def process_of(posted, judging, stock, rows, around):
     shaken, chatter = chatter_findings(posted, tools, met, material, around)
     strays, drives = drive_findings(posted, machine, rows, around[0])
     change = None if machine is None else machine.spindle.turns_faster_rpm_per_s
-    return Process(findings=(*limit_findings(posted, tools, machine, met, loads, around), *shaken, *strays),
+    return Process(places=met_at_places(posted, met, turned_rpm(posted, change), loads),
+                   findings=(*limit_findings(posted, tools, machine, met, loads, around), *shaken, *strays),
                    document={**process_document(posted, tools, met, loads, source, change), "chatter": chatter, "drives": drives,
                              "edges": edge_changes(posted, met, judging.life)})
 

@@ -94,6 +94,7 @@ class SetupVerdict:
     excess_proof: ExcessProof         # that nothing between samples stands higher
     error_bounds_mm: dict             # part -> mm
     numbers: dict                     # verify.json's contract, without findings
+    places: dict                      # name -> (n,) what edges meet, see process_findings.Process
     stock: StockSolids                # after all clampings
     mesh: Tessellation                # of the design, part coordinates
     findings: tuple[Finding, ...]
@@ -444,7 +445,7 @@ def _judged(part, c, found, own, judging, joined, proof):
     numbers["unreachable"] = said_of_tabs(numbers["unreachable"], c.program.tabs, part.ball_radius_mm)
     return SetupVerdict(setup=c.name, finish=finish, required=tuple(c.required), residuals=found, solids=view, replay=history,
                         certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,
-                        stock=part.made, mesh=part.mesh,
+                        stock=part.made, mesh=part.mesh, places=process.places,
                         numbers={**numbers,
                                  **_between_samples(proof, found, c.options),
                                  "joints": _tidy(joined), "cusps": cusps.as_rows(finish.scallop_mm), "mesh": _tidy(checks),

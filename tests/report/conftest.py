@@ -128,7 +128,8 @@ def sample_setup(zmap):
         fixtures=(("jaw", np.array(BoxShape(min_mm=(0, -5, 0), max_mm=(LENGTH, 0, 3)).edges_mm)),),
         extents_mm=(tuple(low - lift), tuple(high - lift)),
         path=PathPoints(points_mm=points, is_rapid=is_rapid.astype(bool), feed_mm_per_min=feed, operation=operation,
-                        time_s=minutes * 60, line=24 + np.arange(len(points))),
+                        time_s=minutes * 60, line=24 + np.arange(len(points)),
+                        met={"depth_mm": np.where(is_rapid.astype(bool), np.nan, np.linspace(0.0, 2.5, len(points)))}),
         replay=StockReplay(origin_mm=(0.0, 0.0), pitch_mm=PITCH, nx=len(zmap.x), ny=len(zmap.y), bottom_mm=0.0,
                            top_mm=STOCK_TOP, design_top_mm=np.tile(design_height_mm(zmap.x), (len(zmap.y), 1)),
                            event_move=move, event_cell=cell, event_z_mm=z))

@@ -52,7 +52,7 @@ def test_seeking_there_and_back_gives_the_same_picture(browser):
 
 
 @pytest.mark.parametrize("change", ["surface: 'deviation'", "surface: 'design'", "surface: 'rest'", "paths: 'all'",
-                                    "paths: 'all', pathColour: 'feed'", "paths: 'done', rapids: false", "stockEdges: true",
+                                    "paths: 'all', pathColour: 'feed'", "paths: 'all', pathColour: 'depth_mm'", "paths: 'done', rapids: false", "stockEdges: true",
                                     "fixtures: true", "edges: false", "cutter: false", "yaw: 0.3"])
 def test_every_choice_changes_the_picture(browser, change):
     plain = "__view.showView('iso'); __view.set({surface: 'stock', paths: 'none', pathColour: 'operation', rapids: true, " \
@@ -61,6 +61,18 @@ def test_every_choice_changes_the_picture(browser, change):
     assert shown(browser, f"__view.set({{{change}}})") != before
     assert shown(browser, plain) == before
     assert browser.errors == []
+
+
+def test_the_path_is_coloured_by_what_the_edges_meet(browser):
+    """Chosen in the list; the scale says up to what."""
+    offered = browser.evaluate("[...document.getElementById('path-colour').options].map(o => o.text).join()")
+    assert offered == "by operation,by feed,by depth of cut"
+    coloured = shown(browser, "__view.set({paths: 'all', pathColour: 'depth_mm'})")
+    assert coloured != shown(browser, "__view.set({pathColour: 'feed'})")
+    browser.evaluate("const list = document.getElementById('path-colour'); list.value = 'depth_mm'; list.onchange({target: list}); 1")
+    assert browser.evaluate("document.getElementById('path-high').textContent") == "2.5 mm"
+    assert browser.evaluate("document.getElementById('path-grey').hidden") is False
+    browser.evaluate("__view.set({paths: 'none', pathColour: 'operation'}); 1")
 
 
 def test_the_read_out_is_in_the_wcs(browser):

@@ -41,6 +41,18 @@ def test_path_comes_back_as_posted(sample_bundle):
     assert np.allclose(reader.take_delta(np.int32, n) * meta["feedStep"], path.feed_mm_per_min, atol=0.051)
     assert np.allclose(reader.take_delta(np.int32, n) / 1000, path.time_s, atol=0.00051)
     assert (reader.take(np.int16, n) == path.operation).all() and (reader.take(np.uint8, n) == path.is_rapid).all()
+    assert (reader.take_delta(np.int32, n) == path.line).all()
+
+
+def test_what_the_edges_meet_comes_back_within_half_a_level(sample_bundle):
+    path = sample_bundle.setups[0].path
+    meta, raw = view_data.pack_path(path)
+    column, = meta["met"]
+    levels = np.frombuffer(raw, np.uint8)[4 * (-len(path.line) // 4):][:len(path.line)].astype(float)
+    assert (column["name"], column["label"], column["unit"]) == ("depth_mm", "depth of cut", "mm")
+    assert ((levels == 0) == np.isnan(path.met["depth_mm"])).all()
+    back = (levels - 1) / view_data.LEVELS * column["most"]
+    np.testing.assert_allclose(back[levels > 0], path.met["depth_mm"][levels > 0], atol=0.51 * column["most"] / view_data.LEVELS)
 
 
 def test_unknown_coordinates_take_the_next_known_ones():
