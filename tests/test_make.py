@@ -12,6 +12,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 from cuspline.app import build, catalogue, cli
 from cuspline.design import Design
@@ -278,6 +279,20 @@ def test_the_workflow_sends_rejected_parts_into_an_artifact_of_that_name():
     assert "!outputs/*-rejected/**" in workflow and "python3 .ci/release.py assets outputs assets" in workflow
     release = workflow[workflow.index("\n  release:"):]
     assert release.index("actions/checkout@") < release.index(".ci/release.py")
+
+
+WORKFLOWS = [ROOT / ".github/workflows/build.yml", ROOT / "pipeline/app/repository/build.yml"]
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.parent.name)
+def test_every_action_of_a_workflow_is_pinned_by_its_commit(path):
+    """A tag may be moved to other code; the version stands behind, for who reads it.  The same action is the same everywhere."""
+    text = path.read_text()
+    used = [step["uses"] for job in yaml.safe_load(text)["jobs"].values() for step in job["steps"] if "uses" in step]
+    assert used and [u for u in used if not re.fullmatch(r"actions/[a-z-]+@[0-9a-f]{40}", u)] == []
+    assert text.count("uses: actions/") == len(used) == len(re.findall(r"uses: \S+ +# v\d+\.\d+\.\d+\n", text))
+    everywhere = {u for p in WORKFLOWS for u in re.findall(r"uses: (actions/\S+)", p.read_text())}
+    assert len({u.split("@")[0] for u in everywhere}) == len(everywhere)
 
 
 # what make builds again, and what it leaves alone ----------------------------------------------

@@ -17,6 +17,7 @@ from cuspline.app.own_repository import FILES
 ROOT = Path(__file__).parents[1]
 NOT_SOURCES = shutil.ignore_patterns(".git", ".venv", "outputs", "build", "dist", "__pycache__", "*.egg-info", ".*_cache",
                                      ".hypothesis", "tests", "bench", "docs")
+PULL_REQUEST = "github.event_name == 'pull_request'"
 # python3 as it is, but for packages: what would be fetched is only looked at
 PYTHON = """#!/bin/sh
 case "$*" in
@@ -109,12 +110,35 @@ def test_the_workflow_of_a_new_repository_runs_with_the_wheel(wheel, environment
     shutil.copy(wheel, repository / "vendor")
 
     job, = yaml.safe_load((repository / ".github/workflows/build.yml").read_text())["jobs"].values()
-    done = [step_done(step, repository, variables) for step in job["steps"]]
+    done = [step_done(step, repository, variables) for step in job["steps"] if step.get("if") != PULL_REQUEST]
     assert done.count("run") == 3 and "trough" in os.listdir(repository / "outputs")
     assert {"plan.json", "manifest.json", "trough.step"} <= set(os.listdir(repository / "outputs/trough"))
     assert list(Path(environment["PYTHONPATH"]).rglob("*.kernel")) == []
     again = subprocess.run(["make"], cwd=repository, env=variables, capture_output=True, text=True)
     assert (again.returncode, "Nothing to be done" in again.stdout) == (0, True)
+
+
+@pytest.mark.parametrize("status, more", [(1, ""), (2, "not every part can be compared\n")])
+def test_a_pull_request_gets_what_it_changes_as_the_summary(status, more, tmp_path):
+    """Without the pull request the parts are built by the same cuspline; the run goes on whatever comes out."""
+    assert cli.run(["new", str(tmp_path / "parts")]) == 0
+    shutil.copytree(tmp_path / "parts", tmp_path / "old")
+    (tmp_path / "old").rename(tmp_path / "parts/base")
+    stub = tmp_path / "parts/.venv/bin/cuspline"
+    stub.parent.mkdir(parents=True)
+    stub.write_text("#!/bin/sh\necho \"$@\"\n[ $1 = build ] && mkdir -p outputs/trough && exec touch outputs/trough/manifest.json\n"
+                    f"exit {status}\n")
+    stub.chmod(0o755)
+    workflow = yaml.safe_load((tmp_path / "parts/.github/workflows/build.yml").read_text())
+    assert "workflow_call" in workflow[True]            # YAML takes the key `on` for true
+    old, step = [s for s in workflow["jobs"]["parts"]["steps"] if s.get("if") == PULL_REQUEST]
+    assert old["with"]["path"] == "base" and "base.sha" in old["with"]["ref"]
+    summary = tmp_path / "summary.md"
+    done = subprocess.run(["bash", "-eo", "pipefail", "-c", step["run"]], cwd=tmp_path / "parts", capture_output=True, text=True,
+                          env={**os.environ, "GITHUB_STEP_SUMMARY": str(summary)})
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "parts/base/outputs/trough/manifest.json").is_file()
+    assert summary.read_text() == f"diff base/outputs/trough outputs/trough --markdown\n{more}"
 
 
 def step_done(step, repository, variables):
@@ -129,6 +153,27 @@ def step_done(step, repository, variables):
         assert any((repository / step["with"]["path"]).iterdir())
     assert action.startswith("actions/")
     return action
+
+
+def test_the_container_needs_no_more_than_it_is_given(tmp_path):
+    """Its `make setup` runs where nothing but what it copies is; its packages are those of the workflow, and make."""
+    assert cli.run(["new", str(tmp_path / "parts")]) == 0
+    recipe = (tmp_path / "parts/Containerfile").read_text()
+    workflow = (tmp_path / "parts/.github/workflows/build.yml").read_text()
+    packages = lambda text: set(re.search(r"--no-install-recommends (.*)", text)[1].split())
+    assert packages(recipe) == packages(workflow) | {"make"} and "{" not in recipe
+    inside, tools = tmp_path / "inside", tmp_path / "bin"
+    (inside / "vendor").mkdir(parents=True)
+    (inside / "vendor/cuspline-1-py3-none-any.whl").touch()
+    for name in re.search(r"^COPY (.*) \./$", recipe, re.M)[1].split():
+        shutil.copy(tmp_path / "parts" / name, inside)
+    tools.mkdir()
+    (tools / "python3").write_text(PYTHON.replace("{python}", sys.executable))
+    (tools / "python3").chmod(0o755)
+    command = re.search(r"^RUN (make .*)$", recipe, re.M)[1]
+    done = subprocess.run(command.split(), cwd=inside, capture_output=True, text=True,
+                          env={**os.environ, "PATH": f"{tools}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)})
+    assert (inside / ".venv/bin/cuspline").is_file() and done.returncode == 0, done.stderr
 
 
 def test_make_without_the_wheel_says_what_is_missing(tmp_path):

@@ -375,7 +375,10 @@ def translate(
         source: Annotated[Optional[str], typer.Option("--from", help="post whose words it is in; else by its name's end")] = None,
         machine: Annotated[Optional[str], typer.Option(
             help="the new control's machine, by name or TOML file: decimals, units, tolerance; else the post's own")] = None,
-        cutters: Annotated[Optional[Path], typer.Option(help="the tools (JSON), where the post writes their lengths")] = None,
+        from_machine: Annotated[Optional[str], typer.Option(
+            help="the machine that the program is for, by name or TOML file, where it turns rotary axes")] = None,
+        cutters: Annotated[Optional[Path], typer.Option(
+            help="the tools (JSON), where the post writes their lengths, and for rotary axes")] = None,
         out: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
     """Write a program in another control's words: the same moves, read back and compared; what is not known is refused."""
     from cuspline.app import catalogue, translation
@@ -383,7 +386,7 @@ def translate(
     target = translation.machine_of(to) if machine is None else catalogue.with_post(catalogue.find_machine(machine), to)
     tools = None if cutters is None else {t.number: t for t in catalogue.find_library(cutters).tools}
     done = translation.translated(text, name=program.name, target=target, tools=tools,
-                                  source=translation.machine_of(translation.post_of(program.name, source)))
+                                  source=translation.source_of(program.name, source, from_machine))
     for note in done.notes:
         print(f"note: {note}", file=sys.stderr)
     _hand_out(done.texts, out, "--out")

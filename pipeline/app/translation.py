@@ -16,9 +16,12 @@ from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError, ReadError
 
 SAME_MM = 1e-9
-EXTENSIONS = {".ngc": "linuxcnc", ".mpf": "siemens", ".h": "heidenhain"}
+SAME_AXIS = 1e-8                    # of a tool axis, part by part: nine decimals, stretched to a length of 1
+EXTENSIONS = {".ngc": "linuxcnc", ".mpf": "siemens", ".h": "heidenhain", ".pmc": "pmac", ".apt": "apt", ".cls": "apt",
+              ".aptsource": "apt"}
 MACHINES = {"linuxcnc": "mill_3axis"}           # of other posts: mill_<post>
-TOOL_NUMBER = re.compile(r"\bT(?:OOL CALL)?\s*=?\s*\"?(\d+)", re.IGNORECASE)
+TOOL_NUMBER = re.compile(r"(?:\bT(?:OOL CALL)?\s*=?\s*\"?|LOADTL\s*/\s*)(\d+)", re.IGNORECASE)
+WORK_OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 COOLANTS = {0: "off", MIST: "mist", FLOOD: "flood"}
 UNTRANSLATED = {"M0": "a stop", "M1": "an optional stop", "G4": "a dwell"}
 LARGEST_STORE_BYTES = 1 << 40       # the whole text stays one: to split it is the planner's business
@@ -76,6 +79,17 @@ def machine_of(post):
     return catalogue.with_post(catalogue.find_machine(name), post)
 
 
+def source_of(name, post, machine):
+    """The machine that a program is read on.
+
+    Args:
+        name: of the file.   post: whose words it is in, or None.   machine: by name or TOML file; None: the post's own.
+    """
+    if machine is None:
+        return machine_of(post_of(name, post))
+    return catalogue.with_post(catalogue.find_machine(machine), post)
+
+
 def translated(text, *, name, source, target, tools=None):
     """A program in another control's words.
 
@@ -91,6 +105,8 @@ def translated(text, *, name, source, target, tools=None):
     """
     if tools is None and getattr(catalogue.find_post(target.control.post), "NEEDS_LENGTHS", False):
         raise InputError(f"the post {target.control.post} writes tool lengths into the program: give the tools by --cutters")
+    if tools is None and source.rotaries:
+        raise InputError(f"{name} turns rotary axes: where the tips are hangs on the tools' lengths: give the tools by --cutters")
     moves = _read(text, source, tools)
     if (tied := np.flatnonzero(moves.pitch_mm)).size:
         raise InputError(f"{name}, line {moves.line[tied[0]]}: a thread is tapped, the feed tied to the spindle: that is not "
@@ -122,11 +138,12 @@ def _read_all(texts, machine, tools):
 
 
 def _read(text, machine, tools):
-    """PostedMoves; machine coordinates stay unknown, for the zero is."""
+    """PostedMoves; machine coordinates stay unknown, for the zero is; rotaries turn about the machine file's zero."""
     numbers = {int(number) for number in TOOL_NUMBER.findall(text)}
     lengths = {number: 0.0 for number in numbers} if tools is None else {n: t.offset_mm for n, t in tools.items()}
     read = catalogue.reader_of(machine)
-    return read(text, work_offsets={}, tool_lengths=lengths, **({} if tools is None else catalogue.radii_taken(read, tools)))
+    zeros = dict.fromkeys(WORK_OFFSETS, machine.wcs_origin_mm) if machine.rotaries else {}
+    return read(text, work_offsets=zeros, tool_lengths=lengths, **({} if tools is None else catalogue.radii_taken(read, tools)))
 
 
 def program_of(moves, name, language, tools=None):
@@ -201,7 +218,7 @@ def _moves(moves, rows):
     column = lambda values: values[row]
     return Moves(start_mm=moves.start_mm[rows[0]], kind=column(moves.kind), end_mm=end, center_mm=center,
                  plane=np.where(column(moves.kind) > Kind.FEED, column(moves.plane), Plane.XY),
-                 axis=np.tile((0.0, 0.0, 1.0), (len(end), 1)), feed_mm_per_min=column(moves.feed_mm_per_min))
+                 axis=column(moves.end_axis), feed_mm_per_min=column(moves.feed_mm_per_min))
 
 
 def _pieces(moves, row):
@@ -275,6 +292,8 @@ def _ends_there(moves, row, back, other, half_mm):
 
 def _is_same_path(moves, row, back, rows, allowed_mm):
     """A line is one line; an arc is arcs about its centre, or chords."""
+    if np.abs(back.end_axis[rows[-1]] - moves.end_axis[row]).max() > SAME_AXIS:
+        return False
     if moves.kind[row] == Kind.FEED:
         return len(rows) == 1 and back.kind[rows[0]] == Kind.FEED
     if (back.kind[rows] == Kind.FEED).all():

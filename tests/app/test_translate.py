@@ -1,9 +1,12 @@
 """A program in another control's words: the same moves to the last bit that both can write, or a refusal with its line."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from itertools import permutations
 
+import known_tilted
 import numpy as np
 import pytest
 from random_programs import LENGTHS, TOOLS, random_program
@@ -12,11 +15,13 @@ from typer.testing import CliRunner
 
 from cuspline.app import catalogue, translation
 from cuspline.app.cli import app
+from cuspline.posts.readers.apt_reader import read_program
+from cuspline.posts.writers import apt
 from cuspline.program.posted import PostedMoves
 from cuspline.program.program import Kind, Plane
-from cuspline.values.errors import InputError, ReadError
+from cuspline.values.errors import InputError, PostError, ReadError
 
-POSTS = ("linuxcnc", "fanuc", "haas", "grbl", "siemens", "heidenhain", "pmac")
+POSTS = ("linuxcnc", "fanuc", "haas", "grbl", "siemens", "heidenhain", "pmac", "apt")
 BY_NUMBER = {t.number: t for t in TOOLS}
 HEAD = "G21\nG17 G90 G91.1 G94 G40 G49 G80 G92.1\nG64 P0.0005 Q0\nG55\n(OPERATION 1: SLOT)\nG53 G0 Z0\nT3 M6\n" \
        "G43 H3\nS8000 M3\nM8\n"
@@ -33,15 +38,16 @@ def read(texts, post):
                               [t.count("\n") for t in texts])
 
 
-def one_tool(seed):
+def one_tool(seed, helices):
     """A random program of one tool: Grbl has no others in one file."""
-    told = random_program(seed, planes=(Plane.XY,))
+    told = random_program(seed, planes=(Plane.XY,), helices=helices)
     return replace(told, operations=tuple(replace(o, tool=TOOLS[0]) for o in told.operations))
 
 
 @pytest.mark.parametrize("source, target", list(permutations(POSTS, 2)))
 def test_every_control_gets_the_moves_of_every_other(source, target):
-    text = catalogue.find_post(source).post(one_tool(7), machine(source)).text
+    helices = () if "apt" in (source, target) else tuple(Plane)        # which go out as chords there
+    text = catalogue.find_post(source).post(one_tool(7, helices), machine(source)).text
     done = translation.translated(text, name="a.nc", source=machine(source), target=machine(target), tools=BY_NUMBER)
     here, there = (m.kind != Kind.RAPID for m in (read([text], source), read(done.texts, target)))
     before, after = read([text], source), read(done.texts, target)
@@ -100,6 +106,33 @@ def test_what_would_be_lost_is_refused(block, wanted):
         translation.translated(text, name="a.ngc", source=machine("linuxcnc"), target=machine("haas"))
 
 
+@pytest.mark.parametrize("post, tip", [("linuxcnc", None), ("fanuc", "G43.4"), ("siemens", "TRAORI")])
+def test_a_program_with_rotaries_becomes_cutter_locations(post, tip):
+    """Tip by tip and axis by axis, joints solved or not; and those become the same in inches."""
+    source = known_tilted.machine("mill_trunnion_ac", post=post, tip_control=tip)
+    told = known_tilted.program(known_tilted.operation("finish", known_tilted.rolling()))
+    text, tools = catalogue.find_post(post).post(told, source).text, {7: known_tilted.BALL}
+    done = translation.translated(text, name="a.nc", source=source, target=machine("apt"), tools=tools)
+    back = read_program(done.texts[0], work_offsets={}, tool_lengths={7: 0.0})
+    known_tilted.assert_ends_are_read(back, known_tilted.rolling(), 2e-4, 2e-7)
+    inch = machine("apt", units="inch", decimals_inch=6)
+    again = translation.translated(done.texts[0], name="a.apt", source=machine("apt"), target=inch)
+    assert "UNITS/INCHES" in again.texts[0] and again.texts[0].count("GOTO/") == done.texts[0].count("GOTO/")
+    with pytest.raises(InputError, match="give the tools by --cutters"):
+        translation.translated(text, name="a.nc", source=source, target=machine("apt"))
+    with pytest.raises(PostError, match="the tool axis leans"):
+        translation.translated(done.texts[0], name="a.apt", source=machine("apt"), target=machine("haas"))
+
+
+def test_another_axis_is_another_program():
+    text = apt.post(known_tilted.program(known_tilted.operation("finish", known_tilted.rolling())), machine("apt")).text
+    moves = read_program(text, work_offsets={}, tool_lengths={7: 0.0})
+    turned = moves.end_axis.copy()
+    turned[20] = (0.0, 0.6, 0.8)
+    with pytest.raises(ReadError, match=f"line {moves.line[20]}: "):
+        translation._compared(moves, replace(moves, end_axis=turned), machine("apt").control, 0)
+
+
 def test_a_post_that_writes_another_program_is_found():
     text = catalogue.find_post("linuxcnc").post(program(), machine("linuxcnc")).text
     control, moves = machine("linuxcnc").control, read([text], "linuxcnc")
@@ -135,6 +168,10 @@ def test_the_command_writes_and_refuses(tmp_path):
     (tmp_path / "tools.json").write_text(json.dumps(library))
     assert run(tmp_path / "a.ngc", "--to", "grbl", "--cutters", tmp_path / "tools.json", "--out", tmp_path / "c.nc").exit_code == 0
     assert sorted(p.name for p in tmp_path.glob("c*")) == ["c-01.nc", "c-02.nc"]
+    assert run(tmp_path / "a.ngc", "--to", "apt", "--out", tmp_path / "d.apt").exit_code == 0
+    assert run(tmp_path / "d.apt", "--to", "siemens").exit_code == 0
+    (tmp_path / "e.apt").write_text((tmp_path / "d.apt").read_text().replace("RAPID", "RAPIDD", 1))
+    assert subprocess.run([sys.executable, "-m", "cuspline", "translate", tmp_path / "e.apt", "--to", "haas"]).returncode == 2
     for words, wanted in (((tmp_path / "b.nc", "--to", "siemens"), "say which one by --from"),
                           ((tmp_path / "a.ngc", "--to", "grbl"), "give the tools by --cutters"),
                           ((tmp_path / "a.ngc", "--to", "okuma"), "there is no post 'okuma'"),
