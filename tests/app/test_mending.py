@@ -136,6 +136,16 @@ def test_the_build_mends_what_the_verdict_finds(order, plan, monkeypatch):
     assert [m["found_by"] for m in told["mending"]] == ["the verdict"] and told["operations"][-1]["name"] == "clean-up 1"
 
 
+def test_what_the_samples_do_not_see_the_proof_sends_back_before_the_verdict(order, plan, monkeypatch):
+    """Planned with passes missing, and every sample content: the places come from the proof between them."""
+    monkeypatch.setattr(recipe, "plan_setup", lambda *args: spoilt(plan, 0.3))
+    monkeypatch.setattr(mending, "wants_of", lambda *args, **kwargs: Wants(places_mm=np.zeros((0, 3)), left_mm=0.0, gouge_mm=0.0))
+    monkeypatch.setattr(recipe, "Options", lambda: Options(spacing_mm=0.25, solid_pitch_mm=0.2))
+    result = recipe.build(replace(order, last_stage="verify", out=order.out.with_name("between")))
+    told = json.loads((result.folder / "plan.json").read_text())["setups"][0]
+    assert result.is_ok and {m["found_by"] for m in told["mending"]} == {"the planner's own proof between samples"}
+
+
 def test_what_could_not_be_mended_is_told_with_what_was_tried(order, plan, monkeypatch):
     monkeypatch.setattr(recipe, "plan_setup", lambda *args: spoilt(plan, 0.3))
     monkeypatch.setattr(mending, "OWN_ROUNDS", 0)
