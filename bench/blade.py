@@ -67,7 +67,6 @@ def spoilt(folder):
     rows = []
     for what, wrong in cases:
         found = begun(folder, wrong, options=DRAFT_OPTIONS).drafted().findings
-        print(what, [(f.kind, f.line, round(f.amount_mm,4)) for f in found][:6], flush=True)
         rows.append((f"{what}: findings ({', '.join(sorted({f.kind for f in found}))})", len(found), ""))
     return rows
 

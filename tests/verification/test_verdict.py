@@ -114,9 +114,9 @@ def test_every_stage_is_told_with_its_size():
     v = verdict(moves, say=said.append)
     count = f"{len(moves):,} moves"
     stages = ("index over " + count, "triangles of the design within 0.0020 mm", "samples of the faces, 12 triangles",
-              f"{v.numbers['points_checked']:,} samples against {count}", f"replay of {count} on a grid of 0.500 mm",
-              "what the edges meet on " + count, "certificate of " + count, "cusps beside ",
-              "proof of what stands between the samples", "solids on a grid of 0.200 mm")
+              f"{v.numbers['points_checked']:,} samples against {count}", "proof of what stands between the samples",
+              f"replay of {count} on a grid of 0.500 mm", "what the edges meet on " + count, "certificate of " + count,
+              "cusps beside ", "solids on a grid of 0.200 mm")
     assert len(said) == len(stages) and all(stage in text for stage, text in zip(stages, said)), said
 
 
