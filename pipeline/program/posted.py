@@ -174,6 +174,11 @@ class PostedMoves:
         return replace(self, stops=stops, **{f.name: getattr(self, f.name)[:count] for f in fields(self)
                                              if isinstance(getattr(self, f.name), np.ndarray)})
 
+    def without(self, left_out):
+        """The moves but those that are chosen (n,) bool, and without stops: what all else sweeps."""
+        return replace(self, stops=(), **{f.name: getattr(self, f.name)[~left_out] for f in fields(self)
+                                          if isinstance(getattr(self, f.name), np.ndarray)})
+
     def on_head(self, number, axis, driven_mm):
         """The same with the moves of one tool on a head: read as the place that the program drives, its axis turned.
 

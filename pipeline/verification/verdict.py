@@ -1,7 +1,7 @@
 """The verdict on one setup and on the part: both verifiers, their agreement, the replay, all findings."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -438,7 +438,8 @@ def _judged(part, c, found, own, judging, joined, proof):
     true_mm = _once(partial(_true_mm, part, c, found))
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
-    findings = (*history.findings, *history.idle, *process.findings, *report.gouges(), *report.unseen_gouges(proven),
+    findings = (*history.findings, *_idle(part, c, own, history, tools), *process.findings, *report.gouges(),
+                *report.unseen_gouges(proven),
                 *report.excess(), *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
     numbers = _numbers(found, view, finish, bounds, history, true_mm)       # after the findings: these search as deep as is allowed
@@ -460,7 +461,30 @@ def _drafted(part, c, found, own, judging):
     true_mm = _once(partial(_true_mm, part, c, found))
     report = Reporter(c.program, part.finish, found, own, true_mm)
     return SetupDraft(setup=c.name, numbers=_tidy(_on_faces(found, part.finish, true_mm)),
-                      findings=(*history.findings, *history.idle, *report.gouges(), *report.excess()))
+                      findings=(*history.findings, *_idle(part, c, own, history, judging.tools), *report.gouges(),
+                                *report.excess()))
+
+
+def _idle(part, c, own, history, tools):
+    """The replay's findings of operations that take nothing off, but for those that leave less at some sample.
+
+    The replay sees no less than its grid and its planes do; a pass over one place takes micrometres between them.
+    """
+    return tuple(f for f in history.idle if not _leaves_less(part, c, own, f.row, tools))
+
+
+def _leaves_less(part, c, own, row, tools):
+    """Whether more would stand at some sample without the operation that a move of clamping c belongs to."""
+    posted, piece = c.program.posted, part.piece
+    of = posted.operation == posted.operation[row]
+    mine = np.flatnonzero((own.row >= 0) & of[own.row])
+    if not len(mine):
+        return False
+    paths = _as_plated(swept_paths(posted.without(of), tools), part.finish)
+    cuts = tuple(replace(cut, paths=paths) if k == c.number else cut for k, cut in enumerate(piece.cuts))
+    asked = own.samples.points_mm[mine], own.samples.normals[mine], LIMIT_MM
+    without, all_of_it = (w.deviations(*asked)[0] for w in (replace(piece, cuts=cuts), piece))
+    return bool((without > all_of_it + NOISE_MM).any())
 
 
 def _cusps(part, c, found):

@@ -109,6 +109,20 @@ def test_a_layer_left_out_and_a_slot_too_deep_are_counted_with_their_whole_volum
     assert abs(deep["gouge_volume_mm3"] - slot) < deep["gouge_volume_bound_mm3"] < 0.1 * slot, (slot, deep)
 
 
+def test_a_pass_between_the_nodes_of_the_replay_is_not_idle_where_less_stands_after_it():
+    """The last 2 um of a ridge, 3 mm of it, after a long way through air; the same pass over what is cut is idle."""
+    cusp, moves = R - np.sqrt(R**2 - STEP**2 / 4), passes(10.0)
+
+    def again(z):
+        touch = [rapid(26, 26, 14), rapid(6, 26, 14), feed(6, 6.0, 12.5), feed(6, 6.0, z), feed(9, 6.0, z), feed(9, 6.0, 12.5),
+                 feed(9, 26, 12.5), feed(-20, 26, 12.5), rapid(-20, 26, 14)]
+        operation = np.repeat([0, 1], [len(moves), len(touch)])
+        found = verdict([*moves, *touch], operation=operation, operations=("first", "again")).findings
+        return [f.operation for f in found if f.kind == "idle_operation"]
+
+    assert again(10.0 + cusp - 0.002) == [] and again(10.0 + cusp + 0.002) == ["again"]
+
+
 def test_every_stage_is_told_with_its_size():
     said, moves = [], passes(10.0)
     v = verdict(moves, say=said.append)
