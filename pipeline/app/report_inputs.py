@@ -82,7 +82,7 @@ def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
         setups=tuple(_setup_bundle(work, judged, k, item, seen, job) for k, (item, seen) in enumerate(zip(posted, drawn))))
 
 
-def drawn_setup(moves, setup, plan, machine, places):
+def drawn_setup(moves, setup, plan, machine, places=None):
     """Drawn of a setup: operations counted as in its own plan, while positions of one program share their names."""
     names = [op["name"].split(",")[0].strip().lower() for s in plan["setups"] if s["name"] == setup.name
              for op in s["operations"]]

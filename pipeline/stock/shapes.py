@@ -241,10 +241,6 @@ class MeshShape(Shape):
         spans[more] = kernels.lines_through(origins[more], directions[more], *self._lines, room)[0]
         return spans
 
-    def tops_mm(self, frame, xy_mm):
-        """The same from above: the highest facet ends the search, where a line through all of it goes on."""
-        return self.tops_within_mm(frame, xy_mm, 0.0)
-
     @property
     def mesh(self):
         return self.vertices_mm, self.triangles

@@ -439,8 +439,8 @@ def _judged(part, c, found, own, judging, joined, proof):
     report = Reporter(c.program, finish, found, own, true_mm)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     findings = (*history.findings, *_idle(part, c, own, history, tools), *process.findings, *report.gouges(),
-                *report.unseen_gouges(proven),
-                *report.excess(), *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
+                *report.unseen_gouges(proven), *report.excess(),
+                *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
     numbers = _numbers(found, view, finish, bounds, history, true_mm)       # after the findings: these search as deep as is allowed
     numbers["unreachable"] = said_of_tabs(numbers["unreachable"], c.program.tabs, part.ball_radius_mm)

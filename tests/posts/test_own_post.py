@@ -141,7 +141,7 @@ def test_what_a_post_lacks_is_told(own, post, reader, wanted):
 
 
 def test_a_post_that_is_neither_known_nor_a_file_is_refused():
-    with pytest.raises(InputError, match="no post 'mine.py' and no such .py file; posts: fanuc, grbl"):
+    with pytest.raises(InputError, match="no post 'mine.py' and no such .py file; posts: apt, fanuc, grbl"):
         catalogue.find_post("mine.py")
 
 

@@ -104,16 +104,6 @@ def test_heights_within_a_radius_are_bounds(shape):
         assert np.median(bound[stands] - highest[stands]) < 2 * radius + 2 * ROUND_MM
 
 
-def test_tops_of_a_mesh_are_those_of_its_columns():
-    mesh = as_mesh(BAR)
-    low, high = mesh.box_in(ASKEW)
-    xy = RNG.uniform(low[:2] - 2, high[:2] + 2, (2000, 2))
-    tops = mesh.columns(ASKEW, xy)[..., 1]
-    highest = np.where(np.isfinite(tops), tops, -np.inf).max(axis=1)
-    np.testing.assert_allclose(mesh.tops_mm(ASKEW, xy), highest, atol=1e-6)
-    assert 200 < np.isfinite(highest).sum() < 1900
-
-
 def test_meshes_that_bound_no_solid_are_refused_in_a_sentence():
     vertices, triangles = BLOCK.mesh
     for some, words in ((triangles[1:], "open, 3 sides of its 11 triangles have no neighbour"),
