@@ -62,8 +62,8 @@ def spoilt(folder):
     cases = [("nothing wrong", job),
              (f"the casting {THICKER_MM:g} mm thicker than stated", _with_stock(job, part, parameters["skin_mm"] + THICKER_MM)),
              ("a neighbouring blade bent into the way", _with_bent_blade(job.beside(folder))),
-             ("A 0.05 mm off where the program thinks it", _with_offset(job, "a", (0.0, OFF_MM, 0.0))),
-             ("B 0.05 mm off where the program thinks it", _with_offset(job, "b", (OFF_MM, 0.0, 0.0)))]
+             (f"A {OFF_MM:g} mm off where the program thinks it", _with_offset(job, "a", (0.0, OFF_MM, 0.0))),
+             (f"B {OFF_MM:g} mm off where the program thinks it", _with_offset(job, "b", (OFF_MM, 0.0, 0.0)))]
     rows = []
     for what, wrong in cases:
         found = begun(folder, wrong, options=DRAFT_OPTIONS).drafted().findings
@@ -94,8 +94,10 @@ def _with_offset(job, letter, offset_mm):
 
 
 if __name__ == "__main__":
-    folder = Path((*sys.argv, "")[1])
-    rows = ([*figures(folder), *spoilt(folder)] if len(sys.argv) == 2 and folder.is_dir() else
-            measure(tuple(sys.argv[1:]) or SMALL, is_spoilt=not sys.argv[1:]))
+    asked = tuple(sys.argv[1:])
+    if len(asked) == 1 and Path(asked[0]).is_dir():
+        rows = [*figures(Path(asked[0])), *spoilt(Path(asked[0]))]
+    else:
+        rows = measure(asked or SMALL, is_spoilt=not asked)
     for what, number, unit in rows:
         print(f"{what}: {number:.5g} {unit}", flush=True)

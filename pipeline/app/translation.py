@@ -10,7 +10,7 @@ import numpy as np
 
 from cuspline.app import catalogue
 from cuspline.program.posted import FLOOD, MIST, PostedMoves
-from cuspline.program.program import Kind, Moves, Operation, Plane, Program
+from cuspline.program.program import WORK_OFFSETS, Kind, Moves, Operation, Plane, Program
 from cuspline.values import fixed_math as fixed
 from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError, ReadError
@@ -21,7 +21,6 @@ EXTENSIONS = {".ngc": "linuxcnc", ".mpf": "siemens", ".h": "heidenhain", ".pmc":
               ".aptsource": "apt"}
 MACHINES = {"linuxcnc": "mill_3axis"}           # of other posts: mill_<post>
 TOOL_NUMBER = re.compile(r"(?:\bT(?:OOL CALL)?\s*=?\s*\"?|LOADTL\s*/\s*)(\d+)", re.IGNORECASE)
-WORK_OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 COOLANTS = {0: "off", MIST: "mist", FLOOD: "flood"}
 UNTRANSLATED = {"M0": "a stop", "M1": "an optional stop", "G4": "a dwell"}
 LARGEST_STORE_BYTES = 1 << 40       # the whole text stays one: to split it is the planner's business

@@ -149,10 +149,11 @@ def not_seen(posted, found):
     return [posted.operations[k] for k in np.unique(posted.operation[blind]).tolist()]
 
 
-def process_document(posted, tools, found, loads=None, source="", change_rpm_per_s=None):
+def process_document(posted, tools, found, places, loads=None, source="", change_rpm_per_s=None):
     """verify.json's "process" of one setup.
 
     Args:
+        places: see `met_at_places`.
         loads: forces.Forces at the places of `found`; None: they are not known.
         source: where the material's figures come from, or why there are none.
         change_rpm_per_s: see `cuts_of_operations`.
@@ -163,15 +164,15 @@ def process_document(posted, tools, found, loads=None, source="", change_rpm_per
     for cut, (_, mine) in zip(cuts_of_operations(posted, tools, found, change_rpm_per_s), _by_operation(posted, found)):
         rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine))})
     words = {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
-    along = along_program(posted, found, turned_rpm(posted, change_rpm_per_s), loads)
-    return {"operations": rows, "along": along, "forces": source if loads is not None else f"not checked: {source}", **words}
+    return {"operations": rows, "along": along_program(posted, found, places),
+            "forces": source if loads is not None else f"not checked: {source}", **words}
 
 
-def along_program(posted, found, rpm, loads=None):
+def along_program(posted, found, places):
     """The largest of what edges meet on up to DRAWN stretches of a program, for plots.
 
     Args:
-        rpm: (n,) of moves, see `turned_rpm`.   loads: as for `process_document`.
+        places: see `met_at_places`.
     Returns:
         {name: list of numbers}, one a stretch; forces stand in it where they are known.
     """
@@ -181,7 +182,7 @@ def along_program(posted, found, rpm, loads=None):
     begins = np.unique(np.arange(DRAWN) * len(even) // DRAWN)
     most = lambda values: [round(v, 4) for v in np.maximum.reduceat(values, begins).tolist()]
     columns = {"way_m": np.cumsum(found.way_mm[even]) / 1000, "operation": posted.operation[found.row[even]].astype(float),
-               **{name: values[even] for name, values in met_at_places(posted, found, rpm, loads).items() if name != "row"}}
+               **{name: values[even] for name, values in places.items() if name != "row"}}
     return {name: most(values) for name, values in columns.items()}
 
 
@@ -189,7 +190,7 @@ def met_at_places(posted, found, rpm, loads=None):
     """What edges meet at every place of a program that is looked at; forces stand in it where they are known.
 
     Args:
-        rpm, loads: as for `along_program`.
+        rpm: (m,) of moves, see `turned_rpm`.   loads: as for `process_document`.
     Returns:
         {name: (n,)}; "row": of PostedMoves.
     """

@@ -170,14 +170,16 @@ class PostedMoves:
 
     def first(self, count):
         """The first `count` moves."""
-        stops = tuple(s for s in self.stops if s.row < count)
-        return replace(self, stops=stops, **{f.name: getattr(self, f.name)[:count] for f in fields(self)
-                                             if isinstance(getattr(self, f.name), np.ndarray)})
+        return self._only(slice(count), tuple(s for s in self.stops if s.row < count))
 
     def without(self, left_out):
         """The moves but those that are chosen (n,) bool, and without stops: what all else sweeps."""
-        return replace(self, stops=(), **{f.name: getattr(self, f.name)[~left_out] for f in fields(self)
-                                          if isinstance(getattr(self, f.name), np.ndarray)})
+        return self._only(~left_out, ())
+
+    def _only(self, rows, stops):
+        """Some of the moves, with these stops."""
+        return replace(self, stops=stops, **{f.name: getattr(self, f.name)[rows] for f in fields(self)
+                                             if isinstance(getattr(self, f.name), np.ndarray)})
 
     def on_head(self, number, axis, driven_mm):
         """The same with the moves of one tool on a head: read as the place that the program drives, its axis turned.

@@ -15,6 +15,7 @@ from cuspline.values.arrays import frozen
 from cuspline.values.errors import ToolpathError
 
 UPRIGHT = (0.0, 0.0, 1.0)
+WORK_OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")       # zeros in the order of their numbers
 TILT_RAD = 1e-9           # of a tool axis, that is rounding: a nanometre on a tool of 1 m
 
 

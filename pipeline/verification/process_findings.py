@@ -37,10 +37,10 @@ def process_of(posted, judging, stock, rows, around):
     shaken, chatter = chatter_findings(posted, tools, met, material, around)
     strays, drives = drive_findings(posted, machine, rows, around[0])
     change = None if machine is None else machine.spindle.turns_faster_rpm_per_s
-    return Process(places=met_at_places(posted, met, turned_rpm(posted, change), loads),
-                   findings=(*limit_findings(posted, tools, machine, met, loads, around), *shaken, *strays),
-                   document={**process_document(posted, tools, met, loads, source, change), "chatter": chatter, "drives": drives,
-                             "edges": edge_changes(posted, met, judging.life)})
+    places = met_at_places(posted, met, turned_rpm(posted, change), loads)
+    document = process_document(posted, tools, met, places, loads, source, change)
+    return Process(places=places, findings=(*limit_findings(posted, tools, machine, met, loads, around), *shaken, *strays),
+                   document={**document, "chatter": chatter, "drives": drives, "edges": edge_changes(posted, met, judging.life)})
 
 
 def limit_findings(posted, tools, machine, met, loads, around):

@@ -244,8 +244,7 @@ class FirstLook:
     @cached_property
     def proofs(self):
         """ExcessProof of every program: what stands between the samples."""
-        self.judging.say("proof of what stands between the samples")
-        return tuple(_excess_proof(self.part, c, found) for c, (found, _) in zip(self.clampings, self.residuals))
+        return tuple(_excess_proof(self.part, c, found, self.judging.say) for c, (found, _) in zip(self.clampings, self.residuals))
 
     def drafts(self):
         """What this look and the replay show by themselves; one SetupDraft a program."""
@@ -519,8 +518,9 @@ def _mesh_checks(part, c, found, bounds):
             "bounds_mm": allowed}, findings
 
 
-def _excess_proof(part, c, found):
+def _excess_proof(part, c, found, say):
     """That no place of clamping c's faces stands higher than the highest that was found and is allowed."""
+    say(f"{c.name}: proof of what stands between the samples")
     own, d, allowed = part.piece.cuts[c.number], found.deviation_mm, allowed_mm(part.finish)
     others = [cut for cut in part.piece.cuts if cut is not own]
     fine = found.is_reachable & (d <= allowed + NOISE_MM)

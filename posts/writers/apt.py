@@ -12,7 +12,7 @@ import numpy as np
 from cuspline.posts.writers.program_files import planes_of
 from cuspline.posts.writers.words import Posted, Writer, check_lines
 from cuspline.program.arcs import Arc
-from cuspline.program.program import UPRIGHT, Kind, Plane
+from cuspline.program.program import UPRIGHT, WORK_OFFSETS, Kind, Plane
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PostError
 
@@ -20,7 +20,6 @@ EXTENSION = "apt"
 READER = "apt_reader"
 TOOL_TABLE = None
 UNITS = {"mm": ("MM", "MMPM"), "inch": ("INCHES", "IPM")}
-WORK_OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 AXIS_DECIMALS = 9           # of a tool axis: a nanometre on a tool of a metre
 SAME_AXIS = 5e-10           # half of the last of them
 DEGREES_A_CHORD = 2.0       # by which the axis may turn within a chord of an arc

@@ -6,7 +6,7 @@ from brute_engagement import met, widest_arc
 from known_programs import arc, feed, program, rapid, tool
 
 from cuspline.process.ball_depths import edge_in_cut_mm, edge_radius_mm, inclined_depth_mm, transition_depth_mm
-from cuspline.process.cut_of_operations import process_document
+from cuspline.process.cut_of_operations import met_at_places, process_document
 from cuspline.process.engagement import Look, engagement
 from cuspline.program.program import Plane
 from cuspline.replay.scene import FoundStock
@@ -138,7 +138,7 @@ def test_the_document_says_what_operations_take_and_what_is_not_looked_at():
     drill = tool("ball", 4, number=2)
     drill = drill.model_copy(update={"cutter": drill.cutter.model_copy(update={"type": "drill"})})
     found = engagement(posted, {1: tool("ball", 10), 2: drill}, BLOCK)
-    document = process_document(posted, {1: tool("ball", 10), 2: drill}, found)
+    document = process_document(posted, {1: tool("ball", 10), 2: drill}, found, met_at_places(posted, found, posted.spindle_rpm))
     groove, = document["operations"]
     volume = 60 * (25 * np.arccos(0.8) - 12)
     assert groove["name"] == "groove" and groove["removed_mm3"] == pytest.approx(volume, rel=0.06)
