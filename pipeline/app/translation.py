@@ -23,6 +23,9 @@ MACHINES = {"linuxcnc": "mill_3axis"}           # of other posts: mill_<post>
 TOOL_NUMBER = re.compile(r"(?:\bT(?:OOL CALL)?\s*=?\s*\"?|LOADTL\s*/\s*)(\d+)", re.IGNORECASE)
 COOLANTS = {0: "off", MIST: "mist", FLOOD: "flood"}
 UNTRANSLATED = {"M0": "a stop", "M1": "an optional stop", "G4": "a dwell"}
+UPRIGHT = np.array([0.0, 0.0, 1.0])
+ARM_MM = 1000.0                     # from a rotary axis to the tip, at most
+FASTER, SAME_SHARE = 1.02, 1e-3     # of a piece of a leaning line beside the line
 LARGEST_STORE_BYTES = 1 << 40       # the whole text stays one: to split it is the planner's business
 
 
@@ -106,6 +109,9 @@ def translated(text, *, name, source, target, tools=None):
         raise InputError(f"the post {target.control.post} writes tool lengths into the program: give the tools by --cutters")
     if tools is None and source.rotaries:
         raise InputError(f"{name} turns rotary axes: where the tips are hangs on the tools' lengths: give the tools by --cutters")
+    if tools is None and target.rotaries:
+        raise InputError(f"{target.name} turns rotary axes: where its joints are hangs on the tools' lengths: give the tools by "
+                         "--cutters")
     moves = _read(text, source, tools)
     if (tied := np.flatnonzero(moves.pitch_mm)).size:
         raise InputError(f"{name}, line {moves.line[tied[0]]}: a thread is tapped, the feed tied to the spindle: that is not "
@@ -116,7 +122,7 @@ def translated(text, *, name, source, target, tools=None):
     posted = catalogue.find_post(target.control.post).post(program, target)
     back = _read_all(posted.texts, target, tools)
     notes = [f"line {moves.line[min(r.row, len(moves) - 1)]}: {r.advice}" for r in moves.remarks if r.kind == "unknown_start"]
-    notes += _compared(moves, back, target.control, posted.arcs_as_lines)
+    notes += _compared(moves, back, target.control, posted.arcs_as_lines, target.rotaries)
     notes += _looser(moves, back, target)
     return Translation(texts=posted.texts, extension=catalogue.find_post(target.control.post).EXTENSION, notes=tuple(notes))
 
@@ -129,7 +135,7 @@ def refuse_other_moves(moves, texts, machine, tools):
     Raises:
         ReadError: they do not.
     """
-    _compared(moves, _read_all(texts, machine, tools), machine.control, 0)
+    _compared(moves, _read_all(texts, machine, tools), machine.control, 0, machine.rotaries)
 
 
 def _read_all(texts, machine, tools):
@@ -252,8 +258,10 @@ def _looser(moves, back, target):
 # comparison --------------------------------------------------------------------------------------------
 
 
-def _compared(moves, back, control, arcs_as_lines):
+def _compared(moves, back, control, arcs_as_lines, rotaries=()):
     """Notes about how the moves read back differ from those of the program.
+
+    A line with a leaning tool comes back in pieces where rotary axes turn, slower where they cannot follow.
 
     Raises:
         ReadError: by more than half the last digit that the new control is given; `.rows` holds the program's line.
@@ -262,18 +270,22 @@ def _compared(moves, back, control, arcs_as_lines):
     half_feed = 0.5 * control.resolution_mm * float(f"1e{control.decimals - control.decimals_feed}") * (1 + 1e-6)
     cuts = np.flatnonzero(moves.kind != Kind.RAPID)
     found = np.flatnonzero(back.kind != Kind.RAPID)
+    through_joints, is_leaning = _ThroughJoints(control), _leans(moves) if rotaries else np.zeros(len(moves), bool)
     at, off_mm, off_feed = 0, 0.0, 0.0
     for row in cuts.tolist():
-        first = at
-        while at < len(found) and not _ends_there(moves, row, back, found[at], half_mm):
+        first, leans = at, is_leaning[row]
+        ends_there = through_joints.ends_there if leans else _ends_there
+        while at < len(found) and not ends_there(moves, row, back, found[at], half_mm):
             at += 1
         is_arc, rows = moves.kind[row] > Kind.FEED, found[first:at + 1]
-        if at == len(found) or at > first and not is_arc or not _is_same_path(moves, row, back, rows, 3 * half_mm):
+        if at == len(found) or not (through_joints.is_same_path(moves, row, back, rows, half_mm) if leans else
+                                    (at == first or is_arc) and _is_same_path(moves, row, back, rows, 3 * half_mm)):
             line = int(moves.line[row])
             raise ReadError(f"line {line}: the move does not come back as it was meant: the new control has not the digits or "
                             "the words for it", rows=[line])
         off_mm = max(off_mm, float(np.abs(back.end_mm[found[at]] - moves.end_mm[row]).max()))
-        off_feed = max(off_feed, float(np.abs(back.feed_mm_per_min[rows] - moves.feed_mm_per_min[row]).max()))
+        if not leans:
+            off_feed = max(off_feed, float(np.abs(back.feed_mm_per_min[rows] - moves.feed_mm_per_min[row]).max()))
         at += 1
     if at < len(found) or off_feed > half_feed:
         raise ReadError(f"{counted(len(found) - at, 'move')} more than the program has, or feeds off by {off_feed:g} mm/min",
@@ -283,6 +295,35 @@ def _compared(moves, back, control, arcs_as_lines):
     if arcs_as_lines:
         notes.append(f"{counted(arcs_as_lines, 'arc')} as chords within {control.path_tolerance_mm:g} mm")
     return notes
+
+
+def _leans(moves):
+    """(n,) bool: moves whose tool leans at one end at least."""
+    return np.maximum(np.abs(moves.start_axis - UPRIGHT), np.abs(moves.end_axis - UPRIGHT)).max(axis=1) > SAME_AXIS
+
+
+class _ThroughJoints:
+    """How near a leaning tool comes back through the joints of a machine: rounded angles, pieces of a line."""
+
+    def __init__(self, control):
+        self.turn_rad = np.radians(float(f"1e-{control.decimals_deg}"))
+        self.arm_mm = 0.0 if control.tip_control else ARM_MM * self.turn_rad
+        self.beside_mm = control.path_tolerance_mm
+
+    def ends_there(self, moves, row, back, other, half_mm):
+        """Whether a move read back ends where one of the program does, tip and axis, within the digits of both."""
+        is_held = np.abs(back.end_axis[other] - moves.end_axis[row]).max() <= 2 * self.turn_rad
+        return is_held and np.abs(back.end_mm[other] - moves.end_mm[row]).max() <= 2 * half_mm + self.arm_mm
+
+    def is_same_path(self, moves, row, back, rows, half_mm):
+        """Pieces of one line, at no more than its feed."""
+        if moves.kind[row] != Kind.FEED or (back.kind[rows] != Kind.FEED).any():
+            return False
+        start, way = moves.start_mm[row], moves.end_mm[row] - moves.start_mm[row]
+        share = np.clip(((back.end_mm[rows] - start) * way).sum(axis=1) / max((way * way).sum(), SAME_MM), 0.0, 1.0)
+        off = np.abs(back.end_mm[rows] - start - share[:, None] * way).max()
+        is_slow = back.feed_mm_per_min[rows].max() <= FASTER * moves.feed_mm_per_min[row]
+        return bool(off <= 2 * half_mm + self.arm_mm + self.beside_mm and (np.diff(share) >= -SAME_SHARE).all() and is_slow)
 
 
 def _ends_there(moves, row, back, other, half_mm):

@@ -26,6 +26,7 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.errors import PostError
+from cuspline.values.frames import Frame
 from cuspline.values.rows import X, Y, Z
 
 POLE_RAD = 1e-10        # an axis this close to a pole stands on it: a tenth of what inverse kinematics may be off
@@ -130,6 +131,20 @@ class Chain:
         """
         joints = self._joints(joints)
         return _forward(self.links, joints, _lengths(length_mm, len(joints)))
+
+    def linear_axes(self, angles):
+        """Frame whose X, Y and Z point where the linear axes lead, seen from the part, at (r,) angles of the rotaries.
+
+        Raises:
+            PostError: the linear axes are not square to each other.
+        """
+        steps = np.vstack([np.zeros(3), np.eye(3)])
+        tips = self.forward(np.hstack([steps, np.tile(angles, (len(steps), 1))]))[0]
+        try:
+            return Frame(rotation=(tips[1:] - tips[0]).T, origin_mm=np.zeros(3))
+        except ValueError:
+            raise PostError("X, Y and Z of this machine are not square to each other: its control moves the zero with the table "
+                            "only where they are") from None
 
     def branches(self, axes, rows=None):
         """Every way to hold the tool along axes, but for whole turns.

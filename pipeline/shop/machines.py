@@ -150,9 +150,10 @@ class Control(Sparse):
     decimals_inch: int = Field(default=5, ge=1, le=7)
     decimals_feed: int = Field(default=1, ge=0, le=3)
     decimals_deg: int = Field(default=4, ge=2, le=7, description="of rotary words, which are degrees in either unit")
-    tip_control: Literal["M428", "M68", "G43.4", "TRAORI"] | None = Field(
+    tip_control: Literal["M428", "M68", "G43.4", "TRAORI", "G234", "TCPM"] | None = Field(
         default=None, description="tool-centre-point control, by which tilted operations go out as tip and rotary axes: M428 "
-        "(and M429, LinuxCNC's remapped words), M68 (the output M68 E3 that they stand for), G43.4 (Fanuc), TRAORI (Siemens); "
+        "(and M429, LinuxCNC's remapped words), M68 (the output M68 E3 that they stand for), G43.4 (Fanuc), TRAORI (Siemens), "
+        "G234 (Haas), TCPM (Heidenhain); "
         "left out: as joints")
     line_length: int = Field(default=252, ge=40, description="longest block the control takes, characters")
     program_store_bytes: int = Field(gt=0)

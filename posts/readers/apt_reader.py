@@ -205,6 +205,9 @@ class _Job:
         self._stand_still("M1")
 
     def wait(self, parameters):
+        """DELAY: seconds."""
+        if len(parameters) != 1 or not _numbers(parameters, "DELAY")[0] > 0:
+            raise Complaint("DELAY without its seconds", "write DELAY/ and a number above 0")
         self._stand_still("G4")
 
     def end(self, parameters):

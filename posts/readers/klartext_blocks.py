@@ -10,10 +10,11 @@ from cuspline.posts.readers.rs274_blocks import Block, refusal, refuse_foreign
 from cuspline.posts.readers.rs274_expressions import Complaint
 
 LONGEST_LINE = 255
-NUMBER = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)"
-COORDINATE = re.compile(rf"(I?[XYZ]|IPA)({NUMBER})")
+UNSIGNED = r"(?:\d+(?:[.,]\d*)?|[.,]\d+)"
+NUMBER = rf"[+-]?{UNSIGNED}"
+COORDINATE = re.compile(rf"(I?[XYZ]|IPA|[ABC])({NUMBER})")
 STATEMENTS = ("BEGIN PGM", "END PGM", "BLK FORM 0.1", "BLK FORM 0.2", "TOOL CALL", "TOOL DEF", "CYCL DEF", "CYCL CALL", "STOP",
-              "CC", "CP", "CR", "C", "L", "M")
+              "FUNCTION TCPM", "FUNCTION RESET TCPM", "PLANE SPATIAL", "PLANE RESET", "CC", "CP", "CR", "C", "L", "M")
 
 
 class Statement(NamedTuple):
@@ -110,15 +111,15 @@ def path_words(rest):
             _once(said, "radius", word, word)
         elif word == "FMAX":
             _once(said, "is_rapid", True, word)
-        elif found := re.fullmatch(rf"F({NUMBER})", word):
+        elif found := re.fullmatch(rf"F({UNSIGNED})", word):
             _once(said, "feed", number(found[1]), word)
         elif found := re.fullmatch(rf"R({NUMBER})", word):
             _once(said, "arc_radius", number(found[1]), word)
         elif found := re.fullmatch(r"M(\d+)", word):
             functions.append(int(found[1]))
         else:
-            raise Complaint(f'unknown word "{word}"', "known are X Y Z, the same with I, IPA, DR+ DR-, R0, R with a radius, F, "
-                            "FMAX and M")
+            raise Complaint(f'unknown word "{word}"', "known are X Y Z, the same with I, A B C, IPA, DR+ DR-, R0, R with a "
+                            "radius, F, FMAX and M")
     return Words(functions=tuple(functions), **said)
 
 

@@ -7,10 +7,14 @@ sign.  CC says by its axes in which main plane circles run, DR is the mathematic
 X (angle reference axis).  Cycle 207 taps with the spindle tied to the feed: Q239 above 0 is right-hand, then to the set-up
 clearance Q200 and the second one Q204, both over Q203.  A circle whose radii differ by more than 0.005 mm is refused
 (circleDeviation).
+FUNCTION TCPM ties X Y Z to the tip, its F TCP is the feed there; PLANE SPATIAL turns about the part's Z, the new Y and the new X by
+SPC, SPB and SPA, and PLANE RESET STAY ends it where the axes stand.
 """
 
 import re
 from math import cos, hypot, isfinite, nan, radians, sin
+
+import numpy as np
 
 from cuspline.posts.readers.cutter_compensation import Compensation
 from cuspline.posts.readers.klartext_blocks import blocks_of, number, path_words
@@ -22,7 +26,10 @@ from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_flow import refuse_text_after
 from cuspline.posts.readers.rs274_modes import Rules
 from cuspline.posts.readers.rs274_reader import Controller
+from cuspline.posts.readers.turns import turned_about
 from cuspline.program.program import Plane
+from cuspline.values import fixed_math as fixed
+from cuspline.values.frames import Frame
 
 __all__ = ["read_program", "read_tool_table"]
 
@@ -36,6 +43,9 @@ BY_NAME = {
     **named_codes("units", "G20", "G21"),
     **named_codes("cutter compensation", "G40", "G41", "G42"),
     **named_codes("tool length", "G43", takes="h"),
+    **named_codes("tool length", "G49"),
+    **named_codes("tilted plane", "G53.1", "G69"),
+    **named_codes("kinematics", "M428", "M429"),
     **named_codes("work offset", "G54", "G55", "G56", "G57", "G58", "G59"),
     **named_codes("path control", "G64", takes="q"),
     **named_codes("arc distance", "G90.1"),
@@ -48,6 +58,7 @@ AT_THE_END = (0, 1, 2, 5, 9, 30)
 AT_THE_BEGIN = (3, 4, 7, 8)
 BOTH = {13: (3, 8), 14: (4, 8)}         # spindle and coolant
 MACHINE_DATUM = 91
+TCPM = ("F", "TCP", "AXIS", "POS", "PATHCTRL", "AXIS")
 IJK = dict(zip("XYZ", "ijk"))
 TAP_WORDS = {"Q200", "Q201", "Q239", "Q203", "Q204"}
 BELOW_MM = 1e-6             # that is rounding
@@ -69,13 +80,15 @@ RULES = Rules(code_of=finder(BY_NAME, {}), takes_own_length=False, moves_z_alone
                      "axis offset": ("CYCL DEF 7 with X+0 Y+0 Z+0", "whether a datum shift moves the zero")})
 
 
-def read_program(text, *, work_offsets, tool_lengths, tool_radii=None):
+def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None):
     """The moves of a Klartext program.
 
     Args:
         text: the whole program.
         work_offsets: {"G54": (x, y, z)} machine coordinates of each preset, mm; G54 is preset 1.
         tool_lengths: {number: length, mm}.
+        chain: kinematics.Chain of a machine with rotary axes, see rs274_reader; under FUNCTION TCPM X Y Z are the tip, in axes
+            that go with the table from where it stands with the rotaries at 0.
         tool_radii: {number: radius in the tool's register, mm} that RL and RR shift a contour by; left out: they are refused.
     Returns:
         PostedMoves.
@@ -88,7 +101,7 @@ def read_program(text, *, work_offsets, tool_lengths, tool_radii=None):
     ([3.0, 2.0, 2.0], [2, 4], True)
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES, tool_radii=tool_radii)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii)
     end = controller.run(_Tnc(controller).executed(blocks))
     if end is None:
         raise refusal(Complaint("the text stops without END PGM", "end it with END PGM, its name and its unit"), blocks[-1])
@@ -139,7 +152,8 @@ class _Tnc:
                             "begin with BEGIN PGM, a name and MM or INCH, once")
         other = {"BEGIN PGM": self._begin, "END PGM": self._end, "BLK FORM 0.1": self._drawn, "BLK FORM 0.2": self._drawn,
                  "TOOL CALL": self._call, "TOOL DEF": self._drawn, "CYCL DEF": self._cycle, "CYCL CALL": self._tap,
-                 "CC": self._center}.get(kind)
+                 "CC": self._center, "FUNCTION TCPM": self._tip_on, "FUNCTION RESET TCPM": self._tip_off,
+                 "PLANE SPATIAL": self._tilt, "PLANE RESET": self._upright}.get(kind)
         return other(rest) if other else self._moves(kind, path_words(rest))
 
     # the frame ----------------------------------------------------------------------------------
@@ -227,6 +241,41 @@ class _Tnc:
             raise Complaint("a datum shift", "write CYCL DEF 7 with X+0, Y+0 and Z+0, and set the zero by the preset")
         self.shifts.add(axis)
         return [(("g", 92.1),)] if self.shifts == set("XYZ") else [()]
+
+    # rotary axes ------------------------------------------------------------------------------------
+
+    def _tip_on(self, rest):
+        if rest != TCPM:
+            raise Complaint("FUNCTION TCPM " + " ".join(rest), f"write FUNCTION TCPM {' '.join(TCPM)}: F of the tip, rotary words "
+                            "as the axes stand, run evenly")
+        return [(("m", 428.0),)]
+
+    def _tip_off(self, rest):
+        if rest:
+            raise Complaint(f"{rest[0]} behind FUNCTION RESET TCPM", "write it alone")
+        return [(("m", 429.0),)]
+
+    def _tilt(self, rest):
+        """The plane takes the tool along as it stands: TURN must find the rotary axes there, MOVE would move X Y Z too."""
+        controller = self.controller
+        angles = {word[:3]: number(word[3:]) for word in rest if word[:3] in ("SPA", "SPB", "SPC") and _is_number(word[3:])}
+        if len(angles) != 3 or rest[3:] not in (("TURN", "FMAX"), ("STAY",)):
+            raise Complaint("PLANE SPATIAL without its three angles, or with another way to turn",
+                            "write SPA, SPB and SPC, then TURN FMAX or STAY")
+        if controller.tilted is not None or controller.is_tip or not controller.rotaries:
+            raise Complaint("PLANE SPATIAL in another plane, under FUNCTION TCPM, or without rotary axes",
+                            "write PLANE RESET STAY or FUNCTION RESET TCPM before; read with the machine's rotary axes")
+        controller.asked_plane = _space_frame(*(angles[name] for name in ("SPA", "SPB", "SPC")))
+        return [(("g", 49.0),), (("g", 53.1),), self._own_length()]
+
+    def _upright(self, rest):
+        if rest != ("STAY",):
+            raise Complaint("PLANE RESET that turns the rotary axes", "write PLANE RESET STAY, then turn them by L and M91")
+        return [(("g", 49.0),), (("g", 69.0),), self._own_length()] if self.controller.tilted is not None else [()]
+
+    def _own_length(self):
+        """A tool's length, which its call took, stays in force in a plane and behind it."""
+        return (("g", 43.0), ("h", float(self.controller.tool))) if self.controller.tool else ()
 
     # paths ----------------------------------------------------------------------------------------
 
@@ -320,6 +369,12 @@ class _Tnc:
         place = list(zip((a.lower(), b.lower()), ends))
         turns = turns if left else turns - 1
         return [*place, *([("z", z + said.places["IZ"])] if "IZ" in said.places else []), ("p", turns + 1.0)]
+
+
+def _space_frame(a, b, c):
+    """Frame turned about the fixed X, Y and Z by a, b and c degrees: the same as about Z, the new Y and the new X by c, b and a."""
+    turns = [turned_about(axis, degrees) for axis, degrees in enumerate((a, b, c))]
+    return Frame(rotation=fixed.matmul(turns[2], fixed.matmul(turns[1], turns[0])), origin_mm=np.zeros(3))
 
 
 def _is_number(text):

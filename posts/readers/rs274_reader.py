@@ -5,7 +5,7 @@ It knows nothing of any post.  What it does not know it refuses, with the line a
 
 import re
 from array import array
-from math import hypot, inf, isfinite, nan, radians, tau
+from math import hypot, inf, isfinite, nan, tau
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, refuse_text_after
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on, relied_on_by_cycle
 from cuspline.posts.readers.rs274_tools import read_tool_table
+from cuspline.posts.readers.turns import turned_about
 from cuspline.program.joint_sweeps import JointBlocks
 from cuspline.program.posted import FLOOD, MIST, PostedMoves, Remark, Stop
 from cuspline.program.program import Kind, Plane
@@ -100,6 +101,7 @@ class Controller:
         self.ends_tip = ""                  # word that ends it, beside the code that began it
         self.asked_plane = None             # of G68.2, that G53.1 has not taken up
         self.tilted = None                  # values.frames.Frame of a tilted plane in the WCS, between G68.2 and G69
+        self.unnamed = frozenset()          # axes that a control wants named before the next cut
         self.asked_tip = None               # M68 has asked for it, M66 has not come yet
         self.moving = MOVING_LETTERS.union(self.rotaries)
         self.taken_by_motion = {"": TAKEN_ALWAYS | self.moving} | {
@@ -827,12 +829,7 @@ def _refuse_unused(letters):
 
 def _plane_of(zero_mm, i_deg, j_deg, k_deg):
     """Frame of a plane by its zero and its angles about Z, the new X and the new Z."""
-    def about(axis, degrees):
-        s, c = fixed.sin(radians(degrees)), fixed.cos(radians(degrees))
-        about_z = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
-        return np.array(about_z if axis == "z" else [[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-    turned = fixed.matmul(fixed.matmul(about("z", i_deg), about("x", j_deg)), about("z", k_deg))
+    turned = fixed.matmul(fixed.matmul(turned_about(2, i_deg), turned_about(0, j_deg)), turned_about(2, k_deg))
     return Frame(rotation=turned, origin_mm=zero_mm)
 
 

@@ -5,12 +5,14 @@ from typing import NamedTuple
 
 from cuspline.posts.readers.rs274_blocks import Block, lines_cut, refuse_block_delete
 from cuspline.posts.readers.rs274_expressions import Complaint
+from cuspline.posts.readers.siemens_registers import Registers
 
 LONGEST_LINE = 512
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
 HEADER = re.compile(r"%_N_\w+_(MPF|SPF)|%")
 MESSAGE = re.compile(r'MSG\s*\(\s*("[^"]*")?\s*\)')
 NAMED = re.compile(rf'([A-Z]+\d*)\s*=\s*(?:({NUMBER})|"([^"]*)")(?![\w.(])')
+COMPUTED = re.compile(r"([A-Z]+\d*)\s*=\s*([-+*/(). R\d]*R\d[-+*/(). R\d]*)")
 WORD = re.compile(rf"([A-Z])\s*({NUMBER})(?!\s*=)")
 KEYWORD = re.compile(r"([A-Z]{2,})(?![\w=(])")
 KEYWORDS = ("SUPA", "CIP", "TRANS", "RTLION", "TRAORI", "TRAFOOF", "ORIAXES", "NORM", "CFTCP")
@@ -32,17 +34,21 @@ def blocks_of(text):
     Raises:
         ReadError: a line that cannot be cut into words.
     """
-    return lines_cut(text, _block, LONGEST_LINE)
+    registers = Registers()
+    return lines_cut(text, lambda number, line: _block(number, line, registers), LONGEST_LINE)
 
 
-def _block(number, line):
+def _block(number, line, registers):
     code, comment = _split(line)
     block = Block(number, line, comments=(comment,) if comment else ())
     code = code.upper().strip()
     if HEADER.fullmatch(code):
         return block
     refuse_block_delete(code)
-    said = _said(re.sub(r"^N\d+\s*", "", code))
+    code = re.sub(r"^N\d+\s*", "", code)
+    if registers.assign(code):
+        return block
+    said = _said(code, registers)
     return block._replace(words=(said,)) if any(said) else block
 
 
@@ -54,7 +60,7 @@ def _split(line):
     return parts[1], parts[2]
 
 
-def _said(code):
+def _said(code, registers):
     codes, values, keywords, at = [], {}, [], 0
     while at < len(code):
         if code[at].isspace():
@@ -62,6 +68,8 @@ def _said(code):
             continue
         if found := MESSAGE.match(code, at):
             pass
+        elif found := COMPUTED.match(code, at):
+            _put(values, found[1], registers.value(found[2]))
         elif found := NAMED.match(code, at):
             _put(values, found[1], _value(*found.groups()))
         elif found := WORD.match(code, at):

@@ -21,6 +21,7 @@ READER = "apt_reader"
 TOOL_TABLE = None
 UNITS = {"mm": ("MM", "MMPM"), "inch": ("INCHES", "IPM")}
 AXIS_DECIMALS = 9           # of a tool axis: a nanometre on a tool of a metre
+DWELL_DECIMALS = 3          # of seconds
 SAME_AXIS = 5e-10           # half of the last of them
 DEGREES_A_CHORD = 2.0       # by which the axis may turn within a chord of an arc
 
@@ -162,8 +163,10 @@ def _operation(writer, operation, number):
     writer.say("COOLNT", operation.coolant.upper())
     writer.feed, writer.rpm = None, operation.spindle_rpm
     _to_start(writer, moves)
-    starts = moves.starts_mm
+    starts, dwells = moves.starts_mm, {cycle.end - 1: cycle.dwell_s for cycle in operation.cycles if cycle.dwell_s}
     for k in range(len(moves)):
+        if k in dwells:                 # at the bottom of a hole, before the way up
+            writer.say("DELAY", writer.number(dwells[k], DWELL_DECIMALS))
         _move(writer, operation, k, starts[k])
 
 

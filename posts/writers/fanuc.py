@@ -110,7 +110,7 @@ class _Fanuc(Dialect):
         writer.is_tip = True
         return ("G43.4",), (f"H{tool.number}",)
 
-    def plane_on(self, writer, tool, plane_deg):
+    def plane_on(self, writer, tool, plane_deg, place_mm):
         writer.pending_z = (), ()
         writer.block("G49")             # of an operation before
         angles = (letter + writer.number(v, writer.machine.control.decimals_deg) for letter, v in zip("IJK", plane_deg))
@@ -118,14 +118,10 @@ class _Fanuc(Dialect):
         writer.block("G53.1")
         writer.forget_position()
         writer.is_tip = writer.is_tilted = True
-        return ("G43",), (f"H{tool.number}",)
+        writer.block("G43", "G0", *writer.words(place_mm), f"H{tool.number}")
 
     def tip_off(self, writer):
-        writer.block("G49")
-        if writer.is_tilted:
-            writer.block("G69")
-        writer.forget_position()
-        writer.is_tip, writer.is_tilted, writer.tool = False, False, None
+        self.end_tip(writer, "G69")
 
     def foot(self, writer):
         if writer.beside_mm:

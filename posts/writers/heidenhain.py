@@ -1,4 +1,4 @@
-"""Post for Heidenhain TNC controls in Klartext, three axes; repeated passes move by move.
+"""Post for Heidenhain TNC controls in Klartext, three axes and two rotaries; repeated passes move by move.
 
 Facts of the control that this post respects (TNC 640 User's Manual for Klartext Programming): blocks are numbered from 0 and stand
 between BEGIN PGM and END PGM of one name and unit; TOOL CALL takes the tool's length with it; FMAX holds for its own block, F until
@@ -6,7 +6,12 @@ the next; M91 counts from the machine's datum and heeds neither preset, datum sh
 CC, in DR's sense; a helix is CP with IPA and IZ, IPA of DR's sign; how far the control may leave the contour is cycle 32.  The
 preset is cycle 247's: number 1 stands for G54, 6 for G59.  DR is the mathematical sense in the main planes XY, YZ and ZX, whose
 first axes are X, Y and Z (TNC 407 User's Manual 5-19, TNC 426 Pilot, angle reference axis); helices go out along Z alone, others as
-chords.  Rotaries, and tools beside the spindle's axis, are refused.
+chords.  Tools beside the spindle's axis are refused.
+
+A leaning tool goes out under FUNCTION TCPM alone, for the control takes no times of blocks: F TCP is the tip's feed in the part
+(of the rotary axes, degrees a minute, where the tip stands), AXIS POS takes rotary words as they are, PATHCTRL AXIS runs the axes
+evenly from block to block.  Indexed positions stand in a plane by space angles (PLANE SPATIAL: about Z by SPC, then the new X by
+SPA); the rotary axes stand there before, by M91, so that TURN finds nothing to do.  PLANE RESET STAY leaves them.
 """
 
 import math
@@ -42,9 +47,9 @@ def post(program, machine):
     Returns:
         Posted.
     Raises:
-        PostError: rotary axes, a tool beside the spindle's axis, a work offset beyond G59, a line longer than the control takes, a
-            spindle speed outside the machine's range, a feed that rounds to nothing, an operation that does not start and end at
-            the clearance height.
+        PostError: a leaning tool without tip control, a tool beside the spindle's axis, a work offset beyond G59, a line longer
+            than the control takes, a spindle speed outside the machine's range, a feed that rounds to nothing, an operation that
+            does not start and end at the clearance height.
     """
     return posted(program, machine, _Heidenhain())
 
@@ -98,6 +103,16 @@ class _Blocks(Writer):
             self.block("L", *words, *radius, *(("FMAX",) if kind == Kind.RAPID else self.feed_words(feed)))
         self.here_mm = end_mm
 
+    def tip_feed(self, way_mm, seconds):
+        return super().tip_feed(way_mm, seconds).lstrip("+")
+
+    def fine_feed(self, a_minute):
+        return super().fine_feed(a_minute).lstrip("+")
+
+    def _jointly(self, motion, first, words, more):
+        rapid = ("FMAX",) if motion == "G0" else ()
+        self.block("L", *words, *(("R0",) if rapid else ()), *more, *rapid)
+
     def _arc_words(self, end_mm, center_mm, plane):
         """As for every control, the centre rounded where it is."""
         a, b, _ = plane.axes
@@ -147,6 +162,7 @@ class _Heidenhain(Dialect):
     """Klartext."""
 
     point, end, comment, writes, work_offsets = "", "M30", staticmethod(comment), _Blocks, tuple(PRESETS)
+    knows_rotaries, tip_controls, has_planes, states_times = True, ("TCPM",), True, False
 
     def head(self, writer, program, file_number):
         """Name and unit, comments, the blank for the control's picture, then a known state."""
@@ -155,6 +171,10 @@ class _Heidenhain(Dialect):
         writer.block("BEGIN PGM", writer.name)
         for line in program.header:
             writer.comment(line)
+        if writer.rotaries:
+            writer.comment("ROTARY AXES COUNT ON BEYOND 360 DEGREES: NO MODULO, OR M126 WOULD TURN THEM THE SHORT WAY")
+        if control.tip_control:
+            writer.comment("UNDER TCPM X Y Z GO WITH THE TABLE AS IT STANDS WITH THE ROTARY AXES AT 0")
         low, high = _drawn_mm(program)
         writer.block("BLK FORM 0.1 Z", *(axis + writer.length(v) for axis, v in zip("XYZ", low)))
         writer.block("BLK FORM 0.2", *(axis + writer.length(v) for axis, v in zip("XYZ", high)))
@@ -168,6 +188,27 @@ class _Heidenhain(Dialect):
 
     def up(self, writer):
         writer.block("L", "Z+0", "R0", "FMAX", "M91")
+
+    def in_machine(self, writer, *words):
+        writer.block("L", *words, "R0", "FMAX", "M91")
+
+    def tip_on(self, writer, tool):
+        writer.block("FUNCTION TCPM F TCP AXIS POS PATHCTRL AXIS")
+        writer.forget_position()
+        writer.is_tip = True
+        return (), ()
+
+    def plane_on(self, writer, tool, plane_deg, place_mm):
+        spc, spa, _ = (writer.number(v, writer.machine.control.decimals_deg) for v in plane_deg)
+        writer.block(f"PLANE SPATIAL SPA{spa} SPB+0 SPC{spc} TURN FMAX")
+        writer.forget_position()
+        writer.is_tip = writer.is_tilted = True
+        writer.block("L", *writer.words(place_mm), "R0", "FMAX")
+
+    def tip_off(self, writer):
+        writer.block("PLANE RESET STAY" if writer.is_tilted else "FUNCTION RESET TCPM")
+        writer.forget_position()
+        writer.is_tip = writer.is_tilted = False
 
     def change_tool(self, writer, operation):
         writer.rpm = f"S{operation.spindle_rpm:.0f}"

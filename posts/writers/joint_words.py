@@ -63,6 +63,7 @@ class JointRun:
         """
         moves, cutter, control = operation.moves, operation.tool.cutter, machine.control
         self.name, self.length_mm, self.chain = operation.name, operation.tool.length_mm, machine.kinematics
+        self.decimals_deg = control.decimals_deg
         self.tips, axes, move = _straight(moves, CHORD_SHARE * control.path_tolerance_mm)
         off_mm = JOINT_SHARE * control.path_tolerance_mm
         within = Tolerance(off_mm if tip_mm is None else tip_mm, off_mm / math.hypot(cutter.radius_mm, cutter.flute_length_mm))

@@ -47,6 +47,7 @@ class _Pmac(Dialect):
     """A motion program, the integrator's sub-programs round it."""
 
     point, end, comment, unnumbered = "", "M30", staticmethod(comment), (";", "OPEN", "CLOSE")
+    knows_radii = True
     writes, work_offsets = _Commands, ("G54", "G55", "G56", "G57", "G58", "G59")
 
     def head(self, writer, program, file_number):

@@ -25,7 +25,7 @@ from cuspline.posts.writers.sub_programs import (
     main_lines,
     restart_number,
 )
-from cuspline.posts.writers.tilted_words import TiltedMoves
+from cuspline.posts.writers.tilted_words import TiltedMoves, frame_of
 from cuspline.posts.writers.tip_words import TipMoves
 from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines, in_brackets
 from cuspline.program.arcs import lowest_z_mm
@@ -52,6 +52,8 @@ class Dialect(ABC):
     one_tool_a_file = False                 # the control changes no tool: every tool has a file of its own
     tip_controls: tuple[str, ...] = ()      # words of Control.tip_control that it writes
     has_planes = False                      # indexed positions go out in tilted planes, where there is tip control
+    plane_note = "A TILTED PLANE: ANY ZERO AND TOOL LENGTH WITHIN THE TRAVELS"
+    states_times = True                     # of blocks (G93); without it a leaning tool goes out under tip control alone
     cycle_words: dict[str, str] = {}        # DrillCycle.word -> the control's; without it holes go out move by move
     work_offsets: tuple[str, ...] | None = None     # that the control has; None: whatever a program names
     writes: type[Writer] = Writer           # how moves become its words
@@ -126,13 +128,33 @@ class Dialect(ABC):
         """
         raise PostError(f"{type(self).__name__} writes no tool-centre-point control: leave tip_control out of the machine's file")
 
-    def plane_on(self, writer, tool, plane_deg):
-        """A tilted plane by its angles about Z, the new X and the new Z; words before and behind the first move, as `tip_on`."""
+    def plane_on(self, writer, tool, plane_deg, place_mm):
+        """The frame of an indexed position on, and to a place in it, from above along the tool.
+
+        Args:
+            plane_deg: about Z, the new X and the new Z.   place_mm: (3,) of the tip in the frame.
+        """
         raise PostError(f"{type(self).__name__} writes no tilted planes")
+
+    def plane_frame(self, run, plane_deg):
+        """Frame in the WCS that the words of an indexed position are in, its zero the WCS's.
+
+        Args:
+            run: joint_words.JointRun.   plane_deg: as for `plane_on`.
+        """
+        return frame_of(plane_deg)
 
     def tip_off(self, writer):
         """Back to joints, wherever the tool stands."""
         raise PostError(f"{type(self).__name__} writes no tool-centre-point control: leave tip_control out of the machine's file")
+
+    def end_tip(self, writer, plane_off):
+        """G49 ends tip control and length, `plane_off` the frame of an indexed position; what follows says its tool anew."""
+        writer.block("G49")
+        if writer.is_tilted:
+            writer.block(plane_off)
+        writer.forget_position()
+        writer.is_tip, writer.is_tilted, writer.tool = False, False, None
 
     def dwell(self, seconds):
         """The P word of a dwell, behind G4 and in a canned cycle."""
@@ -301,7 +323,7 @@ class _Files:
         """PlainMoves, DrilledMoves, SolvedMoves, TipMoves or TiltedMoves of an operation.
 
         Raises:
-            PostError: its spindle changes its speed where that is not written.
+            PostError: its spindle changes its speed where that is not written; it leans, and the control has no words for it.
         """
         if operation.rpm_changes and (operation.cycles or operation.compensated or leans(operation.moves)):
             raise PostError(f"operation {operation.name}: the speed of the spindle changes among its moves, which goes with an "
@@ -316,9 +338,13 @@ class _Files:
         if not leans(operation.moves):
             return PlainMoves(operation, self.machine.rotaries)
         if self.machine.control.tip_control is None:
+            if not self.dialect.states_times:
+                raise PostError(f"operation {operation.name}: the post {self.machine.control.post} states no times of blocks, "
+                                f'which joints need: write tip_control = "{self.dialect.tip_controls[0]}" into the machine file')
             return SolvedMoves(operation, self.machine)
-        stands = operation.level_mm is not None and self.dialect.has_planes
-        return (TiltedMoves if stands else TipMoves)(operation, self.machine)
+        if operation.level_mm is not None and self.dialect.has_planes:
+            return TiltedMoves(operation, self.machine, self.dialect)
+        return TipMoves(operation, self.machine, self.dialect.states_times)
 
     def _enter(self, laid, first):
         """To where move `first` begins."""

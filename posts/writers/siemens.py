@@ -63,10 +63,12 @@ class _Siemens(Dialect):
     """G-code as far as it goes, then words of its own."""
 
     point, end, comment, knows_rotaries, tip_controls = "", "M30", staticmethod(comment), True, ("TRAORI",)
+    knows_radii = True
     work_offsets = ("G54", "G55", "G56", "G57")
 
     def writer(self, machine):
         writer = super().writer(machine)
+        writer.radius_name = "CR="
         writer.helix_words, writer.is_length_off = ("TURN=0",), True
         return writer
 

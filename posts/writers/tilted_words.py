@@ -1,6 +1,7 @@
-"""Indexed positions in a tilted plane of the control (G68.2): words are the tip's in a frame whose Z is the tool.
+"""Indexed positions in a frame of the control whose Z is the tool: a tilted plane (G68.2, PLANE), or the zero gone with the table
+(G254).  Words are the tip's in it.
 
-The rotary axes are named at the top of the machine before; G53.1 then finds them where they belong, and has no choice.
+The rotary axes are named at the top of the machine before; a plane then finds them where they belong, and has no choice.
 """
 
 import numpy as np
@@ -16,28 +17,27 @@ class TiltedMoves:
 
     is_tip = True
 
-    def __init__(self, operation, machine):
+    def __init__(self, operation, machine, dialect):
         """
         Raises:
-            PostError: see joint_words.JointRun.
+            PostError: see joint_words.JointRun; see `Dialect.plane_frame`.
         """
         self.run = run = JointRun(operation, machine, ANY_MM)
         self.tool, self.moves, self.origin_mm = operation.tool, operation.moves, np.array(machine.wcs_origin_mm)
         self.axis = operation.moves.axis[0]
         self.plane_deg = plane_angles_deg(self.axis, machine.control.decimals_deg)
-        self.frame = frame_of(self.plane_deg)
+        self.frame = dialect.plane_frame(run, self.plane_deg)
         self.start_mm, self.starts_mm = operation.moves.start_mm, operation.moves.starts_mm
         self.ends_mm = self.frame.into(operation.moves.end_mm)
         self.turned_deg = run.degrees[run.first - 1]
-        self.notes = ("A TILTED PLANE: ANY ZERO AND TOOL LENGTH WITHIN THE TRAVELS",)
+        self.notes = (dialect.plane_note,)
 
     def begin(self, writer, first, dialect):
         """From the top of the machine, rotaries turned, to where move `first` begins."""
         tip = self.starts_mm[first]
         go_above(writer, self.run, self.run.first[first] - 1, tip + self.origin_mm, self.axis, dialect)
-        before, behind = dialect.plane_on(writer, self.tool, self.plane_deg)
         place = self.frame.into(tip[None])[0]
-        writer.block(*before, "G0", *writer.words(place), *behind)
+        dialect.plane_on(writer, self.tool, self.plane_deg, place)
         writer.here_mm = place
 
     def write(self, writer, first, end, dialect):

@@ -26,13 +26,15 @@ class TipMoves:
 
     is_tip = True
 
-    def __init__(self, operation, machine):
+    def __init__(self, operation, machine, states_times=True):
         """
+        Args:
+            states_times: the control takes the time of a block (G93).
         Raises:
             PostError: see joint_words.JointRun.
         """
-        self.run = run = JointRun(operation, machine, ANY_MM)
-        self.tool, self.origin_mm = operation.tool, np.array(machine.wcs_origin_mm)
+        self.run, self.states_times = JointRun(operation, machine, ANY_MM), states_times
+        run, self.tool, self.origin_mm = self.run, operation.tool, np.array(machine.wcs_origin_mm)
         tips, self.axes = run.chain.forward(run.joints, run.length_mm)
         self.words_mm = tips - self.origin_mm
         least = (np.abs(np.diff(run.joints, axis=0)) / run.chain.speed).max(axis=1)
@@ -70,11 +72,21 @@ class TipMoves:
                 continue
             way = math.dist(self.words_mm[k], self.words_mm[k - 1])
             digits = writer.scale * 60.0 * way / self.seconds[k] * 10 ** writer.machine.control.decimals_feed
-            is_inverse = self._told(writer, is_inverse, way < STANDS_MM or digits < LEAST_DIGITS)
-            feed = writer.inverse_time(self.seconds[k]) if is_inverse else writer.tip_feed(way, self.seconds[k])
+            is_short = way < STANDS_MM or digits < LEAST_DIGITS
+            is_inverse = self._told(writer, is_inverse, is_short and self.states_times)
+            feed = writer.inverse_time(self.seconds[k]) if is_inverse else self._feed(writer, k, way, is_short)
             writer.joint_move("G1", self.words_mm[k], run.degrees[k], ("F" + feed,))
         self._told(writer, is_inverse, False)
         writer.feed = None
+
+    def _feed(self, writer, k, way_mm, is_short):
+        """The F word's number of block k; a short one's is of the way as it is written, or of the rotaries where the tip stands."""
+        if not is_short:
+            return writer.tip_feed(way_mm, self.seconds[k])
+        before, after = ([writer.rounded_mm(v) for v in self.words_mm[n]] for n in (k - 1, k))
+        turned = self.run.degrees[k] - self.run.degrees[k - 1]
+        written = math.dist(before, after) * writer.scale or float(np.sqrt((turned * turned).sum()))
+        return writer.fine_feed(60.0 * written / self.seconds[k])
 
     @staticmethod
     def _told(writer, was, is_inverse):

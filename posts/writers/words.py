@@ -15,6 +15,7 @@ from cuspline.values.errors import PostError
 
 INCH_MM = 25.4
 INVERSE_DECIMALS = 4        # of a feed under G93, 1/min
+FINE_FEED_DECIMALS = 3      # of a feed so slow that fewer do not tell it
 # LinuxCNC refuses an arc whose radii at start and end differ by more than 0.0283 mm and 0.1 %
 # (0.0014 in); a tenth of that leaves room for what other versions and controls may ask
 ARC_RADIUS_MISMATCH_MM = 0.00283
@@ -70,6 +71,7 @@ class Writer:
     """Lines so far and the modal state that the control is in."""
 
     motion_words, plane_words = MOTION_WORD, PLANE_WORD
+    radius_name = "R"               # of an arc by its radius
     number_bytes = 0                # that a block number takes before a line, at most
 
     def __init__(self, machine, point="", comment=in_brackets, rotaries=(), planes=tuple(Plane)):
@@ -165,13 +167,21 @@ class Writer:
         self.largest_rounding_mm = max(self.largest_rounding_mm, math.dist([self.rounded_mm(v) for v in point_mm], point_mm))
         words = [*self.words(point_mm), *self.turned(degrees)]
         if words:
-            self.block(*first, *self._motion(motion), *words, *more)
+            self._jointly(motion, first, words, more)
         self.here_mm = np.asarray(point_mm)
+
+    def _jointly(self, motion, first, words, more):
+        self.block(*first, *self._motion(motion), *words, *more)
 
     def tip_feed(self, way_mm, seconds):
         """The F word's number under G94 for a way in a time, rounded to the slower side."""
         scale = 10 ** self.machine.control.decimals_feed
         return self.number(math.floor(60.0 * way_mm * self.scale / seconds * scale) / scale, self.machine.control.decimals_feed)
+
+    def fine_feed(self, a_minute):
+        """A slow F word's number in the control's unit, rounded to the slower side as far as it is not nothing."""
+        scale = 10 ** FINE_FEED_DECIMALS
+        return self.number(max(math.floor(a_minute * scale), 1) / scale, FINE_FEED_DECIMALS)
 
     def inverse_time(self, seconds):
         """The F word's number under G93: one over the minutes, rounded to the slower side."""
@@ -288,7 +298,7 @@ class Writer:
         words = self.words(end_mm, [*sorted((a, b)), *([third] if is_helix else [])])
         centre = [names[k] + self.length(o) for k, o in sorted(zip((a, b), offset))]
         if self.by_radius:
-            centre = ["R" + self.length(self._radius_mm(center_mm, plane))]
+            centre = [self.radius_name + self.length(self._radius_mm(center_mm, plane))]
         more = self.helix_words if is_helix else ()
         self.block(*self._motion(self.motion_words[kind]), *words, *centre, *more, *self.feed_words(feed))
         self.here_mm = end_mm

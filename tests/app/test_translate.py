@@ -124,6 +124,59 @@ def test_a_program_with_rotaries_becomes_cutter_locations(post, tip):
         translation.translated(done.texts[0], name="a.apt", source=machine("apt"), target=machine("haas"))
 
 
+ROTARY = ("mill_trunnion_ac", "mill_haas_5axis", "mill_heidenhain_5axis")
+
+
+@pytest.fixture(scope="module")
+def leaning_locations():
+    told = known_tilted.program(known_tilted.operation("finish", known_tilted.rolling()), known_tilted.position(25.0, 70.0))
+    return apt.post(told, machine("apt")).text
+
+
+@pytest.mark.parametrize("name", ROTARY)
+def test_cutter_locations_of_a_leaning_tool_become_rotary_words(name, leaning_locations):
+    """Joints solved under G93, or the tip's own control; every end and axis comes back through the machine's joints."""
+    target, tools = catalogue.find_machine(name), {7: known_tilted.BALL}
+    done = translation.translated(leaning_locations, name="a.apt", source=machine("apt"), target=target, tools=tools)
+    back = known_tilted.read_with_tools(target, done.texts[0])
+    known_tilted.assert_ends_are_read(back, known_tilted.rolling(), 1e-3, 2e-5)
+    assert not any("arc" in note for note in done.notes)
+    with pytest.raises(InputError, match="turns rotary axes: where its joints are .* give the tools by --cutters"):
+        translation.translated(leaning_locations, name="a.apt", source=machine("apt"), target=target)
+
+
+@pytest.mark.parametrize("spoil", [
+    lambda m, k: edited(m, "end_mm", k, m.end_mm[k] + (0.0, 0.0, 0.02)), lambda m, k: edited(m, "end_axis", k, m.end_axis[k - 1]),
+    lambda m, k: edited(m, "feed_mm_per_min", k, 0.5 * m.feed_mm_per_min[k])])
+def test_rotary_words_that_lead_elsewhere_are_found(spoil, leaning_locations):
+    """An end, an axis, or a feed that is lower in the program than in what came back."""
+    target, tools = catalogue.find_machine("mill_haas_5axis"), {7: known_tilted.BALL}
+    text = translation.translated(leaning_locations, name="a.apt", source=machine("apt"), target=target, tools=tools).texts[0]
+    back = known_tilted.read_with_tools(target, text)
+    moves = read_program(leaning_locations, work_offsets={}, tool_lengths={7: 0.0})
+    row = int(np.flatnonzero((moves.kind == Kind.FEED) & (moves.end_axis[:, 2] < 0.99))[4])
+    assert translation._compared(moves, back, target.control, 0, target.rotaries) is not None
+    with pytest.raises(ReadError, match=f"line {moves.line[row]}: "):
+        translation._compared(spoil(moves, row), back, target.control, 0, target.rotaries)
+
+
+def edited(moves, name, row, value):
+    """The same moves, but for one value."""
+    column = getattr(moves, name).copy()
+    column[row] = value
+    return replace(moves, **{name: column})
+
+
+def test_a_program_of_one_machine_with_rotaries_becomes_one_of_another():
+    source = known_tilted.machine("mill_trunnion_ac", post="fanuc", tip_control="G43.4")
+    told = known_tilted.program(known_tilted.operation("finish", known_tilted.rolling()))
+    target, tools = catalogue.find_machine("mill_heidenhain_5axis"), {7: known_tilted.BALL}
+    text = catalogue.find_post("fanuc").post(told, source).text
+    done = translation.translated(text, name="a.nc", source=source, target=target, tools=tools)
+    back = known_tilted.read_with_tools(target, done.texts[0])
+    known_tilted.assert_ends_are_read(back, known_tilted.rolling(), 1e-3, 2e-5)
+
+
 def test_another_axis_is_another_program():
     text = apt.post(known_tilted.program(known_tilted.operation("finish", known_tilted.rolling())), machine("apt")).text
     moves = read_program(text, work_offsets={}, tool_lengths={7: 0.0})

@@ -49,6 +49,38 @@ def operation(name, moves, tool_=BALL):
     return Operation(name=name, tool=tool_, spindle_rpm=8000.0, coolant="off", moves=moves)
 
 
+def position(tilt_deg, azimuth_deg, level_mm=20.0):
+    """An operation in an indexed position: a triangle at height 0 along its axis, from and to its level."""
+    axis = leaning(tilt_deg, azimuth_deg)[0]
+    across = np.cross(axis, (0.3, 0.2, 0.1))
+    across /= np.linalg.norm(across)
+    ahead = np.cross(axis, across)
+    w = MoveWriter(5 * across + level_mm * axis)
+    w.feed(5 * across, 200)
+    for a, b in ((5, 8), (-4, 6), (5, 0)):
+        w.feed(a * across + b * ahead, 700)
+    w.rapid(5 * across + level_mm * axis)
+    moves = dataclasses.replace(w.moves(), axis=np.tile(axis, (len(w), 1)))
+    return dataclasses.replace(operation("side", moves), level_mm=level_mm)
+
+
+def random_leaning(seed):
+    """Up to three operations: an upright one, one that leans and turns, one in an indexed position."""
+    rng = np.random.default_rng(seed)
+    made = [_turning(rng), position(rng.uniform(5, 55), rng.uniform(-170, 170)), operation("upright", upright())]
+    return tuple(made[k] for k in rng.permutation(3)[:rng.integers(1, 4)])
+
+
+def _turning(rng):
+    """Lines in a box of 60 mm, the axis leaning by up to 40 degrees, at most 10 degrees from one to the next."""
+    w = MoveWriter((*rng.uniform(-30, 30, 2), CLEARANCE_MM))
+    for _ in range(8):
+        w.feed((*rng.uniform(-30, 30, 2), rng.uniform(-15, 15)), float(rng.integers(100, 2000)))
+    w.rapid((*w.here_mm[:2], CLEARANCE_MM))
+    tilt, azimuth = 20.0 + np.cumsum(rng.uniform(-2, 2, len(w))), rng.uniform(-180, 180) + np.cumsum(rng.uniform(-9, 9, len(w)))
+    return operation("turning", dataclasses.replace(w.moves(), axis=leaning(tilt, azimuth)))
+
+
 def program(*operations):
     return Program(name="small", setup="setup-1", wcs="G54", wcs_in_words="corner", clearance_z_mm=CLEARANCE_MM,
                    header=("SMALL",), operations=operations)
@@ -75,6 +107,26 @@ def assert_plan_is_read(posted, moves, mill):
     cut = np.flatnonzero((posted.kind == Kind.FEED) & (posted.end_mm[:, 0] < moves.end_mm[arc - 1, 0] - 1))
     allowed = ROUNDING_MM + (0.5 * mill.control.path_tolerance_mm if mill.control.tip_control is None else 0.0)
     assert len(cut) > 50 and off_lines(posted.end_mm[cut], moves.starts_mm[1:arc], moves.end_mm[1:arc]).max() < allowed
+
+
+def assert_position_is_read(posted, side, number):
+    """Every end of an indexed operation, its axis held, its four cuts at their feeds."""
+    assert posted.remarks == () and posted.ended
+    for end, axis in zip(side.moves.end_mm, side.moves.axis):
+        near = np.linalg.norm(posted.end_mm - end, axis=1)
+        hit = np.nanargmin(np.where(np.linalg.norm(posted.end_axis - axis, axis=1) < 1e-4, near, np.inf))
+        assert near[hit] < ROUNDING_MM
+    cut = (posted.kind == Kind.FEED) & (posted.operation == number)
+    assert np.abs(posted.feed_mm_per_min[cut] - [200, 700, 700, 700]).max() < 1e-6
+
+
+def assert_holds_for_any_zero_and_tool(mill, text):
+    """A text of `rolling` cuts the same where the part stands elsewhere and the tool is shorter."""
+    here = read_with_tools(mill, text)
+    x, y, z = mill.wcs_origin_mm
+    there = read_with_tools(mill.model_copy(update={"wcs_origin_mm": (x - 2, y + 1, z + 3)}), text, {7: BALL.length_mm - 6})
+    begin = int(np.nanargmin(np.linalg.norm(here.end_mm - rolling().end_mm[1], axis=1)))
+    assert np.abs(here.end_mm - there.end_mm)[begin:-2].max() < 1e-9
 
 
 def text_of(mill, *operations):

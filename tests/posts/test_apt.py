@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from known_machines import leaning
 from known_tilted import rolling
-from random_programs import LENGTHS, WCS, assert_reads_as, random_program
+from random_programs import LENGTHS, TOOLS, WCS, assert_reads_as, random_program
 from small_program import changed, operation, program
 
 from cuspline.app import catalogue
 from cuspline.posts.readers.apt_reader import read_program
 from cuspline.posts.writers import apt
 from cuspline.program.arcs import Arc
+from cuspline.program.drilling import DrillCycle, drilled
 from cuspline.program.program import Kind, Plane
 from cuspline.values.errors import PostError, ReadError
 
@@ -163,3 +164,21 @@ def test_no_edit_of_one_character_breaks_the_reader():
             refused += 1
             assert str(error).startswith("line ") and len(error.rows) == 1
     assert refused > 30
+
+
+def test_a_dwell_at_the_bottom_of_a_hole_is_a_delay_there():
+    hole = DrillCycle(kind="dwell", xy_mm=(10.0, 4.0), bottom_z_mm=-6.0, retract_z_mm=2.0, dwell_s=0.25, feed_mm_per_min=100.0,
+                      first=0, end=1)
+    moves, cycles = drilled((hole,), 30.0, 100.0)
+    text = text_of(program(replace(operation("holes", TOOLS[1], moves), cycles=cycles)))
+    lines = text.splitlines()
+    at = lines.index("DELAY/0.25")
+    assert lines[at - 1].startswith("GOTO/10,4,-6") and lines[at + 1] == "RAPID"
+    stop, = (s for s in read(text, {7: 0.0}).stops if s.word == "G4")
+    assert read(text, {7: 0.0}).end_mm[stop.row - 1, 2] == pytest.approx(-6.0)
+
+
+@pytest.mark.parametrize("word", ["DELAY", "DELAY/0", "DELAY/-1", "DELAY/1,2", "DELAY/SOON"])
+def test_a_delay_without_its_seconds_is_refused(word):
+    with pytest.raises(ReadError, match="line "):
+        read(text_of().replace("FINI", f"{word}\nFINI"))

@@ -109,7 +109,7 @@ def test_the_tool_changes_at_the_top_and_comes_down_over_the_work(name):
 def test_what_the_control_cannot_do_is_refused_by_name(name):
     machine, post = MACHINES[name], catalogue.find_post(name)
     rotary = catalogue.find_machine("mill_trunnion_ac").model_copy(update={"control": machine.control})
-    if name != "siemens":
+    if name in ("grbl", "pmac"):
         with pytest.raises(PostError, match="has the rotary axes"):
             post.post(program(), rotary)
     with pytest.raises(PostError, match="rpm, the spindle of"):
@@ -232,6 +232,24 @@ def test_sinumerik_turns_radii_and_tolerances_are_read():
     short = np.flatnonzero(moves.kind == Kind.ARC_CW)[0]
     assert moves.center_mm[short, 1] == pytest.approx(-np.sqrt(11))       # the longer way round
     assert moves.path_tolerance_mm[-5:-1].tolist() == [0.002, 0.03, 0.5, 0.0] and np.isnan(moves.path_tolerance_mm[-1])
+
+
+def test_sinumerik_r_parameters_are_computed_as_they_stand():
+    text = SIEMENS.format("R1=4 R2=R1*2.5\nN70 G1 X=R2 Y=-(R1+1)/2 F=R2*10\nR1=R1+1\nG3 X=R2+2*R1 I=R1 J0\nG1 X=R1+R2*-1")
+    moves = moves_of("siemens", text)
+    cuts = moves.kind != Kind.RAPID
+    np.testing.assert_allclose(moves.end_mm[cuts][:2, :2], [[10, -2.5], [20, -2.5]], atol=1e-9)
+    assert moves.feed_mm_per_min[cuts][0] == 100
+
+
+@pytest.mark.parametrize("blocks, wanted", [
+    ("X=R9", "R9 has no value"), ("R1=0\nX=5/R1", "divides by nothing"), ("R1=(4", "cannot be computed"),
+    ("R1=4 5", "cannot be computed"), ("R1=", "beside an R-parameter"), ("R1=3 G1 X5", "beside an R-parameter"),
+    ("R1=SIN(3)", "beside an R-parameter")])
+def test_r_parameters_that_nobody_can_compute_are_refused_in_their_line(blocks, wanted):
+    with pytest.raises(ReadError, match=wanted) as caught:
+        moves_of("siemens", SIEMENS.format(blocks))
+    assert list(caught.value.rows) == [8 + blocks.count("\n") + 1]
 
 
 KLARTEXT = ("0 BEGIN PGM A MM\n1 CYCL DEF 247 DATUM SETTING ~\n  Q339=+2 ;DATUM NUMBER\n2 CYCL DEF 7.0 DATUM SHIFT\n"

@@ -1,18 +1,18 @@
 """Fanuc with rotary axes: solved in joints under G93, and under G43.4; written, read back, and spoilt."""
 
-import dataclasses
 import re
 
 import numpy as np
 import pytest
-from known_machines import FIVE_AXIS, leaning
+from known_machines import FIVE_AXIS
 from known_tilted import (
-    BALL,
     FLAT,
-    ROUNDING_MM,
+    assert_holds_for_any_zero_and_tool,
     assert_plan_is_read,
+    assert_position_is_read,
     machine,
     operation,
+    position,
     program,
     read_with_tools,
     rolling,
@@ -20,7 +20,6 @@ from known_tilted import (
 )
 
 from cuspline.posts.writers import fanuc
-from cuspline.program.program import Kind, MoveWriter
 from cuspline.values.errors import PostError, ReadError
 
 
@@ -57,11 +56,7 @@ def test_the_orientation_is_stated_after_every_tool_change_and_g43_4_comes_with_
 def test_g43_4_holds_for_any_zero_and_tool():
     m = mill(tip="G43.4")
     text = text_of(m, operation("finish", rolling()))
-    here = read_with_tools(m, text)
-    x, y, z = m.wcs_origin_mm
-    there = read_with_tools(m.model_copy(update={"wcs_origin_mm": (x - 2, y + 1, z + 3)}), text, {7: BALL.length_mm - 6})
-    begin = int(np.nanargmin(np.linalg.norm(here.end_mm - rolling().end_mm[1], axis=1)))
-    assert np.abs(here.end_mm - there.end_mm)[begin:-2].max() < 1e-9
+    assert_holds_for_any_zero_and_tool(m, text)
 
 
 @pytest.mark.parametrize("tip", (None, "G43.4"))
@@ -122,21 +117,6 @@ def test_the_control_must_be_its_own():
 # tilted planes ------------------------------------------------------------------------------
 
 
-def position(tilt_deg, azimuth_deg, level_mm=20.0):
-    """An operation in an indexed position: a triangle at height 0 along its axis, from and to its level."""
-    axis = leaning(tilt_deg, azimuth_deg)[0]
-    across = np.cross(axis, (0.3, 0.2, 0.1))
-    across /= np.linalg.norm(across)
-    ahead = np.cross(axis, across)
-    w = MoveWriter(5 * across + level_mm * axis)
-    w.feed(5 * across, 200)
-    for a, b in ((5, 8), (-4, 6), (5, 0)):
-        w.feed(a * across + b * ahead, 700)
-    w.rapid(5 * across + level_mm * axis)
-    moves = dataclasses.replace(w.moves(), axis=np.tile(axis, (len(w), 1)))
-    return dataclasses.replace(operation("side", moves), level_mm=level_mm)
-
-
 @pytest.mark.parametrize("name", FIVE_AXIS)
 @pytest.mark.parametrize("tilt_deg, azimuth_deg", [(25.0, 70.0), (40.0, -110.0)])
 def test_an_indexed_position_stands_in_a_tilted_plane(name, tilt_deg, azimuth_deg):
@@ -149,14 +129,7 @@ def test_an_indexed_position_stands_in_a_tilted_plane(name, tilt_deg, azimuth_de
     assert lines[on + 1] == "G53.1" and re.fullmatch(r"G43 G0( [XYZ]\S+){3} H7", lines[on + 2])
     off = lines.index("G49", on)
     assert lines[off:off + 2] == ["G49", "G69"] and not any(re.search("[ABC]", line) for line in lines[on:off])
-    posted = read_with_tools(m, text)
-    assert posted.remarks == () and posted.ended
-    for end, axis in zip(side.moves.end_mm, side.moves.axis):
-        near = np.linalg.norm(posted.end_mm - end, axis=1)
-        hit = np.nanargmin(np.where(np.linalg.norm(posted.end_axis - axis, axis=1) < 1e-4, near, np.inf))
-        assert near[hit] < ROUNDING_MM
-    cut = (posted.kind == Kind.FEED) & (posted.operation == 1)
-    assert cut.sum() == 4 and posted.feed_mm_per_min[cut] == pytest.approx([200, 700, 700, 700])
+    assert_position_is_read(read_with_tools(m, text), side, 1)
 
 
 def tilted():

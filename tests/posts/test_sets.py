@@ -67,7 +67,7 @@ def of_hops(*counts):
                    header=("HOPS",), operations=told)
 
 
-@pytest.mark.parametrize("name", ["linuxcnc", "fanuc", "haas", "grbl", "siemens", "heidenhain"])
+@pytest.mark.parametrize("name", ["linuxcnc", "fanuc", "haas", "grbl", "siemens", "heidenhain", "pmac"])
 def test_plain_moves_are_split_where_the_tool_stands_high(name):
     told = of_hops()
     large, small = machine(name), machine(name, program_store_bytes=1200)

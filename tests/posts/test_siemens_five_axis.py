@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 from known_tilted import (
-    BALL,
     FLAT,
+    assert_holds_for_any_zero_and_tool,
     assert_plan_is_read,
     machine,
     operation,
@@ -62,11 +62,7 @@ def test_nothing_but_moves_of_the_tip_stands_under_traori_and_the_length_comes_b
 def test_it_holds_for_any_zero_and_tool():
     m = mill()
     text = text_of(m, operation("finish", rolling()))
-    here = read_with_tools(m, text)
-    x, y, z = m.wcs_origin_mm
-    there = read_with_tools(m.model_copy(update={"wcs_origin_mm": (x - 2, y + 1, z + 3)}), text, {7: BALL.length_mm - 6})
-    begin = int(np.nanargmin(np.linalg.norm(here.end_mm - rolling().end_mm[1], axis=1)))
-    assert np.abs(here.end_mm - there.end_mm)[begin:-2].max() < 1e-9
+    assert_holds_for_any_zero_and_tool(m, text)
 
 
 @pytest.mark.parametrize("old, new, message", [

@@ -1,7 +1,10 @@
 """Programs that are sent while they run: when a control waits for blocks, against an event by event walk and closed forms."""
 
+import re
+
 import numpy as np
 import pytest
+import small_program
 from pydantic import ValidationError
 
 from cuspline.app import catalogue
@@ -92,6 +95,22 @@ def test_short_blocks_at_a_high_feed_starve_a_slow_line_with_the_line_that_waits
     kept = int(late.advice.partition("about F")[2].split()[0])
     assert 50 < kept < 200                                  # 0.05 mm in 18 or so bytes at 960 a second: 160 mm/min
     assert found(0.9 * kept, slow)[0] == ()
+
+
+@pytest.mark.parametrize("name", ["haas", "grbl", "siemens", "heidenhain", "pmac"])
+def test_a_slow_line_starves_every_control_at_a_line_of_its_own_text(name):
+    short = small_program.one(("feed", (0.0, 0.0, 0.0), 300),
+                              *(("feed", (0.05 * k, 0.003 * (k % 7), 0.0), 2000) for k in range(1, 200)))
+    slow = Feeding(request_on_blocks=20, request_off_blocks=60, bytes_per_s=960, refill_s=0.05)
+    mill = small_program.changed(catalogue.find_machine(f"mill_{name}"), feeding=slow, sub_programs=False)
+    text = catalogue.find_post(name).post(short, mill).text
+    moves = catalogue.reader_of(mill)(text, work_offsets={"G55": (0.0, 0.0, 0.0)},
+                                      tool_lengths={o.tool.number: o.tool.length_mm for o in short.operations})
+    late, = feeding_findings(moves, [text], mill, "setup-1")
+    assert late.kind == "late_blocks" and late.operation == "cut" and late.amount > 1
+    assert re.search(r"X[+-]?\d", text.splitlines()[late.line - 1])
+    fast = small_program.changed(mill, feeding=slow.model_copy(update={"bytes_per_s": 100_000, "refill_s": 0.0}))
+    assert feeding_findings(moves, [text], fast, "setup-1") == ()
 
 
 def test_nothing_is_said_of_a_fast_line_or_of_a_control_that_holds_the_program():
