@@ -42,7 +42,7 @@ $(error PARAMS belong to one design: make $(firstword $(DESIGNS)) PARAMS='name=v
 endif
 endif
 
-.PHONY: all test lint help step doctor bench corpus site lock wheel clean distclean FORCE $(DESIGNS)
+.PHONY: all test lint help step diff doctor bench corpus site lock wheel clean distclean FORCE $(DESIGNS)
 .PRECIOUS: $(PUBLISHED) $(STEPS)
 
 all: $(PUBLISHED) ## set-up, then every design with default parameters into outputs/<design>/
@@ -58,6 +58,9 @@ test: .venv/.kernels ## set-up, then the whole test suite; FAST=1 leaves out wha
 lint: .venv/.project ## ruff over everything, mypy over what users write: parts
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+diff: .venv/.project ## what differs from the outputs of another checkout, in Markdown: make diff BASE=../base
+	@for p in $(DESIGNS); do $(BIN)/cuspline diff "$(BASE)/outputs/$$p" "outputs/$$p" --markdown || [ $$? = 1 ] || exit 2; done
 
 doctor: .venv/.project ## check the environment for what breaks silently
 	$(BIN)/cuspline doctor

@@ -3,11 +3,11 @@
 import ast
 import doctest
 import re
-import shlex
 from pathlib import Path
 
 import pytest
 import typer
+from shown_commands import PAGES, commands_shown
 
 from cuspline.app import cli
 from cuspline.values.finding_kinds import KINDS
@@ -121,20 +121,6 @@ def test_pages_speak_the_words_of_the_trade(name):
 
 
 # commands ---------------------------------------------------------------------------------------
-
-PAGES = ["README.md", "pipeline/app/repository/README.md",
-         *sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md"))]
-PREFIX, WORDS = r"(?:\.venv/bin/)?cuspline ", r"((?:--)?[a-z][^`{end}]*)"
-COMMAND = re.compile(f"^    {PREFIX}{WORDS.format(end=chr(10))}$|`{PREFIX}{WORDS.format(end='')}`", re.M)
-LEFT_TO_THE_READER = {"...": "x", "DIR": "x"}
-
-
-def commands_shown(name):
-    """(words behind `cuspline`, whether arguments are shown) of every command on a page; a name alone is a mention."""
-    for on_a_line, in_text in COMMAND.findall((ROOT / name).read_text()):
-        words = shlex.split((on_a_line or in_text).partition(" #")[0].replace("\\|", "|"))
-        yield [LEFT_TO_THE_READER.get(w, w) for w in words], len(words) > 1
-
 
 @pytest.mark.parametrize("name", [name for name in PAGES if any(commands_shown(name))])
 def test_every_command_shown_is_one_that_the_command_line_takes(name):

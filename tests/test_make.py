@@ -1,5 +1,6 @@
 """Makefile, lock, CI, workflow and README do what they say."""
 
+import hashlib
 import importlib.util
 import json
 import os
@@ -256,6 +257,19 @@ def test_a_release_holds_every_published_part_with_what_it_has(outputs, tmp_path
                                              re.M | re.I)))
 
 
+def test_a_release_of_what_a_build_really_writes_holds_it_byte_for_byte(default_part, tmp_path):
+    shutil.copytree(default_part, tmp_path / "outputs/z_profile")
+    done = subprocess.run(["python3", ROOT / ".ci/release.py", "assets", tmp_path / "outputs", tmp_path / "assets", "v1"],
+                          capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout == "z_profile: archive, z_profile.step\n", done.stderr
+    with zipfile.ZipFile(tmp_path / "assets/z_profile-v1.zip") as archive:
+        held = {n: archive.read(n) for n in archive.namelist() if not n.endswith("/")}
+    written = {f"z_profile/{p.relative_to(default_part)}": p.read_bytes() for p in default_part.rglob("*") if p.is_file()}
+    assert held == written and (tmp_path / "assets/z_profile-v1.step").read_bytes() == written["z_profile/z_profile.step"]
+    manifest = json.loads(held["z_profile/manifest.json"])
+    assert all(hashlib.sha256(held[f"z_profile/{name}"]).hexdigest() == sha for name, sha in manifest["files"].items())
+
+
 def test_reports_of_a_release_are_those_of_published_parts(outputs):
     said = subprocess.run(["python3", ROOT / ".ci/release.py", "parts", outputs], capture_output=True, text=True)
     assert json.loads(said.stdout) == ["cut"]
@@ -279,6 +293,28 @@ def test_the_workflow_sends_rejected_parts_into_an_artifact_of_that_name():
     assert "!outputs/*-rejected/**" in workflow and "python3 .ci/release.py assets outputs assets" in workflow
     release = workflow[workflow.index("\n  release:"):]
     assert release.index("actions/checkout@") < release.index(".ci/release.py")
+
+
+def test_a_pull_request_gets_what_it_changes_as_the_summary(tmp_path):
+    """Both checkouts are made; where nothing can be compared the summary says so, and the run goes on."""
+    steps = yaml.safe_load((ROOT / ".github/workflows/build.yml").read_text())["jobs"]["build"]["steps"]
+    old, step = [s for s in steps if s.get("if") == "github.event_name == 'pull_request'"]
+    assert old["with"]["path"] == "base" and "base.sha" in old["with"]["ref"]
+    assert steps.index(old) > [s.get("run") for s in steps].index("bash .ci/run")         # the suite has not seen it
+    (tmp_path / "make").write_text('#!/bin/sh\necho "make $@"\nexit 2\n')
+    (tmp_path / "make").chmod(0o755)
+    done = subprocess.run(["sh", "-e", "-c", step["run"]], cwd=tmp_path, capture_output=True, text=True, env={
+        **os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}", "GITHUB_STEP_SUMMARY": str(tmp_path / "summary")})
+    assert done.returncode == 0 and done.stdout.startswith("make -C base\nnot every part is published")
+    assert (tmp_path / "summary").read_text() == "make diff BASE=base\nnot every part can be compared\n"
+
+
+@pytest.mark.parametrize("status, code", [(0, 0), (1, 0), (2, 2)])
+def test_make_diff_fails_only_where_nothing_can_be_compared(shop, status, code):
+    (shop / ".venv/bin/cuspline").write_text(f"#!/bin/sh\necho \"$@\"\nexit {status}\n")
+    done = make(shop, "diff", "BASE=../old")
+    assert done.returncode == code and "diff ../old/outputs/plate outputs/plate --markdown\n" in done.stdout
+    assert ("outputs/vane --markdown" in done.stdout) == (code == 0)
 
 
 WORKFLOWS = [ROOT / ".github/workflows/build.yml", ROOT / "pipeline/app/repository/build.yml"]

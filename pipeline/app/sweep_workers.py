@@ -13,6 +13,7 @@ from cuspline.values.errors import InputError
 
 TRIES = 3                       # of one variant, whose process died
 STILLBORN = 20                  # processes that may die one after the other while they import
+ANSWER_S = 10                   # a scheduler is waited for
 LOOK_S = 0.2                    # how often Ctrl-C is looked for
 DIED = "its process was ended {tries} times, by signal or for want of memory"
 
@@ -139,7 +140,7 @@ def on_cluster(variants, address):
     """The same on the workers of a dask.distributed scheduler; they see the folders by the same paths as this process.
 
     Raises:
-        InputError: dask.distributed is not installed, or no scheduler answers.
+        InputError: dask.distributed is not installed, no scheduler answers, or it has gone in the middle.
     """
     try:
         from distributed import Client, as_completed
@@ -147,7 +148,7 @@ def on_cluster(variants, address):
         raise InputError("--scheduler needs dask.distributed: pip install distributed, here and on the workers; without it "
                          "the sweep runs in processes of this machine") from None
     try:
-        client = Client(address, timeout=10)
+        client = Client(address, timeout=ANSWER_S)
     except (OSError, ValueError) as error:
         raise InputError(f"--scheduler {address}: no scheduler answers ({type(error).__name__}): start one with "
                          "`dask scheduler`, and workers with `dask worker`") from None
@@ -155,6 +156,9 @@ def on_cluster(variants, address):
         sent = {client.submit(built, v, key=f"cuspline-{v.inputs_sha256}-{v.number}", retries=TRIES, pure=False): v
                 for v in variants}
         for done in as_completed(sent):
+            if done.status == "cancelled":          # nobody but a lost scheduler cancels
+                raise InputError(f"--scheduler {address}: the scheduler has gone; what is built stands: start it again, then "
+                                 "the same sweep, which goes on from there")
             variant = sent[done]
             yield variant, done.result() if done.status == "finished" else variant.failed(FAULT, DIED.format(tries=TRIES))
             interruption.stop_if_asked()

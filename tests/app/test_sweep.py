@@ -6,8 +6,11 @@ import os
 import pickle
 import signal
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Callable
 
 import pytest
 from built_parts import ran
@@ -264,3 +267,37 @@ def test_a_cluster_comes_to_the_same_table_one_worker_killed(one_by_one, tmp_pat
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
         rows = list(sweep_workers.on_cluster(variants, cluster.scheduler_address))
     assert table_of(variants, rows) == one_by_one and list(fatal.iterdir()) == []
+
+
+class LostScheduler:
+    """As dask.distributed looks from a client whose scheduler ends after two variants; bench/sweep_faults.py ends a real one."""
+
+    def __init__(self, address, timeout):
+        self.sent = []
+
+    def submit(self, function, variant, **given):
+        self.sent.append(Future("finished" if len(self.sent) < 2 else "cancelled", partial(function, variant)))
+        return self.sent[-1]
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        return False
+
+
+@dataclass(frozen=True, eq=False)
+class Future:
+    status: str
+    result: Callable
+
+
+def test_a_scheduler_that_goes_leaves_what_stands_and_a_sentence_and_the_sweep_goes_on(one_by_one, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace(Client=LostScheduler, as_completed=iter))
+    variants, rows = stub_variants(tmp_path / "sweep"), []
+    with pytest.raises(InputError, match="the scheduler has gone; what is built stands: start it again, then the same sweep"):
+        for done in sweep_workers.on_cluster(variants, "tcp://127.0.0.1:1"):
+            rows.append(done)
+    assert [v.row() for v in variants] == [row for _, row in rows] + 4 * [None]
+    assert not any(v.row_file.exists() for v in variants[2:])          # no fault is written for what nobody has built
+    assert table_of(variants, rows + [(v, sweep.built(v)) for v in variants[2:]]) == one_by_one
