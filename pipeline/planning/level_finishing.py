@@ -31,11 +31,20 @@ ON_IT_MM = 2e-5             # a tip so near to a floor's height lies on it: cont
 BESIDE_MM = 2.0             # facing passes begin and end so far beside the stock
 
 
+def facing_tool(work):
+    """The tool that an operation asks for; where it asks for none, the largest face mill no wider than the stock is narrow, so
+    that no stroke leaves most of it in the air, else the largest flat or bull nose cutter."""
+    wish, narrow = work.operation.wish, float(np.min(np.subtract(work.stock_max_mm, work.stock_min_mm)[:2]))
+    mills = [t for t in work.library.of_type("face_mill") if work.is_asked(t) and (wish or t.cutter.diameter_mm <= narrow)]
+    return mills[0] if mills else work.tools("flat", "bull_nose")[0]
+
+
 def faced(work, tool, allowance_mm):
     """Passes across the whole stock, level by level, down to a height.
 
     Args:
-        work: PlanningContext of a facing.   tool: flat or bull nose.   allowance_mm: left on the part's top.
+        work: PlanningContext of a facing.   tool: flat, bull nose or face mill; no level is deeper than its inserts.
+        allowance_mm: left on the part's top.
     Returns:
         (PlannedOperation or None where nothing stands above, the height).
     Raises:
@@ -56,6 +65,8 @@ def faced(work, tool, allowance_mm):
     if stock_top <= height + SAME_MM:
         return None, height
     stepdown = operation.stepdown_mm or work.material.stepdown_share * d
+    if tool.cutter.type == "face_mill":
+        stepdown = within_inserts_mm(operation, tool, stepdown)
     levels = np.linspace(stock_top, height, math.ceil((stock_top - height) / stepdown - 1e-9) + 1)[1:]
     step = _step_mm(work, tool, operation.stepover_mm)
     rpm, feed = work.speeds(tool, is_rough=True)
@@ -70,6 +81,19 @@ def faced(work, tool, allowance_mm):
     facts = {"allowance_mm": allowance_mm, "height_mm": round(height, 6), "levels": len(levels), "stepover_mm": round(step, 6),
              "stepdown_mm": round(float((stock_top - height) / len(levels)), 6), "candidates": []}
     return work.measured(operation.title, tool, rpm, writer.moves(), facts), height
+
+
+def within_inserts_mm(operation, tool, stepdown_mm):
+    """A stepdown that a face mill's inserts can take.
+
+    Raises:
+        PlanError: a deeper one is asked for.
+    """
+    deepest = tool.cutter.flute_length_mm
+    if operation.stepdown_mm is not None and operation.stepdown_mm > deepest:
+        raise PlanError(f"{operation.title}: stepdown_mm {operation.stepdown_mm:g} is more than the inserts of T{tool.number} "
+                        f"{tool.cutter.name} cut, {deepest:g} mm: lower it")
+    return min(stepdown_mm, deepest)
 
 
 def _over(work):
@@ -97,7 +121,7 @@ def _strokes(work, tool, step_mm):
     corners = np.array([(x, y) for x in (work.stock_min_mm[0], work.stock_max_mm[0])
                         for y in (work.stock_min_mm[1], work.stock_max_mm[1])])
     along, across = fixed.matmul(corners, bearing.along), fixed.matmul(corners, bearing.across)
-    beside = tool.cutter.radius_mm + BESIDE_MM
+    beside = (tool.cutter.largest_radius_mm if tool.cutter.type == "face_mill" else tool.cutter.radius_mm) + BESIDE_MM
     # the first line takes one stepover of stock, its cutter hanging over the edge
     first = float(across.min()) + step_mm - tool.cutter.radius_mm
     count = max(1, math.ceil((float(across.max()) - first - tool.cutter.radius_mm) / step_mm - 1e-9) + 1)

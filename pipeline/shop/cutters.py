@@ -48,7 +48,8 @@ SHAPE_FIELDS = {"ball": (), "bull_nose": (), "flat": (), "dovetail": ("taper_deg
                 "apt": ("taper_deg", "tip_angle_deg", "corner_center_radius_mm", "corner_center_height_mm"),
                 "drill": ("point_angle_deg",), "spot_drill": ("point_angle_deg",),
                 "chamfer_mill": ("point_angle_deg", "tip_diameter_mm"),
-                "tap": ("pitch_mm", "hand", "chamfer_threads"), "thread_mill": (), "reamer": ()}
+                "tap": ("pitch_mm", "hand", "chamfer_threads"), "thread_mill": (), "reamer": (),
+                "face_mill": ("insert_angle_deg",)}
 ALL_SHAPE_FIELDS = tuple(dict.fromkeys(name for names in SHAPE_FIELDS.values() for name in names))
 OPTIONAL = (*ALL_SHAPE_FIELDS, "shaft_segments", "max_rpm", "is_centre_cutting", "ramp_deg", "slot_depth_mm", "plunge_mm_per_tooth",
             "bending_n", "unpecked_mm")
@@ -68,13 +69,13 @@ DRILL_SHARE = 0.02          # the same of drills: half more than their largest
 class Cutter(Model):
     """An end mill of revolution about the tool axis; z = 0 at the tip.
 
-    `diameter_mm` is the trade's: over the flutes; of a tapered ball the ball's; of a dovetail and of an
-    APT shape across where the bottom and side lines cross.
+    `diameter_mm` is the trade's: over the flutes; of a tapered ball the ball's; of a dovetail, a face mill and an
+    APT shape across where the bottom and side lines cross. A face mill's flutes are as long as its inserts cut deep.
     """
 
     name: str
     type: Literal["ball", "bull_nose", "flat", "dovetail", "tapered_ball", "lens", "side", "apt", "drill", "spot_drill",
-                  "chamfer_mill", "tap", "thread_mill", "reamer"]
+                  "chamfer_mill", "tap", "thread_mill", "reamer", "face_mill"]
     diameter_mm: float = Field(gt=0)
     corner_radius_mm: float = Field(ge=0, description="0 flat, diameter/2 ball")
     flutes: int = Field(ge=1, le=100)
@@ -91,6 +92,8 @@ class Cutter(Model):
     point_angle_deg: float | None = Field(default=None, gt=10, le=180, description="of the cone at the tip, from side to side; "
                                           "180: a drill with a flat bottom, for counterbores")
     tip_diameter_mm: float | None = Field(default=None, ge=0, description="chamfer mill: of the flat below its cone; 0: a point")
+    insert_angle_deg: float | None = Field(default=None, ge=10, le=90, description="of a face mill: from the face it leaves to "
+                                           "the edge of its inserts; 90: upright walls")
     shaft_segments: tuple[HolderSegment, ...] | None = Field(
         default=None, min_length=1, description="a neck that is no cylinder: from the flutes' end to the reach")
     max_rpm: float | None = Field(default=None, gt=0, description="largest speed that its maker or its holder allows")
@@ -117,6 +120,8 @@ class Cutter(Model):
         wanted = {"ball": half, "tapered_ball": half, "flat": 0.0, **dict.fromkeys(WITHOUT_CORNER, 0.0)}.get(self.type)
         if wanted is not None and abs(self.corner_radius_mm - wanted) > 1e-9:
             raise ValueError(f"a {self.type} cutter of diameter {self.diameter_mm} mm has corner_radius_mm {wanted}")
+        if self.type == "face_mill" and self.corner_radius_mm >= half:
+            raise ValueError("a face_mill has corner_radius_mm < diameter/2")
         if self.type == "bull_nose" and not 0 < self.corner_radius_mm < half:
             raise ValueError("a bull_nose cutter has 0 < corner_radius_mm < diameter/2")
         corner = 0.0 if self.type in ("lens", "apt") else self.corner_radius_mm     # the profile checks theirs
@@ -125,7 +130,8 @@ class Cutter(Model):
         profile = self.profile
         widest = profile.top_radius_mm if profile.is_undercutting else profile.largest_radius_mm
         if self.shaft_segments is None and self.neck_diameter_mm > 2 * widest + 1e-9:
-            raise ValueError("neck_diameter_mm must not exceed diameter_mm" if self.taper_deg is None else
+            is_plain = self.taper_deg is None and self.type != "face_mill"
+            raise ValueError("neck_diameter_mm must not exceed diameter_mm" if is_plain else
                              f"neck_diameter_mm must not exceed the {2 * widest:.6g} mm of the flutes below it")
         self._shaft_joins()
         return self
@@ -212,18 +218,29 @@ class Cutter(Model):
     @property
     def body(self):
         """What is simulated of it: itself; of a tap its core, of a thread mill its neck down to the tip, as a flat cutter; a
-        reamer as a drill with a flat bottom.
+        reamer as a drill with a flat bottom; a face mill as a flat or bull nose cutter where its inserts stand upright, else as an
+        APT shape whose side leans out.
 
         A tap's core is as wide as the minor diameter of its thread: it touches no wall of a hole within limits.
         """
         if self.type == "reamer":
             return self.model_copy(update={"type": "drill", "point_angle_deg": 180.0})
+        if self.type == "face_mill":
+            return self.model_copy(update={"insert_angle_deg": None, **self._as_face_mill_cuts()})
         if not self.threads:
             return self
         wide = self.diameter_mm - MINOR_SHARE * self.pitch_mm if self.type == "tap" else self.neck_diameter_mm
         return self.model_copy(update={
             "type": "flat", "diameter_mm": wide, "neck_diameter_mm": min(wide, self.neck_diameter_mm),
             **dict.fromkeys(SHAPE_FIELDS["tap"])})
+
+    def _as_face_mill_cuts(self):
+        """Type and shape of what is simulated of a face mill."""
+        if self.insert_angle_deg == 90.0:
+            return {"type": "bull_nose" if self.corner_radius_mm > 0 else "flat"}
+        _, _, e, f, alpha, beta, _ = self.apt
+        return {"type": "apt", "taper_deg": 90.0 - self.insert_angle_deg, "tip_angle_deg": alpha, "corner_center_radius_mm": e,
+                "corner_center_height_mm": f}
 
     @property
     def chamfer_mm(self):
@@ -266,6 +283,7 @@ class Cutter(Model):
         if self.type == "tapered_ball":
             return 2 * r * (1 - fixed.sin(beta)) / fixed.cos(beta), r, 0.0, r, 0.0, beta, self.flute_length_mm
         beta = -beta if self.type == "dovetail" else beta
+        beta = np.radians(90.0 - self.insert_angle_deg) if self.type == "face_mill" else beta
         return d, r, *tangent_corner(d, r, alpha, beta), alpha, beta, self.flute_length_mm
 
     @property

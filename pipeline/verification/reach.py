@@ -9,8 +9,9 @@ from cuspline.toolpaths.drop.dropcutter import DropMesh, is_held_above
 TOLERANCE_MM = 0.005      # a ball smaller by this must fit: curvature equal to the ball's is reachable
 DRILLED_MM = 2e-3         # so far from a drill's surface a point is one that it makes
 LEVEL = -1e-6             # normals below this point downward
-REACHABLE, DOWNWARD, TOO_NARROW = 0, 1, 2
-REASONS = ("reachable", "faces downward", "too narrow for the smallest ball")
+REACHABLE, DOWNWARD, TOO_NARROW, AT_FOOT = 0, 1, 2, 3
+REASONS = ("reachable", "faces downward", "too narrow for the smallest ball", "reachable by a cutter of the program alone")
+FINISHABLE = (REACHABLE, AT_FOOT)
 
 
 def drop_mesh(vertices_mm, triangles):

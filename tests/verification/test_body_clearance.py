@@ -60,8 +60,8 @@ def test_a_turned_cylinder_beside_a_box_is_as_far_as_the_other_search_finds_it()
 
 def test_a_body_that_is_not_convex_is_its_triangles():
     """A post between the cheeks of a yoke: 5 mm from each, and in the middle of its hull."""
-    yoke = bodies._tree([*(p for low, high in (((0, 0, 0), (40, 10, 5)), ((0, 0, 5), (5, 10, 30)), ((35, 0, 5), (40, 10, 30)))
-                           for p in [BoxShape(min_mm=low, max_mm=high).mesh[0]])])
+    yoke = bodies._tree(np.vstack([BoxShape(min_mm=low, max_mm=high).mesh[0] for low, high in (
+        ((0, 0, 0), (40, 10, 5)), ((0, 0, 5), (5, 10, 30)), ((35, 0, 5), (40, 10, 30)))]), 8 * np.arange(4))
     post = box((10, 2, 10), (30, 8, 60))
     assert kernels.distance(post, yoke, UNMOVED, 0.0, np.inf, 1.0)[1] == pytest.approx(5.0)
     vertices, triangles = BoxShape(min_mm=(0, 0, 0), max_mm=(1, 1, 1)).mesh
@@ -216,3 +216,19 @@ def test_how_deep_a_long_piece_is_in_many_small_ones_is_told_by_some_of_them():
     slab = bodies.pieces_of(corners.reshape(-1, 3), np.arange(15000).reshape(-1, 3))
     deep = kernels.overlap(spindle, slab, ON((0, 0, -0.5)), bodies.OUTWARD)
     assert 1.3 < deep < 1.7             # the slab's top is 1 above its middle, the spindle's face 0.5 below it, cubes' corners 0.1
+
+
+def test_spheres_of_a_tree_hold_all_corners_below_them():
+    rng = np.random.default_rng(4)
+    corners = rng.uniform(-9, 9, (5, 1, 3)) + rng.normal(0, 1, (5, 3, 3))
+    points, first, nodes, leaves = bodies._tree(corners.reshape(-1, 3), 3 * np.arange(6))
+    assert leaves == 8 and sorted(map(tuple, points)) == sorted(map(tuple, corners.reshape(-1, 3)))
+    for k in range(5):
+        node = leaves - 1 + k
+        while True:
+            far = np.linalg.norm(points[first[k]:first[k + 1]] - nodes[node, :3], axis=1)
+            assert (far <= nodes[node, 3] + 1e-12).all()
+            if node == 0:
+                break
+            node = (node - 1) // 2
+    assert (nodes[leaves - 1 + 5:, 3] < 0).all()

@@ -21,7 +21,7 @@ class Facing(Clearing):
     angle_deg: float = Field(default=0.0, ge=-180, le=180, description="direction of the passes from +X")
 
     def plan(self, work):
-        tool = work.tools("flat", "bull_nose")[0]
+        tool = level_finishing.facing_tool(work)
         made, height = level_finishing.faced(work, tool, 0.0 if self.allowance_mm is None else self.allowance_mm)
         on_top = (work.samples.normal[:, 2] > level_finishing.LEVEL) & (
             np.abs(work.samples.point_mm[:, 2] - height) < level_finishing.SAME_MM)

@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field
 
 from cuspline.design.operations import Operation, ToolWish
-from cuspline.kernel import brep
 from cuspline.planning import section_finishing
 from cuspline.planning.context import FinishingStage, finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ball_reach, choose_ball, choose_side_cutter
@@ -186,8 +185,7 @@ def _vane(work):
 
 def _range_mm(work):
     """(first, last) x of the faces that this setup cuts."""
-    boxes = [brep.bounding_box_mm(work.faces[i].shape) for i in work.wanted]
-    return min(low[0] for low, _ in boxes), max(high[0] for _, high in boxes)
+    return tuple(work.box_of_wanted[:, 0])
 
 
 def _passes(work, vane, name, tool, over_mm, ridge_mm, facts):

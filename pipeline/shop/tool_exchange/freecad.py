@@ -1,7 +1,9 @@
 """Tool bits (.fctb) and libraries (.fctl) of FreeCAD: JSON with measures as text, "5.0000 mm".
 
 A bit knows neither stick-out nor holder. TaperAngle is the included angle of a tapered ball nose; FlatRadius of
-a bull nose is the radius of its flat, diameter/2 less the corner radius.
+a bull nose is the radius of its flat, diameter/2 less the corner radius. CuttingEdgeAngle of chamfers and V-bits goes from
+side to side, as that program's deburring and V-carving take it; a thread mill has one tooth of 60 degrees, at its edge as
+wide as Crest.
 """
 
 import re
@@ -9,6 +11,7 @@ from pathlib import PurePath
 
 import numpy as np
 
+from cuspline.shop.threads import MINOR_SHARE
 from cuspline.shop.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import InputError
@@ -18,7 +21,11 @@ LENGTHS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "µm": 1e-3, "in":
               "mil": 0.0254, "ft": 304.8, "'": 304.8}
 ANGLES_DEG = {"°": 1.0, "deg": 1.0, "rad": 180 / np.pi}
 SHAPES = {"endmill": "flat", "ballend": "ball", "bullnose": "bull_nose", "torus": "bull_nose",
-          "taperedballnose": "tapered_ball", "drill": "drill"}
+          "taperedballnose": "tapered_ball", "drill": "drill", "chamfer": "chamfer_mill", "v-bit": "chamfer_mill",
+          "vbit": "chamfer_mill", "tap": "tap", "thread-mill": "thread_mill", "threadmill": "thread_mill", "reamer": "reamer"}
+TAP_CHAMFER = 3.0           # threads, which the format does not say: form C has two to three
+ROUNDING = 1e-12            # of a cone that is as high as its flutes
+FLANK_DEG = 30.0            # of a thread's tooth, from side to side twice that
 MEASURE = re.compile(r"\s*([-+]?\d+(?:[.,]\d*)?(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
 
 
@@ -74,16 +81,28 @@ def _cutter(fields, shape):
                           "bottom or between the flanks; write this cutter into a cuspline library by hand")
     if shape not in SHAPES:
         raise SkippedTool(f"shape {shape!r} has no counterpart; known are {', '.join(SHAPES)}")
-    has_shank = shape != "drill" or fields.get("parameter", "ShankDiameter") is not None
-    d, flute, shank, overall = (_measure(fields, key, LENGTHS_MM) for key in (
-        "Diameter", "CuttingEdgeHeight", "ShankDiameter" if has_shank else "Diameter", "Length"))
+    if SHAPES[shape] == "thread_mill":
+        return _thread_mill(fields)
+    has_shank = shape not in ("drill", "reamer") or fields.get("parameter", "ShankDiameter") is not None
+    edge, thick = "CuttingEdgeLength" if shape == "tap" else "CuttingEdgeHeight", "ShankDiameter" if has_shank else "Diameter"
+    d, flute, shank, overall = (_measure(fields, key, LENGTHS_MM) for key in ("Diameter", edge, thick, "Length"))
     if not has_shank:
-        fields.assume("the shank is as thick as the drill (ShankDiameter is missing)")
+        fields.assume(f"the shank is as thick as the {shape} (ShankDiameter is missing)")
     flutes = _flutes(fields)
     fields.assume("no neck: the shank begins where the flutes end")
-    return {**_shape(fields, SHAPES[shape], d, flute), "flutes": flutes, "flute_length_mm": flute,
-            "shank_diameter_mm": shank, "overall_length_mm": overall, "reach_mm": flute,
-            "neck_diameter_mm": min(d, shank)}
+    made = _shape(fields, SHAPES[shape], d, flute)
+    widest = made["diameter_mm"] if shape != "tap" else d - MINOR_SHARE * made["pitch_mm"]
+    return {**made, "flutes": flutes, "flute_length_mm": flute, "shank_diameter_mm": shank, "overall_length_mm": overall,
+            "reach_mm": flute, "neck_diameter_mm": min(widest, shank)}
+
+
+def _thread_mill(fields):
+    """Fields of a Cutter with one tooth, which is as high as its crest and both of its flanks."""
+    d, neck, length, shank, overall, crest = (_measure(fields, key, LENGTHS_MM) for key in (
+        "Diameter", "NeckDiameter", "NeckLength", "ShankDiameter", "Length", "Crest"))
+    tooth = crest + (d - neck) * float(fixed.tan(np.radians(FLANK_DEG)))
+    return {"type": "thread_mill", "diameter_mm": d, "corner_radius_mm": 0.0, "flutes": _flutes(fields), "flute_length_mm": tooth,
+            "neck_diameter_mm": neck, "reach_mm": length, "shank_diameter_mm": shank, "overall_length_mm": overall}
 
 
 def _shape(fields, type_, d, flute):
@@ -96,9 +115,28 @@ def _shape(fields, type_, d, flute):
     if type_ == "drill":
         angle = _measure(fields, "TipAngle", ANGLES_DEG)
         return {"type": type_, "diameter_mm": d, "corner_radius_mm": 0.0, "point_angle_deg": angle}
+    if type_ == "reamer":
+        return {"type": type_, "diameter_mm": d, "corner_radius_mm": 0.0}
+    if type_ == "tap":
+        fields.assume(f"hand = right, chamfer_threads = {TAP_CHAMFER:g} (neither is stated)")
+        return {"type": type_, "diameter_mm": d, "corner_radius_mm": 0.0, "pitch_mm": _measure(fields, "Pitch", LENGTHS_MM),
+                "hand": "right", "chamfer_threads": TAP_CHAMFER}
+    if type_ == "chamfer_mill":
+        return _pointed(fields, d, flute)
     half = _measure(fields, "TaperAngle", ANGLES_DEG) / 2
     _check_taper(fields, d / 2, np.radians(half), flute)
     return {"type": type_, "diameter_mm": d, "corner_radius_mm": d / 2, "taper_deg": half}
+
+
+def _pointed(fields, d, flute):
+    """A chamfer mill; where its edge ends below the diameter that is stated, it is as wide as it ends."""
+    angle, has_tip = _measure(fields, "CuttingEdgeAngle", ANGLES_DEG), fields.get("parameter", "TipDiameter") is not None
+    tip = _measure(fields, "TipDiameter", LENGTHS_MM) if has_tip else 0.0
+    ends = tip + 2 * flute * (1.0 - ROUNDING) * float(fixed.tan(np.radians(angle) / 2))
+    if ends < d - 1e-6:
+        fields.assume(f"diameter_mm = {ends:.6g}, where its edge ends (Diameter is {d:g} mm)")
+    return {"type": "chamfer_mill", "diameter_mm": min(d, ends), "corner_radius_mm": 0.0, "point_angle_deg": angle,
+            "tip_diameter_mm": tip}
 
 
 def _check_taper(fields, r, beta, flute):

@@ -1,8 +1,8 @@
 """Tool libraries of Autodesk Fusion: .json, or .tools (a zip that holds tools.json).
 
 Lengths stand in the tool's own unit, a holder's in the holder's own; TA is the side's angle to the axis, SIG a drill's
-point from side to side, TP a tap's pitch; LB is the length below the holder; holder segments run from the nose up, those
-above the gauge line last.
+point from side to side, TP a tap's pitch; a face mill is as wide as DC at its face, a slot mill's LCF is its width; LB is the
+length below the holder; holder segments run from the nose up, those above the gauge line last.
 """
 
 import zipfile
@@ -20,10 +20,12 @@ from cuspline.values.input_files import LARGEST_BYTES, json_of, parsed_json
 from cuspline.values.models import complaints, shortened
 
 UNITS_MM = {"millimeters": 1.0, "inches": 25.4}
-POINTS = {"drill": "drill", "spot drill": "spot_drill", "chamfer mill": "chamfer_mill"}
+POINTS = {"drill": "drill", "spot drill": "spot_drill", "chamfer mill": "chamfer_mill", "counter sink": "chamfer_mill"}
 HANDS = {"tap right hand": "right", "tap left hand": "left"}
 TAP_CHAMFER = 3.0           # threads, which the format does not say: form C has two to three
-TYPES = ("flat end mill", "ball end mill", "bull nose end mill", "tapered mill", "dovetail mill", *POINTS, *HANDS, "thread mill")
+SHARP_MM = 0.01             # corners of a slot mill that states none: rounder ones cut less
+TYPES = ("flat end mill", "ball end mill", "bull nose end mill", "tapered mill", "dovetail mill", *POINTS, *HANDS, "thread mill",
+         "face mill", "slot mill", "reamer", "counter bore")
 SEGMENT = ("height", "lower-diameter", "upper-diameter")
 
 
@@ -128,6 +130,8 @@ def _shape(fields, foreign_type, d, mm):
                 "pitch_mm": fields.needed("geometry", "TP") * mm, "chamfer_threads": TAP_CHAMFER}
     if foreign_type == "thread mill":
         return {"type": "thread_mill", "diameter_mm": d, "corner_radius_mm": 0.0}
+    if foreign_type in ROUND_TYPES:
+        return ROUND_TYPES[foreign_type](fields, d, corner)
     if foreign_type in POINTS:
         return _pointed(fields, POINTS[foreign_type], d, mm)
     taper = fields.needed("geometry", "TA")
@@ -136,9 +140,38 @@ def _shape(fields, foreign_type, d, mm):
     return _tapered(d, corner, taper)
 
 
+def _face_mill(fields, d, corner):
+    """Inserts that lean out by TA; without it they stand upright."""
+    lean = fields.number("geometry", "TA", least=-1e-12) or 0.0
+    return {"type": "face_mill", "diameter_mm": d, "corner_radius_mm": corner, "insert_angle_deg": 90.0 - lean}
+
+
+def _slot_mill(fields, d, corner):
+    """A T-slot or Woodruff cutter: a side cutter under its neck."""
+    if not corner:
+        fields.assume(f"corner_radius_mm = {SHARP_MM:g} (its corners are sharp)")
+    return {"type": "side", "diameter_mm": d, "corner_radius_mm": corner or SHARP_MM}
+
+
+def _reamer(fields, d, corner):
+    return {"type": "reamer", "diameter_mm": d, "corner_radius_mm": 0.0}
+
+
+def _counterbore(fields, d, corner):
+    """A drill with a flat bottom; its pilot is not known."""
+    fields.assume("it has no pilot")
+    return {"type": "drill", "diameter_mm": d, "corner_radius_mm": 0.0, "point_angle_deg": 180.0}
+
+
+ROUND_TYPES = {"face mill": _face_mill, "slot mill": _slot_mill, "reamer": _reamer, "counter bore": _counterbore}
+
+
 def _pointed(fields, type_, d, mm):
-    """A drill, whose tip is taken for a point, or a chamfer mill, whose TA is half of its point."""
+    """A drill, whose tip is taken for a point, a chamfer mill, whose TA is half of its point, or a countersink, which has SIG."""
     tip = (fields.number("geometry", "tip-diameter", least=-1e-12) or 0.0) * mm
+    if type_ == "chamfer_mill" and fields.number("geometry", "SIG") is not None:
+        return {"type": type_, "diameter_mm": d, "corner_radius_mm": 0.0, "tip_diameter_mm": tip,
+                "point_angle_deg": fields.needed("geometry", "SIG")}
     if type_ == "chamfer_mill":
         return {"type": type_, "diameter_mm": d, "corner_radius_mm": 0.0, "tip_diameter_mm": tip,
                 "point_angle_deg": 2 * fields.needed("geometry", "TA")}

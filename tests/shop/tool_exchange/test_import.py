@@ -96,6 +96,49 @@ def test_taps_and_thread_mills_come_with_pitch_and_hand(tmp_path):
     assert mill.type == "thread_mill" and mill.neck_diameter_mm == 4.0
 
 
+def test_face_mills_slot_mills_reamers_and_sinkers_come_as_what_they_are(tmp_path):
+    same = {"SFDM": 10.0, "shoulder-length": None, "shoulder-diameter": None}
+    necked = {"SFDM": 10.0, "shoulder-length": 30.0, "shoulder-diameter": 8.0}
+    path = fusion_library(tmp_path / "shop.json", fusion_tool("face mill", 1, DC=50.0, LCF=6.0, RE=0.8, TA=45.0, **necked),
+                          fusion_tool("face mill", 2, DC=50.0, LCF=6.0, **necked),
+                          fusion_tool("slot mill", 3, DC=16.0, LCF=4.0, **necked), fusion_tool("reamer", 4, DC=8.0, **same),
+                          fusion_tool("counter sink", 5, DC=12.0, SIG=90.0, **same),
+                          fusion_tool("counter bore", 6, DC=11.0, **same))
+    read = import_tools(path)
+    leaning, upright, slot, reamer, sink, bore = (t.cutter for t in read.library.tools)
+    assert (leaning.type, leaning.insert_angle_deg, leaning.body.type) == ("face_mill", 45.0, "apt")
+    assert leaning.profile.top_radius_mm == pytest.approx(25 + 6)           # 45 degrees out over the height of its inserts
+    assert (upright.insert_angle_deg, upright.body.type) == (90.0, "flat")
+    assert (slot.type, slot.flute_length_mm, slot.corner_radius_mm) == ("side", 4.0, 0.01) and slot.is_undercutting
+    assert reamer.type == "reamer" and (sink.type, sink.point_height_mm) == ("chamfer_mill", pytest.approx(6.0))
+    assert bore.has_flat_bottom and "it has no pilot" in read.rows[5].assumed
+
+
+def test_freecad_chamfers_vbits_taps_thread_mills_and_reamers_come_with_their_measures(tmp_path):
+    bits = (freecad_bit("Chamfer", CuttingEdgeAngle="90.0000 °", TipDiameter="2.0000 mm", CuttingEdgeHeight="4.0000 mm"),
+            freecad_bit("V-Bit", CuttingEdgeAngle="60.0000 °", TipDiameter="0.1000 mm", CuttingEdgeHeight="1.0000 mm"),
+            freecad_bit("Tap", Diameter="8 mm", Pitch="1.25 mm", CuttingEdgeLength="24 mm", CuttingEdgeHeight=None),
+            freecad_bit("ThreadMill", Diameter="5.00 mm", NeckDiameter="3.00 mm", NeckLength="20.00 mm", Crest="0.10 mm",
+                        CuttingEdgeHeight=None), freecad_bit("Reamer", Diameter="8 mm"))
+    read = completed(freecad_library(tmp_path, *bits))
+    chamfer, v, tap, mill, reamer = (t.cutter for t in read.library.tools)
+    assert (chamfer.point_angle_deg, chamfer.tip_diameter_mm, chamfer.point_height_mm) == (90.0, 2.0, pytest.approx(4.0))
+    said = [" ".join(row.assumed) for row in read.rows]
+    assert v.diameter_mm == pytest.approx(0.1 + 2 * np.tan(np.radians(30))) and "where its edge ends" in said[1]
+    assert (tap.pitch_mm, tap.hand, tap.flute_length_mm) == (1.25, "right", 24.0) and "hand = right" in said[2]
+    assert mill.flute_length_mm == pytest.approx(0.1 + 2 * np.tan(np.radians(30))) and mill.reach_mm == 20.0
+    assert reamer.type == "reamer"
+
+
+@pytest.mark.parametrize("kind", sorted({t.cutter.type for t in find_library(None).tools}))
+def test_every_kind_of_the_library_is_written_and_read_again_without_loss(tmp_path, kind):
+    tools = find_library(None).of_type(kind)
+    path = tmp_path / "kind.json"
+    path.write_text(json.dumps({"tools": [t.model_dump(mode="json") for t in tools]}))
+    again = library_from_json(path).of_type(kind)
+    assert again == tools and all(t.simulated.cutter.profile.volume_mm3 > 0 for t in again)
+
+
 def test_everything_dropped_or_assumed_is_listed(tmp_path):
     tool = fusion_tool(NOF=None, **{"shoulder-diameter": None})
     row = import_tools(fusion_library(tmp_path / "shop.json", tool)).rows[0]
