@@ -47,6 +47,7 @@ from cuspline.values.amounts import counted
 from cuspline.values.checkpoints import kept_beside
 from cuspline.values.errors import InputError, PostError
 from cuspline.values.findings import Finding
+from cuspline.values.input_files import sha256_of
 from cuspline.values.interruption import held_off
 from cuspline.verification.in_process import PART
 from cuspline.verification.measuring import refuse_unmeasurable
@@ -162,7 +163,7 @@ def _made(order, work, say):
     if order.last_stage == "report":
         say(f"{design.name}: report")
         from cuspline.report.page import write_report  # matplotlib: a third of a second that other stages need not wait
-        bundle = report_bundle(order, work, job, judged, verify, view_of(solid), inputs)
+        bundle = report_bundle(order, work, job, judged, verify, view_of(solid, shape), inputs)
         _, without = write_report(bundle, work)
         left_out = "; ".join(words for words in (left_out, without) if words)
     result = _finished(order, work, inputs, job, (*off, *judged.refused(order.accepted)), left_out)
@@ -346,7 +347,7 @@ def _coloured_stock(path, judged, finish):
 
 def _finished(order, work, inputs, job, findings=(), left_out=""):
     """Write the manifest, the last file of all."""
-    files = {p.name: _sha256(p) for p in sorted(work.iterdir())}
+    files = {p.name: sha256_of(p) for p in sorted(work.iterdir())}
     asked = None if job is None else job.model_dump(mode="json")
     manifest = {
         "design": order.design.name, "stage": order.last_stage, "inputs_sha256": inputs,
@@ -369,15 +370,15 @@ def plan_document(order, plans, cuts=None):
         cuts: what the edges of each plan's operations meet, rows of verify.json's "process"; None: not known yet.
     """
     setups = []
-    for plan, met in zip(plans, [()] * len(plans) if cuts is None else cuts):
+    for plan, changes, met in zip(plans, tool_changes(plans), [()] * len(plans) if cuts is None else cuts):
         rows = {row["name"]: row for row in met}
         operations = [_operation_document(o) | process_words(o, rows.get(o.name), plan.context.material) for o in plan.operations]
         lies = plan.setup.refixturing
         setups.append({"name": plan.setup.name, "operations": operations,
                        "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
                        "refixturing": None if lies is None else lies.model_dump(mode="json"),
-                       "time_s": round(sum(o["time_s"] for o in operations)
-                                       + order.machine.tool_change_s * len(operations), 1),
+                       "time_s": round(sum(o["time_s"] for o in operations) + order.machine.tool_change_s * changes, 1),
+                       "tool_changes": changes,
                        "time_assumptions": TIME_ASSUMPTIONS, "clearance_z_mm": plan.clearance_z_mm,
                        "area_required_mm2": round(plan.area_required_mm2, 3),
                        "area_reached_mm2": round(plan.area_reached_mm2, 3),
@@ -393,6 +394,19 @@ def plan_document(order, plans, cuts=None):
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
             **{g.name: g.facts(order.design.where) for g in order.design.guides},
             "stock": _stock_document(order.design.stock), "setups": setups}
+
+
+def tool_changes(plans):
+    """[how many tool changes the program posts for a plan]: none where the tool of the operation before it is still in, be it of
+    another indexed position of the same clamping."""
+    counts = []
+    for held in by_clamping(plans):
+        inside = None
+        for plan in held:
+            numbers = [inside, *(o.tool.number for o in plan.operations)]
+            counts.append(sum(a != b for a, b in zip(numbers, numbers[1:])))
+            inside = numbers[-1]
+    return counts
 
 
 def _stock_document(stock):
@@ -506,7 +520,7 @@ def _stock_files(work, job, judged, say, kept):
     for state in judged.stock_states(kept):
         say(f"{job.design}: stock after {state.setup} {state.operation}")
         (work / state.file).write_bytes(stl_of(state.solid))
-        rows.append({**state.as_dict(), "sha256": _sha256(work / state.file)})
+        rows.append({**state.as_dict(), "sha256": sha256_of(work / state.file)})
     return rows
 
 
@@ -555,10 +569,6 @@ def inputs_hash(order, step):
     files = [item.path.read_bytes() for item in (design.stock, *(f for s in design.setups for f in s.fixtures))
              if isinstance(item, FromFile)]
     return hashlib.sha256(b"".join([step.read_bytes(), json.dumps(asked, sort_keys=True).encode(), *files])).hexdigest()
-
-
-def _sha256(path):
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _version(name):

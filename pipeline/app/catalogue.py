@@ -4,7 +4,6 @@ A design is a Python file with one function `design(parameters) -> Design` whose
 annotated with its parameter model.  A job file (TOML) does the same for a plain STEP file.
 """
 
-import hashlib
 import importlib
 import importlib.util
 import inspect
@@ -28,7 +27,7 @@ from cuspline.shop.machines import machine_from_toml
 from cuspline.shop.practice import shop_file
 from cuspline.shop.threads import Thread
 from cuspline.values.errors import CamError, DesignError, InputError
-from cuspline.values.input_files import checked, refuse_irregular, toml_of
+from cuspline.values.input_files import checked, refuse_irregular, sha256_of, toml_of
 from cuspline.values.models import Model, complaints, name_fault
 
 DESIGNS = Path(cuspline.designs.__file__).parent
@@ -329,7 +328,7 @@ def sources_of_post(machine):
     """{file name: SHA-256} of a post and a reader that are files; nothing of those that come with cuspline."""
     post, reader = find_post(machine.control.post), _reader_module(machine)
     files = [Path(m.__file__) for m in (post, reader) if POSTS not in Path(m.__file__).parents]
-    return {f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
+    return {f.name: sha256_of(f) for f in files}
 
 
 def _reader_module(machine):

@@ -171,6 +171,7 @@ class SetupPlanRow(Document):
     name: str
     operations: tuple[OperationRow, ...]
     time_s: float = Field(description="tool changes with it")
+    tool_changes: int | None = Field(default=None, description="that the program posts: none for a tool that is in already")
     clearance_z_mm: float
     area_required_mm2: float
     area_reached_mm2: float

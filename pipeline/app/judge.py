@@ -4,6 +4,7 @@ The only way to a verdict, for `build` and `verify` alike: nothing comes from th
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from cuspline.shop.tool_lives import life_of
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
-from cuspline.values.input_files import refuse_irregular
+from cuspline.values.input_files import refuse_irregular, sha256_of
 from cuspline.verification.body_clearance import body_findings
 from cuspline.verification.engraving import engraving_findings, raised
 from cuspline.verification.feeding import feeding_findings
@@ -205,7 +206,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     extra = _file_findings(folder, job, tools, published)
     say(f"read {', '.join(job.program_names)}")
     read = tuple(read_programs(folder, job, tools))
-    solid = brep.the_solid(brep.read_step(folder / job.step), job.step)
+    solid = _solid_in(folder / job.step)
     if published is not None:
         refuse_self_crossing(solid, shape_of(solid), f"the solid in {job.step}")
     faces, programs = brep.faces_of(solid), []
@@ -228,6 +229,20 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
                       ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
     return Begun(folder=folder, job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
                  first=first_look(programs, solid, judging), tools=tools)
+
+
+def _solid_in(path):
+    """TopoDS_Solid of a STEP file: the same value as long as its bytes are the same, so that what it was looked at for stays known.
+
+    Raises:
+        InputError, DesignError: see `kernel.brep.read_step`, `the_solid`.
+    """
+    return _solid_of(path, sha256_of(path) if path.is_file() else "")      # where there is none, whoever reads it says so
+
+
+@lru_cache(maxsize=1)
+def _solid_of(path, digest):
+    return brep.the_solid(brep.read_step(path), path.name)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

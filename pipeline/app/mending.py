@@ -129,12 +129,13 @@ def _dealt(plans, wants):
 def _most_squarely(plans, numbers, told, places_mm, left_mm):
     """(n,) which of some plans touches each place (n, 3) most squarely; none: the one that was told of it."""
     square = np.full((len(numbers), len(places_mm)), -np.inf)
+    face = plans[numbers[0]].context.faces_near(places_mm)
     for row, k in enumerate(numbers):
         context = plans[k].context
-        own = context.setup.turn.into(places_mm)
-        mine = np.isin(context.closest.closest_points(own).face, context.wanted)
+        mine = np.isin(face, context.wanted)
         if mine.any():
-            square[row, mine] = squarely_touched(context, plans[k].operations, own[mine], left_mm)
+            own = context.setup.turn.into(places_mm[mine])
+            square[row, mine] = squarely_touched(context, plans[k].operations, own, left_mm)
     return np.where(np.isfinite(square.max(axis=0)), np.array(numbers)[square.argmax(axis=0)], told)
 
 

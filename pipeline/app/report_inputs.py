@@ -16,10 +16,11 @@ from cuspline.kernel import brep
 from cuspline.planning.feeds import times_s
 from cuspline.program.program import Kind, Moves, Plane
 from cuspline.report.bundle import FaceMesh, PathPoints, ReportBundle, SetupBundle, StockReplay
-from cuspline.report.view_mesh import tessellate_for_view
+from cuspline.report.view_mesh import divided, tessellate_for_view
 from cuspline.stock.shapes import HERE as PART
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.values import fixed_math as fixed
+from cuspline.values.input_files import sha256_of
 
 VIEW_DEFLECTION_MM = 0.02
 BARE_DEFLECTION_MM, THIN_EDGE_RAD = 0.05, 0.6     # normals are the surface's own: facets this coarse look round
@@ -28,9 +29,9 @@ DRAWN_SAGITTA_MM = 0.02
 WORST_WITHIN_MM = 1.0
 
 
-def view_of(solid):
-    """Mesh for pictures and the viewer, fine enough for the deviation map."""
-    return tessellate_for_view(solid, VIEW_DEFLECTION_MM, longest_edge_mm=VIEW_EDGE_MM)
+def view_of(solid, shape):
+    """Mesh for pictures and the viewer, fine enough for the deviation map; `shape`: the solid's `shape_of`."""
+    return divided(shape, solid, VIEW_EDGE_MM)
 
 
 def shape_of(solid, has_thin_edges=False):
@@ -71,7 +72,7 @@ def report_bundle(order, work, job, judged, verify, view, inputs_sha256):
     return ReportBundle(
         design=design.name, description=design.description, parameters=design.parameters.model_dump(mode="json"),
         material=design.material, finish=design.finish, inputs_sha256=inputs_sha256, revision=order.revision, step_file=job.step,
-        step_sha256=_sha256(step), part_box_mm=(_triple(low), _triple(high)), verify=verify,
+        step_sha256=sha256_of(step), part_box_mm=(_triple(low), _triple(high)), verify=verify,
         plan=plan, machine=machine_view(job, judged, drawn, plan, _broken_down),
         mesh=FaceMesh(vertices_mm=view.vertices_mm, normals=view.normals, triangles=view.triangles,
                       deviation_mm=_view_deviation(judged, view, indices), edges_mm=tuple(view.edges_mm)),
@@ -266,10 +267,6 @@ def _first_lines(posted):
     """Line of the text where each operation's first move stands."""
     return tuple(int(posted.line[np.argmax(posted.operation == k)]) if (posted.operation == k).any() else 0
                  for k in range(len(posted.operations)))
-
-
-def _sha256(path):
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _triple(point):

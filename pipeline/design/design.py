@@ -15,6 +15,7 @@ from cuspline.shop.threads import Thread
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 from cuspline.values.frames import Frame
+from cuspline.values.known import Known
 from cuspline.values.models import FileName, Model, Point, complaints, name_fault, shortened
 
 UNIT = 1e-9               # how exact unit vectors must be
@@ -345,13 +346,11 @@ class Design:
 
     @cached_property
     def _known(self):
-        return {}
+        return Known()
 
     def once(self, name, make):
         """What all setups share of the part: `make`() when it is first asked for, part coordinates."""
-        if name not in self._known:
-            self._known[name] = make()
-        return self._known[name]
+        return self._known.once(name, make)
 
     def guide_of(self, kind):
         """The guide of a type, or None: what a strategy must know of the part beyond its faces, part coordinates.

@@ -15,7 +15,7 @@ TYPES = {"ball": "ball", "flat": "flat", "bull": "bull_nose", "bull nose": "bull
          "tapered ball": "tapered_ball", "tapered_ball": "tapered_ball", "drill": "drill", "spot drill": "spot_drill",
          "spot_drill": "spot_drill", "chamfer mill": "chamfer_mill", "chamfer_mill": "chamfer_mill", "tap": "tap",
          "thread mill": "thread_mill", "thread_mill": "thread_mill", "reamer": "reamer",
-         "side": "side", "dovetail": "dovetail"}
+         "face mill": "face_mill", "face_mill": "face_mill", "side": "side", "dovetail": "dovetail"}
 WISH = re.compile(r"(?P<type>[a-z_ ]+?)\s*(?:(?P<rule><=|>=|<|>)?\s*(?P<diameter>\d+(?:\.\d+)?))?"
                   r"(?:\s+r\s*(?P<corner>\d+(?:\.\d+)?))?")
 SAME_MM = 1e-6              # measures that are the same

@@ -98,7 +98,7 @@ def third_view(stock_mm, stock_triangles, mesh, found, axis, allowed_mm, nearest
         mean_residual_mm, max_residual_mm.
     """
     s, d = found.samples, found.deviation_mm
-    calm = found.is_reachable & (np.abs(d) < max(THIN_MM, allowed_mm)) & ~s.is_border & (fixed.matmul(s.normals, axis) > UP)
+    calm = found.is_for_balls & (np.abs(d) < max(THIN_MM, allowed_mm)) & ~s.is_border & (fixed.matmul(s.normals, axis) > UP)
     chosen = np.flatnonzero((s.weight_mm2 > 0) & calm)
     far_mm = QUIET_SPACINGS * found.spacing_mm
     vertices = stock_mm[_nearest_mm(stock_mm, s.points_mm[chosen], found.spacing_mm) < np.inf]

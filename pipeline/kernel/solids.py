@@ -137,6 +137,12 @@ def common(parts):
     return left
 
 
+def made(solid):
+    """The same solid, its triangles worked out: what goes on from it several times does not do it again."""
+    solid.num_tri()
+    return solid
+
+
 def united(parts):
     """The union of solids, none of them perhaps."""
     return Manifold.batch_boolean(list(parts), OpType.Add) if len(parts) else Manifold()

@@ -36,14 +36,16 @@ from cuspline.surfaces.sections import SectionPlane
 from cuspline.surfaces.threaded_walls import faces_with_threads, threaded_walls
 from cuspline.surfaces.trims import TrimSet
 from cuspline.toolpaths.drop.dropcutter import DropMesh, drop_tips_mm
-from cuspline.toolpaths.drop.exact_drop import ExactPart
+from cuspline.toolpaths.drop.exact_drop import ExactPart, PartNear
 from cuspline.toolpaths.drop.exact_dropper import EdgeNeighbours, ExactDropper
+from cuspline.toolpaths.drop.patch_bounds import EVERYWHERE
 from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.toolpaths.five_axis.leaning_moves import upright_again
 from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, LeadTilt, ToolAxis
 from cuspline.toolpaths.roughing.stock_fields import lines_of_moves, swept_by_lines
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
+from cuspline.values.known import Known
 
 MESH_DEFLECTION_MM = 0.01
 FAR_MM = 1000.0             # beyond any stock
@@ -52,6 +54,7 @@ LOOK_SHARE, MOST_LOOKS = 0.2, 250       # of the radius between places at which 
 DONE_RAY = 5.0              # times the cusp: farther it is not asked how much stands
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
+NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
 
@@ -138,7 +141,7 @@ class PlanningContext:
         self.plating_mm, self.magazine = design.finish.plating_mm, library
         within = library_within_skin(library, self.plating_mm) if self.plating_mm else library
         self.library = within.in_spindle(round_the_spindle(machine))
-        self.shop, self.tolerance_share, self.planned, self._shared, self.only = shop, tolerance_share, (), {}, None
+        self.shop, self.tolerance_share, self.planned, self._shared, self.only = shop, tolerance_share, (), Known(), None
         alone = setup.operations[0] if len(setup.operations) == 1 else None
         self.operation = alone if isinstance(alone, Finishing) else Finishing(steep_deg=STEEP_DEG)
         self.finish = _stricter(design.finish, Finishing(), tolerance_share)
@@ -325,7 +328,18 @@ class PlanningContext:
     @property
     def closest(self):
         """Closest points on all faces."""
+        if self.faces is self._faces_of_part:
+            return self._closest_of_part
         return self._once("closest", lambda: ClosestTree.of_faces(self.faces, geometry=self.geometry))
+
+    @property
+    def _closest_of_part(self):
+        """The same of the part as it lies in its own frame."""
+        return self.design.once("closest", lambda: ClosestTree.of_faces(self._faces_of_part, geometry=self._geometry_of_part))
+
+    def faces_near(self, points_mm):
+        """(n,) index of the face that is nearest to points (n, 3), part coordinates."""
+        return self._closest_of_part.closest_points(points_mm).face
 
     def faces_named(self, name):
         """The faces of one predicate, as the part lies in this setup."""
@@ -338,9 +352,7 @@ class PlanningContext:
 
     def _once(self, name, make):
         """A value that all operations of the setup share, made when it is first wanted."""
-        if name not in self._shared:
-            self._shared[name] = make()
-        return self._shared[name]
+        return self._shared.once(name, make)
 
     def dropper_of(self, cutter, allowance_mm):
         """A cutter over the exact part, with an allowance; of a tapered one the ball."""
@@ -374,8 +386,29 @@ class PlanningContext:
 
     def dropper(self, radius_mm, corner_radius_mm, allowance_mm):
         """The same, the cutter by its measures."""
-        part = self._once("exact", lambda: ExactPart.of_faces(self.faces, self.geometry))
-        return ExactDropper(part, self.edge_neighbours, radius_mm, corner_radius_mm, allowance_mm)
+        return ExactDropper(self._exact_part(radius_mm), self.edge_neighbours, radius_mm, corner_radius_mm, allowance_mm)
+
+    def _exact_part(self, radius_mm):
+        """ExactPart; of an indexed position, which sees much of the part that it does not cut, PartNear its faces."""
+        make = lambda box: ExactPart.of_faces(self.faces, self.geometry, within_mm=box)
+        if not self.setup.indexed:
+            return self._once("exact", lambda: make(EVERYWHERE))
+
+        def near():
+            more = NEAR_RADII * radius_mm * np.array([[-1.0], [1.0]])
+            (low_x, low_y), (high_x, high_y) = self.box_of_wanted + more
+            return PartNear(make, (low_x, high_x, low_y, high_y))
+
+        return self._once(("exact", tuple(self.wanted)), near)
+
+    @property
+    def box_of_wanted(self):
+        """(2, 2) lowest and highest x, y of the faces wanted."""
+        def box():
+            boxes = np.array([brep.bounding_box_mm(self.faces[i].shape) for i in self.wanted])
+            return np.array([boxes[:, 0].min(axis=0)[:2], boxes[:, 1].max(axis=0)[:2]])
+
+        return self._once(("box", tuple(self.wanted)), box)
 
     @property
     def clearance_tree(self):
@@ -443,10 +476,8 @@ class PlanningContext:
 
         `stock` is a function of places (n, 2) to heights (n,); None: what stands before the operation.
         """
-        boxes = [brep.bounding_box_mm(self.faces[i].shape) for i in self.wanted]
         radius = tool.cutter.largest_radius_mm
-        low = np.min([b[0] for b in boxes], axis=0)[:2] - radius
-        high = np.max([b[1] for b in boxes], axis=0)[:2] + radius
+        low, high = self.box_of_wanted[0] - radius, self.box_of_wanted[1] + radius
         lines = [np.linspace(low[k], high[k], min(int((high[k] - low[k]) / (LOOK_SHARE * radius)) + 2, MOST_LOOKS)) for k in (0, 1)]
         xy = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
         stock, part = (stock or self.stock_mm)(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)

@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cuspline.kernel.brep import bounding_box_mm
 from cuspline.planning.context import FinishingStage, finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ROUND
 from cuspline.planning.leaning_choice import compared
@@ -307,19 +306,16 @@ def _seen_as(work, cutter):
 
 def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False, box=None):
     """Where the ball touches the faces wanted; `box`: ((2,), (2,)) of places that are looked at, all of them unless given."""
-    if box is None:
-        boxes = [bounding_box_mm(work.faces[i].shape) for i in work.wanted]
-        box = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
-    low, high = box
+    low, high = work.box_of_wanted if box is None else box
     corner = work.corner_of(tool.cutter)
     if corner is not None:
         ball = corner.ball_radius_mm
-        found = tip_field(work.dropper(ball, ball, allowance_mm), work.wanted, (low[:2], high[:2]), pitch_mm,
+        found = tip_field(work.dropper(ball, ball, allowance_mm), work.wanted, (low, high), pitch_mm,
                           ROLL_OVER_SHARE * ball, may_be_empty)
         return replace(found, across=Across(radius_mm=corner.across_mm, widest_mm=WIDEST_RADII * corner.radius_mm))
     run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
     dropper = work.dropper_with(tool, allowance_mm) if work.tool_axis is None else work.dropper_of(tool.cutter, allowance_mm)
-    return tip_field(dropper, work.wanted, (low[:2], high[:2]), pitch_mm, run_over, may_be_empty)
+    return tip_field(dropper, work.wanted, (low, high), pitch_mm, run_over, may_be_empty)
 
 
 def run_over_mm(step_mm, radius_mm):

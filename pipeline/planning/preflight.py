@@ -73,7 +73,9 @@ def refuse_gaps(design, solid):
 
 
 def _stock_faults(stock, solid):
-    """The part must lie within what it is cut from."""
+    """The part must lie within what it is cut from; a skin is laid round the part itself."""
+    if getattr(stock, "thickest_mm", None) is not None:
+        return
     if not isinstance(stock, StockBox):
         yield from _standing_out(stock, solid)
         return

@@ -293,6 +293,7 @@ def unreachable(bundle):
     for operation, item in items:
         point = item.get("place_mm", item.get("place"))
         what = str(item.get("reason") or item.get("why") or item.get("face") or item.get("faces") or "no cutter fits")
+        what += f"; a radius of {decimal(item['stays_radius_mm'], 3, 'mm')} stays" if "stays_radius_mm" in item else ""
         spot = None if place(point) == DASH else tuple(map(float, point))
         row = (f"{operation}: {what}" if operation else what, decimal(item.get("area_mm2"), 1, "mm²"), place(point), spot)
         if row not in rows:

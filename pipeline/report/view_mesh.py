@@ -52,21 +52,36 @@ def tessellate_for_view(solid, deflection_mm, longest_edge_mm=None, angle_rad=AN
     # copied without its mesh: a mesh left by someone else would be reused whatever its deflection
     shape = BRepBuilderAPI_Copy(solid, False, False).Shape()
     BRepMesh_IncrementalMesh(shape, deflection_mm, False, angle_rad, False)
-    patches = [_face_patch(TopoDS.Face_s(f), row, longest_edge_mm) for row, f in enumerate(explore(shape, TopAbs_FACE))]
+    patches = [_face_patch(TopoDS.Face_s(f), row) for row, f in enumerate(explore(shape, TopAbs_FACE))]
     if not patches:
         raise DesignError("the shape has no face: there is nothing to draw")
+    mesh = _joined(patches, tuple(_edge_polyline(e, deflection_mm) for e in map(TopoDS.Edge_s, explore(shape, TopAbs_EDGE))
+                                  if not BRep_Tool.Degenerated_s(e)))
+    return mesh if longest_edge_mm is None else divided(mesh, solid, longest_edge_mm)
+
+
+def divided(mesh, solid, longest_edge_mm):
+    """The ViewMesh of a solid, its facets divided until no edge is longer: see `tessellate_for_view`."""
+    faces = [TopoDS.Face_s(f) for f in explore(solid, TopAbs_FACE)]
+    first = np.searchsorted(mesh.face_index, np.arange(len(faces) + 1))
+    face_of = mesh.face_index[mesh.triangles[:, 0]]
+    patches = [_divided(BRepAdaptor_Surface(face), mesh.vertices_mm[i:j], mesh.normals[i:j], mesh.triangles[face_of == k] - i,
+                        mesh.uv[i:j], longest_edge_mm) for k, (face, i, j) in enumerate(zip(faces, first, first[1:]))]
+    return _joined(patches, mesh.edges_mm)
+
+
+def _joined(patches, edges_mm):
+    """ViewMesh of (vertices, normals, triangles, parameters) of each face."""
     counts = [len(vertices) for vertices, *_ in patches]
     offsets = np.concatenate([[0], np.cumsum(counts)[:-1]])
     return ViewMesh(
         vertices_mm=np.vstack([vertices for vertices, *_ in patches]),
         normals=np.vstack([normals for _, normals, *_ in patches]),
         triangles=np.vstack([triangles + o for (_, _, triangles, _), o in zip(patches, offsets)]),
-        edges_mm=tuple(_edge_polyline(e, deflection_mm) for e in map(TopoDS.Edge_s, explore(shape, TopAbs_EDGE))
-                       if not BRep_Tool.Degenerated_s(e)),
-        face_index=np.repeat(np.arange(len(patches)), counts), uv=np.vstack([uv for *_, uv in patches]))
+        edges_mm=edges_mm, face_index=np.repeat(np.arange(len(patches)), counts), uv=np.vstack([uv for *_, uv in patches]))
 
 
-def _face_patch(face, row, longest_edge_mm):
+def _face_patch(face, row):
     """(vertices, normals, triangles, parameters) of one face, turned so that normals leave the material."""
     location = TopLoc_Location()
     mesh = BRep_Tool.Triangulation_s(face, location)
@@ -79,8 +94,6 @@ def _face_patch(face, row, longest_edge_mm):
     normals = np.array([_triple(mesh.Normal(i).Transformed(move)) for i in nodes])
     triangles = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)]) - 1
     uv = np.array([(p.X(), p.Y()) for p in map(mesh.UVNode, nodes)])
-    if longest_edge_mm is not None:
-        vertices, normals, triangles, uv = _divided(BRepAdaptor_Surface(face), vertices, normals, uv, triangles, longest_edge_mm)
     if face.Orientation() == TopAbs_REVERSED:
         return vertices, -normals, triangles[:, ::-1], uv
     return vertices, normals, triangles, uv
@@ -90,7 +103,7 @@ def _triple(vector):
     return vector.X(), vector.Y(), vector.Z()
 
 
-def _divided(surface, vertices, normals, uv, triangles, longest_edge_mm):
+def _divided(surface, vertices, normals, triangles, uv, longest_edge_mm):
     """Facets of one face divided at the middle (in u, v) of every edge that is too long, until none is.
 
     The length alone decides, so both facets at an edge divide it alike and no gap opens.

@@ -157,11 +157,12 @@ const SHADERS = {
 
   // Stock: no vertex data at all, every vertex finds its node of the z-map from its number.
   // part 0: top, one strip a row; part 1: the four sides, one strip each; part 2: bottom.
+  // Where the height has come down to the bottom nothing stands: neither top nor bottom is drawn.
   stock: [`
     uniform mat4 clip, place; uniform mat3 eye;
     uniform sampler2D heights, designTop;
     uniform ivec2 count; uniform vec2 origin; uniform float pitch, bottom, top; uniform int part;
-    out vec3 seenNormal; out float leftUm, isCut, isJudged;
+    out vec3 seenNormal; out float leftUm, isCut, isJudged, standsMm; out vec2 at;
     float heightAt(ivec2 node) { return texelFetch(heights, clamp(node, ivec2(0), count - 1), 0).r; }
     void main() {
       int along = gl_VertexID >> 1, side = gl_VertexID & 1;
@@ -185,12 +186,16 @@ const SHADERS = {
       isJudged = part == 0 && normal.z > 0.35 ? design.g : 0.0;    // on walls a vertical distance says nothing
       isCut = part == 0 && height < top - 0.001 ? 1.0 : 0.0;
       seenNormal = eye * mat3(place) * normal;
-      gl_Position = clip * place * vec4(origin + vec2(node) * pitch, isLow ? bottom : height, 1.0);
+      at = vec2(node);
+      standsMm = part == 0 ? height - bottom : part == 1 ? 1.0 : -1.0;
+      gl_Position = clip * place * vec4(origin + at * pitch, isLow ? bottom : height, 1.0);
     }`, SHADER_COLOURS + `
-    in vec3 seenNormal; in float leftUm, isCut, isJudged;
-    uniform float scaleUm; uniform bool byDeviation;
+    in vec3 seenNormal; in float leftUm, isCut, isJudged, standsMm; in vec2 at;
+    uniform sampler2D heights; uniform float scaleUm, bottom; uniform bool byDeviation;
     out vec4 pixel;
     void main() {
+      float stands = standsMm < 0.0 ? texelFetch(heights, ivec2(at + 0.5), 0).r - bottom : standsMm;    // of the bottom: above it
+      if (stands < 1e-3) discard;
       vec3 base = mix(vec3(0.74, 0.67, 0.56), vec3(0.76, 0.79, 0.84), isCut);
       if (byDeviation) base = isJudged < 0.999 ? vec3(0.62) : deviationColour(leftUm / scaleUm);
       pixel = vec4(lit(normalize(seenNormal), base), 1.0);

@@ -17,6 +17,7 @@ from cuspline.values.threads import in_blocks
 
 LEAF = 4
 DEPTH = 64                # more open nodes than any tree leaves
+ROOT = 0                  # of a tree; it waits first
 CHUNK = 64                # lines or places answered by one thread, one after the other
 SHORTEST_MM = 1e-9        # material along less of a line than this is none
 LOW, HIGH = 0, 3          # first column of a box's lower corner, and of its upper one
@@ -203,6 +204,50 @@ def _beside(x, y, t):
     d1, left1 = _beside_side(x, y, t[B], t[C])
     d2, left2 = _beside_side(x, y, t[C], t[A])
     return 0.0 if left0 and left1 and left2 else min(d0, d1, d2)
+
+
+def tops_over(xy, corners, tree):
+    """Height of the highest place of a closed mesh over (x, y), by lines from above.
+
+    Args:
+        xy: (n, 2).   corners: (m, 3, 3) in the order of the tree, counter-clockwise seen from outside.
+    Returns:
+        (n,), -inf where it has none; (n,) bool: under it the line leaves the material at once, at an edge: ask all of the line.
+    """
+    out, at_edge = np.full(len(xy), -np.inf), np.zeros(len(xy), np.bool_)
+    in_blocks(_tops_over, len(xy), CHUNK, xy, corners, tree, out, at_edge)
+    return out, at_edge
+
+
+@njit
+def _tops_over(xy, corners, tree, out, at_edge, begin, end):
+    """Places begin..end-1; the higher of two boxes first, and what lies deeper than the best is not looked at."""
+    stack, leaves = np.empty(DEPTH, np.int64), (len(tree) + 1) // 2
+    p, up = np.zeros(3), np.array([0.0, 0.0, 1.0])
+    for i in range(begin, end):
+        p[X], p[Y], leave, enter = xy[i, X], xy[i, Y], -math.inf, -math.inf
+        waiting, stack[ROOT] = 1, ROOT
+        while waiting > 0:
+            waiting -= 1
+            node = stack[waiting]
+            box = tree[node]
+            if (box[LOW] > p[X] or box[LOW + 1] > p[Y] or box[HIGH] < p[X] or box[HIGH + 1] < p[Y]
+                    or box[HIGH + 2] < leave - SHORTEST_MM):
+                continue
+            if node < leaves - 1:
+                left = 2 * node + 1
+                higher = left if tree[left, HIGH + 2] >= tree[left + 1, HIGH + 2] else left + 1
+                stack[waiting], stack[waiting + 1] = 2 * left + 1 - higher, higher
+                waiting += 2
+                continue
+            first = (node - leaves + 1) * LEAF
+            for t in range(first, min(first + LEAF, len(corners))):
+                at, sign = _met(p, up, (X, Y, Z), corners[t])
+                if sign < 0.0:
+                    leave = max(leave, at)
+                elif sign > 0.0:
+                    enter = max(enter, at)
+        out[i], at_edge[i] = leave, enter >= leave - SHORTEST_MM and enter > -math.inf
 
 
 def tops_within(xy, radius, corners, facets, tree):

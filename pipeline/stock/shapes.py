@@ -241,6 +241,13 @@ class MeshShape(Shape):
         spans[more] = kernels.lines_through(origins[more], directions[more], *self._lines, room)[0]
         return spans
 
+    def tops_mm(self, frame, xy_mm):
+        """The same from above: the highest facet ends the search, where a line through all of it goes on."""
+        xy = np.ascontiguousarray(xy_mm, float)
+        tops, at_edge = kernels.tops_over(xy, *_turned(self, frame.rotation.tobytes(), frame.origin_mm.tobytes()))
+        tops[at_edge] = super().tops_mm(frame, xy[at_edge])
+        return tops
+
     @property
     def mesh(self):
         return self.vertices_mm, self.triangles
@@ -300,12 +307,22 @@ def _searched(corners):
     return corners, kernels.tree_of(corners, leaves)
 
 
+def _corners_in(shape, rotation, origin):
+    """(m, 3, 3) of a shape's triangles, seen from a frame whose arrays stand as bytes."""
+    vertices, triangles = shape.mesh
+    return Frame(rotation=np.frombuffer(rotation).reshape(3, 3), origin_mm=np.frombuffer(origin)).into(vertices)[triangles]
+
+
+@lru_cache(maxsize=16)
+def _turned(shape, rotation, origin):
+    """All of a shape's triangles in a frame, in the order of their tree, and the tree."""
+    return _searched(_corners_in(shape, rotation, origin))
+
+
 @lru_cache(maxsize=16)
 def _seen(shape, rotation, origin):
     """A shape's upward facets in a frame, as the kernel takes them: triangles, planes, tree."""
-    frame = Frame(rotation=np.frombuffer(rotation).reshape(3, 3), origin_mm=np.frombuffer(origin))
-    vertices, triangles = shape.mesh
-    corners = frame.into(vertices)[triangles]
+    corners = _corners_in(shape, rotation, origin)
     corners = corners[np.isfinite(kernels.facets_of(corners)[:, kernels.TOP])]
     corners, tree = _searched(corners)
     return corners, kernels.facets_of(corners), tree

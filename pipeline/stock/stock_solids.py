@@ -11,6 +11,7 @@ from cuspline.stock.shapes import HERE
 from cuspline.stock.swept import is_height_field, stock_height_mm
 from cuspline.values import fixed_math as fixed
 from cuspline.values.frames import Frame
+from cuspline.values.known import Known
 
 LATTICE = 800_000         # cubes of the lattice on which stock with undercuts is met
 WALL_MM = 1e-4            # grid lines hug vertical walls at this distance
@@ -55,13 +56,11 @@ class StockSolids:
         self.piece, self.pitches_mm, self._heights = piece, pitches_mm, heights
         self._walls = [upright_walls(c.frame.into(wall_vertices_mm), wall_triangles) if wall_vertices_mm is not None
                        else ([], []) for c in piece.cuts]
-        self._made, self._lattices = {}, {}
+        self._made, self._lattices, self._whole = Known(), Known(), Known()
 
     def field(self, k, grown_mm=0.0):
         """Field of clamping k, its cutters grown by so much (negative: shrunk)."""
-        if (k, grown_mm) not in self._made:
-            self._made[k, grown_mm] = self._field(k, grown_mm)
-        return self._made[k, grown_mm]
+        return self._made.once((k, grown_mm), lambda: self._field(k, grown_mm))
 
     def _field(self, k, grown_mm):
         cut = self.piece.cuts[k]
@@ -76,10 +75,8 @@ class StockSolids:
 
     def _hollow(self, k, low, high):
         """HollowStock of clamping k."""
-        if k not in self._lattices:
-            edge = max(self.pitches_mm[k], float(fixed.cbrt(np.prod(high - low) / LATTICE)))
-            self._lattices[k] = HollowStock(self.piece.cuts[k].paths, low, high, edge)
-        return self._lattices[k]
+        edge = max(self.pitches_mm[k], float(fixed.cbrt(np.prod(high - low) / LATTICE)))
+        return self._lattices.once(k, lambda: HollowStock(self.piece.cuts[k].paths, low, high, edge))
 
     @property
     def is_hollow(self):
@@ -87,12 +84,27 @@ class StockSolids:
         return not all(is_height_field(c.paths) for c in self.piece.cuts)
 
     def stock(self, frame, grown_mm=0.0):
-        """What all setups leave, as a Manifold seen from a frame."""
+        """What all setups leave, as a Manifold seen from a frame; of several it is met once, in the part's coordinates."""
+        if len(self.piece.cuts) < 2:
+            return self._met(frame, grown_mm)
+        whole = self._whole.once(grown_mm, lambda: solids.made(self._met(HERE, grown_mm)))
+        return solids.moved(whole, HERE.seen_from(frame))
+
+    def _met(self, frame, grown_mm):
+        """`stock` from the blank and what each setup leaves."""
         blank, cuts = self.piece.blank, self.piece.cuts
-        left = [solids.moved(self.field(k, grown_mm).solid, c.frame.seen_from(frame)) for k, c in enumerate(cuts)]
+        left = self._left_by_each(frame, grown_mm)
         if not all(blank.fills_box_in(f) for f in ([c.frame for c in cuts] or [frame])):
             left.append(solids.moved(blank.solid, HERE.seen_from(frame)))
         return solids.common(left) if left else solids.box(*self.piece.box_in(frame))
+
+    def cut(self, frame, grown_mm=0.0):
+        """What the setups, at least one, leave of the boxes round the blank: what stands there of anything."""
+        return solids.common(self._left_by_each(frame, grown_mm))
+
+    def _left_by_each(self, frame, grown_mm):
+        """[Manifold] of what every setup by itself leaves of the box round the blank."""
+        return [solids.moved(self.field(k, grown_mm).solid, c.frame.seen_from(frame)) for k, c in enumerate(self.piece.cuts)]
 
 
 def grid_lines(low, high, pitch_mm, walls):

@@ -214,12 +214,14 @@ class Workpiece:
 
     def _heights_in_columns(self, frame, xy, lowest):
         """`heights_mm` of a blank of any form: its columns are asked one after the other, from above."""
+        if not self.cuts:
+            return np.maximum(self.blank.tops_mm(frame, xy), lowest)
         columns, found = self.blank.columns(frame, xy), np.full(len(xy), lowest)
         is_open = np.ones(len(xy), bool)
         for k in range(columns.shape[1] - 1, -1, -1):
             rows = np.flatnonzero(is_open & np.isfinite(columns[:, k, 1]))
             bottom, top = columns[rows, k].T
-            height = self._down_mm(frame, xy[rows], bottom, top, self._tops_in(frame)) if self.cuts else top
+            height = self._down_mm(frame, xy[rows], bottom, top, self._tops_in(frame))
             stands = height > bottom + THIN_MM
             found[rows[stands]] = height[stands]
             is_open[rows[stands]] = False

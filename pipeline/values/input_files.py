@@ -1,10 +1,12 @@
 """Files that people write, on their way in: bounded, in a known encoding, every fault told in a sentence."""
 
 import csv
+import hashlib
 import json
 import os
 import stat
 import tomllib
+from pathlib import Path
 
 from pydantic import ValidationError
 
@@ -14,6 +16,11 @@ from cuspline.values.models import complaints
 LARGEST_BYTES = 32 << 20        # of a job, a machine, a library, a table
 LARGEST_PROGRAM_BYTES = 1 << 30
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+def sha256_of(path):
+    """SHA-256 of a file's bytes, hexadecimal."""
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def refuse_irregular(path, what):

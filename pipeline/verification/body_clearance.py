@@ -197,8 +197,8 @@ def _tools_of(tools, machine):
     for number, tool in tools.items():
         if tool.head is None:
             pieces = [_frustum(row) - (0.0, 0.0, tool.length_mm) for row in tool_segments(tool, machine.spindle_head)]
-            points = [along.out(p) for p in pieces]
-            found[number] = Solid(name=f"tool T{number}", link=TOOL, pieces=_tree(points), error_mm=0.0, kind="fixture_contact")
+            tree = _tree(along.out(np.vstack(pieces)), 2 * SECTORS * np.arange(len(pieces) + 1))
+            found[number] = Solid(name=f"tool T{number}", link=TOOL, pieces=tree, error_mm=0.0, kind="fixture_contact")
     return found
 
 
@@ -220,34 +220,20 @@ def pieces_of(vertices, triangles, is_convex=False):
     vertices, triangles = np.asarray(vertices, float), np.asarray(triangles)
     mesh = for_kernel(vertices), for_kernel(triangles, np.int64)
     if is_convex or len(vertices) <= MOST_CORNERS and kernels.is_convex(*mesh, CONVEX_MM):
-        return _tree([vertices[np.unique(triangles)]])
-    return _tree(list(vertices[triangles]))
+        corners = vertices[np.unique(triangles)]
+        return _tree(corners, np.array([0, len(corners)]))
+    return _tree(vertices[triangles].reshape(-1, 3), 3 * np.arange(len(triangles) + 1))
 
 
-def _tree(pieces):
-    """kernels.Pieces of [(p, 3)] corners of convex pieces."""
-    middles = np.array([0.5 * (p.min(axis=0) + p.max(axis=0)) for p in pieces])
-    order = morton_order(middles)
-    pieces, middles = [pieces[k] for k in order], middles[order]
+def _tree(corners, first):
+    """kernels.Pieces of convex pieces: their corners (p, 3), piece after piece, and the row at which each begins (k + 1,)."""
+    spheres = kernels.spheres(for_kernel(corners), for_kernel(first, np.int64))
+    order = morton_order(spheres[:, :3])
+    counts = np.diff(first)[order]
+    begins = np.concatenate([[0], np.cumsum(counts)])
+    rows = np.arange(begins[-1]) + np.repeat(first[:-1][order] - begins[:-1], counts)
     leaves = 1
-    while leaves < len(pieces):
+    while leaves < len(order):
         leaves *= 2
-    nodes = np.full((2 * leaves - 1, 4), -1.0)
-    far = [np.sqrt(((p - m) ** 2).sum(axis=1)).max() for p, m in zip(pieces, middles)]
-    nodes[leaves - 1:leaves - 1 + len(pieces)] = np.column_stack([middles, far])
-    for k in range(leaves - 2, -1, -1):
-        nodes[k] = _round_both(nodes[2 * k + 1], nodes[2 * k + 2])
-    first = np.concatenate([[0], np.cumsum([len(p) for p in pieces])])
-    return kernels.Pieces(for_kernel(np.vstack(pieces)), for_kernel(first, np.int64), for_kernel(nodes), leaves)
-
-
-def _round_both(a, b):
-    """A sphere that holds two; a radius below 0: there is none."""
-    if b[3] < 0 or a[3] < 0:
-        return a if b[3] < 0 else b
-    apart = fixed.length(b[:3] - a[:3])
-    if apart + min(a[3], b[3]) <= max(a[3], b[3]):
-        return a if a[3] >= b[3] else b
-    radius = 0.5 * (apart + a[3] + b[3])
-    middle = a[:3] + (b[:3] - a[:3]) * ((radius - a[3]) / apart)
-    return np.append(middle, radius)
+    return kernels.Pieces(for_kernel(corners[rows]), for_kernel(begins, np.int64),
+                          kernels.tree_of(for_kernel(spheres[order]), leaves), leaves)

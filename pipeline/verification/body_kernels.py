@@ -380,3 +380,50 @@ def is_convex(vertices, triangles, slack_mm):
             if size > 0.0 and vertices[v, X] * n[X] + vertices[v, Y] * n[Y] + vertices[v, Z] * n[Z] > level:
                 return False
     return True
+
+
+@njit
+def spheres(points, first):
+    """(k, 4) middle of the box round each piece, and how far its corners are from there."""
+    out = np.empty((len(first) - 1, 4))
+    for i in range(len(out)):
+        piece = points[first[i]:first[i + 1]]
+        for c in range(3):
+            out[i, c] = 0.5 * (piece[:, c].min() + piece[:, c].max())
+        far = 0.0
+        for k in range(len(piece)):
+            far = max(far, _apart(piece[k], out[i]))
+        out[i, RADIUS] = far
+    return out
+
+
+@njit
+def tree_of(found, leaves):
+    """(2 leaves - 1, 4) nodes over the spheres of pieces (k, 4): each holds the two below it."""
+    nodes = np.full((2 * leaves - 1, 4), -1.0)
+    for i in range(len(found)):
+        put(nodes[leaves - 1 + i], found[i])
+    for k in range(leaves - 2, -1, -1):
+        _put_round_both(nodes[2 * k + 1], nodes[2 * k + 2], nodes[k])
+    return nodes
+
+
+@njit
+def _apart(a, b):
+    """Distance of two points."""
+    return math.sqrt((a[X] - b[X]) ** 2 + (a[Y] - b[Y]) ** 2 + (a[Z] - b[Z]) ** 2)
+
+
+@njit
+def _put_round_both(a, b, out):
+    """A sphere that holds two; a radius below 0: there is none."""
+    apart = _apart(a, b)
+    if b[RADIUS] < 0.0 or a[RADIUS] >= 0.0 and apart + b[RADIUS] <= a[RADIUS]:
+        put(out, a)
+    elif a[RADIUS] < 0.0 or apart + a[RADIUS] <= b[RADIUS]:
+        put(out, b)
+    else:
+        radius = 0.5 * (apart + a[RADIUS] + b[RADIUS])
+        for c in range(3):
+            out[c] = a[c] + (b[c] - a[c]) * ((radius - a[RADIUS]) / apart)
+        out[RADIUS] = radius

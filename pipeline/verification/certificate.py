@@ -14,10 +14,12 @@ import numpy as np
 from cuspline.kernel import brep
 from cuspline.program.program import Kind
 from cuspline.shop.cutters import POINTED
+from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.toolpaths.gouge.depth_tree import DepthTree
 from cuspline.toolpaths.gouge.move_depths import move_depths
 from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
+from cuspline.values.known import Known
 from cuspline.verification.certificate_chords import chords_of
 from cuspline.verification.certificate_leaning import LeaningViews
 from cuspline.verification.certificate_side import SideViews
@@ -114,7 +116,8 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=
     Args:
         posted: PostedMoves.
         tools: dict of tool number -> cutters.Tool.
-        part: exact_drop.ExactPart of all faces of the solid, WCS (see `solid_in_wcs`).
+        part: exact_drop.ExactPart of all faces of the solid, WCS (see `solid_in_wcs`); None: made of the solid, where one is
+            needed, as far as the cutters come.
         tolerance_mm: of the bounds, >= 1.2e-4; a tenth of it goes to chords of arcs.
         rows: (k,) rows of interest; all if None.
         skin_mm: of the cutters, that is left out: what is plated on later.
@@ -197,28 +200,24 @@ class _Views:
 
     def __init__(self, part, solid, thickness_mm, within_mm):
         self.part, self.solid, self.thickness_mm, self.within_mm = part, solid, thickness_mm, within_mm
-        self.made = {}
+        self.made = Known()
 
     def depths_of(self, cutter, axis, skin_mm, tolerance_mm, ask):
         """Function of tips (n, 3), (n, 3) that answers as `move_depths` for this cutter; `ask` is that, or as it is."""
         if axis is not None:
-            view = self._once(tuple(axis.tolist()), lambda: SideViews(solid=self.solid, axis=tuple(axis.tolist()),
-                                                                      thickness_mm=self.thickness_mm))
+            view = self.made.once(tuple(axis.tolist()), lambda: SideViews(solid=self.solid, axis=tuple(axis.tolist()),
+                                                                          thickness_mm=self.thickness_mm))
             return lambda start, end: view.depths(start, end, cutter, skin_mm, tolerance_mm, ask)
-        tree = self._once(None, lambda: DepthTree.of_part(self.part, self.thickness_mm, self.within_mm))
+        tree = self.made.once(None, lambda: DepthTree.of_part(
+            self.part or ExactPart.of_solid(self.solid, within_mm=self.within_mm), self.thickness_mm, self.within_mm))
         R, lift = cutter.radius_mm, np.array([0.0, 0.0, skin_mm])
         rc = {"ball": R, "flat": 0.0}.get(cutter.type, cutter.corner_radius_mm)
         return lambda start, end: ask(tree, start + lift, end + lift, R - skin_mm, max(rc - skin_mm, 0.0), tolerance_mm)
 
     def leaning(self, tolerance_mm):
         """LeaningViews of the part."""
-        return self._once(LeaningViews, lambda: LeaningViews(solid=self.solid, thickness_mm=self.thickness_mm,
-                                                             tolerance_mm=tolerance_mm))
-
-    def _once(self, name, make):
-        if name not in self.made:
-            self.made[name] = make()
-        return self.made[name]
+        return self.made.once(LeaningViews, lambda: LeaningViews(solid=self.solid, thickness_mm=self.thickness_mm,
+                                                                 tolerance_mm=tolerance_mm))
 
 
 def _proven(depths, chords):

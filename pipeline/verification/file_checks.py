@@ -1,6 +1,5 @@
 """Findings about files: programs that do not fit the control, its tool table, files that are not those published."""
 
-import hashlib
 import re
 from functools import partial
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 from cuspline.design.job import digest_of, job_line
 from cuspline.values.errors import InputError
 from cuspline.values.findings import Finding
-from cuspline.values.input_files import refuse_irregular
+from cuspline.values.input_files import refuse_irregular, sha256_of
 
 _finding = partial(Finding, amount_mm=0.0, place_mm=None, operation="", line=0, setup="")
 JOB_LINE = re.compile(rb"(JOB SHA-256 [0-9a-f]+)")
@@ -87,7 +86,7 @@ def changed_files(folder, published):
         path = Path(folder) / name
         if not path.is_file():
             yield _finding(kind="changed_file", advice=f"{name} was published and is missing: put it back, or build again")
-        elif (now := hashlib.sha256(path.read_bytes()).hexdigest()) != wanted:
+        elif (now := sha256_of(path)) != wanted:
             yield _finding(kind="changed_file", advice=f"{name} is not the file that was published: its SHA-256 begins {now[:12]}, "
                            f"the manifest has {wanted[:12]}; put it back, build again, or accept changed_file by name")
 

@@ -56,27 +56,33 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING, finished=None
     Yields:
         StockState.
     """
-    before, made, heights = Workpiece(blank=stock.shape), hashlib.sha256(), _Heights(kept.of(stock_height_mm))
+    before, left, made, heights = Workpiece(blank=stock.shape), None, hashlib.sha256(), _Heights(kept.of(stock_height_mm))
     made.update(stock.shape.figures.tobytes())
     for k, program in enumerate(programs):
-        frame, name, start, piece = program.setup.frame, program.setup.name, 0, before
-        heights.end_clamping()
+        frame, name, start, piece, solid = program.setup.frame, program.setup.name, 0, before, left
+        heights.look_anew()
         made.update(np.concatenate([frame.rotation.ravel(), frame.origin_mm]).tobytes())
         ends = operation_ends(program.posted)
         for number, end in enumerate(ends, start=1):
             made.update(_told(program.posted, start, end, tools))
-            piece = before.after(frame, swept_paths(program.posted.between(0, end), tools))
+            paths = swept_paths(program.posted.between(0, end), tools)
+            piece = before.after(frame, paths)
             heights.own = swept_paths(program.posted.between(start, end), tools)
             pitch_mm = pitches_mm[k] * (1.0 if number == len(ends) else COARSER)
             if number == len(ends):
                 heights.look_anew()
             is_last = k == len(programs) - 1 and number == len(ends)
-            made_here = StockSolids(piece, [*pitches_mm[:k], pitch_mm], heights=heights)
-            solid = (finished if is_last and finished is not None and finished.is_hollow else made_here).stock(PART)
+            alone = StockSolids(Workpiece(blank=stock.shape).after(frame, paths), [pitch_mm], heights=heights)
+            solid = finished.stock(PART) if is_last and finished is not None and finished.is_hollow else _within(left, alone)
             yield StockState(setup=name, operation=program.posted.operation_name(end - 1), number=number, piece=piece,
                              solid=solids.simpler(solid, SIMPLER_MM), inputs_sha256=made.hexdigest(), pitch_mm=pitch_mm)
             start = end
-        before = piece
+        before, left = piece, solid and solids.made(solid)
+
+
+def _within(left, alone):
+    """Manifold of what a clamping's cuts, alone (StockSolids), leave of what those before it left; None: of the stock."""
+    return alone.stock(PART) if left is None else solids.common([left, alone.cut(PART)])
 
 
 def operation_ends(posted):
@@ -87,32 +93,21 @@ def operation_ends(posted):
 
 
 class _Heights:
-    """stock_height_mm of one clamping after the other: an operation lowers what those before it have left.
-
-    Of a clamping that goes on only its next operation's own moves are asked; one that has ended is known.
-    """
+    """stock_height_mm of a clamping that goes on: an operation lowers what those before it have left, only its moves are asked."""
 
     def __init__(self, height_mm):
         """height_mm: swept.stock_height_mm, or answers as it would."""
-        self.height_mm, self.ended, self.paths, self.z, self.own = height_mm, {}, None, None, ()
-
-    def end_clamping(self):
-        """What is known of the clamping that went on is kept."""
-        if self.paths is not None:
-            self.ended[self.paths] = self.z
-        self.look_anew()
+        self.height_mm, self.z, self.own = height_mm, None, ()
 
     def look_anew(self):
         """Of the clamping that goes on everything is asked again: on another grid, or of another clamping."""
-        self.paths = self.z = None
+        self.z = None
 
     def __call__(self, paths, *grid):
         """`own` are the paths of the last operation among these."""
-        if paths in self.ended:
-            return self.ended[paths]
         goes_on = self.z is not None and is_height_field(paths)
         z = self.height_mm(self.own if goes_on else paths, *grid)
-        self.paths, self.z = paths, np.minimum(z, self.z) if goes_on else z
+        self.z = np.minimum(z, self.z) if goes_on else z
         return self.z
 
 

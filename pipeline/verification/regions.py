@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cuspline.verification.reach import REACHABLE, REASONS
+from cuspline.verification.reach import FINISHABLE, REASONS
 from cuspline.verification.reporter import MISSED, NOISE_MM, allowed_mm, rounded
 from cuspline.verification.residuals import weighted_percentile
 
@@ -27,7 +27,7 @@ def _columns(setup):
 
 
 def _region(name, weight, deviation, reach, finish):
-    fair = reach == REACHABLE
+    fair = np.isin(reach, FINISHABLE)
     finished = fair & (deviation <= MISSED * allowed_mm(finish))
     cut = fair & (deviation <= allowed_mm(finish) + NOISE_MM)
     off = sorted({REASONS[r] for r in reach[~fair].tolist()})

@@ -9,6 +9,7 @@ from cuspline.values.amounts import counted, length, over_area
 from cuspline.values.clusters import clusters_of
 from cuspline.values.findings import Finding
 from cuspline.verification.certificate import gouges_beyond
+from cuspline.verification.reach import AT_FOOT
 
 NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
 EXCESS_ADVICE = ("lower `scallop_mm` of the setup's operation for closer passes, or add a smaller ball to the file of "
@@ -17,6 +18,8 @@ MISSING_ADVICE = ("give its face to an operation of the setup (`faces`), or add 
                   "is smaller, or sticks out farther")
 LOOKED_CLOSER = ("and it stayed when both looked twice as closely; do not cut, keep the folder and report this as a fault of "
                  "cuspline")
+FOOT_ADVICE = ("a cutter of the program fits here, though no ball of the shop does: let its floor pass run up to the wall, and its "
+               "wall pass down to the floor")
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
 MISSED_MM2 = 1.0
 UNPROVEN_MM2 = 1.0          # of what a leaning tool leaves without a proof, from which it is told
@@ -97,14 +100,15 @@ class Reporter:
                           "cutter, or let the tool keep its direction")
 
     def excess(self):
-        """One finding a connected area that a ball could finish and that was left proud."""
+        """One finding a connected area that a ball, or at walls a cutter of the program, could finish and that was left proud."""
         d, allowed = self.found.deviation_mm, allowed_mm(self.finish)
         for group in self.found.groups(self.found.is_reachable & (d > allowed + NOISE_MM)):
             (amount, worst, more), area = self.true_mm(self.found, group), self.found.area_mm2(group)
             missed = np.median(d[group]) > MISSED * allowed and area >= MISSED_MM2
             left = f"{_at_least(more)}{length(amount)} left {over_area(area)}"
-            advice = (f"never finished, {left}: {MISSING_ADVICE}" if missed else
-                      f"{left}, {allowed:.4f} mm are allowed: {EXCESS_ADVICE}")
+            at_foot = bool((self.found.reach[group] == AT_FOOT).all())
+            advice = (f"never finished, {left}: {FOOT_ADVICE if at_foot else MISSING_ADVICE}" if missed else
+                      f"{left}, {allowed:.4f} mm are allowed: {FOOT_ADVICE if at_foot else EXCESS_ADVICE}")
             yield self._finding("missing_area" if missed else "excess", self.found, worst, amount, advice, more)
 
     def unseen_excess(self, proof, cut):

@@ -1,20 +1,32 @@
 """First verifier: exact deviations along the design's normals at sample points."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cuspline.stock.swept import deviations_and_moves, is_height_field, signed_distance_mm, upright_paths
+from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.clusters import clusters_of
 from cuspline.verification.climbing import Ground, bottoms_of, tops_of
-from cuspline.verification.reach import REACHABLE, REASONS, is_drilled, why_unreachable, why_unreachable_leaning
+from cuspline.verification.foot_of_walls import SQUARE, with_own_cutters
+from cuspline.verification.reach import (
+    DOWNWARD,
+    FINISHABLE,
+    REACHABLE,
+    REASONS,
+    TOO_NARROW,
+    is_drilled,
+    why_unreachable,
+    why_unreachable_leaning,
+)
 from cuspline.verification.samples import Samples
 
 LIMIT_MM = 2.0            # deviations are capped here: far more than any tolerance
 PER_SPACING2 = 17.0       # samples on a square of one spacing
 UNDER_NEAR_MM = 0.5         # of what an undercutting cutter sweeps: places that it was to make
+RUNS_OUT_MM = 0.05          # what a corner keeps is as thin somewhere, where it runs out into the wall
 LEAST_CORNER_MM = 0.05      # of a cutter without one, whose place in a corner nothing tells
 TARGET = 60_000           # samples wanted on one setup: every top and bottom between them is climbed to
 
@@ -42,6 +54,11 @@ class Residuals:
 
     @property
     def is_reachable(self):
+        return np.isin(self.reach, FINISHABLE)
+
+    @property
+    def is_for_balls(self):
+        """(n,) bool: a ball gets there, and no wall stands beside."""
         return self.reach == REACHABLE
 
     def area_mm2(self, mask):
@@ -95,7 +112,7 @@ class Beside:
     holes: tuple = ()             # of the part there, as in SampledFaces
 
 
-def residuals(piece, sampled, closest, ball_radius_mm, kept=NOTHING):
+def residuals(piece, sampled, closest, ball_radius_mm, allowed_mm, kept=NOTHING):
     """Deviations and reach of all samples, clamping by clamping, and of the tops and bottoms between them.
 
     Args:
@@ -103,6 +120,7 @@ def residuals(piece, sampled, closest, ball_radius_mm, kept=NOTHING):
         sampled: SampledFaces of each clamping.
         closest: ClosestTree of the design, part coordinates; needed where cutters undercut or lean.
         ball_radius_mm: smallest ball of the shop.
+        allowed_mm: largest deviation of a finished point.
         kept: kept.Kept for what takes long.
     Returns:
         list of (Residuals of its faces after all clampings, Residuals of all faces after it alone).
@@ -122,6 +140,8 @@ def residuals(piece, sampled, closest, ball_radius_mm, kept=NOTHING):
         after_all = Residuals(samples=Samples.joined([mine, tops]), deviation_mm=join("final"), row=join("rows")[k],
                               is_own=join("maker") == k, is_top=np.arange(len(mine) + len(tops)) >= len(mine),
                               reach=join("reach"), spacing_mm=sampled[k].spacing_mm)
+        after_all = replace(after_all, reach=with_own_cutters(
+            after_all, piece.cuts[k], sampled[k].drops, ball_radius_mm, allowed_mm, piece.cut_distance_mm))
         own = Residuals(samples=every, deviation_mm=alone("each"), row=alone("rows"), is_own=np.ones(len(every), bool),
                         is_top=climbed, reach=np.full(len(every), REACHABLE), spacing_mm=sampled[k].spacing_mm)
         found.append((after_all, own))
@@ -242,16 +262,32 @@ def weighted_percentile(values, weights, share):
     return float(values[order][np.searchsorted(total, share * total[-1])])
 
 
-def unreachable_places(found):
-    """Where no ball can go: area, box (part coordinates) and reason of each connected group, largest first."""
+def unreachable_places(found, axis, radius_of):
+    """Where no cutter can go: area, box (part coordinates) and reason of each connected group, largest first.
+
+    Inner corners of upright walls have `stays_radius_mm` too, that of the cutter which went round in them.
+
+    Args:
+        axis: (3,) the setup's Z, part coordinates.   radius_of: function of a row of PostedMoves to the radius of its cutter.
+    """
     places = []
-    for reason in (1, 2):
+    for reason in (DOWNWARD, TOO_NARROW):
         for group in found.groups(found.reach == reason):
             points = found.samples.points_mm[group]
             middle = points[((points - points.mean(axis=0)) ** 2).sum(axis=1).argmin()]
+            stays = _radius_that_stays(found, group, axis, radius_of) if reason == TOO_NARROW else {}
             places.append({"place_mm": middle.round(6).tolist(), "area_mm2": round(float(found.samples.weight_mm2[group].sum()), 6),
                            "min_mm": points.min(axis=0).round(6).tolist(),
                            "max_mm": points.max(axis=0).round(6).tolist(),
-                           "reason": REASONS[reason],
+                           "reason": REASONS[reason], **stays,
                            "largest_deviation_mm": round(float(found.deviation_mm[group].max()), 6)})
     return sorted(places, key=lambda p: (-p["area_mm2"], p["min_mm"]))
+
+
+def _radius_that_stays(found, group, axis, radius_of):
+    """{"stays_radius_mm": ...} of a group that lies on upright walls too and goes over into what came out in size; else {}."""
+    upright = group[np.abs(fixed.matmul(found.samples.normals[group], np.asarray(axis))) < SQUARE]
+    least = upright[found.deviation_mm[upright].argmin()] if len(upright) else -1
+    if least < 0 or found.row[least] < 0 or found.deviation_mm[least] > RUNS_OUT_MM:
+        return {}
+    return {"stays_radius_mm": round(float(radius_of(int(found.row[least]))), 6)}

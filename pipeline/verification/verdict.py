@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from OCP.TopAbs import TopAbs_FACE
@@ -21,11 +21,11 @@ from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.holes import holes_of
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
-from cuspline.toolpaths.drop.exact_drop import ExactPart
 from cuspline.values import fixed_math as fixed
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError
 from cuspline.values.findings import Finding
+from cuspline.values.known import Known
 from cuspline.verification.certificate import Certificate, certify, solid_in_wcs
 from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
@@ -219,7 +219,8 @@ def first_look(programs, solid, judging):
     part, clampings = _laid_out(programs, solid, judging)
     for c in clampings:
         judging.say(f"{c.name}: {len(c.samples):,} samples against {len(c.program.posted):,} moves, and tops between them")
-    found = residuals(part.piece, [c.sampled for c in clampings], part.closest, part.ball_radius_mm, judging.kept)
+    found = residuals(part.piece, [c.sampled for c in clampings], part.closest, part.ball_radius_mm,
+                      allowed_mm(judging.finish), judging.kept)
     return FirstLook(part=part, clampings=clampings, judging=judging, residuals=found)
 
 
@@ -249,6 +250,52 @@ class FirstLook:
     def drafts(self):
         """What this look and the replay show by themselves; one SetupDraft a program."""
         return tuple(_drafted(self.part, c, found, own, self.judging) for c, (found, own) in zip(self.clampings, self.residuals))
+
+
+class _LookedAt:
+    """What is worked out of a solid alone, once, however often programs are judged against it."""
+
+    def __init__(self, solid):
+        self.solid, self.faces, self._made = solid, brep.faces_of(solid), Known()
+
+    def triangles(self, within_mm):
+        """Tessellation of it."""
+        return self._made.once(("triangles", within_mm), lambda: tessellate(self.solid, within_mm))
+
+    def affordable_mm(self, deviation_mm):
+        """The deviation asked, or what keeps to MESH_TRIANGLES: their number goes with its inverse."""
+        expected = COARSER * len(self.triangles(COARSER * deviation_mm).triangles)
+        return deviation_mm * max(1.0, expected / MESH_TRIANGLES)
+
+    def drops(self, program, within_mm):
+        """DropMesh of these triangles, and of the tabs beside the part, in a program's WCS."""
+        frame, tabs = program.setup.frame, program.tabs
+
+        def made():
+            mesh = self.triangles(within_mm)
+            corners, triangles = with_tabs(mesh.vertices_mm, mesh.triangles, tabs)
+            return drop_mesh(frame.into(corners), triangles)
+
+        return self._made.once(("drops", within_mm, frame.rotation.tobytes(), frame.origin_mm.tobytes(), repr(tabs)), made)
+
+    def samples(self, chosen, spacing_mm):
+        """Samples of some faces, by their numbers."""
+        return self._made.once(("samples", tuple(chosen), spacing_mm),
+                               lambda: sample_faces([self.faces[i] for i in chosen], spacing_mm))
+
+    def ground(self, chosen):
+        """Ground of some faces."""
+        return self._made.once(("ground", tuple(chosen)), lambda: Ground.of_faces([self.faces[i] for i in chosen]))
+
+    def area_mm2(self, chosen):
+        """Of some faces."""
+        return sum(self._made.once(("area", i), lambda i=i: face_area_mm2(self.faces[i].shape)) for i in sorted(chosen))
+
+
+@lru_cache(maxsize=1)
+def _looked_at(solid):
+    """_LookedAt of a TopoDS solid; that of the one before is let go."""
+    return _LookedAt(solid)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -315,7 +362,8 @@ class _Clamping:
 def _laid_out(programs, solid, judging):
     """_Part, and a _Clamping of each program."""
     finish, ball_radius_mm, options, say = judging.finish, judging.ball_radius_mm, judging.options, judging.say
-    exact = brep.faces_of(solid)
+    looked = _looked_at(solid)
+    exact = looked.faces
     named = [_indices(solid, [getattr(f, "shape", f) for f in p.faces]) for p in programs]
     beside_of = _positions_beside(programs)
     required = judged_once(named, [p.setup.frame.rotation[:, 2] for p in programs], beside_of, exact)
@@ -327,23 +375,24 @@ def _laid_out(programs, solid, judging):
     for k, program in enumerate(programs):
         say(f"{program.setup.name}: index over {len(program.posted):,} moves")
         before.append(metal)
-        fitted.append(_fitted(options, _area_mm2(exact, named, (k, *beside_of[k])), *metal.box_in(program.setup.frame), finish))
+        area_mm2 = looked.area_mm2(set().union(*(named[j] for j in (k, *beside_of[k]))))
+        fitted.append(_fitted(options, area_mm2, *metal.box_in(program.setup.frame), finish))
         paths = swept_paths(program.posted, judging.tools)
         metal = metal.after(program.setup.frame, paths)
         piece = piece.after(program.setup.frame, _as_plated(paths, finish))
     finest = min(o.tessellation_mm for o in fitted)
     if options.tessellation_mm is None:
-        finest = _affordable_mm(solid, finest)
+        finest = looked.affordable_mm(finest)
     say(f"triangles of the design within {finest:.4f} mm")
-    mesh = tessellate(solid, finest)
+    mesh = looked.triangles(finest)
     say(f"samples of the faces, {len(mesh.triangles):,} triangles for their reach")
-    drops = [_drops(p, mesh) for p in programs]
+    drops = [looked.drops(p, finest) for p in programs]
     holes = [_holes(solid, p, judging.tools) for p in programs]
     beside = lambda k: tuple(Beside(cut=piece.cuts[j], drops=drops[j], holes=holes[j], cuts_too=np.isin(required[k], named[j]))
                              for j in beside_of[k] if set(required[k]) & set(named[j]))
     clampings = [_Clamping(number=k, program=p, options=o, required=chosen, before=found,
-                           sampled=SampledFaces(samples=sample_faces([exact[i] for i in chosen], o.spacing_mm),
-                                                spacing_mm=o.spacing_mm, ground=Ground.of_faces([exact[i] for i in chosen]),
+                           sampled=SampledFaces(samples=looked.samples(chosen, o.spacing_mm), spacing_mm=o.spacing_mm,
+                                                ground=looked.ground(chosen),
                                                 feeds=p.setup.frame.turn_out(np.nan_to_num(p.posted.end_mm - p.posted.start_mm)),
                                                 drops=drops[k], holes=holes[k], beside=beside(k)))
                  for k, (p, o, chosen, found) in enumerate(zip(programs, fitted, required, before))]
@@ -353,12 +402,6 @@ def _laid_out(programs, solid, judging):
     return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece,
                  metal=metal, made=made, mesh=mesh,
                  closest=None if upright else ClosestTree.of_faces(exact)), clampings
-
-
-def _drops(program, mesh):
-    """DropMesh of the design, and of the tabs beside it, in a program's WCS."""
-    corners, triangles = with_tabs(mesh.vertices_mm, mesh.triangles, program.tabs)
-    return drop_mesh(program.setup.frame.into(corners), triangles)
 
 
 def _holes(solid, program, tools):
@@ -394,11 +437,6 @@ def _positions_beside(programs):
     return [[j for j, _ in held if j != k] for held in together for k, _ in held]
 
 
-def _area_mm2(faces, named, numbers):
-    """Of the faces that some programs name."""
-    return sum(face_area_mm2(faces[i].shape) for i in sorted(set().union(*(named[j] for j in numbers))))
-
-
 def _as_plated(paths, finish):
     """SweptPaths of the cutters less a skin of the plating; where there is none, the same."""
     return tuple(p.grown(-finish.plating_mm) for p in paths) if finish.plating_mm else paths
@@ -419,7 +457,7 @@ def _judged(part, c, found, own, judging, joined, proof):
     process = process_of(c.program.posted, judging, stock, found.row[found.is_own], (c.name, c.program.setup.frame))
     say(f"{c.name}: certificate of {moves}")
     solid = solid_in_wcs(part.solid, c.program.setup.frame)
-    proven = certify(c.program.posted, tools, ExactPart.of_solid(solid), solid=solid, kept=kept, skin_mm=finish.plating_mm,
+    proven = certify(c.program.posted, tools, None, solid=solid, kept=kept, skin_mm=finish.plating_mm,
                      tolerance_mm=max(PROVEN_SHARE * finish.gouge_mm, FINEST_MM))
     say(f"{c.name}: cusps beside {len(c.samples):,} samples")
     cusps = _cusps(part, c, found)
@@ -441,8 +479,10 @@ def _judged(part, c, found, own, judging, joined, proof):
                 *report.unseen_gouges(proven), *report.excess(),
                 *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
+    radius_of = lambda row: tools[int(c.program.posted.tool[row])].cutter.radius_mm
+    left = unreachable_places(found, c.program.setup.frame.rotation[:, 2], radius_of)
     numbers = _numbers(found, view, finish, bounds, history, true_mm)       # after the findings: these search as deep as is allowed
-    numbers["unreachable"] = said_of_tabs(numbers["unreachable"], c.program.tabs, part.ball_radius_mm)
+    numbers["unreachable"] = _tidy(said_of_tabs(left, c.program.tabs, part.ball_radius_mm))
     return SetupVerdict(setup=c.name, finish=finish, required=tuple(c.required), residuals=found, solids=view, replay=history,
                         certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,
                         stock=part.made, mesh=part.mesh, places=process.places,
@@ -553,12 +593,6 @@ def _fitted(options, area_mm2, low, high, finish):
     return Options(**{**options.__dict__, **{k: v for k, v in fit.items() if getattr(options, k) is None}})
 
 
-def _affordable_mm(solid, deviation_mm):
-    """The deviation asked, or what keeps to MESH_TRIANGLES: their number goes with its inverse."""
-    expected = COARSER * len(tessellate(solid, COARSER * deviation_mm).triangles)
-    return deviation_mm * max(1.0, expected / MESH_TRIANGLES)
-
-
 def _replayed(part, c, judging, stock):
     """The program replayed on the FoundStock that it finds."""
     program, options, mesh, frame = c.program, c.options, part.mesh, c.program.setup.frame
@@ -649,7 +683,6 @@ def _numbers(found, solid_view, finish, bounds, history, true_mm):
         "gouge_volume_mm3": solid_view.gouge.mm3, "gouge_volume_bound_mm3": solid_view.gouge.bound_mm3,
         "excess_volume_mm3": solid_view.excess.mm3, "excess_volume_bound_mm3": solid_view.excess.bound_mm3,
         "error_bound_mm": _sum([bounds[k] for k in OF_THE_RESULT if k in bounds]),
-        "unreachable": unreachable_places(found),
         "holder_clearance_mm": clearance if np.isfinite(clearance) else None,
         "clearance_not_proven_lines": [int(line) for line in history.undecided_lines],
         "verifiers": {

@@ -190,6 +190,18 @@ def test_a_clamping_may_begin_with_a_position_that_says_how_the_part_is_held(tmp
         Setup(name="askew", faces=("a",), wcs_in_words="", indexed=True, clamped_x=(1, 0, 0), clamped_z=(1, 0, 0))
 
 
+@pytest.mark.parametrize("machine, word", [
+    ("mill_haas_5axis", "G254"), ("mill_heidenhain_5axis", "PLANE SPATIAL SPA+90 SPB+0 SPC+0")])
+def test_a_position_is_verified_on_other_controls(machine, word, tmp_path):
+    """The front alone, from the design to the verdict on the posted text."""
+    first = order(tmp_path / "out", machine)
+    folder = build(replace(first, design=replace(first.design, setups=first.design.setups[1:]))).folder
+    program, = (p for p in folder.glob("front.*") if p.suffix in (".nc", ".h"))
+    assert word in program.read_text()
+    verify = judge(folder, read_job(folder), options=COARSE).as_dict(())
+    assert verify["ok"] and verify["findings"] == [] and 0.02 < verify["cusp_max_mm"] <= 0.06
+
+
 def test_a_face_that_several_positions_cut_is_judged_by_the_one_that_looks_at_it_most_squarely():
     faces = brep.faces_of(brep.the_solid(cq.Workplane().box(4, 4, 4)))
     all_six = list(range(6))

@@ -97,7 +97,7 @@ def test_ctrl_c_in_a_design(run, tmp_path, at_import, in_the_function):
 
 
 @pytest.mark.parametrize("where, name", [(brep, "the_solid"), (brep, "write_step"), (build, "shape_of"), (build, "write_glb"),
-                                         (build, "_sha256"), (build, "_write_json"), (brep, "read_step")])
+                                         (build, "sha256_of"), (build, "_write_json"), (brep, "read_step")])
 def test_ctrl_c_before_and_behind_each_step_of_a_build(run, tmp_path, monkeypatch, where, name):
     job, step = saddle_job(tmp_path), getattr(where, name)
     for moments in (("before",), ("behind",)):

@@ -1,5 +1,7 @@
 """Whole programs of a plate of holes, a thread, a ledge and a chamfer from two sides, spoilt: told by name, place and amount."""
 
+import json
+import re
 import shutil
 from pathlib import Path
 
@@ -44,6 +46,16 @@ def told(found, kind, near, within_mm=3.5):
     """Largest amount of one kind whose place is so near in plan to another; None: there is none."""
     return max((f.amount_mm for f in found if f.kind == kind and max(abs(f.place_mm[k] - near[k]) for k in (0, 1)) < within_mm),
                default=None)
+
+
+def test_the_plan_counts_the_tool_changes_that_are_posted(plate):
+    """Ten seconds each on this machine; the ledge's three passes share one cutter."""
+    for setup in json.loads((plate / "plan.json").read_text())["setups"]:
+        text, operations = (plate / f"{setup['name']}.ngc").read_text(), setup["operations"]
+        posted = len(re.findall(r"^T\d+ M6$", text, re.MULTILINE))
+        assert setup["tool_changes"] == posted <= len(operations)
+        assert setup["time_s"] == pytest.approx(sum(o["time_s"] for o in operations) + 10 * posted, abs=0.06)
+    assert len(operations) == 1 == posted
 
 
 HOLES = (                   # all in one program: none is near to another

@@ -110,7 +110,7 @@ def test_ridges_that_a_coarse_finish_allows_are_finished_places():
     residual = height(points[:, 0])
     samples = SimpleNamespace(points_mm=points, normals=np.tile([0, 0, 1.0], (len(points), 1)),
                               weight_mm2=np.ones(len(points)), is_border=np.zeros(len(points), bool))
-    found = SimpleNamespace(samples=samples, deviation_mm=residual, is_reachable=np.ones(len(points), bool), spacing_mm=0.3)
+    found = SimpleNamespace(samples=samples, deviation_mm=residual, is_for_balls=np.ones(len(points), bool), spacing_mm=0.3)
     design = SimpleNamespace(**dict(zip(("vertices_mm", "triangles"), box((0, 0, 0), (22, 8, 2)))))
     off = lambda allowed_mm: len(compared(mesh_quality.third_view(
         stock, triangles, design, found, np.array([0, 0, 1.0]), allowed_mm, lambda p: height(p[:, 0])), "setup-1",
@@ -132,7 +132,7 @@ def test_high_ridges_are_nearer_than_they_are_high():
     points = np.array([(at_x, at_y, 2.0) for at_x in np.arange(4.0, 18.0, 0.05) for at_y in np.arange(2.0, 6.0, 0.5)])
     samples = SimpleNamespace(points_mm=points, normals=np.tile([0, 0, 1.0], (len(points), 1)),
                               weight_mm2=np.ones(len(points)), is_border=np.zeros(len(points), bool))
-    found = SimpleNamespace(samples=samples, deviation_mm=height(points[:, 0]), is_reachable=np.ones(len(points), bool),
+    found = SimpleNamespace(samples=samples, deviation_mm=height(points[:, 0]), is_for_balls=np.ones(len(points), bool),
                             spacing_mm=0.3)
     design = SimpleNamespace(**dict(zip(("vertices_mm", "triangles"), box((0, 0, 0), (22, 8, 2)))))
     off = lambda nearest: len(compared(mesh_quality.third_view(

@@ -11,11 +11,11 @@ from known_machines import FIVE_AXIS, leaning
 from known_tools import tool
 from leaning_surface import FORMS, Surface, design
 
-from cuspline.app.catalogue import find_library, find_machine, reader_of
+from cuspline.app.catalogue import find_library, find_machine, find_post, reader_of
 from cuspline.planning.leaning_finishing import lifted
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.plating import in_metal
-from cuspline.posts.writers import fanuc, linuxcnc
+from cuspline.posts.writers import linuxcnc
 from cuspline.program.program import Kind, MoveWriter
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
@@ -208,14 +208,14 @@ def test_what_cannot_turn_is_refused_by_name():
         plan_setup(part, setup.model_copy(update={"operations": (setup.operations[0], bull)}), mill("mill_trunnion_ac"), LIBRARY)
 
 
-@pytest.mark.parametrize("post, word", [("linuxcnc", "M428"), ("fanuc", "G43.4"), ("fanuc", None)])
+@pytest.mark.parametrize("post, word", [("linuxcnc", "M428"), ("fanuc", "G43.4"), ("fanuc", None), ("haas", "G234"), ("haas", None),
+                                        ("heidenhain", "TCPM")])
 def test_however_it_is_posted_it_cuts_the_same_surface(post, word):
-    """Tip control and the other controller, on the trunnion."""
+    """Tip control and other controllers, on the trunnion."""
     part, plan = planned("blade")
     machine = mill("mill_trunnion_ac")
     other = machine.model_copy(update={"control": machine.control.model_copy(update={"post": post, "tip_control": word})})
-    writer = {"linuxcnc": linuxcnc, "fanuc": fanuc}[post]
-    posted = reader_of(other)(writer.post(plan.program(("LEANING",), "leaning"), other).text,
+    posted = reader_of(other)(find_post(post).post(plan.program(("LEANING",), "leaning"), other).text,
                               work_offsets={"G54": other.wcs_origin_mm}, tool_lengths={n: t.length_mm for n, t in TOOLS.items()})
     assert posted.remarks == ()
     assert np.abs(deviations(part, plan, posted) - cut("blade", NARROW)[0]).max() < ALIKE_MM

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import chromium
+import numpy as np
 import pytest
 
 from cuspline.report.page import report_html, write_report
@@ -62,6 +63,18 @@ def test_every_choice_changes_the_picture(browser, change):
     assert shown(browser, f"__view.set({{{change}}})") != before
     assert shown(browser, plain) == before
     assert browser.errors == []
+
+
+def test_where_nothing_stands_nothing_is_drawn(sample_bundle, tmp_path):
+    """All of the map at its bottom from the first move on: stock by its own colour and by material left are one picture."""
+    setup = sample_bundle.setups[0]
+    cells = np.arange(setup.replay.nx * setup.replay.ny)
+    gone = replace(setup.replay, event_move=np.zeros(len(cells), int), event_cell=cells,
+                   event_z_mm=np.full(len(cells), setup.replay.bottom_mm))
+    write_report(replace(sample_bundle, setups=(replace(setup, replay=gone),)), tmp_path)
+    with chromium.viewing((tmp_path / "report.html").as_uri(), tmp_path / "profile") as browser:
+        assert len({shown(browser, f"__view.set({{surface: '{name}'}})") for name in ("stock", "rest")}) == 1
+        assert browser.errors == []
 
 
 def test_the_path_is_coloured_by_what_the_edges_meet(browser):

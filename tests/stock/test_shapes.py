@@ -104,6 +104,29 @@ def test_heights_within_a_radius_are_bounds(shape):
         assert np.median(bound[stands] - highest[stands]) < 2 * radius + 2 * ROUND_MM
 
 
+@pytest.mark.parametrize("frame", [ASKEW, Frame.of_axes(np.zeros(3), (0.0, 0.6, 0.8), (0.0, 0.8, -0.6))], ids=["askew", "turned"])
+def test_tops_of_a_mesh_are_those_of_its_columns(frame):
+    mesh = as_mesh(BAR)
+    low, high = mesh.box_in(frame)
+    xy = RNG.uniform(low[:2] - 2, high[:2] + 2, (2000, 2))
+    tops = mesh.columns(frame, xy)[..., 1]
+    highest = np.where(np.isfinite(tops), tops, -np.inf).max(axis=1)
+    np.testing.assert_allclose(mesh.tops_mm(frame, xy), highest, atol=1e-6)
+    assert 200 < np.isfinite(highest).sum() < 1990
+
+
+def test_facets_turned_out_of_upright_by_rounding_have_no_tops():
+    """A block turned about X by what cosines round to: its sides look up by 1e-17, and their planes say anything."""
+    mesh = as_mesh(BLOCK)
+    for degrees in range(0, 360, 90):
+        turn = np.radians(degrees)
+        c, s = np.cos(turn), np.sin(turn)
+        frame = Frame(rotation=np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]]), origin_mm=np.zeros(3))
+        low, high = mesh.box_in(frame)
+        xy = RNG.uniform(low[:2], high[:2], (500, 2))
+        np.testing.assert_allclose(mesh.tops_mm(frame, xy), high[2], atol=1e-6)
+
+
 def test_meshes_that_bound_no_solid_are_refused_in_a_sentence():
     vertices, triangles = BLOCK.mesh
     for some, words in ((triangles[1:], "open, 3 sides of its 11 triangles have no neighbour"),

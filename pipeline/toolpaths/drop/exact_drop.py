@@ -16,12 +16,13 @@ from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, DS, DT, IS_RATIONAL, O
 from cuspline.surfaces.trims import TrimSet
 from cuspline.toolpaths.contact.contacts import checked_radii_mm
 from cuspline.toolpaths.contact.leaf_rows import PartArrays
-from cuspline.toolpaths.drop.patch_bounds import EDGE, FACE, UPWARD, conversions
+from cuspline.toolpaths.drop.patch_bounds import EDGE, EVERYWHERE, FACE, UPWARD, conversions
 from cuspline.toolpaths.drop.patch_search import ON_PATCH, ON_S, ON_T, STACK, drop_one
 from cuspline.toolpaths.drop.patch_tree import grow_leaves, grow_tree
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.known import Known
 from cuspline.values.rows import X, Y, Z, put
 from cuspline.values.threads import in_blocks
 
@@ -37,15 +38,16 @@ class ExactPart:
     arrays: PartArrays      # what kernels take
 
     @classmethod
-    def of_solid(cls, solid, upward=UPWARD):
+    def of_solid(cls, solid, upward=UPWARD, within_mm=EVERYWHERE):
         """All faces and edges of a solid (or of a shell, or of a compound of solids)."""
-        return cls.of_faces(brep.faces_of(brep.wrapped(solid)), upward=upward)
+        return cls.of_faces(brep.faces_of(brep.wrapped(solid)), upward=upward, within_mm=within_mm)
 
     @classmethod
-    def of_faces(cls, faces, geometry=None, upward=UPWARD):
+    def of_faces(cls, faces, geometry=None, upward=UPWARD, within_mm=EVERYWHERE):
         """Given `brep.Face` values, indices in this order; `geometry` = (PatchSet, TrimSet) of them if at hand.
 
-        What looks up by no more than `upward`, the normal's z, is left out.
+        What looks up by no more than `upward`, the normal's z, is left out, and what lies beside a box, (low x, high x, low y,
+        high y), where more is there: no cutter comes so far.
 
         Raises:
             ToolpathError: no face looks upward and no edge is there: nothing could be touched.
@@ -64,7 +66,10 @@ class ExactPart:
         matrices = np.zeros((most, most, most))
         for n in range(most):
             matrices[n, :n + 1, :n + 1] = conversions(n)
-        rows, tags, points, firsts = grow_leaves(coefficients, patch, span, sign, kind, trims.arrays, matrices, upward)
+        grow = lambda box: grow_leaves(coefficients, patch, span, sign, kind, trims.arrays, matrices, upward, np.array(box, float))
+        rows, tags, points, firsts = grow(within_mm)
+        if not len(rows) and within_mm != EVERYWHERE:
+            rows, tags, points, firsts = grow(EVERYWHERE)
         if not len(rows):
             raise ToolpathError("nothing to drop a cutter on: no face of the part looks upward; check the tool axis")
         nodes, first = grow_tree(points, firsts)
@@ -73,10 +78,33 @@ class ExactPart:
             a.setflags(write=False)
         return cls(arrays=PartArrays(*arrays, trims.arrays))
 
+    def under(self, xy_mm, radius_mm):
+        """What a cutter of a radius may touch at places (n, 2): all of it."""
+        return self
+
     @property
     def memory_bytes(self):
         """Size of everything that kernels read."""
         return sum(a.nbytes for a in (*self.arrays[:-1], *self.arrays.trims))
+
+
+class PartNear:
+    """ExactPart of what lies near, where nobody asks for more."""
+
+    def __init__(self, make, within_mm):
+        """
+        Args:
+            make: function of a box, as `within_mm`, to the ExactPart of what reaches into it.
+            within_mm: (low x, high x, low y, high y).
+        """
+        self.make, self.within_mm, self.made = make, within_mm, Known()
+
+    def under(self, xy_mm, radius_mm):
+        """ExactPart of what a cutter of a radius may touch at places (n, 2)."""
+        low_x, high_x, low_y, high_y = self.within_mm
+        low, high = (low_x + radius_mm, low_y + radius_mm), (high_x - radius_mm, high_y - radius_mm)
+        box = self.within_mm if ((xy_mm >= low) & (xy_mm <= high)).all() else EVERYWHERE
+        return self.made.once(box, lambda: self.make(box))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -61,7 +61,7 @@ class ExactDropper(Dropper):
     def __init__(self, part, neighbours, radius_mm, corner_radius_mm, allowance_mm=0.0):
         """
         Args:
-            part: exact_drop.ExactPart.
+            part: exact_drop.ExactPart or PartNear.
             neighbours: EdgeNeighbours of the same faces.
             radius_mm, corner_radius_mm: R > 0 and rc, 0 (flat) to R (ball).
             allowance_mm: material to leave, >= 0.
@@ -78,11 +78,12 @@ class ExactDropper(Dropper):
                    allowance_mm)
 
     def tips_mm(self, xy_mm):
-        return exact_drop.drop_tips_mm(self._part, xy_mm, *self._grown) + self.allowance_mm
+        part = self._part.under(np.asarray(xy_mm, float), self._grown[0])
+        return exact_drop.drop_tips_mm(part, xy_mm, *self._grown) + self.allowance_mm
 
     def contacts(self, xy_mm):
         xy = np.ascontiguousarray(xy_mm, float)
-        c = exact_drop.drop_contacts(self._part, xy, *self._grown)
+        c = exact_drop.drop_contacts(self._part.under(xy, self._grown[0]), xy, *self._grown)
         held = c.face >= 0
         contact, normal, is_edge = (np.array(column) for column in (c.contact_mm, c.normal, c.is_edge))
         if self._grown[1] > 0:      # on a face the cutter lies against it; what it only leans on is the face's edge

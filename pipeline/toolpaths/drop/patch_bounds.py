@@ -17,7 +17,7 @@ from cuspline.surfaces.patches import DS, DSS, DST, DT, DTT, POINT, U_HIGH, U_LO
 from cuspline.surfaces.trims import BINS, FIRST_BIN, IS_WHOLE, STRIPS_FROM, STRIPS_PER_V, U0, U1, V0, V1, is_inside
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
-from cuspline.values.rows import W, X, Y, Z, put
+from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, W, X, Y, Z, put
 
 TURN_RAD = 0.08             # cone half-angle below which a sub-patch is left whole
 SMALLEST_MM = 0.1             # sub-patches are halved down to this at the most, at poles and on edges that are as sharp
@@ -25,6 +25,7 @@ MOST_HALVINGS = 40
 UPWARD = 1e-9               # nz below which a face cannot be touched from above
 PLANAR_MM = 1e-9            # a sub-patch this close to its parametrisation's plane is one
 HULL_MM = 1e-9              # outward rounding of hulls
+EVERYWHERE = (-math.inf, math.inf, -math.inf, math.inf)     # low x, high x, low y, high y
 OUTSIDE, INSIDE, BORDER = 0, 1, 2
 FACE, EDGE = 0, 1
 DSSS, DSST, DSTT, DTTT = range(6, 10)       # rows of reaches, behind those of `patches.derive`
@@ -41,6 +42,13 @@ def conversions(degree):
     to_b = np.array([[math.comb(i, k) / math.comb(n, k) if i >= k else 0.0 for k in range(n + 1)]
                      for i in range(n + 1)])
     return fixed.matmul(to_b, to_q)
+
+
+@njit
+def is_beside(hull, within):
+    """Whether no point of a hull (i, j, 3) stands over a box (low x, high x, low y, high y)."""
+    x, y = hull[:, :, X], hull[:, :, Y]
+    return x.max() < within[X_LOW] or x.min() > within[X_HIGH] or y.max() < within[Y_LOW] or y.min() > within[Y_HIGH]
 
 
 @njit

@@ -54,6 +54,7 @@ from cuspline.toolpaths.drop.patch_bounds import (
     bernstein,
     cone_box,
     derivative_reaches,
+    is_beside,
     normal_change,
     part_state,
 )
@@ -138,8 +139,8 @@ def leaf_row(coefficients, patch, span, sign, face, box, kind, trims, mu, mv, up
 
 
 @njit(error_model="numpy")
-def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices, upward):
-    """All leaves of all patches.
+def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices, upward, within):
+    """All leaves of all patches that reach into a box (low x, high x, low y, high y).
 
     Returns:
         rows (m, 24), tags (m, 4), hull points (h, 3), first hull point of each leaf (m + 1,).
@@ -162,7 +163,7 @@ def grow_leaves(coefficients, patch, span, sign, kinds, trims, matrices, upward)
             box, level = stack[top].copy(), depth[top]
             verdict = leaf_row(coefficients, patch[p], span[p], sign[p], patch[p, OF_FACE], box, kinds[p], trims,
                                mu, mv, upward, row, tag, hull)
-            if verdict < 0:
+            if verdict < 0 or is_beside(hull, within):
                 continue
             if verdict > 0 and level < MOST_HALVINGS:
                 k = 0 if verdict == 1 else 2

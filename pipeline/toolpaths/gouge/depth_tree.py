@@ -16,6 +16,7 @@ from cuspline.surfaces.patches import DEGREE_U, DEGREE_V, OF_FACE, OFFSET, U_HIG
 from cuspline.toolpaths.contact.leaf_rows import HALF_S, HALF_T, KIND, MIDDLE_S, MIDDLE_T, PATCH, REACH_S, REACH_T, SHAPE, STATE
 from cuspline.toolpaths.drop.patch_bounds import (
     BORDER,
+    EVERYWHERE,
     FACE,
     HULL_MM,
     MOST_HALVINGS,
@@ -23,6 +24,7 @@ from cuspline.toolpaths.drop.patch_bounds import (
     bernstein,
     box_state,
     conversions,
+    is_beside,
 )
 from cuspline.toolpaths.drop.patch_tree import CURVED, grow_tree
 from cuspline.toolpaths.gouge.depth_bounds import NORMAL, SLANT, TOPMOST
@@ -31,7 +33,6 @@ from cuspline.values.rows import W, X, Y, Z, put
 
 MOST_PIECES = 600_000     # a part that asks for more has them
 COARSER = 4.0               # times as thick
-EVERYWHERE = (-math.inf, math.inf, -math.inf, math.inf)
 PART_S, PART_T, PART_HS, PART_HT = range(4)
 UP = 1e-9                   # weight of the upward direction where a piece has none of its own
 
@@ -133,7 +134,7 @@ def thin_pieces(tree, matrices, thickness, within, most):
                 for j in range(dv + 1):
                     for a in range(3):
                         hull[i, j, a] = b[i, j, a] / b[i, j, W]
-            if level == 0 and _is_beside(hull, within):
+            if level == 0 and is_beside(hull, within):
                 continue
             area = _area_normal(hull, signs[tags[k, PATCH]], tags[k, KIND] == FACE, n)
             if tags[k, SHAPE] == CURVED and level < MOST_HALVINGS:
@@ -176,13 +177,6 @@ def thin_pieces(tree, matrices, thickness, within, most):
     used = first_point[count]
     return (leaf[:count].copy(), piece[:count].copy(), points[:used].copy(), first_point[:count + 1].copy(),
             normal[:count].copy())
-
-
-@njit
-def _is_beside(hull, within):
-    """Whether no point of a hull (i, j, 3) stands over a box (low x, high x, low y, high y)."""
-    x, y = hull[:, :, X], hull[:, :, Y]
-    return x.max() < within[0] or x.min() > within[1] or y.max() < within[2] or y.min() > within[3]
 
 
 @njit

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCone, BRepPrimAPI_MakeSphere
+from OCP.gp import gp_Pnt
 
 from cuspline.kernel import brep
 from cuspline.toolpaths.drop.dropcutter import DropMesh
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm as mesh_tips_mm
-from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_contacts, drop_tips_mm, gouge_depths_mm
+from cuspline.toolpaths.drop.exact_drop import ExactPart, PartNear, drop_contacts, drop_tips_mm, gouge_depths_mm
+from cuspline.toolpaths.drop.patch_bounds import EVERYWHERE
 from cuspline.values.errors import ToolpathError
 
 _spec = importlib.util.spec_from_file_location("exact_parts", Path(__file__).parents[2] / "parts" / "exact_parts.py")
@@ -156,3 +158,22 @@ def test_radii_that_are_no_cutters_are_refused(block):
     for R, rc in ((0.0, 0.0), (2.0, 3.0), (2.0, -1.0)):
         with pytest.raises(ToolpathError, match="no cutter"):
             drop_tips_mm(block[1], np.zeros((1, 2)), R, rc)
+
+
+def test_what_lies_beside_a_box_is_left_out_and_asked_for_where_a_cutter_comes_beyond_it():
+    log = BRepPrimAPI_MakeBox(20.0, 16.0, 5.0).Solid()
+    post = BRepPrimAPI_MakeBox(gp_Pnt(60.0, 0.0, 0.0), 4.0, 16.0, 9.0).Solid()
+    both = brep.faces_of(log) + brep.faces_of(post)
+    asked = []
+
+    def make(box):
+        asked.append(box)
+        return ExactPart.of_faces(both, within_mm=box)
+
+    near, whole = PartNear(make, (-10.0, 30.0, -10.0, 26.0)), ExactPart.of_faces(both)
+    inside, beyond = np.array([[4.0, 5.0], [21.0, 8.0]]), np.array([[4.0, 5.0], [62.0, 8.0]])
+    for xy in (inside, beyond):
+        np.testing.assert_array_equal(drop_tips_mm(near.under(xy, 3.0), xy, 3.0, 3.0), drop_tips_mm(whole, xy, 3.0, 3.0))
+    assert asked == [(-10.0, 30.0, -10.0, 26.0), EVERYWHERE]
+    assert near.under(inside, 3.0).memory_bytes < whole.memory_bytes == near.under(beyond, 3.0).memory_bytes
+    assert ExactPart.of_faces(both, within_mm=(200.0, 210.0, 0.0, 1.0)).memory_bytes == whole.memory_bytes
