@@ -52,6 +52,9 @@ class PropellerParameters(Parameters):
                                                       "on a rotary table that a turning pallet carries; none: the solid alone")
     blade_order: Literal["apart", "around"] = Field(default="apart", description="of all blades: no two neighbours in turn where "
                                                     "that can be, or one after the other round the hub")
+    sides: Literal["auto", "together", "flipped"] = Field(
+        default="auto", description="where blades are cut: face and back in one setup on a rotary table, or one side up and then "
+        "the other, found again by dimples; auto: together up to 24 in")
     arbor_mm: float = Field(default=280.0, gt=0, le=1000, description="from the face of the rotary table to the propeller's "
                             "centre, where blades are cut: as the machine stands")
     extension_mm: float = Field(default=80.0, ge=0, le=300, description="of the slim shrink-fit extensions that the balls are held "

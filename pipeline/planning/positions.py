@@ -42,6 +42,7 @@ class Position:
     tool: object                # Tool: the largest ball that sees nearly all that is added here
     sees_mm2: float
     adds_mm2: float             # to what the positions before it see
+    held: object = None         # Held: the clamping in which it is taken; None: no machine was named
 
     @property
     def axes(self):
@@ -66,7 +67,7 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
     Args:
         solid: TopoDS solid.   indices: of its faces, in its own order.   library: ToolLibrary; its balls count.
         ways: (n, 3) unit directions to choose from, part coordinates, see `turnable`; or Held: those of a part on a machine, whose
-            spindle and tables are in the way; None: `directions`.
+            spindle and tables are in the way; or a tuple of these, of clampings on one machine; None: `directions`.
         steepest_deg: between a place's normal and the direction, at the most.
         standing_mm: material that may still stand on the part, which holder and shank keep clear of.
         finely: places of the faces that are looked at, at the most; how far the triangles that tools keep clear of may lie off
@@ -76,21 +77,29 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
     Raises:
         CutterDoesNotFit: the library has no ball.
     """
-    ways, held = (ways.ways, ways) if isinstance(ways, Held) else (ways, None)
+    candidates = _candidates(ways)
+    held = candidates[0][1] if candidates else None
     balls = (library if held is None else library.in_spindle(round_the_spindle(held.machine))).of_type("ball")
     if not balls:
         raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
     places, mesh_mm = finely
-    some, ways = _some_samples(solid, indices, places), directions() if ways is None else ways
+    some, ways = _some_samples(solid, indices, places), np.array([way for way, _ in candidates]).reshape(-1, 3)
     mesh = brep.planning_mesh(solid, mesh_mm)
     tree = ClearanceTree.of_triangles(mesh.vertices_mm, mesh.triangles)
     on_tools = [_Ball.of_tool(tool, tree, some, standing_mm) for tool in balls]
     is_gentle = fixed.matmul(some.normal, np.transpose(ways)) >= fixed.cos(np.radians(steepest_deg)) - NEARLY
-    tables = [None if held is None else held.tables_from(way) for way in ways]
+    tables = [None if held is None else held.tables_from(way) for way, held in candidates]
     seen = np.array([ball.seen_from(way, gentle, beside) for way, gentle, beside in zip(ways, is_gentle.T, tables)
                      for ball in on_tools])
     seen = seen.reshape(len(ways), len(balls), -1)
-    return _chosen(ways, seen, some, balls)
+    return _chosen(candidates, seen, some, balls)
+
+
+def _candidates(ways):
+    """[((3,) direction, Held or None)] of the `ways` of `positions`."""
+    if isinstance(ways, (Held, tuple)):
+        return [(way, held) for held in (ways if isinstance(ways, tuple) else (ways,)) for way in held.ways]
+    return [(way, None) for way in (directions() if ways is None else ways)]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -195,11 +204,11 @@ class _Ball:
         return is_seen
 
 
-def _chosen(ways, seen, samples, balls):
-    """Positions, greedily; seen: (directions, balls, n)."""
+def _chosen(candidates, seen, samples, balls):
+    """Positions, greedily; seen: (candidates, balls, n)."""
     area, by_any, found = samples.area_mm2, seen.any(axis=1), []
     left = np.ones(len(area), bool)
-    while len(ways):
+    while candidates:
         adds = np.array([area[sees & left].sum() for sees in by_any])
         best = int(adds.argmax())
         if adds[best] < LEAST_SHARE * area.sum():
@@ -208,8 +217,9 @@ def _chosen(ways, seen, samples, balls):
         of_ball = np.array([area[sees & new].sum() for sees in seen[best]])
         enough = np.flatnonzero(of_ball >= NEARLY_ALL * adds[best])
         largest = max(enough if len(enough) else [int(of_ball.argmax())], key=lambda k: balls[k].cutter.diameter_mm)
-        found.append(Position(direction=ways[best], tool=balls[largest], sees_mm2=float(area[by_any[best]].sum()),
-                              adds_mm2=float(adds[best])))
+        direction, held = candidates[best]
+        found.append(Position(direction=direction, tool=balls[largest], sees_mm2=float(area[by_any[best]].sum()),
+                              adds_mm2=float(adds[best]), held=held))
         left &= ~by_any[best]
     return Positions(positions=tuple(found), area_mm2=float(area.sum()), left_mm2=float(area[left].sum()),
                      left_at_mm=_middle_of(samples.point_mm[left]))

@@ -135,8 +135,12 @@ class Workpiece:
             points_mm, normals: (n, 3) on the design, unit normals out of the material.   limit_mm: longest ray.
             of_cuts: deviations (cuts, n) of `deviations_of_cuts` if at hand.
         Returns:
-            deviation (n,), index of the clamping (n,).
+            deviation (n,), index of the clamping (n,): 0 where there is none yet.
         """
+        if not self.cuts:
+            whole = Stretch.of(self.blank, points_mm, normals).cut(np.full(len(points_mm), limit_mm), limit_mm,
+                                                                   lambda rows, by: np.zeros(len(rows)))
+            return whole, np.zeros(len(points_mm), np.int64)
         each = self.deviations_of_cuts(points_mm, normals, limit_mm)[0] if of_cuts is None else of_cuts
         maker = each.argmin(axis=0)
         least = each[maker, np.arange(each.shape[1])].copy()

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from cuspline.app.catalogue import find_design, find_library, make_design
+from cuspline.design.setup_alignment import far_errors_mm
 from cuspline.designs.propellers import cutting
 from cuspline.designs.propellers.blade import about_x
 from cuspline.kernel import brep
 from cuspline.planning import positions as planning_positions
 from cuspline.surfaces.curvature import sample_faces
+from cuspline.surfaces.projection import ClosestTree
 from cuspline.values.errors import DesignError
 
 SMALL = ["diameter_mm=100", "bore_mm=8",
@@ -86,7 +88,7 @@ def test_a_stranger_s_table_is_laid_out_to_be_cut_with_default_settings(tmp_path
         "0.6,0.29,1.05,6,0,0.020,0.025\n0.8,0.27,1.03,12,0,0.012,0.022\n0.95,0.16,1.00,18,0,0.007,0.02\n"
         "1.0,0.02,1.0,20,0,0.004,0.0\n")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cutting, "_ways", lambda design, p, balls: FEW[:2])
+        patch.setattr(cutting, "_ways", lambda design, p, balls, clampings: [FEW[:2]] * len(clampings))
         made = make_design(find_design("propeller"), [f"radii_csv={tmp_path / 'mine.csv'}", "blades=3", "blades_cut=all"])
     assert [s.name for s in made.setups] == [f"blade-{k}-{j}" for k in (1, 2, 3) for j in (1, 2)]
     assert made.machine == cutting.MACHINE
@@ -105,6 +107,70 @@ def test_the_first_two_directions_see_both_sides(whole):
 
 def test_a_hub_that_reaches_the_table_is_refused():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cutting, "_ways", lambda design, p, balls: FEW[:2])
+        patch.setattr(cutting, "_ways", lambda design, p, balls, clampings: [FEW[:2]] * len(clampings))
         with pytest.raises(DesignError, match="the hub begins 20.0 mm before the propeller's centre, .* enlarge arbor_mm"):
             make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=one", "arbor_mm=15"])
+
+
+# flipped: one side up, then the other ------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def flipped():
+    """The 4119 of 100 mm, all blades, as the large ones are cut."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planning_positions, "directions", lambda: FEW)
+        patch.setattr(cutting, "PLACES", 300)
+        return make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=all", "sides=flipped"])
+
+
+@pytest.mark.parametrize("diameter_mm, sides, is_so", [
+    (609.6, "auto", False), (609.7, "auto", True), (762.0, "together", False), (100.0, "flipped", True)])
+def test_propellers_above_24_in_are_flipped_unless_told_otherwise(diameter_mm, sides, is_so):
+    assert cutting.is_flipped(SimpleNamespace(diameter_mm=diameter_mm), SimpleNamespace(sides=sides)) == is_so
+
+
+def test_one_side_is_cut_after_the_other(flipped):
+    """All of the back's setups first; from above alone, and every blade of a side by the same directions turned with it."""
+    sides = [s.name.split("-")[0] for s in flipped.setups]
+    assert sides == sorted(sides) and set(sides) == {"back", "face"} and flipped.machine == cutting.GANTRY
+    assert flipped.description.endswith("; 3 of 3 blades cut with their fillets, all else stays as cast; flipped between its sides")
+    for side, up in cutting.SIDES:
+        mine = [s for s in flipped.setups if s.name.startswith(f"{side}-blade-")]
+        assert {s.clamped_z for s in mine} == {up} and {s.planned_as for s in mine if "-1-" not in s.name} <= {
+            s.name for s in mine if s.planned_as is None}
+        count = len(mine) // 3
+        for first, other in zip(mine[:count], mine[count:2 * count]):
+            assert about_x(2 * np.pi / 3) @ first.wcs_z == pytest.approx(other.wcs_z, abs=1e-10)
+
+
+def test_dimples_of_the_first_side_are_the_markers_of_the_second(flipped):
+    """In the hub's skin, between the blades; their fit tells every tip to a few times what one measurement is off."""
+    cuts = [s for s in flipped.setups if s.operations[0].kind == "dimples"]
+    markers = {m.name: np.array(m.at_mm) for s in flipped.setups for m in s.markers}
+    assert all(s.name.startswith("back-markers") for s in cuts) and not any(s.markers for s in flipped.setups if "back" in s.name)
+    assert sorted(n for s in cuts for n in s.operations[0].markers) == sorted(markers) and len(markers) == 6
+    places = np.array(list(markers.values()))
+    ball = next(t for t in flipped.tools if t.number == cuts[0].operations[0].tool).cutter.radius_mm
+    closest = ClosestTree.of_faces(brep.faces_of(brep.the_solid(flipped.solid)))
+    assert closest.closest_points(places).distance_mm == pytest.approx(ball + 0.4 * 0.6, abs=2e-3)      # 0.6 of the skin deep
+    tips = np.array([about_x(2 * np.pi * k / 3) @ (0.0, 0.0, 50.0) for k in range(3)])
+    assert far_errors_mm(places, tips, 0.002).max() < 0.006
+
+
+def test_posts_stand_under_every_blade_and_touch_none(flipped):
+    closest = ClosestTree.of_faces(brep.faces_of(brep.the_solid(flipped.solid)))
+    for setup, down in ((flipped.setups[0], 1.0), (flipped.setups[-1], -1.0)):
+        posts = [f for f in setup.fixtures if f.name.startswith("post")]
+        assert len(posts) == 3
+        for post in posts:
+            (foot, *at), top = post.from_mm, np.array(post.to_mm)
+            around = np.linspace(0, 2 * np.pi, 24)[:, None]
+            rim = top + post.diameter_mm / 2 * (np.cos(around) * (0, 1, 0) + np.sin(around) * (0, 0, 1))
+            away = closest.closest_points(np.vstack([top, rim])).distance_mm
+            assert 0.6 < away.min() < 3.0 and down * (foot - top[0]) > 50.0 and np.hypot(*at) == pytest.approx(35.0, abs=1e-3)
+
+
+def test_a_skin_too_thin_for_dimples_is_refused():
+    with pytest.raises(DesignError, match="a skin of 0.2 mm is too thin for dimples .* take skin_mm 0.25 or more"):
+        make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=one", "sides=flipped", "skin_mm=0.2"])
