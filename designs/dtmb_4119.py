@@ -1,7 +1,10 @@
 """DTMB propeller 4119: three blades without skew and rake, 12 in, a standard of propeller research.
 
-Table and sources: data/propeller_dtmb4119.csv.  Shaft along X, downstream; blade 1 along Z.
+Table and sources: data/propeller_dtmb4119.csv.  Shaft along X, downstream; blade 1 along Z.  One blade
+is cut unless told otherwise.
 """
+
+from typing import Literal
 
 from pydantic import Field
 
@@ -17,9 +20,11 @@ class Dtmb4119(PropellerParameters):
 
     diameter_mm: float = Field(default=DTMB_4119_MM, ge=50, le=1000, description="12 in as published")
     bore_mm: float = Field(default=25.4, ge=0, description="diameter at the fore end; 0: none")
+    blades_cut: Literal["none", "one", "all"] = Field(default="one", description="blades that are finished with their fillets; "
+                                                      "one: as many as fit a build's time, the others stay as cast")
 
 
 def design(p: Dtmb4119) -> Design:
-    """The propeller; its solid is checked against the table, it has no setup yet."""
+    """The propeller; its solid is checked against the table."""
     return propeller_design("dtmb_4119", "DTMB propeller 4119, three blades", p,
                             dtmb_4119(p.diameter_mm, p.is_right_handed, p.edge), HUB_RATIO)

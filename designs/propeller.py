@@ -43,7 +43,7 @@ class Propeller(PropellerParameters):
 
 
 def design(p: Propeller) -> Design:
-    """The propeller; its solid is checked against its tables, it has no setup yet."""
+    """The propeller; its solid is checked against its tables."""
     if p.radii_csv:
         table = from_files(p.radii_csv, p.diameter_mm, p.blades, p.is_right_handed, p.offsets_csv or None,
                            p.sections_csv or None, p.edge)

@@ -31,7 +31,7 @@ class WageningenB(PropellerParameters):
 
 
 def design(p: WageningenB) -> Design:
-    """The screw; its solid is checked against the tables, it has no setup yet."""
+    """The screw; its solid is checked against the tables."""
     main = MainDimensions(p.blades, p.area_ratio, p.pitch_ratio, p.diameter_mm, p.is_right_handed)
     table = b_series(main, p.rake_deg, p.edge_share, p.edge)
     return propeller_design("wageningen_b", f"Wageningen {table.name}, P/D {p.pitch_ratio:g}", p, table,

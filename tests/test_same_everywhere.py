@@ -99,7 +99,7 @@ DISH = Path(__file__).parent / "parts" / "small_dish.py"
 BUILDS = {
     "dish": (str(DISH), "--stage", "gcode"),
     "vane": ("rfq_vane", "-p", "preset=hydrogen_750", "-p", "to_mm=6", "-p", "scallop_mm=0.03", "--stage", "gcode"),
-    "propeller": ("dtmb_4119", "--stage", "step"),
+    "propeller": ("dtmb_4119", "-p", "blades_cut=none", "--stage", "step"),
 }
 RECORDED_TOO = {"z_profile": ("z_profile", "-p", "width_mm=10", "-p", "scallop_mm=0.3", "-p", "profile_tolerance_mm=0.02",
                               "-p", "gouge_mm=0.05", "--stage", "gcode")}

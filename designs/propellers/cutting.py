@@ -29,12 +29,12 @@ from cuspline.values.errors import DesignError
 from cuspline.values.frames import Frame
 
 MACHINE = "mill_a_on_b"
-GANTRY = "mill_head_head"   # for those that are flipped
+GANTRY = "mill_gantry_5axis"   # for those that are flipped
 ONE_SETUP_MM = 609.6        # diameter up to which one setup does: 24 in, what the rotary table takes
 HELD = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)     # X and Z of the clamping: the shaft, and blade 1 at rest
 SIDES = ("back", (-1.0, 0.0, 0.0)), ("face", (1.0, 0.0, 0.0))      # flipped: which is up, and where its Z points
 BLADE_1 = (0.0, 0.0, 1.0)   # X of both clampings then
-STAND_MM = 60.0             # under the hub when flipped: room for the spindle beside it
+STAND_MM = 240.0            # under the hub when flipped: room for a spindle that lies beside it
 POST_AT = 0.7               # of the radius: where a post stands under each blade
 POST_SHARE = 0.06           # of the diameter: its own
 GAPS = 3                    # between blades, that markers lie in, at most
@@ -88,11 +88,13 @@ def cut(design, made, p):
     clampings = _flipped(design, made, p, balls) if is_flipped(made.blade.table, p) else [_on_rotary_table(made, p)]
     setups = []
     for clamping, ways in zip(clampings, _ways(design, p, balls, clampings)):
-        setups += [_dimpled(clamping, j, way, names, balls) for j, (way, names) in enumerate(clamping.dimples)]
-        setups += [_setup(clamping, k, j, about_x(k * 2 * np.pi / count), way, _operations(balls, j == 0))
+        setups += [_position(clamping, f"markers-{j + 1}", _names(1, p), way, (Dimples(markers=touched, tool=balls[-1].number),))
+                   for j, (way, touched) in enumerate(clamping.dimples)]
+        setups += [_setup(clamping, k, j, _names(k + 1, p), about_x(k * 2 * np.pi / count), way, _operations(balls, j == 0))
                    for k in order for j, way in enumerate(ways)]
-    told = (f"{len(order)} of {count} blades cut with {'its fillet' if len(order) == 1 else 'their fillets'}, all else stays as "
-            "cast" + ("; flipped between its sides" if len(clampings) > 1 else ""))
+    with_it = "its fillet" if len(order) == 1 else "their fillets"
+    told = (f"{len(order)} of {count} blades cut with {with_it}{' and hub' if p.hub_cut else ''}, all else stays as cast"
+            + ("; flipped between its sides" if len(clampings) > 1 else ""))
     return replace(design, description=f"{design.description}; {told}", stock=StockSkin(skin_mm=p.skin_mm), setups=tuple(setups),
                    machine=clampings[0].machine, tools=tuple(balls) if p.extension_mm else ())
 
@@ -146,20 +148,21 @@ def _ways(design, p, balls, clampings):
     """[[(3,)]] directions from which blade 1 is cut in each clamping, those that see most first.   balls: Tools."""
     solid = brep.the_solid(design.solid, f"design {design.name}")
     held = [clamping.held for clamping in clampings]
-    found = positions(solid, _of_blade_1(design, solid), find_library(None).model_copy(update={"tools": tuple(balls)}),
+    found = positions(solid, _of_blade_1(design, solid, p), find_library(None).model_copy(update={"tools": tuple(balls)}),
                       ways=tuple(held), steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM))
     return [[q.direction for q in found.positions if q.held is one] for one in held]
 
 
-def _of_blade_1(design, solid):
+def _of_blade_1(design, solid, p):
     """Indices of its faces and its fillet's."""
     faces = brep.faces_of(solid)
-    return brep.indices_of(faces, brep.named_faces(faces, design.predicates, _names(1)))
+    return brep.indices_of(faces, brep.named_faces(faces, design.predicates, _names(1, p)))
 
 
-def _names(blade):
-    """Of the faces of a blade, counted from 1."""
-    return (*(f"blade {blade} {part}" for part in ("face", "back", "leading edge", "trailing edge", "tip")), f"fillet {blade}")
+def _names(blade, p):
+    """Of the faces that are cut with a blade, counted from 1."""
+    parts = ("face", "back", "leading edge", "trailing edge", "tip")
+    return (*(f"blade {blade} {part}" for part in parts), f"fillet {blade}", *((f"hub {blade}",) if p.hub_cut else ()))
 
 
 def _on_rotary_table(made, p):
@@ -177,10 +180,17 @@ def _on_rotary_table(made, p):
 
 
 def _flipped(design, made, p, balls):
-    """[Clamping]: the back up, then the face; dimples that are cut in the first are touched in the second."""
+    """[Clamping]: the back up, then the face; dimples that are cut in the first are touched in the second.
+
+    Raises:
+        DesignError: a skin too thin for dimples; a hub that is to be cut, where they are.
+    """
+    if p.hub_cut:
+        raise DesignError("hub_cut: the propeller is flipped, and the dimples that find it again are in the hub's skin: leave the "
+                          "hub to be turned, or take sides=together")
     mill, solid = find_machine(GANTRY), brep.the_solid(design.solid, f"design {design.name}")
     under_zero = mill.wcs_origin_mm[2] - mill.table_z_mm
-    blade = sample_faces(brep.faces_of(solid), _of_blade_1(design, solid), across_axis=2).point_mm
+    blade = sample_faces(brep.faces_of(solid), _of_blade_1(design, solid, p), across_axis=2).point_mm
     markers, dimples = _markers(made, p, balls[-1].cutter.radius_mm)
     found = []
     for side, z in SIDES:
@@ -254,19 +264,15 @@ def _markers(made, p, ball_mm):
     return tuple(markers), tuple(dimples)
 
 
-def _dimpled(clamping, j, way, names, balls):
-    """The position that cuts some of the markers, from 0; its faces are the other positions'."""
-    return _position(clamping, f"markers-{j + 1}", 0, way, (Dimples(markers=names, tool=balls[-1].number),))
-
-
-def _setup(clamping, k, j, turn, way, operations):
+def _setup(clamping, k, j, names, turn, way, operations):
     """Position j of blade k, both from 0.   turn: (3, 3) from blade 1 to it.   way: (3,) to blade 1."""
-    made = _position(clamping, f"blade-{k + 1}-{j + 1}", k, way, operations, turn)
+    made = _position(clamping, f"blade-{k + 1}-{j + 1}", names, way, operations, turn)
     return made if k == 0 else made.model_copy(update={"planned_as": f"{clamping.side}blade-1-{j + 1}"})
 
 
-def _position(clamping, name, k, way, operations, turn=AS_IT_IS):
+def _position(clamping, name, faces, way, operations, turn=AS_IT_IS):
+    """A direction of the tool; where it cuts dimples alone the faces are the other positions'."""
     wcs_x, wcs_z = (tuple((fixed.matmul(turn, v).round(UNIT_DECIMALS) + 0.0).tolist()) for v in axes_along(way))
-    return Setup(name=f"{clamping.side}{name}", faces=_names(k + 1), indexed=True, clamped_x=clamping.x, clamped_z=clamping.z,
+    return Setup(name=f"{clamping.side}{name}", faces=faces, indexed=True, clamped_x=clamping.x, clamped_z=clamping.z,
                  wcs_origin_mm=clamping.zero_mm, wcs_x=wcs_x, wcs_z=wcs_z, fixtures=clamping.fixtures, markers=clamping.markers,
                  operations=operations, wcs_in_words=clamping.in_words)

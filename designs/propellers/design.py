@@ -19,6 +19,7 @@ from cuspline.values.errors import DesignError
 
 UNDER_HUB = 0.97            # the blade begins at this share of the hub's least radius under it
 STOCK_MM = 2.0              # billet round the propeller
+SECTOR_MM = 1.0             # round the middle of a sector of the hub: others are farther away
 
 
 class PropellerParameters(Parameters):
@@ -52,6 +53,8 @@ class PropellerParameters(Parameters):
                                                       "on a rotary table that a turning pallet carries; none: the solid alone")
     blade_order: Literal["apart", "around"] = Field(default="apart", description="of all blades: no two neighbours in turn where "
                                                     "that can be, or one after the other round the hub")
+    hub_cut: bool = Field(default=False, description="the hub's sectors round the blades that are cut are finished too; not where "
+                          "the propeller is flipped: dimples in their skin find it again")
     sides: Literal["auto", "together", "flipped"] = Field(
         default="auto", description="where blades are cut: face and back in one setup on a rotary table, or one side up and then "
         "the other, found again by dimples; auto: together up to 24 in")
@@ -91,7 +94,7 @@ def propeller_design(name, description, p, table, hub_ratio):
         key_depth_mm=p.key_depth_mm, bolts=p.bolts, bolt_mm=p.bolt_mm, bolt_circle_mm=p.bolt_circle_mm))
     low, high = brep.bounding_box_mm(made.solid)
     whole = Design(
-        name=name, description=description, parameters=p, solid=made.solid, predicates=_predicates(table.blades),
+        name=name, description=description, parameters=p, solid=made.solid, predicates=_predicates(made),
         material=p.material, stock=StockBox(min_mm=tuple((low - STOCK_MM).tolist()),
                                             max_mm=tuple((high + STOCK_MM).tolist())),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.profile_tolerance_mm, gouge_mm=p.gouge_mm),
@@ -138,9 +141,14 @@ def blade_over(table, hub):
     return blade_of(table, innermost)
 
 
-def _predicates(blades):
-    """The faces by their names; what a blade's tip is made of depends on the table."""
+def _predicates(made):
+    """The faces by their names; what a blade's tip is made of depends on the table.  A sector of the hub is told by its middle."""
+    blades, middle = made.blade.table.blades, sum(made.hub.ends_mm) / 2
+    turns = float(made.half_way(middle)) + 2 * np.pi * np.arange(blades) / blades
+    middles = made.hub.points(turns, np.full(blades, middle))
+    sectors = [FacePredicate(name=f"hub {k}", face_name="hub", count=1, center_min_mm=tuple((at - SECTOR_MM).round(6).tolist()),
+                             center_max_mm=tuple((at + SECTOR_MM).round(6).tolist())) for k, at in enumerate(middles, 1)]
     each = [FacePredicate(name=f"blade {k} {part}", face_name=f"blade {k} {part}", at_least=1)
             for k in range(1, blades + 1) for part in ("face", "back", "leading edge", "trailing edge", "tip")]
     fillets = [FacePredicate(name=f"fillet {k}", face_name=f"fillet {k}", count=4) for k in range(1, blades + 1)]
-    return (*each, *fillets, FacePredicate(name="hub", face_name="hub", count=blades))
+    return (*each, *fillets, *sectors, FacePredicate(name="hub", face_name="hub", count=blades))

@@ -653,7 +653,7 @@ def test_a_shell_that_is_not_closed_is_refused():
 
 def test_the_build_ends_with_a_measured_solid(tmp_path):
     source = catalogue.find_design("dtmb_4119")
-    order = build.Order(source=source, design=catalogue.make_design(source, ["diameter_mm=120", "bore_mm=0", *(
+    order = build.Order(source=source, design=catalogue.make_design(source, ["diameter_mm=120", "bore_mm=0", "blades_cut=none", *(
         f"fillet_{where}_mm=2" for where in ("leading_edge", "face", "trailing_edge", "back"))]),
         machine=catalogue.find_machine("mill_3axis"), library=catalogue.find_library(None), accepted=(),
         out=tmp_path / "out", last_stage="report")

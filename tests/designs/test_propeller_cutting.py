@@ -174,3 +174,23 @@ def test_posts_stand_under_every_blade_and_touch_none(flipped):
 def test_a_skin_too_thin_for_dimples_is_refused():
     with pytest.raises(DesignError, match="a skin of 0.2 mm is too thin for dimples .* take skin_mm 0.25 or more"):
         make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=one", "sides=flipped", "skin_mm=0.2"])
+
+
+# the hub -----------------------------------------------------------------------------------------------------
+
+
+def test_a_blade_s_sector_of_the_hub_is_the_one_round_its_root():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cutting, "_ways", lambda design, p, balls, clampings: [FEW[:2]] * len(clampings))
+        made = make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=all", "hub_cut=true"])
+        with pytest.raises(DesignError, match="hub_cut: the propeller is flipped, .* take sides=together"):
+            make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=one", "hub_cut=true", "sides=flipped"])
+    assert "blades cut with their fillets and hub, all else" in made.description
+    faces = brep.faces_of(brep.the_solid(made.solid))
+    for k in (1, 2, 3):
+        sector, = brep.named_faces(faces, made.predicates, (f"hub {k}",))
+        fillet = brep.named_faces(faces, made.predicates, (f"fillet {k}",))
+        places = [sample_faces(faces, [faces.index(f)], across_axis=2).point_mm for f in (sector, *fillet)]
+        middle = np.vstack(places[1:]).mean(axis=0)
+        assert sector.mark.name == "hub" and np.linalg.norm(places[0].mean(axis=0) - middle) < 10.0
+        assert all(f"hub {k}" in s.faces for s in made.setups if s.name.startswith(f"blade-{k}-"))
