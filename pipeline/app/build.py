@@ -287,7 +287,9 @@ class _Trial:
         job, finish = self.posted(plans), self.order.design.finish
         for number in range(1, mending.OWN_ROUNDS + 1 if any(p.is_mended for p in plans) else 1):
             first = self.begun(job)
-            wants = [mending.wants_of(*pair, finish, share=1.0 - mending.MARGIN) for pair in first.first.residuals]
+            share = 1.0 - mending.MARGIN
+            deep = first.first.gouges_mm(share * finish.gouge_mm)
+            wants = [mending.wants_of(found, finish, mm, share) for (found, _), mm in zip(first.first.residuals, deep)]
             plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
             if not is_changed:
                 wants = [mending.wants_between(proof, finish) for proof in first.first.proofs]

@@ -40,22 +40,22 @@ class Wants:
         return not len(self.places_mm) and self.gouge_mm == 0.0
 
 
-def wants_of(found, own, finish, share=1.0, is_high=True, is_deep=True, more_mm=()):
+def wants_of(found, finish, gouge_mm=0.0, share=1.0, is_high=True, more_mm=()):
     """Wants of one setup from its residuals.
 
     Args:
-        found, own: residuals.Residuals of its faces after all setups, and of all faces after it alone.
+        found: residuals.Residuals of its faces after all setups.
         finish: design.Finish.
+        gouge_mm: the deepest of this setup alone on any face.
         share: of the limits, from which places count.
-        is_high, is_deep: which kind is wanted.
-        more_mm: (k, 3) more places that stand too high.
+        is_high: whether places that stand too high are wanted.
+        more_mm: (k, 3) more of these.
     """
     d = found.deviation_mm
     high = found.is_reachable & (d > share * allowed_mm(finish)) if is_high else np.zeros(len(d), bool)
-    deep = max(0.0, -own.deviation_mm.min(initial=0.0)) if is_deep else 0.0
     places = np.vstack([found.samples.points_mm[high], np.reshape(more_mm, (-1, 3))]) if is_high else np.zeros((0, 3))
     return Wants(places_mm=places, left_mm=float(d[high].max(initial=allowed_mm(finish))),
-                 gouge_mm=deep if deep > share * finish.gouge_mm else 0.0)
+                 gouge_mm=gouge_mm if gouge_mm > share * finish.gouge_mm else 0.0)
 
 
 def wants_between(proof, finish):
@@ -67,7 +67,7 @@ def wants_of_verdict(verdict, accepted):
     """Wants of one SetupVerdict; kinds accepted by name are left as they are."""
     kinds = {f.kind for f in verdict.findings} - set(accepted)
     found = verdict.residuals
-    wants = wants_of(found, found, verdict.finish, is_high=bool(kinds & set(TOO_HIGH)), is_deep=False,
+    wants = wants_of(found, verdict.finish, is_high=bool(kinds & set(TOO_HIGH)),
                      more_mm=verdict.excess_proof.higher_mm)
     deepest = max((f.amount_mm for f in verdict.findings if f.kind in TOO_DEEP and f.kind in kinds), default=0.0)
     return replace(wants, gouge_mm=deepest)

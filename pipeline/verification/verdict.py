@@ -247,6 +247,17 @@ class FirstLook:
         """ExcessProof of every program: what stands between the samples."""
         return tuple(_excess_proof(self.part, c, found, self.judging.say) for c, (found, _) in zip(self.clampings, self.residuals))
 
+    def gouges_mm(self, limit_mm):
+        """Deepest gouge of every program, [mm]: what its samples show, and along the nearest way where that is beyond a limit.
+
+        A sample's ray runs on beside an edge as thin as the cut: 0.0002 mm off a razor's edge looked 2 mm deep.
+        """
+        found = []
+        for c, (after_all, own) in zip(self.clampings, self.residuals):
+            true_mm = _once(partial(_true_mm, self.part, c, after_all))
+            found.append(_largest_mm(own, own.deviation_mm < -limit_mm, own.deviation_mm < 0, true_mm)[0])
+        return found
+
     def drafts(self):
         """What this look and the replay show by themselves; one SetupDraft a program."""
         return tuple(_drafted(self.part, c, found, own, self.judging) for c, (found, own) in zip(self.clampings, self.residuals))

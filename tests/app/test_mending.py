@@ -5,13 +5,15 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import cadquery as cq
 import numpy as np
 import pytest
+from known_programs import feed, program, tool
 
 from cuspline.app import build as recipe
 from cuspline.app import catalogue, mending
 from cuspline.app.mending import Wants, _dealt, mended, wants_of
-from cuspline.design import Figure, Setup, SolidReport
+from cuspline.design import Figure, Finish, Setup, SolidReport, StockBox
 from cuspline.kernel import brep
 from cuspline.planning.clean_up import squarely_touched
 from cuspline.planning.context import PlanningContext
@@ -50,29 +52,30 @@ def spoilt(plan, share):
 
 
 def looked(order, plan):
-    """(Residuals after all, of all faces) of a plan's posted moves."""
+    """(Residuals after all, finish, deepest gouge) of a plan's posted moves."""
     solid = brep.the_solid(order.design.solid, "dish")
     tools = {o.tool.number: o.tool for o in plan.operations}
     faces = tuple(brep.select_faces(brep.faces_of(solid), order.design.predicates[0]))
     program = SetupProgram(posted=recipe._as_posted(order, plan), setup=plan.setup, faces=faces)
-    (found,) = first_look((program,), solid, Judging(
+    look = first_look((program,), solid, Judging(
         tools=tools, stock=order.design.stock, finish=order.design.finish, options=COARSE,
-        ball_radius_mm=min(t.cutter.radius_mm for t in order.library.of_type("ball")))).residuals
-    return found
+        ball_radius_mm=min(t.cutter.radius_mm for t in order.library.of_type("ball"))))
+    ((found, _),), (gouge,) = look.residuals, look.gouges_mm(order.design.finish.gouge_mm)
+    return found, order.design.finish, gouge
 
 
 def test_passes_that_are_missing_are_cut_again_and_told(order, plan):
     bad, finish = spoilt(plan, 0.3), order.design.finish
-    wants = wants_of(*looked(order, bad), finish)
+    wants = wants_of(*looked(order, bad))
     assert len(wants.places_mm) > 50 and wants.left_mm > 2 * allowed_mm(finish)
     (good,), is_changed = mended([bad], [wants], 1, "the verdict")
     assert is_changed and good.operations[-1].name == "clean-up 1"
     assert good.mending[0]["places"] == len(wants.places_mm) and "clean-up passes with T" in good.mending[0]["done"]
-    assert wants_of(*looked(order, good), finish).is_none
+    assert wants_of(*looked(order, good)).is_none
 
 
 def test_a_sound_plan_is_left_alone_and_keeps_its_margin(order, plan):
-    wants = wants_of(*looked(order, plan), order.design.finish, share=1.0 - mending.MARGIN)
+    wants = wants_of(*looked(order, plan), share=1.0 - mending.MARGIN)
     (same,), is_changed = mended([plan], [wants], 1, "the planner's own check")
     assert wants.is_none and same is plan and not is_changed
 
@@ -162,3 +165,22 @@ def test_a_solid_that_is_off_its_figures_is_refused_though_it_could_be_cut(order
     made = recipe.build(replace(order, design=design, last_stage="plan", out=tmp_path / "dish"))
     assert made.folder.name == "dish-rejected" and [f.kind for f in made.findings] == ["solid_off"]
     assert not json.loads((made.folder / "solid.json").read_text())["ok"]
+
+
+def test_a_hair_off_a_razor_s_edge_is_no_deep_gouge():
+    """A rib 0.002 mm thick is cut away from one side: along the normal of its top nothing is met for more than a millimetre, but
+    nowhere was the part entered by more than half the rib's thickness."""
+    thick = 0.002
+    body = cq.Workplane().box(10, 6, 2, centered=(True, True, False)).union(
+        cq.Workplane().box(thick, 6, 4, centered=(True, True, False)).translate((0, 0, 2))).val()
+    solid = brep.the_solid(body, "rib")
+    top = tuple(f for f in brep.faces_of(solid) if f.middle.point_mm[0, 2] > 5.9)
+    passes = [move for z in np.arange(2.0, 6.01, 0.05)
+              for move in (feed(-0.9985, -4, z), feed(-0.9985, 4, z), feed(-3, 4, z), feed(-3, -4, z))]
+    cut = SetupProgram(posted=program((-3, -4, 8), passes), faces=top, setup=Setup(name="one", faces=("top",), wcs_in_words="base"))
+    look = first_look((cut,), solid, Judging(
+        tools={1: tool("ball", 2.0)}, stock=StockBox(min_mm=(-5, -3, 0), max_mm=(5, 3, 6.5)), ball_radius_mm=1.0,
+        finish=Finish(scallop_mm=0.01, profile_tolerance_mm=0.001, gouge_mm=0.003), options=COARSE))
+    (_, own), = look.residuals
+    gouge, = look.gouges_mm(0.003)
+    assert own.deviation_mm.min() < -1.5 and gouge == pytest.approx(0.0025, abs=1e-6)   # its rim to what stands behind
