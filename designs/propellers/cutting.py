@@ -33,6 +33,7 @@ GANTRY = "mill_gantry_5axis"   # for those that are flipped
 ONE_SETUP_MM = 609.6        # diameter up to which one setup does: 24 in, what the rotary table takes
 HELD = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)     # X and Z of the clamping: the shaft, and blade 1 at rest
 SIDES = ("back", (-1.0, 0.0, 0.0)), ("face", (1.0, 0.0, 0.0))      # flipped: which is up, and where its Z points
+TIP_1 = ("blade 1 tip",)    # what a position of dimples answers for, which finishes nothing: the least that others do
 BLADE_1 = (0.0, 0.0, 1.0)   # X of both clampings then
 STAND_MM = 240.0            # under the hub when flipped: room for a spindle that lies beside it
 POST_AT = 0.7               # of the radius: where a post stands under each blade
@@ -88,10 +89,10 @@ def cut(design, made, p):
     clampings = _flipped(design, made, p, balls) if is_flipped(made.blade.table, p) else [_on_rotary_table(made, p)]
     setups = []
     for clamping, ways in zip(clampings, _ways(design, p, balls, clampings)):
-        setups += [_position(clamping, f"markers-{j + 1}", _names(1, p), way, (Dimples(markers=touched, tool=balls[-1].number),))
+        setups += [_position(clamping, f"markers-{j + 1}", TIP_1, way, (Dimples(markers=touched, tool=balls[-1].number),))
                    for j, (way, touched) in enumerate(clamping.dimples)]
-        setups += [_setup(clamping, k, j, _names(k + 1, p), about_x(k * 2 * np.pi / count), way, _operations(balls, j == 0))
-                   for k in order for j, way in enumerate(ways)]
+        setups += [_setup(clamping, k, j, _names(k + 1, p, clamping.side), about_x(k * 2 * np.pi / count), way,
+                          _operations(balls, j == 0)) for k in order for j, way in enumerate(ways)]
     with_it = "its fillet" if len(order) == 1 else "their fillets"
     told = (f"{len(order)} of {count} blades cut with {with_it}{' and hub' if p.hub_cut else ''}, all else stays as cast"
             + ("; flipped between its sides" if len(clampings) > 1 else ""))
@@ -159,9 +160,9 @@ def _of_blade_1(design, solid, p):
     return brep.indices_of(faces, brep.named_faces(faces, design.predicates, _names(1, p)))
 
 
-def _names(blade, p):
-    """Of the faces that are cut with a blade, counted from 1."""
-    parts = ("face", "back", "leading edge", "trailing edge", "tip")
+def _names(blade, p, side=""):
+    """Of the faces that are cut with a blade, counted from 1; where it is flipped, those that a side up shows."""
+    parts = [s for s in ("face", "back") if side in ("", f"{s}-")] + ["leading edge", "trailing edge", "tip"]
     return (*(f"blade {blade} {part}" for part in parts), f"fillet {blade}", *((f"hub {blade}",) if p.hub_cut else ()))
 
 

@@ -113,10 +113,10 @@ def _dealt(plans, wants):
     """
     wants, first = list(wants), 0
     for held in by_clamping(plans):
-        numbers = [k for k in range(first, first + len(held)) if plans[k].is_mended and plans[k].setup.planned_as is None]
-        high = [k for k in numbers if len(wants[k].places_mm)]
+        own = [k for k in range(first, first + len(held)) if plans[k].setup.planned_as is None]
+        numbers, high = [k for k in own if plans[k].is_mended], [k for k in own if len(wants[k].places_mm)]
         first += len(held)
-        if len(numbers) < 2 or not high:
+        if len(own) < 2 or not numbers or not high:
             continue
         told = np.concatenate([np.full(len(wants[k].places_mm), k) for k in high])
         places, left_mm = np.vstack([wants[k].places_mm for k in high]), max(wants[k].left_mm for k in high)
@@ -146,7 +146,7 @@ def with_reasons(verdict, plans):
             return finding
         reason = plan.mending[-1]["done"] if plan.mending else ""
         if not plan.is_mended:
-            reason = "nothing: transverse arcs leave what one arc in a plane cannot cut; sections hold it"
+            reason = "nothing: " + next(o.why_not_mended for o in plan.setup.operations if not o.is_mended)
         return replace(finding, advice=f"{finding.advice} (tried: {reason})") if reason else finding
 
     return replace(verdict, setups=tuple(replace(v, findings=tuple(told(f, plan) for f in v.findings))

@@ -37,6 +37,7 @@ class Operation(Model):
     kind: ClassVar[str] = ""
     picture: ClassVar[str] = ""         # for `cuspline strategies`
     is_mended: ClassVar[bool] = True    # what a check finds too high after it gets clean-up passes
+    why_not_mended: ClassVar[str] = "clean-up passes do not go with it"     # where it gets none
 
     name: str | None = Field(default=None, min_length=1, max_length=40, pattern=r"^[A-Za-z0-9 ._+-]+$",
                              description="what program, report and findings call it; left out: its kind")

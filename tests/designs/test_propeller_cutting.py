@@ -137,6 +137,9 @@ def test_one_side_is_cut_after_the_other(flipped):
     assert flipped.description.endswith("; 3 of 3 blades cut with their fillets, all else stays as cast; flipped between its sides")
     for side, up in cutting.SIDES:
         mine = [s for s in flipped.setups if s.name.startswith(f"{side}-blade-")]
+        other, = {"back", "face"} - {side}
+        assert all({f"blade {s.name[-3]} {part}" for part in (side, "tip", "leading edge")} < set(s.faces) for s in mine)
+        assert not any(f"blade {s.name[-3]} {other}" in s.faces for s in mine)
         assert {s.clamped_z for s in mine} == {up} and {s.planned_as for s in mine if "-1-" not in s.name} <= {
             s.name for s in mine if s.planned_as is None}
         count = len(mine) // 3

@@ -17,6 +17,7 @@ class Dimples(Operation):
         ___\_/______      what the casting has more
         ____________      the part, which stays whole"""
     is_mended = False
+    why_not_mended = "dimples finish no face, and no other position touches the place"
 
     markers: tuple[str, ...] = Field(min_length=1, description="names of markers of any setup of the design")
 

@@ -38,6 +38,7 @@ class TransverseArcs(Operation):
 
     kind = "transverse_arcs"
     is_mended = False           # leaves what one arc a plane cannot cut, and says where; `sections` holds it
+    why_not_mended = "transverse arcs leave what one arc in a plane cannot cut; sections hold it"
     picture = """
           .-.  .-.  .-.     one arc a plane, the planes an
         _/   \\/   \\/   \\_   even interval apart in the ball's centre"""
