@@ -127,7 +127,9 @@ def _setup_bundle(work, judged, k, item, drawn, job):
     origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
     lies = item.setup.refixturing
     return SetupBundle(
-        markers=tuple((m.name, _triple(item.setup.clamped_frame.into(np.array([m.at_mm]))[0])) for m in item.setup.markers),
+        markers=_markers(item.setup.markers, item.setup), held_frame=item.setup.clamped_frame if item.setup.indexed else None,
+        marked_for_later=_markers({m.name: m for later in job.posted[k + 1:] for m in later.setup.markers}.values(), item.setup)
+        if not item.setup.markers else (),
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
         turned_in_words=_turned_in_words(posted, item.setup, machine, is_held_as_before), is_held_as_before=is_held_as_before,
         swings_in_words=_swings_in_words(judged.read[k].whole, machine),
@@ -147,6 +149,11 @@ def _setup_bundle(work, judged, k, item, drawn, job):
             ny=replay.zmap.ny, bottom_mm=replay.bottom_mm + lift, top_mm=replay.top_mm + lift,
             design_top_mm=replay.design_top_mm + lift, event_move=row_of[replay.event_row],
             event_cell=replay.event_cell, event_z_mm=replay.event_z_mm + lift if lift else replay.event_z_mm))
+
+
+def _markers(markers, setup):
+    """((name, (x, y, z) in the WCS of what holds the part), ...)."""
+    return tuple((m.name, _triple(setup.clamped_frame.into(np.array([m.at_mm]))[0])) for m in markers)
 
 
 def _turned_in_words(posted, setup, machine, is_held_as_before):

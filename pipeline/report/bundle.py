@@ -69,6 +69,8 @@ class SetupBundle:
     wcs_in_words: str
     frame: Frame                    # WCS seen from the part
     markers: tuple                  # (name, (x, y, z) in WCS) of what is touched to find how the part lies
+    marked_for_later: tuple = ()    # the same of what a later clamping touches, as it lies here
+    held_frame: Frame | None = None     # of the WCS of what holds the part, where the frame is turned from it
     lies_in_words: str              # how it was found to lie; "" as designed
     is_held_as_before: bool = False     # an indexed position of the same clamping as the setup before it
     turned_in_words: str = ""       # where the rotary axes stand in an indexed position; "" they are not turned
@@ -84,6 +86,11 @@ class SetupBundle:
     extents_mm: tuple[tuple[float, float, float], tuple[float, float, float]]     # tip extents, WCS
     path: PathPoints
     replay: StockReplay
+
+    @property
+    def as_it_stands(self):
+        """Frame of the part as it stands on the machine, the clamping's Z up."""
+        return self.held_frame or self.frame
 
     @property
     def axes_name(self):

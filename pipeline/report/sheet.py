@@ -82,7 +82,8 @@ def zero_rows(bundle, setup):
     return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), *turned, *swings, ("Stock", stock_size(setup)), *held,
             (f"Stock in {setup.axes_name if turned else 'WCS'}", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
             ("Finished part", box_size(bundle.part_box_mm)), *lies,
-            *((f"Marker {name}", _place(place)) for name, place in setup.markers)]
+            *((f"Marker {name}", _place(place)) for name, place in setup.markers),
+            *((f"Marker {name}, for later", _place(place)) for name, place in setup.marked_for_later)]
 
 
 def stock_size(setup):
@@ -187,17 +188,21 @@ def sheet_verdict(bundle):
 
 
 def wcs_drawing(bundle, setup):
-    """SVG text: stock, fixtures, the part's edges in it, and the WCS where the operator must find it."""
+    """SVG text: stock, fixtures, the part's edges in it, markers, and the WCS where the operator must find it; as it all stands
+    on the machine, the clamping's Z up."""
     look = _projector(bundle, setup)
     low, high = np.asarray(setup.stock_box_mm, dtype=float)
     lines = [_polyline(look(edge), "part") for edge in bundle.mesh.edges_mm]
     lines += [_polyline(look(edge), "fixture") for _, edges in setup.fixtures for edge in edges]
-    away = fixed.matmul(setup.stock_edges_mm, EYE)
+    away = fixed.matmul(setup.as_it_stands.turn_into(setup.stock_edges_mm.reshape(-1, 3)), EYE).reshape(-1, 2)
     lines += [_polyline(look(edge), "hidden" if far else "stock")
               for edge, far in zip(setup.stock_edges_mm, (away <= away.min(initial=np.inf) + SAME_MM).any(axis=1))]
     lines += [] if setup.is_held_as_before else _dimensions(look, setup, low, high)       # they stand on the first sheet
+    lines += [mark for name, place in (*setup.markers, *setup.marked_for_later)
+              for mark in _marked(look(setup.as_it_stands.out(np.array([place])))[0], name)]
     lines += _triad(look, setup, float(fixed.length(high - low)))
     style = (".part{stroke:#6b7785;stroke-width:.7}.fixture{stroke:#33669e;stroke-width:.7}.stock{stroke:#a8620c;stroke-width:1.3}"
+             ".marker{fill:#fff;stroke:#7b1fa2;stroke-width:1.4}"
              ".hidden{stroke:#a8620c;stroke-width:.8;stroke-dasharray:4 3}polyline{fill:none}"
              "text{font:12px sans-serif;fill:#1b2330;paint-order:stroke;stroke:#fff;stroke-width:3px}")
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {DRAWING_WIDTH:g} {DRAWING_HEIGHT:g}" role="img">'
@@ -205,17 +210,24 @@ def wcs_drawing(bundle, setup):
 
 
 def _projector(bundle, setup):
-    """A function (n, 3) part coordinates → (n, 2) places in the drawing, stock and part filling it."""
+    """A function (n, 3) part coordinates → (n, 2) places in the drawing, stock, part and fixtures filling it."""
     back = EYE / fixed.length(EYE)
     right = np.cross((0, 0, 1), back) / fixed.length(np.cross((0, 0, 1), back))
     axes = np.column_stack([right, -np.cross(back, right)])                # SVG's y runs down
     grid = lambda box: np.array([[box[i][0], box[j][1], box[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    flat = fixed.matmul(np.vstack([setup.frame.out(grid(setup.stock_box_mm)), grid(bundle.part_box_mm)]), axes)
+    places = [setup.frame.out(grid(setup.stock_box_mm)), grid(bundle.part_box_mm), *(e.reshape(-1, 3) for _, e in setup.fixtures)]
+    seen = lambda points: fixed.matmul(setup.as_it_stands.turn_into(points), axes)
+    flat = seen(np.vstack(places))
     low, size = flat.min(axis=0), np.ptp(flat, axis=0)
     margin = np.array([62.0, 44.0])                                        # for the triad and the dimensions
     scale = ((np.array([DRAWING_WIDTH, DRAWING_HEIGHT]) - 2 * margin) / np.maximum(size, 1e-9)).min()
     shift = (np.array([DRAWING_WIDTH, DRAWING_HEIGHT]) - scale * size) / 2
-    return lambda points: (fixed.matmul(np.atleast_2d(points), axes) - low) * scale + shift
+    return lambda points: (seen(np.atleast_2d(points)) - low) * scale + shift
+
+
+def _marked(point, name):
+    """A marker: a ring and its name."""
+    return [f'<circle class="marker" cx="{point[0]:.1f}" cy="{point[1]:.1f}" r="3"/>', _text(point + (5, -4), name)]
 
 
 def _polyline(points, style):

@@ -4,9 +4,11 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 from cuspline.report import facts, page, plots, sheet
+from cuspline.values.frames import Frame
 
 
 class Page(HTMLParser):
@@ -110,6 +112,20 @@ def test_the_drawing_shows_stock_part_and_zero(sample_bundle):
     assert drawing.count('class="part"') == len(sample_bundle.mesh.edges_mm) and ">G54<" in drawing
     places = [float(v) for pair in re.findall(r'points="([^"]+)"', drawing) for v in re.split("[ ,]", pair)]
     assert min(places) >= 0 and max(places) <= sheet.DRAWING_WIDTH
+
+
+def test_the_drawing_shows_the_part_as_it_stands_with_what_holds_it_and_its_markers(sample_bundle):
+    """Turned over: what is up in the part is down; a post below it and markers, of this clamping or of a later one, are in it."""
+    plain = sample_bundle.setups[0]
+    post = np.array([[[10.0, 10.0, 40.0], [10.0, 10.0, 120.0]]])
+    over = replace(plain, held_frame=Frame.of_axes((0.0, 0.0, 30.0), (1, 0, 0), (0, 0, -1)), fixtures=(("post", post),),
+                   markers=(("one", (1.0, 2.0, 3.0)),), marked_for_later=(("two", (4.0, 5.0, 6.0)),))
+    drawing = sheet.wcs_drawing(replace(sample_bundle, setups=(over,)), over)
+    post_at, = re.findall(r'class="fixture" points="([^"]+)"', drawing)
+    top, foot = (float(pair.split(",")[1]) for pair in post_at.split())
+    assert foot > top + 100 and drawing.count('class="marker"') == 2 and ">one<" in drawing and ">two<" in drawing
+    rows = dict(sheet.zero_rows(sample_bundle, over))
+    assert rows["Marker one"].startswith("X 1") and rows["Marker two, for later"].startswith("X 4")
 
 
 def test_missing_keys_become_dashes(sample_bundle):
