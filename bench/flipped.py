@@ -1,0 +1,102 @@
+"""A flipped propeller whose second clamping is off: cut as its dimples were measured, and as if nobody had measured them.
+
+`python bench/flipped.py name=value ...` builds with other parameters.  `python bench/flipped.py FOLDER MEASURED` takes what stands
+built: as designed, and with `--measured FOLDER-measured.csv`, which `python bench/flipped.py FOLDER` writes.
+"""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from blade import SMALL
+
+from cuspline.app.build import DRAFT_OPTIONS
+from cuspline.app.judge import begun
+from cuspline.design.job import read_job
+from cuspline.design.setup_alignment import COLUMNS, read_measured
+from cuspline.values.frames import Frame
+from cuspline.verification.reporter import MISSED, allowed_mm
+from cuspline.verification.setup_mismatch import joints
+
+SHIFT_MM, TURN_RAD = (0.3, -0.2, 0.15), np.radians([0.05, -0.03, 0.1])      # of the part, on the machine
+FINISHED_MM = 0.5                   # what stands higher is skin
+LEAST_MM2 = 1.0
+NOISE_MM, SEED = 0.002, 17          # of a coordinate that is touched, root mean square
+
+
+def measure(parameters=(*SMALL, "profile_tolerance_mm=0.0025", "sides=flipped")):
+    """[(what, number, unit)]."""
+    with tempfile.TemporaryDirectory() as folder:
+        designed, measured = Path(folder) / "designed", Path(folder) / "measured"
+        words = [word for p in parameters for word in ("-p", p)]
+        _built(designed, words)
+        _built(measured, [*words, "--measured", written(designed)])
+        return figures(designed, measured)
+
+
+def _built(out, words):
+    command = Path(sys.executable).with_name("cuspline")
+    subprocess.run([command, "build", "dtmb_4119", "--out", out, *words], check=True, stdout=subprocess.DEVNULL)
+
+
+def written(folder):
+    """The CSV of markers as they are touched on the part as it lies, with NOISE_MM; beside the folder."""
+    path = folder.with_name(f"{folder.name}-measured.csv")
+    rows = [(*key, *place) for key, place in _touched(read_job(folder), NOISE_MM).items()]
+    path.write_text("\n".join([",".join(COLUMNS), *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return path
+
+
+def figures(designed, measured):
+    """What first looks at both folders' programs find on the part as it really lies."""
+    lies = {}
+    for (setup, marker), place in _touched(read_job(designed), 0.0).items():
+        lies.setdefault(setup, {})[marker] = place
+    fit = read_measured(designed.with_name(f"{designed.name}-measured.csv"))
+    far = max(s.setup.refixturing.far_error_mm for s in read_job(measured).placed(fit).posted if s.setup.refixturing)
+    rows = [("farthest place of the blade known to, as the fit tells", far * 1e3, "um")]
+    for what, folder in (("as its dimples were measured", measured), ("as if nobody had measured", designed)):
+        look = begun(folder, read_job(folder).placed(lies), options=DRAFT_OPTIONS)
+        first, finish = look.first, look.first.judging.finish
+        steps = joints([c.name for c in first.clampings], [own for _, own in first.residuals],
+                       [len(found.samples) for found, _ in first.residuals], finished_mm=FINISHED_MM,
+                       fade_mm=float(np.sqrt(2.0 * first.part.largest_radius_mm * MISSED * allowed_mm(finish))))
+        between = [s for found in steps for s in found if s["setup"].split("-")[0] != s["with"].split("-")[0]]
+        area = sum(s["area_mm2"] for s in between)
+        findings = look.drafted().findings
+        kinds = ", ".join(sorted({f.kind for f in findings}))
+        mean = sum(abs(s["step_mean_mm"]) * s["area_mm2"] for s in between) / area
+        most = max((abs(s["step_max_mm"]) for s in between if s["area_mm2"] >= LEAST_MM2), default=np.nan)
+        rows += [(f"{what}: mismatch of the two sides, mean of {area:.3g} mm2", 1e3 * mean, "um"),
+                 (f"{what}: mismatch, the most where {LEAST_MM2:g} mm2 or more are shared", 1e3 * most, "um"),
+                 (f"{what}: findings" + (f" ({kinds})" if kinds else ""), len(findings), "")]
+    return rows
+
+
+def _touched(job, noise_mm):
+    """{(setup, marker): place in the WCS} of the part as it really lies."""
+    rng, found = np.random.default_rng(SEED), {}
+    motion = Frame(rotation=_turned(TURN_RAD), origin_mm=SHIFT_MM)
+    first = next(p.setup for p in job.posted if p.setup.markers)
+    for marker in first.markers:
+        place = motion.out(first.clamped_frame.into(np.array([marker.at_mm])))[0] + noise_mm * rng.normal(size=3)
+        found[first.name, marker.name] = tuple(place.tolist())
+    return found
+
+
+def _turned(rad):
+    """(3, 3) about X, then Y, then Z."""
+    (cx, cy, cz), (sx, sy, sz) = np.cos(rad), np.sin(rad)
+    return (np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]]) @ [[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]
+            @ [[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+
+
+if __name__ == "__main__":
+    folders = [Path(a) for a in sys.argv[1:] if Path(a).is_dir()]
+    if len(folders) == 1:
+        print(written(folders[0]))
+        sys.exit()
+    for what, number, unit in figures(*folders) if folders else measure(*([tuple(sys.argv[1:])] if sys.argv[1:] else [])):
+        print(f"{what}: {number:.5g} {unit}", flush=True)
