@@ -316,6 +316,16 @@ def radii_taken(read, tools):
     return {"tool_radii": {n: t.cutter.radius_mm for n, t in tools.items()}} if takes else {}
 
 
+def coolants_taken(read, machine):
+    """{"coolants": {"M88": (bits on, bits off)}} of a machine's own M-codes, for a reader that takes it; {} for others.
+
+    Args:
+        read: function of `reader_of`.   machine: machines.Machine.
+    """
+    own = machine.control.coolant_codes
+    return {"coolants": own} if own and "coolants" in inspect.signature(read).parameters else {}
+
+
 def tool_table_of(machine):
     """(file name, function text -> [posted.PostedTool]) of the tool table that a machine's control loads; (None, None)."""
     name = find_post(machine.control.post).TOOL_TABLE

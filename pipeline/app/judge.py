@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cuspline.app.catalogue import find_post, radii_taken, reader_of, tool_table_of
+from cuspline.app.catalogue import coolants_taken, find_post, radii_taken, reader_of, tool_table_of
 from cuspline.app.report_inputs import shape_of
 from cuspline.app.worn_cutters import WornLook, worn_look, worn_tools
 from cuspline.design.design import by_clamping
@@ -389,7 +389,7 @@ def moves_of_file(text, setup, machine, tools):
     """PostedMoves of one file, heads left out."""
     read = reader_of(machine)
     return read(text, work_offsets={setup.wcs: machine.wcs_origin_mm}, tool_lengths={n: t.offset_mm for n, t in tools.items()},
-                **radii_taken(read, tools))
+                **radii_taken(read, tools), **coolants_taken(read, machine))
 
 
 def _read(name, text, setup, job, tools):

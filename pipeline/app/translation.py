@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.app import catalogue
-from cuspline.program.posted import FLOOD, MIST, PostedMoves
+from cuspline.program.posted import PostedMoves
 from cuspline.program.program import WORK_OFFSETS, Kind, Moves, Operation, Plane, Program
 from cuspline.values import fixed_math as fixed
 from cuspline.values.amounts import counted
+from cuspline.values.coolants import BITS
 from cuspline.values.errors import InputError, ReadError
 
 SAME_MM = 1e-9
@@ -21,7 +22,7 @@ EXTENSIONS = {".ngc": "linuxcnc", ".mpf": "siemens", ".h": "heidenhain", ".pmc":
               ".aptsource": "apt"}
 MACHINES = {"linuxcnc": "mill_3axis"}           # of other posts: mill_<post>
 TOOL_NUMBER = re.compile(r"(?:\bT(?:OOL CALL)?\s*=?\s*\"?|LOADTL\s*/\s*)(\d+)", re.IGNORECASE)
-COOLANTS = {0: "off", MIST: "mist", FLOOD: "flood"}
+COOLANTS = {bits: name for name, bits in BITS.items()}
 UNTRANSLATED = {"M0": "a stop", "M1": "an optional stop", "G4": "a dwell"}
 UPRIGHT = np.array([0.0, 0.0, 1.0])
 ARM_MM = 1000.0                     # from a rotary axis to the tip, at most
@@ -148,7 +149,8 @@ def _read(text, machine, tools):
     lengths = {number: 0.0 for number in numbers} if tools is None else {n: t.offset_mm for n, t in tools.items()}
     read = catalogue.reader_of(machine)
     zeros = dict.fromkeys(WORK_OFFSETS, machine.wcs_origin_mm) if machine.rotaries else {}
-    return read(text, work_offsets=zeros, tool_lengths=lengths, **({} if tools is None else catalogue.radii_taken(read, tools)))
+    return read(text, work_offsets=zeros, tool_lengths=lengths, 
+                **catalogue.coolants_taken(read, machine), **({} if tools is None else catalogue.radii_taken(read, tools)))
 
 
 def program_of(moves, name, language, tools=None):
@@ -177,7 +179,7 @@ def _refuse_what_is_lost(moves):
                              "write it into the new program by hand", rows=[stop.line])
     cuts = moves.kind != Kind.RAPID
     wrong = {"the spindle turns backwards (M4)": moves.spindle_rpm < 0, "a cut without a tool": cuts & (moves.tool == 0),
-             "a cut while the spindle stands": cuts & (moves.spindle_rpm == 0), "mist and flood at once": moves.coolant > FLOOD}
+             "a cut while the spindle stands": cuts & (moves.spindle_rpm == 0), "two coolants at once": ~np.isin(moves.coolant, list(COOLANTS))}
     for what, rows in wrong.items():
         if rows.any():
             line = int(moves.line[np.flatnonzero(rows)[0]])

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, field_validator, model_serializer
 
+from cuspline.values.coolants import Coolant
 from cuspline.values.models import Model, Point, by_kind
 
 TYPES = {"ball": "ball", "flat": "flat", "bull": "bull_nose", "bull nose": "bull_nose", "bull_nose": "bull_nose",
@@ -54,7 +55,8 @@ class Operation(Model):
                                         "the shop's")
     feed_by_engagement: bool | None = Field(default=None, description="feeds keep the thickness of chips on the stock as it "
                                             "stands; left out: the shop's")
-    coolant: Literal["flood", "mist", "off"] | None = Field(default=None, description="left out: the material's")
+    coolant: Coolant | None = Field(default=None, description="left out: the material's; air and high_pressure by the M-codes "
+                                    "of the machine's file")
     clearance_mm: float | None = Field(default=None, gt=0, le=500, description="rapids of the setup run at least so far above "
                                        "stock and fixtures; left out: the shop's")
     tool_axis: Point | None = Field(default=None, description="unit vector towards the spindle, part coordinates; left out: the "

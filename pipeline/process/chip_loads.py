@@ -16,31 +16,32 @@ def chip_shares(posted, tools, met):
     Source: docs/formulas.md 11: a chip is f_z (N·f), thickest where the edge's normal N is nearest to the feed f.
     """
     def thickest(rings, first, last, feed):
-        nearest = np.minimum(np.maximum(first, 0.0), last)              # to straight ahead; NaN where the ring is in air
+        nearest = np.minimum(np.maximum(first, 0.0), last)              # to straight ahead; NaN where there is no arc
         level = np.sqrt(feed[:, 0] * feed[:, 0] + feed[:, 1] * feed[:, 1])
-        thick = rings[:, OUT] * fixed.cos(np.nan_to_num(nearest)) * level[:, None] + rings[:, UP] * feed[:, 2:]
-        return np.where(np.isfinite(nearest), thick, 0.0).max(axis=1).clip(0.0, 1.0)
+        thick = (rings[:, OUT, None] * fixed.cos(np.nan_to_num(nearest)) * level[:, None, None]
+                 + (rings[:, UP] * feed[:, 2:])[..., None])
+        return np.where(np.isfinite(nearest), thick, 0.0).max(axis=(1, 2)).clip(0.0, 1.0)
     return _of_places(posted, tools, met, thickest)
 
 
 def width_shares(posted, tools, met):
     """(n,) width of the cut across the feed at each place as a share of the cutter's diameter; 0 in air.  Arguments as above."""
     def widest(rings, first, last, feed):
-        left, right = (rings[:, RADIUS] * fixed.sin(np.clip(np.nan_to_num(turn), -HALF_TURN_RAD, HALF_TURN_RAD))
+        left, right = (rings[:, RADIUS, None] * fixed.sin(np.clip(np.nan_to_num(turn), -HALF_TURN_RAD, HALF_TURN_RAD))
                        for turn in (last, first))
         there = np.isfinite(first)
-        whole = np.where(there, left, -np.inf).max(axis=1) - np.where(there, right, np.inf).min(axis=1)
-        return np.where(there.any(axis=1), whole, 0.0) / (2 * rings[:, RADIUS].max())
+        whole = np.where(there, left, -np.inf).max(axis=(1, 2)) - np.where(there, right, np.inf).min(axis=(1, 2))
+        return np.where(there.any(axis=(1, 2)), whole, 0.0) / (2 * rings[:, RADIUS].max())
     return _of_places(posted, tools, met, widest)
 
 
 def _of_places(posted, tools, met, work_out):
-    """(n,) of places, cutter by cutter: `work_out` of its rings, their first and last angle in the cut (k, rings), feeds (k, 3)."""
+    """(n,) of places, cutter by cutter: `work_out` of its rings, first and last angles in the cut (k, rings, ARCS), feeds (k, 3)."""
     out, tool_of = np.zeros(len(met.row)), posted.tool[met.row]
     for number in np.unique(tool_of).tolist():
         mine = np.flatnonzero(tool_of == number)
         rings = edge_of(tools[number].cutter, met.look)[1]
-        out[mine] = work_out(rings, *(met.arcs[mine, :len(rings), k] for k in (FIRST, LAST)), met.feed[mine])
+        out[mine] = work_out(rings, *(met.arcs[mine, :len(rings), :, k] for k in (FIRST, LAST)), met.feed[mine])
     return out
 
 

@@ -25,7 +25,7 @@ class OperationCut:
     tip_share: float                # of the way on which the tip is in the cut
     depth_mm: float                 # largest depth, and the line of its move
     depth_line: int
-    immersion_deg: float            # widest arc
+    immersion_deg: float            # largest sum of the arcs of one ring
     lowest_speed_m_per_min: float   # of the edge in the cut: nearest to the axis,
     highest_speed_m_per_min: float  # and farthest from it
     speeds_m_per_min: tuple[float, float, float]    # at the largest radius in the cut: 5, 50 and 95 % of the way are slower

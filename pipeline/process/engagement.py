@@ -36,6 +36,7 @@ HALVINGS = 6              # of the distance of two rings,
 CLEAR = 0.2               # of a ring's radius: how much farther is clear is not asked, the next step is no longer
 CROSSINGS = 3             # halvings of the step in which a ring enters or leaves the cut
 LOOKED_AT = 32            # at so many places of a ring at most
+NARROWER = 3              # halvings of a step in which an arc that is narrower is looked for
 TIP_SHARE = 0.05          # of the radius: as near to its axis a ball does not cut but rub
 POINT_MM = 1e-9           # a ring with a smaller radius is a point
 CORNER_MM, SAME = 1e-9, 1e-6    # beside a corner of the edge; sines that are the same
@@ -43,8 +44,14 @@ CHUNK = 64                # places looked at one after the other
 IS_ARC, BEGINS, ENDS, AT_R, AT_Z = range(5)     # columns of an edge's parts: whether an arc, its stretch, first point or middle
 WAY_R, WAY_Z = ANGLE, BEND = range(5, 7)        # direction of a line; first angle and radius of an arc
 RADIUS, HEIGHT, OUT, UP, WIDTH, ALONG = range(6)                # of a ring: its radius and height, the normal there, width, place
-FIRST, LAST, ROUND, FORWARD, BEGIN, END = range(6)      # of a ring in the cut: ends of its widest arc; length and integral of the
-                                                        # cosine of all its arcs; where the first begins and the last ends
+FIRST, LAST = range(2)                                          # of an arc in the cut: its ends
+ROUND, FORWARD, BEGIN, END, ARC = range(5)              # of a ring in the cut: length and integral of the cosine of all its arcs;
+                                                        # where the first begins and the last ends; ends of one arc after another
+ARCS = 3                  # of a ring at most: of more the widest
+RING = ARC + 2 * ARCS     # columns
+SIDE = math.sin(math.radians(10.0)) * (1 - 1e-9)        # of the radius: nearer to its axis the cutter's arcs do not count as its
+                          # immersion: on the least way down they widen to a whole turn
+CLOSER = 3                # times the rings beside the most immersed one are looked at, each time half as far from it
 LOWEST, HIGHEST, WIDEST, RATE = range(4)                        # of a place: lengths along the edge, see Engagement
 TIP_X, TIP_Y, TIP_Z, FEED_X, FEED_Y, FEED_Z = range(6)          # of a place
 TREE = 12                                                       # of the piece behind it
@@ -82,9 +89,9 @@ class Engagement:
     highest_mm: np.ndarray      # (n,) up to which
     lowest_radius_mm: np.ndarray    # (n,) distance from the axis there
     highest_radius_mm: np.ndarray   # (n,)
-    immersion_rad: np.ndarray   # (n,) widest arc of any ring in the cut
+    immersion_rad: np.ndarray   # (n,) largest sum of the arcs of one ring in the cut, of rings beside the tip where there are such
     area_mm2: np.ndarray        # (n,) volume removed a length of way
-    arcs: np.ndarray            # (n, rings, 2) widest arc of each ring in the cut, from the feed against the clock; NaN: none
+    arcs: np.ndarray            # (n, rings, ARCS, 2) ends of each ring's arcs in the cut, from the feed against the clock; NaN: none
     unseen: tuple[int, ...]     # numbers of the tools whose cuts are not looked at
     ends_mm: np.ndarray         # (n, 2) lengths along the edge from the tip between which it cuts
     feed: np.ndarray            # (n, 3) unit direction of the feed
@@ -96,7 +103,7 @@ class Engagement:
         for name in (f.name for f in fields(self) if f.name not in ("arcs", "unseen", "look")):
             dtype = np.int64 if name == "row" else float
             object.__setattr__(self, name, frozen(getattr(self, name), wide.get(name, (n,)), name, dtype))
-        object.__setattr__(self, "arcs", frozen(self.arcs, (n, None, 2), "arcs", is_handed_over=True))
+        object.__setattr__(self, "arcs", frozen(self.arcs, (n, None, ARCS, 2), "arcs", is_handed_over=True))
 
     def of(self, rows):
         """Some of the places (k,)."""
@@ -147,17 +154,17 @@ def engagement(posted, tools, stock, look=Look()):
     return Engagement(row=places.row, way_mm=stands_for, tip_mm=places.state[:, :3], lowest_mm=heights[:, 0],
                       highest_mm=heights[:, 1], lowest_radius_mm=radii[:, 0], highest_radius_mm=radii[:, 1],
                       immersion_rad=np.nan_to_num(out[:, WIDEST]), area_mm2=np.nan_to_num(out[:, RATE]),
-                      arcs=arcs[..., :ROUND].copy(), feed=places.state[:, FEED_X:], look=look, ends_mm=out[:, :WIDEST],
+                      arcs=arcs[..., ARC:].reshape(*arcs.shape[:2], ARCS, 2).copy(), feed=places.state[:, FEED_X:], look=look, ends_mm=out[:, :WIDEST],
                       unseen=tuple(sorted((used - set(plain_tools(tools))) | leaning)))
 
 
 def _seen(places, cut, edges, found, look):
-    """arcs (n, rings, 6), ways (n, 4) and radii (n, 2) of places, see the columns above; NaN: not in the cut."""
+    """arcs (n, rings, RING), ways (n, 4) and radii (n, 2) of places, see the columns above; NaN: not in the cut."""
     n, rings = len(places.row), max((len(e[1]) for e in edges.values()), default=0)
-    arcs, out, radii = np.full((n, rings, 6), np.nan), np.full((n, 4), np.nan), np.zeros((n, 2))
+    arcs, out, radii = np.full((n, rings, RING), np.nan), np.full((n, 4), np.nan), np.zeros((n, 2))
     for number, (parts, ring) in edges.items():
         mine = np.flatnonzero(cut.tool[places.piece] == number)
-        some, ways = np.full((len(mine), len(ring), 6), np.nan), np.full((len(mine), 4), np.nan)
+        some, ways = np.full((len(mine), len(ring), RING), np.nan), np.full((len(mine), 4), np.nan)
         in_blocks(_looked_at, len(mine), CHUNK, *places.of_rows(mine), cut.world, found, (parts, ring), look.round_rad, some, ways)
         arcs[mine, :len(ring)], out[mine] = some, ways
         radii[mine] = _radii(parts, ways[:, :WIDEST])
@@ -365,13 +372,13 @@ def _heights(places, cut, edges, along):
 
 @njit
 def _looked_at(state, before, behind, world, found, edge, shortest, arcs, ways, first, last):
-    """Fills in arcs (n, rings, 6) and ways (n, 4) of places first..last-1."""
+    """Fills in arcs (n, rings, RING) and ways (n, 4) of places first..last-1."""
     stack, bounds = tree.work()
     parts, rings = edge
-    place, arc, was, everywhere = np.empty(4), np.empty(6), np.zeros(6), np.array([-math.pi, math.pi])
+    place, arc, was, everywhere = np.empty(4), np.empty(RING), np.zeros(RING), np.array([-math.pi, math.pi])
     for k in range(first, last):
         here = state[k], before[k], behind[k], world, found
-        lowest, highest, widest, rate = -1, -1, 0.0, 0.0
+        lowest, highest, rate = -1, -1, 0.0
         was[ROUND] = 0.0
         for j in range(len(rings)):
             put(place, rings[j, :4])
@@ -383,21 +390,54 @@ def _looked_at(state, before, behind, world, found, edge, shortest, arcs, ways, 
                 continue
             lowest = j if lowest < 0 else lowest
             highest = j
-            if place[RADIUS] >= POINT_MM:                   # the tip itself has no arc
-                widest = max(widest, arc[LAST] - arc[FIRST])
             put(arcs[k, j], arc)
         if lowest < 0:
             continue
         ways[k, LOWEST], below = _end_of(here, edge, lowest, -1, arcs[k, lowest], stack, bounds)
         ways[k, HIGHEST], above = _end_of(here, edge, highest, 1, arcs[k, highest], stack, bounds)
-        ways[k, WIDEST], ways[k, RATE] = widest, rate + below + above
+        ways[k, WIDEST], ways[k, RATE] = _immersed(here, edge, arcs[k], stack, bounds), rate + below + above
+
+
+@njit
+def _immersed(here, edge, arcs, stack, bounds):
+    """Largest sum of the arcs of one ring beside the tip, arcs (rings, RING) being known; near the tip where there is none.
+
+    Between two rings it may be larger: beside the largest it is looked for, CLOSER times, half as far away each time.
+    """
+    parts, rings = edge
+    least, first, at, near_tip = SIDE * rings[len(rings) - 1, RADIUS], -1, -1, 0.0
+    for j in range(len(rings)):
+        if rings[j, RADIUS] >= least:
+            first = j if first < 0 else first
+            if arcs[j, ROUND] > 0.0 and (at < 0 or arcs[j, ROUND] > arcs[at, ROUND]):
+                at = j
+        elif rings[j, RADIUS] >= POINT_MM and arcs[j, ROUND] > near_tip:        # the tip itself has no arc
+            near_tip = arcs[j, ROUND]
+    if at < 0:
+        return near_tip
+    place, arc, everywhere = np.empty(4), np.empty(RING), np.array([-math.pi, math.pi])
+    spots = np.array([rings[max(at - 1, first), ALONG], rings[at, ALONG], rings[min(at + 1, len(rings) - 1), ALONG]])
+    most = arcs[at, ROUND]
+    for _ in range(CLOSER):
+        low, middle, high = spots[0], spots[1], spots[2]
+        spots[0], spots[2] = 0.5 * (low + middle), 0.5 * (middle + high)
+        for k in range(0, 3, 2):
+            u = 0.5 * ((low if k == 0 else high) + middle)
+            if abs(u - middle) < CORNER_MM:
+                continue
+            _edge_at(u, parts, place)
+            _round(here, place, END_RAD, everywhere, arc, stack, bounds)
+            if arc[ROUND] > most:
+                most = arc[ROUND]
+                spots[0], spots[1], spots[2] = (low, u, middle) if k == 0 else (middle, u, high)
+    return most
 
 
 @njit
 def _screened(state, before, behind, world, found, rings, shortest, out, first, last):
     """Fills in out (n, 2) of places first..last-1: stretch of the edge in the cut, volume removed a length of level way."""
     stack, bounds = tree.work()
-    place, arc, everywhere = np.empty(4), np.empty(6), np.array([-math.pi, math.pi])
+    place, arc, everywhere = np.empty(4), np.empty(RING), np.array([-math.pi, math.pi])
     for k in range(first, last):
         here, lowest = (state[k], before[k], behind[k], world, found), -1
         for j in range(len(rings)):
@@ -427,7 +467,7 @@ def _taken(state, parts, begin, at_begin, end, at_end):
 def _end_of(here, edge, ring, side, known, stack, bounds):
     """Length from the tip at which the cut ends beyond a ring, below or above it, and what is taken between, a length of way."""
     (parts, rings), (state, _, _, _, _) = edge, here
-    other, place, arc, last = ring + side, np.empty(4), np.empty(6), known.copy()
+    other, place, arc, last = ring + side, np.empty(4), np.empty(RING), known.copy()
     if other < 0 or other >= len(rings):
         return rings[ring, ALONG], 0.0
     within, beyond, taken, halved = rings[ring, ALONG], rings[other, ALONG], 0.0, 0
@@ -435,7 +475,10 @@ def _end_of(here, edge, ring, side, known, stack, bounds):
     while halved < HALVINGS:
         _edge_at(middle, parts, place)
         window = np.array([last[BEGIN] - BESIDE_RAD, last[END] + BESIDE_RAD])
-        _round(here, place, max(END_RAD, (window[TO] - window[FROM]) / LOOKED_AT), window, arc, stack, bounds)
+        step = max(END_RAD, (window[TO] - window[FROM]) / LOOKED_AT)
+        peak = _round(here, place, step, window, arc, stack, bounds)
+        if arc[ROUND] <= 0.0 and peak == peak:          # narrower than a step?
+            _narrow(here, place, peak, step, arc, stack, bounds)
         if arc[ROUND] > 0.0:
             taken += side * _taken(state, parts, within, last, middle, arc)
             within = middle
@@ -459,29 +502,35 @@ def _end_of(here, edge, ring, side, known, stack, bounds):
 def _round(here, place, shortest, window, arc, stack, bounds):
     """Follows one ring over the front of the cutter, by steps no shorter than that; `arc` takes what is in the cut.
 
-    window: (2,) only from there to there.
+    Args:
+        window: (2,) only from there to there.
+    Returns:
+        the angle of those looked at that lies deepest in the stock; NaN: none is looked at.
     """
     state, _, _, _, _ = here
     level = math.sqrt(state[FEED_X] * state[FEED_X] + state[FEED_Y] * state[FEED_Y])
     cx, cy = (state[FEED_X] / level, state[FEED_Y] / level) if level > 1e-12 else (1.0, 0.0)
-    arc[FIRST], arc[LAST], arc[ROUND], arc[FORWARD], arc[BEGIN], arc[END] = math.nan, math.nan, 0.0, 0.0, math.nan, math.nan
+    arc[:] = math.nan
+    arc[ROUND], arc[FORWARD] = 0.0, 0.0
     forward, rise = place[OUT] * level, place[UP] * state[FEED_Z]
     if forward + rise < 1e-9 and place[RADIUS] >= POINT_MM:         # nothing of it goes on: a level bottom slides
-        return
+        return math.nan
     half = math.pi
     if rise < forward:
         half = fixed.arccos(min(max(-rise / max(forward, 1e-300), -1.0), 1.0))
     turn, end_of_way = max(-half, window[FROM]), min(half, window[TO])
-    hint, start, was, at_was, widest = -1, math.nan, 0.0, 0.0, -1.0
+    hint, start, was, at_was = -1, math.nan, 0.0, 0.0
     if place[RADIUS] < POINT_MM:
         depth, _ = _depth(state[TIP_X], state[TIP_Y], state[TIP_Z] + place[HEIGHT], 0.0, here, -1, stack, bounds)
         if depth > THIN_MM:
-            arc[FIRST], arc[LAST], arc[ROUND], arc[FORWARD] = -half, half, 2 * half, 2 * fixed.sin(half)
-            arc[BEGIN], arc[END] = -half, half
-        return
-    is_first = True
+            arc[ROUND], arc[FORWARD], arc[BEGIN], arc[END] = 2 * half, 2 * fixed.sin(half), -half, half
+            _keep(arc, -half, half)
+        return math.nan
+    is_first, deepest, peak = True, -math.inf, math.nan
     while True:
         over, hint = _over(here, place, turn, cx, cy, hint, stack, bounds)
+        if over > deepest:
+            deepest, peak = over, turn
         crossing = turn
         if not is_first and (over > 0.0) != (at_was > 0.0):
             crossing, hint = _crossing(here, place, was, at_was, turn, over, cx, cy, hint, stack, bounds)
@@ -492,13 +541,47 @@ def _round(here, place, shortest, window, arc, stack, bounds):
             arc[BEGIN], arc[END] = start if math.isnan(arc[BEGIN]) else arc[BEGIN], end
             arc[ROUND] += end - start
             arc[FORWARD] += fixed.sin(end) - fixed.sin(start)
-            if end - start > widest:
-                widest, arc[FIRST], arc[LAST] = end - start, start, end
+            _keep(arc, start, end)
             start = math.nan
         if turn >= end_of_way:
-            return
+            return peak
         was, at_was, is_first = turn, over, False
         turn = min(turn + max(abs(over) / place[RADIUS], shortest), end_of_way)
+
+
+@njit
+def _narrow(here, place, peak, step, arc, stack, bounds):
+    """Follows a ring where it is deepest within a step of an angle, if it is in the cut there; else leaves `arc` as it is."""
+    state, _, _, _, _ = here
+    level = math.sqrt(state[FEED_X] * state[FEED_X] + state[FEED_Y] * state[FEED_Y])
+    cx, cy = (state[FEED_X] / level, state[FEED_Y] / level) if level > 1e-12 else (1.0, 0.0)
+    half, at_peak = 0.5 * step, -math.inf
+    for _ in range(NARROWER):
+        for turn in (peak - half, peak + half):
+            over, _ = _over(here, place, turn, cx, cy, -1, stack, bounds)
+            if over > at_peak:
+                at_peak, at = over, turn
+        middle, _ = _over(here, place, peak, cx, cy, -1, stack, bounds)
+        if at_peak > middle:
+            peak = at
+        if max(at_peak, middle) > 0.0:
+            _round(here, place, half / LOOKED_AT, np.array([peak - step, peak + step]), arc, stack, bounds)
+            return
+        half, at_peak = 0.5 * half, -math.inf
+
+
+@njit
+def _keep(arc, start, end):
+    """Among the ARCS widest of a ring."""
+    least, at = end - start, -1
+    for k in range(ARC, RING, 2):
+        if math.isnan(arc[k]):
+            arc[k], arc[k + 1] = start, end
+            return
+        if arc[k + 1] - arc[k] < least:
+            least, at = arc[k + 1] - arc[k], k
+    if at >= 0:
+        arc[at], arc[at + 1] = start, end
 
 
 @njit

@@ -66,14 +66,14 @@ def forces(posted, tools, met, material):
 def _of_places(rings, flutes, cut, feed, per_tooth, rpm, material):
     """(4, n) radial, axial, torque and power of places of one cutter; `cut`: their arcs and ends."""
     arcs, ends = cut[0][:, :len(rings)], cut[1]
-    width = _element_mm(rings[:, ALONG], np.isfinite(arcs[:, :, FIRST]), ends)
+    width = _element_mm(rings[:, ALONG], np.isfinite(arcs[:, :, 0, FIRST]), ends)
     positions = flutes * -(-ROUND // flutes)
     turn = 2 * np.pi * (np.arange(positions) + 0.5) / positions - np.pi
     cosine, sine = fixed.cos(turn), fixed.sin(turn)
     level = np.sqrt(feed[:, 0] * feed[:, 0] + feed[:, 1] * feed[:, 1])
     thick = (rings[:, OUT, None] * cosine)[None] * level[:, None, None] + (rings[:, UP] * feed[:, 2:])[:, :, None]
     with np.errstate(invalid="ignore"):
-        inside = (arcs[:, :, FIRST, None] <= turn) & (turn <= arcs[:, :, LAST, None])
+        inside = ((arcs[..., FIRST, None] <= turn) & (turn <= arcs[..., LAST, None])).any(axis=2)
     chip = np.maximum(thick, 0.0) * per_tooth[:, None, None]
     force = np.where(inside, (material.force_n_per_mm2 * chip + material.edge_n_per_mm) * width[:, :, None], 0.0)
     angle = np.radians(material.force_angle_deg)

@@ -14,7 +14,6 @@ from cuspline.program.program import UPRIGHT, Kind
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import SimulationError
 
-MIST, FLOOD = 1, 2        # of coolant, which may be on both at once
 UNIT = 1e-9               # how far a tool axis may be from length 1
 
 
@@ -81,7 +80,7 @@ class PostedMoves:
     remarks: tuple[Remark, ...] = ()
     stops: tuple[Stop, ...] = ()            # in the order of execution
     rotary_deg: np.ndarray | None = None    # (n, r) where the rotary axes stand at the end; NaN: unknown; left out: there are none
-    coolant: np.ndarray | None = None       # (n,) MIST and FLOOD added; left out: 0, off
+    coolant: np.ndarray | None = None       # (n,) values.coolants.BITS added; left out: 0, off
     work_offsets: tuple[str, ...] = ()      # in force at moves that are not in machine coordinates, in the order of their use
     pitch_mm: np.ndarray | None = None      # (n,) way down a turn where the feed is tied to the spindle: above 0 as a right-hand
                                             # thread runs, below as a left-hand one; left out: 0, not tied

@@ -177,7 +177,7 @@ class Operation:
     name: str                 # as in plan, report and findings: "rough", "finish"
     tool: Tool
     spindle_rpm: float
-    coolant: str              # "off", "mist", "flood"
+    coolant: str              # values.coolants.Coolant
     moves: Moves
     passes: object = None     # pass_templates.TemplatedPasses that come to the same moves; None: only the moves
     cycles: tuple = ()        # drilling.DrillCycle of its holes, that come to some of the moves

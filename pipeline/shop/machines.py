@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from cuspline.shop.kinematics import Chain
+from cuspline.values.coolants import BITS
 from cuspline.values.input_files import checked, toml_of
 from cuspline.values.models import Coordinate, Model, Point, Sparse, one_of
 from cuspline.values.units import MM
@@ -16,6 +17,8 @@ UPRIGHT = (0.0, 0.0, 1.0)
 ALONG = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": UPRIGHT}
 ROTARIES = "ABC"
 MOST_TURNS = 40
+M_CODE = r"^M(?:0|[1-9]\d{0,2})$"
+NO_COOLANT = ("M0", "M1", "M2", "M3", "M4", "M5", "M6", "M13", "M14", "M19", "M29", "M30", "M97", "M98", "M99")
 CHANGE_RPM_PER_S = 1000.0           # of a spindle whose file does not say it: from 0 to 10,000 rpm in ten seconds, which is slow
 PARALLEL = 1e-3                     # sine of the angle below which two directions count as one
 
@@ -139,11 +142,18 @@ class Feeding(Model):
         return self
 
 
+class CoolantCodes(Model):
+    """M-codes of a machine for one coolant."""
+
+    on: str = Field(pattern=M_CODE, description="such as M88")
+    off: str = Field(default="M9", pattern=M_CODE, description="left out: M9")
+
+
 class Control(Sparse):
     """What the controller accepts."""
 
     LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes", "canned_cycles",
-                "blocks_per_s", "rigid_tapping", "feeding", "arc_centres")
+                "blocks_per_s", "rigid_tapping", "feeding", "arc_centres", "coolants")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
@@ -177,6 +187,29 @@ class Control(Sparse):
                                      "Fanuc control for G64 (corners, smoothing), in Grbl as $12")
     arc_max_radius_mm: float = Field(default=1e4, gt=0, description="flatter arcs go out as lines")
     arc_min_length_mm: float = Field(default=1e-3, gt=0, description="shorter arcs go out as lines")
+
+    coolants: dict[Literal["air", "mist", "flood", "high_pressure"], CoolantCodes] = Field(
+        default={}, description="the machine's own M-codes of each coolant; left out: M7 is mist, M8 flood, and there is no other")
+
+    @model_validator(mode="after")
+    def _coolant_codes_say_one_thing(self):
+        on = [codes.on for codes in self.coolants.values()]
+        twice = [name for name in on if on.count(name) > 1 or any(name == codes.off for codes in self.coolants.values())]
+        if twice:
+            raise ValueError(f"coolants: {twice[0]} says two things: give every coolant an M-code of its own")
+        taken = [word for codes in self.coolants.values() for word in (codes.on, codes.off) if word in NO_COOLANT]
+        if taken:
+            raise ValueError(f"coolants: {taken[0]} is a word for something else on every control: write the machine's own M-code")
+        return self
+
+    @property
+    def coolant_codes(self):
+        """{M-code: (values.coolants.BITS that it turns on, and off)} of the machine's own; {}: the control's usual ones."""
+        own = self.coolants.items()
+        ends = {codes.off: sum(BITS[other] for other, its in own if its.off == codes.off) for _, codes in own}
+        apart = sum(BITS[name] for name, codes in own if codes.off != "M9")
+        off = {word: (0, bits) for word, bits in ends.items() if word != "M9"}
+        return {"M9": (0, sum(BITS.values()) - apart), **off, **{codes.on: (BITS[name], 0) for name, codes in own}} if own else {}
 
     @model_validator(mode="after")
     def _what_is_fed_has_no_sub_programs(self):

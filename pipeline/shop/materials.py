@@ -5,6 +5,7 @@ from functools import cache
 from pydantic import Field
 
 from cuspline.shop.shipped import shipped
+from cuspline.values.coolants import Coolant
 from cuspline.values.errors import InputError
 from cuspline.values.models import Model, Sparse
 
@@ -21,7 +22,7 @@ class Material(Sparse):
     finish_speed_m_per_min: float = Field(gt=0, le=2000)
     feed_per_tooth_share: float = Field(gt=0, le=0.1, description="feed per tooth / cutter diameter")
     stepdown_share: float = Field(gt=0, le=1, description="roughing stepdown / cutter diameter")
-    coolant: str
+    coolant: Coolant
     drill_speed_m_per_min: float | None = Field(default=None, gt=0, le=1000, description="of drills; left out: 0.4 of roughing")
     drill_feed_share: float | None = Field(default=None, gt=0, le=0.05, description="of drills, a turn / diameter; left out: 0.01")
     hardness_hrc: float | None = Field(default=None, gt=0, le=70, description="of hardened steels")

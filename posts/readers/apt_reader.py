@@ -16,7 +16,7 @@ import numpy as np
 from cuspline.posts.readers.rs274_arcs import CLOSE_BOUNDS, MM_PER_INCH, check_radii, is_same_point
 from cuspline.posts.readers.rs274_blocks import Block, lines_cut, refusal
 from cuspline.posts.readers.rs274_expressions import Complaint
-from cuspline.program.posted import FLOOD, MIST, PostedMoves, Remark, Stop
+from cuspline.program.posted import PostedMoves, Remark, Stop
 from cuspline.program.program import UPRIGHT, Kind, Plane
 
 LONGEST_LINE = 255

@@ -26,7 +26,7 @@ RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"arc distance", "path 
               compensation=Compensation(joins_by_arcs=False, needs_register=True))
 
 
-def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None):
+def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None, coolants=None):
     """The moves of a Fanuc program.
 
     Args:
@@ -36,6 +36,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
         chain: kinematics.Chain of a machine with rotary axes, see rs274_reader; under G43.4 X Y Z are the tip, in axes that
             go with the table from where it stands with the rotaries at 0.
         tool_radii: {number: radius in the tool's register, mm} that G41 and G42 shift a contour by; left out: they are refused.
+        coolants: {"M88": (values.coolants.BITS on, off)}, the machine's own M-codes; left out: those of the control alone.
     Returns:
         PostedMoves.
     Raises:
@@ -47,7 +48,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
     ([9.0, 2.0, 3.0], [4, 8])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii, coolants)
     if controller.run(executed(blocks)) is None:
         raise refusal(Complaint("the text stops without a program end", "end the main program with M30"), blocks[-1])
     return controller.posted_moves()

@@ -68,13 +68,14 @@ RULES = Rules(code_of=finder(BY_NAME, ADVICE), modes=frozenset(UNSAID) - {"canne
               actions={"select tool": _take_tool, "path control": _exact})
 
 
-def read_program(text, *, work_offsets, tool_lengths):
+def read_program(text, *, work_offsets, tool_lengths, coolants=None):
     """The moves of a Grbl program.
 
     Args:
         text: the whole program.
         work_offsets: {"G54": (x, y, z)} machine coordinates of each WCS origin, mm.
         tool_lengths: {number: length, mm}, which G43.1 Z is held against.
+        coolants: {"M88": (values.coolants.BITS on, off)}, the machine's own M-codes; left out: those of the control alone.
     Returns:
         PostedMoves.
     Raises:
@@ -85,7 +86,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     ([9.0, 2.0, 3.0], [2, 3])
     """
     blocks = lines_cut(text, _block)
-    controller = Controller(work_offsets, tool_lengths, RULES)
+    controller = Controller(work_offsets, tool_lengths, RULES, coolants=coolants)
     end = controller.run((block, block.words) for block in blocks)
     if end is None:
         raise refusal(Complaint("the text stops without a program end", "end it with M2 or M30"), blocks[-1])

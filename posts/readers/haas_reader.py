@@ -117,7 +117,7 @@ RULES = Rules(code_of=finder(BY_NAME, ADVICE), modes=frozenset(UNSAID) - {"arc d
                        "tool length": _set_length, "tilted plane": _go_with_table, "move": _move})
 
 
-def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None):
+def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None, coolants=None):
     """The moves of a Haas program.
 
     Args:
@@ -127,6 +127,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
         chain: kinematics.Chain of a machine with rotary axes, see rs274_reader; under G234 X Y Z are the tip, in axes that
             go with the table from where it stands with the rotaries at 0; under G254 the tip, along the machine's axes.
         tool_radii: {number: radius in the tool's register, mm} that G41 and G42 shift a contour by; left out: they are refused.
+        coolants: {"M88": (values.coolants.BITS on, off)}, the machine's own M-codes; left out: those of the control alone.
     Returns:
         PostedMoves.
     Raises:
@@ -138,7 +139,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
     ([9.0, 2.0, 3.0], [4, 7])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii, coolants)
     if controller.run(executed(blocks)) is None:
         raise refusal(Complaint("the text stops without a program end", "end the main program with M30"), blocks[-1])
     return controller.posted_moves()

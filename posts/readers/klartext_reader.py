@@ -80,7 +80,7 @@ RULES = Rules(code_of=finder(BY_NAME, {}), takes_own_length=False, moves_z_alone
                      "axis offset": ("CYCL DEF 7 with X+0 Y+0 Z+0", "whether a datum shift moves the zero")})
 
 
-def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None):
+def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None, coolants=None):
     """The moves of a Klartext program.
 
     Args:
@@ -90,6 +90,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
         chain: kinematics.Chain of a machine with rotary axes, see rs274_reader; under FUNCTION TCPM X Y Z are the tip, in axes
             that go with the table from where it stands with the rotaries at 0.
         tool_radii: {number: radius in the tool's register, mm} that RL and RR shift a contour by; left out: they are refused.
+        coolants: {"M88": (values.coolants.BITS on, off)}, the machine's own M-codes; left out: those of the control alone.
     Returns:
         PostedMoves.
     Raises:
@@ -101,7 +102,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
     ([3.0, 2.0, 2.0], [2, 4], True)
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii, coolants)
     end = controller.run(_Tnc(controller).executed(blocks))
     if end is None:
         raise refusal(Complaint("the text stops without END PGM", "end it with END PGM, its name and its unit"), blocks[-1])
@@ -290,11 +291,13 @@ class _Tnc:
     def _moves(self, kind, said):
         """Functions that act at once, the move, functions that act at its end."""
         functions = [f for m in said.functions for f in BOTH.get(m, (m,))]
-        unknown = [f"M{f}" for f in functions if f not in (*AT_THE_END, *AT_THE_BEGIN, MACHINE_DATUM)]
+        own = [int(name[1:]) for name in self.controller.own_coolants if name != "M9"]
+        at_begin = (*AT_THE_BEGIN, *own)
+        unknown = [f"M{f}" for f in functions if f not in (*AT_THE_END, *at_begin, MACHINE_DATUM)]
         if unknown:
             raise Complaint(f"unknown word {unknown[0]}", "known are " + ", ".join(
-                f"M{f}" for f in sorted((*AT_THE_END, *AT_THE_BEGIN, *BOTH, MACHINE_DATUM))))
-        begin = [("m", float(f)) for f in functions if f in AT_THE_BEGIN] + self._radius(said.radius)
+                f"M{f}" for f in sorted((*AT_THE_END, *at_begin, *BOTH, MACHINE_DATUM))))
+        begin = [("m", float(f)) for f in functions if f in at_begin] + self._radius(said.radius)
         end = [("m", float(f)) for f in functions if f in AT_THE_END] + ([("m", 0.0)] if kind == "STOP" else [])
         move = self._move(kind, said, MACHINE_DATUM in functions)
         if said.is_rapid and said.feed is not None:

@@ -52,13 +52,14 @@ RULES = Rules(code_of=finder(BY_NAME, {}), takes_own_length=False, moves_z_alone
                      "arc distance": ("INC (R)", "whether I J K are places or distances")})
 
 
-def read_program(text, *, work_offsets, tool_lengths):
+def read_program(text, *, work_offsets, tool_lengths, coolants=None):
     """The moves of a PMAC motion program.
 
     Args:
         text: from OPEN PROG to CLOSE.
         work_offsets: {"G54": (x, y, z)} machine coordinates of each zero, mm.
         tool_lengths: {number: length, mm}.
+        coolants: {"M88": (values.coolants.BITS on, off)}, the machine's own M-codes; left out: those of the control alone.
     Returns:
         PostedMoves.
     Raises:
@@ -70,7 +71,7 @@ def read_program(text, *, work_offsets, tool_lengths):
     ([2.0, 2.0, 3.0], [3, 5], True)
     """
     blocks = lines_cut(text, _block, LONGEST_LINE)
-    controller = Controller(work_offsets, tool_lengths, RULES)
+    controller = Controller(work_offsets, tool_lengths, RULES, coolants=coolants)
     end = controller.run(_executed(blocks))
     if end is None or not any(block.flow == "%" for block in blocks[-3:]):
         raise refusal(Complaint("the text has no CLOSE at its end", "write CLOSE behind the program"), blocks[-1])

@@ -5,6 +5,7 @@ It knows nothing of any post.  What it does not know it refuses, with the line a
 
 import re
 from array import array
+from contextlib import suppress
 from math import hypot, inf, isfinite, nan, tau
 
 import numpy as np
@@ -25,7 +26,7 @@ from cuspline.posts.readers.rs274_arcs import (
     sweep_rad,
 )
 from cuspline.posts.readers.rs274_blocks import blocks_of, refusal
-from cuspline.posts.readers.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, TAKEN_ALWAYS, code_of, in_order
+from cuspline.posts.readers.rs274_codes import BY_LETTER, MOVE, MOVING_LETTERS, TAKEN_ALWAYS, Code, code_of, in_order
 from cuspline.posts.readers.rs274_cycles import CYCLES, EVERY, TAPS, begun, way_of, with_words
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, refuse_text_after
@@ -33,15 +34,18 @@ from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on, relied_
 from cuspline.posts.readers.rs274_tools import read_tool_table
 from cuspline.posts.readers.turns import turned_about
 from cuspline.program.joint_sweeps import JointBlocks
-from cuspline.program.posted import FLOOD, MIST, PostedMoves, Remark, Stop
+from cuspline.program.posted import PostedMoves, Remark, Stop
 from cuspline.program.program import Kind, Plane
 from cuspline.values import fixed_math as fixed
+from cuspline.values.coolants import BITS, FLOOD, MIST
+from cuspline.values.errors import PostError
 from cuspline.values.frames import Frame
 
 __all__ = ["read_program", "read_tool_table"]
 
 OPERATION = re.compile(r"\s*OPERATION\b[^:]*:([^,]*)", re.IGNORECASE)
 PLANES = {"G17": Plane.XY, "G18": Plane.ZX, "G19": Plane.YZ}
+COOLANTS = {"M7": (MIST, 0), "M8": (FLOOD, 0), "M9": (0, sum(BITS.values()))}      # BITS that they turn on, and off
 KINDS = {"G0": Kind.RAPID, "G1": Kind.FEED, "G2": Kind.ARC_CW, "G3": Kind.ARC_CCW}
 UNKNOWN = (nan, nan, nan)
 SAME_SHIFT_MM = 6e-4        # half the last of three decimals, and a little
@@ -57,7 +61,7 @@ RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local
                                         enters_beside_own=True))
 
 
-def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None):
+def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None, coolants=None):
     """The moves of an RS-274 program.
 
     Args:
@@ -68,6 +72,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
         chain: kinematics.Chain of a machine with rotary axes: the control runs its joints evenly through every block, and
             the moves are what the tip and the tool's axis do then, in as many pieces as it takes; rotary words are degrees
             in either unit, and the work offset turns nothing.
+        coolants: {"M88": (values.coolants.BITS on, off)}, the machine's own M-codes; left out: those of the control alone.
     Returns:
         PostedMoves.  The spindle speed is negative while M4 turns it backwards.  What a move relies on
         before the text has said it, and a length offset that is not that of the tool in the spindle, are remarks.
@@ -79,7 +84,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
     ([9.0, 2.0, 3.0], [2, 3])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii, coolants)
     end = controller.run(executed(blocks))
     if end is not None:
         refuse_text_after(blocks, end)
@@ -91,9 +96,13 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
 class Controller:
     """The modal state, block after block, and the moves made so far."""
 
-    def __init__(self, work_offsets, tool_lengths, rules, chain=None, tool_radii=None):
-        """`rules`: rs274_modes.Rules of the control.   chain: kinematics.Chain; None: three axes.   tool_radii: {number: mm}."""
-        self.rules, self.code_of, self.actions = rules, rules.code_of, ACTIONS | dict(rules.actions)
+    def __init__(self, work_offsets, tool_lengths, rules, chain=None, tool_radii=None, coolants=None):
+        """`rules`: rs274_modes.Rules of the control.   chain: kinematics.Chain; None: three axes.   tool_radii: {number: mm}.
+
+        coolants: {"M88": (values.coolants.BITS on, off)}, the machine's own M-codes; None: M7, M8 and M9 alone.
+        """
+        self.own_coolants = coolants or {}
+        self.rules, self.code_of, self.actions = rules, self._with_own(rules.code_of), ACTIONS | dict(rules.actions)
         self.chain, self.rotaries = chain, () if chain is None else tuple(c.lower() for c in chain.rotaries)
         self.turned = self.turned_before = (nan,) * len(self.rotaries)      # degrees; where the move under way began
         self.minutes = 0.0                  # that it takes
@@ -139,7 +148,7 @@ class Controller:
         self.rows = array("d")              # COLUMNS a move
         self.joint_rows = array("d")        # of a machine with rotaries: angles before and after, minutes, length, zero
         self.stops = []                     # posted.Stop
-        self.coolant, self.used_offsets = 0, {}     # posted.MIST and FLOOD; names of work offsets, as an ordered set
+        self.coolant, self.used_offsets = 0, {}     # values.coolants.BITS; names of work offsets, as an ordered set
 
     # words ------------------------------------------------------------------------------------------
 
@@ -208,6 +217,19 @@ class Controller:
                 self.names.append(name)
             self.operation = self.names.index(name)
 
+    def _with_own(self, code_of):
+        """The control's codes, and the machine's own M-codes of coolants.
+
+        Raises:
+            PostError: the control takes one of these for something else.
+        """
+        own = {float(name[1:]): Code(name, "coolant") for name in self.own_coolants}
+        for number, code in own.items():
+            with suppress(Complaint):
+                if code_of("m", number).group != "coolant":
+                    raise PostError(f"{code.name} is no coolant on this control: write the machine's own M-code into its file")
+        return lambda letter, number: own[number] if letter == "m" and number in own else code_of(letter, number)
+
     # modes ------------------------------------------------------------------------------------------
 
     def set_feed_mode(self, name, values):
@@ -242,8 +264,9 @@ class Controller:
         self._stand_still(name)
 
     def set_coolant(self, name, values):
-        """M9 ends both."""
-        self.coolant = 0 if name == "M9" else self.coolant | (MIST if name == "M7" else FLOOD)
+        """M9 ends all but what the machine ends by codes of its own."""
+        on, off = self.own_coolants.get(name) or COOLANTS[name]
+        self.coolant = (self.coolant | on) & ~off
 
     def do_once(self, name, values):
         """G4, G53, and G52: it takes back a shift that another program has left, or sets the tool in the spindle right."""
@@ -435,7 +458,17 @@ class Controller:
 
     def stop(self, name, values):
         self.ended = name in ("M2", "M30")
+        if self.ended:
+            self._refuse_coolant_that_runs_on()
         self._stand_still(name)
+
+    def _refuse_coolant_that_runs_on(self):
+        """The end of a program ends what M9 ends; a machine's own coolant runs on until its own word."""
+        runs_on = self.coolant & ~self.own_coolants.get("M9", COOLANTS["M9"])[1]
+        if runs_on:
+            words = [word for word, (on, off) in self.own_coolants.items() if off & runs_on]
+            name = next(name for name, bits in BITS.items() if bits & runs_on)
+            raise Complaint(f"the program ends while the coolant {name} runs", f"write {' or '.join(words)} before the end")
 
     def _stand_still(self, name):
         self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=name))

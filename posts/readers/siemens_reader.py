@@ -93,7 +93,7 @@ RULES = Rules(code_of=finder(BY_NAME, {}), modes=frozenset(UNSAID) - {"canned cy
               compensation=Compensation(joins_by_arcs=True, needs_register=False))
 
 
-def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None):
+def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None, coolants=None):
     """The moves of a Sinumerik program.
 
     Args:
@@ -103,6 +103,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
         chain: kinematics.Chain of a machine with rotary axes, see rs274_reader; under TRAORI X Y Z are the tip, in axes that go
             with the table from where it stands with the rotaries at 0.
         tool_radii: {number: radius in the tool's register, mm} that G41 and G42 shift a contour by; left out: they are refused.
+        coolants: {"M88": (values.coolants.BITS on, off)}, the machine's own M-codes; left out: those of the control alone.
     Returns:
         PostedMoves.
     Raises:
@@ -114,7 +115,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
     ([13.0, 2.0, 3.0], [11.0, 2.0, 3.0], [2, 3, 4])
     """
     blocks = blocks_of(text)
-    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii)
+    controller = Controller(work_offsets, tool_lengths, RULES, chain, tool_radii, coolants)
     end = controller.run(_Channel(controller).executed(blocks))
     if end is None:
         raise refusal(Complaint("the text stops without a program end", "end it with M30"), blocks[-1])
@@ -171,7 +172,7 @@ class _Channel:
         return [tuple(words + self._letters(values, names))]
 
     def _code(self, letter, number, name):
-        if name in SAME:
+        if name in SAME or name in self.controller.own_coolants:
             return [(letter, number)]
         if name in UNITS:
             return [("g", UNITS[name])]

@@ -160,6 +160,9 @@ def _operation(writer, operation, number):
         _cutter(writer, tool.cutter)
         writer.tool = tool.number
     writer.say("SPINDL", f"{operation.spindle_rpm:.0f}", "CLW")
+    if operation.coolant not in ("off", "mist", "flood"):
+        raise PostError(f"operation {operation.name}: cutter locations know the coolants off, mist and flood alone, not "
+                        f"{operation.coolant}: choose one of these")
     writer.say("COOLNT", operation.coolant.upper())
     writer.feed, writer.rpm = None, operation.spindle_rpm
     _to_start(writer, moves)

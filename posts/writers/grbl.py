@@ -65,7 +65,7 @@ class _Grbl(Dialect):
 
     def run(self, writer, operation):
         super().run(writer, operation)
-        if operation.coolant == "mist":
+        if writer.coolant == "M7":
             writer.comment("M7 NEEDS A GRBL WITH ENABLE_M7")
 
     def length_on(self, writer, tool):

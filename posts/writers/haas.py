@@ -88,7 +88,7 @@ class _Haas(Dialect):
 
     def run(self, writer, operation):
         super().run(writer, operation)
-        if operation.coolant == "mist":
+        if operation.coolant == "mist" and "mist" not in writer.machine.control.coolants:
             writer.comment("MIST ON BY HAND")
 
     def compensation(self, writer, number, is_on):

@@ -81,8 +81,10 @@ class Dialect(ABC):
     def stop(self, writer):
         """Spindle and coolant off."""
         writer.block("M5")
-        writer.block("M9")
-        writer.coolant = "M9"
+        for word in (writer.coolant_end, "M9"):
+            if word is not None:
+                writer.block(word)
+        writer.coolant, writer.coolant_end = "M9", None
 
     def change_tool(self, writer, operation):
         """The operation's tool into the spindle, at the top of the machine."""
@@ -102,11 +104,28 @@ class Dialect(ABC):
 
     def cool(self, writer, operation):
         """The operation's coolant alone: a control may have both on at once."""
-        word = self.coolants[operation.coolant]
-        if "M9" not in (word, writer.coolant) and word != writer.coolant:
+        word, end = self._coolant_words(operation, writer.machine)
+        if writer.coolant != word and writer.coolant_end is not None:
+            writer.block(writer.coolant_end)
+        elif "M9" not in (word, writer.coolant) and word != writer.coolant:
             writer.block("M9")
         writer.block(word)
-        writer.coolant = word
+        writer.coolant, writer.coolant_end = word, None if end == "M9" else end
+
+    def _coolant_words(self, operation, machine):
+        """(word that turns the operation's coolant on, word that ends it): the machine's own, else the control's.
+
+        Raises:
+            PostError: neither has one.
+        """
+        own, name = machine.control.coolants, operation.coolant
+        if name in own:
+            return own[name].on, own[name].off
+        word = self.coolants.get(name)
+        if word is None or (word != "M9" and word in machine.control.coolant_codes):
+            raise PostError(f"operation {operation.name}: {machine.name} states no M-code of the coolant {name}: write "
+                            f"[control.coolants.{name}] with on and off into its file, or choose another coolant")
+        return word, "M9"
 
     def approach(self, writer, start_mm):
         """XY before Z, so that nothing is cut on the way."""

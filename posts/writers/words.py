@@ -94,6 +94,7 @@ class Writer:
         self.here_mm = np.zeros(3)
         self.arcs_as_lines, self.largest_rounding_mm = 0, 0.0
         self.plane, self.feed, self.coolant = Plane.XY, None, "M9"
+        self.coolant_end = None                         # the word that ends it, where M9 does not
         self.speed = ""                                 # the S word in force
         self.by_radius = control.arc_centres == "R"
         self.rotaries = rotaries
