@@ -162,7 +162,7 @@ def process_document(posted, tools, found, places, loads=None, source="", change
     """
     names, rows = not_seen(posted, found), []
     for cut, (_, mine) in zip(cuts_of_operations(posted, tools, found, change_rpm_per_s), _by_operation(posted, found)):
-        rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine))})
+        rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine) | _usual(loads, found, mine))})
     words = {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
     return {"operations": rows, "along": along_program(posted, found, places),
             "forces": source if loads is not None else f"not checked: {source}", **words}
@@ -199,6 +199,13 @@ def met_at_places(posted, found, rpm, loads=None):
                "speed_m_per_min": np.nan_to_num(2 * np.pi * found.highest_radius_mm) * rpm[row] / 1000,
                "removal_cm3_per_h": 0.06 * found.area_mm2 * posted.feed_mm_per_min[row]}
     return columns if loads is None else columns | {"radial_n": loads.radial_n, "axial_n": loads.axial_n}
+
+
+def _usual(loads, found, mine):
+    """Means of the forces across and along the axis over an operation's way in the cut."""
+    way = found.way_mm[mine] * found.cuts[mine]
+    total = max(_sum(way), 1e-9)
+    return {f"{name}_mean_n": round(_sum(way * getattr(loads, f"{name}_n")[mine]) / total, 6) for name in ("radial", "axial")}
 
 
 def _largest(loads, mine):
