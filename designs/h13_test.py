@@ -25,7 +25,7 @@ from cuspline.planning.strategies.parallel import Parallel
 from cuspline.shop.cutters import Cutter, Holder, HolderSegment, Tool
 from cuspline.values import fixed_math as fixed
 
-BALL = Tool(number=41, stick_out_mm=40.0, cutter=Cutter(
+BALL = Tool(number=99, stick_out_mm=40.0, cutter=Cutter(
     name="ball 10.82, 2 inserts", type="ball", diameter_mm=10.82, corner_radius_mm=5.41, flutes=2, flute_length_mm=10.0,
     neck_diameter_mm=10.0, reach_mm=30.0, shank_diameter_mm=12.0, overall_length_mm=90.0, slot_depth_mm=1.5),
     holder=Holder(name="collet chuck", segments=(HolderSegment(height_mm=50.0, lower_diameter_mm=40.0, upper_diameter_mm=40.0),)))

@@ -114,10 +114,16 @@ def _tip_in_words(operation, share):
         return "of no concern: the cutter's bottom is flat"
     if share == 0:
         return "out of the cut"
-    bearing = operation.facts.get("bearing")
-    why = f"passes run {bearing}" if bearing else (
-        "passes as laid: step-up and uphill are options of patterns (`bearing`), a leaning axis one of five-axis machines")
+    bearing, orders = operation.facts.get("bearing"), operation.facts.get("orders", {})
+    why = f"passes run {bearing}" if bearing in ("step-up", "uphill") else "passes as laid: " + (
+        "; ".join(f"{name} {_order_in_words(row)}" for name, row in orders.items() if "times_as_long" in row)
+        or "step-up and uphill are orders of patterns (`bearing`), a leaning axis is one of five-axis machines")
     return f"in the cut on {100 * share:.1f} % of the way; {why}"
+
+
+def _order_in_words(row):
+    """Why passes do not run in an order: a row of tip_orders' facts."""
+    return row.get("why_not") or f"has it in the cut on {100 * row['tip_share']:.1f} %"
 
 
 def _wished(operation):

@@ -76,6 +76,7 @@ class PlannedOperation:
     left: object = None         # Left; None: it cuts all that its cutter reaches
     rpm_changes: tuple = ()     # (move, spindle speed from there on)
     wishes: object = None       # Wishes; None: speed and feeds are as they are
+    orders: tuple = ()          # the same passes in other orders, see tip_orders.other_orders; () once one is chosen
 
     @cached_property
     def swept_mm(self):
@@ -294,9 +295,11 @@ class PlanningContext:
 
     def as_cut(self, operations):
         """PlannedOperation values, planned with the library, as the magazine's tools cut them: below the plating."""
-        if not self.plating_mm:
-            return tuple(replace(o, tool=self.magazine.number(o.tool.number)) for o in operations)
-        return tuple(in_metal(o, self.magazine, self.plating_mm) for o in operations)
+        def cut(o):
+            made = in_metal(o, self.magazine, self.plating_mm) if self.plating_mm else replace(
+                o, tool=self.magazine.number(o.tool.number))
+            return replace(made, orders=tuple((name, share, other and cut(other)) for name, share, other in o.orders))
+        return tuple(map(cut, operations))
 
     def tools(self, *types):
         """The library's tools of some cutter types that the operation asks for, largest first.

@@ -15,6 +15,7 @@ from cuspline.planning.cutter_choice import ROUND
 from cuspline.planning.leaning_choice import compared
 from cuspline.planning.leaning_cusps import cusps_mm
 from cuspline.planning.leaning_finishing import as_laid, leaned, middle_tolerance_mm
+from cuspline.planning.tip_orders import other_orders
 from cuspline.scallop.stepover import scallop_for_stepover_mm, stepover_for_scallop_mm
 from cuspline.splines.nurbs import local_shape
 from cuspline.surfaces.curvature import sample_faces
@@ -224,7 +225,8 @@ def _operation(work, stage, tool, candidates, left_mm, where, before=((), None))
              "min_concave_radius_mm": finite(work.hollow.radius_mm),
              "min_concave_place_mm": work.in_part(work.hollow.place_mm),
              "candidates": [c.as_dict() for c in candidates], **made.facts}
-    return work.measured(name, tool, rpm, made.moves, facts, made.left)
+    planned = work.measured(name, tool, rpm, made.moves, facts, made.left)
+    return replace(planned, orders=other_orders(work, planned, (walls, paths), link))
 
 
 def _by_common_plane(passes, cusps_of, cutter, ridge_mm):

@@ -22,9 +22,9 @@ class Pattern(Finishing):
     leave_steep: bool = Field(default=False, description="walls steeper than steep_deg are left to other operations, or to indexed "
                               "positions that see them better")
 
-    bearing: Literal["step-up", "uphill"] | None = Field(
+    bearing: Literal["step-up", "uphill", "nearest"] | None = Field(
         default=None, description="how passes keep the tip out of the cut: step-up, the lowest pass first; uphill, each from "
-        "its lower end; left out: the nearest next")
+        "its lower end; nearest: not at all, the nearest next; left out: what keeps a ball's tip out in little more time")
 
     @property
     def waterline_deg(self):

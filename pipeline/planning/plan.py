@@ -12,6 +12,7 @@ from cuspline.design.operations import Clearing
 from cuspline.planning.context import PlannedOperation, PlanningContext, left_as_steep
 from cuspline.planning.level_finishing import UPRIGHT
 from cuspline.planning.strategies.auto import Auto
+from cuspline.planning.tip_orders import with_tip_out
 from cuspline.program.arcs import CHORD_SHARE, straightened
 from cuspline.program.program import Operation, Program
 from cuspline.shop.practice import ShopFile
@@ -166,12 +167,13 @@ def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), to
         operations += made
         accounts.append(_account(operation, work, made, rows))
         reached |= _seen_in(context.samples, work.samples, rows)
-    return SetupPlan(setup=setup, operations=context.as_cut(operations), clearance_z_mm=context.clearance_z_mm - context.plating_mm,
+    plan = SetupPlan(setup=setup, operations=context.as_cut(operations), clearance_z_mm=context.clearance_z_mm - context.plating_mm,
                      hollow=_placed(context.hollow, setup), inner_edges=tuple(
                          _placed(e, setup) for e in inner_edges(context.faces, set(context.wanted))),
                      area_required_mm2=float(context.samples.area_mm2.sum()),
                      area_reached_mm2=float(context.samples.area_mm2[reached].sum()), context=context,
                      accounts=tuple(accounts))
+    return with_tip_out(plan)
 
 
 def _left_by(made):
