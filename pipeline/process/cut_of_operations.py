@@ -11,7 +11,7 @@ from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
 
 DRAWN = 160               # stretches of a program that verify.json tells one by one
-NOT_SEEN = "not checked: the tool leans, drills, or is no ball, bull nose or flat cutter"
+NOT_SEEN = "not checked: the tool drills, is on an angle head, or is no ball, bull nose, flat cutter or tapered ball"
 
 
 @dataclass(frozen=True, kw_only=True)

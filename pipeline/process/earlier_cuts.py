@@ -1,10 +1,11 @@
 r"""The stock in front of a cutter as it stood when the cutter came there: how deep any place is in it.
 
-Moves of upright balls, bull noses and flat cutters are pieces, numbered in the order of cutting.  A place is so deep in the
-stock as it is from the nearest of:
+Moves are pieces, numbered in the order of cutting: straight ones of upright balls, bull noses and flat cutters, sub-steps of
+all others.  A place is so deep in the stock as it is from the nearest of:
 
-    what earlier pieces have swept        exact outside, at least so much inside (tree.py); a branch is left out where
-                                          its least number is no earlier than what is asked for
+    what earlier pieces have swept        exact outside, at least so much inside (tree.py; timed.py where cutters lean or have
+                                          another form); a branch is left out where its least number is no earlier than what
+                                          is asked for
     the way just behind the cutter        the last piece, cut off a little behind: what sweeps the place itself
     the stock that the program found      a box, and heights over a grid
 
@@ -19,8 +20,14 @@ import numpy as np
 from cuspline.program.program import Kind
 from cuspline.replay.scene import FoundStock
 from cuspline.stock import tree
+from cuspline.stock.distance_kernels import piece_distance
 from cuspline.stock.path_pieces import X0, X1, Arcs, repeated_parts
 from cuspline.stock.swept import CLOSED_UPWARD, LONGEST_RADII, cutting_rows
+from cuspline.stock.tilted import posed_path
+from cuspline.stock.tilted_kernels import substep_distance
+from cuspline.stock.tilted_pieces import AXIS, AXIS_WAY, LENGTH
+from cuspline.stock.tilted_tree import BEHIND_LAST, FIRST_LINE
+from cuspline.stock.timed import nearest_within, timed_forest
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.compiled import njit
@@ -29,41 +36,77 @@ from cuspline.values.rows import HIGH_X, HIGH_Y, HIGH_Z, LOW_X, LOW_Y, LOW_Z
 SAGITTA_MM = 2e-4         # of the chords of arcs: a tenth of the thinnest chip that is seen
 LATER = np.iinfo(np.int64).max
 GRID_X, GRID_Y, GRID_PITCH = range(3)
+FOREST_OUTLINES, FOREST_TREES = 2, 3        # of a timed forest
+SEEN = (*CLOSED_UPWARD, "tapered_ball")      # types whose edges are looked at, leaning or not
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CutPieces:
-    """All moves of a program with upright balls, bull noses and flat cutters, in the order of cutting; WCS, mm."""
+    """All moves of a program, but for those of tools on angle heads, in the order of cutting; WCS, mm."""
 
-    geometry: np.ndarray      # (m, 12) straight pieces, see path_pieces.py
+    geometry: np.ndarray      # (m, 14) straight pieces (12), see path_pieces.py, or sub-steps, see tilted_pieces.py
+    tree: np.ndarray          # (m,) that holds it: of straight pieces 0 and on, of sub-steps -2 and on downwards
+    start_mm: np.ndarray      # (m, 3) tip
+    way_mm: np.ndarray        # (m, 3) of the tip
+    axis: np.ndarray          # (m, 3) where it begins
+    turn: np.ndarray          # (m, 3) axis where it ends less axis where it begins
     row: np.ndarray           # (m,) row of PostedMoves
     tool: np.ndarray          # (m,) number of the tool
-    world: tuple              # forest, numbers and least numbers for the kernels
+    world: tuple              # forest, numbers and least numbers of straight pieces, timed forest of sub-steps
 
     def __post_init__(self):
-        object.__setattr__(self, "geometry", frozen(self.geometry, (None, 12), "geometry", is_handed_over=True))
-        object.__setattr__(self, "row", frozen(self.row, (len(self.geometry),), "row", np.int64))
-        object.__setattr__(self, "tool", frozen(self.tool, (len(self.geometry),), "tool", np.int64))
+        m = len(self.geometry)
+        object.__setattr__(self, "geometry", frozen(self.geometry, (m, 14), "geometry", is_handed_over=True))
+        for name in ("start_mm", "way_mm", "axis", "turn"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (m, 3), name, is_handed_over=True))
+        for name in ("tree", "row", "tool"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (m,), name, np.int64))
 
     @classmethod
     def of(cls, posted, tools):
-        """Of PostedMoves and {number: cutters.Tool}; moves of other tools, and such as lean, are left out."""
-        known = cutting_rows(posted) & posted.is_upright & np.isin(posted.tool, plain_tools(tools))
-        rows = np.flatnonzero(known)
-        longest = LONGEST_RADII * radii_mm(posted.tool[rows], tools)
-        geometry, row = straight_pieces(posted, rows, longest)
+        """Of PostedMoves and {number: cutters.Tool}; moves of tools on angle heads are left out."""
+        known = cutting_rows(posted)
+        plain = known & posted.is_upright & np.isin(posted.tool, plain_tools(tools))
+        rows = np.flatnonzero(plain)
+        straight, row = straight_pieces(posted, rows, LONGEST_RADII * radii_mm(posted.tool[rows], tools))
         tool = posted.tool[row].astype(np.int64)
-        return cls(geometry=geometry, row=row, tool=tool, world=_world(geometry, tool, tools))
+        numbers = np.unique(tool)
+        paths = [posed_path(posted, np.flatnonzero(known & ~plain & (posted.tool == n)), tools[n])
+                 for n in np.unique(posted.tool[known & ~plain]).tolist() if n in tools and tools[n].head is None]
+        whole = np.zeros((len(row), 14))
+        whole[:, :12] = straight
+        parts = [(whole, np.searchsorted(numbers, tool), row, tool)]
+        for k, path in enumerate(paths):
+            geometry, rows = np.empty_like(path.geometry), np.empty_like(path.row)
+            geometry[path.step], rows[path.step] = path.geometry, path.row
+            parts.append((geometry, np.full(len(rows), -2 - k), rows, np.full(len(rows), path.tool.number)))
+        geometry, trees, row, tool = (np.concatenate(column) for column in zip(*parts))
+        order = np.argsort(row, kind="stable")              # no row has pieces of both kinds
+        rank = np.empty(len(order), np.int64)
+        rank[order] = np.arange(len(order))
+        of_parts = np.split(rank, np.cumsum([len(part[0]) for part in parts])[:-1])
+        posed = timed_forest(paths, [mine[path.step] for mine, path in zip(of_parts[1:], paths)])
+        world = (*_world(straight, parts[0][3], of_parts[0], tools), posed)
+        geometry, trees = geometry[order], trees[order]
+        is_posed, up = trees[:, None] < -1, np.array([0.0, 0.0, 1.0])
+        return cls(geometry=geometry, tree=trees, row=row[order], tool=tool[order], world=world,
+                   start_mm=geometry[:, X0:X1], way_mm=geometry[:, X1:X1 + 3] - np.where(is_posed, 0.0, geometry[:, X0:X1]),
+                   axis=np.where(is_posed, geometry[:, AXIS:AXIS_WAY], up), turn=np.where(is_posed, geometry[:, AXIS_WAY:LENGTH], 0.0))
 
 
-def radii_mm(numbers, tools):
-    """(m,) radius of the cutter of each of tool numbers (m,)."""
+def radii_mm(numbers, tools, of="radius_mm"):
+    """(m,) radius of the cutter of each of tool numbers (m,), or another of its lengths."""
     used, which = np.unique(numbers, return_inverse=True)
-    return np.array([tools[n].cutter.radius_mm for n in used.tolist()])[which]
+    return np.array([getattr(tools[n].cutter, of) or 0.0 for n in used.tolist()], float)[which]
+
+
+def seen_tools(tools):
+    """Numbers of the tools whose edges are looked at."""
+    return [n for n, t in tools.items() if t.cutter.type in SEEN and t.head is None]
 
 
 def plain_tools(tools):
-    """Numbers of the tools that are known here."""
+    """Numbers of the tools that, upright, leave nothing above where they have cut."""
     return [n for n, t in tools.items() if t.cutter.type in CLOSED_UPWARD and t.head is None]
 
 
@@ -94,8 +137,8 @@ def straight_pieces(posted, rows, longest_mm):
     return geometry, rows[whole]
 
 
-def _world(geometry, tool, tools):
-    """(forest, number of each of its pieces, least numbers (blocks, 8), tool number of each tree)."""
+def _world(geometry, tool, own, tools):
+    """(forest, number of each of its pieces, least numbers (blocks, 8)) of straight pieces, whose numbers are `own` (m,)."""
     numbers, parts, block, piece = np.unique(tool).tolist(), [], 0, 0
     trees, cutters = np.zeros((len(numbers), 5), np.int64), np.zeros((len(numbers), 2))
     for k, number in enumerate(numbers):
@@ -105,15 +148,15 @@ def _world(geometry, tool, tools):
         order = tree.halved_order(middle, tree.WIDTH)
         blocks, levels, second = tree.build_blocks(np.ascontiguousarray(g[order]))
         least = np.full((len(blocks), tree.WIDTH), LATER)
-        _fill_least(mine[order], levels, second, least)
+        _fill_least(own[mine[order]], levels, second, least)
         trees[k] = block, piece, len(mine), levels, second
         corner = cutter.radius_mm if cutter.type == "ball" else cutter.corner_radius_mm
         cutters[k] = cutter.radius_mm - corner, corner
-        parts.append((g[order], blocks, mine[order], least))
+        parts.append((g[order], blocks, own[mine[order]], least))
         block, piece = block + len(blocks), piece + len(mine)
     empty = np.zeros((0, 12)), np.zeros((0, 8, 8)), np.zeros(0, np.int64), np.zeros((0, tree.WIDTH), np.int64)
     pieces, blocks, number, least = (np.concatenate(column) for column in zip(empty, *parts))
-    return (pieces, blocks, trees, cutters), number, least, np.array(numbers, np.int64)
+    return (pieces, blocks, trees, cutters), number, least
 
 
 @njit
@@ -157,12 +200,12 @@ def found_depth(px, py, pz, found):
 
 
 @njit
-def swept_depth(px, py, pz, before, best, enough, world, hint, stack, bounds):
+def swept_depth(px, py, pz, before, best, enough, world, hint, stack, bounds, waiting):
     """How far a place is outside all that pieces before a number have swept, at most `best`, and the nearest piece or -1.
 
     Below `enough` (negative: so deep in what one piece has swept) nothing deeper is looked for.
     """
-    forest, number, least, _ = world
+    forest, number, least, posed = world
     _, _, trees, _ = forest
     found = -1
     if hint >= 0 and number[hint] < before:             # first the hint alone, then all trees
@@ -174,4 +217,20 @@ def swept_depth(px, py, pz, before, best, enough, world, hint, stack, bounds):
             break
         best, t = tree.nearest_in(k, px, py, pz, forest, least, before, enough, best, stack, bounds)
         found = t if t >= 0 else found
+    if best > enough and len(posed[FOREST_TREES]):
+        best = min(best, nearest_within(px, py, pz, best, posed, before, stack, bounds, waiting))
     return best, found
+
+
+@njit
+def cut_off_distance(px, py, pz, behind, k, best, world, waiting):
+    """Of a place to what one piece has swept, `k` being its tree, see CutPieces; of a sub-step above `best` anything from it on.
+
+    behind: (14,) the piece.
+    """
+    (_, _, _, tools), _, _, posed = world
+    if k >= 0:
+        return piece_distance(px, py, pz, behind, tools[k, tree.FLAT_RADIUS], tools[k, tree.CORNER_RADIUS])
+    outlines, trees = posed[FOREST_OUTLINES], posed[FOREST_TREES]
+    return substep_distance(px, py, pz, behind.reshape(1, -1), 0, outlines, trees[-2 - k, FIRST_LINE], trees[-2 - k, BEHIND_LAST],
+                            best, waiting)[0]

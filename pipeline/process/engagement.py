@@ -16,11 +16,20 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from cuspline.process.earlier_cuts import CutPieces, found_depth, found_for_kernel, plain_tools, radii_mm, swept_depth
+from cuspline.process.earlier_cuts import (
+    CutPieces,
+    cut_off_distance,
+    found_depth,
+    found_for_kernel,
+    radii_mm,
+    seen_tools,
+    swept_depth,
+)
 from cuspline.program.program import Kind
 from cuspline.stock import tree
-from cuspline.stock.distance_kernels import piece_distance
 from cuspline.stock.path_pieces import X0, X1
+from cuspline.stock.tilted_kernels import WAITING
+from cuspline.stock.tilted_pieces import AXIS_WAY, LENGTH, WAY
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.compiled import njit
@@ -53,8 +62,8 @@ SIDE = math.sin(math.radians(10.0)) * (1 - 1e-9)        # of the radius: nearer 
                           # immersion: on the least way down they widen to a whole turn
 CLOSER = 3                # times the rings beside the most immersed one are looked at, each time half as far from it
 LOWEST, HIGHEST, WIDEST, RATE = range(4)                        # of a place: lengths along the edge, see Engagement
-TIP_X, TIP_Y, TIP_Z, FEED_X, FEED_Y, FEED_Z = range(6)          # of a place
-TREE = 12                                                       # of the piece behind it
+TIP_X, TIP_Y, TIP_Z, LEVEL, RISE = range(5)                     # of a place: tip; feed (unit) across the axis and along it,
+AHEAD, ASIDE, ALONG_AXIS = range(5, 14, 3)                      # unit vectors: feed's part across the axis, left of it, axis
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +103,7 @@ class Engagement:
     arcs: np.ndarray            # (n, rings, ARCS, 2) ends of each ring's arcs in the cut, from the feed against the clock; NaN: none
     unseen: tuple[int, ...]     # numbers of the tools whose cuts are not looked at
     ends_mm: np.ndarray         # (n, 2) lengths along the edge from the tip between which it cuts
-    feed: np.ndarray            # (n, 3) unit direction of the feed
+    feed: np.ndarray            # (n, 3) unit direction of the feed as the tool sees it: ahead, 0, along its axis
     look: Look                  # how closely it was looked
 
     def __post_init__(self):
@@ -127,7 +136,8 @@ class Engagement:
 def engagement(posted, tools, stock, look=Look()):
     """Engagement of a program's cutting moves from the stock as it stands before each of them.
 
-    Seen are upright balls, bull noses and flat cutters; what other tools take off is not known here, and counts as standing.
+    Seen are balls, bull noses, flat cutters and tapered balls, leaning or not; what tools on angle heads take off is not known
+    here, and counts as standing.
 
     Args:
         posted: PostedMoves.   tools: {number: cutters.Tool}.   stock: scene.FoundStock.
@@ -149,13 +159,12 @@ def engagement(posted, tools, stock, look=Look()):
     stands_for = way.stands_for_mm(piece, np.arange(len(piece)) < len(even[0]))[order]
     arcs, out, radii = _seen(places, cut, edges, found, look)
     used = {int(t) for t in np.unique(posted.tool[posted.kind != Kind.RAPID])}
-    leaning = {int(t) for t in np.unique(posted.tool[~posted.is_upright & (posted.kind != Kind.RAPID)])}
     heights = _heights(places, cut, edges, out[:, :WIDEST])
     return Engagement(row=places.row, way_mm=stands_for, tip_mm=places.state[:, :3], lowest_mm=heights[:, 0],
                       highest_mm=heights[:, 1], lowest_radius_mm=radii[:, 0], highest_radius_mm=radii[:, 1],
                       immersion_rad=np.nan_to_num(out[:, WIDEST]), area_mm2=np.nan_to_num(out[:, RATE]),
-                      arcs=arcs[..., ARC:].reshape(*arcs.shape[:2], ARCS, 2).copy(), feed=places.state[:, FEED_X:], look=look, ends_mm=out[:, :WIDEST],
-                      unseen=tuple(sorted((used - set(plain_tools(tools))) | leaning)))
+                      arcs=arcs[..., ARC:].reshape(*arcs.shape[:2], ARCS, 2).copy(), feed=np.column_stack([places.state[:, LEVEL], np.zeros(len(places.row)), places.state[:, RISE]]), look=look, ends_mm=out[:, :WIDEST],
+                      unseen=tuple(sorted(used - set(seen_tools(tools)))))
 
 
 def _seen(places, cut, edges, found, look):
@@ -199,6 +208,7 @@ class _Way:
     way: np.ndarray         # (m, 3) of each piece
     length_mm: np.ndarray   # (m,) of those that cut; of rapids 0
     radius_mm: np.ndarray   # (m,)
+    corner_mm: np.ndarray   # (m,) height over the tip of the middle of the cutter's round
     operation: np.ndarray   # (m,)
     ends: np.ndarray        # (m,) shares to the end of each piece
     ends_mm: np.ndarray     # (m,)
@@ -208,13 +218,13 @@ class _Way:
 
     @classmethod
     def of(cls, posted, tools, cut, look):
-        g, row = cut.geometry, cut.row
-        way = g[:, X1:X1 + 3] - g[:, X0:X1]
-        feeds = posted.kind[row] != Kind.RAPID
+        row, way = cut.row, cut.way_mm
+        feeds = (posted.kind[row] != Kind.RAPID) & np.isin(cut.tool, seen_tools(tools))
         length = np.where(feeds, np.sqrt((way * way).sum(axis=1)), 0.0)
         radius = radii_mm(cut.tool, tools)
         run = np.cumsum(np.r_[True, (np.diff(cut.tool) != 0) | (np.diff(feeds.astype(int)) != 0) | (np.diff(row) > 1)])
-        return cls(way=way, length_mm=length, radius_mm=radius, operation=posted.operation[row], run=run, look=look,
+        corner = radii_mm(cut.tool, tools, "corner_radius_mm")
+        return cls(way=way, length_mm=length, radius_mm=radius, corner_mm=corner, operation=posted.operation[row], run=run, look=look,
                    ends=np.cumsum(length / np.maximum(radius, 1e-9)), ends_mm=np.cumsum(length),
                    turns=_turning(way, length, row, run, look.screened // 4))
 
@@ -257,28 +267,50 @@ class _Places:
 
     row: np.ndarray         # (n,)
     piece: np.ndarray       # (n,) of CutPieces
-    state: np.ndarray       # (n, 6) tip, direction of the feed (unit)
+    state: np.ndarray       # (n, 14) see the columns above
     before: np.ndarray      # (n,) number of the first piece that does not count as an earlier cut
-    behind: np.ndarray      # (n, 13) the piece that ends behind the cutter, cut off there, and its tree; -1: there is none
+    behind: np.ndarray      # (n, 14) the piece that ends behind the cutter, cut off there,
+    tree: np.ndarray        # (n,) and its tree, see CutPieces; -1: there is none
 
     @classmethod
     def at(cls, along, cut, piece, at):
         """At shares (n,) of pieces (n,) of a _Way."""
-        g, mm, length = cut.geometry, along.ends_mm, along.length_mm
-        direction = along.way[piece] / np.where(length[piece] > 0, length[piece], 1.0)[:, None]
-        tip = g[piece, X0:X1] + at[:, None] * along.way[piece]
+        mm, length = along.ends_mm, along.length_mm
+        tip, axis = cut.start_mm[piece] + at[:, None] * along.way[piece], cut.axis[piece] + at[:, None] * cut.turn[piece]
         back = mm[piece] - (1 - at) * length[piece] - BEHIND * along.radius_mm[piece]
         before = np.maximum(np.searchsorted(mm, back, side="right"), np.searchsorted(along.run, along.run[piece]))
         kept = np.clip(back - (mm - length)[before], 0.0, length[before])
-        behind = np.column_stack([g[before], np.searchsorted(cut.world[3], cut.tool[before])])
-        part = np.divide(kept, length[before], out=np.zeros(len(kept)), where=length[before] > 0)
-        behind[:, X1:X1 + 3] = behind[:, X0:X1] + part[:, None] * along.way[before]
-        behind[kept <= 0, TREE] = -1
-        return cls(row=cut.row[piece], piece=piece, state=np.column_stack([tip, direction]), before=before, behind=behind)
+        part = np.divide(kept, length[before], out=np.zeros(len(kept)), where=length[before] > 0)[:, None]
+        behind, is_posed = cut.geometry[before].copy(), cut.tree[before] < -1
+        ends = behind[:, X0:X1] + part * along.way[before]
+        behind[~is_posed, X1:X1 + 3] = ends[~is_posed]
+        for columns in (slice(WAY, WAY + 3), slice(AXIS_WAY, AXIS_WAY + 3), slice(LENGTH, LENGTH + 2)):
+            behind[is_posed, columns] *= part[is_posed]
+        feed = along.way[piece] + along.corner_mm[piece, None] * cut.turn[piece]
+        return cls(row=cut.row[piece], piece=piece, before=before, behind=behind, tree=np.where(kept > 0, cut.tree[before], -1),
+                   state=np.column_stack([tip, *_seen_by_tool(feed, axis)]))
 
     def of_rows(self, rows):
-        """state, before and behind of some, for the kernels."""
-        return self.state[rows], self.before[rows], self.behind[rows]
+        """state, before, behind and its tree of some, for the kernels."""
+        return self.state[rows], self.before[rows], self.behind[rows], self.tree[rows]
+
+
+def _seen_by_tool(feed, axis):
+    """Shares of a feed across and along an axis (n,), and unit vectors (n, 3) ahead, to the left and along the axis.
+
+    feed: (n, 3) of the middle of the cutter's round, any length.   axis: (n, 3) any length.
+    """
+    axis = axis / np.sqrt((axis * axis).sum(axis=1))[:, None]
+    size = np.sqrt((feed * feed).sum(axis=1))
+    feed = feed / np.where(size > 0, size, 1.0)[:, None]
+    rise = (feed * axis).sum(axis=1)
+    ahead = feed - rise[:, None] * axis
+    level = np.sqrt((ahead * ahead).sum(axis=1))
+    other = np.eye(3)[np.where(np.abs(axis[:, 0]) < 0.9, 0, 1)]         # straight along the axis any way is ahead
+    other = other - (other * axis).sum(axis=1)[:, None] * axis
+    ahead = np.where(level[:, None] > 1e-9, ahead, other)
+    ahead = ahead / np.sqrt((ahead * ahead).sum(axis=1))[:, None]
+    return level, rise, ahead, np.cross(axis, ahead), axis
 
 
 def _turning(way, length, row, run, most):
@@ -371,13 +403,13 @@ def _heights(places, cut, edges, along):
 
 
 @njit
-def _looked_at(state, before, behind, world, found, edge, shortest, arcs, ways, first, last):
+def _looked_at(state, before, behind, trees, world, found, edge, shortest, arcs, ways, first, last):
     """Fills in arcs (n, rings, RING) and ways (n, 4) of places first..last-1."""
-    stack, bounds = tree.work()
+    (stack, bounds), waiting = tree.work(), np.empty((WAITING, 6))
     parts, rings = edge
     place, arc, was, everywhere = np.empty(4), np.empty(RING), np.zeros(RING), np.array([-math.pi, math.pi])
     for k in range(first, last):
-        here = state[k], before[k], behind[k], world, found
+        here = state[k], before[k], behind[k], trees[k], world, found, waiting
         lowest, highest, rate = -1, -1, 0.0
         was[ROUND] = 0.0
         for j in range(len(rings)):
@@ -434,12 +466,12 @@ def _immersed(here, edge, arcs, stack, bounds):
 
 
 @njit
-def _screened(state, before, behind, world, found, rings, shortest, out, first, last):
+def _screened(state, before, behind, trees, world, found, rings, shortest, out, first, last):
     """Fills in out (n, 2) of places first..last-1: stretch of the edge in the cut, volume removed a length of level way."""
-    stack, bounds = tree.work()
+    (stack, bounds), waiting = tree.work(), np.empty((WAITING, 6))
     place, arc, everywhere = np.empty(4), np.empty(RING), np.array([-math.pi, math.pi])
     for k in range(first, last):
-        here, lowest = (state[k], before[k], behind[k], world, found), -1
+        here, lowest = (state[k], before[k], behind[k], trees[k], world, found, waiting), -1
         for j in range(len(rings)):
             put(place, rings[j, :4])
             _round(here, place, shortest, everywhere, arc, stack, bounds)
@@ -456,17 +488,17 @@ def _taken(state, parts, begin, at_begin, end, at_end):
     _edge_at(begin, parts, low)
     _edge_at(0.5 * (begin + end), parts, middle)
     _edge_at(end, parts, high)
-    level = math.sqrt(state[FEED_X] * state[FEED_X] + state[FEED_Y] * state[FEED_Y])
+    level = state[LEVEL]
     side = (end - begin) / 6 * (low[RADIUS] * low[OUT] + 4 * middle[RADIUS] * middle[OUT] + high[RADIUS] * high[OUT])
     bottom = 0.5 * (high[RADIUS] * high[RADIUS] - low[RADIUS] * low[RADIUS])
     return (level * side * 0.5 * (at_begin[FORWARD] + at_end[FORWARD])
-            - state[FEED_Z] * bottom * 0.5 * (at_begin[ROUND] + at_end[ROUND]))
+            - state[RISE] * bottom * 0.5 * (at_begin[ROUND] + at_end[ROUND]))
 
 
 @njit
 def _end_of(here, edge, ring, side, known, stack, bounds):
     """Length from the tip at which the cut ends beyond a ring, below or above it, and what is taken between, a length of way."""
-    (parts, rings), (state, _, _, _, _) = edge, here
+    (parts, rings), state = edge, here[0]
     other, place, arc, last = ring + side, np.empty(4), np.empty(RING), known.copy()
     if other < 0 or other >= len(rings):
         return rings[ring, ALONG], 0.0
@@ -507,12 +539,11 @@ def _round(here, place, shortest, window, arc, stack, bounds):
     Returns:
         the angle of those looked at that lies deepest in the stock; NaN: none is looked at.
     """
-    state, _, _, _, _ = here
-    level = math.sqrt(state[FEED_X] * state[FEED_X] + state[FEED_Y] * state[FEED_Y])
-    cx, cy = (state[FEED_X] / level, state[FEED_Y] / level) if level > 1e-12 else (1.0, 0.0)
+    state = here[0]
+    level = state[LEVEL]
     arc[:] = math.nan
     arc[ROUND], arc[FORWARD] = 0.0, 0.0
-    forward, rise = place[OUT] * level, place[UP] * state[FEED_Z]
+    forward, rise = place[OUT] * level, place[UP] * state[RISE]
     if forward + rise < 1e-9 and place[RADIUS] >= POINT_MM:         # nothing of it goes on: a level bottom slides
         return math.nan
     half = math.pi
@@ -521,19 +552,21 @@ def _round(here, place, shortest, window, arc, stack, bounds):
     turn, end_of_way = max(-half, window[FROM]), min(half, window[TO])
     hint, start, was, at_was = -1, math.nan, 0.0, 0.0
     if place[RADIUS] < POINT_MM:
-        depth, _ = _depth(state[TIP_X], state[TIP_Y], state[TIP_Z] + place[HEIGHT], 0.0, here, -1, stack, bounds)
+        up = place[HEIGHT]
+        depth, _ = _depth(state[TIP_X] + up * state[ALONG_AXIS], state[TIP_Y] + up * state[ALONG_AXIS + 1],
+                          state[TIP_Z] + up * state[ALONG_AXIS + 2], 0.0, here, -1, stack, bounds)
         if depth > THIN_MM:
             arc[ROUND], arc[FORWARD], arc[BEGIN], arc[END] = 2 * half, 2 * fixed.sin(half), -half, half
             _keep(arc, -half, half)
         return math.nan
     is_first, deepest, peak = True, -math.inf, math.nan
     while True:
-        over, hint = _over(here, place, turn, cx, cy, hint, stack, bounds)
+        over, hint = _over(here, place, turn, hint, stack, bounds)
         if over > deepest:
             deepest, peak = over, turn
         crossing = turn
         if not is_first and (over > 0.0) != (at_was > 0.0):
-            crossing, hint = _crossing(here, place, was, at_was, turn, over, cx, cy, hint, stack, bounds)
+            crossing, hint = _crossing(here, place, was, at_was, turn, over, hint, stack, bounds)
         if over > 0.0 and math.isnan(start):
             start = crossing
         if not math.isnan(start) and (over <= 0.0 or turn >= end_of_way):
@@ -552,16 +585,14 @@ def _round(here, place, shortest, window, arc, stack, bounds):
 @njit
 def _narrow(here, place, peak, step, arc, stack, bounds):
     """Follows a ring where it is deepest within a step of an angle, if it is in the cut there; else leaves `arc` as it is."""
-    state, _, _, _, _ = here
-    level = math.sqrt(state[FEED_X] * state[FEED_X] + state[FEED_Y] * state[FEED_Y])
-    cx, cy = (state[FEED_X] / level, state[FEED_Y] / level) if level > 1e-12 else (1.0, 0.0)
+    state = here[0]
     half, at_peak = 0.5 * step, -math.inf
     for _ in range(NARROWER):
         for turn in (peak - half, peak + half):
-            over, _ = _over(here, place, turn, cx, cy, -1, stack, bounds)
+            over, _ = _over(here, place, turn, -1, stack, bounds)
             if over > at_peak:
                 at_peak, at = over, turn
-        middle, _ = _over(here, place, peak, cx, cy, -1, stack, bounds)
+        middle, _ = _over(here, place, peak, -1, stack, bounds)
         if at_peak > middle:
             peak = at
         if max(at_peak, middle) > 0.0:
@@ -585,11 +616,11 @@ def _keep(arc, start, end):
 
 
 @njit
-def _crossing(here, place, was, at_was, turn, at_turn, cx, cy, hint, stack, bounds):
+def _crossing(here, place, was, at_was, turn, at_turn, hint, stack, bounds):
     """Where between two places of a ring the edge enters or leaves the cut: halved, then along a straight line."""
     for _ in range(CROSSINGS):
         middle = 0.5 * (was + turn)
-        over, hint = _over(here, place, middle, cx, cy, hint, stack, bounds)
+        over, hint = _over(here, place, middle, hint, stack, bounds)
         if (over > 0.0) == (at_was > 0.0):
             was, at_was = middle, over
         else:
@@ -598,25 +629,26 @@ def _crossing(here, place, was, at_was, turn, at_turn, cx, cy, hint, stack, boun
 
 
 @njit
-def _over(here, place, turn, cx, cy, hint, stack, bounds):
+def _over(here, place, turn, hint, stack, bounds):
     """How much deeper than a chip that is not seen a place of a ring is in the stock, and the piece that is nearest."""
-    state, _, _, _, _ = here
+    state = here[0]
     c, s = fixed.cos(turn), fixed.sin(turn)
-    x, y = state[TIP_X] + place[RADIUS] * (c * cx - s * cy), state[TIP_Y] + place[RADIUS] * (c * cy + s * cx)
-    depth, hint = _depth(x, y, state[TIP_Z] + place[HEIGHT], -CLEAR * place[RADIUS], here, hint, stack, bounds)
+    ahead, aside, up = place[RADIUS] * c, place[RADIUS] * s, place[HEIGHT]
+    x = state[TIP_X] + ahead * state[AHEAD] + aside * state[ASIDE] + up * state[ALONG_AXIS]
+    y = state[TIP_Y] + ahead * state[AHEAD + 1] + aside * state[ASIDE + 1] + up * state[ALONG_AXIS + 1]
+    z = state[TIP_Z] + ahead * state[AHEAD + 2] + aside * state[ASIDE + 2] + up * state[ALONG_AXIS + 2]
+    depth, hint = _depth(x, y, z, -CLEAR * place[RADIUS], here, hint, stack, bounds)
     return depth - THIN_MM, hint
 
 
 @njit
 def _depth(px, py, pz, enough, here, hint, stack, bounds):
     """How deep a place is in the stock in front of the cutter, and the piece that is nearest; see `swept_depth`."""
-    _, before, behind, world, found = here
+    _, before, behind, which, world, found, waiting = here
     best = found_depth(px, py, pz, found)
     if best <= 0.0:
         return best, hint
-    if behind[TREE] >= 0.0:
-        (_, _, _, tools), _, _, _ = world
-        k = int(behind[TREE])
-        best = min(best, piece_distance(px, py, pz, behind, tools[k, tree.FLAT_RADIUS], tools[k, tree.CORNER_RADIUS]))
-    depth, piece = swept_depth(px, py, pz, before, best, enough, world, hint, stack, bounds)
+    if which != -1:
+        best = min(best, cut_off_distance(px, py, pz, behind, which, best, world, waiting))
+    depth, piece = swept_depth(px, py, pz, before, best, enough, world, hint, stack, bounds, waiting)
     return depth, piece if piece >= 0 else hint

@@ -1,5 +1,7 @@
 """What the edge meets on the stock as it stands: closed forms, brute force, and what must be seen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from brute_engagement import met, off_by
@@ -105,7 +107,7 @@ def test_flat_cutters_helices_and_plunges():
 
 
 def test_brute_force_over_random_moves_agrees():
-    """Both ends within 1 % of the radius, the arcs of a ring together within 1 % of a turn; bench/engagement.py has ten thousand."""
+    """Ends within 1 % of the radius, the arcs of a ring together within 1 % of a turn; bench/engagement.py has ten thousand."""
     rng, r, places = np.random.default_rng(5), 3.0, []
     box = (-8.0, -8.0, -10.0), (8.0, 8.0, 0.0)
     stock = FoundStock(min_mm=box[0], max_mm=box[1], pitch_mm=1.0)
@@ -126,11 +128,47 @@ def test_brute_force_over_random_moves_agrees():
     assert np.abs(off).max() < 0.01 + 1 / 360          # brute force looks at every half degree
 
 
+def leaning(middles, axes, r, kinds=None):
+    """PostedMoves of a ball whose middle runs through places (n, 3) with axes (n - 1, 3), each still along its move."""
+    posted = program((0, 0, 0), [feed(0, 0, 0)] * (len(middles) - 1) if kinds is None else kinds)
+    a, b = (np.asarray(middles, float)[part] - r * np.asarray(axes, float) for part in (slice(None, -1), slice(1, None)))
+    return replace(posted, start_mm=a, end_mm=b, start_axis=np.array(axes, float), end_axis=np.array(axes, float))
+
+
+@pytest.mark.parametrize("r, t, lean_deg", [(5.41, 1.0, 25.0), (4.0, 1.0, 30.0), (5.0, 0.5, 15.0)])
+def test_an_inclined_ball_meets_what_the_closed_forms_say(r, t, lean_deg):
+    """Its axis leans ahead: the edge cuts from the contact on, the tip stays out."""
+    lean = np.radians(lean_deg)
+    posted = leaning([(-40, 0, r - t), (40, 0, r - t)], [(np.sin(lean), 0, np.cos(lean))], r)
+    found = engagement(posted, {1: tool("ball", 2 * r)}, BLOCK)
+    mine = np.abs(found.tip_mm[:, 0]) < 10
+    assert found.unseen == () and mine.sum() > 3 and not found.has_tip(r)[mine].any()
+    assert found.depth_mm[mine] == pytest.approx(float(inclined_depth_mm(r, t, lean)), abs=FULL * r)
+    assert found.lowest_radius_mm[mine] == pytest.approx(r * np.sin(lean), abs=FULL * r)
+    area = r * r * np.arccos(1 - t / r) - (r - t) * np.sqrt(2 * r * t - t * t)
+    assert found.area_mm2[mine] == pytest.approx(area, rel=0.09)           # rings ten degrees apart
+    fine = engagement(posted, {1: tool("ball", 2 * r)}, BLOCK, Look.finer(5))
+    assert fine.area_mm2[np.abs(fine.tip_mm[:, 0]) < 10] == pytest.approx(area, rel=0.02)
+
+
+def test_what_leaning_balls_have_cut_is_gone_for_those_that_come_after():
+    """The same way of the ball's middle, leaning, upright, leaning another way, then a fresh one beside it."""
+    lean = np.radians(20)
+    axes = [(np.sin(lean), 0, np.cos(lean)), (0, 0, 1), (0, np.sin(lean), np.cos(lean)), (0, 0, 1), (0, np.sin(lean), np.cos(lean))]
+    middles = [(-25, 0, 4), (25, 0, 4), (-25, 0, 4), (25, 0, 4), (25, 1, 4), (-25, 1, 4)]
+    found = engagement(leaning(middles, axes, 5.0), {1: tool("ball", 10)}, BLOCK, replace(Look.finer(3), apart=0.2))
+    inside = np.abs(found.tip_mm[:, 0]) < 15
+    cut = lambda row: found.cuts[inside & (found.row == row)]
+    assert cut(0).all() and len(cut(1)) and not cut(1).any() and len(cut(2)) and not cut(2).any() and cut(4).all()
+    strip = found.area_mm2[inside & (found.row == 4)]
+    assert strip == pytest.approx(1.0, rel=0.03)            # a stepover wide and the layer deep, whichever way it leans
+
+
 def test_the_document_says_what_operations_take_and_what_is_not_looked_at():
     posted = program((-40, 0, -1), [feed(40, 0, -1), rapid(40, 0, 20), rapid(0, 15, 20), feed(0, 15, -3)],
                      operation=np.array([0, 0, 1, 1]), operations=("groove", "holes"), tool=np.array([1, 1, 2, 2]))
     drill = tool("ball", 4, number=2)
-    drill = drill.model_copy(update={"cutter": drill.cutter.model_copy(update={"type": "drill"})})
+    drill = drill.model_copy(update={"cutter": drill.cutter.model_copy(update={"type": "drill", "point_angle_deg": 118.0})})
     found = engagement(posted, {1: tool("ball", 10), 2: drill}, BLOCK)
     document = process_document(posted, {1: tool("ball", 10), 2: drill}, found, met_at_places(posted, found, posted.spindle_rpm))
     groove, = document["operations"]
