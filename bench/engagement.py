@@ -1,4 +1,4 @@
-"""What the edge meets, against brute force on random moves of a ball: python bench/engagement.py [moves]; ten thousand in minutes."""
+"""What the edge meets, against brute force on random moves of a ball: python bench/engagement.py [moves]; minutes."""
 
 import sys
 import time
@@ -45,8 +45,8 @@ def main(moves):
             found, tips, ways, before = zip(*places)
             here, gone = off_by(np.array(found), met(tips, ways, before, RADIUS, BOX, rings=360), RADIUS)
             off, missed = [*off, *here], [*missed, *gone]
-        print(f"{name}: {len(off):,} places in the cut, {len(missed):,} that one of both calls clear, by {max(missed, default=0):.4f} "
-              f"of the radius at most; {time.process_time() - began:.0f} CPU s")
+        print(f"{name}: {len(off):,} places in the cut, {len(missed):,} that one of both calls clear, by "
+              f"{max(missed, default=0):.4f} of the radius at most; {time.process_time() - began:.0f} CPU s")
         for what, column in zip(("lowest, of the radius", "highest, of the radius", "immersion, of a turn"), np.abs(off).T):
             share = ", ".join(f"{q:.1%} {np.quantile(column, q):.5f}" for q in (0.5, 0.95, 0.99, 0.999))
             print(f"{what:24s} {share}, largest {column.max():.5f}; {(column > 0.01).sum()} beyond 1 %")

@@ -60,16 +60,17 @@ def design(p: H13Test) -> Design:
     a = math.radians(p.slope_deg)
     sine, cosine = float(fixed.sin(a)), float(fixed.cos(a))
     scallop = 5.41 - math.sqrt(5.41 ** 2 - (p.stepover_mm / 2) ** 2)
-    same = {"tool": BALL.number, "spindle_rpm": p.spindle_rpm, "feed_mm_per_min": p.feed_mm_per_min, "stepover_mm": p.stepover_mm,
-            "coolant": "off"}
+    plain = Parallel(tool=BALL.number, spindle_rpm=p.spindle_rpm, feed_mm_per_min=p.feed_mm_per_min, stepover_mm=p.stepover_mm,
+                     coolant="off", angle_deg=90.0, bearing="nearest")
+    over = lambda name, faces, **more: plain.model_copy(update={"name": name, "faces": (faces,), **more})
     return Design(
-        name="h13_test", description="hardened steel, the source's test: a plane, and slopes of 25 degrees cut step-up and inclined",
+        name="h13_test", description="hardened steel, the source's test: a plane, and slopes cut step-up and inclined",
         parameters=p, solid=solid(p), material="steel_h13_48hrc", stock=StockSolid(solid=solid(p, p.layer_mm)), tools=(BALL,),
         predicates=(FacePredicate(name="plane", count=1, normal=(0, 0, 1)),
                     FacePredicate(name="step-up slope", count=1, normal=(-sine, 0, cosine)),
                     FacePredicate(name="inclined slope", count=1, normal=(sine, 0, cosine))),
         finish=Finish(scallop_mm=scallop + 0.004, profile_tolerance_mm=0.002, gouge_mm=0.003),
-        setups=(Setup(name="setup-1", faces=("plane", "step-up slope", "inclined slope"), wcs_in_words="X0 Y0 corner, Z0 on the base",
-                      operations=(Parallel(name="plane", faces=("plane",), angle_deg=90.0, **same),
-                                  Parallel(name="step-up", faces=("step-up slope",), angle_deg=90.0, bearing="step-up", **same),
-                                  Parallel(name="inclined", faces=("inclined slope",), bearing="uphill", **same))),))
+        setups=(Setup(name="setup-1", faces=("plane", "step-up slope", "inclined slope"),
+                      wcs_in_words="X0 Y0 at the corner, Z0 on the base",
+                      operations=(over("plane", "plane"), over("step-up", "step-up slope", bearing="step-up"),
+                                  over("inclined", "inclined slope", angle_deg=0.0, bearing="uphill"))),))

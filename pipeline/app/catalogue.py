@@ -228,9 +228,14 @@ def find_library(path):
 
 def find_shop(path, assignments):
     """(ShopFile, the assignments that are not the shop's): values `shop.name=value` go before the file's."""
-    own = [_assignment(a) for a in assignments if a.startswith(SHOP)]
-    given = [(name.removeprefix(SHOP), value) for name, value in own]
-    return shop_file(path, given), [a for a in assignments if not a.startswith(SHOP)]
+    given, others = assigned_to(SHOP, assignments)
+    return shop_file(path, given), others
+
+
+def assigned_to(prefix, assignments):
+    """([("name", "value"), ...] of assignments that begin with a prefix, those that do not)."""
+    own = [_assignment(a) for a in assignments if a.startswith(prefix)]
+    return [(name.removeprefix(prefix), value) for name, value in own], [a for a in assignments if not a.startswith(prefix)]
 
 
 def find_post(name_or_file):

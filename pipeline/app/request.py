@@ -11,6 +11,7 @@ import numpy as np
 
 from cuspline.app import catalogue
 from cuspline.app.build import DRAFT, STAGES, Order, build
+from cuspline.app.operation_values import PREFIX, with_values
 from cuspline.app.outcome import refuse_unknown_kinds
 from cuspline.design import Design
 from cuspline.design.fixtures import fixtures_beside
@@ -55,7 +56,9 @@ class Request:
         if self.machine is not None:
             _machine_of(self.machine)               # a wrong name is told before the part is built
         practice, parameters = self._of_the_shop()
+        values, parameters = self._of_operations(parameters)
         made = _as_it_stands(self.design, parameters) if source is None else catalogue.make_design(source, parameters)
+        made = with_values(made, values)
         if self.measured is not None:
             from cuspline.design.setup_alignment import read_measured, refixtured_setups
             made = replace(made, setups=refixtured_setups(made.setups, read_measured(self.measured), partial(_farthest_of, made)))
@@ -75,6 +78,14 @@ class Request:
         if isinstance(self.parameters, Mapping):
             return catalogue.find_shop(self.shop, [])[0], self.parameters
         return catalogue.find_shop(self.shop, self.parameters)
+
+    @staticmethod
+    def _of_operations(parameters):
+        """([("name", "value"), ...] of operations, the design's own parameters)."""
+        if isinstance(parameters, Mapping):
+            own = [(n.removeprefix(PREFIX), v) for n, v in parameters.items() if n.startswith(PREFIX)]
+            return own, {n: v for n, v in parameters.items() if not n.startswith(PREFIX)}
+        return catalogue.assigned_to(PREFIX, parameters)
 
     def built(self, say=lambda text: None):
         """(Order, outcome.Result): see `build`."""

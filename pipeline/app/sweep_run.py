@@ -6,6 +6,7 @@ from pathlib import Path
 
 from cuspline.app import sweep, sweep_page, sweep_workers
 from cuspline.app.catalogue import find_design
+from cuspline.app.operation_values import PREFIX
 from cuspline.app.outcome import refuse_unknown_kinds
 from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
@@ -57,7 +58,7 @@ class Sweep:
         known = find_design(str(self.request.design)).parameters.model_fields
         variants = sweep.variants(self.request, self.texts, self.sample, self.out)
         for name, _ in variants[0].values:
-            if name not in known and not name.startswith("shop."):
+            if name not in known and not name.startswith(("shop.", PREFIX)):
                 raise InputError(f"-p {name}: the design has no such parameter; it has {', '.join(known) or 'none'}")
         return variants
 

@@ -149,7 +149,7 @@ def _read(text, machine, tools):
     lengths = {number: 0.0 for number in numbers} if tools is None else {n: t.offset_mm for n, t in tools.items()}
     read = catalogue.reader_of(machine)
     zeros = dict.fromkeys(WORK_OFFSETS, machine.wcs_origin_mm) if machine.rotaries else {}
-    return read(text, work_offsets=zeros, tool_lengths=lengths, 
+    return read(text, work_offsets=zeros, tool_lengths=lengths,
                 **catalogue.coolants_taken(read, machine), **({} if tools is None else catalogue.radii_taken(read, tools)))
 
 
@@ -179,7 +179,8 @@ def _refuse_what_is_lost(moves):
                              "write it into the new program by hand", rows=[stop.line])
     cuts = moves.kind != Kind.RAPID
     wrong = {"the spindle turns backwards (M4)": moves.spindle_rpm < 0, "a cut without a tool": cuts & (moves.tool == 0),
-             "a cut while the spindle stands": cuts & (moves.spindle_rpm == 0), "two coolants at once": ~np.isin(moves.coolant, list(COOLANTS))}
+             "a cut while the spindle stands": cuts & (moves.spindle_rpm == 0),
+             "two coolants at once": ~np.isin(moves.coolant, list(COOLANTS))}
     for what, rows in wrong.items():
         if rows.any():
             line = int(moves.line[np.flatnonzero(rows)[0]])

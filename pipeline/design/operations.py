@@ -49,6 +49,10 @@ class Operation(Model):
         "left out: chosen by the faces' curvature")
     spindle_rpm: float | None = Field(default=None, gt=0, description="left out: from the material's cutting speed")
     feed_mm_per_min: float | None = Field(default=None, gt=0, description="left out: from the material's feed a tooth")
+    feed_per_tooth_mm: float | None = Field(default=None, gt=0, le=10, description="left out: the material's share of the "
+                                            "diameter; feed_mm_per_min goes before it")
+    preset: str | None = Field(default=None, min_length=1, description="of the tool's presets; left out: the one with the "
+                               "material's name, where it has one")
     cutting_speed_m_per_min: float | None = Field(default=None, gt=0, le=2000, description="left out: the material's; on the full "
                                                   "diameter, with constant_speed where the edge cuts; spindle_rpm goes before it")
     constant_speed: bool | None = Field(default=None, description="S words keep the cutting speed where the edge cuts; left out: "

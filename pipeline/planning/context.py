@@ -28,6 +28,7 @@ from cuspline.replay.machine_bodies import round_the_spindle
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
+from cuspline.shop.presets import preset_of
 from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
@@ -542,10 +543,48 @@ class PlanningContext:
             rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
             share = share / tool.cutter.flutes
             return rpm, self.operation.feed_mm_per_min or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share, self.machine)
-        speed = self.operation.cutting_speed_m_per_min or (m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min)
-        rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
-        feed = self.operation.feed_mm_per_min
-        return rpm, feed or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, m.feed_per_tooth_share, self.machine)
+        preset, own = self.preset(tool), self.operation
+        speed = own.cutting_speed_m_per_min or (m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min)
+        rpm = own.spindle_rpm
+        if preset is not None and rpm is None and own.cutting_speed_m_per_min is None:
+            rpm, speed = preset.spindle_rpm, preset.cutting_speed_m_per_min or speed
+        rpm = rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
+        feed, tooth = own.feed_mm_per_min, own.feed_per_tooth_mm
+        if preset is not None and feed is None and tooth is None:
+            feed, tooth = preset.feed_mm_per_min, preset.feed_per_tooth_mm
+        share = m.feed_per_tooth_share if tooth is None else tooth / tool.cutter.diameter_mm
+        return rpm, feed or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share, self.machine)
+
+    def preset(self, tool):
+        """The Preset of a tool that holds here, or None.
+
+        Raises:
+            PlanError: the operation asks for one that the tool has not.
+        """
+        wanted = self.operation.preset
+        try:
+            return preset_of(tool, wanted, self.material.name)
+        except KeyError:
+            known = ", ".join(p.name for p in tool.presets) or "none"
+            raise PlanError(f"{self.operation.title}: T{tool.number} {tool.cutter.name} has no preset {wanted!r}; it has {known}: "
+                            "choose one of these, or leave preset out") from None
+
+    def _cutting_data(self, tool):
+        """Where speed, feed and coolant of an operation come from, in words, for plan.json."""
+        own, preset = self.operation, None if tool.cutter.drills else self.preset(tool)
+        said = lambda *names: [n for n in names if getattr(own, n) is not None]
+        rest = (f"material {self.material.name}: {self.material.source}" if preset is None else
+                f"preset {preset.name} of T{tool.number}: {preset.source}")
+        stated = lambda names: f"{' and '.join(names)} of the operation" if names else rest
+        coolant = ("coolant of the operation" if own.coolant else rest if preset is not None and preset.coolant else
+                   f"material {self.material.name}")
+        return {"speed": stated(said("spindle_rpm") or said("cutting_speed_m_per_min")),
+                "feed": stated(said("feed_mm_per_min") or said("feed_per_tooth_mm")), "coolant": coolant}
+
+    def _coolant(self, tool):
+        """The operation's, else the preset's, else the material's."""
+        preset = None if tool.cutter.drills else self.preset(tool)
+        return self.operation.coolant or (preset and preset.coolant) or self.material.coolant
 
     def finishing_work(self):
         """What the finish asks of a ball."""
@@ -599,10 +638,8 @@ class PlanningContext:
         cutting = moves.kind != Kind.RAPID
         facts = {**facts, "length_mm": round(float(feeds.move_lengths_mm(moves)[cutting].sum()), 3),
                  "time_s": round(float(feeds.times_s(moves, self.machine).sum()), 1),
-                 "moves": len(moves), "arcs": int((moves.kind >= Kind.ARC_CW).sum())}
-        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.operation.coolant or self.material.coolant,
-                                moves=moves, facts=facts,
-                                passes=passes)
+                 "moves": len(moves), "arcs": int((moves.kind >= Kind.ARC_CW).sum()), "cutting_data": self._cutting_data(tool)}
+        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self._coolant(tool), moves=moves, facts=facts, passes=passes)
 
 
 _PLANES = {name: SectionPlane.named(name) for name in ("ZX", "YZ")}

@@ -36,7 +36,7 @@ def width_shares(posted, tools, met):
 
 
 def _of_places(posted, tools, met, work_out):
-    """(n,) of places, cutter by cutter: `work_out` of its rings, first and last angles in the cut (k, rings, ARCS), feeds (k, 3)."""
+    """(n,) of places, cutter by cutter: `work_out` of its rings, ends of arcs in the cut (k, rings, ARCS) each, feeds (k, 3)."""
     out, tool_of = np.zeros(len(met.row)), posted.tool[met.row]
     for number in np.unique(tool_of).tolist():
         mine = np.flatnonzero(tool_of == number)

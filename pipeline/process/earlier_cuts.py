@@ -91,7 +91,8 @@ class CutPieces:
         is_posed, up = trees[:, None] < -1, np.array([0.0, 0.0, 1.0])
         return cls(geometry=geometry, tree=trees, row=row[order], tool=tool[order], world=world,
                    start_mm=geometry[:, X0:X1], way_mm=geometry[:, X1:X1 + 3] - np.where(is_posed, 0.0, geometry[:, X0:X1]),
-                   axis=np.where(is_posed, geometry[:, AXIS:AXIS_WAY], up), turn=np.where(is_posed, geometry[:, AXIS_WAY:LENGTH], 0.0))
+                   axis=np.where(is_posed, geometry[:, AXIS:AXIS_WAY], up),
+                   turn=np.where(is_posed, geometry[:, AXIS_WAY:LENGTH], 0.0))
 
 
 def radii_mm(numbers, tools, of="radius_mm"):

@@ -98,9 +98,9 @@ class Engagement:
     highest_mm: np.ndarray      # (n,) up to which
     lowest_radius_mm: np.ndarray    # (n,) distance from the axis there
     highest_radius_mm: np.ndarray   # (n,)
-    immersion_rad: np.ndarray   # (n,) largest sum of the arcs of one ring in the cut, of rings beside the tip where there are such
+    immersion_rad: np.ndarray   # (n,) largest sum of the arcs of one ring, of those beside the tip where there are such
     area_mm2: np.ndarray        # (n,) volume removed a length of way
-    arcs: np.ndarray            # (n, rings, ARCS, 2) ends of each ring's arcs in the cut, from the feed against the clock; NaN: none
+    arcs: np.ndarray            # (n, rings, ARCS, 2) ends of each ring's arcs, from the feed against the clock; NaN: none
     unseen: tuple[int, ...]     # numbers of the tools whose cuts are not looked at
     ends_mm: np.ndarray         # (n, 2) lengths along the edge from the tip between which it cuts
     feed: np.ndarray            # (n, 3) unit direction of the feed as the tool sees it: ahead, 0, along its axis
@@ -163,8 +163,8 @@ def engagement(posted, tools, stock, look=Look()):
     return Engagement(row=places.row, way_mm=stands_for, tip_mm=places.state[:, :3], lowest_mm=heights[:, 0],
                       highest_mm=heights[:, 1], lowest_radius_mm=radii[:, 0], highest_radius_mm=radii[:, 1],
                       immersion_rad=np.nan_to_num(out[:, WIDEST]), area_mm2=np.nan_to_num(out[:, RATE]),
-                      arcs=arcs[..., ARC:].reshape(*arcs.shape[:2], ARCS, 2).copy(), feed=np.column_stack([places.state[:, LEVEL], np.zeros(len(places.row)), places.state[:, RISE]]), look=look, ends_mm=out[:, :WIDEST],
-                      unseen=tuple(sorted(used - set(seen_tools(tools)))))
+                      arcs=arcs[..., ARC:].reshape(*arcs.shape[:2], ARCS, 2).copy(), feed=places.feed, look=look,
+                      ends_mm=out[:, :WIDEST], unseen=tuple(sorted(used - set(seen_tools(tools)))))
 
 
 def _seen(places, cut, edges, found, look):
@@ -224,8 +224,8 @@ class _Way:
         radius = radii_mm(cut.tool, tools)
         run = np.cumsum(np.r_[True, (np.diff(cut.tool) != 0) | (np.diff(feeds.astype(int)) != 0) | (np.diff(row) > 1)])
         corner = radii_mm(cut.tool, tools, "corner_radius_mm")
-        return cls(way=way, length_mm=length, radius_mm=radius, corner_mm=corner, operation=posted.operation[row], run=run, look=look,
-                   ends=np.cumsum(length / np.maximum(radius, 1e-9)), ends_mm=np.cumsum(length),
+        return cls(way=way, length_mm=length, radius_mm=radius, corner_mm=corner, operation=posted.operation[row], run=run,
+                   look=look, ends=np.cumsum(length / np.maximum(radius, 1e-9)), ends_mm=np.cumsum(length),
                    turns=_turning(way, length, row, run, look.screened // 4))
 
     @property
@@ -271,6 +271,11 @@ class _Places:
     before: np.ndarray      # (n,) number of the first piece that does not count as an earlier cut
     behind: np.ndarray      # (n, 14) the piece that ends behind the cutter, cut off there,
     tree: np.ndarray        # (n,) and its tree, see CutPieces; -1: there is none
+
+    @property
+    def feed(self):
+        """(n, 3) as Engagement has it."""
+        return np.column_stack([self.state[:, LEVEL], np.zeros(len(self.state)), self.state[:, RISE]])
 
     @classmethod
     def at(cls, along, cut, piece, at):
@@ -585,7 +590,6 @@ def _round(here, place, shortest, window, arc, stack, bounds):
 @njit
 def _narrow(here, place, peak, step, arc, stack, bounds):
     """Follows a ring where it is deepest within a step of an angle, if it is in the cut there; else leaves `arc` as it is."""
-    state = here[0]
     half, at_peak = 0.5 * step, -math.inf
     for _ in range(NARROWER):
         for turn in (peak - half, peak + half):

@@ -18,6 +18,7 @@ from cuspline.posts.readers.rs274_blocks import Block, lines_cut, refusal
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.program.posted import PostedMoves, Remark, Stop
 from cuspline.program.program import UPRIGHT, Kind, Plane
+from cuspline.values.coolants import FLOOD, MIST
 
 LONGEST_LINE = 255
 OPERATION = re.compile(r"\$\$\s*OPERATION\b[^:]*:([^,]*)", re.IGNORECASE)

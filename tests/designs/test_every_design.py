@@ -1,6 +1,5 @@
 """What every design in the catalogue must keep, and what the free-form ones are."""
 
-import numpy as np
 import pytest
 from pydantic import ValidationError
 

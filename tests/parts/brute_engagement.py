@@ -57,7 +57,7 @@ def _ring_rad(p, centre, way, moves, count, radius, box, places):
 @njit(cache=True)
 def _met(centre, way, moves, count, radius, box, polar, places, out):
     """Fills out (3,): lowest, highest, largest sum of the arcs of one ring; lowest NaN: it meets nothing."""
-    first, last, beside, most, near = -1, -1, 0.0, -1.0, 0.0
+    first, last, beside, near = -1, -1, 0.0, 0.0
     for k in range(len(polar)):
         total = _ring_rad(polar[k], centre, way, moves, count, radius, box, places)
         if total > 0.0:

@@ -18,7 +18,8 @@ def planned():
     """The H13 block's slope cut by level passes as left to the planner, and asked for as the nearest next; its plane."""
     made = design(H13Test())
     setup, = made.setups
-    operations = (Parallel(name="left out", angle_deg=90.0, **SLOPE), Parallel(name="nearest", angle_deg=90.0, bearing="nearest", **SLOPE),
+    operations = (Parallel(name="left out", angle_deg=90.0, **SLOPE),
+                  Parallel(name="nearest", angle_deg=90.0, bearing="nearest", **SLOPE),
                   Parallel(name="across", angle_deg=0.0, **SLOPE),
                   Parallel(name="plane", angle_deg=90.0, **{**SLOPE, "faces": ("plane",)}))
     library = catalogue.find_library(None)

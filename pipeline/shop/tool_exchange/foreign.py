@@ -26,6 +26,7 @@ class ForeignTool:
     dropped: tuple[str, ...]
     assumed: tuple[str, ...]
     skipped_because: str = ""
+    presets: tuple[dict, ...] = ()      # fields of presets.Preset
 
 
 @dataclass

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from cuspline.shop.cutters import Holder
 from cuspline.shop.threads import MINOR_SHARE
-from cuspline.shop.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
+from cuspline.shop.tool_exchange.foreign import LARGEST, Fields, ForeignTool, SkippedTool
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import LARGEST_BYTES, json_of, parsed_json
@@ -89,12 +89,32 @@ def _tool(row):
             raise SkippedTool(f"type {row['type']!r} has no counterpart; known are {', '.join(TYPES)}")
         mm = UNITS_MM[unit]
         cutter, holder = _cutter(fields, row["type"], mm), _holder(fields, mm)
-        stick_out = fields.number("geometry", "LB")
+        stick_out, presets = fields.number("geometry", "LB"), _presets(fields, mm)
     except SkippedTool as reason:
         return ForeignTool(**made, cutter={}, holder=None, stick_out_mm=None, dropped=(), assumed=(),
                            skipped_because=str(reason))
     return ForeignTool(**made, cutter=cutter, holder=holder, stick_out_mm=None if stick_out is None else stick_out * mm,
-                       dropped=fields.dropped(), assumed=tuple(fields.assumed))
+                       dropped=fields.dropped(), assumed=tuple(fields.assumed), presets=presets)
+
+
+def _presets(fields, mm):
+    """Presets that state their name, spindle speed and feed a tooth (or a minute); () where one of them does not."""
+    rows, found = fields.document.get("start-values"), []
+    rows = rows.get("presets") if isinstance(rows, dict) else None
+    for row in rows if isinstance(rows, list) else []:
+        name, rpm, tooth, feed = (row.get(k) if isinstance(row, dict) else None for k in ("name", "n", "f_z", "v_f"))
+        by = {"feed_per_tooth_mm": tooth} if tooth is not None else {"feed_mm_per_min": feed}
+        (key, value), = by.items()
+        if not (isinstance(name, str) and name and _is_positive(rpm) and _is_positive(value)):
+            return ()
+        found.append({"name": name, "spindle_rpm": float(rpm), key: value * mm, "source": "the imported library"})
+    if found:
+        fields.get("start-values", "presets")
+    return tuple(found)
+
+
+def _is_positive(value):
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < LARGEST
 
 
 def _cutter(fields, foreign_type, mm):

@@ -6,6 +6,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from cuspline.shop.cutters import Cutter, Holder, Tool, ToolLibrary
+from cuspline.shop.presets import Preset
 from cuspline.shop.tool_exchange.freecad import freecad_tools
 from cuspline.shop.tool_exchange.fusion import fusion_holders, fusion_tools
 from cuspline.values.amounts import counted
@@ -136,7 +137,8 @@ def _made(foreign):
     if not reason:
         try:
             tool = Tool(number=foreign.number, cutter=Cutter(name=foreign.name, **foreign.cutter),
-                        holder=Holder.model_validate(foreign.holder), stick_out_mm=foreign.stick_out_mm)
+                        holder=Holder.model_validate(foreign.holder), stick_out_mm=foreign.stick_out_mm,
+                        presets=tuple(Preset(**p) for p in foreign.presets))
         except ValidationError as error:
             reason = complaints(error)
     return ImportedTool(**kept, tool=tool, skipped_because=reason)
