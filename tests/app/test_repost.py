@@ -1,11 +1,16 @@
 """The rest of a program for a ball that measures less: its joint in the simulation, and a restart from any retract."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from known_programs import feed, program, rapid, tool
 
-from cuspline.app.reposting import for_diameter, restart_rows
+import cuspline
+from cuspline.app.judge import moves_of_file, read_programs
+from cuspline.app.reposting import for_diameter, read_job, read_tools, reposted, restart_lines, restart_rows
 from cuspline.program.posted import PostedMoves
+from cuspline.program.program import Kind
 from cuspline.stock.swept import deviations_and_moves, swept_paths
 from cuspline.values.errors import InputError
 
@@ -72,3 +77,29 @@ def test_what_cannot_be_posted_again_says_so(whole):
         for_diameter(whole, 1, tool("flat", 10).cutter, 9.99, on_dome)
     with pytest.raises(InputError, match="more than 2% apart"):
         for_diameter(whole, 1, tool("ball", 10).cutter, 9.5, on_dome)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A posted program of three operations with many retracts: the H13 block."""
+    return cuspline.build("h13_test", out=tmp_path_factory.mktemp("restart") / "out", stage="gcode", stepover_mm=0.8).folder
+
+
+def test_a_restart_from_any_restart_point_makes_the_same_part(folder):
+    """The program up to the point, then what is posted from there: the same moves, so the same stock."""
+    job, tools = read_job(folder).beside(folder), read_tools(folder)
+    first = next(read_programs(folder, job, tools))
+    whole = first.posted
+    rows, lines = restart_rows(whole), restart_lines(folder)
+    assert len(rows) >= 7 and len(set(whole.operation[rows].tolist())) == 3 and lines == np.unique(whole.line[rows]).tolist()
+    read = partial(moves_of_file, setup=first.setup, machine=job.machine, tools=tools)
+    for row in rows.tolist():
+        rest = read(reposted(folder, int(whole.line[row])).texts[0])
+        begin = int(rows[whole.line[rows] <= whole.line[row]].max())
+        rest = rest.between(int(np.flatnonzero(rest.kind != Kind.RAPID)[0]), len(rest))          # behind its own approach
+        own = whole.between(begin, len(whole))
+        own = own.between(int(np.flatnonzero(own.kind != Kind.RAPID)[0]), len(own))
+        cut = lambda moves: np.flatnonzero(moves.kind != Kind.RAPID)
+        for name in ("end_mm", "tool", "spindle_rpm", "feed_mm_per_min"):
+            assert getattr(rest, name)[cut(rest)] == pytest.approx(getattr(own, name)[cut(own)], abs=1e-9), (row, name)
+        assert rest.start_mm[cut(rest)] == pytest.approx(own.start_mm[cut(own)], abs=1e-9)
