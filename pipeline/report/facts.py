@@ -317,6 +317,7 @@ def _operation_row(setup, index, op, total_s):
     return {
         "setup": setup.name, "name": str(op.get("name", DASH)), "tool": tool_name(tool),
         "spindle": decimal(op.get("spindle_rpm"), 0), "feed": feed_text(op.get("feed_mm_per_min")),
+        "coolant": str(op.get("coolant") or DASH).replace("_", " "),
         "stepover": decimal(op.get("stepover_mm")), "scallop": decimal(op.get("scallop_mm"), 4),
         "tolerance": decimal(op.get("segment_tolerance_mm"), 4), "allowance": decimal(op.get("allowance_mm")),
         "length": decimal((number(op.get("length_mm")) or 0) / 1000 if op.get("length_mm") else None, 2, "m"),

@@ -485,6 +485,9 @@ class _Files:
         slow, fast = (writer.number(v * writer.scale, 1).lstrip("+") for v in (cuts.min(), cuts.max()))
         words = [f"S{operation.spindle_rpm:.0f}", f"F{slow}" + (f" TO {fast}" if fast != slow else ""),
                  "LOWEST TIP Z" + writer.length(lowest_z_mm(operation.moves), 3)]
+        if operation.coolant in self.machine.control.coolants:
+            words.append(f"COOLANT {operation.coolant.replace('_', ' ').upper()} "
+                         f"{self.machine.control.coolants[operation.coolant].on}")
         times = [o.time_s for o in self.program.operations[number - 1:]]
         if None not in times:
             words += [f"{times[0] / 60:.1f} MIN", f"{sum(times) / 60:.1f} MIN LEFT"]

@@ -4,8 +4,9 @@ import pytest
 from small_program import BALL, FLAT, changed, finishing, operation, program, roughing
 
 from cuspline.app import catalogue
-from cuspline.design.operations import Operation as Asked
+from cuspline.planning.strategies.facing import Facing
 from cuspline.shop.machines import CoolantCodes, Machine
+from cuspline.shop.materials import Material, known_materials
 from cuspline.values.coolants import BITS, FLOOD, HIGH_PRESSURE
 from cuspline.values.errors import InputError, PostError, ReadError
 from cuspline.values.input_files import checked
@@ -40,6 +41,7 @@ def test_own_codes_go_out_and_come_back_as_the_coolant_that_was_asked_for(name):
     cuts = {name: set(moves.coolant[(moves.operation == k) & (moves.kind > 0)].tolist()) for k, name in enumerate(moves.operations)}
     assert list(cuts.values()) == [{HIGH_PRESSURE}, {BITS["air"]}, {FLOOD}]
     assert "M88" in text and "M89" in text and "M83" in text
+    assert "COOLANT HIGH PRESSURE M88" in text and "COOLANT AIR M83" in text and "COOLANT FLOOD" not in text
 
 
 @EVERY
@@ -83,6 +85,14 @@ def test_a_code_that_the_control_takes_for_something_else_is_refused():
         read("G21\nM2\n", machine)
 
 
-def test_operations_know_five_coolants():
-    assert sorted(BITS) == ["air", "flood", "high_pressure", "mist", "off"]
-    assert "coolant" in Asked.model_fields
+def test_operations_and_materials_know_five_coolants():
+    for name in BITS:
+        assert checked(Facing, {"coolant": name}, "operation").coolant == name
+        assert checked(Material, {**known_materials()["brass_c360"].model_dump(), "coolant": name}, "material").coolant == name
+    with pytest.raises(InputError, match="coolant"):
+        checked(Facing, {"coolant": "fog"}, "operation")
+
+
+def test_cutter_locations_know_no_coolant_of_a_machine_s_own():
+    with pytest.raises(PostError, match="know the coolants off, mist and flood alone, not air"):
+        written(catalogue.find_machine("mill_apt"), "air")
