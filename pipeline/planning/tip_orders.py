@@ -81,7 +81,7 @@ def _chosen(operation, shares):
 def _why_not(share, laid):
     """Why an order was not measured."""
     if share > MOST_TIME:
-        return f"{100 * (share - 1):.0f} % longer: more than {100 * (MOST_TIME - 1):.0f} % is taken where it is asked for alone"
+        return f"{100 * (share - 1):.0f} % longer: more than {100 * (MOST_TIME - 1):.0f} % is taken where it is requested alone"
     return "the tip is out of the cut as laid" if laid is not None and laid < WORTH else "not looked at"
 
 

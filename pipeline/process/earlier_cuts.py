@@ -233,5 +233,6 @@ def cut_off_distance(px, py, pz, behind, k, best, world, waiting):
     if k >= 0:
         return piece_distance(px, py, pz, behind, tools[k, tree.FLAT_RADIUS], tools[k, tree.CORNER_RADIUS])
     outlines, trees = posed[FOREST_OUTLINES], posed[FOREST_TREES]
-    return substep_distance(px, py, pz, behind.reshape(1, -1), 0, outlines, trees[-2 - k, FIRST_LINE], trees[-2 - k, BEHIND_LAST],
-                            best, waiting)[0]
+    d, _ = substep_distance(px, py, pz, behind.reshape(1, -1), 0, outlines, trees[-2 - k, FIRST_LINE], trees[-2 - k, BEHIND_LAST],
+                            best, waiting)
+    return d

@@ -453,20 +453,20 @@ def _immersed(here, edge, arcs, stack, bounds):
     if at < 0:
         return near_tip
     place, arc, everywhere = np.empty(4), np.empty(RING), np.array([-math.pi, math.pi])
-    spots = np.array([rings[max(at - 1, first), ALONG], rings[at, ALONG], rings[min(at + 1, len(rings) - 1), ALONG]])
-    most = arcs[at, ROUND]
+    low, high = rings[max(at - 1, first), ALONG], rings[min(at + 1, len(rings) - 1), ALONG]
+    middle, most = rings[at, ALONG], arcs[at, ROUND]
     for _ in range(CLOSER):
-        low, middle, high = spots[0], spots[1], spots[2]
-        spots[0], spots[2] = 0.5 * (low + middle), 0.5 * (middle + high)
-        for k in range(0, 3, 2):
-            u = 0.5 * ((low if k == 0 else high) + middle)
+        below, above = 0.5 * (low + middle), 0.5 * (middle + high)
+        begin, centre, end = below, middle, above
+        for u in (below, above):
             if abs(u - middle) < CORNER_MM:
                 continue
             _edge_at(u, parts, place)
             _round(here, place, END_RAD, everywhere, arc, stack, bounds)
             if arc[ROUND] > most:
-                most = arc[ROUND]
-                spots[0], spots[1], spots[2] = (low, u, middle) if k == 0 else (middle, u, high)
+                most, centre = arc[ROUND], u
+                begin, end = (low, middle) if u < middle else (middle, high)
+        low, middle, high = begin, centre, end
     return most
 
 
@@ -503,7 +503,7 @@ def _taken(state, parts, begin, at_begin, end, at_end):
 @njit
 def _end_of(here, edge, ring, side, known, stack, bounds):
     """Length from the tip at which the cut ends beyond a ring, below or above it, and what is taken between, a length of way."""
-    (parts, rings), state = edge, here[0]
+    (parts, rings), (state, _, _, _, _, _, _) = edge, here
     other, place, arc, last = ring + side, np.empty(4), np.empty(RING), known.copy()
     if other < 0 or other >= len(rings):
         return rings[ring, ALONG], 0.0
@@ -544,7 +544,7 @@ def _round(here, place, shortest, window, arc, stack, bounds):
     Returns:
         the angle of those looked at that lies deepest in the stock; NaN: none is looked at.
     """
-    state = here[0]
+    state, _, _, _, _, _, _ = here
     level = state[LEVEL]
     arc[:] = math.nan
     arc[ROUND], arc[FORWARD] = 0.0, 0.0
@@ -635,7 +635,7 @@ def _crossing(here, place, was, at_was, turn, at_turn, hint, stack, bounds):
 @njit
 def _over(here, place, turn, hint, stack, bounds):
     """How much deeper than a chip that is not seen a place of a ring is in the stock, and the piece that is nearest."""
-    state = here[0]
+    state, _, _, _, _, _, _ = here
     c, s = fixed.cos(turn), fixed.sin(turn)
     ahead, aside, up = place[RADIUS] * c, place[RADIUS] * s, place[HEIGHT]
     x = state[TIP_X] + ahead * state[AHEAD] + aside * state[ASIDE] + up * state[ALONG_AXIS]

@@ -110,7 +110,8 @@ def _searched(px, py, pz, reach, timed, before, goal, stack, bounds, waiting):
 @njit(error_model="numpy")
 def nearest_within(px, py, pz, reach, timed, before, stack, bounds, waiting):
     """Signed distance of a point to the nearest sub-step before a number, if it is within a reach; else 1e9."""
-    return _searched(px, py, pz, reach, timed, before, 2, stack, bounds, waiting)[0]
+    d, _ = _searched(px, py, pz, reach, timed, before, 2, stack, bounds, waiting)
+    return d
 
 
 @njit(error_model="numpy")
