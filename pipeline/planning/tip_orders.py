@@ -5,6 +5,7 @@
     uphill     every pass from its lower end, with a lift between two
 
 Taken is the one whose tip cuts least, measured on the stock as it stands, if it is worth it; plan.json says what each costs.
+Indexed positions keep their order: what stands there after the positions before is dear to look at, and another may see better.
 """
 
 from dataclasses import replace
@@ -33,8 +34,8 @@ def other_orders(work, made, runs, link):
         link: TipLinkRules.
     """
     walls, paths = runs
-    asked = getattr(work.operation, "bearing", None)
-    if asked is not None or made.tool.cutter.type != "ball" or work.tool_axis is not None or len(paths) < FEW:
+    stands = made.tool.cutter.type == "ball" and work.tool_axis is None and not work.setup.indexed
+    if getattr(work.operation, "bearing", None) is not None or not stands or len(paths) < FEW:
         return ()
     found = []
     for name in ORDERS:

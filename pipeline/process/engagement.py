@@ -442,16 +442,11 @@ def _immersed(here, edge, arcs, stack, bounds):
     Between two rings it may be larger: beside the largest it is looked for, CLOSER times, half as far away each time.
     """
     parts, rings = edge
-    least, first, at, near_tip = SIDE * rings[len(rings) - 1, RADIUS], -1, -1, 0.0
-    for j in range(len(rings)):
-        if rings[j, RADIUS] >= least:
-            first = j if first < 0 else first
-            if arcs[j, ROUND] > 0.0 and (at < 0 or arcs[j, ROUND] > arcs[at, ROUND]):
-                at = j
-        elif rings[j, RADIUS] >= POINT_MM and arcs[j, ROUND] > near_tip:        # the tip itself has no arc
-            near_tip = arcs[j, ROUND]
+    first, at = _most_immersed(rings, arcs, SIDE * rings[len(rings) - 1, RADIUS])
     if at < 0:
-        return near_tip
+        first, at = _most_immersed(rings, arcs, POINT_MM)           # the tip itself has no arc
+    if at < 0:
+        return 0.0
     place, arc, everywhere = np.empty(4), np.empty(RING), np.array([-math.pi, math.pi])
     low, high = rings[max(at - 1, first), ALONG], rings[min(at + 1, len(rings) - 1), ALONG]
     middle, most = rings[at, ALONG], arcs[at, ROUND]
@@ -468,6 +463,18 @@ def _immersed(here, edge, arcs, stack, bounds):
                 begin, end = (low, middle) if u < middle else (middle, high)
         low, middle, high = begin, centre, end
     return most
+
+
+@njit
+def _most_immersed(rings, arcs, least_mm):
+    """(the first ring with at least that radius, the one of those whose arcs are longest, -1: none is in the cut)."""
+    first, at = -1, -1
+    for j in range(len(rings)):
+        if rings[j, RADIUS] >= least_mm:
+            first = j if first < 0 else first
+            if arcs[j, ROUND] > 0.0 and (at < 0 or arcs[j, ROUND] > arcs[at, ROUND]):
+                at = j
+    return first, at
 
 
 @njit
