@@ -10,8 +10,6 @@ Indexed positions keep their order: what stands there after the positions before
 
 from dataclasses import replace
 
-import numpy as np
-
 from cuspline.planning.by_engagement import as_moves, found_stock
 from cuspline.process.cut_of_operations import cuts_of_operations
 from cuspline.process.engagement import Look, engagement
@@ -22,7 +20,7 @@ ORDERS = "step-up", "uphill"
 MOST_TIME = 1.1             # times as long as laid
 WORTH = 0.01                # of the way, by which the tip must cut less
 FEW = 4                     # passes: with fewer there is no order to speak of
-LOOK = Look(most_places=400, screened=4, ring_rad=np.radians(15.0), ring_share=1 / 3, round_rad=np.radians(10.0))
+LOOK = Look(most_places=1200, screened=4)   # rings as close as the verdict's: thin finishing cuts lie between coarser ones
 
 
 def other_orders(work, made, runs, link):
