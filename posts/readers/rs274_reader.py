@@ -228,7 +228,8 @@ class Controller:
             with suppress(Complaint):
                 if code_of("m", number).group != "coolant":
                     raise PostError(f"{code.name} is no coolant on this control: write the machine's own M-code into its file")
-        return lambda letter, number: own[number] if letter == "m" and number in own else code_of(letter, number)
+        return code_of if not own else lambda letter, number: (
+            own[number] if letter == "m" and number in own else code_of(letter, number))
 
     # modes ------------------------------------------------------------------------------------------
 
