@@ -36,6 +36,7 @@ from cuspline.planning.copied_plans import copied
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import clamping_program, plan_setup
 from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
+from cuspline.process.not_checked import not_checked
 from cuspline.report.pictures import render_shape
 from cuspline.shop.cutters import simulated
 from cuspline.shop.materials import material_named
@@ -378,6 +379,7 @@ def plan_document(order, plans, cuts=None):
         lies = plan.setup.refixturing
         setups.append({"name": plan.setup.name, "operations": operations,
                        "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
+                       "not_checked": list(_not_checked(order, [plan])),
                        "refixturing": None if lies is None else lies.model_dump(mode="json"),
                        "time_s": round(sum(o["time_s"] for o in operations) + order.machine.tool_change_s * changes, 1),
                        "tool_changes": changes,
@@ -499,9 +501,16 @@ def _header(order, held, inputs):
     lines += [f"MARKER {m.name} {show(setup.clamped_frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
     if setup.refixturing is not None:
         lines.append(f"PART SITS AS MEASURED: {refixturing_in_words(setup.refixturing)}")
+    if unknown := _not_checked(order, held):
+        lines.append(f"NOT CHECKED: {'; '.join(unknown).upper()}")
     if order.accepted:
         lines.append(f"ACCEPTED BY NAME: {', '.join(order.accepted)}")
     return lines
+
+
+def _not_checked(order, plans):
+    """Words of process.not_checked of the operations of plans."""
+    return not_checked(order.machine, [o.tool for plan in plans for o in plan.operations], order.design.material, order.shop)
 
 
 def _stock_in_words(stock):

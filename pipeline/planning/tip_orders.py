@@ -4,7 +4,8 @@
     step-up    the lowest pass first: the ball cuts beside its tip, on the side of the slope
     uphill     every pass from its lower end, with a lift between two
 
-Taken is the one whose tip cuts least, measured on the stock as it stands, if it is worth it; plan.json says what each costs.
+Taken is the one whose tip cuts least, measured on the stock as it stands, if it frees more of the way than it takes longer;
+plan.json says what each costs.
 Indexed positions keep their order: what stands there after the positions before is dear to look at, and another may see better.
 """
 
@@ -69,7 +70,8 @@ def _chosen(operation, shares):
     laid = shares["as laid"]
     known = {name: shares[name] for name, _, other in operation.orders if other is not None and shares.get(name) is not None}
     best = min(known, key=known.get, default=None)
-    is_used = best is not None and laid is not None and known[best] <= laid - WORTH
+    longer = {name: share - 1 for name, share, _ in operation.orders}
+    is_used = best is not None and laid is not None and known[best] <= laid - max(WORTH, longer[best])
     told = {"as laid": {"tip_share": laid}} | {
         name: {"times_as_long": share, **({"tip_share": known[name]} if name in known else {"why_not": _why_not(share, laid)})}
         for name, share, _ in operation.orders}

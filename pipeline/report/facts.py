@@ -340,6 +340,12 @@ def along_setups(verify):
     return [(name, along) for name, along in found if along]
 
 
+def not_checked(plan, setup):
+    """What plan.json says is not known of a setup's process, in words."""
+    rows = [part.get("not_checked") for part in plan.get("setups") or () if isinstance(part, dict) and part.get("name") == setup]
+    return [str(words) for row in rows if isinstance(row, (list, tuple)) for words in row]
+
+
 def edges_not_checked(verify):
     """What verify.json's "process" says of operations that are not looked at, one text a setup."""
     parts = [(str(part.get("setup", DASH)), _process(part).get("not_checked")) for part in verify.get("setups") or ()]

@@ -6,7 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.design.design import by_clamping
-from cuspline.report.facts import edge_sets, findings, measure_rows, minimum_z_mm, operation_rows, operations, verdict
+from cuspline.report.facts import (
+    edge_sets,
+    findings,
+    measure_rows,
+    minimum_z_mm,
+    not_checked,
+    operation_rows,
+    operations,
+    verdict,
+)
 from cuspline.report.wording import DASH, box_size, decimal, duration, file_size, grouped, number, short, tool_name
 from cuspline.values import fixed_math as fixed
 
@@ -163,6 +172,8 @@ def checklist(bundle, setup):
               f"holder {row['holder']}" for row in tool_rows(bundle, setup)]
     lines += [f"{words}; the rest for a ball that measures otherwise: cuspline repost"
               for words in edge_sets(bundle.verify, setup.name) if "changed before" in words]
+    if unknown := not_checked(bundle.plan, setup.name):
+        lines.append(f"Not checked, for nobody has stated the figures: {'; '.join(unknown)}")
     return lines + [
         f"Control reads {setup.units} and the loaded program is {setup.program_file}, "
         f"SHA-256 begins {setup.program_sha256[:16]}",

@@ -25,6 +25,12 @@ def test_the_source_s_test_is_cut_as_drawn(built):
     assert all("S5000 M3" in text and "F1270" in text for text in built.program.values())
 
 
+def test_what_nobody_has_stated_is_said_to_be_not_checked_in_plan_and_header(built):
+    wanted = ["chatter of T99", "drives", "edge life"]
+    assert json.loads((built.folder / "plan.json").read_text())["setups"][0]["not_checked"] == wanted
+    assert "(NOT CHECKED: CHATTER OF T99; DRIVES; EDGE LIFE)" in built.program["setup-1"]
+
+
 def test_the_axial_force_falls_from_plane_to_step_up_to_inclined_as_the_source_measured(built):
     axial = [rows(built)[name]["axial_mean_n"] for name in ("plane", "step-up", "inclined")]
     assert axial == sorted(axial, reverse=True) and axial[1] < 0.7 * axial[0]
