@@ -180,13 +180,19 @@ def _refuse_what_is_lost(moves):
     cuts = moves.kind != Kind.RAPID
     wrong = {"the spindle turns backwards (M4)": moves.spindle_rpm < 0, "a cut without a tool": cuts & (moves.tool == 0),
              "a cut while the spindle stands": cuts & (moves.spindle_rpm == 0),
-             "two coolants at once": ~np.isin(moves.coolant, list(COOLANTS))}
+             _coolants_in_words(moves.coolant): ~np.isin(moves.coolant, list(COOLANTS))}
     for what, rows in wrong.items():
         if rows.any():
             line = int(moves.line[np.flatnonzero(rows)[0]])
             raise InputError(f"line {line}: {what}, which is not translated: correct the program", rows=[line])
     if len(moves.work_offsets) > 1:
         raise InputError(f"the program uses the work offsets {' and '.join(moves.work_offsets)}: translate a program for each")
+
+
+def _coolants_in_words(coolant):
+    """Of bits (n,) the first that are more than one coolant, by name."""
+    both = next((bits for bits in coolant.tolist() if bits not in COOLANTS), 0)
+    return f"{' and '.join(name for name, bits in BITS.items() if bits & both)} at once"
 
 
 def _operations(moves, tools):
