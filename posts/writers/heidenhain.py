@@ -217,6 +217,11 @@ class _Heidenhain(Dialect):
     def length_on(self, writer, tool):
         """It came with the call."""
 
+    def wait(self, writer, seconds):
+        """Cycle 9 waits as soon as it is defined."""
+        writer.block("CYCL DEF 9.0 DWELL TIME")
+        writer.block(f"CYCL DEF 9.1 DWELL {seconds:.3f}")
+
     def run(self, writer, operation):
         rpm = f"S{operation.spindle_rpm:.0f}"
         if rpm != writer.rpm:

@@ -157,8 +157,16 @@ class Dialect(ABC):
         writer.is_tip, writer.is_tilted, writer.tool = False, False, None
 
     def dwell(self, seconds):
-        """The P word of a dwell, behind G4 and in a canned cycle."""
-        raise PostError(f"{type(self).__name__} writes no dwell: take another cycle than dwell")
+        """The word that says how long, behind G4 and in a canned cycle."""
+        return f"P{seconds:.3f}"
+
+    def wait(self, writer, seconds):
+        """A dwell in a block of its own."""
+        writer.block("G4", self.dwell(seconds))
+
+    def halt(self, writer, is_optional):
+        """A stop, from which the operator goes on."""
+        writer.block("M1" if is_optional else "M0")
 
     def compensation(self, writer, number, is_on):
         """Words of the straight block with which the control begins, or ends, to run beside a contour by a tool's D register."""
@@ -184,7 +192,7 @@ class Dialect(ABC):
 
     def optional_stop(self, writer):
         """Where the operator may look before the next tool, at the top of the machine."""
-        writer.block("M1")
+        self.halt(writer, True)
 
     def numbered(self, lines, control):
         """All lines of a file as the control wants them: with block numbers, where its file says so."""
@@ -308,7 +316,7 @@ class _Files:
         high = np.flatnonzero(self._heights_mm(operation, moves.starts_mm) >= 0)
         bounds = [0, *(() if operation.cycles else high[high > 0].tolist()), len(moves)]     # holes are not torn apart
         for first, end in zip(bounds[:-1], bounds[1:]):
-            laid.write(self.writer, first, end, self.dialect)
+            self._write(laid, operation, first, end)
             # the first stretch of a program stays where it is: nothing before it could be closed
             if (first or number > 1) and not self._is_within_store():
                 self.writer.go_back_to(before)
@@ -316,15 +324,49 @@ class _Files:
                 self._open()
                 self._begin(operation, number, is_alone=True, laid=laid, first=first)
                 self._enter(laid, first)
-                laid.write(self.writer, first, end, self.dialect)
+                self._write(laid, operation, first, end)
             before = self.writer.state()
+
+    def _write(self, laid, operation, first, end):
+        """Moves `first` to `end`, and where the program stands still among them."""
+        at, last = first, end == len(operation.moves)
+        for pause in operation.pauses:
+            if not (first <= pause.move < end or last and pause.move == end) or not (pause.move or pause.is_spindle_on):
+                continue
+            laid.write(self.writer, at, pause.move, self.dialect)
+            at = pause.move
+            self._pause(operation, pause, goes_on=at < len(operation.moves))
+        laid.write(self.writer, at, end, self.dialect)
+
+    def _pause(self, operation, pause, goes_on):
+        """Stand still; a stop may have switched off what ran, and all is said again behind it."""
+        writer, dialect = self.writer, self.dialect
+        if pause.is_at_top:
+            dialect.up(writer)
+        if not pause.is_spindle_on:
+            dialect.stop(writer)
+        self._stand(pause)
+        if goes_on and not (pause.seconds and pause.is_spindle_on):
+            dialect.run(writer, operation)
+            writer.speed = f"S{operation.spindle_rpm:.0f}"
+            writer.motion = writer.feed = None
+
+    def _stand(self, pause):
+        if pause.seconds:
+            self.dialect.wait(self.writer, pause.seconds)
+        else:
+            self.dialect.halt(self.writer, pause.is_optional)
 
     def _laid(self, operation):
         """PlainMoves, DrilledMoves, SolvedMoves, TipMoves or TiltedMoves of an operation.
 
         Raises:
-            PostError: its spindle changes its speed where that is not written; it leans, and the control has no words for it.
+            PostError: its spindle changes its speed, or it pauses, where that is not written; it leans, and the control has no
+                words for it.
         """
+        if operation.pauses and (operation.cycles or operation.compensated):
+            raise PostError(f"operation {operation.name}: it stops or dwells among its moves, which goes without cycles and "
+                            "without cutter compensation: leave them out")
         if operation.rpm_changes and (operation.cycles or operation.compensated or leans(operation.moves)):
             raise PostError(f"operation {operation.name}: the speed of the spindle changes among its moves, which goes with an "
                             "upright axis, without cycles and without cutter compensation: give it one speed")
@@ -372,9 +414,9 @@ class _Files:
         """An operation as calls; where the store is full, a new file begins at a restart point."""
         passes = operation.passes
         self.under_way = None
-        if operation.rpm_changes:
-            raise PostError(f"operation {operation.name}: the speed of the spindle changes among repeated passes: give it "
-                            "one speed")
+        if operation.rpm_changes or operation.pauses:
+            raise PostError(f"operation {operation.name}: the speed of the spindle changes, or it stops or dwells, among repeated "
+                            "passes: give it one speed and no stops")
         self._refuse_what_cannot_be_held(operation)
         for span in calls_between(passes):
             if self._try(operation, number, span):
@@ -445,8 +487,12 @@ class _Files:
         if writer.tool != tool.number or is_alone:      # an operation with restart points brings all that it needs
             self.dialect.stop(writer)
             self.dialect.up(writer)
-            if self.machine.control.optional_stops and number > 1 and writer.tool is not None:
+            is_optional = self.machine.control.optional_stops and number > 1 and writer.tool is not None
+            if is_optional:
                 self.dialect.optional_stop(writer)
+            for pause in operation.pauses if first == 0 else ():
+                if pause.move == 0 and pause.is_at_top and not (is_optional and pause.is_optional):
+                    self._stand(pause)
             if None in writer.turn_words:       # nobody knows where they stand: they turn while nothing is in the spindle
                 self._turn(laid.turned_deg[first], is_at_top=True)
             self.dialect.change_tool(writer, operation)
@@ -454,6 +500,10 @@ class _Files:
             writer.tool = tool.number
             writer.turn_words = [None] * len(writer.rotaries)
         self._turn(laid.turned_deg[first], is_at_top=None in writer.turn_words)
+        for pause in operation.pauses if first == 0 else ():
+            if not (pause.move or pause.is_at_top or pause.is_spindle_on):
+                self.dialect.stop(writer)
+                self._stand(pause)
         self.dialect.run(writer, operation)
         writer.speed = f"S{operation.spindle_rpm:.0f}"
         writer.forget_position()

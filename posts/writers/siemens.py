@@ -97,6 +97,10 @@ class _Siemens(Dialect):
         writer.block("SUPA", "G0", *words, *(("D0",) if is_nose else ()))
         writer.is_length_off |= is_nose
 
+    def dwell(self, seconds):
+        """Seconds; the feed in force stays."""
+        return f"F{seconds:.3f}"
+
     def length_on(self, writer, tool):
         writer.block("D1")
         writer.is_length_off = False
