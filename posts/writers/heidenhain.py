@@ -198,8 +198,8 @@ class _Heidenhain(Dialect):
         writer.is_tip = True
         return (), ()
 
-    def plane_on(self, writer, tool, plane_deg, place_mm):
-        spc, spa, _ = (writer.number(v, writer.machine.control.decimals_deg) for v in plane_deg)
+    def plane_on(self, writer, laid, place_mm):
+        spc, spa, _ = (writer.number(v, writer.machine.control.decimals_deg) for v in laid.plane_deg)
         writer.block(f"PLANE SPATIAL SPA{spa} SPB+0 SPC{spc} TURN FMAX")
         writer.forget_position()
         writer.is_tip = writer.is_tilted = True

@@ -57,6 +57,7 @@ class Dialect(ABC):
     cycle_words: dict[str, str] = {}        # DrillCycle.word -> the control's; without it holes go out move by move
     work_offsets: tuple[str, ...] | None = None     # that the control has; None: whatever a program names
     writes: type[Writer] = Writer           # how moves become its words
+    knows_swivel = False                    # whether it writes Control.swivel_record and feed_parameters
     tip_rapid = "G0"                        # under tool-centre-point control; G1 where rapids do not heed the joints' speeds
 
     def writer(self, machine):
@@ -128,11 +129,15 @@ class Dialect(ABC):
         """
         raise PostError(f"{type(self).__name__} writes no tool-centre-point control: leave tip_control out of the machine's file")
 
-    def plane_on(self, writer, tool, plane_deg, place_mm):
+    def tilts(self, control):
+        """Whether indexed positions go out in frames of the control whose Z is the tool."""
+        return self.has_planes and control.tip_control is not None
+
+    def plane_on(self, writer, laid, place_mm):
         """The frame of an indexed position on, and to a place in it, from above along the tool.
 
         Args:
-            plane_deg: about Z, the new X and the new Z.   place_mm: (3,) of the tip in the frame.
+            laid: tilted_words.TiltedMoves.   place_mm: (3,) of the tip in the frame.
         """
         raise PostError(f"{type(self).__name__} writes no tilted planes")
 
@@ -140,7 +145,7 @@ class Dialect(ABC):
         """Frame in the WCS that the words of an indexed position are in, its zero the WCS's.
 
         Args:
-            run: joint_words.JointRun.   plane_deg: as for `plane_on`.
+            run: joint_words.JointRun.   plane_deg: about Z, the new X and the new Z.
         """
         return frame_of(plane_deg)
 
@@ -266,6 +271,10 @@ class _Files:
         if tip is not None and tip not in dialect.tip_controls:
             raise PostError(f"{machine.name}: tip_control {tip} is no word of the post {machine.control.post}, which knows "
                             f"{' and '.join(dialect.tip_controls) or 'none'}: correct the machine's file")
+        for name, is_asked in (("swivel_record", machine.control.swivel_record is not None),
+                               ("feed_parameters", machine.control.feed_parameters)):
+            if is_asked and not dialect.knows_swivel:
+                raise PostError(f"{machine.name}: {name} is a Sinumerik's, and the post is {machine.control.post}: leave it out")
         self.program, self.machine, self.dialect = program, machine, dialect
         has_subs = dialect.variables is not None and machine.control.sub_programs
         self.subs = SubPrograms(program, dialect.variables) if has_subs else None
@@ -379,13 +388,13 @@ class _Files:
             return DrilledMoves(operation, self.machine.rotaries, self.machine.control.canned_cycles)
         if not leans(operation.moves):
             return PlainMoves(operation, self.machine.rotaries)
+        if operation.level_mm is not None and self.dialect.tilts(self.machine.control):
+            return TiltedMoves(operation, self.machine, self.dialect)
         if self.machine.control.tip_control is None:
             if not self.dialect.states_times:
                 raise PostError(f"operation {operation.name}: the post {self.machine.control.post} states no times of blocks, "
                                 f'which joints need: write tip_control = "{self.dialect.tip_controls[0]}" into the machine file')
             return SolvedMoves(operation, self.machine)
-        if operation.level_mm is not None and self.dialect.has_planes:
-            return TiltedMoves(operation, self.machine, self.dialect)
         return TipMoves(operation, self.machine, self.dialect.states_times)
 
     def _enter(self, laid, first):

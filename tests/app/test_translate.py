@@ -180,7 +180,7 @@ def test_a_program_with_rotaries_becomes_cutter_locations(post, tip):
         translation.translated(done.texts[0], name="a.apt", source=machine("apt"), target=machine("haas"))
 
 
-ROTARY = ("mill_trunnion_ac", "mill_haas_5axis", "mill_heidenhain_5axis")
+ROTARY = ("mill_trunnion_ac", "mill_haas_5axis", "mill_heidenhain_5axis", "mill_siemens_5axis")
 
 
 @pytest.fixture(scope="module")

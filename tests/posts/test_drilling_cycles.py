@@ -11,7 +11,7 @@ import cuspline.posts
 from cuspline.program.drilling import CLEARANCE_MM, DrillCycle, drilled, shortest_way
 from cuspline.program.program import Kind, Operation, Program
 from cuspline.shop.machines import machine_from_toml
-from cuspline.values.errors import PostError, ReadError, ToolpathError
+from cuspline.values.errors import ReadError, ToolpathError
 
 MACHINES = Path(cuspline.posts.__file__).parent / "machines"
 LEVEL, FEED, T = 20.0, 240.0, tool("flat", 6, number=3)
@@ -102,8 +102,9 @@ def test_controls_whose_posts_have_no_cycles_drill_move_by_move(machine):
     planned = operation([hole("peck", 10, 10), hole("chip_break", 30, 10)])
     _, moves = posted(machine, planned)
     assert of_text(moves) == of_plan(planned)
-    with pytest.raises(PostError, match="dwell"):
-        posted(machine, operation([hole("dwell", 10, 10)]))
+    _, moves = posted(machine, operation([hole("dwell", 10, 10)]))
+    stop, = (s for s in moves.stops if s.word == "G4")
+    assert stop.seconds == 0.25 and moves.end_mm[stop.row - 1, 2] == moves.end_mm[:, 2].min() and moves.kind[stop.row] == Kind.RAPID
 
 
 def test_text_names_what_changes_and_nothing_else():
