@@ -28,6 +28,7 @@ from known_tilted import (
 )
 
 from cuspline.app import catalogue
+from cuspline.posts import restart
 from cuspline.program.program import Kind
 from cuspline.values.errors import PostError, ReadError
 
@@ -203,6 +204,24 @@ def test_words_under_g254_count_along_the_machines_axes():
     assert re.fullmatch(r"G0 X\S+ Y\S+", lines[begin + 1]) and re.fullmatch(r"G43 G0 Z\S+ H7", lines[begin + 2])
     heights = [float(re.search(r"Z(\S+)", line)[1]) for line in lines[begin + 2:begin + 4]]
     assert heights[0] - heights[1] == pytest.approx(20.0, abs=1e-3)
+
+
+@EVERY
+def test_a_program_with_block_numbers_begins_at_any_operation_that_brings_its_tool(post):
+    """In the tip's control, in an indexed position, upright again: the same cuts as behind the whole program's begin."""
+    m = mill(post, block_numbers=10)
+    whole = text_of(m, operation("rough", upright(), FLAT), operation("finish", rolling()), operation("more", upright(), FLAT),
+                    position(25.0, 70.0), operation("last", rolling()))
+    before, points = read_with_tools(m, whole), restart.operations_of(whole)
+    assert len(points) >= 4
+    for point in points:
+        after = read_with_tools(m, restart.restarted_at_operation(whole, point))
+        assert after.remarks == () and after.ended and after.operations == before.operations[point - 1:]
+        names = [before.operations.index(o) for o in after.operations]
+        rows, mine = (np.flatnonzero((p.kind != Kind.RAPID) & np.isin(p.operation, k))
+                      for p, k in ((before, names), (after, range(len(names)))))
+        for column in ("end_mm", "end_axis", "machine_end_mm", "rotary_deg", "feed_mm_per_min", "tool"):
+            np.testing.assert_allclose(getattr(after, column)[mine], getattr(before, column)[rows], atol=1e-9)
 
 
 # random programs --------------------------------------------------------------------------------
