@@ -317,14 +317,16 @@ def test_make_diff_fails_only_where_nothing_can_be_compared(shop, status, code):
     assert ("outputs/vane --markdown" in done.stdout) == (code == 0)
 
 
-WORKFLOWS = [ROOT / ".github/workflows/build.yml", ROOT / "pipeline/app/repository/build.yml"]
+WORKFLOWS = [ROOT / ".github/workflows/build.yml", ROOT / "pipeline/app/repository/build.yml",
+             ROOT / "pipeline/app/repository/release.yml"]
 
 
-@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.parent.name)
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_every_action_of_a_workflow_is_pinned_by_its_commit(path):
     """A tag may be moved to other code; the version stands behind, for who reads it.  The same action is the same everywhere."""
     text = path.read_text()
-    used = [step["uses"] for job in yaml.safe_load(text)["jobs"].values() for step in job["steps"] if "uses" in step]
+    used = [step["uses"] for job in yaml.safe_load(text)["jobs"].values() for step in job.get("steps", ())
+            if "uses" in step]
     assert used and [u for u in used if not re.fullmatch(r"actions/[a-z-]+@[0-9a-f]{40}", u)] == []
     assert text.count("uses: actions/") == len(used) == len(re.findall(r"uses: \S+ +# v\d+\.\d+\.\d+\n", text))
     everywhere = {u for p in WORKFLOWS for u in re.findall(r"uses: (actions/\S+)", p.read_text())}

@@ -589,6 +589,25 @@ def schema(document: Annotated[str, typer.Argument(help="plan, verify or manifes
 
 
 @app.command()
+def release(outputs: Annotated[Path, typer.Argument(help="folder of outputs: every published part in it goes in")],
+            assets: Annotated[Path, typer.Argument(help="the release's files, a new folder")],
+            tag: Annotated[str, typer.Argument(help="of the release, in the names of the files")],
+            lock: Annotated[Path, typer.Option(help="packages of the environment, for the bill of materials")] = Path(
+                "requirements.lock")):
+    """Files of a release: an archive, STEP and report a published part, a bill of materials, SHA256SUMS."""
+    from cuspline.app.release import TAG, published, write_assets
+    if not published(outputs):
+        raise InputError(f"{outputs} holds no published part: there is nothing to release; build one first")
+    if not TAG.fullmatch(tag):
+        raise InputError(f"the tag {tag!r} cannot stand in a file's name: write letters, digits, . _ and -")
+    if assets.exists():
+        raise InputError(f"{assets} is there already: nothing is overwritten; name a new folder")
+    if not lock.is_file():
+        print(f"note: {lock} is not there: no bill of materials; name it by --lock", file=sys.stderr)
+    print("\n".join(write_assets(outputs, assets, tag, lock if lock.is_file() else None)))
+
+
+@app.command()
 def new(folder: Annotated[Path, typer.Argument(help="where nothing is yet: the repository's folder")]):
     """Begin a repository of your own: a part, a Makefile, a workflow, the lock of the environment."""
     from cuspline.app.own_repository import write_repository
