@@ -580,11 +580,11 @@ def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an
 
 
 @app.command()
-def schema(document: Annotated[str, typer.Argument(help="plan, verify or manifest")]):
-    """Print the JSON schema of plan.json, verify.json or manifest.json."""
-    from cuspline.app.documents import DOCUMENTS, schema_of
-    if document not in DOCUMENTS:
-        raise InputError(f"{shortened(document)}: {no_such(document, DOCUMENTS)}")
+def schema(document: Annotated[str, typer.Argument(help="plan, verify, manifest; machine or tools")]):
+    """Print the JSON schema of plan.json, verify.json or manifest.json, of a machine's file or of a tool library."""
+    from cuspline.app.documents import DOCUMENTS, FILES, schema_of
+    if document not in DOCUMENTS and document not in FILES:
+        raise InputError(f"{shortened(document)}: {no_such(document, (*DOCUMENTS, *FILES))}")
     print(schema_of(document), end="")
 
 
