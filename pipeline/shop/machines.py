@@ -156,7 +156,7 @@ class Control(Sparse):
         "G234 (Haas), TCPM (Heidenhain); "
         "left out: as joints")
     swivel_record: str | None = Field(
-        default=None, pattern=r"[A-Z][A-Z0-9_]{0,31}", description="name of the swivel data record by which a Sinumerik's "
+        default=None, pattern=r"^[A-Z][A-Z0-9_]{0,31}$", description="name of the swivel data record by which a Sinumerik's "
         "CYCLE800 takes indexed positions; left out: they go out as other leaning tools do")
     feed_parameters: bool = Field(default=False, description="feeds as R-parameters at the program's head, for the operator to "
                                   "change (Siemens)")
