@@ -92,7 +92,7 @@ def _alike(form):
 
 def verdicts(folder, forms):
     """Build every form on every preset with rotary axes, one after the other; rows of a table as they come."""
-    print("| form | machine | held beside its zero, mm | verdict | CPU s | MB | gouge, proven mm | excess, proven mm | moves proven |",
+    print("| form | machine | held beside zero, mm | verdict | CPU s | MB | gouge, proven mm | excess, proven mm | moves proven |",
           "|---|---|---|---|---|---|---|---|---|", sep="\n", flush=True)
     for form in forms:
         for name in (n for n in machine_names() if find_machine(n).rotaries):
