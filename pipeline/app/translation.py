@@ -119,7 +119,7 @@ def translated(text, *, name, source, target, tools=None):
         raise InputError(f"{name}, line {moves.line[tied[0]]}: a thread is tapped, the feed tied to the spindle: that is not "
                          "translated; plan the part for the other machine")
     program = program_of(moves, name, source.control.post, tools)
-    store = target.control.model_copy(update={"program_store_bytes": LARGEST_STORE_BYTES})
+    store = target.control.model_copy(update={"program_store_bytes": LARGEST_STORE_BYTES, "program_store_sub_blocks": None})
     target = target.model_copy(update={"control": store})
     posted = catalogue.find_post(target.control.post).post(program, target)
     back = _read_all(posted.texts, target, tools)

@@ -30,6 +30,7 @@ from cuspline.posts.writers.tip_words import TipMoves
 from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines, in_brackets
 from cuspline.program.arcs import lowest_z_mm
 from cuspline.program.program import TILT_RAD, Kind, Plane
+from cuspline.program.sub_blocks import sub_blocks_of
 from cuspline.values.errors import PostError
 
 LARGEST_NUMBER = 99999      # of a block
@@ -287,13 +288,13 @@ class _Files:
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
         foot = dialect.writer(machine)
         dialect.foot(foot)
-        self.foot_bytes = _bytes([*foot.lines, *foot.tail], foot)
+        self.foot_bytes, self.foot_sub_blocks = (size([*foot.lines, *foot.tail], foot) for size in (_bytes, _sub_blocks))
         self._open()
 
     def _open(self):
         self.writer = self.dialect.writer(self.machine)
         self.defined, self.under_way = set(), None
-        self.counted, self.counted_bytes = (0, 0), 0        # lines and tail; what they take
+        self.counted, self.counted_bytes, self.counted_sub_blocks = (0, 0), 0, 0        # lines and tail; what they take
         self.dialect.head(self.writer, self.program, len(self.texts) + 1)
 
     def _close(self):
@@ -434,7 +435,7 @@ class _Files:
             self._open()
             if not self._try(operation, number, span):
                 raise PostError(f"operation {operation.name}: from one restart point to the next it needs more than "
-                                f"the {self.machine.control.program_store_bytes} bytes that {self.machine.name} "
+                                f"the {self._store_in_words()} that {self.machine.name} "
                                 "stores; put restart points closer together")
         # arcs and feeds of the sub-programs have left another state than the writer knows
         self.writer.plane = self.writer.feed = None
@@ -456,15 +457,25 @@ class _Files:
             writer.go_back_to(before)
         return is_within
 
+    def _store_in_words(self):
+        control = self.machine.control
+        more = "" if control.program_store_sub_blocks is None else f" or {control.program_store_sub_blocks} sub-blocks"
+        return f"{control.program_store_bytes} bytes{more}"
+
     def _is_within_store(self):
         """The file fits the store, were it closed now; after a False, a new file must be opened.
 
         Every line is counted once: what is counted does not change until the file is closed.
         """
-        lines, tail = self.writer.lines, self.writer.tail
-        self.counted_bytes += _bytes([*lines[self.counted[0]:], *tail[self.counted[1]:]], self.writer)
+        lines, tail, control = self.writer.lines, self.writer.tail, self.machine.control
+        new = [*lines[self.counted[0]:], *tail[self.counted[1]:]]
+        self.counted_bytes += _bytes(new, self.writer)
         self.counted = len(lines), len(tail)
-        return self.counted_bytes + self.foot_bytes + LATER_BYTES <= self.machine.control.program_store_bytes
+        is_within = self.counted_bytes + self.foot_bytes + LATER_BYTES <= control.program_store_bytes
+        if control.program_store_sub_blocks is None:
+            return is_within
+        self.counted_sub_blocks += _sub_blocks(new, self.writer)
+        return is_within and self.counted_sub_blocks + self.foot_sub_blocks <= control.program_store_sub_blocks
 
     def _prepare(self, operation, passes):
         """Sub-programs not yet in this file, registers, and the start."""
@@ -573,6 +584,11 @@ def _refuse_tilted(operation, machine):
         raise PostError(f"operation {operation.name}: the tool axis leans {np.degrees(tilt[rows[0]]):.3f} degrees from "
                         f"the spindle in move {rows[0]}, and in {len(rows) - 1} others; {machine.name} has no rotary "
                         "axes: plan it with the axis along Z, or turn the part to it in a setup of its own", rows=rows)
+
+
+def _sub_blocks(lines, writer):
+    """At most, of lines with their block numbers."""
+    return sub_blocks_of(lines) + (len(lines) if writer.number_bytes else 0)
 
 
 def _bytes(lines, writer):
