@@ -36,6 +36,7 @@ from cuspline.values.errors import PostError
 LARGEST_NUMBER = 99999      # of a block
 HEIGHT_MM = 1e-6         # below the clearance height that is rounding
 LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
+LATER_SUB_BLOCKS = 8        # the program's name in its last line
 
 
 class Dialect(ABC):
@@ -475,7 +476,7 @@ class _Files:
         if control.program_store_sub_blocks is None:
             return is_within
         self.counted_sub_blocks += _sub_blocks(new, self.writer)
-        return is_within and self.counted_sub_blocks + self.foot_sub_blocks <= control.program_store_sub_blocks
+        return is_within and self.counted_sub_blocks + self.foot_sub_blocks + LATER_SUB_BLOCKS <= control.program_store_sub_blocks
 
     def _prepare(self, operation, passes):
         """Sub-programs not yet in this file, registers, and the start."""
