@@ -41,6 +41,16 @@ def test_a_build_from_python_is_that_of_the_command_line(planned):
     assert (planned.verdict, planned.program, planned.stock, planned.findings, planned.is_verified) == (None, {}, None, (), False)
 
 
+def test_the_header_of_an_inch_machines_program_is_in_inches(tmp_path):
+    """But for parameters, whose names say mm."""
+    text = cuspline.build(TROUGH, stage="gcode", machine="mill_3axis_inch", out=tmp_path / "inch").program["setup-1"]
+    for line in ("MACHINE mill_3axis_inch, UNITS INCH; LENGTHS IN THIS HEADER IN INCHES, BUT FOR PARAMETERS AND WHAT SAYS MM",
+                 "STOCK aluminium_6061: X0.0000 Y0.0000 Z0.0000 TO X0.9449 Y0.3937 Z0.5118", "PARAMETER length_mm = 24.0",
+                 "SCALLOP 0.000787 PROFILE TOLERANCE 0.000157 GOUGE 0.000197 PATH TOLERANCE 0.000039",
+                 "T5 ball 16 mm, D0.6299 R0.315, STICK-OUT 2.1654, ER25 collet chuck, LENGTH 4.5276"):
+        assert f"\n({line})\n" in text, line
+
+
 def test_a_design_that_was_made_already_is_built_as_it_is(planned, tmp_path):
     made = catalogue.make_design(catalogue.find_design(str(TROUGH)), {"depth_mm": 1.5})
     assert cuspline.build(made, out=tmp_path / "trough", stage="step").step.read_bytes() == planned.step.read_bytes()
