@@ -114,7 +114,11 @@ def test_the_workflow_of_a_new_repository_runs_with_the_wheel(wheel, environment
     job, = yaml.safe_load((repository / ".github/workflows/build.yml").read_text())["jobs"].values()
     variables["GITHUB_REF_NAME"] = "v1.0"           # of a tag
     variables["CUSPLINE_REVISION"] = job["env"]["CUSPLINE_REVISION"].replace("${{ github.sha }}", 40 * "a")
-    done = [step_done(step, repository, variables) for step in job["steps"] if step.get("if") != PULL_REQUEST]
+    done = []
+    for step in job["steps"]:
+        if "make release" in step.get("run", ""):           # STAGE stops before the verdict, and only that is released
+            (repository / "outputs/trough/verify.json").write_text('{"ok": true}')
+        done += [step_done(step, repository, variables)] if step.get("if") != PULL_REQUEST else []
     assert done.count("run") == 4 and "trough" in os.listdir(repository / "outputs")
     assert 40 * "a" in (repository / "outputs/trough/manifest.json").read_text()
     is_released_as_built(repository, wheel)
@@ -122,6 +126,20 @@ def test_the_workflow_of_a_new_repository_runs_with_the_wheel(wheel, environment
     assert list(Path(environment["PYTHONPATH"]).rglob("*.kernel")) == []
     again = subprocess.run(["make"], cwd=repository, env=variables, capture_output=True, text=True)
     assert (again.returncode, "Nothing to be done" in again.stdout) == (0, True)
+
+
+def test_what_no_verdict_stands_beside_is_not_released(tmp_path, monkeypatch, capsys):
+    """A build to its programs, one to its STEP, and a verdict that is red."""
+    monkeypatch.chdir(tmp_path)
+    for name, files in {"good": {"verify.json": '{"ok": true}'}, "red": {"verify.json": '{"ok": false}'}, "solid": {"solid.json": "{}"},
+                        "programs": {"plan.json": "{}", "setup-1.ngc": "M2"}, "a-step": {"a.step": ""}}.items():
+        (folder := tmp_path / "outputs" / name).mkdir(parents=True)
+        for file, text in {**files, "manifest.json": "{}"}.items():
+            (folder / file).write_text(text)
+    assert cli.run(["release", "outputs", "release", "v1"]) == 0
+    assert capsys.readouterr().out.splitlines() == ["good: archive", "solid: archive"] + [
+        f"{name}: left out, not verified" for name in ("a-step", "programs", "red")]
+    assert set(os.listdir(tmp_path / "release")) == {"good-v1.zip", "solid-v1.zip", "SHA256SUMS"}
 
 
 def is_released_as_built(repository, wheel):
@@ -151,7 +169,8 @@ def test_rejected_parts_of_a_new_repository_are_an_artifact_of_that_name():
 def test_what_cannot_be_released_is_refused_in_a_sentence(change, words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "outputs/plug").mkdir(parents=True)
-    (tmp_path / "outputs/plug/manifest.json").write_text("{}")
+    for name in ("manifest", "solid"):
+        (tmp_path / f"outputs/plug/{name}.json").write_text("{}")
     given = {"outputs": "outputs", "assets": "release", "tag": "v1", **change}
     assert cli.run(["release", *given.values()]) == 2
     assert words in capsys.readouterr().err and not (tmp_path / "release").exists()
@@ -160,7 +179,8 @@ def test_what_cannot_be_released_is_refused_in_a_sentence(change, words, tmp_pat
 def test_a_release_without_a_lock_has_no_bill_and_says_so(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "outputs/plug").mkdir(parents=True)
-    (tmp_path / "outputs/plug/manifest.json").write_text("{}")
+    for name in ("manifest", "solid"):
+        (tmp_path / f"outputs/plug/{name}.json").write_text("{}")
     assert cli.run(["release", "outputs", "release", "v1"]) == 0
     assert "requirements.lock is not there: no bill of materials" in capsys.readouterr().err
     assert set(os.listdir(tmp_path / "release")) == {"plug-v1.zip", "SHA256SUMS"}

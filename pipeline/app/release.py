@@ -1,7 +1,7 @@
 """What a build's outputs become: the files of a release.  Standard library alone: CI runs it without an environment.
 
 An archive a published part, its STEP and its report beside it, a bill of materials, SHA256SUMS over all of them.  What was
-rejected, and drafts, are told and left out.
+rejected, drafts, and builds that stopped before a verdict, are told and left out.
 """
 
 import hashlib
@@ -17,8 +17,18 @@ TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
 def published(outputs):
-    """Folders of the published parts, by name; drafts prove nothing."""
-    return [p.parent for p in sorted(Path(outputs).glob("*/manifest.json")) if not p.parent.name.endswith((REJECTED, DRAFT))]
+    """Folders of the published parts, by name: verified programs, and solids that were checked."""
+    return [folder for folder in _built(outputs) if not folder.name.endswith((REJECTED, DRAFT)) and _is_proven(folder)]
+
+
+def _built(outputs):
+    return [p.parent for p in sorted(Path(outputs).glob("*/manifest.json"))]
+
+
+def _is_proven(folder):
+    """Whether a verdict stands beside it; a build that stopped before one, at its STEP or its programs, proves nothing."""
+    verify = folder / "verify.json"
+    return json.loads(verify.read_text())["ok"] is True if verify.is_file() else (folder / "solid.json").is_file()
 
 
 def with_report(outputs):
@@ -72,6 +82,8 @@ def write_assets(outputs, assets, tag, lock):
             shutil.copyfile(source, target)
         said.append(f"{part}: archive" + "".join(f", {source.name}" for source, _ in there))
     said += [f"{p.name}: left out" for end in (REJECTED, DRAFT) for p in sorted(Path(outputs).glob(f"*{end}"))]
+    said += [f"{p.name}: left out, not verified" for p in _built(outputs)
+             if not p.name.endswith((REJECTED, DRAFT)) and not _is_proven(p)]
     if lock is not None:
         (assets / "SBOM.cdx.json").write_text(materials(lock), encoding="utf-8")
     sums = [f"{_sha256(p)}  {p.name}" for p in sorted(assets.iterdir())]
