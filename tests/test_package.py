@@ -131,8 +131,9 @@ def test_the_workflow_of_a_new_repository_runs_with_the_wheel(wheel, environment
 def test_what_no_verdict_stands_beside_is_not_released(tmp_path, monkeypatch, capsys):
     """A build to its programs, one to its STEP, and a verdict that is red."""
     monkeypatch.chdir(tmp_path)
-    for name, files in {"good": {"verify.json": '{"ok": true}'}, "red": {"verify.json": '{"ok": false}'}, "solid": {"solid.json": "{}"},
-                        "programs": {"plan.json": "{}", "setup-1.ngc": "M2"}, "a-step": {"a.step": ""}}.items():
+    stopped = {"programs": {"plan.json": "{}", "setup-1.ngc": "M2"}, "a-step": {"a.step": ""}}
+    for name, files in {"good": {"verify.json": '{"ok": true}'}, "red": {"verify.json": '{"ok": false}'},
+                        "solid": {"solid.json": "{}"}, **stopped}.items():
         (folder := tmp_path / "outputs" / name).mkdir(parents=True)
         for file, text in {**files, "manifest.json": "{}"}.items():
             (folder / file).write_text(text)
