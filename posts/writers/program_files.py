@@ -505,7 +505,8 @@ class _Files:
         writer.comment(self._in_figures(operation, number))
         for line in laid.notes:
             writer.comment(line)
-        if writer.tool != tool.number or is_alone:      # an operation with restart points brings all that it needs
+        is_off = writer.tool != tool.number or is_alone      # an operation with restart points brings all that it needs
+        if is_off:
             self.dialect.stop(writer)
             self.dialect.up(writer)
             is_optional = self.machine.control.optional_stops and number > 1 and writer.tool is not None
@@ -523,7 +524,9 @@ class _Files:
         self._turn(laid.turned_deg[first], is_at_top=None in writer.turn_words)
         for pause in operation.pauses if first == 0 else ():
             if not (pause.move or pause.is_at_top or pause.is_spindle_on):
-                self.dialect.stop(writer)
+                if not is_off:
+                    self.dialect.stop(writer)
+                is_off = True
                 self._stand(pause)
         self.dialect.run(writer, operation)
         writer.speed = f"S{operation.spindle_rpm:.0f}"
