@@ -14,15 +14,15 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "pipeline/app"))      # not through the package, which wants an environment
 
-from release import published, with_report, write_assets  # noqa: E402
+from release import fault, with_report, write_assets  # noqa: E402
 
 
 def main(arguments):
     if arguments[:1] == ["parts"] and len(arguments) == 2:
         print(json.dumps(with_report(arguments[1])))
     elif arguments[:1] == ["assets"] and len(arguments) == 4:
-        if not published(arguments[1]):
-            sys.exit(f"{arguments[1]} holds no published part: there is nothing to release")
+        if wrong := fault(arguments[1]):
+            sys.exit(wrong)
         print("\n".join(write_assets(*arguments[1:], ROOT / "requirements.lock")))
     else:
         sys.exit(__doc__)

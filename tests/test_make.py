@@ -233,6 +233,7 @@ def outputs(tmp_path_factory):
     shutil.copytree(made / "plug", made / "cut")
     (made / "cut/report.html").write_text("<html>")
     (made / "cut/plug.step").rename(made / "cut/cut.step")
+    (made / "cut/manifest.json").write_text("{}")           # of another name's files
     shutil.copytree(made / "cut", made / "worse-rejected")
     shutil.copytree(made / "cut", made / "early-draft")
     (made / ".made").mkdir()
@@ -273,6 +274,18 @@ def test_a_release_of_what_a_build_really_writes_holds_it_byte_for_byte(default_
 def test_reports_of_a_release_are_those_of_published_parts(outputs):
     said = subprocess.run(["python3", ROOT / ".ci/release.py", "parts", outputs], capture_output=True, text=True)
     assert json.loads(said.stdout) == ["cut"]
+
+
+def test_a_file_that_was_edited_after_its_build_is_not_released(outputs, tmp_path):
+    shutil.copytree(outputs / "plug", tmp_path / "outputs/plug")
+    run = lambda: subprocess.run(["python3", ROOT / ".ci/release.py", "assets", tmp_path / "outputs", tmp_path / "assets", "v1"],
+                                 capture_output=True, text=True)
+    with open(tmp_path / "outputs/plug/plug.step", "a") as step:
+        step.write("\n")
+    assert run().returncode == 1 and "plug.step: not as manifest.json has it" in run().stderr
+    assert not (tmp_path / "assets").exists()
+    shutil.copy(outputs / "plug/plug.step", tmp_path / "outputs/plug/plug.step")
+    assert run().returncode == 0
 
 
 def test_nothing_to_release_is_an_error(tmp_path):

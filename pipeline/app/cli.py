@@ -595,9 +595,9 @@ def release(outputs: Annotated[Path, typer.Argument(help="folder of outputs: eve
             lock: Annotated[Path, typer.Option(help="packages of the environment, for the bill of materials")] = Path(
                 "requirements.lock")):
     """Files of a release: an archive, STEP and report a published part, a bill of materials, SHA256SUMS."""
-    from cuspline.app.release import TAG, published, write_assets
-    if not published(outputs):
-        raise InputError(f"{outputs} holds no published part: there is nothing to release; build one first")
+    from cuspline.app.release import TAG, fault, write_assets
+    if wrong := fault(outputs):
+        raise InputError(wrong)
     if not TAG.fullmatch(tag):
         raise InputError(f"the tag {tag!r} cannot stand in a file's name: write letters, digits, . _ and -")
     if assets.exists():

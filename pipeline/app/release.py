@@ -31,6 +31,18 @@ def _is_proven(folder):
     return json.loads(verify.read_text())["ok"] is True if verify.is_file() else (folder / "solid.json").is_file()
 
 
+def fault(outputs):
+    """What stands against a release of a folder of outputs, in a sentence; "" nothing."""
+    if not published(outputs):
+        return f"{outputs} holds no published part: there is nothing to release; build one first"
+    for folder in published(outputs):
+        files = json.loads((folder / "manifest.json").read_text()).get("files", {})
+        other = [name for name, sha in files.items() if not (folder / name).is_file() or _sha256(folder / name) != sha]
+        if other:
+            return f"{folder}: {', '.join(other)}: not as manifest.json has it, edited or lost after the build; build it again"
+    return ""
+
+
 def with_report(outputs):
     """Names of the published parts that have a report; a bare solid has none."""
     return [folder.name for folder in published(outputs) if (folder / "report.html").is_file()]
