@@ -31,7 +31,7 @@ EVERY_MM = 1.2              # between places looked at
 FORMS = ("dome", "saddle", "blade")
 # where the job is held, mm beside the preset's zero: as it is, heads that lean come down too low, tables are in the way
 HELD_MM = {"mill_head_head": (0, 0, 60), "mill_head_table_bc": (0, 0, 60), "mill_head_table": (0, 0, 60),
-           "mill_table_table": (0, 80, 60), "mill_a_on_b": (0, 0, 80)}
+           "mill_table_table": (0, 110, 70), "mill_a_on_b": (0, 0, 80)}
 
 
 def measure():
