@@ -7,7 +7,6 @@
 import json
 import os
 import re
-import resource
 import subprocess
 import sys
 import tempfile
@@ -30,7 +29,7 @@ HIGHER_MM = 60.0            # than the preset's zero: heads that lean come down 
 EVERY_MM = 1.2              # between places looked at
 FORMS = ("dome", "saddle", "blade")
 # where the job is held, mm beside the preset's zero: as it is, heads that lean come down too low, tables are in the way
-HELD_MM = {"mill_head_head": (0, 0, 60), "mill_head_table_bc": (0, 0, 60), "mill_head_table": (0, 0, 60),
+HELD_MM = {"mill_head_head": (0, 0, 60), "mill_gantry_5axis": (0, 0, 60), "mill_head_table_bc": (0, 0, 60), "mill_head_table": (0, 0, 60),
            "mill_table_table": (0, 110, 70), "mill_a_on_b": (0, 0, 80)}
 
 
@@ -92,8 +91,8 @@ def _alike(form):
 
 def verdicts(folder, forms):
     """Build every form on every preset with rotary axes, one after the other; rows of a table as they come."""
-    print("| form | machine | held beside zero, mm | verdict | CPU s | MB | gouge, proven mm | excess, proven mm | moves proven |",
-          "|---|---|---|---|---|---|---|---|---|", sep="\n", flush=True)
+    print("| form | machine | held beside zero, mm | verdict | CPU s | gouge, proven mm | excess, proven mm | moves proven |",
+          "|---|---|---|---|---|---|---|---|", sep="\n", flush=True)
     for form in forms:
         for name in (n for n in machine_names() if find_machine(n).rotaries):
             row = folder / f"{form}-{name}.json"
@@ -111,8 +110,7 @@ def _verdict(folder, form, name):
     done = subprocess.run([Path(sys.executable).with_name("cuspline"), "build", PARTS / "leaning_surface.py", "-p", f"form={form}",
                            "-p", f"machine={mill}", "--stage", "verify", "--out", out], capture_output=True, text=True)
     end, made = os.times(), next((p for p in (out, out.with_name(f"{out.name}-rejected")) if (p / "verify.json").is_file()), None)
-    cost = {"cpu_s": end.children_user + end.children_system - begin.children_user - begin.children_system,
-            "mb": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024}       # the largest so far
+    cost = {"cpu_s": end.children_user + end.children_system - begin.children_user - begin.children_system}
     if made is None:
         return {**cost, "why": done.stderr.strip().splitlines()[-1:]}
     found = json.loads((made / "verify.json").read_text())
@@ -124,9 +122,9 @@ def _verdict(folder, form, name):
 def _as_row(form, name, row):
     held = " ".join(f"{v:g}" for v in HELD_MM.get(name, (0, 0, 0)))
     if "ok" not in row:
-        return f"| {form} | {name} | {held} | none: {' '.join(row['why'])} | {row['cpu_s']:.0f} | {row['mb']:.0f} | – | – | – |"
+        return f"| {form} | {name} | {held} | none: {' '.join(row['why'])} | {row['cpu_s']:.0f} | – | – | – |"
     word = "VERIFIED" if row["ok"] else "rejected: " + "; ".join(row["findings"][:3])
-    return (f"| {form} | {name} | {held} | {word} | {row['cpu_s']:.0f} | {row['mb']:.0f} | {row['gouge_max_mm']:.4f}, "
+    return (f"| {form} | {name} | {held} | {word} | {row['cpu_s']:.0f} | {row['gouge_max_mm']:.4f}, "
             f"{row['gouge_proven_mm']:.4f} | {row['excess_max_mm']:.4f}, {row['excess_proven_mm']:.4f} | {row['moves']:,} |")
 
 
