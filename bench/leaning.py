@@ -29,7 +29,7 @@ HIGHER_MM = 60.0            # than the preset's zero: heads that lean come down 
 EVERY_MM = 1.2              # between places looked at
 FORMS = ("dome", "saddle", "blade")
 # where the job is held, mm beside the preset's zero: as it is, heads that lean come down too low, tables are in the way
-HELD_MM = {"mill_head_head": (0, 0, 60), "mill_gantry_5axis": (0, 0, 60), "mill_head_table_bc": (0, 0, 60), "mill_head_table": (0, 0, 60),
+HELD_MM = {**dict.fromkeys(("mill_head_head", "mill_gantry_5axis", "mill_head_table_bc", "mill_head_table"), (0, 0, 60)),
            "mill_table_table": (0, 110, 70), "mill_a_on_b": (0, 0, 80)}
 
 
