@@ -1,7 +1,12 @@
-"""A tool that leans in the cut: a dome finished on a trunnion, built with all proofs; one surface on every five-axis machine."""
+"""A tool that leans in the cut: a dome finished on a trunnion, built with all proofs; one surface on every five-axis machine.
+
+    python bench/leaning.py FOLDER [dome saddle blade]     whole verdicts on every preset with rotary axes, a table for RESULTS.md;
+                                                           builds into FOLDER, what stands there is not built again
+"""
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -11,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from peers import HERE
 
-from cuspline.app.catalogue import find_library, find_machine, reader_of
+from cuspline.app.catalogue import MACHINES, find_library, find_machine, machine_names, reader_of
 from cuspline.planning.plan import plan_setup
 from cuspline.posts.writers import linuxcnc
 from cuspline.stock.swept import swept_paths
@@ -22,11 +27,15 @@ sys.path.append(str(PARTS))         # for leaning_surface
 FIRST, *OTHERS = ("mill_head_table_bc", "mill_head_head", "mill_table_table", "mill_head_table", "mill_a_on_b", "mill_trunnion_ac")
 HIGHER_MM = 60.0            # than the preset's zero: heads that lean come down low
 EVERY_MM = 1.2              # between places looked at
+FORMS = ("dome", "saddle", "blade")
+# where the job is held, mm beside the preset's zero: as it is, heads that lean come down too low, tables are in the way
+HELD_MM = {**dict.fromkeys(("mill_head_head", "mill_gantry_5axis", "mill_head_table_bc", "mill_head_table"), (0, 0, 60)),
+           "mill_table_table": (0, 110, 70), "mill_a_on_b": (0, 0, 80)}
 
 
 def measure():
     """[(what, number, unit)]."""
-    return _built() + [row for form in ("dome", "saddle", "blade") for row in _alike(form)]
+    return _built() + [row for form in FORMS for row in _alike(form)]
 
 
 def _built():
@@ -75,3 +84,50 @@ def _alike(form):
     worst = max(float(np.abs(left(name) - first).max()) for name in OTHERS)
     return [(f"{form}, {len(rows)} places: largest difference between {FIRST} and five others", worst * 1e3, "um"),
             (f"{form}: to plan it", planned, "CPU s")]
+
+
+# whole verdicts --------------------------------------------------------------------------------------
+
+
+def verdicts(folder, forms):
+    """Build every form on every preset with rotary axes, one after the other; rows of a table as they come."""
+    print("| form | machine | held beside zero, mm | verdict | CPU s | gouge, proven mm | excess, proven mm | moves proven |",
+          "|---|---|---|---|---|---|---|---|", sep="\n", flush=True)
+    for form in forms:
+        for name in (n for n in machine_names() if find_machine(n).rotaries):
+            row = folder / f"{form}-{name}.json"
+            if not row.is_file():
+                row.write_text(json.dumps(_verdict(folder, form, name)))
+            print(_as_row(form, name, json.loads(row.read_text())), flush=True)
+
+
+def _verdict(folder, form, name):
+    mill, out = folder / f"{name}.toml", folder / f"{form}-{name}"
+    text = (MACHINES / f"{name}.toml").read_text()
+    zero = [a + b for a, b in zip(find_machine(name).wcs_origin_mm, HELD_MM.get(name, (0, 0, 0)))]
+    mill.write_text(re.sub(r"(?m)^wcs_origin_mm = \S.*?\]", f"wcs_origin_mm = {zero}", text))
+    begin = os.times()
+    done = subprocess.run([Path(sys.executable).with_name("cuspline"), "build", PARTS / "leaning_surface.py", "-p", f"form={form}",
+                           "-p", f"machine={mill}", "--stage", "verify", "--out", out], capture_output=True, text=True)
+    end, made = os.times(), next((p for p in (out, out.with_name(f"{out.name}-rejected")) if (p / "verify.json").is_file()), None)
+    cost = {"cpu_s": end.children_user + end.children_system - begin.children_user - begin.children_system}
+    if made is None:
+        return {**cost, "why": done.stderr.strip().splitlines()[-1:]}
+    found = json.loads((made / "verify.json").read_text())
+    return {**cost, "ok": found["ok"], "findings": [f"{f['kind']} {f['amount_mm']:.3f}" for f in found["findings"]],
+            "moves": sum(found["setups"][0]["certificate"]["moves"].values()),
+            **{k: found[k] for k in ("gouge_max_mm", "gouge_proven_mm", "excess_max_mm", "excess_proven_mm")}}
+
+
+def _as_row(form, name, row):
+    held = " ".join(f"{v:g}" for v in HELD_MM.get(name, (0, 0, 0)))
+    if "ok" not in row:
+        return f"| {form} | {name} | {held} | none: {' '.join(row['why'])} | {row['cpu_s']:.0f} | – | – | – |"
+    word = "VERIFIED" if row["ok"] else "rejected: " + "; ".join(row["findings"][:3])
+    return (f"| {form} | {name} | {held} | {word} | {row['cpu_s']:.0f} | {row['gouge_max_mm']:.4f}, "
+            f"{row['gouge_proven_mm']:.4f} | {row['excess_max_mm']:.4f}, {row['excess_proven_mm']:.4f} | {row['moves']:,} |")
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).mkdir(parents=True, exist_ok=True)
+    verdicts(Path(sys.argv[1]).resolve(), sys.argv[2:] or FORMS)

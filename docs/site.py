@@ -24,6 +24,7 @@ TEMPLATE = Path(__file__).with_name("site.html")
 GROUPS = {"guides": "Guides", "": "Manual", "reference": "Reference", "decisions": "Why it is so"}
 COMMANDS = {"designs": "Designs", "strategies": "Strategies", "machines": "Machines", "cutters": "Tools", "materials": "Materials",
             "posts": "Posts", "shop": "What a shop decides"}
+FILES = {"machine": "Keys of a machine's file", "tools": "Keys of a tool library"}
 PICTURES = ("iso.png", "paths.png", "deviation.png")      # of a part in the gallery
 FAR = ("http:", "https:", "mailto:", "#")
 LINK = re.compile(r"""(href|src)="([^"]*)\"""")
@@ -116,7 +117,9 @@ def reference_pages():
     lists = [Page(path=f"reference/{name}.html", source="", group="reference", title=title, body=_list(name, title))
              for name, title in COMMANDS.items()]
     rows = "".join(f'<li><a href="../schemas/{p.name}">{p.name}</a></li>' for p in sorted((ROOT / "docs/schemas").glob("*.json")))
-    return [*lists, Page(path="reference/schemas.html", source="docs/schemas", group="reference", title="JSON schemas",
+    files = [Page(path=f"reference/{name}-files.html", source="", group="reference", title=title, body=_keys_of_a_file(name, title))
+             for name, title in FILES.items()]
+    return [*lists, *files, Page(path="reference/schemas.html", source="docs/schemas", group="reference", title="JSON schemas",
                          body=f"<h1>JSON schemas</h1><p>What other programs may rely on.</p><ul>{rows}</ul>")]
 
 
@@ -147,6 +150,45 @@ def _entry(row):
     rows = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(_in_words(v))}</td></tr>" for k, v in values.items()
                    if v is not None and k not in ("bodies", "holder"))
     return with_anchors(f"{body}<table>{rows}</table>")
+
+
+def _keys_of_a_file(name, title):
+    """Every key that a file may have, table by table, as its JSON schema has it: what it takes, what it is without it."""
+    from cuspline.app.documents import schema_of
+    schema = json.loads(schema_of(name))
+    parts = {schema["title"]: schema, **schema.get("$defs", {})}
+    body = (f'<h1>{html.escape(title)}</h1><p>As <code>cuspline schema {name}</code> has it for editors: '
+            f'<a href="../schemas/{name}.schema.json">{name}.schema.json</a>.</p>')
+    for part, model in parts.items():
+        if "properties" not in model:
+            continue
+        rows = "".join(_key(key, value, key in model.get("required", ())) for key, value in model["properties"].items())
+        body += (f'<h2>{part}</h2><p>{html.escape(model.get("description", ""))}</p><table><tr><th>key</th><th>takes</th>'
+                 f'<th>without it</th><th></th></tr>{rows}</table>')
+    return with_anchors(body)
+
+
+def _key(key, value, is_required):
+    without = "must be there" if is_required else html.escape(json.dumps(value["default"])) if "default" in value else ""
+    return (f"<tr><td><code>{key}</code></td><td>{_taken(value)}</td><td>{without}</td>"
+            f"<td>{html.escape(value.get('description', ''))}</td></tr>")
+
+
+def _taken(value):
+    """What a key takes, as HTML: a link to the table of another one, its values, its range."""
+    if "$ref" in value:
+        part = value["$ref"].rpartition("/")[2]
+        return f'<a href="#{part.lower()}">{part}</a>'
+    if several := value.get("anyOf") or value.get("oneOf"):
+        return " or ".join(dict.fromkeys(_taken(v) for v in several if v.get("type") != "null"))
+    if "enum" in value or "const" in value:
+        return html.escape(", ".join(json.dumps(v) for v in value.get("enum", [value.get("const")])))
+    if value.get("type") == "array":
+        inner = [_taken(v) for v in value.get("prefixItems", [value.get("items", {})])]
+        return f"list of {' and '.join(dict.fromkeys(inner))}"
+    signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<", "pattern": "like"}
+    limits = [f"{sign} {html.escape(str(value[name]))}" for name, sign in signs.items() if name in value]
+    return " ".join([value.get("type", "any"), *limits])
 
 
 def _table(rows):

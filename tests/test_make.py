@@ -233,6 +233,7 @@ def outputs(tmp_path_factory):
     shutil.copytree(made / "plug", made / "cut")
     (made / "cut/report.html").write_text("<html>")
     (made / "cut/plug.step").rename(made / "cut/cut.step")
+    (made / "cut/manifest.json").write_text("{}")           # of another name's files
     shutil.copytree(made / "cut", made / "worse-rejected")
     shutil.copytree(made / "cut", made / "early-draft")
     (made / ".made").mkdir()
@@ -273,6 +274,18 @@ def test_a_release_of_what_a_build_really_writes_holds_it_byte_for_byte(default_
 def test_reports_of_a_release_are_those_of_published_parts(outputs):
     said = subprocess.run(["python3", ROOT / ".ci/release.py", "parts", outputs], capture_output=True, text=True)
     assert json.loads(said.stdout) == ["cut"]
+
+
+def test_a_file_that_was_edited_after_its_build_is_not_released(outputs, tmp_path):
+    shutil.copytree(outputs / "plug", tmp_path / "outputs/plug")
+    run = lambda: subprocess.run(["python3", ROOT / ".ci/release.py", "assets", tmp_path / "outputs", tmp_path / "assets", "v1"],
+                                 capture_output=True, text=True)
+    with open(tmp_path / "outputs/plug/plug.step", "a") as step:
+        step.write("\n")
+    assert run().returncode == 1 and "plug.step: not as manifest.json has it" in run().stderr
+    assert not (tmp_path / "assets").exists()
+    shutil.copy(outputs / "plug/plug.step", tmp_path / "outputs/plug/plug.step")
+    assert run().returncode == 0
 
 
 def test_nothing_to_release_is_an_error(tmp_path):
@@ -317,14 +330,16 @@ def test_make_diff_fails_only_where_nothing_can_be_compared(shop, status, code):
     assert ("outputs/vane --markdown" in done.stdout) == (code == 0)
 
 
-WORKFLOWS = [ROOT / ".github/workflows/build.yml", ROOT / "pipeline/app/repository/build.yml"]
+WORKFLOWS = [ROOT / ".github/workflows/build.yml", ROOT / "pipeline/app/repository/build.yml",
+             ROOT / "pipeline/app/repository/release.yml"]
 
 
-@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.parent.name)
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_every_action_of_a_workflow_is_pinned_by_its_commit(path):
     """A tag may be moved to other code; the version stands behind, for who reads it.  The same action is the same everywhere."""
     text = path.read_text()
-    used = [step["uses"] for job in yaml.safe_load(text)["jobs"].values() for step in job["steps"] if "uses" in step]
+    used = [step["uses"] for job in yaml.safe_load(text)["jobs"].values() for step in job.get("steps", ())
+            if "uses" in step]
     assert used and [u for u in used if not re.fullmatch(r"actions/[a-z-]+@[0-9a-f]{40}", u)] == []
     assert text.count("uses: actions/") == len(used) == len(re.findall(r"uses: \S+ +# v\d+\.\d+\.\d+\n", text))
     everywhere = {u for p in WORKFLOWS for u in re.findall(r"uses: (actions/\S+)", p.read_text())}

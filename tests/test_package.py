@@ -1,5 +1,7 @@
 """The wheel works in an empty folder; `cuspline new` makes a repository whose make and workflow run with it."""
 
+import hashlib
+import json
 import os
 import re
 import shutil
@@ -110,12 +112,79 @@ def test_the_workflow_of_a_new_repository_runs_with_the_wheel(wheel, environment
     shutil.copy(wheel, repository / "vendor")
 
     job, = yaml.safe_load((repository / ".github/workflows/build.yml").read_text())["jobs"].values()
-    done = [step_done(step, repository, variables) for step in job["steps"] if step.get("if") != PULL_REQUEST]
-    assert done.count("run") == 3 and "trough" in os.listdir(repository / "outputs")
+    variables["GITHUB_REF_NAME"] = "v1.0"           # of a tag
+    variables["CUSPLINE_REVISION"] = job["env"]["CUSPLINE_REVISION"].replace("${{ github.sha }}", 40 * "a")
+    done = []
+    for step in job["steps"]:
+        if "make release" in step.get("run", ""):           # STAGE stops before the verdict, and only that is released
+            (repository / "outputs/trough/verify.json").write_text('{"ok": true}')
+        done += [step_done(step, repository, variables)] if step.get("if") != PULL_REQUEST else []
+    assert done.count("run") == 4 and "trough" in os.listdir(repository / "outputs")
+    assert 40 * "a" in (repository / "outputs/trough/manifest.json").read_text()
+    is_released_as_built(repository, wheel)
     assert {"plan.json", "manifest.json", "trough.step"} <= set(os.listdir(repository / "outputs/trough"))
     assert list(Path(environment["PYTHONPATH"]).rglob("*.kernel")) == []
     again = subprocess.run(["make"], cwd=repository, env=variables, capture_output=True, text=True)
     assert (again.returncode, "Nothing to be done" in again.stdout) == (0, True)
+
+
+def test_what_no_verdict_stands_beside_is_not_released(tmp_path, monkeypatch, capsys):
+    """A build to its programs, one to its STEP, and a verdict that is red."""
+    monkeypatch.chdir(tmp_path)
+    stopped = {"programs": {"plan.json": "{}", "setup-1.ngc": "M2"}, "a-step": {"a.step": ""}}
+    for name, files in {"good": {"verify.json": '{"ok": true}'}, "red": {"verify.json": '{"ok": false}'},
+                        "solid": {"solid.json": "{}"}, **stopped}.items():
+        (folder := tmp_path / "outputs" / name).mkdir(parents=True)
+        for file, text in {**files, "manifest.json": "{}"}.items():
+            (folder / file).write_text(text)
+    assert cli.run(["release", "outputs", "release", "v1"]) == 0
+    assert capsys.readouterr().out.splitlines() == ["good: archive", "solid: archive"] + [
+        f"{name}: left out, not verified" for name in ("a-step", "programs", "red")]
+    assert set(os.listdir(tmp_path / "release")) == {"good-v1.zip", "solid-v1.zip", "SHA256SUMS"}
+
+
+def is_released_as_built(repository, wheel):
+    """What a tag's run leaves is what the release takes, attests and publishes."""
+    steps = yaml.safe_load((repository / ".github/workflows/release.yml").read_text())["jobs"]["release"]["steps"]
+    taken, attested = (next(s["with"] for s in steps if action in s.get("uses", "")) for action in ("download", "attest"))
+    release = repository / taken["path"]
+    assert attested["subject-checksums"] == f"{taken['path']}/SHA256SUMS" and f"{taken['path']}/*" in steps[-1]["run"]
+    checked = subprocess.run(["sha256sum", "-c", "--strict", "SHA256SUMS"], cwd=release, capture_output=True, text=True)
+    assert checked.returncode == 0 and len(checked.stdout.splitlines()) == len(os.listdir(release)) - 1
+    assert {"trough-v1.0.zip", "trough-v1.0.step", "SBOM.cdx.json"} <= set(os.listdir(release))
+    packages = {c["name"]: c for c in json.loads((release / "SBOM.cdx.json").read_text())["components"]}
+    assert packages["cuspline"]["hashes"][0]["content"] == hashlib.sha256(wheel.read_bytes()).hexdigest() and "cadquery" in packages
+
+
+def test_rejected_parts_of_a_new_repository_are_an_artifact_of_that_name():
+    steps = yaml.safe_load((ROOT / "pipeline/app/repository/build.yml").read_text())["jobs"]["parts"]["steps"]
+    parts, rejected = (next(s for s in steps if s.get("with", {}).get("name") == name) for name in ("parts", "rejected"))
+    assert rejected["with"]["path"] == "outputs/*-rejected/" and "!outputs/*-rejected/**" in parts["with"]["path"]
+    assert parts["if"] == rejected["if"] == "${{ !cancelled() }}"           # where make has failed, too
+
+
+@pytest.mark.parametrize("change, words", [
+    ({"outputs": "none"}, "none holds no published part: there is nothing to release"),
+    ({"tag": "a b"}, "the tag 'a b' cannot stand in a file's name"),
+    ({"assets": "."}, ". is there already: nothing is overwritten")])
+def test_what_cannot_be_released_is_refused_in_a_sentence(change, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "outputs/plug").mkdir(parents=True)
+    for name in ("manifest", "solid"):
+        (tmp_path / f"outputs/plug/{name}.json").write_text("{}")
+    given = {"outputs": "outputs", "assets": "release", "tag": "v1", **change}
+    assert cli.run(["release", *given.values()]) == 2
+    assert words in capsys.readouterr().err and not (tmp_path / "release").exists()
+
+
+def test_a_release_without_a_lock_has_no_bill_and_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "outputs/plug").mkdir(parents=True)
+    for name in ("manifest", "solid"):
+        (tmp_path / f"outputs/plug/{name}.json").write_text("{}")
+    assert cli.run(["release", "outputs", "release", "v1"]) == 0
+    assert "requirements.lock is not there: no bill of materials" in capsys.readouterr().err
+    assert set(os.listdir(tmp_path / "release")) == {"plug-v1.zip", "SHA256SUMS"}
 
 
 @pytest.mark.parametrize("status, more", [(1, ""), (2, "not every part can be compared\n")])
@@ -149,7 +218,7 @@ def step_done(step, repository, variables):
         assert done.returncode == 0, f"{step['name']}: {done.stdout}{done.stderr}"
         return "run"
     action = step["uses"].split("@")[0]
-    if action == "actions/upload-artifact":
+    if action == "actions/upload-artifact" and step["with"]["if-no-files-found"] == "error":
         assert any((repository / step["with"]["path"]).iterdir())
     assert action.startswith("actions/")
     return action

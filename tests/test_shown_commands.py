@@ -42,7 +42,7 @@ ALIKE = {**dict.fromkeys(("trough.py", "cradle.py", "plate.py", "parts/trough.py
 COMMANDS = sorted({" ".join(shlex.quote(ALIKE.get(w, w)) for w in words)
                    for name in PAGES for words, has_arguments in commands_shown(name)
                    if has_arguments and not words[0].startswith("-")})
-OF_A_NEW_REPOSITORY = {"setup", "trough", "verify"}
+OF_A_NEW_REPOSITORY = {"setup", "trough", "verify", "release"}
 
 
 def lines_shown():

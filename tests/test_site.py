@@ -1,5 +1,6 @@
 """The site of the documentation: every link leads somewhere, every part that a guide shows is a design."""
 
+import html
 import importlib.util
 import json
 import re
@@ -9,6 +10,8 @@ import pytest
 
 from cuspline.app import catalogue
 from cuspline.kernel import brep
+from cuspline.shop.cutters import ToolLibrary
+from cuspline.shop.machines import Machine
 
 ROOT = Path(__file__).parents[1]
 GUIDES = sorted((ROOT / "docs" / "guides").glob("*.md"))
@@ -47,6 +50,18 @@ def test_every_list_of_the_command_line_and_every_document_is_a_page(made):
     findings = (made / "findings.html").read_text()
     assert 'id="rapid_through_stock"' in findings
     assert json.loads((made / "schemas" / "verify.schema.json").read_text())
+
+
+def test_every_key_of_a_machine_and_of_a_tool_library_stands_in_a_table_with_what_it_takes(made):
+    for name, model in (("machine", Machine), ("tools", ToolLibrary)):
+        page = (made / "reference" / f"{name}-files.html").read_text()
+        for part, keys in {model.__name__: model.model_json_schema(), **model.model_json_schema()["$defs"]}.items():
+            assert all(f"<td><code>{key}</code></td>" in page for key in keys.get("properties", {})), part
+    page = (made / "reference" / "machine-files.html").read_text()
+    row = lambda key: re.search(rf"<tr><td><code>{key}</code></td><td>(.*?)</td><td>(.*?)</td><td>", page).groups()
+    assert row("decimals_deg") == ("integer ≥ 2 ≤ 7", "4") and row("swivel_record")[1] == "null"
+    assert row("program_store_bytes") == ("integer > 0", "must be there") and row("control")[0] == '<a href="#control">Control</a>'
+    assert '"TRAORI"' in html.unescape(row("tip_control")[0])
 
 
 def test_the_gallery_shows_what_was_published_alone(made):

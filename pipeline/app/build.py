@@ -50,6 +50,7 @@ from cuspline.values.errors import InputError, PostError
 from cuspline.values.findings import Finding
 from cuspline.values.input_files import sha256_of
 from cuspline.values.interruption import held_off
+from cuspline.values.units import MM
 from cuspline.verification.in_process import PART
 from cuspline.verification.measuring import refuse_unmeasurable
 from cuspline.verification.self_crossing import refuse_self_crossing
@@ -472,19 +473,24 @@ def _header(order, held, inputs):
     low, high = design.stock.shape.box_in(setup.clamped_frame)
     program = clamping_program(held, (), setup.name)
     ends = np.vstack([o.moves.end_mm for o in program.operations])
-    show = lambda p: " ".join(f"{axis}{value:.3f}" for axis, value in zip("XYZ", p))
+    is_inch, inch_mm = machine.control.units == "inch", MM["inch"]
+    length = lambda mm: f"{mm / inch_mm:.4f}" if is_inch else f"{mm:.3f}"
+    size = lambda mm: f"{mm / inch_mm:.4f}".rstrip("0").rstrip(".") if is_inch else f"{mm:g}"
+    fine = lambda mm: f"{mm / inch_mm:.6f}".rstrip("0").rstrip(".") if is_inch else f"{mm}"
+    show = lambda p: " ".join(f"{axis}{length(value)}" for axis, value in zip("XYZ", p))
     lines = [f"{design.name.upper()} {setup.name.upper()}, CUSPLINE {cuspline.__version__}", design.description,
              UNVERIFIED, "SIMULATED ONLY: PROVE IT OUT ABOVE THE WORK FIRST",
              f"INPUTS SHA-256 {inputs[:32]}", *([f"REVISION {order.revision}"] if order.revision else []), job_line(""),
-             f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN MM",
+             f"MACHINE {machine.name}, UNITS {machine.control.units.upper()}; LENGTHS IN THIS HEADER IN "
+             + ("INCHES, BUT FOR PARAMETERS AND WHAT SAYS MM" if is_inch else "MM"),
              f"{setup.wcs}: {setup.wcs_in_words}",
-             f"STOCK {design.material}: {_stock_in_words(design.stock)}{show(low)} TO {show(high)}",
+             f"STOCK {design.material}: {_stock_in_words(design.stock, is_inch)}{show(low)} TO {show(high)}",
              f"TIP EXTENTS {show(ends.min(axis=0))} TO {show(ends.max(axis=0))}",
-             f"RAPIDS ACROSS AT Z{program.clearance_z_mm:.3f}",
-             f"SCALLOP {design.finish.scallop_mm} PROFILE TOLERANCE {design.finish.profile_tolerance_mm} "
-             f"GOUGE {design.finish.gouge_mm} PATH TOLERANCE {machine.control.path_tolerance_mm}"]
+             f"RAPIDS ACROSS AT Z{length(program.clearance_z_mm)}",
+             f"SCALLOP {fine(design.finish.scallop_mm)} PROFILE TOLERANCE {fine(design.finish.profile_tolerance_mm)} "
+             f"GOUGE {fine(design.finish.gouge_mm)} PATH TOLERANCE {fine(machine.control.path_tolerance_mm)}"]
     if design.finish.plating_mm:
-        lines.append(f"PLATED ON LATER {design.finish.plating_mm:g}: THE METAL IS CUT SO MUCH BELOW THE DRAWING, AND JUDGED "
+        lines.append(f"PLATED ON LATER {size(design.finish.plating_mm)}: THE METAL IS CUT SO MUCH BELOW THE DRAWING, AND JUDGED "
                      "THERE")
     for name, value in design.parameters.model_dump(mode="json").items():
         lines.append(f"PARAMETER {name} = {value}")
@@ -492,10 +498,11 @@ def _header(order, held, inputs):
     for o in (o for plan in held for o in plan.operations):
         if o.tool.number not in seen:
             seen.add(o.tool.number)
-            lines.append(f"T{o.tool.number} {o.tool.cutter.name}, D{o.tool.cutter.diameter_mm:g} "
-                         f"R{o.tool.cutter.corner_radius_mm:g}, STICK-OUT {o.tool.stick_out_mm:g}, "
-                         f"{o.tool.holder.name}, LENGTH {o.tool.length_mm:g}{_head_in_words(o.tool.head)}")
-    way = lambda plan: show(setup.clamped_frame.turn_into(np.array([plan.setup.wcs_z]))[0])
+            lines.append(f"T{o.tool.number} {o.tool.cutter.name}, D{size(o.tool.cutter.diameter_mm)} "
+                         f"R{size(o.tool.cutter.corner_radius_mm)}, STICK-OUT {size(o.tool.stick_out_mm)}, "
+                         f"{o.tool.holder.name}, LENGTH {size(o.tool.length_mm)}{_head_in_words(o.tool.head, size)}")
+    way = lambda plan: " ".join(f"{axis}{value:.3f}" for axis, value in zip(
+        "XYZ", setup.clamped_frame.turn_into(np.array([plan.setup.wcs_z]))[0]))
     lines += [f"POSITION {plan.setup.name.upper()}: TOOL ALONG {way(plan)} OF THE WCS"
               for plan in held if len(held) > 1 or setup.indexed]
     lines += [f"MARKER {m.name} {show(setup.clamped_frame.into(np.array([m.at_mm]))[0])}" for m in setup.markers]
@@ -513,16 +520,16 @@ def _not_checked(order, plans):
     return not_checked(order.machine, [o.tool for plan in plans for o in plan.operations], order.design.material, order.shop)
 
 
-def _stock_in_words(stock):
+def _stock_in_words(stock, is_inch):
     """What stands before its corners in the header: of a plain box nothing."""
-    words = stock_in_words(stock)
-    return f"{words}, WITHIN " if words else ""
+    words = stock_in_words(stock) + (" MM" if is_inch else "")
+    return f"{words}, WITHIN " if stock_in_words(stock) else ""
 
 
-def _head_in_words(head):
+def _head_in_words(head, size):
     """What the operator must know of a tool's head; nothing where it has none."""
     return "" if head is None else (f", ON {head.name.upper()}, CUTTER TOWARD {head.cutter_points}, "
-                                    f"{head.offset_mm:g} BESIDE THE SPINDLE IN X; X Y Z ARE THE CUTTER'S MIDDLE")
+                                    f"{size(head.offset_mm)} BESIDE THE SPINDLE IN X; X Y Z ARE THE CUTTER'S MIDDLE")
 
 
 def _stock_files(work, job, judged, say, kept):

@@ -580,12 +580,31 @@ def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an
 
 
 @app.command()
-def schema(document: Annotated[str, typer.Argument(help="plan, verify or manifest")]):
-    """Print the JSON schema of plan.json, verify.json or manifest.json."""
-    from cuspline.app.documents import DOCUMENTS, schema_of
-    if document not in DOCUMENTS:
-        raise InputError(f"{shortened(document)}: {no_such(document, DOCUMENTS)}")
+def schema(document: Annotated[str, typer.Argument(help="plan, verify, manifest; machine or tools")]):
+    """Print the JSON schema of plan.json, verify.json or manifest.json, of a machine's file or of a tool library."""
+    from cuspline.app.documents import DOCUMENTS, FILES, schema_of
+    if document not in DOCUMENTS and document not in FILES:
+        raise InputError(f"{shortened(document)}: {no_such(document, (*DOCUMENTS, *FILES))}")
     print(schema_of(document), end="")
+
+
+@app.command()
+def release(outputs: Annotated[Path, typer.Argument(help="folder of outputs: every published part in it goes in")],
+            assets: Annotated[Path, typer.Argument(help="the release's files, a new folder")],
+            tag: Annotated[str, typer.Argument(help="of the release, in the names of the files")],
+            lock: Annotated[Path, typer.Option(help="packages of the environment, for the bill of materials")] = Path(
+                "requirements.lock")):
+    """Files of a release: an archive, STEP and report a published part, a bill of materials, SHA256SUMS."""
+    from cuspline.app.release import TAG, fault, write_assets
+    if wrong := fault(outputs):
+        raise InputError(wrong)
+    if not TAG.fullmatch(tag):
+        raise InputError(f"the tag {tag!r} cannot stand in a file's name: write letters, digits, . _ and -")
+    if assets.exists():
+        raise InputError(f"{assets} is there already: nothing is overwritten; name a new folder")
+    if not lock.is_file():
+        print(f"note: {lock} is not there: no bill of materials; name it by --lock", file=sys.stderr)
+    print("\n".join(write_assets(outputs, assets, tag, lock if lock.is_file() else None)))
 
 
 @app.command()

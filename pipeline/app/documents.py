@@ -4,6 +4,7 @@ More may stand in a file than is named here; what is named here stands in it.  L
 """
 
 import json
+from importlib import import_module
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -205,6 +206,11 @@ class ManifestDocument(Document):
 DOCUMENTS = {"plan": PlanDocument, "verify": VerifyDocument, "manifest": ManifestDocument}
 
 
+# files that users write: where their models are, which reading outputs needs none of
+FILES = {"machine": ("cuspline.shop.machines", "Machine"), "tools": ("cuspline.shop.cutters", "ToolLibrary")}
+
+
 def schema_of(name):
-    """The JSON schema of one of DOCUMENTS, as text."""
-    return json.dumps({"$schema": SCHEMA, **DOCUMENTS[name].model_json_schema(mode="validation")}, indent=1) + "\n"
+    """The JSON schema of one of DOCUMENTS or FILES, as text."""
+    model = DOCUMENTS[name] if name in DOCUMENTS else getattr(import_module(FILES[name][0]), FILES[name][1])
+    return json.dumps({"$schema": SCHEMA, **model.model_json_schema(mode="validation")}, indent=1) + "\n"

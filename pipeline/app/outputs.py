@@ -122,7 +122,7 @@ class Outputs:
         return path if (path := self.folder / REPORT).is_file() else None
 
     def show(self) -> object:
-        """The report in a notebook; part and stock in the OCP viewer, where it is installed; else a sentence that says where
+        """The report in a notebook; the part in the OCP viewer, where it is installed; else a sentence that says where
         the report is.
 
         Returns:

@@ -9,7 +9,8 @@ from cuspline.values.models import name_fault
 TEMPLATE = Path(__file__).parent / "repository"
 FILES = {       # as they are called here: as they are called there
     "Makefile": "Makefile", "README.md": "README.md", "gitignore": ".gitignore", "requirements.lock": "requirements.lock",
-    "Containerfile": "Containerfile", "trough.py": "parts/trough.py", "build.yml": ".github/workflows/build.yml"}
+    "Containerfile": "Containerfile", "trough.py": "parts/trough.py", "build.yml": ".github/workflows/build.yml",
+    "release.yml": ".github/workflows/release.yml"}
 
 
 def write_repository(folder):

@@ -21,6 +21,7 @@ from cuspline.stock.shapes import HERE as PART
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.values import fixed_math as fixed
 from cuspline.values.input_files import sha256_of
+from cuspline.values.units import MM
 
 VIEW_DEFLECTION_MM = 0.02
 BARE_DEFLECTION_MM, THIN_EDGE_RAD = 0.05, 0.6     # normals are the surface's own: facets this coarse look round
@@ -133,7 +134,8 @@ def _setup_bundle(work, judged, k, item, drawn, job):
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
         turned_in_words=_turned_in_words(posted, item.setup, machine, is_held_as_before), is_held_as_before=is_held_as_before,
         swings_in_words=_swings_in_words(judged.read[k].whole, machine),
-        solved_for=_axes_in_words("XYZ", machine.wcs_origin_mm) if item.program in solved else "",
+        solved_for=_axes_in_words(
+            "XYZ", np.array(machine.wcs_origin_mm) / MM[machine.control.units]) if item.program in solved else "",
         name=item.setup.name, program_file=item.program, program_sha256=hashlib.sha256(text).hexdigest(),
         program_lines=text.count(b"\n"), program_bytes=len(text), continued=tuple(
             (name, hashlib.sha256(t).hexdigest()) for name, t in zip(item.continued, more)), machine=machine.name,

@@ -22,6 +22,7 @@ from cuspline.values.models import shortened
 MOST_VARIANTS = 100_000
 LONGEST_NAME = 60               # characters of a folder's name that say the values; a checksum stands for longer ones
 RANGE = re.compile(r"^([^:]+):([^:]+):(\d+)$")
+NEARLY_A_RANGE = re.compile(r"^[-+.\d]+(:[-+.\d]+){1,2}$")
 FILES_OF_DESIGNS = (".py", ".csv", ".toml", ".json", ".step", ".stp", ".stl")
 VERIFIED, REJECTED, MADE, REFUSED, FAULT = "verified", "rejected", "made", "refused", "fault"
 STANDS = (VERIFIED, REJECTED, MADE, REFUSED)        # of rows that need no other try
@@ -84,6 +85,8 @@ def axis_of(text):
         raise InputError(f"-p {shortened(text)} is not of the form name=value, name=value,value or name=from:to:count")
     if found := RANGE.match(values.strip()):
         return name.strip(), _spaced(text, *found.groups())
+    if NEARLY_A_RANGE.match(values.strip()):
+        raise InputError(f"-p {shortened(text)}: a range is name=from:to:count, with a whole count of 2 or more")
     several = tuple(v.strip() for v in values.split(","))
     if "" in several or len(set(several)) < len(several):
         raise InputError(f"-p {shortened(text)}: a value is empty or stands twice; write each once, between commas")

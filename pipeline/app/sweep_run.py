@@ -89,7 +89,7 @@ class Sweep:
             sweep.write_parquet(rows, self.out / "sweep.parquet")
             without = ""
         except ImportError:
-            without = "; pyarrow is not installed: no sweep.parquet"
+            without = "; no sweep.parquet, which needs pyarrow: pip install pyarrow"
         say(f"{self.out}: sweep.csv, index.html{without}")
 
     def _put(self, name, text):

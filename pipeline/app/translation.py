@@ -10,7 +10,7 @@ import numpy as np
 
 from cuspline.app import catalogue
 from cuspline.program.posted import PostedMoves
-from cuspline.program.program import WORK_OFFSETS, Kind, Moves, Operation, Plane, Program
+from cuspline.program.program import WORK_OFFSETS, Kind, Moves, Operation, Pause, Plane, Program
 from cuspline.values import fixed_math as fixed
 from cuspline.values.amounts import counted
 from cuspline.values.coolants import BITS
@@ -23,7 +23,9 @@ EXTENSIONS = {".ngc": "linuxcnc", ".mpf": "siemens", ".h": "heidenhain", ".pmc":
 MACHINES = {"linuxcnc": "mill_3axis"}           # of other posts: mill_<post>
 TOOL_NUMBER = re.compile(r"(?:\bT(?:OOL CALL)?\s*=?\s*\"?|LOADTL\s*/\s*)(\d+)", re.IGNORECASE)
 COOLANTS = {bits: name for name, bits in BITS.items()}
-UNTRANSLATED = {"M0": "a stop", "M1": "an optional stop", "G4": "a dwell"}
+STANDS = ("G4", "M0", "M1")
+SPINDLE = {"M3": True, "M4": True, "M5": False, "M6": False}        # whether it turns behind
+SAME_S = 6e-4                       # of a dwell: half a millisecond, and rounding; a shorter one is none
 UPRIGHT = np.array([0.0, 0.0, 1.0])
 ARM_MM = 1000.0                     # from a rotary axis to the tip, at most
 FASTER, SAME_SHARE = 1.02, 1e-3     # of a piece of a leaning line beside the line
@@ -104,7 +106,7 @@ def translated(text, *, name, source, target, tools=None):
         Translation.
     Raises:
         ReadError, PostError: what the one does not know or the other does not take, with its line or its name.
-        InputError: what can be read, but not said in a Program: stops, the other sense of the spindle, several zeros.
+        InputError: what can be read, but not said in a Program: the other sense of the spindle, several zeros.
     """
     if tools is None and getattr(catalogue.find_post(target.control.post), "NEEDS_LENGTHS", False):
         raise InputError(f"the post {target.control.post} writes tool lengths into the program: give the tools by --cutters")
@@ -118,7 +120,7 @@ def translated(text, *, name, source, target, tools=None):
         raise InputError(f"{name}, line {moves.line[tied[0]]}: a thread is tapped, the feed tied to the spindle: that is not "
                          "translated; plan the part for the other machine")
     program = program_of(moves, name, source.control.post, tools)
-    store = target.control.model_copy(update={"program_store_bytes": LARGEST_STORE_BYTES})
+    store = target.control.model_copy(update={"program_store_bytes": LARGEST_STORE_BYTES, "program_store_sub_blocks": None})
     target = target.model_copy(update={"control": store})
     posted = catalogue.find_post(target.control.post).post(program, target)
     back = _read_all(posted.texts, target, tools)
@@ -173,10 +175,6 @@ def program_of(moves, name, language, tools=None):
 
 
 def _refuse_what_is_lost(moves):
-    for stop in moves.stops:
-        if stop.word in UNTRANSLATED:
-            raise InputError(f"line {stop.line}: {UNTRANSLATED[stop.word]} ({stop.word}) is not translated: take it out, and "
-                             "write it into the new program by hand", rows=[stop.line])
     cuts = moves.kind != Kind.RAPID
     wrong = {"the spindle turns backwards (M4)": moves.spindle_rpm < 0, "a cut without a tool": cuts & (moves.tool == 0),
              "a cut while the spindle stands": cuts & (moves.spindle_rpm == 0),
@@ -200,25 +198,67 @@ def _operations(moves, tools):
     rpm = np.round(moves.spindle_rpm)
     starts = np.cumsum((moves.kind == Kind.RAPID) & (np.r_[0.0, np.diff(rpm)] != 0))
     keys = np.column_stack([moves.operation, moves.tool, starts, moves.coolant])
+    pauses = _Pauses(moves)
     known = np.isfinite(moves.start_mm).all(axis=1) & np.isfinite(moves.end_mm).all(axis=1)
     changes = np.flatnonzero((keys[1:] != keys[:-1]).any(axis=1) | (known[1:] != known[:-1])) + 1
-    before = None
+    before, runs = None, []
     for rows in np.split(np.arange(len(moves)), changes):
+        if known[rows[0]] and (moves.kind[rows] != Kind.RAPID).any():
+            runs.append(rows)
+    for k, rows in enumerate(runs):
         cuts = np.flatnonzero(moves.kind[rows] != Kind.RAPID)
-        if not known[rows[0]] or not len(cuts):
-            continue
         tool = int(moves.tool[rows[0]])
         own = NumberedTool(tool) if tools is None else tools[tool]
         goes_on = before is not None and before + 1 == rows[0] and moves.tool[before] == tool
         yield Operation(name=moves.operation_name(rows[0]) or f"tool {tool}", tool=own, is_from_top=not goes_on,
                         spindle_rpm=float(rpm[rows[cuts[0]]]), coolant=COOLANTS[int(moves.coolant[rows[0]])],
-                        moves=_moves(moves, rows), rpm_changes=_changes(moves, rows, rpm))
+                        moves=_moves(moves, rows), rpm_changes=_changes(moves, rows, rpm),
+                        pauses=pauses.taken(rows, is_last=k + 1 == len(runs)))
         before = rows[-1]
+
+
+class _Pauses:
+    """Where a program stands still, handed out to its operations one after the other."""
+
+    def __init__(self, moves):
+        self.moves, self.left, is_on = moves, [], False
+        for at, stop in enumerate(moves.stops):
+            if stop.word in STANDS and (stop.word != "G4" or stop.seconds >= SAME_S):
+                self.left.append((at, stop, is_on))
+            is_on = SPINDLE.get(stop.word, is_on)
+        self.changes = [(at, stop.row) for at, stop in enumerate(moves.stops) if stop.word == "M6"]
+
+    def taken(self, rows, is_last):
+        """Pauses of an operation: those among its moves and at its end, and those since the one before.
+
+        Args:
+            rows: of its moves, one after the other.   is_last: no operation follows; what is left is this one's.
+        """
+        first, end, pieces, out = rows[0], rows[-1] + 1, _pieces_before(self.moves, rows), []
+        comes_in = max((at for at, row in self.changes if row <= first), default=-1)       # its tool
+        while self.left and (self.left[0][1].row <= end or is_last) and not self._is_before_next_tool(end, is_last):
+            at, stop, is_on = self.left.pop(0)
+            is_behind = stop.row > end
+            is_at_top = is_behind or stop.row < first and at < comes_in
+            move = len(pieces) - 1 if is_behind else max(stop.row - first, 0)
+            out.append(Pause(move=int(pieces[move]), seconds=stop.seconds, is_optional=stop.word == "M1", is_spindle_on=is_on and
+                             not is_at_top, is_at_top=bool(is_at_top)))
+        return tuple(out)
+
+    def _is_before_next_tool(self, end, is_last):
+        """What comes at the operation's end, but behind the next tool, belongs to the next operation."""
+        at, stop, _ = self.left[0]
+        return not is_last and stop.row == end and any(change < at and row == end for change, row in self.changes)
+
+
+def _pieces_before(moves, rows):
+    """(n + 1,) moves of a Program that rows of moves before each make: arcs of more than one turn go out in pieces."""
+    return np.cumsum([0, *np.where(moves.turns[rows] > 0, 2 * (moves.turns[rows] + 1), 1)])
 
 
 def _changes(moves, rows, rpm):
     """(move, spindle speed from there on) among rows of moves, arcs of more than one turn counted in their pieces."""
-    pieces = np.cumsum([0, *np.where(moves.turns[rows] > 0, 2 * (moves.turns[rows] + 1), 1)])
+    pieces = _pieces_before(moves, rows)
     cuts = np.flatnonzero(moves.kind[rows] != Kind.RAPID)
     speed = rpm[rows[cuts]]
     changed = np.flatnonzero(np.diff(speed) != 0) + 1
@@ -280,7 +320,7 @@ def _compared(moves, back, control, arcs_as_lines, rotaries=()):
     cuts = np.flatnonzero(moves.kind != Kind.RAPID)
     found = np.flatnonzero(back.kind != Kind.RAPID)
     through_joints, is_leaning = _ThroughJoints(control), _leans(moves) if rotaries else np.zeros(len(moves), bool)
-    at, off_mm, off_feed = 0, 0.0, 0.0
+    at, off_mm, off_feed, made = 0, 0.0, 0.0, [0]
     for row in cuts.tolist():
         first, leans = at, is_leaning[row]
         ends_there = through_joints.ends_there if leans else _ends_there
@@ -296,13 +336,45 @@ def _compared(moves, back, control, arcs_as_lines, rotaries=()):
         if not leans:
             off_feed = max(off_feed, float(np.abs(back.feed_mm_per_min[rows] - moves.feed_mm_per_min[row]).max()))
         at += 1
+        made.append(at)
     if at < len(found) or off_feed > half_feed:
         raise ReadError(f"{counted(len(found) - at, 'move')} more than the program has, or feeds off by {off_feed:g} mm/min",
                         rows=[1])
-    notes = [f"ends are up to {off_mm:.2g} mm off: {control.decimals} decimals in {control.units}"] if off_mm > SAME_MM else []
+    stands = _where_it_stands(moves, cuts, np.arange(len(cuts) + 1)), _where_it_stands(back, found, np.array(made))
+    notes = _pauses_compared(*stands)
+    notes += [f"ends are up to {off_mm:.2g} mm off: {control.decimals} decimals in {control.units}"] if off_mm > SAME_MM else []
     notes += [f"feeds are up to {off_feed:.2g} mm/min off"] if off_feed > SAME_MM else []
     if arcs_as_lines:
         notes.append(f"{counted(arcs_as_lines, 'arc')} as chords within {control.path_tolerance_mm:g} mm")
+    return notes
+
+
+def _where_it_stands(moves, cuts, made):
+    """[(cuts of the program made before, Stop)]: one between two pieces of a cut counts as behind it.
+
+    Args:
+        cuts: (m,) rows that cut.   made: (n + 1,) of them behind every cut of the program.
+    """
+    before = [(int(np.searchsorted(cuts, s.row)), s) for s in moves.stops
+              if s.word in STANDS and (s.word != "G4" or s.seconds >= SAME_S)]
+    return [(int(np.searchsorted(made, n)), s) for n, s in before]
+
+
+def _pauses_compared(wanted, found):
+    """Notes; the program's stops and dwells come back in their order, after as many cuts; the post may have more of its own.
+
+    Raises:
+        ReadError: one is missing; `.rows` holds its line.
+    """
+    notes, left = [], iter(found)
+    for count, stop in wanted:
+        there = next((s for n, s in left if n == count and s.word in (stop.word, "M0" if stop.word == "M1" else stop.word)
+                      and abs(s.seconds - stop.seconds) < SAME_S), None)
+        if there is None:
+            raise ReadError(f"line {stop.line}: {stop.word} does not come back where it was meant: the new control has not the "
+                            "words for it", rows=[stop.line])
+        if there.word != stop.word:
+            notes.append(f"line {stop.line}: the optional stop became one that always stops")
     return notes
 
 

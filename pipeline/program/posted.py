@@ -45,6 +45,7 @@ class Stop:
     row: int                  # moves made before it
     line: int                 # of the text, from 1
     word: str                 # M0 M1 M2 M3 M4 M5 M6 M30, G4
+    seconds: float = 0.0      # of a G4
     nose_z_mm: float = math.nan     # machine height of the spindle nose, where the row before it is another position's
 
 

@@ -170,6 +170,18 @@ class MoveWriter:
                      axis=np.tile((0.0, 0.0, 1.0), (n, 1)), feed_mm_per_min=feed)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Pause:
+    """The program stands still between two moves of an operation."""
+
+    move: int                       # moves of the operation made before it
+    seconds: float = 0.0            # that it takes; 0: until the operator goes on
+    is_optional: bool = False       # a stop only where the operator has asked for it
+    is_spindle_on: bool = True      # with the coolant; off: both go off before, and on again behind
+    is_at_top: bool = False         # at the top of the machine, the spindle off: before the operation's tool comes in, or
+                                    # behind its last move
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Operation:
     """All moves of one operation with one tool at one spindle speed."""
@@ -186,6 +198,7 @@ class Operation:
     is_from_top: bool = False       # it begins from the top of the machine, whatever tool was in before
     level_mm: float | None = None   # where its axis leans and stands: rapids across run so far above the zero, along the axis
     rpm_changes: tuple[tuple[int, float], ...] = ()     # (move, spindle speed from there on); before the first: spindle_rpm
+    pauses: tuple[Pause, ...] = ()  # in the order in which they come
 
     def rpm_at(self, move):
         """Spindle speed of a move."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from cuspline.report.wording import (
     DASH,
+    Lengths,
     box_size,
     counted,
     decimal,
@@ -306,23 +307,27 @@ def _listed(holder):
     return [item for item in found if isinstance(item, dict)] if isinstance(found, (list, tuple)) else []
 
 
-def operation_rows(bundle):
-    """One dict of texts per operation, for the operations table and the setup sheet."""
+def operation_rows(bundle, units=None):
+    """One dict of texts per operation, for the operations table and the setup sheet.
+
+    Args:
+        units: "mm" or "inch" of feeds, steps and heights; None: mm.
+    """
     total = sum(number(op.get("time_s")) or 0.0 for _, _, op in operations(bundle))
-    return [_operation_row(setup, k, op, total) for setup, k, op in operations(bundle)]
+    return [_operation_row(setup, k, op, total, Lengths(units or "mm")) for setup, k, op in operations(bundle)]
 
 
-def _operation_row(setup, index, op, total_s):
+def _operation_row(setup, index, op, total_s, lengths):
     tool = op.get("tool") or {}
     return {
         "setup": setup.name, "name": str(op.get("name", DASH)), "tool": tool_name(tool),
-        "spindle": decimal(op.get("spindle_rpm"), 0), "feed": feed_text(op.get("feed_mm_per_min")),
+        "spindle": decimal(op.get("spindle_rpm"), 0), "feed": feed_text(op.get("feed_mm_per_min"), lengths),
         "coolant": str(op.get("coolant") or DASH).replace("_", " "),
-        "stepover": decimal(op.get("stepover_mm")), "scallop": decimal(op.get("scallop_mm"), 4),
-        "tolerance": decimal(op.get("segment_tolerance_mm"), 4), "allowance": decimal(op.get("allowance_mm")),
+        "stepover": lengths.decimal(op.get("stepover_mm")), "scallop": decimal(op.get("scallop_mm"), 4),
+        "tolerance": decimal(op.get("segment_tolerance_mm"), 4), "allowance": lengths.decimal(op.get("allowance_mm")),
         "length": decimal((number(op.get("length_mm")) or 0) / 1000 if op.get("length_mm") else None, 2, "m"),
         "time": duration(op.get("time_s")), "share": percent(op.get("time_s"), total_s, 0),
-        "blocks": grouped(op.get("blocks")), "minimum_z": decimal(minimum_z_mm(setup, index)),
+        "blocks": grouped(op.get("blocks")), "minimum_z": lengths.decimal(minimum_z_mm(setup, index)),
         "first_line": first_line(setup, index), "hollow": decimal(op.get("min_concave_radius_mm")),
         "hollow_place": place(concave_place(op)),
     }
@@ -403,14 +408,15 @@ def _half_in_words(speeds):
     return f", half below {decimal(speeds[1], 0)}" if isinstance(speeds, list) and len(speeds) == 3 else ""
 
 
-def feed_text(feed):
-    """A feed, a range of feeds, or feeds by name."""
+def feed_text(feed, lengths=Lengths("mm")):
+    """A feed, a range of feeds, or feeds by name, by the minute."""
+    text = lambda value: lengths.decimal(value, 0)
     if isinstance(feed, dict):
-        return ", ".join(f"{str(name).replace('_', ' ')} {decimal(value, 0)}" for name, value in feed.items()) or DASH
+        return ", ".join(f"{str(name).replace('_', ' ')} {text(value)}" for name, value in feed.items()) or DASH
     if isinstance(feed, (list, tuple)) and feed:
-        low, high = decimal(min(feed), 0), decimal(max(feed), 0)
+        low, high = text(min(feed)), text(max(feed))
         return low if low == high else f"{low} … {high}"
-    return decimal(feed, 0)
+    return text(feed)
 
 
 def minimum_z_mm(setup, operation):

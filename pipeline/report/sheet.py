@@ -16,7 +16,7 @@ from cuspline.report.facts import (
     operations,
     verdict,
 )
-from cuspline.report.wording import DASH, box_size, decimal, duration, file_size, grouped, number, short, tool_name
+from cuspline.report.wording import DASH, Lengths, duration, file_size, grouped, number, tool_name
 from cuspline.values import fixed_math as fixed
 
 NOTICE = ("Simulated only: nothing here says that the program has run on a machine. "
@@ -37,6 +37,7 @@ class SetupSheet:
     tools: list             # [dict of texts]
     operations: list        # [dict of texts]
     checklist: list         # [text]
+    units: str              # of its lengths: the control's
     is_solved: bool         # for tools of stated lengths
     files: list             # [(file, SHA-256)]
 
@@ -47,12 +48,12 @@ def setup_sheets(bundle):
 
 
 def _sheet(bundle, setup):
-    rows = [row for row, (s, _, _) in zip(operation_rows(bundle), operations(bundle)) if s is setup]
+    rows = [row for row, (s, _, _) in zip(operation_rows(bundle, setup.units), operations(bundle)) if s is setup]
     return SetupSheet(
         name=setup.name, job=job_rows(bundle, setup), zero=zero_rows(bundle, setup), drawing=wcs_drawing(bundle, setup),
         tools=tool_rows(bundle, setup), operations=rows, checklist=checklist(bundle, setup), is_solved=bool(setup.solved_for),
-        files=[(setup.program_file, setup.program_sha256), *setup.continued, (bundle.step_file, bundle.step_sha256),
-               ("inputs", bundle.inputs_sha256)])
+        units=setup.units, files=[(setup.program_file, setup.program_sha256), *setup.continued,
+                                  (bundle.step_file, bundle.step_sha256), ("inputs", bundle.inputs_sha256)])
 
 
 def job_rows(bundle, setup):
@@ -82,7 +83,8 @@ def _which_of(bundle, setup):
 
 def zero_rows(bundle, setup):
     """Where the zero is, how large the stock, how far the tool goes, all in WCS."""
-    axis = lambda box, k: f"{decimal(box[0][k])} … {decimal(box[1][k])}"
+    lengths = Lengths(setup.units)
+    axis = lambda box, k: f"{lengths.decimal(box[0][k])} … {lengths.decimal(box[1][k])}"
     spans = lambda box: "   ".join(f"{name} {axis(box, k)}" for k, name in enumerate("XYZ"))
     lies = [("Part sits, as measured", setup.lies_in_words)] if setup.lies_in_words else []
     held = [("Held by", ", ".join(name for name, _ in setup.fixtures))] if setup.fixtures else []
@@ -90,19 +92,19 @@ def zero_rows(bundle, setup):
     swings = [("Program turns", setup.swings_in_words)] if setup.swings_in_words and not turned else []
     return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), *turned, *swings, ("Stock", stock_size(setup)), *held,
             (f"Stock in {setup.axes_name if turned else 'WCS'}", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
-            ("Finished part", box_size(bundle.part_box_mm)), *lies,
-            *((f"Marker {name}", _place(place)) for name, place in setup.markers),
-            *((f"Marker {name}, for later", _place(place)) for name, place in setup.marked_for_later)]
+            ("Finished part", lengths.box_size(bundle.part_box_mm)), *lies,
+            *((f"Marker {name}", _place(place, lengths)) for name, place in setup.markers),
+            *((f"Marker {name}, for later", _place(place, lengths)) for name, place in setup.marked_for_later)]
 
 
 def stock_size(setup):
     """The stock in words: its size, and what it is where it is no box along the WCS."""
-    size = box_size(setup.stock_box_mm)
-    return f"{setup.stock_in_words}, within {size}" if setup.stock_in_words else size
+    size = Lengths(setup.units).box_size(setup.stock_box_mm)
+    return f"{setup.stock_in_words}{'' if setup.units == 'mm' else ' (mm)'}, within {size}" if setup.stock_in_words else size
 
 
-def _place(place_mm):
-    return "   ".join(f"{axis} {decimal(x)}" for axis, x in zip("XYZ", place_mm))
+def _place(place_mm, lengths):
+    return "   ".join(f"{axis} {lengths.decimal(x)}" for axis, x in zip("XYZ", place_mm))
 
 
 def tool_rows(bundle, setup):
@@ -117,15 +119,16 @@ def tool_rows(bundle, setup):
 def _tool_row(setup, uses):
     tool = uses[0][1].get("tool")
     tool = tool if isinstance(tool, dict) else {"name": str(tool or DASH)}
-    holder = tool.get("holder")
+    holder, lengths = tool.get("holder"), Lengths(setup.units)
+    short = lengths.short
     depths = [z for z in (minimum_z_mm(setup, k) for k, _ in uses) if z is not None]
     seconds = [number(op.get("time_s")) for _, op in uses]
     return {"number": f"T{tool['number']}" if "number" in tool else DASH, "name": str(tool.get("name", DASH)),
             "type": str(tool.get("type", DASH)).replace("_", " "), "diameter": short(tool.get("diameter_mm")),
             "corner": short(tool.get("corner_radius_mm")), "flute": short(tool.get("flute_length_mm")),
             "stick_out": short(tool.get("stick_out_mm")), "length": short(_length_mm(tool)),
-            "holder": _holder_in_words(holder) + _head_in_words(tool),
-            "minimum_z": decimal(min(depths) if depths else None),
+            "holder": _holder_in_words(holder) + _head_in_words(tool, lengths),
+            "minimum_z": lengths.decimal(min(depths) if depths else None),
             "operations": ", ".join(str(op.get("name", DASH)) for _, op in uses),
             "time": duration(sum(seconds) if None not in seconds else None)}
 
@@ -144,20 +147,21 @@ def _holder_in_words(holder):
     return str(holder.get("name", DASH)) if isinstance(holder, dict) else str(holder or DASH)
 
 
-def _head_in_words(tool):
+def _head_in_words(tool, lengths):
     head = tool.get("head")
     return "" if not head else (f", on {head['name']}: cutter toward {head['cutter_points']}, its middle "
-                                f"{short(head['offset_mm'])} mm beside the spindle in X, "
-                                f"{short(head['length_mm'])} mm below it")
+                                f"{lengths.short(head['offset_mm'])} {lengths.units} beside the spindle in X, "
+                                f"{lengths.short(head['length_mm'])} {lengths.units} below it")
 
 
 def checklist(bundle, setup):
     """What to tick off before cycle start, with this job's own numbers."""
     if setup.is_held_as_before:
         return _position_checklist(bundle, setup)
+    lengths = Lengths(setup.units)
     where = "clear of every cut in all positions" if setup.swings_in_words else "below every cut"
     lines = [f"Stock is {bundle.material}, {stock_size(setup)}, clamped {where} "
-             f"(lowest tip {'here ' if setup.swings_in_words else ''}Z {decimal(setup.extents_mm[0][2])})",
+             f"(lowest tip {'here ' if setup.swings_in_words else ''}Z {lengths.decimal(setup.extents_mm[0][2])})",
              f"{setup.wcs} set: {setup.wcs_in_words}; compared with the picture"]
     if setup.solved_for:
         lines.append(f"{setup.wcs} stands at machine {setup.solved_for}, and tools are as long as stated under Length: the "
@@ -168,7 +172,7 @@ def checklist(bundle, setup):
     if setup.markers:
         lines.append("Markers " + ", ".join(name for name, _ in setup.markers) + " touched, and found where this sheet "
                      "puts them; if not, program posted anew with --measured")
-    lines += [f"{row['number']} {row['name']} measured, length in the tool table, stick-out {row['stick_out']} mm, "
+    lines += [f"{row['number']} {row['name']} measured, length in the tool table, stick-out {row['stick_out']} {setup.units}, "
               f"holder {row['holder']}" for row in tool_rows(bundle, setup)]
     lines += [f"{words}; the rest for a ball that measures otherwise: cuspline repost"
               for words in edge_sets(bundle.verify, setup.name) if "changed before" in words]
@@ -177,7 +181,7 @@ def checklist(bundle, setup):
     return lines + [
         f"Control reads {setup.units} and the loaded program is {setup.program_file}, "
         f"SHA-256 begins {setup.program_sha256[:16]}",
-        f"Nothing stands in the way up to Z {decimal(setup.extents_mm[1][2])}",
+        f"Nothing stands in the way up to Z {lengths.decimal(setup.extents_mm[1][2])}",
         "First run: single block, rapids reduced, air cut above the stock"]
 
 
@@ -252,7 +256,7 @@ def _text(point, words, attributes=""):
 def _dimensions(look, setup, low, high):
     """Stock sizes at the middle of its front and left edges, outside."""
     at = lambda x, y, z: look(setup.frame.out(np.array([[x, y, z]])))[0]
-    middle = (low + high) / 2
+    middle, short = (low + high) / 2, Lengths(setup.units).short
     return [_text(at(middle[0], low[1], low[2]) + (6, 18), f"X {short(high[0] - low[0])}"),
             _text(at(low[0], middle[1], low[2]) + (-10, 16), f"Y {short(high[1] - low[1])}", 'text-anchor="end"'),
             _text(at(high[0], low[1], middle[2]) + (8, 6), f"Z {short(high[2] - low[2])}")]

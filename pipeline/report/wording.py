@@ -1,8 +1,10 @@
 """Numbers as a machinist reads them; what is missing becomes a dash, never a crash."""
 
 import math
+from dataclasses import dataclass
 
 from cuspline.values import amounts
+from cuspline.values.units import MM
 
 DASH, GROUP = "–", "\N{NARROW NO-BREAK SPACE}"
 
@@ -132,6 +134,32 @@ def box_size(box_mm):
     """
     low, high = box_mm
     return " × ".join(short(b - a) for a, b in zip(low, high)) + " mm"
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """Lengths, given in mm, as a control's operator reads them: inches have a decimal more.
+
+    >>> Lengths("inch").decimal(12.7), Lengths("mm").decimal(12.7), Lengths("inch").short(25.4), Lengths("inch").decimal(None)
+    ('0.5000', '12.700', '1', '–')
+    """
+
+    units: str          # "mm" or "inch"
+
+    def decimal(self, value_mm, decimals=3):
+        """Fixed decimals."""
+        found = number(value_mm)
+        return decimal(found, decimals) if self.units == "mm" or found is None else decimal(found / MM[self.units], decimals + 1)
+
+    def short(self, value_mm):
+        """Without useless zeros, for sizes."""
+        found = number(value_mm)
+        return short(found) if self.units == "mm" or found is None else self.decimal(found).rstrip("0").rstrip(".")
+
+    def box_size(self, box_mm):
+        """Length × width × height of a (min, max) box."""
+        low, high = box_mm
+        return " × ".join(self.short(b - a) for a, b in zip(low, high)) + f" {self.units}"
 
 
 def file_size(count):

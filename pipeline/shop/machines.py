@@ -153,7 +153,8 @@ class Control(Sparse):
     """What the controller accepts."""
 
     LEFT_OUT = ("sub_programs", "decimals_deg", "tip_control", "block_numbers", "optional_stops", "arc_planes", "canned_cycles",
-                "blocks_per_s", "rigid_tapping", "feeding", "arc_centres", "coolants")
+                "blocks_per_s", "rigid_tapping", "feeding", "arc_centres", "swivel_record", "feed_parameters",
+                "program_store_sub_blocks", "coolants")
     post: str = Field(description="name of the post in posts/writers, or its .py file, seen from the machine's")
     units: Literal["mm", "inch"] = "mm"
     decimals_mm: int = Field(default=4, ge=1, le=6)
@@ -165,8 +166,15 @@ class Control(Sparse):
         "(and M429, LinuxCNC's remapped words), M68 (the output M68 E3 that they stand for), G43.4 (Fanuc), TRAORI (Siemens), "
         "G234 (Haas), TCPM (Heidenhain); "
         "left out: as joints")
+    swivel_record: str | None = Field(
+        default=None, pattern=r"^[A-Z][A-Z0-9_]{0,31}$", description="name of the swivel data record by which a Sinumerik's "
+        "CYCLE800 takes indexed positions; left out: they go out as other leaning tools do")
+    feed_parameters: bool = Field(default=False, description="feeds as R-parameters at the program's head, for the operator to "
+                                  "change (Siemens)")
     line_length: int = Field(default=252, ge=40, description="longest block the control takes, characters")
-    program_store_bytes: int = Field(gt=0)
+    program_store_bytes: int = Field(gt=0, description="that the program memory holds; a longer program goes out as a numbered set")
+    program_store_sub_blocks: int | None = Field(default=None, gt=0, description="that it holds of words (X1.0 Y1.0 is two), where "
+                                                 "the control counts these too; left out: bytes alone")
     sub_programs: bool = Field(default=True, description="repeated passes as sub-programs and calls; false: move by move")
     canned_cycles: bool = Field(default=True, description="holes as G81 G82 G83 G73; false: move by move")
     rigid_tapping: bool = Field(default=True, description="it taps with the spindle tied to the feed; false: threads are milled")

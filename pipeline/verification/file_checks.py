@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from cuspline.design.job import digest_of, job_line
+from cuspline.program.sub_blocks import sub_blocks_of
 from cuspline.values.errors import InputError
 from cuspline.values.findings import Finding
 from cuspline.values.input_files import refuse_irregular, sha256_of
@@ -24,7 +25,11 @@ def program_findings(name, text, setup, machine):
         yield _finding(kind="program_too_long",
                        advice=f"{name} has {size} bytes, the program memory of {machine.name} holds {room}: raise "
                        "the scallop height, or feed it through the control's buffer", setup=setup)
-    lines = text.split("\n")
+    lines, most = text.split("\n"), machine.control.program_store_sub_blocks
+    if most is not None and (count := sub_blocks_of(lines)) > most:
+        yield _finding(kind="program_too_long",
+                       advice=f"{name} has up to {count} sub-blocks, the program memory of {machine.name} holds {most}: raise "
+                       "the scallop height, or feed it through the control's buffer", setup=setup)
     longest = max(range(len(lines)), key=lambda k: len(lines[k]))
     if len(lines[longest]) > machine.control.line_length:
         yield _finding(kind="line_too_long",

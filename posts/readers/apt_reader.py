@@ -209,14 +209,14 @@ class _Job:
         """DELAY: seconds."""
         if len(parameters) != 1 or not _numbers(parameters, "DELAY")[0] > 0:
             raise Complaint("DELAY without its seconds", "write DELAY/ and a number above 0")
-        self._stand_still("G4")
+        self._stand_still("G4", _numbers(parameters, "DELAY")[0])
 
     def end(self, parameters):
         self.ended = True
         self._stand_still("M30")
 
-    def _stand_still(self, word):
-        self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=word))
+    def _stand_still(self, word, seconds=0.0):
+        self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=word, seconds=seconds))
 
     # moves ------------------------------------------------------------------------------------------
 

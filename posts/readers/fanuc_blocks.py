@@ -14,6 +14,7 @@ LONGEST_LINE = 252
 PROGRAM = re.compile(r"(?:o|:)(\d{1,4})")
 CALL = re.compile(r"(?:n\d+)?(g65|m98)(?=p)(.*)")
 RETURN = re.compile(r"(?:n\d+)?m99")
+POINTED_DWELL = re.compile(r"g0?4(?!\d).*p\d*\.")
 FLOW = re.compile(r"(?:n\d+)?(if|while|goto|do|end|g66|g67)")
 NEEDS_POINT = frozenset("xyzabcijkrfq")
 WHOLE = frozenset("gmtshpd")
@@ -78,6 +79,8 @@ def _plain_block(block, code):
         settings.append((index, value_at(scanner)))
         if scanner.next:
             raise Complaint(f'"{scanner.code[scanner.at:]}" behind a setting', "give it a block of its own")
+    if POINTED_DWELL.search(code):
+        raise Complaint("G4 with a decimal point in P, which counts milliseconds", "write P without a point, or X and seconds")
     return block._replace(words=tuple(_words(scanner, LETTERS)), settings=tuple(settings))
 
 

@@ -10,7 +10,7 @@ BY_NAME = {
     **TAP_CODES,
     **COMPENSATION_CODES,
     **named_codes("rigid tapping", "M29"),
-    **named_codes("non-modal", "G4", takes="p"),
+    **named_codes("non-modal", "G4", takes="px"),
     **named_codes("plane", "G17", "G18", "G19"),
     **named_codes("units", "G20", "G21"),
     **named_codes("reference", "G28", takes="xyz"),

@@ -22,7 +22,7 @@ __all__ = ["read_program", "read_tool_table"]
 # I J K are always distances; how far corners may be cut is a parameter of the control, whichever mode is in force; a
 # G92 is taken back by hand, or by an option of the control
 RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"arc distance", "path control", "axis offset"},
-              takes_own_length=False, moves_z_alone=True, path_tolerance_mm=nan, cycles=EVERY, needs_rigid=True,
+              takes_own_length=False, moves_z_alone=True, path_tolerance_mm=nan, cycles=EVERY, needs_rigid=True, dwell_unit_s=1e-3,
               compensation=Compensation(joins_by_arcs=False, needs_register=True))
 
 

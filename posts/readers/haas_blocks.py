@@ -1,5 +1,6 @@
 """Haas text cut into blocks: words, O- and N-numbers, calls and comments, without their meaning.
 
+The P of a G4 counts seconds with a decimal point and milliseconds without: the block has it in seconds.
 A length or feed without a decimal point is refused: setting 162 decides whether it counts whole units or thousandths.
 """
 
@@ -15,6 +16,7 @@ CALL = re.compile(r"(m97|m98)p(\d+)(l\d+)?")
 NUMBER = re.compile(r"n(\d+)")
 NEEDS_POINT = frozenset("xyzabcijkrfe")
 LETTERS = NEEDS_POINT | frozenset("gmtshpd")
+POINTLESS_DWELL = re.compile(r"g0?4(?!\d)(?=.*p\d+(?![\d.]))")
 FLOW = re.compile(r"(if|while|goto|do|end|g65|g66|g67|m96)")
 
 
@@ -49,4 +51,7 @@ def _block(number, line):
         return block._replace(flow=call[1].upper(), label=("n" if call[1] == "m97" else "o") + str(int(call[2])))
     if any(letter == "m" and float(n) in (97, 98, 99) for letter, n in WORD.findall(code)):
         raise Complaint("a call or a return with other words beside it", "give M97 P, M98 P and M99 a block of their own")
-    return block._replace(words=words_of(code, LETTERS, NEEDS_POINT))
+    words = words_of(code, LETTERS, NEEDS_POINT)
+    if POINTLESS_DWELL.search(code):
+        words = tuple((letter, value / 1000.0 if letter == "p" else value) for letter, value in words)
+    return block._replace(words=words)

@@ -2,9 +2,10 @@
 
 It knows nothing of any post.  What it does not know it refuses, with the line and the remedy.  Facts by the Haas Mill Operator's
 Manual: G28 switches the tool length off for what follows, G53 heeds it not; G187 E bounds how far corners are rounded, without E
-setting 85 does; G84 and G74 tie the spindle to the feed and start it themselves; G52 counts by setting 33, so that only taking
-it back is read.  G234 ties X Y Z to the tip and ends with G49, G254 carries the zero with the table until G255, and wants X Y Z
-named anew.  Which radii an arc may have at its ends the manual does not say: they are held to 0.005 mm.
+setting 85 does; G84 and G74 tie the spindle to the feed and start it themselves; G52 counts by setting 33, so that only taking it
+back is read.  M0 and M1 stop spindle and coolant.  G234 ties X Y Z to the tip and ends with G49, G254 carries the zero with the
+table until G255, and wants X Y Z named anew.  Which radii an arc may have at its ends the manual does not say: they are held to
+0.005 mm.
 """
 
 from math import isfinite, nan, radians
@@ -52,6 +53,14 @@ BY_NAME = {
     **named_codes("coolant", "M8", "M9"),
 }
 ADVICE = {("m", 7): "M7 is no mist on a Haas: write M8, or what the machine's maker says"}
+
+
+def _stop(controller, name, values):
+    """M0 and M1 stop the spindle and the coolant too."""
+    controller.stop(name, values)
+    if name in ("M0", "M1"):
+        controller.turn_spindle("M5", values)
+        controller.set_coolant("M9", values)
 
 
 def _smooth(controller, name, values):
@@ -114,7 +123,7 @@ RULES = Rules(code_of=finder(BY_NAME, ADVICE), modes=frozenset(UNSAID) - {"arc d
               words={"path control": ("G187 E", "how far the control may leave the path")},
               cycles=frozenset(TAPS), compensation=Compensation(joins_by_arcs=False, needs_register=True),
               actions={"path control": _smooth, "corner mode": _corner_mode, "reference": _go_home,
-                       "tool length": _set_length, "tilted plane": _go_with_table, "move": _move})
+                       "tool length": _set_length, "tilted plane": _go_with_table, "move": _move, "stopping": _stop})
 
 
 def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=None, coolants=None):

@@ -1,12 +1,12 @@
 """Reads a Heidenhain Klartext program back into moves: what the control will do.
 
 It knows nothing of any post.  What it does not know it refuses, with the line and the remedy.  Facts by the TNC 640 User's Manual
-for Klartext Programming: TOOL CALL takes the tool's length with it; FMAX is its block's alone; M5, M9, M0, M2 and M30 act at the
-end of their block; M91 heeds neither preset, datum shift nor tool length; preset 1 stands for G54, 6 for G59; IPA and DR have one
-sign.  CC says by its axes in which main plane circles run, DR is the mathematical sense there: from X to Y, from Y to Z, from Z to
-X (angle reference axis).  Cycle 207 taps with the spindle tied to the feed: Q239 above 0 is right-hand, then to the set-up
-clearance Q200 and the second one Q204, both over Q203.  A circle whose radii differ by more than 0.005 mm is refused
-(circleDeviation).
+for Klartext Programming: TOOL CALL takes the tool's length with it; FMAX is its block's alone; M5, M9, M0, M1, M2 and M30 act at
+the end of their block; M0 and M1 stop spindle and coolant, STOP alone does not; cycle 9 waits as soon as it is defined; M91 heeds
+neither preset, datum shift nor tool length; preset 1 stands for G54, 6 for G59; IPA and DR have one sign.  CC says by its axes in
+which main plane circles run, DR is the mathematical sense there: from X to Y, from Y to Z, from Z to X (angle reference axis).
+Cycle 207 taps with the spindle tied to the feed: Q239 above 0 is right-hand, then to the set-up clearance Q200 and the second one
+Q204, both over Q203.  A circle whose radii differ by more than 0.005 mm is refused (circleDeviation).
 FUNCTION TCPM ties X Y Z to the tip, its F TCP is the feed there; PLANE SPATIAL turns about the part's Z, the new Y and the new X by
 SPC, SPB and SPA, and PLANE RESET STAY ends it where the axes stand.
 """
@@ -37,6 +37,7 @@ __all__ = ["read_program", "read_tool_table"]
 BY_NAME = {
     **named_codes("motion", "G0", "G1", "G2", "G3", takes=ARC_LETTERS),
     **named_codes("motion", "G331", "G332", takes="k"),
+    **named_codes("non-modal", "G4", takes="p"),
     **named_codes("non-modal", "G53"),
     **named_codes("non-modal", "G92.1", says="axis offset"),
     **named_codes("plane", "G17", "G18", "G19"),
@@ -56,7 +57,7 @@ BY_NAME = {
 }
 AT_THE_END = (0, 1, 2, 5, 9, 30)
 AT_THE_BEGIN = (3, 4, 7, 8)
-BOTH = {13: (3, 8), 14: (4, 8)}         # spindle and coolant
+TOGETHER = {13: (3, 8), 14: (4, 8), 0: (0, 5, 9), 1: (1, 5, 9)}        # spindle and coolant: a stop switches them off
 MACHINE_DATUM = 91
 TCPM = ("F", "TCP", "AXIS", "POS", "PATHCTRL", "AXIS")
 IJK = dict(zip("XYZ", "ijk"))
@@ -201,10 +202,14 @@ class _Tnc:
             if len(words) > 1 or words and not (words[0][0] == "T" and _is_number(words[0][1:])):
                 raise Complaint("cycle 32.1 with anything but T", "write CYCL DEF 32.1 T and the tolerance")
             return [(("g", 64.0), *(("q", number(w[1:])) for w in words))]
-        if cycle in ("32.0", "32.2"):
+        if cycle in ("32.0", "32.2", "9.0"):
             return [()]
+        if cycle == "9.1":
+            if not words or not _is_number(words[-1]):
+                raise Complaint("cycle 9.1 without its time", "write CYCL DEF 9.1 DWELL and the seconds")
+            return [(("g", 4.0), ("p", number(words[-1])))]
         raise Complaint(f"cycle {cycle or 'without a number'}",
-                        "known are 7 (all zero), 32, 207 and 247: write other cycles out as moves")
+                        "known are 7 (all zero), 9, 32, 207 and 247: write other cycles out as moves")
 
     def _define_taps(self, words):
         found = [re.fullmatch(r"(Q\d+)=(.*)", word) for word in words]
@@ -290,13 +295,13 @@ class _Tnc:
 
     def _moves(self, kind, said):
         """Functions that act at once, the move, functions that act at its end."""
-        functions = [f for m in said.functions for f in BOTH.get(m, (m,))]
+        functions = [f for m in said.functions for f in TOGETHER.get(m, (m,))]
         own = [int(name[1:]) for name in self.controller.own_coolants if name != "M9"]
         at_begin = (*AT_THE_BEGIN, *own)
         unknown = [f"M{f}" for f in functions if f not in (*AT_THE_END, *at_begin, MACHINE_DATUM)]
         if unknown:
             raise Complaint(f"unknown word {unknown[0]}", "known are " + ", ".join(
-                f"M{f}" for f in sorted((*AT_THE_END, *at_begin, *BOTH, MACHINE_DATUM))))
+                f"M{f}" for f in sorted((*AT_THE_END, *at_begin, *(13, 14), MACHINE_DATUM))))
         begin = [("m", float(f)) for f in functions if f in at_begin] + self._radius(said.radius)
         end = [("m", float(f)) for f in functions if f in AT_THE_END] + ([("m", 0.0)] if kind == "STOP" else [])
         move = self._move(kind, said, MACHINE_DATUM in functions)

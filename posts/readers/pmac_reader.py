@@ -20,7 +20,8 @@ LONGEST_LINE = 255
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
 OPEN = re.compile(r"OPEN\s+PROG\s*(\d+)(\s+CLEAR)?")
 TOKEN = re.compile(rf"(RAPID|RPD|LINEAR|LIN|CIRCLE[12]|CIR[12]|(?:NORMAL|NRM)\s+[IJK]-1|(?:ABS|INC)(?:\s*\(R\))?|CC0|"
-                   rf"(?:DWELL|DWE|TA|TS)\s*{NUMBER})(?![A-Z])|([XYZIJKRFSTGMHN])({NUMBER})(?![\d.]|\s*=)")
+                   rf"(?:DWELL|DWE|DELAY|DLY|TA|TS)\s*{NUMBER})(?![A-Z])|([XYZIJKRFSTGMHN])({NUMBER})(?![\d.]|\s*=)")
+DWELL = re.compile("DWELL|DWE|DELAY|DLY")
 WORDS = {"RAPID": ("g", 0.0), "RPD": ("g", 0.0), "LINEAR": ("g", 1.0), "LIN": ("g", 1.0), "CIRCLE1": ("g", 2.0), "CIR1": ("g", 2.0),
          "CIRCLE2": ("g", 3.0), "CIR2": ("g", 3.0), "K-1": ("g", 17.0), "J-1": ("g", 18.0), "I-1": ("g", 19.0), "ABS": ("g", 90.0),
          "INC": ("g", 91.0), "ABS(R)": ("g", 90.1), "INC(R)": ("g", 91.1), "CC0": ("g", 40.0)}
@@ -28,6 +29,7 @@ CALLED = frozenset((20.0, 21.0, 43.0, 49.0, 53.0, 54.0, 55.0, 56.0, 57.0, 58.0, 
 BY_NAME = {
     **named_codes("motion", "G0", "G1"),
     **named_codes("motion", "G2", "G3", takes=ARC_LETTERS.replace("p", "")),
+    **named_codes("non-modal", "G4", takes="p"),    # no word of the control: DWELL
     **named_codes("non-modal", "G53"),
     **named_codes("plane", "G17", "G18", "G19"),
     **named_codes("units", "G20", "G21"),
@@ -43,7 +45,7 @@ BY_NAME = {
     **named_codes("tool change", "M6"),
     **named_codes("coolant", "M7", "M8", "M9"),
 }
-RULES = Rules(code_of=finder(BY_NAME, {}), takes_own_length=False, moves_z_alone=False, path_tolerance_mm=nan,
+RULES = Rules(code_of=finder(BY_NAME, {}), takes_own_length=False, moves_z_alone=False, path_tolerance_mm=nan, dwell_unit_s=1e-3,
               modes=frozenset(("distance", "work offset", "cutter compensation", "tool length", "plane", "arc distance")),
               bounds=(CLOSE_BOUNDS, CLOSE_BOUNDS),
               words={"distance": ("ABS", "whether axis words are places or distances"),
@@ -100,6 +102,8 @@ def _executed(blocks):
 
 def _steps(words):
     """G53 is a call that moves by itself, rapidly, and leaves a motion mode that nobody knows."""
+    if ("g", 4.0) in words and len(words) > 2:
+        raise Complaint("a dwell beside other words: whether it comes before or behind them", "give DWELL a line of its own")
     if ("g", 53.0) not in words:
         return [words]
     if any(letter == "g" and value <= 3.0 for letter, value in words):
@@ -130,20 +134,22 @@ def _words(code):
         found = TOKEN.match(code, at)
         if not found:
             raise Complaint(f'"{code[at:]}" is nothing that this reader knows',
-                            "known are RAPID, LINEAR, CIRCLE1, CIRCLE2, NORMAL, ABS, INC, CC0, DWELL, TA, TS, letters with numbers")
-        word = _word("".join((found[1] or "").split()), found[2], found[3])
-        words += [word] if word else []
+                            "known are RAPID, LINEAR, CIRCLE1, CIRCLE2, NORMAL, ABS, INC, CC0, DWELL, DELAY, TA, TS, letters with "
+                            "numbers")
+        words += _word("".join((found[1] or "").split()), found[2], found[3])
         at = found.end()
     return words
 
 
 def _word(command, letter, number):
-    """(letter, value) of one command or word; None of what moves nothing."""
-    if letter == "N" or command.startswith(("DWELL", "DWE", "TA", "TS")):
-        return None
+    """[(letter, value)] of one command or word; none of what moves nothing, and of a dwell of nothing."""
+    if dwell := DWELL.match(command):
+        return [("g", 4.0), ("p", float(command[dwell.end():]))] if float(command[dwell.end():]) else []
+    if letter == "N" or command.startswith(("TA", "TS")):
+        return []
     if letter is None:
-        return WORDS[command.removeprefix("NORMAL").removeprefix("NRM")]
+        return [WORDS[command.removeprefix("NORMAL").removeprefix("NRM")]]
     if letter == "G" and float(number) not in CALLED:
         raise Complaint(f"unknown word G{number}",
                         "known are G20, G21, G43, G49, G53 and G54 to G59: what moves is RAPID, LINEAR and CIRCLE")
-    return letter.lower(), float(number)
+    return [(letter.lower(), float(number))]

@@ -31,6 +31,7 @@ class Cycle(NamedTuple):
     z: float = 0.0      # mm
     r: float = 0.0
     q: float = 0.0
+    p: float = 0.0      # as written
 
 
 def begun(name, before, here_z, context):
@@ -62,7 +63,7 @@ def with_words(cycle, is_new, values, end_z, r):
             raise Complaint(f"{cycle.name} without {letter.upper()}", f"write {letter.upper()} in its first block")
     if values.get("p", 0.0) < 0:
         raise Complaint("a dwell below zero", "write P with the time")
-    made = cycle._replace(**{name: v for name, v in (("z", end_z), ("r", r)) if v is not None})
+    made = cycle._replace(**{name: v for name, v in (("z", end_z), ("r", r), ("p", values.get("p"))) if v is not None})
     if not made.z < made.r:
         raise Complaint(f"{cycle.name} whose R is not above its Z", "R is where it begins to feed down, Z the bottom")
     return made

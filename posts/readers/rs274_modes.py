@@ -41,6 +41,7 @@ class Rules(NamedTuple):
     peck_clearance_mm: float = 0.254        # above the last peck, to which G83 comes back by a rapid and G73 goes up
     cycles: frozenset = frozenset()         # names of the canned cycles that it has
     compensation: object = None             # cutter_compensation.Compensation; None: G41 and G42 are not read
+    dwell_unit_s: float = 1.0               # of the P of G4 and of G82; X counts seconds
     needs_rigid: bool = False               # G84 and G74 tie the spindle to the feed only behind M29
 
 

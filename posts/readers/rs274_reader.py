@@ -276,12 +276,16 @@ class Controller:
         self.is_machine_move = name == "G53"
         if self.is_machine_move:
             self._refuse_under_tip(name)
-        if name == "G4" and values.get("p", -1.0) < 0:
-            raise Complaint("a dwell without its time", "write G4 P seconds")
         if name == "G4":
-            self._stand_still(name)
+            self._wait(values)
         if name == "G52":
             self._shift_zero(values)
+
+    def _wait(self, values):
+        seconds = self.rules.dwell_unit_s * values["p"] if "p" in values else values.get("x", -1.0)
+        if seconds < 0 or {"p", "x"} <= values.keys():
+            raise Complaint("a dwell without its time", "write G4 P and the time")
+        self._stand_still("G4", seconds)
 
     def _shift_zero(self, values):
         """The machine stands still, and so does the tip; what is programmed from here on is seen from another zero."""
@@ -471,8 +475,8 @@ class Controller:
             name = next(name for name, bits in BITS.items() if bits & runs_on)
             raise Complaint(f"the program ends while the coolant {name} runs", f"write {' or '.join(words)} before the end")
 
-    def _stand_still(self, name):
-        self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=name))
+    def _stand_still(self, name, seconds=0.0):
+        self.stops.append(Stop(row=len(self.rows) // COLUMNS, line=self.line, word=name, seconds=seconds))
 
     # cutter compensation ----------------------------------------------------------------------------
 
@@ -621,6 +625,8 @@ class Controller:
             self.minutes = length_mm / feed if feed else 0.0
             self.pitch_mm = tied_mm if kind != Kind.RAPID else 0.0
             self._add(kind, self.tip, place, UNKNOWN, 0, feed)
+            if cycle.p and kind == Kind.FEED and cycle.name == "G82":
+                self._stand_still("G4", self.rules.dwell_unit_s * cycle.p)
         self.pitch_mm = 0.0
 
     def _tied_mm(self):

@@ -11,6 +11,7 @@ LONGEST_LINE = 512
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
 HEADER = re.compile(r"%_N_\w+_(MPF|SPF)|%")
 MESSAGE = re.compile(r'MSG\s*\(\s*("[^"]*")?\s*\)')
+SWIVEL = re.compile(r'CYCLE800\s*\(([^()]*)\)')
 NAMED = re.compile(rf'([A-Z]+\d*)\s*=\s*(?:({NUMBER})|"([^"]*)")(?![\w.(])')
 COMPUTED = re.compile(r"([A-Z]+\d*)\s*=\s*([-+*/(). R\d]*R\d[-+*/(). R\d]*)")
 WORD = re.compile(rf"([A-Z])\s*({NUMBER})(?!\s*=)")
@@ -26,6 +27,7 @@ class Said(NamedTuple):
     codes: tuple = ()           # ("G", 642.0), ("M", 6.0)
     values: dict = {}           # letter or name -> number
     keywords: tuple = ()
+    swivel: tuple = ()          # what stands in the brackets of CYCLE800, a keyword
 
 
 def blocks_of(text):
@@ -61,13 +63,16 @@ def _split(line):
 
 
 def _said(code, registers):
-    codes, values, keywords, at = [], {}, [], 0
+    codes, values, keywords, swivel, at = [], {}, [], (), 0
     while at < len(code):
         if code[at].isspace():
             at += 1
             continue
         if found := MESSAGE.match(code, at):
             pass
+        elif found := SWIVEL.match(code, at):
+            keywords.append("CYCLE800")
+            swivel = tuple(part.strip() for part in found[1].split(",")) if found[1].strip() else ()
         elif found := COMPUTED.match(code, at):
             _put(values, found[1], registers.value(found[2]))
         elif found := NAMED.match(code, at):
@@ -84,9 +89,11 @@ def _said(code, registers):
             keywords.append(found[1])
         else:
             raise Complaint(f'"{code[at:]}" is no word that this reader knows',
-                            f"known are letters with numbers, {', '.join(KEYWORDS)}, MSG, and with = {', '.join(NAMES)}")
+                            f"known are letters with numbers, {', '.join(KEYWORDS)}, CYCLE800, MSG, and with = {', '.join(NAMES)}")
         at = found.end()
-    return Said(tuple(codes), values, tuple(keywords))
+    if "CYCLE800" in keywords and (codes or values or len(keywords) > 1):
+        raise Complaint("CYCLE800 beside other words", "give it a block of its own")
+    return Said(tuple(codes), values, tuple(keywords), swivel)
 
 
 def _put(values, name, value):

@@ -19,6 +19,7 @@ from cuspline.posts.readers.rs274_modes import UNSAID, Rules
 from cuspline.posts.readers.rs274_reader import Controller
 from cuspline.posts.readers.siemens_blocks import blocks_of
 from cuspline.posts.readers.siemens_circles import arc_through
+from cuspline.posts.readers.siemens_swivel import refuse_other_side, swivelled
 from cuspline.posts.readers.siemens_tools import read_tool_table
 
 __all__ = ["read_program", "read_tool_table"]
@@ -34,6 +35,7 @@ BY_NAME = {
     **named_codes("non-modal", "G92.1", says="axis offset"),
     **named_codes("plane", "G17", "G18", "G19"),
     **named_codes("kinematics", "M428", "M429"),
+    **named_codes("tilted plane", "G53.1", "G69"),
     **named_codes("units", "G20", "G21"),
     **named_codes("cutter compensation", "G40", "G41", "G42"),
     **named_codes("tool length", "G43", takes="h"),
@@ -47,7 +49,8 @@ BY_NAME = {
     **named_codes("tool change", "M6"),
     **named_codes("coolant", "M7", "M8", "M9"),
 }
-SAME = {name for name in BY_NAME if name not in ("G20", "G21", "G43", "G49", "G53", "G92.1", "G642", "M428", "M429")}
+BROUGHT = ("G20", "G21", "G43", "G49", "G53", "G53.1", "G69", "G92.1", "G642", "M428", "M429")        # by words of its own
+SAME = BY_NAME.keys() - set(BROUGHT)
 UNITS = {"G700": 20.0, "G710": 21.0}
 TIP = {"TRAORI": ("m", 428.0), "TRAFOOF": ("m", 429.0)}
 SMOOTHING = ("G60", "G64", "G641", "G642", "G643", "G645")
@@ -145,7 +148,11 @@ class _Channel:
                 yield block, words
 
     def _words(self, said):
-        """One tuple of words, or two where a circle leaves the plane in force."""
+        """One tuple of words, or two where a circle leaves the plane in force, or three round a swivelled frame."""
+        if "CYCLE800" in said.keywords:
+            return self._swivel(said.swivel)
+        if "TRAORI" in said.keywords and self.controller.tilted is not None:
+            raise Complaint("TRAORI in a frame of CYCLE800", "write CYCLE800() before")
         values, names = dict(said.values), [f"{letter}{number:g}" for letter, number in said.codes]
         if "G4" in names and ("S" in values or "F" not in values):
             raise Complaint("a dwell without its time", "write G4 F and seconds in a block of its own")
@@ -170,6 +177,22 @@ class _Channel:
         if self.is_cip and {"X", "Y", "Z"} & values.keys():
             return self._circle(words, values)
         return [tuple(words + self._letters(values, names))]
+
+    def _swivel(self, parameters):
+        """The frame of CYCLE800, for a tool that stands square to it already; without parameters it is taken back."""
+        controller = self.controller
+        own = (("g", 43.0), ("h", float(controller.tool))) if controller.is_length_on and controller.tool else ()
+        if not parameters:
+            return [(("g", 49.0),), (("g", 69.0),), own] if controller.tilted is not None else [()]
+        if controller.tilted is not None or controller.is_tip or not controller.rotaries:
+            raise Complaint("CYCLE800 in another frame of its own, under TRAORI, or without rotary axes",
+                            "write CYCLE800() or TRAFOOF before; read with the machine's rotary axes")
+        if not own:
+            raise Complaint("CYCLE800 without a tool length", "write D1 before")
+        frame, side = swivelled(parameters, controller.length_unit_mm())
+        refuse_other_side(controller.chain, controller.turned, frame, side)
+        controller.asked_plane = frame
+        return [(("g", 49.0),), (("g", 53.1),), own]
 
     def _code(self, letter, number, name):
         if name in SAME or name in self.controller.own_coolants:

@@ -155,22 +155,60 @@ def _operation(writer, operation, number):
         writer.say("RETRCT")
         writer.here_mm = None
     writer.comment(f"OPERATION {number}: {operation.name.upper()}, T{tool.number} {tool.cutter.name}")
+    for pause in _begun_with(operation, is_at_top=True):
+        _stand(writer, pause)
     if is_new:
         writer.say("LOADTL", str(tool.number))
         _cutter(writer, tool.cutter)
         writer.tool = tool.number
+    for pause in _begun_with(operation, is_at_top=False):
+        _stand(writer, pause)
+    _run(writer, operation)
+    _to_start(writer, moves)
+    starts, dwells = moves.starts_mm, {cycle.end - 1: cycle.dwell_s for cycle in operation.cycles if cycle.dwell_s}
+    for k in range(len(moves)):
+        if k in dwells:                 # at the bottom of a hole, before the way up
+            writer.say("DELAY", writer.number(dwells[k], DWELL_DECIMALS))
+        _pauses(writer, operation, k)
+        _move(writer, operation, k, starts[k])
+    _pauses(writer, operation, len(moves))
+
+
+def _run(writer, operation):
+    """Spindle and coolant on; the feed is said again behind."""
     writer.say("SPINDL", f"{operation.spindle_rpm:.0f}", "CLW")
     if operation.coolant not in ("off", "mist", "flood"):
         raise PostError(f"operation {operation.name}: cutter locations know the coolants off, mist and flood alone, not "
                         f"{operation.coolant}: choose one of these")
     writer.say("COOLNT", operation.coolant.upper())
     writer.feed, writer.rpm = None, operation.spindle_rpm
-    _to_start(writer, moves)
-    starts, dwells = moves.starts_mm, {cycle.end - 1: cycle.dwell_s for cycle in operation.cycles if cycle.dwell_s}
-    for k in range(len(moves)):
-        if k in dwells:                 # at the bottom of a hole, before the way up
-            writer.say("DELAY", writer.number(dwells[k], DWELL_DECIMALS))
-        _move(writer, operation, k, starts[k])
+
+
+def _pauses(writer, operation, k):
+    """Where the program stands still before move k; a post-processor's stop may have switched off what ran."""
+    for pause in operation.pauses:
+        if pause.move != k or k == 0 and not pause.is_spindle_on:
+            continue
+        if pause.is_at_top:
+            writer.say("RETRCT")
+        _stand(writer, pause)
+        if k < len(operation.moves) and not (pause.seconds and pause.is_spindle_on):
+            _run(writer, operation)
+
+
+def _begun_with(operation, is_at_top):
+    """Where it stands still before its spindle turns: before its tool comes in, or behind."""
+    return [p for p in operation.pauses if p.move == 0 and not p.is_spindle_on and p.is_at_top == is_at_top]
+
+
+def _stand(writer, pause):
+    if not pause.is_spindle_on:
+        writer.say("SPINDL", "OFF")
+        writer.say("COOLNT", "OFF")
+    if pause.seconds:
+        writer.say("DELAY", writer.number(pause.seconds, DWELL_DECIMALS))
+    else:
+        writer.say("OPSTOP" if pause.is_optional else "STOP")
 
 
 def _cutter(writer, cutter):

@@ -36,7 +36,7 @@ class DrilledMoves(PlainMoves):
         """The cycle's moves, and its dwell behind the last that feeds."""
         super().write(writer, cycle.first, cycle.end - 1, dialect)
         if cycle.dwell_s:
-            writer.block("G4", dialect.dwell(cycle.dwell_s))
+            dialect.wait(writer, cycle.dwell_s)
         super().write(writer, cycle.end - 1, cycle.end, dialect)
 
     def _tapped(self, writer, cycle, dialect):

@@ -110,15 +110,15 @@ class _Fanuc(Dialect):
         writer.is_tip = True
         return ("G43.4",), (f"H{tool.number}",)
 
-    def plane_on(self, writer, tool, plane_deg, place_mm):
+    def plane_on(self, writer, laid, place_mm):
         writer.pending_z = (), ()
         writer.block("G49")             # of an operation before
-        angles = (letter + writer.number(v, writer.machine.control.decimals_deg) for letter, v in zip("IJK", plane_deg))
+        angles = (letter + writer.number(v, writer.machine.control.decimals_deg) for letter, v in zip("IJK", laid.plane_deg))
         writer.block("G68.2", *(letter + writer.length(0.0) for letter in "XYZ"), *angles)
         writer.block("G53.1")
         writer.forget_position()
         writer.is_tip = writer.is_tilted = True
-        writer.block("G43", "G0", *writer.words(place_mm), f"H{tool.number}")
+        writer.block("G43", "G0", *writer.words(place_mm), f"H{laid.tool.number}")
 
     def tip_off(self, writer):
         self.end_tip(writer, "G69")

@@ -63,6 +63,10 @@ class _Grbl(Dialect):
     def optional_stop(self, writer):
         """Every tool has a file of its own."""
 
+    def halt(self, writer, is_optional):
+        """It passes over M1: M0 stops in any case."""
+        writer.block("M0")
+
     def run(self, writer, operation):
         super().run(writer, operation)
         if writer.coolant == "M7":

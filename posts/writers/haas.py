@@ -117,12 +117,12 @@ class _Haas(Dialect):
                             "choose a machine with tables, or another post")
         return frame
 
-    def plane_on(self, writer, tool, plane_deg, place_mm):
+    def plane_on(self, writer, laid, place_mm):
         writer.block("G49")             # of an operation before
         writer.block("G254")
         writer.forget_position()
         writer.is_tip = writer.is_tilted = True
-        writer.pending_z = ("G43",), (f"H{tool.number}",)
+        writer.pending_z = ("G43",), (f"H{laid.tool.number}",)
         self.approach(writer, place_mm)
 
     def tip_off(self, writer):

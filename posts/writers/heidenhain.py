@@ -198,8 +198,8 @@ class _Heidenhain(Dialect):
         writer.is_tip = True
         return (), ()
 
-    def plane_on(self, writer, tool, plane_deg, place_mm):
-        spc, spa, _ = (writer.number(v, writer.machine.control.decimals_deg) for v in plane_deg)
+    def plane_on(self, writer, laid, place_mm):
+        spc, spa, _ = (writer.number(v, writer.machine.control.decimals_deg) for v in laid.plane_deg)
         writer.block(f"PLANE SPATIAL SPA{spa} SPB+0 SPC{spc} TURN FMAX")
         writer.forget_position()
         writer.is_tip = writer.is_tilted = True
@@ -216,6 +216,11 @@ class _Heidenhain(Dialect):
 
     def length_on(self, writer, tool):
         """It came with the call."""
+
+    def wait(self, writer, seconds):
+        """Cycle 9 waits as soon as it is defined."""
+        writer.block("CYCL DEF 9.0 DWELL TIME")
+        writer.block(f"CYCL DEF 9.1 DWELL {seconds:.3f}")
 
     def run(self, writer, operation):
         rpm = f"S{operation.spindle_rpm:.0f}"

@@ -15,6 +15,7 @@ from cuspline.program.joint_times import block_seconds, driven_seconds, rounded_
 from cuspline.program.program import TILT_RAD, Kind, Plane
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PostError
+from cuspline.values.units import MM
 
 JOINT_SHARE = 0.5           # of the path tolerance: how far tip and cutting edge may leave the plan between two blocks
 CORNER_SHARE = 0.9          # of it: how far the tip may leave a corner between two blocks, where the plan is and no chord is off
@@ -118,9 +119,10 @@ class SolvedMoves:
         self.seconds = self._seconds(path_tolerance_mm)
         self.start_mm, self.starts_mm = self.words_mm[0], self.words_mm[run.first - 1]
         self.turned_deg = run.degrees[run.first - 1]
+        units = machine.control.units
         self.notes = ("SOLVED FOR THE ZERO AT MACHINE " + " ".join(
-            f"{letter}{value:.4f}" for letter, value in zip("XYZ", machine.wcs_origin_mm))
-            + f" AND A TOOL OF {run.length_mm:.4f} MM; WITH ANY OTHER IT CUTS ELSEWHERE",
+            f"{letter}{value / MM[units]:.4f}" for letter, value in zip("XYZ", machine.wcs_origin_mm))
+            + f" AND A TOOL OF {run.length_mm / MM[units]:.4f} {units.upper()}; WITH ANY OTHER IT CUTS ELSEWHERE",
             f"ABOUT {self.driven_s(LEANING_BLEND_SHARE * path_tolerance_mm):.0f} S FROM BLOCK TO BLOCK")
 
     def driven_s(self, blend_mm):

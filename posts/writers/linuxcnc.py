@@ -78,9 +78,6 @@ class _LinuxCNC(Dialect):
         """The diameter in the tool table's row."""
         return ("G41", f"D{number}") if is_on else ("G40",)
 
-    def dwell(self, seconds):
-        return f"P{seconds:.3f}"
-
     def tip_on(self, writer, tool):
         self._switch(writer, True)
         return (), ()

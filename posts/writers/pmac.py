@@ -70,6 +70,16 @@ class _Pmac(Dialect):
         writer.block("DWELL 0")
         super().stop(writer)
 
+    def wait(self, writer, seconds):
+        """Milliseconds, behind the motion."""
+        writer.block(f"DWELL {1000 * seconds:.0f}")
+
+    def halt(self, writer, is_optional):
+        """Behind the motion; the integrator's program may have left another plane."""
+        writer.block("DWELL 0")
+        super().halt(writer, is_optional)
+        writer.plane = None
+
     def up(self, writer):
         writer.block("G53", "Z0")
 

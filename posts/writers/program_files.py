@@ -30,11 +30,13 @@ from cuspline.posts.writers.tip_words import TipMoves
 from cuspline.posts.writers.words import COOLANT_WORD, Posted, Writer, check_lines, in_brackets
 from cuspline.program.arcs import lowest_z_mm
 from cuspline.program.program import TILT_RAD, Kind, Plane
+from cuspline.program.sub_blocks import sub_blocks_of
 from cuspline.values.errors import PostError
 
 LARGEST_NUMBER = 99999      # of a block
 HEIGHT_MM = 1e-6         # below the clearance height that is rounding
 LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
+LATER_SUB_BLOCKS = 8        # the program's name in its last line
 
 
 class Dialect(ABC):
@@ -57,6 +59,7 @@ class Dialect(ABC):
     cycle_words: dict[str, str] = {}        # DrillCycle.word -> the control's; without it holes go out move by move
     work_offsets: tuple[str, ...] | None = None     # that the control has; None: whatever a program names
     writes: type[Writer] = Writer           # how moves become its words
+    knows_swivel = False                    # whether it writes Control.swivel_record and feed_parameters
     tip_rapid = "G0"                        # under tool-centre-point control; G1 where rapids do not heed the joints' speeds
 
     def writer(self, machine):
@@ -147,11 +150,15 @@ class Dialect(ABC):
         """
         raise PostError(f"{type(self).__name__} writes no tool-centre-point control: leave tip_control out of the machine's file")
 
-    def plane_on(self, writer, tool, plane_deg, place_mm):
+    def tilts(self, control):
+        """Whether indexed positions go out in frames of the control whose Z is the tool."""
+        return self.has_planes and control.tip_control is not None
+
+    def plane_on(self, writer, laid, place_mm):
         """The frame of an indexed position on, and to a place in it, from above along the tool.
 
         Args:
-            plane_deg: about Z, the new X and the new Z.   place_mm: (3,) of the tip in the frame.
+            laid: tilted_words.TiltedMoves.   place_mm: (3,) of the tip in the frame.
         """
         raise PostError(f"{type(self).__name__} writes no tilted planes")
 
@@ -159,7 +166,7 @@ class Dialect(ABC):
         """Frame in the WCS that the words of an indexed position are in, its zero the WCS's.
 
         Args:
-            run: joint_words.JointRun.   plane_deg: as for `plane_on`.
+            run: joint_words.JointRun.   plane_deg: about Z, the new X and the new Z.
         """
         return frame_of(plane_deg)
 
@@ -176,8 +183,16 @@ class Dialect(ABC):
         writer.is_tip, writer.is_tilted, writer.tool = False, False, None
 
     def dwell(self, seconds):
-        """The P word of a dwell, behind G4 and in a canned cycle."""
-        raise PostError(f"{type(self).__name__} writes no dwell: take another cycle than dwell")
+        """The word that says how long, behind G4 and in a canned cycle."""
+        return f"P{seconds:.3f}"
+
+    def wait(self, writer, seconds):
+        """A dwell in a block of its own."""
+        writer.block("G4", self.dwell(seconds))
+
+    def halt(self, writer, is_optional):
+        """A stop, from which the operator goes on."""
+        writer.block("M1" if is_optional else "M0")
 
     def compensation(self, writer, number, is_on):
         """Words of the straight block with which the control begins, or ends, to run beside a contour by a tool's D register."""
@@ -203,7 +218,7 @@ class Dialect(ABC):
 
     def optional_stop(self, writer):
         """Where the operator may look before the next tool, at the top of the machine."""
-        writer.block("M1")
+        self.halt(writer, True)
 
     def numbered(self, lines, control):
         """All lines of a file as the control wants them: with block numbers, where its file says so."""
@@ -277,6 +292,10 @@ class _Files:
         if tip is not None and tip not in dialect.tip_controls:
             raise PostError(f"{machine.name}: tip_control {tip} is no word of the post {machine.control.post}, which knows "
                             f"{' and '.join(dialect.tip_controls) or 'none'}: correct the machine's file")
+        for name, is_asked in (("swivel_record", machine.control.swivel_record is not None),
+                               ("feed_parameters", machine.control.feed_parameters)):
+            if is_asked and not dialect.knows_swivel:
+                raise PostError(f"{machine.name}: {name} is a Sinumerik's, and the post is {machine.control.post}: leave it out")
         self.program, self.machine, self.dialect = program, machine, dialect
         has_subs = dialect.variables is not None and machine.control.sub_programs
         self.subs = SubPrograms(program, dialect.variables) if has_subs else None
@@ -289,13 +308,13 @@ class _Files:
         self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
         foot = dialect.writer(machine)
         dialect.foot(foot)
-        self.foot_bytes = _bytes([*foot.lines, *foot.tail], foot)
+        self.foot_bytes, self.foot_sub_blocks = (size([*foot.lines, *foot.tail], foot) for size in (_bytes, _sub_blocks))
         self._open()
 
     def _open(self):
         self.writer = self.dialect.writer(self.machine)
         self.defined, self.under_way = set(), None
-        self.counted, self.counted_bytes = (0, 0), 0        # lines and tail; what they take
+        self.counted, self.counted_bytes, self.counted_sub_blocks = (0, 0), 0, 0        # lines and tail; what they take
         self.dialect.head(self.writer, self.program, len(self.texts) + 1)
 
     def _close(self):
@@ -327,7 +346,7 @@ class _Files:
         high = np.flatnonzero(self._heights_mm(operation, moves.starts_mm) >= 0)
         bounds = [0, *(() if operation.cycles else high[high > 0].tolist()), len(moves)]     # holes are not torn apart
         for first, end in zip(bounds[:-1], bounds[1:]):
-            laid.write(self.writer, first, end, self.dialect)
+            self._write(laid, operation, first, end)
             # the first stretch of a program stays where it is: nothing before it could be closed
             if (first or number > 1) and not self._is_within_store():
                 self.writer.go_back_to(before)
@@ -335,15 +354,49 @@ class _Files:
                 self._open()
                 self._begin(operation, number, is_alone=True, laid=laid, first=first)
                 self._enter(laid, first)
-                laid.write(self.writer, first, end, self.dialect)
+                self._write(laid, operation, first, end)
             before = self.writer.state()
+
+    def _write(self, laid, operation, first, end):
+        """Moves `first` to `end`, and where the program stands still among them."""
+        at, last = first, end == len(operation.moves)
+        for pause in operation.pauses:
+            if not (first <= pause.move < end or last and pause.move == end) or not (pause.move or pause.is_spindle_on):
+                continue
+            laid.write(self.writer, at, pause.move, self.dialect)
+            at = pause.move
+            self._pause(operation, pause, goes_on=at < len(operation.moves))
+        laid.write(self.writer, at, end, self.dialect)
+
+    def _pause(self, operation, pause, goes_on):
+        """Stand still; a stop may have switched off what ran, and all is said again behind it."""
+        writer, dialect = self.writer, self.dialect
+        if pause.is_at_top:
+            dialect.up(writer)
+        if not pause.is_spindle_on:
+            dialect.stop(writer)
+        self._stand(pause)
+        if goes_on and not (pause.seconds and pause.is_spindle_on):
+            dialect.run(writer, operation)
+            writer.speed = f"S{operation.spindle_rpm:.0f}"
+            writer.motion = writer.feed = None
+
+    def _stand(self, pause):
+        if pause.seconds:
+            self.dialect.wait(self.writer, pause.seconds)
+        else:
+            self.dialect.halt(self.writer, pause.is_optional)
 
     def _laid(self, operation):
         """PlainMoves, DrilledMoves, SolvedMoves, TipMoves or TiltedMoves of an operation.
 
         Raises:
-            PostError: its spindle changes its speed where that is not written; it leans, and the control has no words for it.
+            PostError: its spindle changes its speed, or it pauses, where that is not written; it leans, and the control has no
+                words for it.
         """
+        if operation.pauses and (operation.cycles or operation.compensated):
+            raise PostError(f"operation {operation.name}: it stops or dwells among its moves, which goes without cycles and "
+                            "without cutter compensation: leave them out")
         if operation.rpm_changes and (operation.cycles or operation.compensated or leans(operation.moves)):
             raise PostError(f"operation {operation.name}: the speed of the spindle changes among its moves, which goes with an "
                             "upright axis, without cycles and without cutter compensation: give it one speed")
@@ -356,13 +409,13 @@ class _Files:
             return DrilledMoves(operation, self.machine.rotaries, self.machine.control.canned_cycles)
         if not leans(operation.moves):
             return PlainMoves(operation, self.machine.rotaries)
+        if operation.level_mm is not None and self.dialect.tilts(self.machine.control):
+            return TiltedMoves(operation, self.machine, self.dialect)
         if self.machine.control.tip_control is None:
             if not self.dialect.states_times:
                 raise PostError(f"operation {operation.name}: the post {self.machine.control.post} states no times of blocks, "
                                 f'which joints need: write tip_control = "{self.dialect.tip_controls[0]}" into the machine file')
             return SolvedMoves(operation, self.machine)
-        if operation.level_mm is not None and self.dialect.has_planes:
-            return TiltedMoves(operation, self.machine, self.dialect)
         return TipMoves(operation, self.machine, self.dialect.states_times)
 
     def _enter(self, laid, first):
@@ -391,9 +444,9 @@ class _Files:
         """An operation as calls; where the store is full, a new file begins at a restart point."""
         passes = operation.passes
         self.under_way = None
-        if operation.rpm_changes:
-            raise PostError(f"operation {operation.name}: the speed of the spindle changes among repeated passes: give it "
-                            "one speed")
+        if operation.rpm_changes or operation.pauses:
+            raise PostError(f"operation {operation.name}: the speed of the spindle changes, or it stops or dwells, among repeated "
+                            "passes: give it one speed and no stops")
         self._refuse_what_cannot_be_held(operation)
         for span in calls_between(passes):
             if self._try(operation, number, span):
@@ -402,7 +455,7 @@ class _Files:
             self._open()
             if not self._try(operation, number, span):
                 raise PostError(f"operation {operation.name}: from one restart point to the next it needs more than "
-                                f"the {self.machine.control.program_store_bytes} bytes that {self.machine.name} "
+                                f"the {self._store_in_words()} that {self.machine.name} "
                                 "stores; put restart points closer together")
         # arcs and feeds of the sub-programs have left another state than the writer knows
         self.writer.plane = self.writer.feed = None
@@ -424,15 +477,25 @@ class _Files:
             writer.go_back_to(before)
         return is_within
 
+    def _store_in_words(self):
+        control = self.machine.control
+        more = "" if control.program_store_sub_blocks is None else f" or {control.program_store_sub_blocks} sub-blocks"
+        return f"{control.program_store_bytes} bytes{more}"
+
     def _is_within_store(self):
         """The file fits the store, were it closed now; after a False, a new file must be opened.
 
         Every line is counted once: what is counted does not change until the file is closed.
         """
-        lines, tail = self.writer.lines, self.writer.tail
-        self.counted_bytes += _bytes([*lines[self.counted[0]:], *tail[self.counted[1]:]], self.writer)
+        lines, tail, control = self.writer.lines, self.writer.tail, self.machine.control
+        new = [*lines[self.counted[0]:], *tail[self.counted[1]:]]
+        self.counted_bytes += _bytes(new, self.writer)
         self.counted = len(lines), len(tail)
-        return self.counted_bytes + self.foot_bytes + LATER_BYTES <= self.machine.control.program_store_bytes
+        is_within = self.counted_bytes + self.foot_bytes + LATER_BYTES <= control.program_store_bytes
+        if control.program_store_sub_blocks is None:
+            return is_within
+        self.counted_sub_blocks += _sub_blocks(new, self.writer)
+        return is_within and self.counted_sub_blocks + self.foot_sub_blocks + LATER_SUB_BLOCKS <= control.program_store_sub_blocks
 
     def _prepare(self, operation, passes):
         """Sub-programs not yet in this file, registers, and the start."""
@@ -461,11 +524,16 @@ class _Files:
         writer.comment(self._in_figures(operation, number))
         for line in laid.notes:
             writer.comment(line)
-        if writer.tool != tool.number or is_alone:      # an operation with restart points brings all that it needs
+        is_off = writer.tool != tool.number or is_alone      # an operation with restart points brings all that it needs
+        if is_off:
             self.dialect.stop(writer)
             self.dialect.up(writer)
-            if self.machine.control.optional_stops and number > 1 and writer.tool is not None:
+            is_optional = self.machine.control.optional_stops and number > 1 and writer.tool is not None
+            if is_optional:
                 self.dialect.optional_stop(writer)
+            for pause in operation.pauses if first == 0 else ():
+                if pause.move == 0 and pause.is_at_top and not (is_optional and pause.is_optional):
+                    self._stand(pause)
             if None in writer.turn_words:       # nobody knows where they stand: they turn while nothing is in the spindle
                 self._turn(laid.turned_deg[first], is_at_top=True)
             self.dialect.change_tool(writer, operation)
@@ -473,6 +541,12 @@ class _Files:
             writer.tool = tool.number
             writer.turn_words = [None] * len(writer.rotaries)
         self._turn(laid.turned_deg[first], is_at_top=None in writer.turn_words)
+        for pause in operation.pauses if first == 0 else ():
+            if not (pause.move or pause.is_at_top or pause.is_spindle_on):
+                if not is_off:
+                    self.dialect.stop(writer)
+                is_off = True
+                self._stand(pause)
         self.dialect.run(writer, operation)
         writer.speed = f"S{operation.spindle_rpm:.0f}"
         writer.forget_position()
@@ -536,6 +610,11 @@ def _refuse_tilted(operation, machine):
         raise PostError(f"operation {operation.name}: the tool axis leans {np.degrees(tilt[rows[0]]):.3f} degrees from "
                         f"the spindle in move {rows[0]}, and in {len(rows) - 1} others; {machine.name} has no rotary "
                         "axes: plan it with the axis along Z, or turn the part to it in a setup of its own", rows=rows)
+
+
+def _sub_blocks(lines, writer):
+    """At most, of lines with their block numbers."""
+    return sub_blocks_of(lines) + (len(lines) if writer.number_bytes else 0)
 
 
 def _bytes(lines, writer):

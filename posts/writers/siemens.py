@@ -7,10 +7,18 @@ K count from where the arc begins, TURN says how many whole turns a helix makes 
 How far blocks may be rounded into each other is CTOL, with G642.  RTLION keeps rapids straight.  Rotaries are solved in joints
 under G93, or go with the tip under TRAORI, behind which, and behind TRAFOOF, the work offset is named again; ORIAXES runs the
 rotary axes evenly from block to block.  Tools beside the spindle's axis are refused.
+
+Indexed positions go out by CYCLE800 where the machine's file names a swivel data record: no retraction, new frame, axis by axis
+about Z, the new X and the new Y (mode 39), the rotary axes named before by SUPA, so that the cycle finds nothing to do; of the two
+ways to hold the tool it takes the one with the larger (1) or the smaller angle (-1) of the axis that the record refers to.
+CYCLE800() takes the frame back and turns nothing.  Feeds may stand as R-parameters at the head.
 """
 
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 
+import numpy as np
+
+from cuspline.posts.writers.joint_words import leans
 from cuspline.posts.writers.program_files import Dialect, posted
 from cuspline.posts.writers.words import Writer, behind_semicolon, check_lines
 
@@ -19,6 +27,8 @@ READER = "siemens_reader"
 TOOL_TABLE = "tools.spf"
 UNIT_WORD = {"mm": "G710", "inch": "G700"}
 TOLERANCE_DECIMALS = 7
+ABOUT_Z_X_Y = 39            # of CYCLE800: 2 bits an axis, 3 Z, 1 X, 2 Y
+FEED_PARAMETERS = range(10, 100)        # R0 to R99 are there on every control
 TOOL_TYPES = {"ball": 110, "flat": 120}
 BULL_NOSE = 121
 comment = behind_semicolon
@@ -59,11 +69,23 @@ def tool_table(tools, control):
     return "\n".join(writer.lines) + "\n"
 
 
+class _Blocks(Writer):
+    """Feeds by R-parameters, where the operation has them."""
+
+    parameters = MappingProxyType({})       # text of a feed -> number of its R-parameter
+
+    def feed_words(self, feed_mm_per_min):
+        return tuple(f"F=R{self.parameters[word[1:]]}" if word[1:] in self.parameters else word
+                     for word in super().feed_words(feed_mm_per_min))
+
+
 class _Siemens(Dialect):
     """G-code as far as it goes, then words of its own."""
 
     point, end, comment, knows_rotaries, tip_controls = "", "M30", staticmethod(comment), True, ("TRAORI",)
-    knows_radii = True
+    knows_radii, knows_swivel = True, True
+    plane_note = "CYCLE800: ANY ZERO AND TOOL LENGTH WITHIN THE TRAVELS"
+    writes = _Blocks
     work_offsets = ("G54", "G55", "G56", "G57")
 
     def writer(self, machine):
@@ -81,12 +103,46 @@ class _Siemens(Dialect):
             writer.comment("ROTARY AXES COUNT ON BEYOND 360 DEGREES: NO MODULO")
         if control.tip_control:
             writer.comment("UNDER TRAORI X Y Z GO WITH THE TABLE AS IT STANDS WITH THE ROTARY AXES AT 0")
+        if writer.rotaries and control.swivel_record:
+            writer.comment(f"SWIVEL DATA RECORD {control.swivel_record}: ITS DIRECTION REFERS TO {writer.rotaries[-1]}")
         writer.block(UNIT_WORD[control.units])
         writer.block("G17", "G90", "G94", "G40", "RTLION")
         writer.block("TRANS")
         writer.block("G642", "CTOL=" + writer.length(control.path_tolerance_mm, TOLERANCE_DECIMALS))
         writer.block(program.wcs)
         writer.wcs = program.wcs
+        self._state_feeds(writer, program)
+
+    def _state_feeds(self, writer, program):
+        """Feeds of every operation as R-parameters, as many as there are; of the others they stay numbers."""
+        left, self.feeds = list(FEED_PARAMETERS), {}
+        for number, operation in enumerate(program.operations if writer.machine.control.feed_parameters else (), 1):
+            feeds = operation.moves.feed_mm_per_min
+            texts = [writer.feed_text(f) for f in np.unique(feeds[feeds > 0]).tolist()] if not leans(operation.moves) else []
+            texts = list(dict.fromkeys(texts))
+            if not texts or len(texts) > len(left):
+                writer.comment(f"FEEDS OF OPERATION {number} ARE NO R-PARAMETERS: " + (
+                    f"{len(texts)} ARE MORE THAN ARE LEFT" if texts else "ITS TOOL LEANS"))
+                continue
+            self.feeds[operation] = {text: left.pop(0) for text in texts}
+            for text, parameter in self.feeds[operation].items():
+                writer.block(f"R{parameter}={text}", self.comment(f"F OF OPERATION {number}: {operation.name.upper()}"))
+
+    def tilts(self, control):
+        return control.swivel_record is not None
+
+    def run(self, writer, operation):
+        writer.parameters = self.feeds.get(operation, {})
+        super().run(writer, operation)
+
+    def plane_on(self, writer, laid, place_mm):
+        if writer.is_length_off:
+            self.length_on(writer, laid.tool)
+        about = ",".join(writer.number(v, writer.machine.control.decimals_deg) for v in laid.plane_deg)
+        writer.block(f'CYCLE800(0,"{writer.machine.control.swivel_record}",0,{ABOUT_Z_X_Y},0,0,0,{about},0,0,0,{laid.side},0)')
+        writer.forget_position()
+        writer.is_tip = writer.is_tilted = True
+        writer.block("G0", *writer.words(place_mm))
 
     def up(self, writer):
         self.in_machine(writer, "Z0")
@@ -96,6 +152,10 @@ class _Siemens(Dialect):
         is_nose = any(word[0] in "XYZ" for word in words)
         writer.block("SUPA", "G0", *words, *(("D0",) if is_nose else ()))
         writer.is_length_off |= is_nose
+
+    def dwell(self, seconds):
+        """Seconds; the feed in force stays."""
+        return f"F{seconds:.3f}"
 
     def length_on(self, writer, tool):
         writer.block("D1")
@@ -127,7 +187,8 @@ class _Siemens(Dialect):
         return (), ()
 
     def tip_off(self, writer):
-        self._switch(writer, False, "TRAFOOF", writer.wcs)
+        self._switch(writer, False, *(("CYCLE800()",) if writer.is_tilted else ("TRAFOOF", writer.wcs)))
+        writer.is_tilted = False
 
     @staticmethod
     def _switch(writer, is_tip, *blocks):

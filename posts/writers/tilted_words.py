@@ -32,12 +32,20 @@ class TiltedMoves:
         self.turned_deg = run.degrees[run.first - 1]
         self.notes = (dialect.plane_note,)
 
+    @property
+    def side(self):
+        """Of the two ways to hold the tool so: 1 where the last rotary axis stands at the larger angle, else -1."""
+        both = self.run.chain.branches(self.axis[None])[0][0, :, -1]
+        stands = self.run.joints[0, -1]
+        mine, other = sorted(both.tolist(), key=lambda angle: abs(float(fixed.sin(0.5 * (angle - stands)))))
+        return 1 if mine >= other else -1
+
     def begin(self, writer, first, dialect):
         """From the top of the machine, rotaries turned, to where move `first` begins."""
         tip = self.starts_mm[first]
         go_above(writer, self.run, self.run.first[first] - 1, tip + self.origin_mm, self.axis, dialect)
         place = self.frame.into(tip[None])[0]
-        dialect.plane_on(writer, self.tool, self.plane_deg, place)
+        dialect.plane_on(writer, self, place)
         writer.here_mm = place
 
     def write(self, writer, first, end, dialect):

@@ -191,12 +191,13 @@ def test_a_clamping_may_begin_with_a_position_that_says_how_the_part_is_held(tmp
 
 
 @pytest.mark.parametrize("machine, word", [
-    ("mill_haas_5axis", "G254"), ("mill_heidenhain_5axis", "PLANE SPATIAL SPA+90 SPB+0 SPC+0")])
+    ("mill_haas_5axis", "G254"), ("mill_heidenhain_5axis", "PLANE SPATIAL SPA+90 SPB+0 SPC+0"),
+    ("mill_siemens_5axis", 'CYCLE800(0,"TC1",0,39,0,0,0,0,90,0,0,0,0,-1,0)')])
 def test_a_position_is_verified_on_other_controls(machine, word, tmp_path):
     """The front alone, from the design to the verdict on the posted text."""
     first = order(tmp_path / "out", machine)
     folder = build(replace(first, design=replace(first.design, setups=first.design.setups[1:]))).folder
-    program, = (p for p in folder.glob("front.*") if p.suffix in (".nc", ".h"))
+    program, = (p for p in folder.glob("front.*") if p.suffix in (".nc", ".h", ".mpf"))
     assert word in program.read_text()
     verify = judge(folder, read_job(folder), options=COARSE).as_dict(())
     assert verify["ok"] and verify["findings"] == [] and 0.02 < verify["cusp_max_mm"] <= 0.06

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import tomllib
 import types
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 
 import cuspline
 from cuspline.app import catalogue
-from cuspline.app.documents import DOCUMENTS, Document, schema_of
+from cuspline.app.documents import DOCUMENTS, FILES, Document, schema_of
 from cuspline.kernel.stl_files import read_stl
 from cuspline.values.errors import InputError
 
@@ -38,6 +39,16 @@ def test_a_build_from_python_is_that_of_the_command_line(planned):
     assert [o.name for o in planned.plan.setups[0].operations] == ["rough", "finish"]
     assert planned.time_s == json.loads((planned.folder / "plan.json").read_text())["setups"][0]["time_s"]
     assert (planned.verdict, planned.program, planned.stock, planned.findings, planned.is_verified) == (None, {}, None, (), False)
+
+
+def test_the_header_of_an_inch_machines_program_is_in_inches(tmp_path):
+    """But for parameters, whose names say mm."""
+    text = cuspline.build(TROUGH, stage="gcode", machine="mill_3axis_inch", out=tmp_path / "inch").program["setup-1"]
+    for line in ("MACHINE mill_3axis_inch, UNITS INCH; LENGTHS IN THIS HEADER IN INCHES, BUT FOR PARAMETERS AND WHAT SAYS MM",
+                 "STOCK aluminium_6061: X0.0000 Y0.0000 Z0.0000 TO X0.9449 Y0.3937 Z0.5118", "PARAMETER length_mm = 24.0",
+                 "SCALLOP 0.000787 PROFILE TOLERANCE 0.000157 GOUGE 0.000197 PATH TOLERANCE 0.000039",
+                 "T5 ball 16 mm, D0.6299 R0.315, STICK-OUT 2.1654, ER25 collet chuck, LENGTH 4.5276"):
+        assert f"\n({line})\n" in text, line
 
 
 def test_a_design_that_was_made_already_is_built_as_it_is(planned, tmp_path):
@@ -121,7 +132,7 @@ def removed_mm3(chord, depth):
 # schemas ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", DOCUMENTS)
+@pytest.mark.parametrize("name", [*DOCUMENTS, *FILES])
 def test_the_published_schema_is_that_of_the_code_and_needs_what_the_contract_promises(name):
     published = ROOT / f"docs/schemas/{name}.schema.json"
     assert published.read_text() == schema_of(name)
@@ -129,7 +140,8 @@ def test_the_published_schema_is_that_of_the_code_and_needs_what_the_contract_pr
     promised = {"verify": {"ok", "gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm", "gouge_volume_mm3",
                            "excess_volume_mm3", "error_bound_mm", "points_checked", "area_required_mm2", "area_reached_mm2",
                            "collisions", "findings", "setups"},
-                "plan": {"design", "machine", "setups"}, "manifest": {"design", "parameters", "versions", "files", "inputs_sha256"}}
+                "plan": {"design", "machine", "setups"}, "manifest": {"design", "parameters", "versions", "files", "inputs_sha256"},
+                "machine": {"name", "x", "y", "z", "spindle", "control"}, "tools": {"tools"}}
     assert promised[name] <= set(schema["required"])
 
 
@@ -153,6 +165,17 @@ def missing(schema, value, definitions, where=""):
     gone = [f"{where}.{key}" for key in schema.get("required", ()) if key not in value]
     return gone + [m for key, inner in schema.get("properties", {}).items() if key in value
                    for m in missing(inner, value[key], definitions, f"{where}.{key}")]
+
+
+def test_the_files_that_ship_have_what_their_schemas_require_and_no_other_key():
+    machine, tools = (json.loads((ROOT / f"docs/schemas/{name}.schema.json").read_text()) for name in FILES)
+    files = [(machine, tomllib.loads(p.read_text())) for p in sorted((ROOT / "posts/machines").glob("*.toml"))]
+    files.append((tools, json.loads((ROOT / "posts/tools/tools.json").read_text())))
+    assert len(files) > 15
+    for schema, value in files:
+        assert missing(schema, value, schema["$defs"]) == []
+        assert value.keys() <= schema["properties"].keys() and schema["additionalProperties"] is False
+    assert missing(machine, {k: v for k, v in files[0][1].items() if k != "spindle"}, machine["$defs"]) == [".spindle"]
 
 
 def test_documents_are_frozen():

@@ -67,7 +67,8 @@ def test_a_sample_is_always_the_same_part_of_the_grid_in_its_order():
 
 @pytest.mark.parametrize("axes, words", [
     (["a"], "not of the form"), (["a="], "not of the form"), (["a=1,,2"], "empty or stands twice"), (["a=1,1"], "stands twice"),
-    (["a=x:2:3"], "must be numbers"), (["a=1:2:1"], "a count of 2 to"), (["a=1:1:3"], "ends that differ"),
+    (["a=x:2:3"], "must be numbers"), (["a=1:2"], "a range is name=from:to:count"),
+    (["a=1:5:2.5"], "a range is name=from:to:count"), (["a=1:2:1"], "a count of 2 to"), (["a=1:1:3"], "ends that differ"),
     (["a=1", "a=2"], "given twice"), (["a=1:2:1000", "b=1:2:1000"], "1,000,000 variants: at most 100,000")])
 def test_axes_that_cannot_be_meant_are_refused(axes, words):
     with pytest.raises(InputError, match=words):

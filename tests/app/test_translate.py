@@ -97,13 +97,69 @@ def test_more_than_one_turn_goes_out_in_pieces():
 
 
 @pytest.mark.parametrize("block, wanted", [
-    ("M0", "line 14: a stop"), ("M1", "line 14: an optional stop"), ("G4 P2", "line 14: a dwell"), ("M4\nX9", "turns backwards"),
+    ("M4\nX9", "turns backwards"),
     ("M5\nX9", "while the spindle stands"), ("G56\nG0 X9 Y0 Z5\nG55\nG0 X0 Y0 Z5", "G55 and G56"), ("M7\nX9", "mist and flood"),
     ("G86 X9", "unknown word G86"), ("X9 A90", "line 14")])
 def test_what_would_be_lost_is_refused(block, wanted):
     text = HEAD + f"G0 X0 Y0\nG0 Z5\nG1 Z-1 F100\n{block}\nG1 X10\nM2\n"
     with pytest.raises((InputError, ReadError), match=wanted):
         translation.translated(text, name="a.ngc", source=machine("linuxcnc"), target=machine("haas"))
+
+
+PAUSED = HEAD.replace("S8000 M3", "M0\nS8000 M3\nG4 P2.5") + (
+    "G0 X0 Y0\nG0 Z5\nG1 Z-1 F100\nG4 P0.25\nG1 X10\nM5\nM9\nM0\nS8000 M3\nM8\nG1 Y10\nM1\nM3\nM8\nG2 X0 Y0 I-5 J-5 P2\nG0 Z2\n"
+    "G82 Z-2 R0.5 P0.5 X3 Y3\nG80\nG0 Z5\nM5\nM1\nG53 G0 Z0\nM1\nT7 M6\nM0\nG43 H7\nS8000 M3\nG0 X0 Y0\nG0 Z5\nG1 Z-1 F100\n"
+    "G53 G0 Z0\nM5\nM0\nM2\n").replace("G0 X0", "G98\nG0 X0", 1)
+# (word, seconds, cuts before, whether the spindle turns, tool)
+STANDS = [("M0", 0, 0, False, 3), ("G4", 2.5, 0, True, 3), ("G4", 0.25, 1, True, 3), ("M0", 0, 2, False, 3), ("M1", 0, 3, True, 3),
+          ("G4", 0.5, 5, True, 3), ("M1", 0, 5, False, 3), ("M1", 0, 5, False, 3), ("M0", 0, 5, False, 7), ("M0", 0, 6, False, 7)]
+
+
+def where_it_stands(moves):
+    """Of every stop and dwell of a millisecond or more; arcs of more than a turn, and those in pieces, count once."""
+    cuts = np.flatnonzero(moves.kind != Kind.RAPID)
+    begins = cuts[np.r_[True, np.diff(moves.line[cuts]) != 0] | (moves.kind[cuts] == Kind.FEED)]
+    begins = begins[np.r_[True, ~((moves.kind[begins[1:]] > Kind.FEED) & (moves.kind[begins[:-1]] > Kind.FEED))]]
+    turns, tool, out = False, 0, []
+    for stop in moves.stops:
+        if stop.word == "M6":
+            tool = int(moves.tool[min(stop.row, len(moves) - 1)])
+        if stop.word in ("M0", "M1") or stop.seconds >= 1e-3:
+            out.append((stop.word, round(stop.seconds, 3), int(np.searchsorted(begins, stop.row)), turns, tool))
+        turns = {"M3": True, "M5": False, "M6": False}.get(stop.word, turns)
+    return out
+
+
+@pytest.mark.parametrize("target", [p for p in POSTS if p != "grbl"])
+def test_stops_and_dwells_come_back_where_they_were_with_the_spindle_as_it_was(target):
+    tools = {3: FLAT, 7: BALL}
+    done = translation.translated(PAUSED, name="a.ngc", source=machine("linuxcnc"), target=machine(target), tools=tools)
+    back = PostedMoves.joined([catalogue.reader_of(machine(target))(t, work_offsets={}, tool_lengths={3: 0, 7: 0})
+                               for t in done.texts], [t.count("\n") for t in done.texts])
+    assert where_it_stands(read_plain(PAUSED)) == STANDS == where_it_stands(back)
+    assert (back.spindle_rpm[back.kind != Kind.RAPID] == 8000).all() and back.remarks == ()
+    assert [note for note in done.notes if "stop" in note] == []
+
+
+def read_plain(text):
+    return catalogue.reader_of(machine("linuxcnc"))(text, work_offsets={}, tool_lengths={3: 0, 7: 0})
+
+
+def test_an_optional_stop_becomes_one_that_stops_where_the_control_passes_over_it():
+    text = HEAD + "G0 X0 Y0\nG0 Z5\nG1 Z-1 F100\nM1\nM3\nG1 X10\nM2\n"
+    done = translation.translated(text, name="a.ngc", source=machine("linuxcnc"), target=machine("grbl"), tools={3: FLAT})
+    assert "line 14: the optional stop became one that always stops" in done.notes and "\nM0\nS8000 M3\n" in done.texts[0]
+
+
+@pytest.mark.parametrize("block, wanted", [("M0", "line 14: M0"), ("G4 P2", "line 14: G4")])
+def test_a_stop_or_a_dwell_that_a_post_drops_or_moves_is_found(block, wanted):
+    text = HEAD + f"G0 X0 Y0\nG0 Z5\nG1 Z-1 F100\n{block}\nM3\nG1 X10\nM2\n"
+    moves, control = read_plain(text), machine("linuxcnc").control
+    assert translation._compared(moves, moves, control, 0) == []
+    stop = next(s for s in moves.stops if s.word in ("M0", "G4"))
+    for other in ((), (replace(stop, row=stop.row + 1),), (replace(stop, seconds=stop.seconds + 0.01),)):
+        with pytest.raises(ReadError, match=wanted):
+            translation._compared(moves, replace(moves, stops=other), control, 0)
 
 
 @pytest.mark.parametrize("post, tip", [("linuxcnc", None), ("fanuc", "G43.4"), ("siemens", "TRAORI")])
@@ -124,7 +180,7 @@ def test_a_program_with_rotaries_becomes_cutter_locations(post, tip):
         translation.translated(done.texts[0], name="a.apt", source=machine("apt"), target=machine("haas"))
 
 
-ROTARY = ("mill_trunnion_ac", "mill_haas_5axis", "mill_heidenhain_5axis")
+ROTARY = ("mill_trunnion_ac", "mill_haas_5axis", "mill_heidenhain_5axis", "mill_siemens_5axis")
 
 
 @pytest.fixture(scope="module")

@@ -26,6 +26,7 @@ from cuspline.values.errors import InputError, PostError, ReadError
 GOLD = Path(__file__).parent.parent / "gold"
 MACHINES = {name: catalogue.find_machine(f"mill_{name}") for name in ("haas", "grbl", "siemens", "heidenhain", "pmac")}
 INCH = {name: changed(m, units="inch", decimals_inch=6) for name, m in MACHINES.items()}
+ALL = {**MACHINES, "linuxcnc": catalogue.find_machine("mill_3axis"), "fanuc": catalogue.find_machine("mill_fanuc")}
 HELICES = {"heidenhain": (Plane.XY,)}
 HELIX_ENDS = {"heidenhain": 4.0}        # IPA starts where start and centre were rounded to
 ZERO = {WCS: (-100.0, -150.0, -200.0)}
@@ -252,6 +253,35 @@ def test_r_parameters_that_nobody_can_compute_are_refused_in_their_line(blocks, 
     assert list(caught.value.rows) == [8 + blocks.count("\n") + 1]
 
 
+@pytest.mark.parametrize("unit", ["mm", "inch"])
+def test_feeds_as_r_parameters_are_the_same_and_an_operator_may_change_them(unit):
+    plain = (MACHINES if unit == "mm" else INCH)["siemens"]
+    told = program(operation("rough", FLAT, roughing()), operation("finish", BALL, finishing(), 12000))
+    text = posted(changed(plain, feed_parameters=True), told).text
+    before, after = read(posted(plain, told).text, plain), read(text, plain)
+    assert not re.search(r"F\d", re.sub(r";.*", "", text)) and after.remarks == ()
+    for column in ("kind", "end_mm", "feed_mm_per_min", "line"):
+        was, now = getattr(before, column), getattr(after, column)
+        np.testing.assert_array_equal(was + (6 if column == "line" else 0), now)
+    slower = re.sub(r"(?m)^R13=\S+ ; F OF OPERATION 1: ROUGH$", "R13=1.5 ; SLOWER", text)
+    changed_rows = np.flatnonzero(read(slower, plain).feed_mm_per_min != after.feed_mm_per_min)
+    assert after.feed_mm_per_min[changed_rows].tolist() == [pytest.approx(1200.0, rel=1e-3)]
+
+
+def test_more_feeds_than_there_are_r_parameters_stay_numbers_and_the_head_says_so():
+    steps = [("feed", (k, 0.0, 5.0), 100.0 + k) for k in range(1, 120)]
+    told = one(*steps)
+    text = posted(changed(MACHINES["siemens"], feed_parameters=True), told).text
+    assert "; FEEDS OF OPERATION 1 ARE NO R-PARAMETERS: 119 ARE MORE THAN ARE LEFT\n" in text and "F219.0" in text
+
+
+@pytest.mark.parametrize("name", ["haas", "heidenhain"])
+def test_what_a_sinumerik_alone_has_is_refused_elsewhere(name):
+    for control in ({"feed_parameters": True}, {"swivel_record": "TC1"}):
+        with pytest.raises(PostError, match=f"{next(iter(control))} is a Sinumerik's, and the post is {name}: leave it out"):
+            posted(changed(MACHINES[name], **control))
+
+
 KLARTEXT = ("0 BEGIN PGM A MM\n1 CYCL DEF 247 DATUM SETTING ~\n  Q339=+2 ;DATUM NUMBER\n2 CYCL DEF 7.0 DATUM SHIFT\n"
             "3 CYCL DEF 7.1 X+0\n4 CYCL DEF 7.2 Y+0\n5 CYCL DEF 7.3 Z+0\n6 CYCL DEF 32.0 TOLERANCE\n7 CYCL DEF 32.1 T0,002\n"
             "8 TOOL CALL 3 Z S1000 F250\n9 L X+0 Y+0 R0 FMAX M13\n10 L Z+0 FMAX\n{}\n99 END PGM A MM\n")
@@ -296,6 +326,42 @@ def test_haas_calls_and_goes_home_as_its_manual_says():
     assert home.machine_end_mm[-2, 2] == 0.0 and not home.length_offset_on[-1]
 
 
+DWELT = {"linuxcnc": ("G4 P1.5",), "fanuc": ("G4 P1500", "G04 X1.5"), "haas": ("G4 P1.5", "G04 P1500"), "grbl": ("G4 P1.5",),
+         "siemens": ("G4 F1.5",), "heidenhain": ("CYCL DEF 9.0 DWELL TIME\n91 CYCL DEF 9.1 DWELL 1,5",),
+         "pmac": ("DWELL1500", "DELAY 1500")}
+UNDWELT = {"linuxcnc": ("G4", "G4 P-1"), "fanuc": ("G4 P1.5", "G4 P1 X1.", "G4 X2"), "haas": ("G4", "G4 X1."), "grbl": ("G4 P-2",),
+           "siemens": ("G4", "G4 S5"), "heidenhain": ("CYCL DEF 9.1 DWELL", "CYCL DEF 9.2 V.ZEIT 1"),
+           "pmac": ("DWELL 500 X1", "DWELL", "DELAYED 5")}
+
+
+@pytest.mark.parametrize("name", DWELT)
+def test_a_dwell_lasts_as_long_as_its_control_takes_it(name):
+    """Milliseconds on one control, seconds on another, on a Haas by the point; where it is not sure it is refused in its line."""
+    machine = ALL[name]
+    text = posted(machine).texts[0]
+    at = re.search(r"(?m)^.*OPERATION 1:.*\n", text).end()
+    number = "90 " if name == "heidenhain" else ""
+    told = lambda words: read(text[:at] + number + words + "\n" + text[at:], machine)
+    for words in DWELT[name]:
+        assert [s.seconds for s in told(words).stops if s.word == "G4"] == [1.5]
+        np.testing.assert_array_equal(told(words).end_mm, read(text, machine).end_mm)
+    for words in UNDWELT[name]:
+        with pytest.raises(ReadError, match=f"^line {text[:at].count(chr(10)) + 1}:"):
+            told(words)
+
+
+@pytest.mark.parametrize("name, starts", [("haas", False), ("heidenhain", False), ("siemens", True), ("linuxcnc", True)])
+def test_a_stop_leaves_the_spindle_as_its_control_does(name, starts):
+    """M0 in the middle of a program whose spindle is not started again behind it."""
+    machine = ALL[name]
+    lines = posted(machine).texts[0].split("\n")
+    cut = next(k for k, line in enumerate(lines) if "F1200" in line)
+    lines.insert(cut, "90 M0" if name == "heidenhain" else "M0")
+    moves = read("\n".join(lines), machine)
+    assert (moves.spindle_rpm[moves.line == cut + 2] > 0).tolist() == [starts]
+    assert (moves.coolant[moves.line == cut + 2] > 0).tolist() == [starts]
+
+
 @pytest.mark.parametrize("name", [n for n in MACHINES if catalogue.find_post(n).TOOL_TABLE])
 @pytest.mark.parametrize("machines", [MACHINES, INCH], ids=["mm", "inch"])
 def test_a_tool_table_is_read_back(name, machines):
@@ -327,9 +393,6 @@ def test_templated_passes_go_out_move_by_move(name):
 
 
 # what an operator reads, and may ask for in the machine's file -----------------------------------------------
-
-
-ALL = {**MACHINES, "linuxcnc": catalogue.find_machine("mill_3axis"), "fanuc": catalogue.find_machine("mill_fanuc")}
 
 
 def timed(program_, *seconds):

@@ -11,7 +11,7 @@ import cuspline.posts
 from cuspline.program.drilling import CLEARANCE_MM, DrillCycle, drilled, shortest_way
 from cuspline.program.program import Kind, Operation, Program
 from cuspline.shop.machines import machine_from_toml
-from cuspline.values.errors import PostError, ReadError, ToolpathError
+from cuspline.values.errors import ReadError, ToolpathError
 
 MACHINES = Path(cuspline.posts.__file__).parent / "machines"
 LEVEL, FEED, T = 20.0, 240.0, tool("flat", 6, number=3)
@@ -102,8 +102,45 @@ def test_controls_whose_posts_have_no_cycles_drill_move_by_move(machine):
     planned = operation([hole("peck", 10, 10), hole("chip_break", 30, 10)])
     _, moves = posted(machine, planned)
     assert of_text(moves) == of_plan(planned)
-    with pytest.raises(PostError, match="dwell"):
-        posted(machine, operation([hole("dwell", 10, 10)]))
+    _, moves = posted(machine, operation([hole("dwell", 10, 10)]))
+    stop, = (s for s in moves.stops if s.word == "G4")
+    assert stop.seconds == 0.25 and moves.end_mm[stop.row - 1, 2] == moves.end_mm[:, 2].min() and moves.kind[stop.row] == Kind.RAPID
+
+
+def random_holes(rng):
+    """One to six, of any kind, depth, R plane, peck and dwell; those that stay low share their R plane."""
+    stays_low, retract, holes = bool(rng.integers(2)), float(rng.uniform(1, 6)), []
+    for k in rng.integers(len(KINDS), size=rng.integers(1, 7)):
+        kind = list(KINDS)[k]
+        more = {"dwell": {"dwell_s": float(rng.integers(100, 2000)) / 1000}, "drill": {}, "ream": {}}.get(
+            kind, {"peck_mm": float(rng.uniform(1, 4))})
+        holes.append(hole(kind, *rng.uniform(-80, 80, 2).tolist(), bottom=float(rng.uniform(-12, -1)), stays_low=stays_low,
+                          retract=retract if stays_low else float(rng.uniform(1, 6)), **more))
+    return holes
+
+
+@pytest.mark.parametrize("unit", ["mm", "inch"])
+@pytest.mark.parametrize("machine", ["mill_3axis", "mill_fanuc", "mill_haas", "mill_siemens", "mill_heidenhain", "mill_grbl",
+                                     "mill_pmac", "mill_apt"])
+def test_fifty_random_programs_of_holes_read_back_as_they_were_meant(machine, unit):
+    """Every stroke at the feed ends where it was planned, within half the last digit; every dwell stands at its bottom."""
+    for seed in range(50):
+        planned = operation(random_holes(np.random.default_rng(seed)))
+        _, moves = posted(machine, planned, units=unit, decimals_inch=6, decimals_mm=4)
+        control = machine_from_toml(MACHINES / f"{machine}.toml").control.model_copy(update={
+            "units": unit, "decimals_inch": 6, "decimals_mm": 4})
+        wanted = planned.moves.end_mm[planned.moves.kind != Kind.RAPID]
+        feeds = np.flatnonzero(moves.kind != Kind.RAPID)
+        assert len(feeds) == len(wanted), seed
+        off = np.abs(moves.end_mm[feeds] - wanted)
+        # pecks are counted down from R by Q, each rounded by itself
+        digits = 0.5 * control.resolution_mm * (2 + np.arange(len(wanted)) if any(c.peck_mm for c in planned.cycles) else 1)
+        assert (off <= np.reshape(digits, (-1, 1)) * (1 + 1e-6)).all() and moves.remarks == (), (seed, off.max())
+        dwells = [(s.row - 1, s.seconds) for s in moves.stops if s.word == "G4"]
+        bottoms = [(int(np.flatnonzero(np.abs(moves.end_mm[feeds] - (*c.xy_mm, c.bottom_z_mm)).max(axis=1) < 2e-3)[0]), c.dwell_s)
+                   for c in planned.cycles if c.dwell_s]
+        found = [(int(np.searchsorted(feeds, row)), seconds) for row, seconds in dwells]
+        assert found == [(k, pytest.approx(s)) for k, s in bottoms]
 
 
 def test_text_names_what_changes_and_nothing_else():

@@ -1,4 +1,4 @@
-"""Rotary axes of Haas and of Heidenhain: tip control and indexed positions, written, read back, and spoilt.
+"""Rotary axes of Haas, Heidenhain and Siemens: tip control and indexed positions, written, read back, and spoilt.
 
 Accept new gold files with   CUSPLINE_ACCEPT_GOLD=1 pytest tests/posts/test_rotary_dialects.py
 """
@@ -28,17 +28,23 @@ from known_tilted import (
 )
 
 from cuspline.app import catalogue
+from cuspline.posts import restart
 from cuspline.program.program import Kind
 from cuspline.values.errors import PostError, ReadError
 
-TIP = {"haas": "G234", "heidenhain": "TCPM"}
+TIP = {"haas": "G234", "heidenhain": "TCPM", "siemens": "TRAORI"}
+RECORD = {"siemens": {"swivel_record": "TC1"}}
 TABLES = ("mill_trunnion_ac", "mill_table_table")
 HEADS = ("mill_head_table_bc", "mill_head_head")
-BOTH = pytest.mark.parametrize("post", TIP)
+EVERY = pytest.mark.parametrize("post", TIP)
+ON_MACHINES = [*(("haas", name) for name in TABLES),
+               *((post, name) for post in ("heidenhain", "siemens") for name in (*TABLES, *HEADS))]
+BEGIN = {"haas": "G254", "heidenhain": "PLANE SPATIAL", "siemens": 'CYCLE800(0,"TC1",0,39,0,0,0,'}
+END = {"haas": "G255", "heidenhain": "PLANE RESET STAY", "siemens": "CYCLE800()"}
 
 
 def mill(post, name="mill_trunnion_ac", tip="own", **control):
-    return machine(name, post=post, tip_control=TIP[post] if tip == "own" else tip, **control)
+    return machine(name, post=post, tip_control=TIP[post] if tip == "own" else tip, **RECORD.get(post, {}), **control)
 
 
 def fanuc():
@@ -55,7 +61,7 @@ def within_reach(m):
     return m.model_copy(update={"wcs_origin_mm": (x, y, z + 80.0)})
 
 
-@BOTH
+@EVERY
 def test_the_whole_text_is_the_accepted_one(post):
     m = catalogue.find_machine(f"mill_{post}_5axis")
     text = text_of(m, operation("rough", upright(), FLAT), operation("finish", rolling()), position(25.0, 70.0))
@@ -68,8 +74,7 @@ def test_the_whole_text_is_the_accepted_one(post):
 # the tip's control ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("post, name", [*(("haas", name) for name in TABLES),
-                                        *(("heidenhain", name) for name in (*TABLES, *HEADS))])
+@pytest.mark.parametrize("post, name", ON_MACHINES)
 def test_what_is_read_back_is_what_was_planned(post, name):
     m, moves = mill(post, name), rolling()
     assert_plan_is_read(read_with_tools(m, text_of(m, operation("finish", moves))), moves, m)
@@ -89,7 +94,7 @@ def test_klartext_without_tip_control_takes_no_leaning_tool():
     assert read_with_tools(m, text_of(m, operation("rough", upright(), FLAT))).ended
 
 
-@BOTH
+@EVERY
 def test_the_machine_goes_where_a_fanuc_would_send_it(post):
     """By posts and readers of two languages, joint for joint at every cut, with the same times."""
     both = []
@@ -100,7 +105,7 @@ def test_the_machine_goes_where_a_fanuc_would_send_it(post):
     assert len(both[0]) > 80 and np.abs(both[0] - both[1]).max() < 1e-9
 
 
-@BOTH
+@EVERY
 def test_it_holds_for_any_zero_and_tool(post):
     m = mill(post)
     text = text_of(m, operation("finish", rolling()))
@@ -141,7 +146,7 @@ def test_blocks_in_which_the_tip_hardly_moves_take_as_long_on_a_tnc_as_elsewhere
     assert both[0][0] == both[1][0] > 3 and both[0][1] == pytest.approx(both[1][1], rel=0.03)
 
 
-@BOTH
+@EVERY
 def test_a_small_store_splits_it_into_files_that_each_begin_like_a_program(post):
     large = mill(post)
     told = [operation(f"finish {k}", rolling()) for k in range(3)]
@@ -157,18 +162,34 @@ def test_a_small_store_splits_it_into_files_that_each_begin_like_a_program(post)
 # indexed positions ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("post, name", [*(("haas", name) for name in TABLES),
-                                        *(("heidenhain", name) for name in (*TABLES, *HEADS))])
+@pytest.mark.parametrize("post, name", ON_MACHINES)
 @pytest.mark.parametrize("tilt_deg, azimuth_deg", [(25.0, 70.0), (40.0, -110.0)])
 def test_an_indexed_position_stands_in_its_frame(post, name, tilt_deg, azimuth_deg):
     m, side = within_reach(mill(post, name)), position(tilt_deg, azimuth_deg)
     text = text_of(m, operation("finish", upright()), side)
     lines = [re.sub(r"^\d+ ", "", line) if post == "heidenhain" else line for line in text.splitlines()]
-    on, off = ({"haas": "G254", "heidenhain": "PLANE SPATIAL"}[post], {"haas": "G255", "heidenhain": "PLANE RESET STAY"}[post])
-    first = next(k for k, line in enumerate(lines) if line.startswith(on))
-    last = lines.index(off)
+    first = next(k for k, line in enumerate(lines) if line.startswith(BEGIN[post]))
+    last = lines.index(END[post])
     assert not any(re.search(r"\b[ABC]-?\+?\d", line) for line in lines[first + 1:last])
     assert_position_is_read(read_with_tools(m, text), side, 1)
+
+
+@pytest.mark.parametrize("name", (*TABLES, *HEADS))
+@pytest.mark.parametrize("tilt_deg, azimuth_deg", [(25.0, 70.0), (40.0, -110.0)])
+def test_cycle800_is_told_the_way_in_which_the_tool_is_held(name, tilt_deg, azimuth_deg):
+    """The other direction is refused wherever the machine reaches both ways, and says nothing where it reaches one."""
+    m = within_reach(mill("siemens", name, tip=None))
+    text = text_of(m, position(tilt_deg, azimuth_deg))
+    assert "TRAORI" not in text
+    said = re.search(r"CYCLE800\(.*,(-?1),0\)", text)
+    other = text.replace(said[0], said[0].replace(f",{said[1]},0)", f",{-int(said[1])},0)"))
+    both = m.kinematics.inverse([[0.0, 0.0, 0.0]], leaning(tilt_deg, azimuth_deg))[0]
+    low, high = m.kinematics.low[3:], m.kinematics.high[3:]
+    if ((both[:, 3:] >= low) & (both[:, 3:] <= high)).all():
+        with pytest.raises(ReadError, match="would hold the tool the other way"):
+            read_with_tools(m, other)
+    else:
+        assert_position_is_read(read_with_tools(m, other), position(tilt_deg, azimuth_deg), 0)
 
 
 def test_the_zero_goes_with_tables_alone_on_a_haas():
@@ -185,10 +206,28 @@ def test_words_under_g254_count_along_the_machines_axes():
     assert heights[0] - heights[1] == pytest.approx(20.0, abs=1e-3)
 
 
+@EVERY
+def test_a_program_with_block_numbers_begins_at_any_operation_that_brings_its_tool(post):
+    """In the tip's control, in an indexed position, upright again: the same cuts as behind the whole program's begin."""
+    m = mill(post, block_numbers=10)
+    whole = text_of(m, operation("rough", upright(), FLAT), operation("finish", rolling()), operation("more", upright(), FLAT),
+                    position(25.0, 70.0), operation("last", rolling()))
+    before, points = read_with_tools(m, whole), restart.operations_of(whole)
+    assert len(points) >= 4
+    for point in points:
+        after = read_with_tools(m, restart.restarted_at_operation(whole, point))
+        assert after.remarks == () and after.ended and after.operations == before.operations[point - 1:]
+        names = [before.operations.index(o) for o in after.operations]
+        rows, mine = (np.flatnonzero((p.kind != Kind.RAPID) & np.isin(p.operation, k))
+                      for p, k in ((before, names), (after, range(len(names)))))
+        for column in ("end_mm", "end_axis", "machine_end_mm", "rotary_deg", "feed_mm_per_min", "tool"):
+            np.testing.assert_allclose(getattr(after, column)[mine], getattr(before, column)[rows], atol=1e-9)
+
+
 # random programs --------------------------------------------------------------------------------
 
 
-@BOTH
+@EVERY
 @pytest.mark.parametrize("unit", ("mm", "inch"))
 def test_fifty_random_programs_of_leaning_tools_read_back_as_they_were_meant(post, unit):
     """Ends within half the last digit of their words, axes within that of the rotary words."""
@@ -213,6 +252,18 @@ LEANING, SIDE = ("finish", lambda: (operation("finish", rolling()),)), ("side", 
 
 
 @pytest.mark.parametrize("post, what, old, new, message", [
+    ("siemens", SIDE, ",40,0,", ",30,0,", "would turn the rotary axes"),
+    ("siemens", SIDE, ",39,", ",57,", "would turn the rotary axes"),
+    ("siemens", SIDE, ",39,", ",64,", "in mode 64"),
+    ("siemens", SIDE, "(0,", "(1,", "that retracts the tool"),
+    ("siemens", SIDE, '"TC1",0,', '"TC1",1,', "adds to a frame"),
+    ("siemens", SIDE, '"TC1",', "", "14 parameters"),
+    ("siemens", SIDE, '"TC1"', "TC1", "without the name of a swivel"),
+    ("siemens", SIDE, "39,0,0,0", "39,0,0,5", "shows"),
+    ("siemens", SIDE, "D1\nCYCLE800", "CYCLE800", "without a tool length"),
+    ("siemens", SIDE, "CYCLE800()", "CYCLE800() G0", "beside other words"),
+    ("siemens", SIDE, "\nCYCLE800()\n", "\n", "in a tilted plane"),
+    ("siemens", SIDE, "\nCYCLE800()\n", "\nTRAORI\n", "TRAORI in a frame of CYCLE800"),
     ("haas", LEANING, "G234 G0", "G43 G0", "turns rotary axes under G94 without tool-centre-point control"),
     ("haas", LEANING, "G234 G0", "G0", "no code in this block uses H"),
     ("haas", LEANING, "\nG49\n", "\n", "G53 under tool-centre-point control"),

@@ -13,6 +13,7 @@ from cuspline.posts.writers.linuxcnc import post
 from cuspline.program.posted import PostedMoves
 from cuspline.program.program import Kind, MoveWriter, Operation, Program
 from cuspline.values.findings import Finding
+from cuspline.verification.file_checks import program_findings
 
 
 def read_set():
@@ -76,6 +77,23 @@ def test_plain_moves_are_split_where_the_tool_stands_high(name):
     rows = lambda m: np.column_stack([m.start_mm, m.end_mm, m.feed_mm_per_min])[m.kind == Kind.FEED]
     cut = lambda texts: np.vstack([rows(reader_of(large)(t, work_offsets=ZERO, tool_lengths=LENGTHS)) for t in texts])
     assert np.array_equal(cut(parts), cut(whole.texts))
+
+
+@pytest.mark.parametrize("name, numbers", [("pmac", 0), ("pmac", 10), ("linuxcnc", 0), ("heidenhain", 0)])
+def test_plain_moves_are_split_where_a_store_of_sub_blocks_is_full(name, numbers):
+    """Files no longer than the control counts, word by word; one word less of room is one that the verdict tells."""
+    told, large = of_hops(), machine(name, block_numbers=numbers)
+    small = machine(name, block_numbers=numbers, program_store_sub_blocks=160)
+    whole, parts = find_post(name).post(told, large), find_post(name).post(told, small).texts
+    words = [sum(len(line.split(";")[0].split()) for line in t.splitlines() if not line.startswith("(")) for t in parts]
+    assert len(whole.texts) == 1 and len(parts) > 1 and max(words) <= 160
+    feeds = lambda texts: np.vstack([m.end_mm[m.kind == Kind.FEED] for m in (
+        reader_of(large)(t, work_offsets=ZERO, tool_lengths=LENGTHS) for t in texts)])
+    assert np.array_equal(feeds(parts), feeds(whole.texts))
+    for room, found in ((max(words), 0), (max(words) - 1, 1)):
+        tight = machine(name, program_store_sub_blocks=room)
+        kinds = [f.kind for t in parts for f in program_findings("a", t, "setup-1", tight)]
+        assert (kinds.count("program_too_long") > 0) == bool(found)
 
 
 @pytest.mark.parametrize("name", ["linuxcnc", "fanuc", "grbl", "heidenhain"])

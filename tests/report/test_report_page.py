@@ -106,6 +106,16 @@ def test_the_sheet_holds_what_a_machinist_needs(pages):
         assert part in words, part
 
 
+def test_the_sheet_of_an_inch_machine_is_in_inches(sample_bundle):
+    """Sizes, heights, feeds, stick-outs: 60 x 40 x 22 mm, a stick-out of 35 mm, feeds of 540 to 900 mm/min."""
+    inches = replace(sample_bundle, setups=tuple(replace(s, units="inch") for s in sample_bundle.setups))
+    words = Page(page.sheet_html(inches, {})).words
+    for part in ("2.3622 × 1.5748 × 0.8661 inch", "21.3 … 35.4", "stick-out 1.378 inch", "−0.8661 … 0.0000", "F inch/min",
+                 "sizes in inch"):
+        assert part in words, part
+    assert ">X 2.3622<" in sheet.wcs_drawing(inches, inches.setups[0])
+
+
 def test_the_drawing_shows_stock_part_and_zero(sample_bundle):
     drawing = sheet.wcs_drawing(sample_bundle, sample_bundle.setups[0])
     assert drawing.count('class="hidden"') == 3 and drawing.count('class="stock"') == 9

@@ -35,7 +35,7 @@ def test_a_machine_is_what_it_was_after_writing_and_reading(name):
     assert len(machine.rotaries) == 2 and len(machine.bodies) >= 3
 
 
-@pytest.mark.parametrize("name", ("mill_haas_5axis", "mill_heidenhain_5axis"))
+@pytest.mark.parametrize("name", ("mill_haas_5axis", "mill_heidenhain_5axis", "mill_siemens_5axis"))
 def test_other_controls_have_a_machine_with_rotary_tables(name):
     machine = find_machine(name)
     assert machine.rotaries == ("C", "A") and set(machine.kinematics.turned) == {"A", "C"} and machine.control.tip_control
