@@ -334,7 +334,7 @@ class PlanningContext:
         """Closest points on all faces."""
         if self.faces is self._faces_of_part:
             return self._closest_of_part
-        return self._once("closest", lambda: ClosestTree.of_faces(self.faces, geometry=self.geometry))
+        return self.once("closest", lambda: ClosestTree.of_faces(self.faces, geometry=self.geometry))
 
     @property
     def _closest_of_part(self):
@@ -352,9 +352,9 @@ class PlanningContext:
 
     def closest_of(self, wanted):
         """Closest points on some faces alone, by their indices."""
-        return self._once(("closest", wanted), lambda: ClosestTree.of_faces([self.faces[i] for i in wanted]))
+        return self.once(("closest", wanted), lambda: ClosestTree.of_faces([self.faces[i] for i in wanted]))
 
-    def _once(self, name, make):
+    def once(self, name, make):
         """A value that all operations of the setup share, made when it is first wanted."""
         return self._shared.once(name, make)
 
@@ -381,12 +381,12 @@ class PlanningContext:
             reach = cutter_reach(self.samples, self.mesh, tool.cutter)
             return missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], self.mesh, standing) > 0
 
-        return self._once(("short", tool.number, tuple(self.wanted)), is_in_the_way)
+        return self.once(("short", tool.number, tuple(self.wanted)), is_in_the_way)
 
     @property
     def edge_neighbours(self):
         """Which faces meet on the part's edges."""
-        return self._once("edges", lambda: EdgeNeighbours.of_faces(self.faces))
+        return self.once("edges", lambda: EdgeNeighbours.of_faces(self.faces))
 
     def dropper(self, radius_mm, corner_radius_mm, allowance_mm):
         """The same, the cutter by its measures."""
@@ -396,14 +396,14 @@ class PlanningContext:
         """ExactPart; of an indexed position, which sees much of the part that it does not cut, PartNear its faces."""
         make = lambda box: ExactPart.of_faces(self.faces, self.geometry, within_mm=box)
         if not self.setup.indexed:
-            return self._once("exact", lambda: make(EVERYWHERE))
+            return self.once("exact", lambda: make(EVERYWHERE))
 
         def near():
             more = NEAR_RADII * radius_mm * np.array([[-1.0], [1.0]])
             (low_x, low_y), (high_x, high_y) = self.box_of_wanted + more
             return PartNear(make, (low_x, high_x, low_y, high_y))
 
-        return self._once(("exact", tuple(self.wanted)), near)
+        return self.once(("exact", tuple(self.wanted)), near)
 
     @property
     def box_of_wanted(self):
@@ -412,12 +412,12 @@ class PlanningContext:
             boxes = np.array([brep.bounding_box_mm(self.faces[i].shape) for i in self.wanted])
             return np.array([boxes[:, 0].min(axis=0)[:2], boxes[:, 1].max(axis=0)[:2]])
 
-        return self._once(("box", tuple(self.wanted)), box)
+        return self.once(("box", tuple(self.wanted)), box)
 
     @property
     def clearance_tree(self):
         """The part's triangles, MESH_DEFLECTION_MM from its faces, for whole tools at any angle."""
-        return self._once("clearance", lambda: ClearanceTree.of_triangles(self.triangles.vertices_mm, self.triangles.triangles))
+        return self.once("clearance", lambda: ClearanceTree.of_triangles(self.triangles.vertices_mm, self.triangles.triangles))
 
     @property
     def obstacle_tree(self):
@@ -426,7 +426,7 @@ class PlanningContext:
             return self.clearance_tree
         meshes = [(self.triangles.vertices_mm, self.triangles.triangles), *(f.mesh for f in self.fixtures)]
         begins = np.cumsum([0, *(len(v) for v, _ in meshes)])
-        return self._once("obstacles", lambda: ClearanceTree.of_triangles(
+        return self.once("obstacles", lambda: ClearanceTree.of_triangles(
             np.vstack([v for v, _ in meshes]), np.vstack([t + first for (_, t), first in zip(meshes, begins)])))
 
     def lead_radius_mm(self, radius_mm):

@@ -424,20 +424,24 @@ def _may_touch(work, limit, spacing_mm, reach_mm):
 
     Places of the faces stand for all within the spacing, as far as the normal may turn within it.
     """
-    wanted = [work.faces[i] for i in work.wanted]
-    samples = samples_of_faces(wanted, spacing_mm)
-    patches = PatchSet.of_faces(wanted)
-    shape = local_shape(patches.derivatives(samples.face, samples.u, samples.v))
-    bend = np.maximum(np.abs(shape.curvature_low_per_mm), np.abs(shape.curvature_high_per_mm))
-    turn = np.minimum(TURNS_MORE * bend * spacing_mm, np.pi)
-    steep = ~(fixed.arccos(np.clip(samples.normal[:, 2], -1.0, 1.0)) + turn < fixed.arccos(limit))
-    tree = cKDTree(samples.point_mm[steep])
+    tree = work.once(("steep places", tuple(work.wanted), limit, spacing_mm), lambda: _steep_places(work, limit, spacing_mm))
 
     def may_touch(xy, middle_z, within_mm):
         away, _ = tree.query(np.column_stack([xy, middle_z]))
         return away <= reach_mm + spacing_mm + TOUCHING_MM + within_mm
 
     return may_touch
+
+
+def _steep_places(work, limit, spacing_mm):
+    """cKDTree of places of the faces wanted that may be so steep within the spacing."""
+    wanted = [work.faces[i] for i in work.wanted]
+    samples = samples_of_faces(wanted, spacing_mm)
+    patches = PatchSet.of_faces(wanted)
+    shape = local_shape(patches.derivatives(samples.face, samples.u, samples.v))
+    bend = np.maximum(np.abs(shape.curvature_low_per_mm), np.abs(shape.curvature_high_per_mm))
+    turn = np.minimum(TURNS_MORE * bend * spacing_mm, np.pi)
+    return cKDTree(samples.point_mm[~(fixed.arccos(np.clip(samples.normal[:, 2], -1.0, 1.0)) + turn < fixed.arccos(limit))])
 
 
 def _wall_heights(samples, steep, dropper, ridge_mm):
