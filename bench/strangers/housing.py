@@ -2,7 +2,7 @@
 
 import cadquery as cq
 
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox, Thread
+from cuspline.design import Design, Finish, Parameters, Setup, StockBox, Thread
 
 
 class Housing(Parameters):
@@ -16,7 +16,7 @@ def design(p: Housing) -> Design:
     body = body.faces("<Z").workplane(origin=(0, 0, 0)).circle(6).cutThruAll()
     screws = (cq.Workplane("XY", origin=(0, 0, 3)).rect(43, 30, forConstruction=True).vertices().circle(1.65).extrude(20))
     body = body.cut(screws)
-    threads = [f for f in body.faces("%CYLINDER").vals() if abs(f.geomType() == "CYLINDER" and f.Area() - 2 * 3.14159 * 1.65 * 9) < 1.0]
+    threads = [f for f in body.faces("%CYLINDER").vals() if abs(f.Area() - 2 * 3.14159 * 1.65 * 9) < 1.0]
     return Design(
         name="housing", description="housing with a lid's step", parameters=p, solid=body.val(),
         predicates={"m4": cq.Workplane().newObject(threads),

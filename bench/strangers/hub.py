@@ -18,7 +18,8 @@ def design(p: Hub) -> Design:
     part -= bd.Pos(0, 0, -1) * bd.Box(11, 5, 20, align=(bd.Align.MIN, bd.Align.CENTER, bd.Align.MIN))
     return Design(
         name="hub", description="hub with a stepped bore and a keyway", parameters=p, solid=part,
-        predicates=(FacePredicate(name="bore", count=1, kinds=("cylinder",), center_min_mm=(-10, -10, 1), center_max_mm=(10, 10, 8.5)),
+        predicates=(FacePredicate(name="bore", count=1, kinds=("cylinder",),
+                                  center_min_mm=(-10, -10, 1), center_max_mm=(10, 10, 8.5)),
                     FacePredicate(name="from above", at_least=8, normal=(0, 0, 1), normal_within_deg=91.0)),
         dimensions=(Diameter(faces="bore", fit="H7", nominal_mm=16.0),),
         material="aluminium_6061", stock=StockCylinder(from_mm=(0, 0, 0), to_mm=(0, 0, 15), diameter_mm=44),

@@ -18,7 +18,8 @@ def design(p: Manifold) -> Design:
     part -= bd.Pos(0, 15, 12) * bd.Rot(0, 90, 0) * bd.Cylinder(3, 42, align=(bd.Align.CENTER, bd.Align.CENTER, bd.Align.MIN))
     return Design(
         name="manifold", description="manifold block", parameters=p, solid=part,
-        predicates=(FacePredicate(name="ports", count=2, kinds=("cylinder",), center_min_mm=(10, 10, 13), center_max_mm=(40, 20, 24)),
+        predicates=(FacePredicate(name="ports", count=2, kinds=("cylinder",),
+                                  center_min_mm=(10, 10, 16), center_max_mm=(40, 20, 24)),
                     FacePredicate(name="seats", at_least=2, center_min_mm=(5, 5, 24), center_max_mm=(45, 25, 25.9)),
                     FacePredicate(name="cross", at_least=1, kinds=("cylinder",), center_min_mm=(-1, 10, 8),
                                   center_max_mm=(43, 20, 14))),

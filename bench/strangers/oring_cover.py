@@ -11,7 +11,7 @@ class Cover(Parameters):
 
 def design(p: Cover) -> Design:
     body = cq.Workplane("XY").circle(28).extrude(8)
-    body = body.faces(">Z").workplane().circle(16.5).circle(12.5).cutBlind(-2.2)
+    body = body.faces(">Z").workplane().circle(17.5).circle(12.3).cutBlind(-2.2)
     body = body.faces(">Z").workplane().polarArray(22.5, 45, 360, 4).cboreHole(4.5, 8, 4)
     return Design(
         name="oring_cover", description="cover with an O-ring groove", parameters=p, solid=body.val(),

@@ -13,6 +13,7 @@ from cuspline.app.catalogue import find_post, radii_taken, reader_of, tool_table
 from cuspline.app.report_inputs import shape_of
 from cuspline.app.worn_cutters import WornLook, worn_look, worn_tools
 from cuspline.design.design import by_clamping
+from cuspline.design.drill_points import drill_points
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.job import read_tools
 from cuspline.kernel import brep
@@ -25,6 +26,7 @@ from cuspline.shop.cutters import simulated
 from cuspline.shop.cutting_forces import force_of
 from cuspline.shop.materials import known_materials
 from cuspline.shop.tool_lives import life_of
+from cuspline.surfaces.threaded_walls import faces_with_threads, threaded_walls
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
@@ -210,6 +212,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     if published is not None:
         refuse_self_crossing(solid, shape_of(solid), f"the solid in {job.step}")
     faces, programs = brep.faces_of(solid), []
+    points = drill_points(threaded_walls(faces, faces_with_threads(faces, job.threads, job.predicates)) if job.threads else ())
     for program in read:
         setup = program.setup
         wanted = tuple(brep.named_faces(faces, job.predicates, setup.faces))
@@ -218,7 +221,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         posted = raised(program.posted, grooves) if grooves else program.posted
         programs.append(SetupProgram(posted=posted, setup=setup, faces=wanted,
                                      fixtures=(*_fixtures(setup), *_bodies(program, job.machine)),
-                                     tabs=tuple(t for t in job.tabs if t.setup == setup.name)))
+                                     left=(*(t for t in job.tabs if t.setup == setup.name), *points)))
         extra += _program_findings(program, job.machine)
     tops = [job.stock.shape.box_in(p.setup.frame)[1][2] for p in programs]
     threads = thread_findings(programs, solid, job.threads, job.predicates, tools, tops)

@@ -54,7 +54,9 @@ class Operation(Model):
                                         "the shop's")
     feed_by_engagement: bool | None = Field(default=None, description="feeds keep the thickness of chips on the stock as it "
                                             "stands; left out: the shop's")
-    coolant: Literal["flood", "mist", "off"] | None = Field(default=None, description="left out: the material's")
+    preset: str | None = Field(default=None, min_length=1, max_length=200, description="name of a tool's preset of speeds and feeds; "
+                               "left out: the one for the job's material where it has one, else its figures")
+    coolant: Literal["flood", "mist", "off"] | None = Field(default=None, description="left out: the preset's, else the material's")
     clearance_mm: float | None = Field(default=None, gt=0, le=500, description="rapids of the setup run at least so far above "
                                        "stock and fixtures; left out: the shop's")
     tool_axis: Point | None = Field(default=None, description="unit vector towards the spindle, part coordinates; left out: the "

@@ -28,6 +28,7 @@ from cuspline.replay.machine_bodies import round_the_spindle
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
+from cuspline.shop.presets import preset_of
 from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
@@ -531,18 +532,33 @@ class PlanningContext:
         return clear, 0.0 if clear.any() else float(missing.max(initial=0.0))
 
     def speeds(self, tool, is_rough):
-        """(rpm, cutting feed) of a tool in this material."""
-        m = self.material
+        """(rpm, cutting feed) of a tool in this material: the operation's, else its preset's, else the material's."""
+        m, operation, preset = self.material, self.operation, self.preset(tool, is_rough)
         if tool.cutter.drills:
             speed, share = m.drilling
-            speed = self.operation.cutting_speed_m_per_min or speed
-            rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
             share = share / tool.cutter.flutes
-            return rpm, self.operation.feed_mm_per_min or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share, self.machine)
-        speed = self.operation.cutting_speed_m_per_min or (m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min)
-        rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
-        feed = self.operation.feed_mm_per_min
-        return rpm, feed or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, m.feed_per_tooth_share, self.machine)
+        else:
+            speed, share = m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min, m.feed_per_tooth_share
+        if preset is not None:
+            speed = preset.speed_m_per_min(tool.cutter.diameter_mm) or speed
+            share = (preset.feed_per_tooth_mm or 0.0) / tool.cutter.diameter_mm or share
+        speed = operation.cutting_speed_m_per_min or speed
+        rpm = operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
+        return rpm, operation.feed_mm_per_min or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share, self.machine)
+
+    def preset(self, tool, is_rough):
+        """The shop.presets.Preset that the operation runs a tool by; None: the material's figures.
+
+        Raises:
+            PlanError: the operation asks for one that no tool of the library has.
+        """
+        wish = self.operation.preset
+        there = {p.name for t in self.magazine.tools for p in t.presets or ()}
+        if wish is not None and wish not in there:
+            raise PlanError(f"{self.operation.title}: no tool has a preset {wish!r}; "
+                            + (f"there are {', '.join(sorted(there))}" if there else "the library's tools have none: import one "
+                               "with presets (`cuspline cutters --import`), or leave preset out"))
+        return preset_of(tool, self.material.name, self.operation.kind, is_rough, wish)
 
     def finishing_work(self):
         """What the finish asks of a ball."""
@@ -566,7 +582,7 @@ class PlanningContext:
     def _cutting_speed_m_per_min(self, tool, rpm):
         """The cutting speed that a speed of the spindle was chosen for."""
         m, asked = self.material, self.operation.cutting_speed_m_per_min
-        if self.operation.spindle_rpm:
+        if self.operation.spindle_rpm or self.preset(tool, isinstance(self.operation, Clearing)):
             return math.pi * tool.cutter.diameter_mm * rpm / 1000
         both = (m.rough_speed_m_per_min, m.finish_speed_m_per_min)
         chosen = [v for v in both if feeds.spindle_rpm(tool.cutter, v, self.machine.spindle) == rpm]
@@ -597,9 +613,12 @@ class PlanningContext:
         facts = {**facts, "length_mm": round(float(feeds.move_lengths_mm(moves)[cutting].sum()), 3),
                  "time_s": round(float(feeds.times_s(moves, self.machine).sum()), 1),
                  "moves": len(moves), "arcs": int((moves.kind >= Kind.ARC_CW).sum())}
-        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self.operation.coolant or self.material.coolant,
-                                moves=moves, facts=facts,
-                                passes=passes)
+        stages = [is_rough for is_rough in (True, False) if self.speeds(tool, is_rough)[0] == rpm]
+        preset = next(filter(None, (self.preset(tool, is_rough) for is_rough in stages)), None)
+        if preset is not None:
+            facts["preset"] = preset.name
+        return PlannedOperation(name=name, tool=tool, rpm=rpm, moves=moves, facts=facts, passes=passes,
+                                coolant=self.operation.coolant or (preset and preset.coolant) or self.material.coolant)
 
 
 _PLANES = {name: SectionPlane.named(name) for name in ("ZX", "YZ")}

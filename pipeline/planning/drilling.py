@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline.design.drill_points import drill_points
 from cuspline.planning.context import THIN_MM
 from cuspline.planning.freeform_finishing import LEVEL
 from cuspline.planning.tool_depth import missing_stick_out_mm
@@ -115,7 +116,8 @@ def _whole_by(work, bore):
     made, where = _drilled(work, bore), f"{work.operation.title}: T{{}} {{}} {{}} the hole at {in_words(bore.place_mm)}"
     cutter = made.tool.cutter
     say = lambda what: CutterDoesNotFit(where.format(made.tool.number, cutter.name, what))
-    if made.full_z_mm > bore.low_z_mm + SAME_MM:
+    stays = threaded_flat(work, bore)
+    if made.full_z_mm > bore.low_z_mm + (0.0 if stays is None else stays.height_mm) + SAME_MM:
         raise say("cannot bring its full diameter down to the end of the wall of")
     top = float(stock_over(work, bore, cutter.radius_mm).max())
     if max(top, bore.high_z_mm) - made.tip_mm > cutter.flute_length_mm:
@@ -129,9 +131,15 @@ def _whole_by(work, bore):
 def made_with(work, bore, tool):
     """Faces that a drill makes beside its wall: the cone of its own angle that the hole ends in, of a flat drill what is level."""
     angle = bore.hole.point_angle_deg
-    if tool.cutter.has_flat_bottom:
+    if tool.cutter.has_flat_bottom or threaded_flat(work, bore) is not None:
         return level_faces(work, bore)
     return bore.hole.walls[0].faces if angle is not None and abs(angle - tool.cutter.point_angle_deg) < SAME_DEG else ()
+
+
+def threaded_flat(work, bore):
+    """The DrillPoint that is to stay at the flat bottom of a wall, for its thread ends above it; None: none is."""
+    mine = [w for w in work.threaded if w.wall.faces == bore.wall.faces]
+    return next(iter(drill_points(mine)), None)
 
 
 def level_faces(work, bore):

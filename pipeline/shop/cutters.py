@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
 from cuspline.shop.cutter_profile import apt_profile, lens_profile, point_profile, side_profile, tangent_corner
+from cuspline.shop.presets import Preset
 from cuspline.shop.threads import MINOR_SHARE
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import InputError
@@ -373,6 +374,8 @@ class Tool(Model):
     stick_out_mm: float = Field(gt=0, description="tip to holder nose")
     head: RightAngleHead | None = Field(default=None, description="that the holder sits in, in place of the spindle")
     chatter: Chatter | None = Field(default=None, description="as measured; left out: depths are not checked against chatter")
+    presets: tuple[Preset, ...] | None = Field(default=None, description="speeds and feeds that the shop found for it; left out: "
+                                               "the material's")
 
     @model_validator(mode="after")
     def _stick_out_is_possible(self):
@@ -397,7 +400,7 @@ class Tool(Model):
     @model_serializer(mode="wrap")
     def _without_a_head_it_has_not(self, dump):
         row = dump(self)
-        return {k: v for k, v in row.items() if v is not None or k not in ("head", "chatter")}
+        return {k: v for k, v in row.items() if v is not None or k not in ("head", "chatter", "presets")}
 
     @property
     def simulated(self):

@@ -32,6 +32,16 @@ class ThreadedWall:
         return self.thread.depth_in(self.wall.high_mm - self.wall.low_mm, self.is_open)
 
     @property
+    def ends_flat(self):
+        """Whether it is the lowest wall of a blind hole with a flat bottom."""
+        return not self.hole.is_through and bool(self.hole.floor) and self.wall == self.hole.walls[0]
+
+    @property
+    def below_mm(self):
+        """Height of the wall below its full thread."""
+        return self.wall.high_mm - self.wall.low_mm - self.depth_mm
+
+    @property
     def mouth_mm(self):
         """(3,) middle of the wall's upper end."""
         return self.hole.point_mm + self.wall.high_mm * self.hole.axis

@@ -1,0 +1,57 @@
+r"""What a drill's point leaves at the flat bottom of a blind hole with a thread: wanted, for the thread ends above it.
+
+    |        |      full thread down to here
+    |........|      its run-out
+    |\      /|
+    |_\ __ /_|      stays: the drill's point touches the floor
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cuspline.values import fixed_math as fixed
+
+SIDES = 32                  # of the cone
+POINT_DEG = 118.0           # the sharpest point that drills for metal usually have
+HEIGHT_SHARE = float(1.0 / fixed.tan(math.radians(POINT_DEG) / 2))      # of the hole's radius
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrillPoint:
+    """The funnel that stays in one hole; part coordinates, mm."""
+
+    foot_mm: tuple[float, float, float]     # middle of the hole's flat bottom
+    axis: tuple[float, float, float]        # unit, out of the hole
+    radius_mm: float                        # of the hole
+
+    why = "a drill's point is left here, below the thread"
+
+    @property
+    def height_mm(self):
+        return HEIGHT_SHARE * self.radius_mm
+
+    def triangles(self):
+        """((n, 3) corners, (m, 3)) of the funnel's upper side."""
+        axis = np.array(self.axis)
+        across = np.eye(3)[np.abs(axis).argmin()]
+        u = np.cross(axis, across)
+        u /= np.linalg.norm(u)
+        turn = 2 * np.pi * np.arange(SIDES) / SIDES
+        # flat sides lie within the cone: their corners stand out, so that no place of the cone is left out
+        rim = np.outer(fixed.cos(turn), u) + np.outer(fixed.sin(turn), np.cross(axis, u))
+        foot, k = np.array(self.foot_mm), np.arange(SIDES)
+        return (np.vstack([foot, foot + self.height_mm * axis + self.radius_mm / fixed.cos(math.pi / SIDES) * rim]),
+                np.column_stack([np.zeros(SIDES, int), 1 + k, 1 + (k + 1) % SIDES]))
+
+
+def drill_points(walls):
+    """DrillPoint of every blind, flat-bottomed wall that gets a thread which ends above the point.
+
+    Args:
+        walls: surfaces.threaded_walls.ThreadedWall values, part coordinates.
+    """
+    return tuple(DrillPoint(foot_mm=tuple((w.hole.point_mm + w.wall.low_mm * w.hole.axis).tolist()),
+                            axis=tuple(w.hole.axis.tolist()), radius_mm=w.wall.low_radius_mm)
+                 for w in walls if w.ends_flat and w.below_mm > HEIGHT_SHARE * w.wall.low_radius_mm)
