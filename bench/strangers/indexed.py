@@ -20,7 +20,7 @@ def design(p: Indexed) -> Design:
     return Design(
         name="indexed", description="block with features in its front", parameters=p, solid=part,
         predicates=(FacePredicate(name="thread", count=1, kinds=("cylinder",),
-                                  center_min_mm=(37, 2, 18), center_max_mm=(43, 15, 24)),
+                                  center_min_mm=(35, 2, 18), center_max_mm=(43, 15, 24)),
                     FacePredicate(name="front", at_least=10, center_min_mm=(2, 0.1, 2), center_max_mm=(48, 15, 28))),
         threads={"thread": Thread(size="M8", depth_mm=8)},
         machine="mill_trunnion_ac",

@@ -22,7 +22,7 @@ def design(p: Manifold) -> Design:
                                   center_min_mm=(10, 10, 16), center_max_mm=(40, 20, 24)),
                     FacePredicate(name="seats", at_least=2, center_min_mm=(5, 5, 24), center_max_mm=(45, 25, 25.9)),
                     FacePredicate(name="cross", at_least=1, kinds=("cylinder",), center_min_mm=(-1, 10, 8),
-                                  center_max_mm=(43, 20, 14))),
+                                  center_max_mm=(43, 20, 16))),
         threads={"ports": Thread(size="M8", depth_mm=9)},
         material="aluminium_6061", stock=StockBox(min_mm=(0, 0, 0), max_mm=(50, 30, 26)),
         finish=Finish(scallop_mm=0.05, profile_tolerance_mm=0.01, gouge_mm=0.012),

@@ -497,12 +497,13 @@ def cutters(
         foreign: Annotated[Optional[Path], typer.Option(
             "--import", help="Fusion (.json, .tools) or FreeCAD (.fctb, .fctl) library to read in")] = None,
         to: Annotated[Optional[Path], typer.Option(
-            help="write it to a .json library or the control's tool table, and beside it what was dropped")] = None,
+            help="write it to a .json library, Fusion's .tools or .fusion.json, FreeCAD's .fctl, or the control's tool table, and "
+            "beside it what was dropped")] = None,
         holder: Annotated[Optional[str], typer.Option(help="holder for imported tools that come without one")] = None,
         stick_out: Annotated[Optional[float], typer.Option(help="mm, for imported tools that come without one")] = None,
         renumber: Annotated[bool, typer.Option(help="number imported tools 1, 2, ...")] = False,
         machine: Annotated[str, typer.Option(help="whose tool table it is")] = "mill_3axis"):
-    """List the tools of a library; import one from Fusion or FreeCAD, export one to a control."""
+    """List the tools of a library; import one from Fusion or FreeCAD, export one to them or to a control."""
     from cuspline.app import catalogue
     from cuspline.shop.tool_exchange import files
     mill = catalogue.find_machine(machine)

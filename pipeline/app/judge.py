@@ -45,6 +45,7 @@ from cuspline.verification.threads import thread_findings
 from cuspline.verification.turning import swinging_findings, turning_findings
 from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProgram, Verdict, first_look, verify_setups
 
+UPWARD = 1.0 - 1e-6         # of unit vectors along a setup's Z
 OF_BODIES = ("idle_operation", "plunge", "overload")       # kinds that say how a cutter takes stock off
 DRAFTED_WORST = ("gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm")
 DRAFTED_SUMS = ("points_checked", "area_required_mm2", "area_reached_mm2", "area_unreachable_mm2")
@@ -221,7 +222,8 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         posted = raised(program.posted, grooves) if grooves else program.posted
         programs.append(SetupProgram(posted=posted, setup=setup, faces=wanted,
                                      fixtures=(*_fixtures(setup), *_bodies(program, job.machine)),
-                                     left=(*(t for t in job.tabs if t.setup == setup.name), *points)))
+                                     left=(*(t for t in job.tabs if t.setup == setup.name),
+                                           *(p for p in points if (setup.frame.rotation[:, 2] * p.axis).sum() > UPWARD))))
         extra += _program_findings(program, job.machine)
     tops = [job.stock.shape.box_in(p.setup.frame)[1][2] for p in programs]
     threads = thread_findings(programs, solid, job.threads, job.predicates, tools, tops)
@@ -327,7 +329,8 @@ class Drafted:
 def _cutting(findings, posted, tools, engraved):
     """Findings without what is said of taps, thread mills and raised engravers as if they cut so: verification.threads, and
     verification.engraving, look at them.   engraved: names of operations."""
-    is_other = lambda f: ((number := int(posted.tool[f.row])) in tools and tools[number].cutter.threads
+    last = lambda row: np.flatnonzero(posted.operation == posted.operation[row])[-1]        # the first still has the tool before
+    is_other = lambda f: ((number := int(posted.tool[last(f.row)])) in tools and tools[number].cutter.threads
                           or posted.operation_name(f.row) in engraved)
     return tuple(f for f in findings if f.kind not in OF_BODIES or f.row < 0 or not is_other(f))
 

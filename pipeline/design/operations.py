@@ -54,8 +54,8 @@ class Operation(Model):
                                         "the shop's")
     feed_by_engagement: bool | None = Field(default=None, description="feeds keep the thickness of chips on the stock as it "
                                             "stands; left out: the shop's")
-    preset: str | None = Field(default=None, min_length=1, max_length=200, description="name of a tool's preset of speeds and feeds; "
-                               "left out: the one for the job's material where it has one, else its figures")
+    preset: str | None = Field(default=None, min_length=1, max_length=200, description="name of a tool's preset of speeds and "
+                               "feeds; left out: the one for the job's material, if there is one")
     coolant: Literal["flood", "mist", "off"] | None = Field(default=None, description="left out: the preset's, else the material's")
     clearance_mm: float | None = Field(default=None, gt=0, le=500, description="rapids of the setup run at least so far above "
                                        "stock and fixtures; left out: the shop's")
