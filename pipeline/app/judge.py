@@ -13,7 +13,6 @@ from cuspline.app.catalogue import find_post, radii_taken, reader_of, tool_table
 from cuspline.app.report_inputs import shape_of
 from cuspline.app.worn_cutters import WornLook, worn_look, worn_tools
 from cuspline.design.design import by_clamping
-from cuspline.design.drill_points import drill_points
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.job import read_tools
 from cuspline.kernel import brep
@@ -26,12 +25,12 @@ from cuspline.shop.cutters import simulated
 from cuspline.shop.cutting_forces import force_of
 from cuspline.shop.materials import known_materials
 from cuspline.shop.tool_lives import life_of
-from cuspline.surfaces.threaded_walls import faces_with_threads, threaded_walls
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
 from cuspline.values.input_files import refuse_irregular, sha256_of
 from cuspline.verification.body_clearance import body_findings
+from cuspline.verification.drilled_holes import drilled_points
 from cuspline.verification.engraving import engraving_findings, raised
 from cuspline.verification.feeding import feeding_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
@@ -45,7 +44,6 @@ from cuspline.verification.threads import thread_findings
 from cuspline.verification.turning import swinging_findings, turning_findings
 from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProgram, Verdict, first_look, verify_setups
 
-UPWARD = 1.0 - 1e-6         # of unit vectors along a setup's Z
 OF_BODIES = ("idle_operation", "plunge", "overload")       # kinds that say how a cutter takes stock off
 DRAFTED_WORST = ("gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm")
 DRAFTED_SUMS = ("points_checked", "area_required_mm2", "area_reached_mm2", "area_unreachable_mm2")
@@ -213,7 +211,6 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     if published is not None:
         refuse_self_crossing(solid, shape_of(solid), f"the solid in {job.step}")
     faces, programs = brep.faces_of(solid), []
-    points = drill_points(threaded_walls(faces, faces_with_threads(faces, job.threads, job.predicates)) if job.threads else ())
     for program in read:
         setup = program.setup
         wanted = tuple(brep.named_faces(faces, job.predicates, setup.faces))
@@ -223,7 +220,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         programs.append(SetupProgram(posted=posted, setup=setup, faces=wanted,
                                      fixtures=(*_fixtures(setup), *_bodies(program, job.machine)),
                                      left=(*(t for t in job.tabs if t.setup == setup.name),
-                                           *(p for p in points if (setup.frame.rotation[:, 2] * p.axis).sum() > UPWARD))))
+                                           *drilled_points(posted, setup.frame, faces, tools))))
         extra += _program_findings(program, job.machine)
     tops = [job.stock.shape.box_in(p.setup.frame)[1][2] for p in programs]
     threads = thread_findings(programs, solid, job.threads, job.predicates, tools, tops)

@@ -1,7 +1,7 @@
-r"""What a drill's point leaves at the flat bottom of a blind hole with a thread: wanted, for the thread ends above it.
+r"""What a drill's point leaves at the level bottom of a hole that is drilled: no flat cutter comes there, or a thread ends above.
 
-    |        |      full thread down to here
-    |........|      its run-out
+    |        |
+    |        |      full diameter down to here
     |\      /|
     |_\ __ /_|      stays: the drill's point touches the floor
 """
@@ -26,7 +26,7 @@ class DrillPoint:
     axis: tuple[float, float, float]        # unit, out of the hole
     radius_mm: float                        # of the hole
 
-    why = "a drill's point is left here, below the thread"
+    why = "what a drill's point leaves at a level bottom"
 
     @property
     def height_mm(self):
@@ -46,12 +46,16 @@ class DrillPoint:
                 np.column_stack([np.zeros(SIDES, int), 1 + k, 1 + (k + 1) % SIDES]))
 
 
+def drill_point(hole, wall):
+    """The DrillPoint at a wall's lower end.   hole, wall: surfaces.holes values."""
+    return DrillPoint(foot_mm=tuple((hole.point_mm + wall.low_mm * hole.axis).tolist()), axis=tuple(hole.axis.tolist()),
+                      radius_mm=wall.low_radius_mm)
+
+
 def drill_points(walls):
-    """DrillPoint of every blind, flat-bottomed wall that gets a thread which ends above the point.
+    """DrillPoint of every wall that ends on a level floor and gets a thread which ends above the point.
 
     Args:
-        walls: surfaces.threaded_walls.ThreadedWall values, part coordinates.
+        walls: surfaces.threaded_walls.ThreadedWall values.
     """
-    return tuple(DrillPoint(foot_mm=tuple((w.hole.point_mm + w.wall.low_mm * w.hole.axis).tolist()),
-                            axis=tuple(w.hole.axis.tolist()), radius_mm=w.wall.low_radius_mm)
-                 for w in walls if w.ends_flat and w.below_mm > HEIGHT_SHARE * w.wall.low_radius_mm)
+    return tuple(drill_point(w.hole, w.wall) for w in walls if w.ends_flat and w.below_mm > HEIGHT_SHARE * w.wall.low_radius_mm)

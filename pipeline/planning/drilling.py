@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.design.drill_points import drill_points
+from cuspline.design.drill_points import drill_point, drill_points
 from cuspline.planning.context import THIN_MM
 from cuspline.planning.freeform_finishing import LEVEL
 from cuspline.planning.tool_depth import missing_stick_out_mm
 from cuspline.program.drilling import PECKS, DrillCycle, drilled, shortest_way
-from cuspline.surfaces.holes import PARALLEL, holes_of
+from cuspline.surfaces.holes import PARALLEL, ends_on_level, holes_of
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CamError, CutterDoesNotFit, PlanError
@@ -82,10 +82,11 @@ class Drilled:
         return self.tip_mm + self.tool.cutter.point_height_mm
 
 
-def drillable_faces(work, operation, wanted):
+def drillable_faces(work, operation, wanted, leaves_point=False):
     """Which of some faces drills of the library make whole, upright holes along the setup's Z.
 
     Through holes, and blind ones that end in the drill's own point; a hole with a dimension by drills within its limits alone.
+    Leaves_point: level bottoms too, with what the point leaves there, of holes that are deep or narrower than any ball.
 
     Args:
         work: PlanningContext.   operation: the strategies.drill.Drill that would make them.   wanted: indices of faces.
@@ -98,17 +99,18 @@ def drillable_faces(work, operation, wanted):
     for hole, wall in found:
         bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
         try:
-            tool = _whole_by(work, bore)
+            stays = _stays(work, bore, leaves_point)
+            tool = _whole_by(work, bore, stays)
         except CamError as error:
             refused.append((wall.faces, str(error)))
             continue
         walls += wall.faces
-        others += made_with(work, bore, tool)
+        others += level_faces(work, bore) if stays is not None else made_with(work, bore, tool)
     return walls, [i for i in others if i in set(wanted)], refused
 
 
-def _whole_by(work, bore):
-    """The drill that makes a wall whole.
+def _whole_by(work, bore, stays):
+    """The drill that makes a wall whole.   stays: DrillPoint that may be left at its end, or None.
 
     Raises:
         CamError: why none does.
@@ -116,7 +118,6 @@ def _whole_by(work, bore):
     made, where = _drilled(work, bore), f"{work.operation.title}: T{{}} {{}} {{}} the hole at {in_words(bore.place_mm)}"
     cutter = made.tool.cutter
     say = lambda what: CutterDoesNotFit(where.format(made.tool.number, cutter.name, what))
-    stays = threaded_flat(work, bore)
     if made.full_z_mm > bore.low_z_mm + (0.0 if stays is None else stays.height_mm) + SAME_MM:
         raise say("cannot bring its full diameter down to the end of the wall of")
     top = float(stock_over(work, bore, cutter.radius_mm).max())
@@ -131,15 +132,19 @@ def _whole_by(work, bore):
 def made_with(work, bore, tool):
     """Faces that a drill makes beside its wall: the cone of its own angle that the hole ends in, of a flat drill what is level."""
     angle = bore.hole.point_angle_deg
-    if tool.cutter.has_flat_bottom or threaded_flat(work, bore) is not None:
+    if tool.cutter.has_flat_bottom:
         return level_faces(work, bore)
     return bore.hole.walls[0].faces if angle is not None and abs(angle - tool.cutter.point_angle_deg) < SAME_DEG else ()
 
 
-def threaded_flat(work, bore):
-    """The DrillPoint that is to stay at the flat bottom of a wall, for its thread ends above it; None: none is."""
+def _stays(work, bore, leaves_point):
+    """The DrillPoint that may stay at the level end of a wall: its thread ends above it, or nothing else comes there; None."""
     mine = [w for w in work.threaded if w.wall.faces == bore.wall.faces]
-    return next(iter(drill_points(mine)), None)
+    if mine or not leaves_point or not ends_on_level(bore.hole, bore.wall, work.faces):
+        return next(iter(drill_points(mine)), None)
+    balls = [t.cutter.radius_mm for t in work.library.of_type("ball")]
+    is_deep = bore.high_z_mm - bore.low_z_mm > DEEP * 2 * bore.radius_mm
+    return drill_point(bore.hole, bore.wall) if is_deep or bore.radius_mm < min(balls, default=math.inf) else None
 
 
 def level_faces(work, bore):

@@ -93,6 +93,10 @@ def holes_made(work):
     if bored:
         more, _ = Bore().plan(work.on(Bore(), bored, [*work.planned, *made.operations]))
         made = made.with_made(more, bored)
+    walls, others, _ = drillable_faces(work, Drill(), made.left(work), leaves_point=True)
+    if walls:
+        more, _ = Drill().plan(work.on(Drill(), walls, [*work.planned, *made.operations]))
+        made = made.with_made(more, (*walls, *others))
     return made.with_refused(refused)
 
 
