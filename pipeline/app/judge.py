@@ -25,6 +25,7 @@ from cuspline.shop.cutters import simulated
 from cuspline.shop.cutting_forces import force_of
 from cuspline.shop.materials import known_materials
 from cuspline.shop.tool_lives import life_of
+from cuspline.surfaces.threaded_walls import faces_with_threads, threaded_walls
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
@@ -211,6 +212,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     if published is not None:
         refuse_self_crossing(solid, shape_of(solid), f"the solid in {job.step}")
     faces, programs = brep.faces_of(solid), []
+    threaded = threaded_walls(faces, faces_with_threads(faces, job.threads, job.predicates)) if job.threads else ()
     for program in read:
         setup = program.setup
         wanted = tuple(brep.named_faces(faces, job.predicates, setup.faces))
@@ -220,7 +222,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         programs.append(SetupProgram(posted=posted, setup=setup, faces=wanted,
                                      fixtures=(*_fixtures(setup), *_bodies(program, job.machine)),
                                      left=(*(t for t in job.tabs if t.setup == setup.name),
-                                           *drilled_points(posted, setup.frame, faces, tools))))
+                                           *drilled_points(posted, setup.frame, faces, tools, threaded))))
         extra += _program_findings(program, job.machine)
     tops = [job.stock.shape.box_in(p.setup.frame)[1][2] for p in programs]
     threads = thread_findings(programs, solid, job.threads, job.predicates, tools, tops)

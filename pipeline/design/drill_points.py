@@ -15,6 +15,7 @@ from cuspline.values import fixed_math as fixed
 
 SIDES = 32                  # of the cone
 POINT_DEG = 118.0           # the sharpest point that drills for metal usually have
+DEEP = 3.0                  # diameters: in deeper holes a level bottom is left as the drill leaves it
 HEIGHT_SHARE = float(1.0 / fixed.tan(math.radians(POINT_DEG) / 2))      # of the hole's radius
 
 
@@ -50,6 +51,11 @@ def drill_point(hole, wall):
     """The DrillPoint at a wall's lower end.   hole, wall: surfaces.holes values."""
     return DrillPoint(foot_mm=tuple((hole.point_mm + wall.low_mm * hole.axis).tolist()), axis=tuple(hole.axis.tolist()),
                       radius_mm=wall.low_radius_mm)
+
+
+def is_deep(hole, wall):
+    """Whether nobody mills a wall's level bottom."""
+    return hole.walls[-1].high_mm - wall.low_mm > DEEP * 2 * wall.low_radius_mm
 
 
 def drill_points(walls):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.design.drill_points import drill_point, drill_points
+from cuspline.design.drill_points import drill_point, drill_points, is_deep
 from cuspline.planning.context import THIN_MM
 from cuspline.planning.freeform_finishing import LEVEL
 from cuspline.planning.tool_depth import missing_stick_out_mm
@@ -143,8 +143,8 @@ def _stays(work, bore, leaves_point):
     if mine or not leaves_point or not ends_on_level(bore.hole, bore.wall, work.faces):
         return next(iter(drill_points(mine)), None)
     balls = [t.cutter.radius_mm for t in work.library.of_type("ball")]
-    is_deep = bore.high_z_mm - bore.low_z_mm > DEEP * 2 * bore.radius_mm
-    return drill_point(bore.hole, bore.wall) if is_deep or bore.radius_mm < min(balls, default=math.inf) else None
+    is_left = is_deep(bore.hole, bore.wall) or bore.radius_mm < min(balls, default=math.inf)
+    return drill_point(bore.hole, bore.wall) if is_left else None
 
 
 def level_faces(work, bore):

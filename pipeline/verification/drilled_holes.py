@@ -1,8 +1,8 @@
-"""Holes with a level bottom that a program drills: what the drill's point leaves there is no excess, but listed."""
+"""Deep and threaded holes with a level bottom that a program drills: what the drill's point leaves is no excess, but listed."""
 
 import numpy as np
 
-from cuspline.design.drill_points import drill_point
+from cuspline.design.drill_points import drill_point, drill_points, is_deep
 from cuspline.program.program import Kind
 from cuspline.surfaces.holes import ends_on_level, holes_of
 
@@ -11,12 +11,12 @@ BESIDE_MM = 0.01            # of a hole's axis, and of its radius, that a drill 
 DEEP_MM = 0.02              # above the bottom, that a drill's tip may stop
 
 
-def drilled_points(posted, frame, faces, tools):
-    """DrillPoint of every upward hole with a level bottom that a drill of its diameter comes down to.
+def drilled_points(posted, frame, faces, tools, threaded=()):
+    """DrillPoint of every upward hole with a level bottom, deep or threaded, that a drill of its diameter comes down to.
 
     Args:
         posted: PostedMoves.   frame: the setup's Frame.   faces: all brep.Face values, part coordinates.
-        tools: {number: Tool}.
+        tools: {number: Tool}.   threaded: surfaces.threaded_walls.ThreadedWall values.
     """
     drills = {n: t.cutter.radius_mm for n, t in tools.items() if t.cutter.type == "drill" and not t.cutter.has_flat_bottom}
     rows = np.flatnonzero(np.isin(posted.tool, list(drills)) & (posted.kind == Kind.FEED))
@@ -31,6 +31,7 @@ def drilled_points(posted, frame, faces, tools):
         foot = frame.into((hole.point_mm + wall.low_mm * hole.axis)[None])[0]
         off = ends - foot
         is_there = (np.abs(off[:, :2]).max(axis=1) < BESIDE_MM) & (off[:, 2] < DEEP_MM)
-        if (is_there & (np.abs(radii - wall.low_radius_mm) < BESIDE_MM)).any() and ends_on_level(hole, wall, faces):
+        is_left = is_deep(hole, wall) or drill_points([w for w in threaded if w.wall.faces == wall.faces])
+        if is_left and (is_there & (np.abs(radii - wall.low_radius_mm) < BESIDE_MM)).any() and ends_on_level(hole, wall, faces):
             out.append(drill_point(hole, wall))
     return tuple(out)

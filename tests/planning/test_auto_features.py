@@ -105,3 +105,12 @@ def test_parts_as_users_bring_them_are_the_same_in_both_libraries_and_in_their_j
     read = catalogue.make_design(catalogue.find_design(str(job)), {})
     for name in ("predicates", "setups", "stock", "finish", "material", "threads", "dimensions"):
         assert getattr(read, name) == getattr(one, name), name
+
+
+def test_an_outline_and_a_window_that_no_one_cutter_fits_have_a_contour_each():
+    """The outline's corner is as large as its cutter, the window's only fits the small one."""
+    window = cq.Workplane("XY", origin=(31, 15, -1)).rect(30, 11.6).extrude(20).edges("|Z").fillet(5.4)
+    plan = planned(block().cut(window), margin=-1)
+    contours = [(o.name, o.tool.cutter.diameter_mm) for o in plan.operations if o.name.startswith("contour")]
+    assert ("contour", 16.0) in contours and ("contour", 10.0) in contours
+    assert not any(o.tool.cutter.type == "ball" for o in plan.operations)
