@@ -26,6 +26,7 @@ TURNS = 3                   # of a dwell
 SHARE = 0.9                 # of the drill's radius: what stands over a hole is looked for within it
 RINGS = np.array([0.0, 0.35, 0.7, 0.95])
 SPOKES = 12
+DISCS = 96                  # that a drill's point is held against the part as
 SAME_MM = 1e-6
 OVER_MM = 0.05              # what may seem to stand over a wall's end: the planning mesh
 REACHED_MM = 1e-4
@@ -140,7 +141,7 @@ def made_with(work, bore, tool):
 def _stays(work, bore, leaves_point):
     """The DrillPoint that may stay at the level end of a wall: its thread ends above it, or nothing else comes there; None."""
     mine = [w for w in work.threaded if w.wall.faces == bore.wall.faces]
-    if mine or not leaves_point or not ends_on_level(bore.hole, bore.wall, work.faces):
+    if mine or not leaves_point or not ends_on_level(bore.hole, bore.wall):
         return next(iter(drill_points(mine)), None)
     balls = [t.cutter.radius_mm for t in work.library.of_type("ball")]
     is_left = is_deep(bore.hole, bore.wall) or bore.radius_mm < min(balls, default=math.inf)
@@ -280,8 +281,16 @@ def tip_mm(work, bore, tool):
     slope = cutter.point_height_mm / cutter.radius_mm
     below = float(drop_tips_mm(work.mesh, xy, THIN_MM, THIN_MM)[0]) if bore.hole.is_through else -math.inf
     ends = bore.floor_mm >= bore.low_z_mm - SAME_MM and bore.hole.is_through
+    if ends:
+        below = max(below, _over_the_part_mm(work, xy, cutter.radius_mm, slope))
     wanted = bore.low_z_mm - cutter.point_height_mm - (work.operation.break_through_mm if ends else 0.0)
     return max(wanted, below, bore.hole.lowest_tip_mm(bore.wall, cutter.radius_mm, slope) + bore.height_mm)
+
+
+def _over_the_part_mm(work, xy, radius_mm, slope):
+    """Lowest tip of a drill whose point, as discs, comes into nothing of the part; -inf where it may fall through."""
+    radii = np.linspace(0.0, SHARE * radius_mm, DISCS + 1)
+    return max(float(drop_tips_mm(work.mesh, xy, outer, 0.0)[0]) - inner * slope for inner, outer in zip(radii, radii[1:]))
 
 
 def refuse_short(work, bore, tool, tip_mm):

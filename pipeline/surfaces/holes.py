@@ -258,11 +258,9 @@ def _is_groove(wall, end, first, faces, sign):
     return all(_on_level(flat, middle, out, radius))
 
 
-def ends_on_level(hole, wall, faces):
-    """Whether level floors lie at a wall's lower end, whole or in part, as where another hole runs across it."""
-    middle = hole.point_mm + wall.low_mm * hole.axis
-    return wall == hole.walls[0] and (bool(hole.floor) or any(_on_level(
-        [f for f in faces if f.kind == "plane"], middle, hole.axis, wall.low_radius_mm)))
+def ends_on_level(hole, wall):
+    """Whether a wall is the lowest of a blind hole with a level bottom."""
+    return bool(hole.floor) and wall == hole.walls[0]
 
 
 def _on_level(flat, middle, out, radius_mm):

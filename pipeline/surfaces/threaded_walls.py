@@ -20,7 +20,7 @@ class ThreadedWall:
     thread: object          # shop.threads.Thread
     hole: Hole
     wall: Wall
-    ends_flat: bool         # on level floors, whole or in part
+    ends_flat: bool         # on a level floor
 
     @property
     def is_open(self):
@@ -86,7 +86,7 @@ def threaded_walls(faces, named):
             raise DesignError(f"thread {thread.in_words} of {name}: the {faces[stray[0]].kind} at ({place}) is no wall of a hole: "
                               "name the cylinders that go all round")
         for hole, wall in dict.fromkeys(by_face[i] for i in indices):
-            one = ThreadedWall(name=name, thread=thread, hole=hole, wall=wall, ends_flat=ends_on_level(hole, wall, faces))
+            one = ThreadedWall(name=name, thread=thread, hole=hole, wall=wall, ends_flat=ends_on_level(hole, wall))
             _refuse_other_width(one)
             if not 0 < one.depth_mm <= wall.high_mm - wall.low_mm + SAME_MM:
                 raise DesignError(f"thread {one.in_words}: its wall is {wall.high_mm - wall.low_mm:.3f} mm high, which has no room "

@@ -32,6 +32,6 @@ def drilled_points(posted, frame, faces, tools, threaded=()):
         off = ends - foot
         is_there = (np.abs(off[:, :2]).max(axis=1) < BESIDE_MM) & (off[:, 2] < DEEP_MM)
         is_left = is_deep(hole, wall) or drill_points([w for w in threaded if w.wall.faces == wall.faces])
-        if is_left and (is_there & (np.abs(radii - wall.low_radius_mm) < BESIDE_MM)).any() and ends_on_level(hole, wall, faces):
+        if is_left and (is_there & (np.abs(radii - wall.low_radius_mm) < BESIDE_MM)).any() and ends_on_level(hole, wall):
             out.append(drill_point(hole, wall))
     return tuple(out)

@@ -9,6 +9,7 @@ from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, St
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.strategies.auto import Auto
 from cuspline.planning.strategies.bore import Bore
+from cuspline.planning.strategies.drill import Drill
 from cuspline.program.program import Kind
 from cuspline.values.errors import PlanError
 
@@ -16,9 +17,9 @@ MACHINE, SHOP = catalogue.find_machine("mill_3axis"), catalogue.find_library(Non
 X, Y, TOP, FLOOR = 110.0, 80.0, 12.0, 6.0
 
 
-def planned(solid, operation=Auto(), threads=None, **finish):
+def planned(solid, operation=Auto(), threads=None, inner=None, **finish):
     """SetupPlan of a block's inner faces."""
-    inner = FacePredicate(name="inside", at_least=1, center_min_mm=(0.5, 0.5, 0.3), center_max_mm=(X - 0.5, Y - 0.5, TOP - 0.3))
+    inner = inner or FacePredicate(name="inside", at_least=1, center_min_mm=(0.5, 0.5, 0.3), center_max_mm=(X - 0.5, Y - 0.5, TOP - 0.3))
     bored = FacePredicate(name="m6", count=1, kinds=("cylinder",), area_min_mm2=150, area_max_mm2=160)
     design = Design(name="tray", description="tray", parameters=Parameters(), solid=solid.val(),
                     predicates=(inner, *([bored] if threads else [])), threads=threads or {},
@@ -139,3 +140,13 @@ def test_deep_and_narrow_holes_with_a_level_bottom_are_drilled():
     narrow, deep = at(6, (30, 30)).circle(1.5).extrude(20), at(0.5, (60, 30)).circle(1.7).extrude(20)
     plan = planned(block().cut(narrow).cut(deep))
     assert [o.name for o in plan.operations] == ["drill 3", "drill 3.4"]
+
+
+def test_a_drill_that_comes_out_in_a_cross_bore_leaves_what_stands_of_the_bottom_there():
+    """Its point of 140 degrees touches the inner edge of the two crescents, 1.732 mm from the axis."""
+    across = cq.Workplane("YZ", origin=(0, 30, 5)).circle(2.0).extrude(X)
+    solid = block().cut(at(4, (30, 30)).circle(3.0).extrude(20)).cut(across)
+    wall = FacePredicate(name="inside", count=1, kinds=("cylinder",), center_min_mm=(25, 25, 6), center_max_mm=(35, 35, 11))
+    plan = planned(solid, Drill(), inner=wall)
+    tip = plan.operations[0].moves.end_mm[:, 2].min()
+    assert 4 - 1.732 * np.tan(np.radians(20)) - 1e-3 < tip < 4 - 1.732 * np.tan(np.radians(20)) + 0.03

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cuspline.kernel import brep
-from cuspline.surfaces.holes import ends_on_level, holes_of
+from cuspline.surfaces.holes import holes_of
 from cuspline.surfaces.prismatic_features import features_of
 
 BLOCK = cq.Workplane("XY").box(60, 40, 12, centered=False)
@@ -92,14 +92,3 @@ def test_a_groove_round_an_island_is_a_pocket_and_no_hole():
     solid = brep.faces_of(brep.the_solid(part.val()))
     pocket, = (f for f in features_of(solid) if f.kind == "pocket")
     assert len(pocket.faces) == 3 and pocket.size_mm == pytest.approx(4.0)
-
-
-def test_a_hole_that_ends_across_another_keeps_what_is_left_of_its_bottom():
-    across = cq.Workplane("YZ", origin=(0, 20, 5)).circle(2.0).extrude(60)
-    part = BLOCK.cut(cut(20, 20, (3, 4), (3, 13))).cut(across)
-    solid = brep.faces_of(brep.the_solid(part.val()))
-    hole, = (h for h in holes_of(solid) if h.axis[2] > 0.9)
-    assert hole.is_through and ends_on_level(hole, hole.walls[0], solid)
-    plain = brep.faces_of(brep.the_solid(BLOCK.cut(cut(20, 20, (3, -1), (3, 13))).val()))
-    through, = holes_of(plain)
-    assert not ends_on_level(through, through.walls[0], plain)
