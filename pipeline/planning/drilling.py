@@ -26,6 +26,8 @@ TURNS = 3                   # of a dwell
 SHARE = 0.9                 # of the drill's radius: what stands over a hole is looked for within it
 RINGS = np.array([0.0, 0.35, 0.7, 0.95])
 SPOKES = 12
+SPOT_SHARE = 0.8            # of a hole's radius, that its spot is wide
+SPOT_NAME = 34              # letters of an operation's name before "spots"
 DISCS = 96                  # that a drill's point is held against the part as
 SAME_MM = 1e-6
 OVER_MM = 0.05              # what may seem to stand over a wall's end: the planning mesh
@@ -188,7 +190,30 @@ def drilled_holes(work):
     reached = np.zeros(len(work.samples.area_mm2), bool)
     for one in (d for mine in by_tool.values() for d in mine):
         reached |= is_drilled(work.samples, one.bore, one.full_z_mm)
-    return [operation_of(work, mine, number=len(by_tool)) for mine in by_tool.values()], reached
+    spots = [_spots(work, [d.bore for mine in by_tool.values() for d in mine])] if work.operation.spot else []
+    return [*spots, *(operation_of(work, mine, number=len(by_tool)) for mine in by_tool.values())], reached
+
+
+def _spots(work, bores):
+    """The PlannedOperation that gives every hole a small cone before its drill, within the hole, so that nothing of it stays.
+
+    Raises:
+        PlanError, CutterDoesNotFit: no spot drill, or its holder would touch the part.
+    """
+    before = type(work.operation)(name=f"{work.operation.title[:SPOT_NAME]} spots", tool="spot drill", cycle="drill",
+                                  retract_mm=work.operation.retract_mm, coolant=work.operation.coolant)
+    mine = work.on(before, work.wanted, work.planned)
+    tool, made = mine.tools("spot_drill")[0], []
+    for bore in bores:
+        wide = min(SPOT_SHARE * bore.radius_mm, tool.cutter.radius_mm)
+        top = max(float(stock_over(mine, bore, SPOT_SHARE * bore.radius_mm).max()), bore.high_z_mm)
+        tip = top - wide * tool.cutter.point_height_mm / tool.cutter.radius_mm
+        missing = missing_stick_out_mm(tool, np.array([[*bore.xy_mm, tip]]), mine.mesh, 0.0)
+        if missing > SAME_MM:
+            raise CutterDoesNotFit(f"{before.title}: T{tool.number} {tool.cutter.name} is {missing:.3f} mm too short for the hole "
+                                   f"at {in_words(bore.place_mm)}: take a longer spot drill, or leave spot out")
+        made.append(Drilled(bore=bore, tool=tool, tip_mm=tip))
+    return operation_of(mine, made, number=1)
 
 
 def _drilled(work, bore):
@@ -300,7 +325,7 @@ def refuse_short(work, bore, tool, tip_mm):
     missing = max(depth - tool.cutter.flute_length_mm, missing_stick_out_mm(tool, tips, work.mesh, 0.0))
     if missing > SAME_MM:
         raise CutterDoesNotFit(
-            f"{work.operation.title}: T{tool.number} {tool.cutter.name} is {missing:.3f} mm too short for the hole at "
+            f"{work.operation.title}: T{tool.number} {tool.cutter.name} is {missing:.3f} mm too short for the hole "
             f"{in_words(bore.place_mm)}, which is {depth:.3f} mm deep with the drill's point: flutes "
             f"{tool.cutter.flute_length_mm:g} mm, stick-out {tool.stick_out_mm:g} mm; take a longer drill")
 

@@ -19,7 +19,8 @@ X, Y, TOP, FLOOR = 110.0, 80.0, 12.0, 6.0
 
 def planned(solid, operation=Auto(), threads=None, inner=None, **finish):
     """SetupPlan of a block's inner faces."""
-    inner = inner or FacePredicate(name="inside", at_least=1, center_min_mm=(0.5, 0.5, 0.3), center_max_mm=(X - 0.5, Y - 0.5, TOP - 0.3))
+    inner = inner or FacePredicate(name="inside", at_least=1, center_min_mm=(0.5, 0.5, 0.3),
+                                   center_max_mm=(X - 0.5, Y - 0.5, TOP - 0.3))
     bored = FacePredicate(name="m6", count=1, kinds=("cylinder",), area_min_mm2=150, area_max_mm2=160)
     design = Design(name="tray", description="tray", parameters=Parameters(), solid=solid.val(),
                     predicates=(inner, *([bored] if threads else [])), threads=threads or {},
@@ -150,3 +151,11 @@ def test_a_drill_that_comes_out_in_a_cross_bore_leaves_what_stands_of_the_bottom
     plan = planned(solid, Drill(), inner=wall)
     tip = plan.operations[0].moves.end_mm[:, 2].min()
     assert 4 - 1.732 * np.tan(np.radians(20)) - 1e-3 < tip < 4 - 1.732 * np.tan(np.radians(20)) + 0.03
+
+
+def test_spots_go_before_the_drill_and_are_narrower_than_their_holes():
+    solid = block().cut(at(-1, (20, 20), (60, 20)).circle(2.5).extrude(20))
+    spots, drill = planned(solid, Drill(spot=True)).operations
+    assert (spots.name, spots.tool.cutter.type, drill.name) == ("drill spots", "spot_drill", "drill") and spots.facts["holes"] == 2
+    assert TOP - spots.moves.end_mm[:, 2].min() == pytest.approx(0.8 * 2.5)         # of 90 degrees: as deep as wide
+    assert all(c.kind == "drill" for c in spots.cycles)
