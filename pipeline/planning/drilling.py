@@ -325,7 +325,7 @@ def refuse_short(work, bore, tool, tip_mm):
     missing = max(depth - tool.cutter.flute_length_mm, missing_stick_out_mm(tool, tips, work.mesh, 0.0))
     if missing > SAME_MM:
         raise CutterDoesNotFit(
-            f"{work.operation.title}: T{tool.number} {tool.cutter.name} is {missing:.3f} mm too short for the hole "
+            f"{work.operation.title}: T{tool.number} {tool.cutter.name} is {missing:.3f} mm too short for the hole at "
             f"{in_words(bore.place_mm)}, which is {depth:.3f} mm deep with the drill's point: flutes "
             f"{tool.cutter.flute_length_mm:g} mm, stick-out {tool.stick_out_mm:g} mm; take a longer drill")
 
