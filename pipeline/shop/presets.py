@@ -14,9 +14,9 @@ class Preset(Sparse):
 
     LEFT_OUT = ("material", "use", "spindle_rpm", "cutting_speed_m_per_min", "feed_per_tooth_mm", "plunge_share", "ramp_deg",
                 "stepdown_mm", "stepover_mm", "coolant", "notes")
-    name: str = Field(min_length=1, max_length=200, description="what an operation's `preset` asks for")
+    name: str = Field(min_length=1, max_length=200, description="what an operation's `preset` names")
     material: str | None = Field(default=None, min_length=1, max_length=200, description="work material; where it is the name of "
-                                 "the job's, the preset is used without being asked for; left out: used where asked for alone")
+                                 "the job's, the preset is used by itself; left out: only where an operation names it")
     use: str | None = Field(default=None, min_length=1, max_length=60, description='what it is for: "rough", "finish" or the kind '
                             "of an operation (drill, pocket); left out: all")
     spindle_rpm: float | None = Field(default=None, gt=0, le=1e6, description="goes before the cutting speed")
